@@ -1,0 +1,83 @@
+"""Canonical bytes and the digests over them.
+
+A digest is SHA-256 over a domain line, so that two kinds of thing never share one, and canonical bytes: RFC 8785
+JSON for documents; for arrays a header line and little-endian C-order bytes. NaN, infinities and -0 are refused,
+so that equal values have equal bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import rfc8785
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+def canonical_bytes(value: Any) -> bytes:
+    """RFC 8785 bytes of a JSON value; ValueError for what has no canonical form."""
+    _check(value, "$")
+    return rfc8785.dumps(value)
+
+
+def digest(domain: str, value: Any) -> str:
+    """SHA-256, in hex, of a JSON value within a domain such as `plan/scene/1`."""
+    return digest_bytes(domain, canonical_bytes(value))
+
+
+def digest_bytes(domain: str, *chunks: bytes | memoryview) -> str:
+    """SHA-256, in hex, of bytes within a domain."""
+    hasher = hashlib.sha256(f"recipe/{domain}\n".encode())
+    for chunk in chunks:
+        hasher.update(chunk)
+    return hasher.hexdigest()
+
+
+def digest_array(domain: str, array: np.ndarray[Any, Any]) -> str:
+    """SHA-256, in hex, of an array: its dtype and shape, then its little-endian C-order bytes."""
+    import numpy as np
+
+    plain = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+    header = json.dumps([plain.dtype.str.replace("=", "<"), list(plain.shape)], separators=(",", ":"))
+    return digest_bytes(domain, header.encode() + b"\n", plain.data.cast("B") if plain.size else b"")
+
+
+def pretty(value: Any) -> str:
+    """The same value as text that a person reads and a diff reviews: sorted keys, short lists on one line."""
+    _check(value, "$")
+    return _pretty(value, 0) + "\n"
+
+
+def _pretty(value: Any, indent: int) -> str:
+    if not isinstance(value, dict | list | tuple) or not value:
+        return json.dumps(value, ensure_ascii=False)
+    flat = json.dumps(value, ensure_ascii=False, sort_keys=True)
+    if len(flat) + indent <= 110:
+        return flat
+    pad, end = " " * (indent + 2), " " * indent
+    if isinstance(value, dict):
+        rows = [f"{pad}{json.dumps(k, ensure_ascii=False)}: {_pretty(v, indent + 2)}" for k, v in sorted(value.items())]
+        return "{\n" + ",\n".join(rows) + f"\n{end}}}"
+    return "[\n" + ",\n".join(pad + _pretty(v, indent + 2) for v in value) + f"\n{end}]"
+
+
+def _check(value: Any, where: str) -> None:
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise ValueError(f"{where}: {value} has no canonical form")
+        if value == 0.0 and math.copysign(1.0, value) < 0:
+            raise ValueError(f"{where}: -0.0 has no canonical form")
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            if not isinstance(key, str):
+                raise ValueError(f"{where}: key {key!r} is not text")
+            _check(item, f"{where}.{key}")
+    elif isinstance(value, list | tuple):
+        for index, item in enumerate(value):
+            _check(item, f"{where}[{index}]")
+    elif value is not None and not isinstance(value, str | bool | int):
+        raise ValueError(f"{where}: {type(value).__name__} has no canonical form")

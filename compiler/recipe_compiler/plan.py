@@ -1,0 +1,244 @@
+"""The plans: all that the runtime knows of a recipe.
+
+A `ScenarioPlan` is three plans, each with a digest of its own. `ScenePlan` decides where every body is at every
+frame, `RigPlan` what every pixel hits, `AppearancePlan` what colour it has. Nothing in them is left to decide: no
+preset, no glob, no draw. They are frozen, hold integers and fixed decimals only, and are plain JSON.
+
+Frames of reference: right-handed, z up, metres, seconds; yaw counter-clockwise; vehicles and sensors x forward,
+y left, z up (REP-103). Plans are documents, so angles are in degrees here; rotations apply roll, then pitch, then
+yaw about fixed axes (R = Rz(yaw) Ry(pitch) Rx(roll)); positive pitch looks down, as REP-103 has it.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from recipe_compiler.canonical import digest
+
+SCENE_VERSION = 1
+RIG_VERSION = 1
+APPEARANCE_VERSION = 1
+
+
+def fixed(value: float) -> float:
+    """The value as a fixed decimal of six places; -0 becomes 0."""
+    return round(value, 6) + 0.0
+
+
+Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(fixed)]
+Colour = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]  # sRGB
+Name = Annotated[str, Field(min_length=1, max_length=100)]
+
+
+class Plan(BaseModel):
+    """A frozen value with a canonical form."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", ignored_types=(cached_property,))
+
+    def document(self) -> dict[str, Any]:
+        """This plan as plain JSON values."""
+        return self.model_dump(mode="json")
+
+
+class Pose(Plan):
+    """A position in metres and an orientation in degrees."""
+
+    x: Number = 0.0
+    y: Number = 0.0
+    z: Number = 0.0
+    yaw: Number = 0.0
+    pitch: Number = 0.0
+    roll: Number = 0.0
+
+
+class Point(Plan):
+    """A point on the ground plan, in metres."""
+
+    x: Number
+    y: Number
+
+
+class Clock(Plan):
+    """When frames are taken: frame k at physics step k * (physics / fps), frame 0 before the first step."""
+
+    fps: int
+    frames: int
+    physics: int  # steps a second
+
+    @property
+    def steps_per_frame(self) -> int:
+        """Physics steps between two frames."""
+        return self.physics // self.fps
+
+
+class Element(Plan):
+    """One thing of the town: a road, a building, a lamp. `shape` holds what its kind's mesh needs, as numbers."""
+
+    name: Name
+    kind: Name
+    pose: Pose
+    size: tuple[Number, Number, Number]  # metres along its own x, y, z
+    shape: dict[str, Number] = {}
+
+
+class TownPlan(Plan):
+    """A town's layout. Meshes and collision shapes follow from it alone."""
+
+    name: Name
+    elements: tuple[Element, ...]
+
+
+class ActorPlan(Plan):
+    """One moving body: what it is, where it starts and the way it goes."""
+
+    name: Name
+    blueprint: Name  # an id of the library, such as walker.pedestrian.0003
+    category: Literal["pedestrian", "vehicle"]
+    tag: int  # CARLA 0.9.14+ semantic tag
+    instance: Annotated[int, Field(ge=1, le=999)]  # unique within the tag, the same in every variant
+    shape: dict[str, Number]  # what its mesh and joints need
+    start: Pose
+    route: tuple[Point, ...]  # waypoints after the start, the goal last; empty: it stands
+    speed: Annotated[Number, Field(ge=0)]  # m/s
+
+
+class ScenePlan(Plan):
+    """Where every body is at every frame."""
+
+    version: Literal[1] = SCENE_VERSION
+    clock: Clock
+    town: TownPlan
+    actors: tuple[ActorPlan, ...]
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the scene; equal for every weather of it."""
+        return digest("plan/scene/1", self.document())
+
+
+class CameraPlan(Plan):
+    """A pinhole camera's intrinsics. `fov` is horizontal, in degrees; pixel (0, 0) is the top-left corner."""
+
+    width: int
+    height: int
+    fov: Number
+    near: Number = 0.1  # metres along the optical axis
+    far: Number = 1000.0
+
+
+class SensorPlan(Plan):
+    """One rig pose with all its modalities: they agree to the pixel."""
+
+    name: Name
+    on: Name | None = None  # an actor; None: the world
+    camera: CameraPlan
+    capture: tuple[Literal["rgb", "depth", "instance", "semantic"], ...]
+    poses: tuple[Pose, ...]  # one if it never moves, else one a frame; in the frame of `on`
+
+    def pose(self, frame: int) -> Pose:
+        """Pose at a frame, jitter and all."""
+        return self.poses[frame if len(self.poses) > 1 else 0]
+
+
+class RigPlan(Plan):
+    """What every pixel hits."""
+
+    version: Literal[1] = RIG_VERSION
+    sensors: tuple[SensorPlan, ...]
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the rig."""
+        return digest("plan/rig/1", self.document())
+
+
+class Weather(Plan):
+    """CARLA's weather parameters, with their names and units; the sun is in `Sun`."""
+
+    cloudiness: Number
+    precipitation: Number
+    precipitation_deposits: Number
+    wind_intensity: Number
+    fog_density: Number
+    fog_distance: Number  # metres
+    fog_falloff: Number
+    wetness: Number
+    scattering_intensity: Number
+    mie_scattering_scale: Number
+    rayleigh_scattering_scale: Number
+    dust_storm: Number
+
+
+class Sun(Plan):
+    """Where the sun stands. `azimuth` counter-clockwise from world +x, `altitude` above the horizon, in degrees."""
+
+    azimuth: Number
+    altitude: Number
+
+
+class CameraResponse(Plan):
+    """How a sensor turns light into 8-bit sRGB."""
+
+    exposure: Number = 0.0  # stops on top of the automatic exposure
+    noise: Number = 1.0  # read and shot noise, 0 off, 1 a good street camera
+    antialias: bool = True
+
+
+class AppearancePlan(Plan):
+    """What colour everything has. `looks`: body or town element -> slot (skin, shirt, paint, wall ...) -> colour."""
+
+    version: Literal[1] = APPEARANCE_VERSION
+    seed: int  # for rain, sensor noise and lit windows
+    weather: Weather
+    sun: Sun
+    looks: dict[str, dict[str, Colour]]
+    responses: dict[str, CameraResponse]  # by sensor
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the appearance."""
+        return digest("plan/appearance/1", self.document())
+
+
+class ScenarioPlan(Plan):
+    """One variant of a recipe, nothing left to decide."""
+
+    variant: str
+    scene: ScenePlan
+    rig: RigPlan
+    appearance: AppearancePlan
+
+    @cached_property
+    def observation(self) -> str:
+        """Identity of what is seen where: scene and rig; labels follow from it alone."""
+        return digest("plan/observation/1", [self.scene.digest, self.rig.digest])
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the variant's content; its name is not part of it."""
+        return digest("plan/scenario/1", [self.scene.digest, self.rig.digest, self.appearance.digest])
+
+
+class DatasetPlan(Plan):
+    """All variants of a recipe, in file order, and what to write."""
+
+    recipe: Name
+    description: str
+    variants: tuple[ScenarioPlan, ...]
+    annotations: tuple[Literal["kwcoco", "coco", "mots_txt", "mots_png"], ...]
+    depth: Literal["carla", "npy"]  # depth on disk: CARLA's 24-bit PNG, or float32 metres
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the recipe's meaning: every variant's name and digest, and the outputs asked for."""
+        return digest(
+            "plan/dataset/1",
+            {
+                "variants": [[v.variant, v.digest] for v in self.variants],
+                "annotations": list(self.annotations),
+                "depth": self.depth,
+            },
+        )

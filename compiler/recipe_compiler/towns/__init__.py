@@ -1,0 +1,1 @@
+"""Procedural town layouts, as numbers."""

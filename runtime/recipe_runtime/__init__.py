@@ -1,0 +1,1 @@
+"""The runtime: plans to data. PyBullet moves the bodies, Warp kernels draw them."""

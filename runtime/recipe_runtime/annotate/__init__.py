@@ -1,0 +1,1 @@
+"""Per-object truth, and writers for each format."""

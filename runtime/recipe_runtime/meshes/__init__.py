@@ -1,0 +1,1 @@
+"""Geometry: the triangles of towns, vehicles and pedestrians."""

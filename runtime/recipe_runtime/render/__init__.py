@@ -1,0 +1,1 @@
+"""The renderer: Warp kernels, in pipeline order. The only folder that imports warp."""
