@@ -1,0 +1,77 @@
+# Everything a person does with this project, by name. `make` lists it.
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help demo test check install install-dev test-quick test-cpus bench lock verify golden requirements clean
+
+VENV ?= .venv
+BIN := $(VENV)/bin
+RECIPES := recipes/weather_sweep.yaml recipes/paper/two_pedestrians.yaml
+
+# PyBullet has wheels for CPython 3.10 and 3.11 on x86-64 Linux, and for no later one.
+FITS := import sys; sys.exit(sys.implementation.name != "cpython" or sys.version_info[:2] not in {(3, 10), (3, 11)})
+PYTHON ?= $(firstword $(foreach p,python3.11 python3.10 python3 python,$(shell $(p) -c '$(FITS)' 2>/dev/null && command -v $(p))))
+
+help:  ## list the targets
+	@grep -hE '^[a-z-]+:.*?## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
+
+demo: install  ## install, then build recipes/weather_sweep.yaml into datasets/
+	$(BIN)/recipe build recipes/weather_sweep.yaml
+
+test: install-dev check  ## install, lint, type-check, run every quick test, verify a sample against the lockfiles
+	$(BIN)/python -m pytest -q
+	$(BIN)/recipe verify $(RECIPES)
+
+check: install-dev  ## lint, formatting and strict types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+install: $(VENV)/.installed  ## a virtual environment with the `recipe` command
+
+install-dev: $(VENV)/.installed-dev  ## the same, with what the tests need
+
+$(VENV)/.installed: requirements/run.txt pyproject.toml | python-fits
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/run.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps -e .
+	@touch $@
+
+$(VENV)/.installed-dev: requirements/dev.txt $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/dev.txt
+	@touch $@
+
+.PHONY: python-fits
+python-fits:
+	@if [ -z "$(PYTHON)" ] || ! $(PYTHON) -c '$(FITS)'; then \
+	  echo "Dataset Recipe needs CPython 3.10 or 3.11: PyBullet has no wheels for any other. Install one, or name it: make PYTHON=/path/to/python3.11" >&2; \
+	  exit 2; fi
+
+test-quick: install-dev  ## the tests that take under ten seconds each
+	$(BIN)/python -m pytest -q -m "not slow"
+
+test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)
+	$(BIN)/python -m pytest -q -m cpus --override-ini addopts="-ra --strict-markers"
+
+bench: install-dev  ## frames a second beside a plain PyBullet + Pillow script, in one run
+	$(BIN)/python -m benchmarks.listing
+
+verify: install  ## re-render sample frames and compare them with the lockfiles
+	$(BIN)/recipe verify $(RECIPES)
+
+lock: install  ## renew the committed lockfiles, after bytes changed on purpose
+	$(BIN)/recipe lock --update $(RECIPES)
+
+golden: install-dev  ## renew tests/golden, after bytes changed on purpose
+	$(BIN)/python -m tests.golden
+
+requirements: install-dev  ## renew the pinned requirements from pyproject.toml
+	$(BIN)/python -m pip install --quiet uv
+	for kind in run dev; do \
+	  $(BIN)/uv pip compile pyproject.toml requirements/build.in $$([ $$kind = dev ] && echo --extra dev) --universal \
+	    --python-version 3.10 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header \
+	    --quiet --output-file requirements/$$kind.txt; \
+	done
+
+clean:  ## remove the virtual environment and what tools leave behind
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist

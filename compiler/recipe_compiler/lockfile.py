@@ -1,0 +1,211 @@
+"""The lockfile: what a recipe stands for, digest by digest, as text that a diff reviews.
+
+One row a line, kinds in a fixed order and sorted within; the format's version comes first. No time, host, user
+or path is in it. Rows:
+
+    recipe-lock 1
+    recipe NAME DATASET-PLAN-DIGEST
+    file PATH SHA256                                       the recipe and every file it includes
+    tool NAME VERSION                                      what it was made with
+    stage NAME VERSION                                     of each stage that bytes depend on
+    variant NAME scene=D rig=D appearance=D                plan digests
+    trace SCENE DIGEST                                     the motion of a scene
+    body SCENE STRIDE ACTOR DIGEST CHECKPOINTS             an actor's motion, and its first eight digits so far
+    frame KEY SENSOR MODALITY NUMBER DIGEST                pixels; KEY is the observation of labels, the scenario
+                                                           of colour: labels that variants share are listed once
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import quote, unquote
+
+from recipe_compiler.canonical import digest
+from recipe_compiler.errors import InputError, Place, Problem
+from recipe_compiler.plan import DatasetPlan
+
+FORMAT = 1
+SHORT = 16  # digits of a digest that serve as a key within one lockfile
+_WIDTHS = {"recipe": 2, "file": 2, "tool": 2, "stage": 2, "variant": 4, "trace": 2, "body": 5, "frame": 5}
+
+FrameKey = tuple[str, str, str, int]  # key, sensor, modality, frame
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """An actor's motion: the digest of all of it, and short digests of its first k * stride frames."""
+
+    digest: str
+    stride: int
+    checkpoints: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class VariantRow:
+    """The digests of a variant's three plans."""
+
+    scene: str
+    rig: str
+    appearance: str
+
+    @property
+    def observation_key(self) -> str:
+        """Key of the frames that all variants with this scene and rig share."""
+        return digest("plan/observation/1", [self.scene, self.rig])[:SHORT]
+
+    @property
+    def scenario_key(self) -> str:
+        """Key of the frames whose colours are this variant's."""
+        return digest("plan/scenario/1", [self.scene, self.rig, self.appearance])[:SHORT]
+
+    def frame_key(self, modality: str) -> str:
+        """Key of a modality's frames: colour follows from all three plans, labels from scene and rig."""
+        return self.scenario_key if modality == "rgb" else self.observation_key
+
+
+@dataclass(frozen=True)
+class Lockfile:
+    """A lockfile's rows. Two that are equal have equal text."""
+
+    recipe: str
+    plan: str
+    files: dict[str, str]
+    tools: dict[str, str]
+    stages: dict[str, int]
+    variants: dict[str, VariantRow]  # in the recipe's order
+    traces: dict[str, str] = field(default_factory=dict)  # scene digest -> trace digest
+    bodies: dict[tuple[str, str], BodyMotion] = field(default_factory=dict)  # (scene digest, actor)
+    frames: dict[FrameKey, str] = field(default_factory=dict)
+
+    @property
+    def identity(self) -> str:
+        """What a paper prints: the recipe's name and one digest over plans, traces and pixels."""
+        pixels = [[*key, value] for key, value in sorted(self.frames.items())]
+        variants = [[n, v.scene, v.rig, v.appearance] for n, v in self.variants.items()]
+        body = {"plan": self.plan, "variants": variants, "traces": dict(self.traces), "frames": pixels}
+        return f"{self.recipe}@sha256:{digest('dataset/1', body)}"
+
+    def dumps(self) -> str:
+        """The text of the lockfile."""
+        return "\n".join(" ".join(row) for row in self._rows()) + "\n"
+
+    def write(self, path: Path) -> bool:
+        """Write it unless the file already holds these rows; whether it was written."""
+        text = self.dumps()
+        if path.is_file() and path.read_text() == text:
+            return False
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_name(path.name + ".tmp")
+        temporary.write_text(text)
+        temporary.replace(path)
+        return True
+
+    def _rows(self) -> Iterator[tuple[str, ...]]:
+        yield "recipe-lock", str(FORMAT)
+        yield "recipe", quote(self.recipe), self.plan
+        for path, value in sorted(self.files.items()):
+            yield "file", quote(path), value
+        for tool, version in sorted(self.tools.items()):
+            yield "tool", tool, version
+        for stage, number in sorted(self.stages.items()):
+            yield "stage", stage, str(number)
+        for name, v in self.variants.items():
+            yield (
+                "variant",
+                quote(name, safe="=,#"),
+                f"scene={v.scene}",
+                f"rig={v.rig}",
+                f"appearance={v.appearance}",
+            )
+        for scene, value in sorted(self.traces.items()):
+            yield "trace", scene, value
+        for (scene, actor), motion in sorted(self.bodies.items()):
+            checkpoints = ",".join(motion.checkpoints) or "-"
+            yield "body", scene, str(motion.stride), quote(actor), motion.digest, checkpoints
+        for (key, sensor, modality, number), value in sorted(self.frames.items()):
+            yield "frame", key, quote(sensor), modality, f"{number:06d}", value
+
+
+def skeleton(
+    plan: DatasetPlan, files: dict[str, str], tools: dict[str, str], stages: dict[str, int]
+) -> Lockfile:
+    """A lockfile of everything that compiling alone decides: no trace and no frame yet."""
+    return Lockfile(
+        recipe=plan.recipe,
+        plan=plan.digest,
+        files=files,
+        tools=tools,
+        stages=stages,
+        variants={
+            v.variant: VariantRow(v.scene.digest, v.rig.digest, v.appearance.digest) for v in plan.variants
+        },
+    )
+
+
+def read(path: Path) -> Lockfile:
+    """A lockfile from its text; InputError, with the line, if it is not one."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no lockfile; `recipe lock` writes it") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as a lockfile: {error}") from None
+    return loads(text, str(path))
+
+
+def loads(text: str, name: str) -> Lockfile:
+    """A lockfile from its text; `name` is the file that errors point at."""
+    lines = text.splitlines()
+    if not lines or lines[0].split()[:1] != ["recipe-lock"]:
+        raise _bad(name, 1, "this is not a lockfile: its first line is not `recipe-lock 1`")
+    if lines[0] != f"recipe-lock {FORMAT}":
+        raise _bad(
+            name, 1, f"lockfile format {lines[0][12:]!r} is not format {FORMAT}, the one this release reads"
+        )
+    lock = Lockfile(recipe="", plan="", files={}, tools={}, stages={}, variants={})
+    head: list[str] = []
+    for number, line in enumerate(lines[1:], start=2):
+        kind, *cells = line.split(" ")
+        if kind not in _WIDTHS:
+            raise _bad(name, number, f"unknown row {kind!r}; rows are {', '.join(_WIDTHS)}")
+        if len(cells) != _WIDTHS[kind]:
+            raise _bad(
+                name, number, f"a {kind} row has {_WIDTHS[kind]} cells after its kind, this one {len(cells)}"
+            )
+        try:
+            if kind == "recipe":
+                head = [unquote(cells[0]), cells[1]]
+            else:
+                _add_row(lock, kind, cells)
+        except ValueError as error:
+            raise _bad(name, number, f"a broken {kind} row: {error}") from None
+    if not head:
+        raise _bad(name, 1, "the lockfile names no recipe: its `recipe` row is missing")
+    return Lockfile(**{**lock.__dict__, "recipe": head[0], "plan": head[1]})
+
+
+def _add_row(lock: Lockfile, kind: str, cells: list[str]) -> None:
+    if kind == "file":
+        lock.files[unquote(cells[0])] = cells[1]
+    elif kind == "tool":
+        lock.tools[cells[0]] = cells[1]
+    elif kind == "stage":
+        lock.stages[cells[0]] = int(cells[1])
+    elif kind == "variant":
+        values = dict(cell.split("=", 1) for cell in cells[1:])
+        if sorted(values) != ["appearance", "rig", "scene"]:
+            raise ValueError("it needs scene=, rig= and appearance=")
+        lock.variants[unquote(cells[0])] = VariantRow(**values)
+    elif kind == "trace":
+        lock.traces[cells[0]] = cells[1]
+    elif kind == "body":
+        checkpoints = () if cells[4] == "-" else tuple(cells[4].split(","))
+        lock.bodies[cells[0], unquote(cells[2])] = BodyMotion(cells[3], int(cells[1]), checkpoints)
+    else:
+        lock.frames[cells[0], unquote(cells[1]), cells[2], int(cells[3])] = cells[4]
+
+
+def _bad(name: str, line: int, message: str) -> InputError:
+    return InputError(Problem(message, Place(name, line, 1)))

@@ -1,0 +1,21 @@
+"""What bytes depend on: the version of each stage, raised when its bytes change on purpose, and the tools."""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+
+# In the order in which things are made; a difference is reported at the first stage where it shows.
+STAGES: dict[str, int] = {"plan": 1, "simulate": 1, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
+
+_TOOLS = ("dataset-recipe", "astral", "deflate", "numpy", "pybullet", "pycocotools", "rfc8785", "warp-lang")
+
+
+def tool_versions() -> dict[str, str]:
+    """The installed version of everything that bytes depend on."""
+    versions = {}
+    for tool in _TOOLS:
+        try:
+            versions[tool] = version(tool)
+        except PackageNotFoundError:
+            versions[tool] = "none"
+    return versions

@@ -1,0 +1,74 @@
+"""The lockfile: one text for one meaning, and a clear word for a broken one."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from recipe_compiler import lockfile
+from recipe_compiler.errors import InputError
+from recipe_compiler.lockfile import BodyMotion, Lockfile, VariantRow
+
+A, B, C, D = ("a" * 64, "b" * 64, "c" * 64, "d" * 64)
+LOCK = Lockfile(
+    recipe="rain bench",
+    plan=A,
+    files={"x y.yaml": B},
+    tools={"numpy": "2.2.6"},
+    stages={"plan": 1, "shade": 2},
+    variants={"weather=wet,hour=#2": VariantRow(A, B, C), "base": VariantRow(A, B, D)},
+    traces={A: D},
+    bodies={(A, "hero 1"): BodyMotion(D, 5, ("01234567", "89abcdef")), (A, "still"): BodyMotion(C, 1, ())},
+    frames={("k" * 16, "street cam", "rgb", 7): B, ("k" * 16, "street cam", "depth", 7): C},
+)
+
+
+def test_text_and_value_are_one() -> None:
+    assert lockfile.loads(LOCK.dumps(), "x.lock") == LOCK
+    assert lockfile.loads(LOCK.dumps(), "x.lock").dumps() == LOCK.dumps()
+
+
+def test_variants_keep_the_order_of_the_recipe() -> None:
+    assert list(lockfile.loads(LOCK.dumps(), "x.lock").variants) == ["weather=wet,hour=#2", "base"]
+
+
+def test_equal_rows_are_not_written_again(tmp_path: Path) -> None:
+    path = tmp_path / "locks" / "x.lock"
+    assert LOCK.write(path)
+    before = path.stat()
+    assert not LOCK.write(path)
+    assert path.stat().st_mtime_ns == before.st_mtime_ns
+    assert replace(LOCK, plan=B).write(path)
+
+
+def test_labels_are_keyed_by_scene_and_rig_and_colour_by_all_three() -> None:
+    wet, dry = LOCK.variants.values()
+    assert wet.frame_key("depth") == dry.frame_key("depth") != wet.frame_key("rgb") != dry.frame_key("rgb")
+
+
+def test_identity_moves_with_every_pixel_and_not_with_tools() -> None:
+    changed = replace(LOCK, frames={**LOCK.frames, ("k" * 16, "street cam", "rgb", 7): A})
+    assert changed.identity != LOCK.identity == replace(LOCK, tools={}).identity
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "x.lock:1:1: this is not a lockfile"),
+        ("hello", "x.lock:1:1: this is not a lockfile"),
+        ("recipe-lock 9\n", "x.lock:1:1: lockfile format '9' is not format 1"),
+        ("recipe-lock 1\nbananas 3\n", "x.lock:2:1: unknown row 'bananas'"),
+        ("recipe-lock 1\nfile a\n", "x.lock:2:1: a file row has 2 cells after its kind, this one 1"),
+        ("recipe-lock 1\nstage shade one\n", "x.lock:2:1: a broken stage row"),
+        ("recipe-lock 1\nvariant v a=1 b=2 c=3\n", "x.lock:2:1: a broken variant row: it needs scene="),
+        ("recipe-lock 1\n", "x.lock:1:1: the lockfile names no recipe"),
+    ],
+)
+def test_a_broken_lockfile_is_refused_with_its_line(text: str, says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        lockfile.loads(text, "x.lock")
+    assert str(caught.value).startswith(says)
+
+
+def test_a_missing_lockfile_says_what_writes_it(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="`recipe lock` writes it"):
+        lockfile.read(tmp_path / "none.lock")

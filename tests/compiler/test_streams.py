@@ -1,0 +1,57 @@
+"""Streams must depend on their key alone, look random, and never change."""
+
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+from recipe_compiler.streams import Stream
+
+NAMES = st.lists(st.text(max_size=8), max_size=3)
+
+
+@given(st.integers(0, 2**53), NAMES)
+def test_equal_keys_give_equal_draws(seed: int, names: list[str]) -> None:
+    a, b = Stream(seed, *names), Stream(seed, *names)
+    assert [a.bits() for _ in range(5)] == [b.bits() for _ in range(5)]
+
+
+@given(st.integers(0, 2**53), NAMES, NAMES)
+def test_different_names_give_different_draws(seed: int, one: list[str], other: list[str]) -> None:
+    if one != other:
+        assert Stream(seed, *one).bits() != Stream(seed, *other).bits()
+
+
+def test_names_do_not_run_into_each_other() -> None:
+    assert Stream(1, "ab", "c").bits() != Stream(1, "a", "bc").bits() != Stream(1, "abc").bits()
+
+
+def test_seed_zero_is_a_seed_like_any_other() -> None:
+    assert Stream(0, "a").bits() == Stream(0, "a").bits() != Stream(1, "a").bits()
+
+
+def test_draws_are_pinned() -> None:
+    stream = Stream(30, "hero1", "blueprint")
+    assert [stream.bits(), stream.integer(1, 6), stream.choice("abcdef")] == [14034718017890629624, 2, "f"]
+    assert stream.uniform(-1, 1) == -0.8040445951938036
+    assert stream.normal(1.4, 0.2) == 1.3555796181033701
+
+
+def test_distributions_have_their_moments() -> None:
+    stream = Stream(7, "moments")
+    normal = [stream.normal(2.0, 3.0) for _ in range(4000)]
+    mean = sum(normal) / len(normal)
+    assert abs(mean - 2.0) < 0.2
+    assert abs(sum((x - mean) ** 2 for x in normal) / len(normal) - 9.0) < 0.6
+    counts = [0] * 6
+    for _ in range(6000):
+        counts[stream.integer(0, 5)] += 1
+    assert min(counts) > 850
+
+
+def test_normal_quantile_is_monotonic_over_its_three_ranges() -> None:
+    from recipe_compiler.streams import _normal_quantile
+
+    points = [10.0**-k for k in range(15, 1, -1)] + [0.02 * k for k in range(1, 50)]
+    values = [_normal_quantile(p) for p in points]
+    assert all(a < b for a, b in pairwise(values))
+    assert abs(_normal_quantile(0.975) - 1.959963984540054) < 1e-14
