@@ -60,10 +60,7 @@ def _pretty(value: Any, indent: int) -> str:
         return flat
     pad, end = " " * (indent + 2), " " * indent
     if isinstance(value, dict):
-        rows = [
-            f"{pad}{json.dumps(k, ensure_ascii=False)}: {_pretty(v, indent + 2)}"
-            for k, v in sorted(value.items())
-        ]
+        rows = [f"{pad}{json.dumps(k, ensure_ascii=False)}: {_pretty(v, indent + 2)}" for k, v in sorted(value.items())]
         return "{\n" + ",\n".join(rows) + f"\n{end}}}"
     return "[\n" + ",\n".join(pad + _pretty(v, indent + 2) for v in value) + f"\n{end}]"
 

@@ -128,9 +128,7 @@ class Lockfile:
             yield "frame", key, quote(sensor), modality, f"{number:06d}", value
 
 
-def skeleton(
-    plan: DatasetPlan, files: dict[str, str], tools: dict[str, str], stages: dict[str, int]
-) -> Lockfile:
+def skeleton(plan: DatasetPlan, files: dict[str, str], tools: dict[str, str], stages: dict[str, int]) -> Lockfile:
     """A lockfile of everything that compiling alone decides: no trace and no frame yet."""
     return Lockfile(
         recipe=plan.recipe,
@@ -138,9 +136,7 @@ def skeleton(
         files=files,
         tools=tools,
         stages=stages,
-        variants={
-            v.variant: VariantRow(v.scene.digest, v.rig.digest, v.appearance.digest) for v in plan.variants
-        },
+        variants={v.variant: VariantRow(v.scene.digest, v.rig.digest, v.appearance.digest) for v in plan.variants},
     )
 
 
@@ -161,9 +157,7 @@ def loads(text: str, name: str) -> Lockfile:
     if not lines or lines[0].split()[:1] != ["recipe-lock"]:
         raise _bad(name, 1, "this is not a lockfile: its first line is not `recipe-lock 1`")
     if lines[0] != f"recipe-lock {FORMAT}":
-        raise _bad(
-            name, 1, f"lockfile format {lines[0][12:]!r} is not format {FORMAT}, the one this release reads"
-        )
+        raise _bad(name, 1, f"lockfile format {lines[0][12:]!r} is not format {FORMAT}, the one this release reads")
     lock = Lockfile(recipe="", plan="", files={}, tools={}, stages={}, variants={})
     head: list[str] = []
     for number, line in enumerate(lines[1:], start=2):
@@ -171,9 +165,7 @@ def loads(text: str, name: str) -> Lockfile:
         if kind not in _WIDTHS:
             raise _bad(name, number, f"unknown row {kind!r}; rows are {', '.join(_WIDTHS)}")
         if len(cells) != _WIDTHS[kind]:
-            raise _bad(
-                name, number, f"a {kind} row has {_WIDTHS[kind]} cells after its kind, this one {len(cells)}"
-            )
+            raise _bad(name, number, f"a {kind} row has {_WIDTHS[kind]} cells after its kind, this one {len(cells)}")
         try:
             if kind == "recipe":
                 head = [unquote(cells[0]), cells[1]]

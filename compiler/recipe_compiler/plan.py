@@ -18,10 +18,6 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from recipe_compiler.canonical import digest
 
-SCENE_VERSION = 1
-RIG_VERSION = 1
-APPEARANCE_VERSION = 1
-
 
 def fixed(value: float) -> float:
     """The value as a fixed decimal of six places; -0 becomes 0."""
@@ -108,7 +104,7 @@ class ActorPlan(Plan):
 class ScenePlan(Plan):
     """Where every body is at every frame."""
 
-    version: Literal[1] = SCENE_VERSION
+    version: Literal[1] = 1
     clock: Clock
     town: TownPlan
     actors: tuple[ActorPlan, ...]
@@ -146,7 +142,7 @@ class SensorPlan(Plan):
 class RigPlan(Plan):
     """What every pixel hits."""
 
-    version: Literal[1] = RIG_VERSION
+    version: Literal[1] = 1
     sensors: tuple[SensorPlan, ...]
 
     @cached_property
@@ -190,7 +186,7 @@ class CameraResponse(Plan):
 class AppearancePlan(Plan):
     """What colour everything has. `looks`: body or town element -> slot (skin, shirt, paint, wall ...) -> colour."""
 
-    version: Literal[1] = APPEARANCE_VERSION
+    version: Literal[1] = 1
     seed: int  # for rain, sensor noise and lit windows
     weather: Weather
     sun: Sun

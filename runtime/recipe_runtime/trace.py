@@ -57,8 +57,12 @@ class Trace:
     def actor_digest(self, actor: str, frames: int | None = None) -> str:
         """Identity of one actor's motion over the first `frames` frames (all by default)."""
         rows, a = self.actor_parts(actor), self.actors.index(actor)
-        chunks = [self.positions[:frames, rows], self.rotations[:frames, rows]]
-        chunks += [self.linear[:frames, a], self.angular[:frames, a]]
+        chunks: tuple[NDArray[Any], ...] = (
+            self.positions[:frames, rows],
+            self.rotations[:frames, rows],
+            self.linear[:frames, a],
+            self.angular[:frames, a],
+        )
         return digest_bytes("trace-actor/1", *(digest_array("trace-array/1", c).encode() for c in chunks))
 
     def to_bytes(self) -> bytes:

@@ -26,11 +26,7 @@ def invert(a: Array) -> Array:
     """The inverse of a rigid transform: transposed rotation, moved-back origin."""
     rotation = np.swapaxes(a[..., :3], -1, -2)
     t = a[..., 3]
-    origin = (
-        rotation[..., :, 0] * t[..., 0:1]
-        + rotation[..., :, 1] * t[..., 1:2]
-        + rotation[..., :, 2] * t[..., 2:3]
-    )
+    origin = rotation[..., :, 0] * t[..., 0:1] + rotation[..., :, 1] * t[..., 1:2] + rotation[..., :, 2] * t[..., 2:3]
     return np.concatenate([rotation, -origin[..., None]], axis=-1)
 
 

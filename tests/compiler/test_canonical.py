@@ -30,9 +30,7 @@ def test_pretty_text_holds_the_same_value(value: object) -> None:
     assert canonical_bytes(json.loads(pretty(value))) == canonical_bytes(value)
 
 
-@pytest.mark.parametrize(
-    "bad", [float("nan"), float("inf"), -0.0, {"a": [1, float("-inf")]}, {1: 2}, {"a": object()}]
-)
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), -0.0, {"a": [1, float("-inf")]}, {1: 2}, {"a": object()}])
 def test_what_has_no_canonical_form_is_refused(bad: object) -> None:
     with pytest.raises(ValueError, match=r"\$"):
         canonical_bytes(bad)

@@ -21,9 +21,7 @@ def test_sine_and_cosine_agree_with_libm(angle: float) -> None:
 
 @given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
 def test_arc_tangent_agrees_with_libm(y: float, x: float) -> None:
-    assert exact.atan2_deg(y, x) == pytest.approx(
-        math.degrees(math.atan2(y, x)) if (x, y) != (0, 0) else 0, abs=1e-12
-    )
+    assert exact.atan2_deg(y, x) == pytest.approx(math.degrees(math.atan2(y, x)) if (x, y) != (0, 0) else 0, abs=1e-12)
 
 
 @given(st.floats(-600, 600))
@@ -53,8 +51,6 @@ def test_bits_are_the_same_everywhere() -> None:
     for i in range(2000):
         a = (i - 1000) * 0.7310585
         hasher.update(
-            struct.pack(
-                "<5d", *exact.sin_cos_deg(a), exact.atan2_deg(a, 13.7), exact.exp(a / 2), exact.log(i + 0.3)
-            )
+            struct.pack("<5d", *exact.sin_cos_deg(a), exact.atan2_deg(a, 13.7), exact.exp(a / 2), exact.log(i + 0.3))
         )
     assert hasher.hexdigest() == "3b6c49ea792c33c0cbe26d9ada4795875755bdb642717e8650f457b42106df6f"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,4 +79,4 @@ class Body:
 
     def mesh(self, part: str) -> Mesh:
         """The mesh of a part."""
-        return dict[str, Any](self.parts)[part]
+        return dict(self.parts)[part]
