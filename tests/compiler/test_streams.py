@@ -9,13 +9,13 @@ from recipe_compiler.streams import Stream
 NAMES = st.lists(st.text(max_size=8), max_size=3)
 
 
-@given(st.integers(0, 2**53), NAMES)
+@given(st.integers(0, 2**53 - 1), NAMES)
 def test_equal_keys_give_equal_draws(seed: int, names: list[str]) -> None:
     a, b = Stream(seed, *names), Stream(seed, *names)
     assert [a.bits() for _ in range(5)] == [b.bits() for _ in range(5)]
 
 
-@given(st.integers(0, 2**53), NAMES, NAMES)
+@given(st.integers(0, 2**53 - 1), NAMES, NAMES)
 def test_different_names_give_different_draws(seed: int, one: list[str], other: list[str]) -> None:
     if one != other:
         assert Stream(seed, *one).bits() != Stream(seed, *other).bits()

@@ -1,0 +1,6 @@
+"""`python -m recipe_cli` is `recipe`."""
+
+from recipe_cli.main import main
+
+if __name__ == "__main__":
+    main()

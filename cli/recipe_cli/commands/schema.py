@@ -1,0 +1,23 @@
+"""`recipe schema`: the JSON Schema of recipes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command("schema")
+@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="Write it to this file.")
+def command(output: Path | None) -> None:
+    """Print the JSON Schema of recipes, so that editors complete and check them."""
+    import json
+
+    from recipe_compiler.schema import json_schema
+
+    text = json.dumps(json_schema(), indent=2, ensure_ascii=False)
+    if output is None:
+        click.echo(text)
+    else:
+        output.write_text(text + "\n")
+        click.echo(f"{output} written", err=True)

@@ -1,0 +1,57 @@
+"""Which frames to verify, and what confidence they buy.
+
+All frames, in the dataset's order, are cut into k runs of equal length and one is drawn from each by the nonce. So
+the sample is spread over variants, sensors and time; and it finds at least as much as k free draws would: with a
+share p of frames differing, the chance to miss them all is the product of (1 - p) over the runs, which is largest
+when p is the same in each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from recipe_compiler import exact
+from recipe_compiler.streams import Stream
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Bound:
+    """With `checked` clean frames of `total`, and this confidence, fewer than a share `differing` of them differ."""
+
+    checked: int
+    total: int
+    confidence: float
+
+    @property
+    def differing(self) -> float:
+        """The largest share of frames that could differ and stay unseen; 0 if every frame was checked."""
+        if self.checked >= self.total:
+            return 0.0
+        if self.checked == 0:
+            return 1.0
+        return 1.0 - exact.power(1.0 - self.confidence, 1.0 / self.checked)
+
+    def __str__(self) -> str:
+        if self.checked >= self.total:
+            return f"all {self.total} frames checked"
+        return (
+            f"{self.checked} of {self.total} frames checked: with {self.confidence * 100:g} % confidence "
+            f"fewer than {self.differing * 100:.1f} % differ"
+        )
+
+
+def sample_size(total: int, confidence: float, bound: float) -> int:
+    """The fewest frames which, all clean, show with this confidence that fewer than a share `bound` differ."""
+    needed = exact.log(1.0 - confidence) / exact.log(1.0 - bound)
+    return min(total, max(1, -int(-needed // 1)))
+
+
+def draw(items: Sequence[T], count: int, nonce: int) -> list[T]:
+    """`count` of the items, one from each of as many runs of equal length, in their order."""
+    stream, total = Stream(nonce, "verify"), len(items)
+    edges = [total * i // count for i in range(count + 1)]
+    return [items[stream.integer(low, high - 1)] for low, high in zip(edges, edges[1:], strict=False)]

@@ -1,0 +1,38 @@
+"""The verifier's sample: spread, repeatable by its nonce, and as strong as it claims."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from recipe_runtime.sample import Bound, draw, sample_size
+
+
+@given(st.integers(1, 400), st.data())
+def test_one_item_comes_from_each_run(total: int, data: st.DataObject) -> None:
+    count, nonce = data.draw(st.integers(1, total)), data.draw(st.integers(0, 2**53 - 1))
+    chosen = draw(range(total), count, nonce)
+    assert chosen == draw(range(total), count, nonce) == sorted(set(chosen))
+    assert len(chosen) == count
+    assert all(total * i // count <= c < total * (i + 1) // count for i, c in enumerate(chosen))
+
+
+def test_nonces_choose_differently() -> None:
+    assert draw(range(1000), 10, 1) != draw(range(1000), 10, 2)
+
+
+@pytest.mark.parametrize(("confidence", "bound", "k"), [(0.95, 0.05, 59), (0.95, 0.03, 99), (0.99, 0.01, 459)])
+def test_the_rule_of_three(confidence: float, bound: float, k: int) -> None:
+    assert sample_size(10_000, confidence, bound) == k
+    assert Bound(k, 10_000, confidence).differing <= bound < Bound(k - 1, 10_000, confidence).differing
+
+
+def test_a_small_dataset_is_checked_whole() -> None:
+    assert sample_size(20, 0.95, 0.05) == 20
+    assert Bound(20, 20, 0.95).differing == 0.0
+    assert str(Bound(20, 20, 0.95)) == "all 20 frames checked"
+
+
+def test_the_sample_misses_no_more_often_than_it_says() -> None:
+    """5 % of frames differ, all in one place: the sample of 59 misses them in at most about 5 % of runs."""
+    bad = set(range(300, 350))
+    missed = sum(not bad.intersection(draw(range(1000), 59, nonce)) for nonce in range(300))
+    assert missed <= 24
