@@ -1,0 +1,139 @@
+"""Per-object truth of one frame: what is seen of every actor, and where it really is.
+
+An actor is annotated in a frame if at least one of its pixels is seen. A record is plain JSON:
+
+    instance          class tag * 1000 + number, the track's identity in every sensor, frame and variant
+    actor             its name in the recipe
+    bbox, area        of the visible pixels: x, y, width, height, whole pixels; count
+    counts            the visible mask, COCO's compressed run-length code
+    amodal_bbox       of the pixels it would cover if nothing stood before it, within the picture
+    amodal_area       their count
+    visible_fraction  area / amodal_area
+    truncation        the share of its projected box that lies outside the picture, 0 to 1
+    box3d             centre (m), size (length, width, height, m) and yaw (degrees) in the sensor's frame: x forward,
+                      y left, z up; the box holds the actor in all of its poses, so its size is the track's
+    distance          from the sensor to the box's centre, metres
+    velocity          of the actor in the world frame, m/s
+
+Numbers that are not whole have six places and come from exact arithmetic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler import exact
+from recipe_compiler.plan import CameraPlan, ScenePlan, fixed
+
+from recipe_runtime.annotate.masks import masks
+from recipe_runtime.engines import Observed
+from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.trace import METRE, Trace
+from recipe_runtime.transforms import Array, compose, invert, part_transforms
+
+Record = dict[str, Any]
+
+_CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+_EDGES = [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
+
+
+class Annotator:
+    """The truth about one scene's actors. `bodies` are the actors' meshes; others are passed over."""
+
+    def __init__(self, scene: ScenePlan, trace: Trace, bodies: Sequence[Body]) -> None:
+        self._trace = trace
+        self._by_instance = {a.tag * 1000 + a.instance: a.name for a in scene.actors}
+        meshes = {body.name: body for body in bodies}
+        poses = np.stack([part_transforms(trace, f) for f in range(trace.frames)])
+        self._extents = {a.name: _extent(trace, poses, meshes[a.name]) for a in scene.actors}
+
+    def records(self, seen: Observed, camera: CameraPlan, world_from_sensor: Array, frame: int) -> list[Record]:
+        """A record for every object of which a pixel is seen, by instance."""
+        sensor_from_world = invert(world_from_sensor)
+        parts = part_transforms(self._trace, frame)
+        views = {view.instance: view for view in seen.objects}
+        records = []
+        for mask in masks(seen.instance):
+            actor, view = self._by_instance[mask.instance], views[mask.instance]
+            base = compose(sensor_from_world, parts[self._trace.base_part(actor)])
+            x0, y0, x1, y1 = (int(v) for v in view.amodal_box)
+            records.append(
+                {
+                    "instance": mask.instance,
+                    "actor": actor,
+                    "bbox": list(mask.box),
+                    "area": mask.area,
+                    "counts": mask.counts,
+                    "amodal_bbox": [x0, y0, x1 - x0, y1 - y0],
+                    "amodal_area": int(view.amodal),
+                    "visible_fraction": fixed(mask.area / int(view.amodal)),
+                    **self._geometry(actor, base, camera),
+                    "velocity": self._velocity(actor, frame),
+                }
+            )
+        return records
+
+    def _geometry(self, actor: str, sensor_from_base: Array, camera: CameraPlan) -> Record:
+        low, high = self._extents[actor]
+        corners = _apply(sensor_from_base, low + _CORNERS * (high - low))
+        centre = _apply(sensor_from_base, ((low + high) / 2.0)[None])[0]
+        r = sensor_from_base
+        box = {
+            "centre": [fixed(float(v)) for v in centre],
+            "size": [fixed(float(v)) for v in high - low],
+            "yaw": fixed(exact.atan2_deg(float(r[1, 0]), float(r[0, 0]))),
+        }
+        distance = np.sqrt(centre[0] * centre[0] + centre[1] * centre[1] + centre[2] * centre[2])
+        return {"truncation": truncation(corners, camera), "box3d": box, "distance": fixed(float(distance))}
+
+    def _velocity(self, actor: str, frame: int) -> list[float]:
+        grid = self._trace.linear[frame, self._trace.actors.index(actor)]
+        return [fixed(int(v) / METRE) for v in grid]
+
+
+def truncation(corners: Array, camera: CameraPlan) -> float:
+    """The share, by area, of a projected box that lies outside the picture; `corners` [8, 3] in the sensor's frame."""
+    points = [tuple(float(v) for v in c) for c in corners]
+    ahead = [p for p in points if p[0] >= camera.near]
+    for a, b in _EDGES:
+        p, q = points[a], points[b]
+        if (p[0] < camera.near) != (q[0] < camera.near):
+            t = (camera.near - p[0]) / (q[0] - p[0])
+            ahead.append((camera.near, p[1] + t * (q[1] - p[1]), p[2] + t * (q[2] - p[2])))
+    if not ahead:
+        return 1.0
+    sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
+    focal = camera.width / 2.0 * cosine / sine
+    us = [camera.width / 2.0 - focal * y / x for x, y, _ in ahead]
+    vs = [camera.height / 2.0 - focal * z / x for x, _, z in ahead]
+    whole = (max(us) - min(us)) * (max(vs) - min(vs))
+    wide = min(max(us), float(camera.width)) - max(min(us), 0.0)
+    high = min(max(vs), float(camera.height)) - max(min(vs), 0.0)
+    inside = max(wide, 0.0) * max(high, 0.0)
+    return fixed(1.0 - inside / whole) if whole > 0.0 else 0.0
+
+
+def _extent(trace: Trace, poses: Array, body: Body) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The least box, in the base part's frame, that holds an actor's parts in all frames: two corners."""
+    rows = trace.actor_parts(body.name)
+    base_from_world = invert(poses[:, rows[0]])
+    lows, highs = [], []
+    for row in rows:
+        vertices = body.mesh(trace.parts[row].rpartition("/")[2]).vertices.astype(np.float64)
+        if len(vertices):
+            low, high = vertices.min(axis=0), vertices.max(axis=0)
+            moved = _apply(compose(base_from_world, poses[:, row]), low + _CORNERS * (high - low))
+            lows.append(moved.min(axis=(0, 1)))
+            highs.append(moved.max(axis=(0, 1)))
+    return np.stack(lows).min(axis=0), np.stack(highs).max(axis=0)
+
+
+def _apply(transform: Array, points: Array) -> Array:
+    """Points [N, 3] moved by transforms [..., 3, 4]: [..., N, 3]."""
+    t = transform[..., None, :, :]
+    x, y, z = points[:, 0:1], points[:, 1:2], points[:, 2:3]
+    moved: Array = t[..., 0] * x + t[..., 1] * y + t[..., 2] * z + t[..., 3]
+    return moved

@@ -1,0 +1,92 @@
+"""Arrays to file bytes: PNG through libdeflate, CARLA's depth, `.npy`.
+
+The bytes depend on the pixels and on the `deflate` package's version only. A picture is hashed as pixels
+(`frames.pixel_digest`) and as a file, apart: another encoder is then seen as that, not as another picture.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import deflate
+import numpy as np
+from numpy.typing import NDArray
+
+CARLA_FAR = 1000.0  # metres; CARLA's depth pictures end there
+_STEPS = float((1 << 24) - 1)
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_SUB = 1  # PNG filter type: each byte less the one a pixel to its left
+_UP = 2  # PNG filter type: each byte less the one above it
+_LEVEL = 1
+
+
+def png(pixels: NDArray[Any]) -> bytes:
+    """A PNG of uint8 [H, W, 3] (RGB), uint8 [H, W] (grey) or uint16 [H, W] (16-bit grey).
+
+    Colour is filtered against the left neighbour. Labels are filtered against the row above, which leaves nearly
+    nothing but zeros.
+    """
+    if pixels.dtype == np.uint8 and pixels.ndim == 3 and pixels.shape[2] == 3:
+        depth, kind, filtered = 8, 2, _filter_sub(np.ascontiguousarray(pixels))
+    elif pixels.dtype == np.uint8 and pixels.ndim == 2:
+        depth, kind, filtered = 8, 0, _filter_up(np.ascontiguousarray(pixels))
+    elif pixels.dtype == np.uint16 and pixels.ndim == 2:
+        bytes_ = np.ascontiguousarray(pixels.astype(">u2")).view(np.uint8)
+        depth, kind, filtered = 16, 0, _filter_up(bytes_)
+    else:
+        raise ValueError(f"no PNG form for {pixels.dtype} {pixels.shape}")
+    height, width = pixels.shape[:2]
+    header = struct.pack(">IIBBBBB", width, height, depth, kind, 0, 0, 0)
+    body = deflate.zlib_compress(filtered.data, _LEVEL)
+    return b"".join([_SIGNATURE, *_chunk(b"IHDR", header), *_chunk(b"IDAT", body), *_chunk(b"IEND", b"")])
+
+
+def carla_depth(metres: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Metres [H, W] as CARLA's 24-bit depth [H, W, 3]: round(d / 1000 * (2^24 - 1)), R the lowest byte.
+
+    What is farther than 1000 m, sky included, is 1000 m.
+    """
+    near = np.minimum(np.maximum(metres.astype(np.float64), 0.0), CARLA_FAR)
+    steps = np.rint(near / CARLA_FAR * _STEPS).astype("<u4")
+    return np.ascontiguousarray(steps.view(np.uint8).reshape(*metres.shape, 4)[:, :, :3])
+
+
+def metres_from_carla(pixels: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """The inverse of `carla_depth`, within half a step of 1000 / (2^24 - 1) m."""
+    steps = pixels[..., 0].astype(np.int64) + (pixels[..., 1].astype(np.int64) << 8)
+    steps += pixels[..., 2].astype(np.int64) << 16
+    metres: NDArray[np.float64] = CARLA_FAR * steps.astype(np.float64) / _STEPS
+    return metres
+
+
+def npy(array: NDArray[Any]) -> bytes:
+    """The array in NumPy's file format 1.0, little-endian and C-order, with a header that no NumPy version changes."""
+    plain = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+    shape = "(" + "".join(f"{n}, " for n in plain.shape).rstrip(" ") + ")"
+    head = f"{{'descr': '{plain.dtype.str}', 'fortran_order': False, 'shape': {shape}, }}".encode()
+    head += b" " * (-(len(head) + 11) % 64) + b"\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head + plain.tobytes()
+
+
+def _filter_sub(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    height, width, step = pixels.shape
+    rows = pixels.reshape(height, width * step)
+    out = np.empty((height, 1 + width * step), np.uint8)
+    out[:, 0] = _SUB
+    out[:, 1 : 1 + step] = rows[:, :step]
+    np.subtract(rows[:, step:], rows[:, :-step], out=out[:, 1 + step :])
+    return out
+
+
+def _filter_up(rows: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    out = np.empty((rows.shape[0], 1 + rows.shape[1]), np.uint8)
+    out[:, 0] = _UP
+    out[:1, 1:] = rows[:1]
+    np.subtract(rows[1:], rows[:-1], out=out[1:, 1:])
+    return out
+
+
+def _chunk(name: bytes, body: bytes | bytearray) -> tuple[bytes | bytearray, ...]:
+    crc = deflate.crc32(body, deflate.crc32(name))
+    return struct.pack(">I", len(body)), name, body, struct.pack(">I", crc)

@@ -1,0 +1,88 @@
+"""What the dataset asks of a renderer: the shape of an observation and of the two calls that make pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.plan import AppearancePlan, CameraPlan, ScenePlan
+
+from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.trace import Trace
+from recipe_runtime.transforms import Array
+
+Progress = Callable[[str, int, int], None]  # stage, done, total
+
+
+class ObjectView(Protocol):
+    """One actor in one observation. `amodal` and `amodal_box` (x0, y0, x1, y1, ends outside) ignore occluders."""
+
+    @property
+    def instance(self) -> int: ...  # noqa: D102
+    @property
+    def amodal(self) -> int: ...  # noqa: D102
+    @property
+    def amodal_box(self) -> Sequence[int]: ...  # noqa: D102
+
+
+class Observed(Protocol):
+    """All labels of one frame of one sensor, from one visibility buffer."""
+
+    @property
+    def depth(self) -> NDArray[np.float32]: ...  # noqa: D102  [H, W] metres
+    @property
+    def instance(self) -> NDArray[np.uint16]: ...  # noqa: D102  [H, W] tag * 1000 + number, 0 for town and sky
+    @property
+    def semantic(self) -> NDArray[np.uint8]: ...  # noqa: D102  [H, W] CARLA tags
+    @property
+    def objects(self) -> Sequence[ObjectView]: ...  # noqa: D102
+
+
+class SceneRenderer(Protocol):
+    """Draws one scene: what is where, and then, as often as there are appearances, what colour it has."""
+
+    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Any:
+        """The observation of one frame."""
+
+    def shade(
+        self, obs: Any, appearance: AppearancePlan, sensor_name: str, frame: int, time: float
+    ) -> NDArray[np.uint8]:
+        """Its picture, 8-bit sRGB [H, W, 3]."""
+
+
+@dataclass(frozen=True)
+class Engines:
+    """The three doors to what is heavy, so that a test can put something light behind them. Picklable."""
+
+    simulate: Callable[[ScenePlan], Trace]
+    actors: Callable[[ScenePlan], list[Body]]  # in plan order
+    renderer: Callable[[ScenePlan, str], SceneRenderer]  # scene, device
+
+
+def real_engines() -> Engines:
+    """PyBullet's simulation, the library's meshes, and the Warp renderer; each imported when first used."""
+    return Engines(simulate=_simulate, actors=_actors, renderer=_renderer)
+
+
+def _simulate(scene: ScenePlan) -> Trace:
+    from recipe_runtime.simulate import simulate
+
+    return simulate(scene)
+
+
+def _actors(scene: ScenePlan) -> list[Body]:
+    from recipe_runtime.meshes import actor_body
+
+    return [actor_body(actor) for actor in scene.actors]
+
+
+def _renderer(scene: ScenePlan, device: str) -> SceneRenderer:
+    from recipe_runtime.meshes import town_bodies
+    from recipe_runtime.render import Renderer
+
+    bodies = [*town_bodies(scene.town), *_actors(scene)]
+    renderer: SceneRenderer = Renderer(bodies, device=device)
+    return renderer

@@ -1,0 +1,105 @@
+"""A frame is a pure function of a plan, a Trace and a number: this is that function.
+
+The build, the verifier and `recipe shot` all make their frames here, so that frame 217 alone is frame 217 of the
+full build. A frame has pixels, an array a modality, and labels, the records of what is seen; both have digests.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+from recipe_compiler.canonical import digest, digest_array
+from recipe_compiler.plan import AppearancePlan, ScenarioPlan, ScenePlan, SensorPlan
+
+from recipe_runtime.annotate.objects import Annotator, Record
+from recipe_runtime.engines import Engines, Observed, SceneRenderer, real_engines
+from recipe_runtime.trace import Trace
+from recipe_runtime.transforms import part_transforms, sensor_transform
+
+LABEL_MODALITIES = ("depth", "instance", "semantic")  # follow from scene and rig alone
+
+
+def pixel_digest(modality: str, array: NDArray[Any]) -> str:
+    """Identity of a frame's pixels; depth is hashed as float32 metres, whatever form it has on disk."""
+    return digest_array(f"pixels/{modality}/1", array)
+
+
+def label_digest(records: list[Record]) -> str:
+    """Identity of a frame's labels."""
+    return digest("labels/1", records)
+
+
+class SceneSource:
+    """What all frames of one scene share: its renderer and its truth, made when first asked for."""
+
+    def __init__(self, scene: ScenePlan, trace: Trace, *, device: str = "cpu", engines: Engines | None = None) -> None:
+        self.scene, self.trace, self.device = scene, trace, device
+        self._engines = engines or real_engines()
+        self._renderer: SceneRenderer | None = None
+        self._annotator: Annotator | None = None
+
+    @property
+    def renderer(self) -> SceneRenderer:
+        """The scene's renderer."""
+        if self._renderer is None:
+            self._renderer = self._engines.renderer(self.scene, self.device)
+        return self._renderer
+
+    @property
+    def annotator(self) -> Annotator:
+        """The truth about the scene's actors."""
+        if self._annotator is None:
+            self._annotator = Annotator(self.scene, self.trace, self._engines.actors(self.scene))
+        return self._annotator
+
+    def observe(self, sensor: SensorPlan, frame: int) -> Observed:
+        """What a sensor sees at a frame."""
+        pose = sensor_transform(sensor, self.trace, frame)
+        seen: Observed = self.renderer.observe(sensor.camera, pose, part_transforms(self.trace, frame))
+        return seen
+
+    def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> list[Record]:
+        """The records of the objects seen."""
+        pose = sensor_transform(sensor, self.trace, frame)
+        return self.annotator.records(seen, sensor.camera, pose, frame)
+
+    def shade(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> NDArray[Any]:
+        """The colour picture of an observation."""
+        return self.renderer.shade(seen, appearance, sensor.name, frame, frame / self.scene.clock.fps)
+
+
+class FrameSource:
+    """The frames of one variant. Variants of one scene may share `source`, and so one renderer."""
+
+    def __init__(
+        self,
+        scenario: ScenarioPlan,
+        trace: Trace,
+        device: str = "cpu",
+        *,
+        engines: Engines | None = None,
+        source: SceneSource | None = None,
+    ) -> None:
+        self.scenario = scenario
+        self.source = source or SceneSource(scenario.scene, trace, device=device, engines=engines)
+        self._sensors = {sensor.name: sensor for sensor in scenario.rig.sensors}
+
+    def render(self, sensor: str, frame: int) -> dict[str, NDArray[Any]]:
+        """The captured modalities of one frame: arrays that `pixel_digest` takes."""
+        return self.render_labelled(sensor, frame)[0]
+
+    def render_labelled(self, sensor: str, frame: int) -> tuple[dict[str, NDArray[Any]], list[Record]]:
+        """The captured modalities of one frame, and its labels."""
+        plan = self._sensors[sensor]
+        seen = self.source.observe(plan, frame)
+        arrays: dict[str, NDArray[Any]] = {m: label_array(seen, m) for m in LABEL_MODALITIES if m in plan.capture}
+        if "rgb" in plan.capture:
+            arrays["rgb"] = self.source.shade(seen, self.scenario.appearance, plan, frame)
+        return arrays, self.source.labels(seen, plan, frame)
+
+
+def label_array(seen: Observed, modality: str) -> NDArray[Any]:
+    """A label modality of an observation."""
+    array: NDArray[Any] = getattr(seen, modality)
+    return array

@@ -1,0 +1,112 @@
+"""Files written whole or not at all, and a store of traces addressed by what they come from.
+
+The store lives in the user's cache folder, or where RECIPE_CACHE says. An entry is verified when read: a damaged one
+counts as absent, and is made again. Two builds at once may write the same entry; they write the same bytes, and
+each puts it in place by one rename.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import platformdirs
+from recipe_compiler.canonical import digest
+from recipe_compiler.errors import RunError
+from recipe_compiler.plan import ScenePlan
+
+from recipe_runtime.trace import Trace
+from recipe_runtime.versions import STAGES
+
+_FORMAT = b"recipe/store/1 "
+
+
+def default_cache() -> Path:
+    """The folder that RECIPE_CACHE names, else the user's cache folder."""
+    return Path(os.environ.get("RECIPE_CACHE") or platformdirs.user_cache_dir("dataset-recipe"))
+
+
+class Store:
+    """Content by kind and key, in a folder that is made when first written."""
+
+    def __init__(self, root: Path | None = None) -> None:
+        self.root = root or default_cache()
+
+    def path(self, kind: str, key: str) -> Path:
+        """Where an entry lies."""
+        return self.root / kind / key[:2] / key
+
+    def get(self, kind: str, key: str) -> bytes | None:
+        """An entry's bytes; None if it is absent or damaged."""
+        try:
+            head, _, body = self.path(kind, key).read_bytes().partition(b"\n")
+        except OSError:
+            return None
+        return body if head == _seal(body) else None
+
+    def put(self, kind: str, key: str, body: bytes) -> None:
+        """Keep an entry; RunError if the folder cannot be written."""
+        with host_errors(f"the cache {self.root}", "set RECIPE_CACHE to another folder"):
+            write_atomic(self.path(kind, key), _seal(body) + b"\n" + body)
+
+    def trace(self, scene: ScenePlan, simulate: Callable[[], Trace]) -> Trace:
+        """The Trace of a scene: from the store if it is there and whole, else simulated, and kept."""
+        key = digest("store/trace/1", [scene.digest, STAGES["simulate"]])
+        body = self.get("traces", key)
+        if body is not None:
+            try:
+                return Trace.from_bytes(body)
+            except (ValueError, KeyError):
+                pass  # of an older form: simulate again
+        trace = simulate()
+        self.put("traces", key, trace.to_bytes())
+        return trace
+
+
+def write_atomic(path: Path, body: bytes | bytearray | memoryview) -> None:
+    """Write a file so that its name only ever stands for the whole of it."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        try:
+            temporary.write_bytes(body)
+        except FileNotFoundError:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            temporary.write_bytes(body)
+        temporary.replace(path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def link_or_copy(source: Path, target: Path) -> None:
+    """Give a file a second name, as a hard link; a copy where the file system has none. What was there goes."""
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    temporary.unlink(missing_ok=True)
+    try:
+        os.link(source, temporary)
+    except OSError as error:
+        if error.errno not in (errno.EPERM, errno.EXDEV, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS, errno.EACCES):
+            raise
+        shutil.copyfile(source, temporary)
+    temporary.replace(target)
+    temporary.unlink(missing_ok=True)  # rename does nothing if both are one file already
+
+
+@contextmanager
+def host_errors(what: str, remedy: str) -> Iterator[None]:
+    """Turn an OSError into a RunError that says what could not be written and what to do."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise RunError(f"{what} cannot be written: {reason}; {remedy}") from error
+
+
+def _seal(body: bytes) -> bytes:
+    return _FORMAT + hashlib.sha256(body).hexdigest().encode()

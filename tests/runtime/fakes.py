@@ -1,0 +1,202 @@
+"""A small world without engines: boxes that slide past a camera, drawn by integer arithmetic alone."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from recipe_compiler.plan import (
+    ActorPlan,
+    AppearancePlan,
+    CameraPlan,
+    CameraResponse,
+    Clock,
+    DatasetPlan,
+    Pose,
+    RigPlan,
+    ScenarioPlan,
+    ScenePlan,
+    SensorPlan,
+    Sun,
+    TownPlan,
+    Weather,
+)
+from recipe_runtime.engines import Engines
+from recipe_runtime.meshes.mesh import Body, Mesh
+from recipe_runtime.trace import METRE, UNIT, Trace
+
+ACTORS = (("hero1", "pedestrian", 12, 1), ("hero2", "pedestrian", 12, 2), ("van", "vehicle", 15, 1))
+
+
+def scene_plan(frames: int = 12, speed: float = 1.0) -> ScenePlan:
+    actors = tuple(
+        ActorPlan(
+            name=name,
+            blueprint="walker",
+            category=category,
+            tag=tag,
+            instance=number,
+            shape={},
+            start=Pose(x=4.0 + n, y=-2.0 + n),
+            route=(),
+            speed=speed,
+        )
+        for n, (name, category, tag, number) in enumerate(ACTORS)
+    )
+    return ScenePlan(
+        clock=Clock(fps=10, frames=frames, physics=240), town=TownPlan(name="plain", elements=()), actors=actors
+    )
+
+
+def sensor_plan(name: str = "street", shake: float = 0.0, frames: int = 12, capture: Any = None) -> SensorPlan:
+    poses = tuple(Pose(z=1.0, y=shake * (k % 3 - 1)) for k in range(frames if shake else 1))
+    capture = capture or ("rgb", "depth", "instance", "semantic")
+    return SensorPlan(name=name, camera=CameraPlan(width=64, height=48, fov=90), capture=capture, poses=poses)
+
+
+def appearance_plan(clouds: float = 0.0) -> AppearancePlan:
+    names = [n for n in Weather.model_fields if n != "cloudiness"]
+    weather = Weather(cloudiness=clouds, **dict.fromkeys(names, 0.0))
+    responses = {"street": CameraResponse(), "side": CameraResponse()}
+    return AppearancePlan(seed=1, weather=weather, sun=Sun(azimuth=0, altitude=45), looks={}, responses=responses)
+
+
+def dataset_plan(frames: int = 12, weathers: int = 2, **outputs: Any) -> DatasetPlan:
+    """Two rigs by so many weathers; the second sensor stands still in both rigs."""
+    scene = scene_plan(frames)
+    variants = []
+    for w in range(weathers):
+        for jitter, shake in (("still", 0.0), ("shaky", 0.1)):
+            sensors = (sensor_plan("street", shake, frames), sensor_plan("side", capture=("rgb", "instance")))
+            rig = RigPlan(sensors=sensors)
+            name = f"weather=w{w},jitter={jitter}"
+            appearance = appearance_plan(10.0 * w)
+            variants.append(ScenarioPlan(variant=name, scene=scene, rig=rig, appearance=appearance))
+    fields: dict[str, Any] = {
+        "recipe": "tiny",
+        "description": "Boxes slide past.",
+        "annotations": ("kwcoco", "coco", "mots_txt", "mots_png"),
+        "depth": "carla",
+    }
+    return DatasetPlan(**{**fields, "variants": tuple(variants), **outputs})
+
+
+def simulate(scene: ScenePlan) -> Trace:
+    f, a = scene.clock.frames, len(scene.actors)
+    positions = np.zeros((f, a, 3), np.int64)
+    for n, actor in enumerate(scene.actors):
+        positions[:, n, 0] = int(actor.start.x * METRE)
+        positions[:, n, 1] = int(actor.start.y * METRE) + np.arange(f) * (METRE // 8) * (1 if n % 2 else -1)
+        positions[:, n, 2] = METRE
+    rotations = np.zeros((f, a, 4), np.int32)
+    rotations[..., 3] = UNIT
+    linear = np.zeros((f, a, 3), np.int64)
+    linear[..., 1] = METRE
+    names = tuple(actor.name for actor in scene.actors)
+    return Trace(names, tuple(f"{n}/base" for n in names), positions, rotations, linear, np.zeros_like(linear))
+
+
+def actor_bodies(scene: ScenePlan) -> list[Body]:
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-1, 1)], np.float32)
+    none = np.zeros((0, 3), np.int32)
+    mesh = Mesh(corners, corners, corners[:, :2], none, none[:, 0], ())
+    return [Body(a.name, a.tag * 1000 + a.instance, (("base", mesh),)) for a in scene.actors]
+
+
+@dataclass(frozen=True)
+class View:
+    instance: int
+    amodal: int
+    amodal_box: tuple[int, int, int, int]
+
+
+@dataclass(frozen=True)
+class Seen:
+    depth: Any
+    instance: Any
+    semantic: Any
+    objects: list[View]
+
+
+class Renderer:
+    """Draws actors as upright rectangles, the nearest over the others."""
+
+    def __init__(self, scene: ScenePlan) -> None:
+        self._instances = [a.tag * 1000 + a.instance for a in scene.actors]
+
+    def observe(self, camera: CameraPlan, world_from_sensor: Any, parts: Any) -> Seen:
+        h, w = camera.height, camera.width
+        depth, instance = np.full((h, w), camera.far, np.float32), np.zeros((h, w), np.uint16)
+        views = []
+        for n in reversed(range(len(parts))):  # the first stands nearest
+            x, y = (float(parts[n][i, 3] - world_from_sensor[i, 3]) for i in (0, 1))
+            left, top = int(w / 2 - w / 2 * (y + 0.5) / x), int(h / 2 - w / 2 / x)
+            box = max(left, 0), max(top, 0), min(left + int(w / 2 / x), w), min(top + int(w / x), h)
+            x0, y0, x1, y1 = box
+            if x1 > x0 and y1 > y0:
+                views.append(View(self._instances[n], (x1 - x0) * (y1 - y0), box))
+                instance[y0:y1, x0:x1], depth[y0:y1, x0:x1] = self._instances[n], x
+        semantic = np.where(instance > 0, instance // 1000, 11).astype(np.uint8)
+        return Seen(depth, instance, semantic, views)
+
+    def shade(self, obs: Seen, appearance: AppearancePlan, sensor_name: str, frame: int, time: float) -> Any:
+        grey = (obs.depth.astype(np.int64) + int(appearance.weather.cloudiness) + frame) % 256
+        return np.stack([grey, obs.semantic, obs.instance % 251], axis=-1).astype(np.uint8)
+
+
+class SlowRenderer(Renderer):
+    """So slow that a build can be caught in the middle."""
+
+    def observe(self, camera: CameraPlan, world_from_sensor: Any, parts: Any) -> Seen:
+        time.sleep(0.05)
+        return super().observe(camera, world_from_sensor, parts)
+
+
+class BrokenRenderer(Renderer):
+    """Fails at frame 7, as an engine would."""
+
+    def shade(self, obs: Seen, appearance: AppearancePlan, sensor_name: str, frame: int, time: float) -> Any:
+        if frame == 7:
+            raise ArithmeticError("the lamp went out")
+        return super().shade(obs, appearance, sensor_name, frame, time)
+
+
+class DyingRenderer(Renderer):
+    """Takes its whole process with it at frame 7."""
+
+    def shade(self, obs: Seen, appearance: AppearancePlan, sensor_name: str, frame: int, time: float) -> Any:
+        if frame == 7:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().shade(obs, appearance, sensor_name, frame, time)
+
+
+def _fast(scene: ScenePlan, device: str) -> Renderer:
+    return Renderer(scene)
+
+
+def _slow(scene: ScenePlan, device: str) -> Renderer:
+    return SlowRenderer(scene)
+
+
+def _broken(scene: ScenePlan, device: str) -> Renderer:
+    return BrokenRenderer(scene)
+
+
+def _dying(scene: ScenePlan, device: str) -> Renderer:
+    return DyingRenderer(scene)
+
+
+ENGINES = Engines(simulate, actor_bodies, _fast)
+SLOW = Engines(simulate, actor_bodies, _slow)
+BROKEN = Engines(simulate, actor_bodies, _broken)
+DYING = Engines(simulate, actor_bodies, _dying)
+
+
+def tree(root: Path) -> dict[str, bytes]:
+    """Every file below a folder, by its path."""
+    return {p.relative_to(root).as_posix(): p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file()}

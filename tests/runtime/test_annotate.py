@@ -1,0 +1,83 @@
+"""Annotations say what the pixels say, as pycocotools counts them, and what the geometry says."""
+
+import numpy as np
+import pycocotools.mask
+import pytest
+from recipe_compiler.plan import CameraPlan
+from recipe_runtime.annotate.masks import masks
+from recipe_runtime.annotate.objects import truncation
+from recipe_runtime.frames import FrameSource, label_digest, pixel_digest
+
+from tests.runtime.fakes import ENGINES, dataset_plan, simulate
+
+
+def pictures() -> list[np.ndarray]:
+    """Instance pictures with every kind of run: to the first and last pixel, across columns, in pieces, single."""
+    empty = np.zeros((6, 5), np.uint16)
+    whole = np.full((6, 5), 12001, np.uint16)
+    corners = empty.copy()
+    corners[0, 0] = corners[5, 4] = 14002
+    column = empty.copy()
+    column[:, 2:4] = 12003
+    wrapped = empty.copy()
+    wrapped[4:, 1] = wrapped[:2, 2] = 15001  # one run over the foot of a column
+    noise = (np.arange(48 * 64) * 2654435761 % 4 + 12000).astype(np.uint16).reshape(48, 64)
+    noise[noise == 12000] = 0
+    return [empty, whole, corners, column, wrapped, noise, noise[:, :1], noise[:1]]
+
+
+@pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")  # pycocotools' decode
+@pytest.mark.parametrize("picture", pictures())
+def test_masks_decode_to_the_instance_pixels(picture: np.ndarray) -> None:
+    found = masks(picture)
+    assert [m.instance for m in found] == sorted(set(picture[picture > 0].tolist()))
+    for mask in found:
+        pixels = np.asarray(picture == mask.instance)
+        code = {"size": list(picture.shape), "counts": mask.counts.encode()}
+        assert np.array_equal(pycocotools.mask.decode(code).astype(bool), pixels)
+        assert code["counts"] == pycocotools.mask.encode(np.asfortranarray(pixels.astype(np.uint8)))["counts"]
+        ys, xs = np.nonzero(pixels)
+        width, height = np.ptp(xs) + 1, np.ptp(ys) + 1
+        assert (mask.area, mask.box) == (pixels.sum(), (xs.min(), ys.min(), width, height))
+
+
+CAMERA = CameraPlan(width=100, height=100, fov=90)  # focal length 50 pixels
+
+
+def box(x: float, y: float) -> np.ndarray:
+    """A metre's box whose near face has its centre at (x, y, 0)."""
+    return np.array([[x + a, y + b - 0.5, c - 0.5] for a in (0, 1) for b in (0, 1) for c in (0, 1)], np.float64)
+
+
+def test_truncation_is_the_share_outside() -> None:
+    assert truncation(box(2.0, 0.0), CAMERA) == 0.0
+    flat = box(2.0, 2.0) * [1, 1, 1]
+    flat[4:] = flat[:4]  # no depth: half of it lies left of the picture
+    assert truncation(flat, CAMERA) == 0.5
+    assert truncation(box(-5.0, 0.0), CAMERA) == 1.0
+    assert 0.9 < truncation(box(-0.5, 0.0), CAMERA) <= 1.0  # it reaches behind the camera
+
+
+def test_records_hold_the_scene(tmp_path: object) -> None:
+    plan = dataset_plan()
+    source = FrameSource(plan.variants[0], simulate(plan.variants[0].scene), engines=ENGINES)
+    arrays, records = source.render_labelled("street", 3)
+    assert sorted(arrays) == ["depth", "instance", "rgb", "semantic"]
+    by_name = {r["actor"]: r for r in records}
+    hero = by_name["hero1"]
+    assert hero["instance"] == 12001
+    assert hero["box3d"] == {"centre": [4.0, -2.375, 0.0], "size": [1.0, 1.0, 2.0], "yaw": 0.0}
+    assert hero["distance"] == 4.651949  # sqrt(4^2 + 2.375^2)
+    assert hero["velocity"] == [0.0, 1.0, 0.0]
+    assert all(0 < r["visible_fraction"] <= 1 for r in records)
+    assert any(r["visible_fraction"] < 1 for f in range(12) for r in source.render_labelled("street", f)[1])
+
+
+def test_digests_part_where_pixels_and_labels_part() -> None:
+    plan = dataset_plan()
+    one, other = (FrameSource(v, simulate(v.scene), engines=ENGINES) for v in plan.variants[::2])  # two weathers
+    (a, labels), (b, same) = one.render_labelled("street", 3), other.render_labelled("street", 3)
+    assert label_digest(labels) == label_digest(same) != label_digest(one.render_labelled("street", 4)[1])
+    for modality in ("depth", "instance", "semantic"):
+        assert pixel_digest(modality, a[modality]) == pixel_digest(modality, b[modality])
+    assert pixel_digest("rgb", a["rgb"]) != pixel_digest("rgb", b["rgb"])

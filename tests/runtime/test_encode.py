@@ -1,0 +1,69 @@
+"""The encoders' files hold exactly the pixels given, as Pillow and NumPy read them."""
+
+import hashlib
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+from recipe_runtime import encode
+
+PINNED = ["8be65a9a3bda014b", "f53cbc0f3fb010f2", "a0002f044097d223"]
+
+
+def noisy(shape: tuple[int, ...], top: int, dtype: type) -> np.ndarray:
+    """Every value with no pattern to it, by a small congruential generator."""
+    values = np.arange(int(np.prod(shape)), dtype=np.uint64) * np.uint64(6364136223846793005) >> np.uint64(33)
+    return (values % np.uint64(top + 1)).astype(dtype).reshape(shape)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "mode"),
+    [
+        (noisy((7, 5, 3), 255, np.uint8), "RGB"),
+        (noisy((1, 1, 3), 255, np.uint8), "RGB"),
+        (noisy((7, 5), 255, np.uint8), "L"),
+        (noisy((7, 5), 65535, np.uint16), "I;16"),
+        (noisy((1, 9), 65535, np.uint16), "I;16"),
+        (noisy((8, 6, 3), 255, np.uint8)[::2, ::-1], "RGB"),
+    ],
+)
+def test_pillow_reads_what_was_written(pixels: np.ndarray, mode: str) -> None:
+    picture = Image.open(io.BytesIO(encode.png(pixels)))
+    picture.load()
+    assert picture.mode == mode
+    assert np.array_equal(np.asarray(picture), pixels)
+
+
+def test_png_bytes_are_pinned() -> None:
+    """A changed encoder is a changed stage version, never an accident."""
+    digests = [
+        hashlib.sha256(encode.png(a)).hexdigest()[:16]
+        for a in (noisy((48, 64, 3), 255, np.uint8), noisy((48, 64), 28, np.uint8), noisy((48, 64), 15999, np.uint16))
+    ]
+    assert digests == PINNED
+
+
+def test_no_png_of_what_has_no_form() -> None:
+    with pytest.raises(ValueError, match="float32"):
+        encode.png(np.zeros((4, 4), np.float32))
+
+
+def test_carla_depth_is_carlas_formula_and_keeps_its_precision() -> None:
+    metres = np.array([[0.0, 1e-4, 0.1, 1.0, 123.456, 999.99997, 1000.0, 5000.0, np.inf]], np.float32)
+    pixels = encode.carla_depth(metres)
+    r, g, b = (pixels[..., n].astype(np.float64) for n in range(3))
+    carla = 1000.0 * (r + g * 256 + b * 256 * 256) / (256**3 - 1)
+    clipped = np.minimum(metres.astype(np.float64), 1000.0)
+    assert np.abs(carla - clipped).max() <= 0.5 * 1000.0 / (256**3 - 1) * (1 + 1e-9)
+    assert np.array_equal(encode.metres_from_carla(pixels), carla)
+    assert pixels[0, 6].tolist() == [255, 255, 255]
+
+
+@pytest.mark.parametrize("array", [np.arange(6, dtype=np.float32).reshape(2, 3), np.zeros(3, ">u2")])
+def test_numpy_reads_npy(array: np.ndarray) -> None:
+    data = encode.npy(array)
+    assert data.index(b"\n") % 64 == 63
+    loaded = np.load(io.BytesIO(data))
+    assert loaded.dtype == array.dtype.newbyteorder("<")
+    assert np.array_equal(loaded, array)

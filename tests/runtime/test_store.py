@@ -1,0 +1,85 @@
+"""The store gives back what was put in, or nothing; names stand for whole files."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from recipe_compiler.errors import RunError
+from recipe_runtime import store as store_module
+from recipe_runtime.store import Store, default_cache, link_or_copy, write_atomic
+
+from tests.runtime.fakes import scene_plan, simulate
+
+KEY = "ab" * 32
+
+
+def test_what_was_put_is_got(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    assert store.get("things", KEY) is None
+    store.put("things", KEY, b"line\nline\n")
+    assert Store(tmp_path).get("things", KEY) == b"line\nline\n"
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda b: b[:-1], lambda b: b[:80] + b"?" + b[81:], lambda b: b"", lambda b: b"x" + b]
+)
+def test_a_damaged_entry_counts_as_absent(tmp_path: Path, damage: object) -> None:
+    store = Store(tmp_path)
+    store.put("things", KEY, b"x" * 50)
+    path = store.path("things", KEY)
+    path.write_bytes(damage(path.read_bytes()))
+    assert store.get("things", KEY) is None
+
+
+def test_a_scene_is_simulated_once_and_again_when_damaged(tmp_path: Path) -> None:
+    scene, store, calls = scene_plan(), Store(tmp_path), []
+
+    def count() -> object:
+        calls.append(1)
+        return simulate(scene)
+
+    first, second = store.trace(scene, count), store.trace(scene, count)  # type: ignore[arg-type]
+    assert (len(calls), second.digest) == (1, first.digest)
+    (entry,) = (p for p in tmp_path.rglob("*") if p.is_file())
+    entry.write_bytes(entry.read_bytes()[:-3])
+    assert store.trace(scene, count).digest == first.digest  # type: ignore[arg-type]
+    assert len(calls) == 2
+
+
+def test_a_full_disk_leaves_neither_file_nor_scrap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: Path, body: bytes) -> int:
+        with open(self, "wb") as f:  # noqa: PTH123
+            f.write(body[: len(body) // 2])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(RunError, match=r"No space left on device; set RECIPE_CACHE"):
+        Store(tmp_path).put("things", KEY, b"x" * 1000)
+    assert [p for p in tmp_path.rglob("*") if p.is_file()] == []
+
+
+def test_the_environment_names_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "elsewhere"))
+    assert default_cache() == tmp_path / "elsewhere"
+    monkeypatch.delenv("RECIPE_CACHE")
+    assert default_cache().name == "dataset-recipe"
+
+
+def test_a_link_shares_the_file_and_a_copy_is_made_where_there_are_no_links(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = tmp_path / "a"
+    write_atomic(source, b"labels")
+    link_or_copy(source, tmp_path / "sub" / "b")
+    link_or_copy(source, tmp_path / "sub" / "b")  # again, as a resumed build does
+    assert (tmp_path / "sub" / "b").samefile(source)
+
+    def no_links(*_: object) -> None:
+        raise OSError(1, "Operation not permitted")
+
+    monkeypatch.setattr(store_module.os, "link", no_links)
+    link_or_copy(source, tmp_path / "sub" / "c")
+    assert (tmp_path / "sub" / "c").read_bytes() == b"labels"
+    assert not (tmp_path / "sub" / "c").samefile(source)
+    assert sorted(os.listdir(tmp_path / "sub")) == ["b", "c"]  # noqa: PTH208
