@@ -1,0 +1,47 @@
+"""Warp, set up once so that its machine code gives the same bytes on every x86-64 CPU and on CUDA.
+
+Every kernel module imports this one first: `wp` from here is configured before a kernel is declared. Fused
+multiply-add and fast maths are off, and the CPU target is the generic one, because a kernel cache is shared by hosts
+and is not keyed by CPU. Reverse-mode code is never made: it would double the time to compile.
+"""
+
+import platform
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+import warp as wp
+
+OPTIONS = {"enable_backward": False, "fuse_fp": False, "fast_math": False, "max_unroll": 4}
+
+
+def _cache_folder() -> str:
+    """The user's folder for compiled kernels, by package version and machine; a temporary one if that is barred."""
+    name = f"{version('dataset-recipe')}-{platform.machine()}"
+    folder = Path(platformdirs.user_cache_dir("dataset-recipe")) / "kernels" / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return tempfile.mkdtemp(prefix="dataset-recipe-kernels-")
+    return str(folder)
+
+
+def _configure() -> None:
+    wp.config.quiet = True
+    wp.config.verbose = False
+    wp.config.verbose_warnings = False
+    wp.config.log_level = wp.LOG_ERROR
+    wp.config.enable_backward = False
+    wp.config.cpu_compiler_flags = ""
+    wp.config.kernel_cache_dir = _cache_folder()
+    wp.init()
+
+
+def launch(kernel: Any, dim: int | tuple[int, ...], inputs: list[Any], device: str) -> None:
+    """Run a kernel over a grid; arrays among the inputs are read and written in place."""
+    wp.launch(kernel, dim=dim, inputs=inputs, device=device)
+
+
+_configure()

@@ -1,0 +1,223 @@
+"""Samples: the points of a frame that are shaded, and the geometry at each.
+
+A pixel whose four sub-samples see one smooth surface is shaded once, at its centre. At an edge every surface seen is
+shaded once, weighed by the quarters it fills. What is found here depends on no appearance, so all weathers share it.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device import OPTIONS, wp
+from recipe_runtime.render.observation import depth_of, triangle_of
+from recipe_runtime.render.pattern import Detail, detail_of
+from recipe_runtime.render.vectors import direction, inner, outer, rotate
+from recipe_runtime.render.visibility import Lens
+
+wp.set_module_options(OPTIONS)
+
+CENTRE = wp.constant(4)  # place of a sample at the pixel's centre; 0..3 are its quarters
+
+
+@wp.struct
+class Scene:
+    """The geometry's arrays that a sample looks into."""
+
+    view: wp.array[wp.vec3f]
+    normals: wp.array[wp.vec3f]
+    uvs: wp.array[wp.vec2f]
+    vertex_part: wp.array[wp.int32]
+    triangles: wp.array[wp.vec3i]
+    face_normals: wp.array[wp.vec3f]
+    triangle_surface: wp.array[wp.int32]
+    surface_pattern: wp.array[wp.int32]
+    world_from_part: wp.array2d[wp.float32]
+    world_from_view: wp.array2d[wp.float32]
+
+
+@wp.func
+def alike(a: wp.uint64, b: wp.uint64, near: wp.float64, scene: Scene) -> bool:
+    """Whether two samples see one smooth surface: same look, near in depth, faces turned alike."""
+    if a == b:
+        return True
+    if a == wp.uint64(0) or b == wp.uint64(0):
+        return False
+    s = triangle_of(a)
+    t = triangle_of(b)
+    za = depth_of(a, near)
+    zb = depth_of(b, near)
+    gap = za - zb
+    if gap < wp.float64(0.0):
+        gap = -gap
+    if s == t:
+        return True
+    if scene.triangle_surface[s] != scene.triangle_surface[t]:
+        return False
+    if scene.vertex_part[scene.triangles[s][0]] != scene.vertex_part[scene.triangles[t][0]]:
+        return False
+    if gap > za * wp.float64(0.03):
+        return False
+    return inner(scene.face_normals[s], scene.face_normals[t]) > 0.8
+
+
+@wp.kernel
+def count(fine: wp.array[wp.uint64], lens: Lens, scene: Scene, groups: wp.array[wp.int32]):
+    """How many different surfaces a pixel's quarters see, with the quarters' groups in the bits above.
+
+    Bits 0-2 hold the count, bits 4 + 2q, 5 + 2q the group of quarter q.
+    """
+    i = wp.tid()
+    x = i % lens.width
+    y = i / lens.width
+    row = lens.width * 2
+    base = y * 2 * row + x * 2
+    k0 = fine[base]
+    k1 = fine[base + 1]
+    k2 = fine[base + row]
+    k3 = fine[base + row + 1]
+    n = int(1)
+    g1 = int(0)
+    g2 = int(0)
+    g3 = int(0)
+    if not alike(k0, k1, lens.near, scene):
+        g1 = n
+        n = n + 1
+    if not alike(k0, k2, lens.near, scene):
+        if g1 != 0 and alike(k1, k2, lens.near, scene):
+            g2 = g1
+        else:
+            g2 = n
+            n = n + 1
+    if not alike(k0, k3, lens.near, scene):
+        if g1 != 0 and alike(k1, k3, lens.near, scene):
+            g3 = g1
+        elif g2 != 0 and alike(k2, k3, lens.near, scene):
+            g3 = g2
+        else:
+            g3 = n
+            n = n + 1
+    groups[i] = n | (g1 << 6) | (g2 << 8) | (g3 << 10)
+
+
+@wp.kernel
+def place(
+    coarse: wp.array[wp.uint64],
+    fine: wp.array[wp.uint64],
+    groups: wp.array[wp.int32],
+    starts: wp.array[wp.int32],
+    lens: Lens,
+    scene: Scene,
+    keys: wp.array[wp.uint64],
+    pixels: wp.array[wp.int32],
+    places: wp.array[wp.int32],
+    weights: wp.array[wp.float32],
+):
+    """Write a pixel's samples from starts on: key, pixel, place within it, and share."""
+    i = wp.tid()
+    g = groups[i]
+    n = g & 7
+    first = starts[i]
+    row = lens.width * 2
+    base = (i / lens.width) * 2 * row + (i % lens.width) * 2
+    for s in range(n):
+        weights[first + s] = 0.0
+        pixels[first + s] = i
+    for back in range(4):
+        quarter = 3 - back  # so that a group is led by its first quarter
+        s = first + ((g >> (4 + 2 * quarter)) & 3)
+        keys[s] = fine[base + (quarter >> 1) * row + (quarter & 1)]
+        places[s] = quarter
+        weights[s] = weights[s] + 0.25
+    if n == 1 and alike(keys[first], coarse[i], lens.near, scene):
+        keys[first] = coarse[i]
+        places[first] = CENTRE
+
+
+@wp.kernel
+def place_centres(
+    coarse: wp.array[wp.uint64],
+    keys: wp.array[wp.uint64],
+    pixels: wp.array[wp.int32],
+    places: wp.array[wp.int32],
+    weights: wp.array[wp.float32],
+):
+    """Without antialiasing: one sample a pixel, at its centre."""
+    i = wp.tid()
+    keys[i] = coarse[i]
+    pixels[i] = i
+    places[i] = CENTRE
+    weights[i] = 1.0
+
+
+@wp.kernel
+def survey(
+    keys: wp.array[wp.uint64],
+    pixels: wp.array[wp.int32],
+    places: wp.array[wp.int32],
+    lens: Lens,
+    scene: Scene,
+    surfaces: wp.array[wp.int32],
+    positions: wp.array[wp.vec3f],
+    normals: wp.array[wp.vec3f],
+    details: wp.array[wp.vec4f],
+    codes: wp.array[wp.uint32],
+):
+    """The surface, world position, unit normal and pattern at a sample; for the sky, -1 and the view direction."""
+    i = wp.tid()
+    key = keys[i]
+    pixel = pixels[i]
+    spot = places[i]
+    dx = wp.float64(0.5)
+    dy = wp.float64(0.5)
+    if spot != CENTRE:
+        dx = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot & 1)
+        dy = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot >> 1)
+    rx = wp.float32((wp.float64(pixel % lens.width) + dx - lens.cx) / lens.focal)
+    ry = wp.float32((wp.float64(pixel / lens.width) + dy - lens.cy) / lens.focal)
+    ray = wp.vec3f(rx, ry, 1.0)
+    turned = rotate(scene.world_from_view, 0, ray)
+    if key == wp.uint64(0):
+        surfaces[i] = -1
+        positions[i] = direction(turned)
+        return
+    z = wp.float32(depth_of(key, lens.near))
+    m = scene.world_from_view
+    positions[i] = wp.vec3f(m[0, 3] + turned[0] * z, m[0, 7] + turned[1] * z, m[0, 11] + turned[2] * z)
+    triangle = triangle_of(key)
+    t = scene.triangles[triangle]
+    surface = scene.triangle_surface[triangle]
+    surfaces[i] = surface
+    # Perspective-correct weights: the volumes that the ray spans with the triangle's edges.
+    v0 = scene.view[t[0]]
+    v1 = scene.view[t[1]]
+    v2 = scene.view[t[2]]
+    w0 = inner(ray, outer(v1, v2))
+    w1 = inner(ray, outer(v2, v0))
+    w2 = inner(ray, outer(v0, v1))
+    # All three have the sign of their sum inside the triangle; rounding may put an edge's sample just outside.
+    total = w0 + w1 + w2
+    if total * total < 1.0e-30:
+        w0 = 1.0
+        total = 1.0
+        w1 = 0.0
+        w2 = 0.0
+    w0 = wp.max(w0 / total, 0.0)
+    w1 = wp.max(w1 / total, 0.0)
+    w2 = wp.max(w2 / total, 0.0)
+    total = wp.max(w0 + w1 + w2, 1.0e-6)
+    w0 = w0 / total
+    w1 = w1 / total
+    w2 = w2 / total
+    part = scene.vertex_part[t[0]]
+    local = scene.normals[t[0]] * w0 + scene.normals[t[1]] * w1 + scene.normals[t[2]] * w2
+    face = rotate(scene.world_from_part, part, scene.face_normals[triangle])
+    normal = direction(rotate(scene.world_from_part, part, local))
+    sight = direction(turned)
+    facing = wp.max(-inner(face, sight), 0.04)
+    across = z / wp.float32(lens.focal)
+    along = across / facing
+    footprint = wp.vec2f(across, along)
+    uv = scene.uvs[t[0]] * w0 + scene.uvs[t[1]] * w1 + scene.uvs[t[2]] * w2
+    detail = detail_of(scene.surface_pattern[surface], uv, positions[i], normal, footprint, wp.uint32(surface))
+    normals[i] = detail.normal
+    details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.height)
+    codes[i] = detail.code

@@ -1,0 +1,26 @@
+"""Stage times, for a benchmark to print. Nothing that reaches a byte reads them."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+class Timings:
+    """Seconds and calls by stage; `with timings("label"):` adds to them."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.calls: dict[str, int] = {}
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        """Time a stage."""
+        start = time.perf_counter()
+        yield
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
+        self.calls[stage] = self.calls.get(stage, 0) + 1
+
+    def clear(self) -> None:
+        """Forget all times."""
+        self.seconds.clear()
+        self.calls.clear()

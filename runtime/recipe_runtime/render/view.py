@@ -1,0 +1,41 @@
+"""Where a camera stands and how it projects: the numbers that a frame's kernels are given."""
+
+from typing import Any
+
+import numpy as np
+from recipe_compiler import exact
+from recipe_compiler.plan import CameraPlan
+
+from recipe_runtime.render.visibility import Lens
+from recipe_runtime.transforms import Array, compose, invert
+
+# Camera x right, y down, z forward, from sensor x forward, y left, z up; and the reverse.
+_VIEW_FROM_SENSOR = np.array([[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
+_SENSOR_FROM_VIEW = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0]])
+_HERE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+
+
+def lens_of(camera: CameraPlan, side: int) -> Any:
+    """The camera as kernels want it, with side x side samples a pixel."""
+    sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
+    lens = Lens()
+    lens.focal = camera.width / 2.0 * cosine / sine
+    lens.cx, lens.cy = camera.width / 2.0, camera.height / 2.0
+    lens.near, lens.far = camera.near, camera.far
+    lens.width, lens.height, lens.side = camera.width, camera.height, side
+    return lens
+
+
+def world_from_parts(parts: Array) -> Array:
+    """The world itself as part 0, then the moving parts. [1 + P, 3, 4]."""
+    return np.concatenate([_HERE[None], parts.reshape(-1, 3, 4)])
+
+
+def view_from_parts(world_from_sensor: Array, parts: Array) -> Array:
+    """Camera-from-part transforms of the world and of the moving parts. [1 + P, 3, 4]."""
+    return compose(compose(_VIEW_FROM_SENSOR, invert(world_from_sensor)), world_from_parts(parts))
+
+
+def world_from_view(world_from_sensor: Array) -> Array:
+    """World-from-camera, the camera with x right, y down, z forward. [3, 4]."""
+    return compose(world_from_sensor, _SENSOR_FROM_VIEW)

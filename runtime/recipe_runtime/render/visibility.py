@@ -1,0 +1,288 @@
+"""Visibility: which triangle every sample sees, exactly.
+
+Corners are snapped to 1/256 pixel; inside-ness is decided by integer edge functions with the top-left rule, so two
+triangles that share an edge leave no gap and take no sample twice. A sample's winner is the largest 64-bit key:
+40 bits of nearness (near / depth), then 24 bits of triangle number. An atomic maximum does not care for order.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device import OPTIONS, wp
+
+wp.set_module_options(OPTIONS)
+
+NEARNESS = wp.constant(wp.float64(1099511627775.0))  # 2^40 - 1
+GUARD = wp.constant(wp.float64(536870912.0))  # 2^29: corners beyond this many 1/256 pixels would overflow
+WIDE = wp.constant(wp.int64(24))  # samples across at which solving for a row's span beats testing each
+
+
+@wp.struct
+class Lens:
+    """A pinhole camera: focal length and centre in pixels, depth limits in metres, samples a pixel (1 or 2 a side)."""
+
+    focal: wp.float64
+    cx: wp.float64
+    cy: wp.float64
+    near: wp.float64
+    far: wp.float64
+    width: wp.int32  # pixels
+    height: wp.int32
+    side: wp.int32  # samples along a pixel's side
+
+
+@wp.struct
+class Corner:
+    """A projected corner: 1/256 pixels, and nearness near / depth in (0, 1]."""
+
+    x: wp.int64
+    y: wp.int64
+    q: wp.float64
+
+
+@wp.kernel
+def transform(
+    vertices: wp.array[wp.vec3f],
+    part: wp.array[wp.int32],
+    matrices: wp.array2d[wp.float32],
+    first: wp.int32,
+    out: wp.array[wp.vec3f],
+):
+    """Vertices first.. of each part's frame, moved by the part's matrix (3x4, by rows)."""
+    i = first + wp.tid()
+    v = vertices[i]
+    p = part[i]
+    x = matrices[p, 0] * v[0] + matrices[p, 1] * v[1] + matrices[p, 2] * v[2] + matrices[p, 3]
+    y = matrices[p, 4] * v[0] + matrices[p, 5] * v[1] + matrices[p, 6] * v[2] + matrices[p, 7]
+    z = matrices[p, 8] * v[0] + matrices[p, 9] * v[1] + matrices[p, 10] * v[2] + matrices[p, 11]
+    out[i] = wp.vec3f(x, y, z)
+
+
+@wp.func
+def snap(v: wp.float64) -> wp.int64:
+    """The nearest 1/256 pixel, halves up; guarded against overflow."""
+    s = wp.max(wp.min(v * wp.float64(256.0) + wp.float64(0.5), GUARD), -GUARD)
+    i = wp.int64(s)
+    if wp.float64(i) > s:
+        i = i - wp.int64(1)
+    return i
+
+
+@wp.func
+def project(x: wp.float64, y: wp.float64, z: wp.float64, lens: Lens) -> Corner:
+    """The corner of a point at depth z >= near."""
+    scale = lens.focal / z
+    c = Corner()
+    c.x = snap(lens.cx + x * scale)
+    c.y = snap(lens.cy + y * scale)
+    c.q = lens.near / z
+    return c
+
+
+@wp.func
+def cut(a: wp.vec3f, b: wp.vec3f, lens: Lens) -> Corner:
+    """Where the edge from a (in front of the near plane) to b (behind it) meets that plane."""
+    za = wp.float64(a[2])
+    t = (za - lens.near) / (za - wp.float64(b[2]))
+    x = wp.float64(a[0]) + (wp.float64(b[0]) - wp.float64(a[0])) * t
+    y = wp.float64(a[1]) + (wp.float64(b[1]) - wp.float64(a[1])) * t
+    return project(x, y, lens.near, lens)
+
+
+@wp.func
+def bias(ax: wp.int64, ay: wp.int64, bx: wp.int64, by: wp.int64) -> wp.int64:
+    """0 for a top or left edge, which owns its samples; -1 for the others, which do not."""
+    if by < ay or (by == ay and bx > ax):
+        return wp.int64(0)
+    return wp.int64(-1)
+
+
+@wp.func
+def first_inside(e: wp.int64, d: wp.int64, last: wp.int64) -> wp.int64:
+    """The first k >= 0 with e + k d >= 0; beyond last if there is none."""
+    if e >= wp.int64(0):
+        return wp.int64(0)
+    if d <= wp.int64(0):
+        return last + wp.int64(1)
+    return (d - wp.int64(1) - e) / d
+
+
+@wp.func
+def last_inside(e: wp.int64, d: wp.int64, last: wp.int64) -> wp.int64:
+    """The last k <= last with e + k d >= 0, where d < 0; -1 if there is none."""
+    if d >= wp.int64(0):
+        return last
+    if e < wp.int64(0):
+        return wp.int64(-1)
+    return wp.min(last, e / (-d))
+
+
+@wp.func
+def draw(
+    keys: wp.array[wp.uint64],
+    lens: Lens,
+    a: Corner,
+    b: Corner,
+    c: Corner,
+    triangle: wp.uint64,
+    bit: wp.uint64,
+):
+    """Offer one front-facing triangle to every sample inside it: its key by maximum, or, if `bit`, that bit by or."""
+    area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
+    if area <= wp.int64(0):
+        return
+    step = wp.int64(256) / wp.int64(lens.side)
+    half = step / wp.int64(2)
+    columns = wp.int64(lens.width * lens.side)
+    rows = wp.int64(lens.height * lens.side)
+    shift = wp.int64(8)
+    if lens.side == 2:
+        shift = wp.int64(7)
+    up = step - wp.int64(1) - half
+    left = wp.max((wp.min(a.x, wp.min(b.x, c.x)) + up) >> shift, wp.int64(0))
+    top = wp.max((wp.min(a.y, wp.min(b.y, c.y)) + up) >> shift, wp.int64(0))
+    right = wp.min((wp.max(a.x, wp.max(b.x, c.x)) - half) >> shift, columns - wp.int64(1))
+    bottom = wp.min((wp.max(a.y, wp.max(b.y, c.y)) - half) >> shift, rows - wp.int64(1))
+    if left > right or top > bottom:
+        return
+    px = left * step + half
+    py = top * step + half
+    row0 = (c.x - b.x) * (py - b.y) - (c.y - b.y) * (px - b.x)
+    row1 = (a.x - c.x) * (py - c.y) - (a.y - c.y) * (px - c.x)
+    row2 = (b.x - a.x) * (py - a.y) - (b.y - a.y) * (px - a.x)
+    bias0 = bias(b.x, b.y, c.x, c.y)
+    bias1 = bias(c.x, c.y, a.x, a.y)
+    bias2 = bias(a.x, a.y, b.x, b.y)
+    dx0 = -(c.y - b.y) * step
+    dx1 = -(a.y - c.y) * step
+    dx2 = -(b.y - a.y) * step
+    dy0 = (c.x - b.x) * step
+    dy1 = (a.x - c.x) * step
+    dy2 = (b.x - a.x) * step
+    inverse = wp.float64(1.0) / wp.float64(area)
+    # Nearness is linear on the screen: q = a.q + w1 slope1 + w2 slope2, from the integer weights themselves.
+    slope1 = (b.q - a.q) * inverse
+    slope2 = (c.q - a.q) * inverse
+    limit = lens.near / lens.far
+    span = right - left
+    for y in range(int(top), int(bottom) + 1):
+        k0 = wp.int64(0)
+        k1 = span
+        if span > WIDE:
+            k0 = wp.max(
+                first_inside(row0 + bias0, dx0, span),
+                wp.max(first_inside(row1 + bias1, dx1, span), first_inside(row2 + bias2, dx2, span)),
+            )
+            k1 = wp.min(
+                last_inside(row0 + bias0, dx0, span),
+                wp.min(last_inside(row1 + bias1, dx1, span), last_inside(row2 + bias2, dx2, span)),
+            )
+        w0 = row0 + k0 * dx0
+        w1 = row1 + k0 * dx1
+        w2 = row2 + k0 * dx2
+        base = y * int(columns) + int(left)
+        for k in range(int(k0), int(k1) + 1):
+            if (w0 + bias0) >= wp.int64(0) and (w1 + bias1) >= wp.int64(0) and (w2 + bias2) >= wp.int64(0):
+                q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
+                if bit != wp.uint64(0):
+                    wp.atomic_or(keys, base + k, bit)
+                elif q > limit:
+                    q = wp.min(q, wp.float64(1.0))
+                    nearness = wp.uint64(wp.int64(q * NEARNESS))
+                    wp.atomic_max(keys, base + k, (nearness << wp.uint64(24)) | triangle)
+            w0 = w0 + dx0
+            w1 = w1 + dx1
+            w2 = w2 + dx2
+        row0 = row0 + dy0
+        row1 = row1 + dy1
+        row2 = row2 + dy2
+
+
+@wp.func
+def clip_and_draw(
+    keys: wp.array[wp.uint64],
+    lens: Lens,
+    v0: wp.vec3f,
+    v1: wp.vec3f,
+    v2: wp.vec3f,
+    triangle: wp.uint64,
+    bit: wp.uint64,
+):
+    """Clip a triangle at the near plane, giving none, one or two, and draw what is left.
+
+    It is counter-clockwise seen from outside, hence clockwise in a picture whose y points down once corners 1 and 2
+    change places; a face seen from behind has a negative area then, and is dropped.
+    """
+    a = v0
+    b = v2
+    c = v1
+    near = wp.float32(lens.near)
+    inside = int(a[2] >= near) + int(b[2] >= near) + int(c[2] >= near)
+    if inside == 0:
+        return
+    # Turn it until the odd one out is a.
+    for _turn in range(2):
+        if (inside == 1 and a[2] < near) or (inside == 2 and a[2] >= near):
+            t = a
+            a = b
+            b = c
+            c = t
+    p = Corner()
+    q = Corner()
+    r = Corner()
+    s = Corner()
+    pieces = 1
+    if inside == 2:
+        p = cut(b, a, lens)
+        q = project(wp.float64(b[0]), wp.float64(b[1]), wp.float64(b[2]), lens)
+        r = project(wp.float64(c[0]), wp.float64(c[1]), wp.float64(c[2]), lens)
+        s = cut(c, a, lens)
+        pieces = 2
+    elif inside == 1:
+        p = project(wp.float64(a[0]), wp.float64(a[1]), wp.float64(a[2]), lens)
+        q = cut(a, b, lens)
+        r = cut(a, c, lens)
+    else:
+        p = project(wp.float64(a[0]), wp.float64(a[1]), wp.float64(a[2]), lens)
+        q = project(wp.float64(b[0]), wp.float64(b[1]), wp.float64(b[2]), lens)
+        r = project(wp.float64(c[0]), wp.float64(c[1]), wp.float64(c[2]), lens)
+    for piece in range(pieces):
+        if piece == 1:
+            q = r
+            r = s
+        draw(keys, lens, p, q, r, triangle, bit)
+
+
+@wp.kernel
+def raster(
+    view: wp.array[wp.vec3f],
+    triangles: wp.array[wp.vec3i],
+    first: wp.int32,
+    lens: Lens,
+    keys: wp.array[wp.uint64],
+):
+    """Draw the triangles first.. of camera-space vertices (x right, y down, z forward) into the keys."""
+    i = first + wp.tid()
+    t = triangles[i]
+    clip_and_draw(keys, lens, view[t[0]], view[t[1]], view[t[2]], wp.uint64(i), wp.uint64(0))
+
+
+@wp.kernel
+def cover(
+    view: wp.array[wp.vec3f],
+    triangles: wp.array[wp.vec3i],
+    triangle_surface: wp.array[wp.int32],
+    surface_actor: wp.array[wp.int32],
+    first: wp.int32,
+    first_actor: wp.int32,
+    lens: Lens,
+    bits: wp.array[wp.uint64],
+):
+    """Set bit a - first_actor of every pixel that actor a would cover if it were alone; 64 actors a run."""
+    i = first + wp.tid()
+    actor = surface_actor[triangle_surface[i]] - first_actor
+    if actor < 0 or actor >= 64:
+        return
+    t = triangles[i]
+    bit = wp.uint64(1) << wp.uint64(actor)
+    clip_and_draw(bits, lens, view[t[0]], view[t[1]], view[t[2]], wp.uint64(i), bit)
