@@ -1,0 +1,189 @@
+"""From a recipe file to a `DatasetPlan`: read, merge, check, expand, count, lower.
+
+All that is wrong is raised at once, sorted by place. Nothing is executed, nothing outside the recipe's folder read,
+and nothing large made before it is counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from recipe_compiler import compose, expand, limits, placing
+from recipe_compiler.check import Checker, check_deltas, check_removals
+from recipe_compiler.errors import InputError, Place, Problem
+from recipe_compiler.expand import Axes, Variant
+from recipe_compiler.lower import Lowering
+from recipe_compiler.plan import DatasetPlan, ScenarioPlan
+from recipe_compiler.schema.messages import nearest, translate
+from recipe_compiler.schema.models import Base, Recipe
+from recipe_compiler.source import Value, show
+
+_CHECKED_APART = {"base", "deltas"}
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A recipe, compiled: its plan, what to warn of, the digest of every file read, and what building it costs."""
+
+    plan: DatasetPlan
+    warnings: tuple[Problem, ...]
+    files: dict[str, str]  # path relative to the recipe's folder -> SHA-256 of its bytes
+    cost: limits.Cost
+
+
+def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | None = None) -> Compiled:
+    """Compile a recipe file.
+
+    `free_disk` is the number of bytes free where the dataset would go, if known. InputError with all problems;
+    TooLargeError, which is one, before any plan is made if the recipe is over the limits and `allow_large` is not set.
+    """
+    problems: list[Problem] = []
+    sources = compose.read(path)
+    problems += sources.problems
+    root = sources.root
+    if root is None:
+        raise InputError(_sorted(problems))
+    recipe = _check_recipe(root, problems)
+    axes = _check_sweep(root, recipe, problems)
+    if recipe is None or root.get("base") is None or _fatal(problems, sources.problems):
+        problems += _check_base_alone(root)
+        raise InputError(_sorted(problems))
+    variants = list(expand.variants(root, axes, recipe.sweep, recipe.seed))
+    checked = _check_variants(root, variants, problems)
+    if problems:
+        raise InputError(_sorted(problems))
+    estimate = limits.total((_load(v, base) for v, base in checked), recipe.output.depth)
+    reasons = estimate.over(free_disk)
+    if reasons and not allow_large:
+        raise limits.TooLargeError(str(path), estimate, reasons)
+    lowering = Lowering(_instances(root, problems))
+    plans = [one for v, base in checked if (one := lowering.scenario(v, base)) is not None]
+    problems += lowering.problems
+    if problems:
+        raise InputError(_sorted(problems))
+    plan = DatasetPlan(
+        recipe=recipe.recipe,
+        description=recipe.description,
+        variants=tuple(plans),
+        annotations=recipe.output.annotations,
+        depth=recipe.output.depth,
+    )
+    cost = limits.total(map(_measured, plans), recipe.output.depth)
+    warnings = _sorted([*expand.clashes(axes), *lowering.warnings])
+    return Compiled(plan, tuple(warnings), dict(sorted(sources.files.items())), cost)
+
+
+def _sorted(problems: Iterable[Problem]) -> list[Problem]:
+    """Problems by place, each once; one place that YAML itself stumbled over is not blamed twice."""
+    unique: dict[tuple[Place | None, str], Problem] = {}
+    for problem in problems:
+        unique.setdefault((problem.place, problem.message), problem)
+    nowhere = Place("", 0, 0)
+    return sorted(unique.values(), key=lambda problem: problem.place or nowhere)
+
+
+def _fatal(problems: list[Problem], of_reading: list[Problem]) -> bool:
+    """Whether the problems so far leave no sense in expanding variants."""
+    return len(problems) > len(of_reading)
+
+
+def _check_recipe(root: Value, problems: list[Problem]) -> Recipe | None:
+    for key in root.map:
+        if key not in Recipe.model_fields and key not in _CHECKED_APART:
+            options = [*Recipe.model_fields, *_CHECKED_APART]
+            problems.append(Problem(f"unknown key {show(key)}; {nearest(key, sorted(options))}", root.key_place(key)))
+    base = root.get("base")
+    if base is None or not isinstance(base.data, dict):
+        found = "" if base is None else f", not {show(base.plain)}"
+        problems.append(
+            Problem(f'the recipe lacks "base": a map of clock, town, sensors{found}', root.key_place("base"))
+        )
+    plain = {key: value.plain for key, value in root.map.items() if key in Recipe.model_fields}
+    try:
+        return Recipe.model_validate(plain)
+    except ValidationError as error:
+        problems += translate(error, Recipe, root)
+        return None
+
+
+def _check_sweep(root: Value, recipe: Recipe | None, problems: list[Problem]) -> Axes:
+    wrong = check_deltas(root)
+    problems += wrong
+    if recipe is None or wrong:
+        return {}
+    problems += check_removals(root)
+    axes = expand.chosen_axes(root, recipe.sweep, problems)
+    problems += expand.check_exclusions(axes, recipe.sweep, root)
+    excess = expand.too_many(axes, recipe.sweep, root)
+    problems += excess
+    if not excess and not expand.combinations(axes, recipe.sweep):
+        problems.append(
+            Problem("sweep.exclude: leaves no variant at all; remove a rule", root.place_of("sweep", "exclude"))
+        )
+    return axes
+
+
+def _check_base_alone(root: Value) -> list[Problem]:
+    problems: list[Problem] = []
+    base = root.get("base")
+    if base is not None and isinstance(base.data, dict):
+        base = compose.expand_shorthands(base)
+        Checker(base).base(base, problems)
+    return problems
+
+
+def _check_variants(root: Value, variants: list[Variant], problems: list[Problem]) -> list[tuple[Variant, Base]]:
+    checker = Checker(root.map["base"])
+    checked = []
+    for variant in variants:
+        if len(variant.name) > expand.MAX_NAME:
+            message = (
+                f"the variant name {show(variant.name)} is longer than {expand.MAX_NAME} characters; shorten names"
+            )
+            problems.append(Problem(message, root.key_place("deltas")))
+        base = checker.base(variant.base, problems)
+        if base is not None:
+            checked.append((variant, base))
+        if len(problems) > 1000:
+            break
+    return checked
+
+
+def _instances(root: Value, problems: list[Problem]) -> dict[str, int]:
+    base = root.map["base"].get("actors")
+    own = list(base.map) if base else []
+    others: dict[str, None] = {}
+    deltas = root.get("deltas")
+    for values in deltas.map.values() if deltas else ():
+        for delta in values.map.values():
+            actors = delta.get("actors")
+            others.update(dict.fromkeys(name for name in (actors.map if actors else ()) if name not in own))
+    try:
+        return placing.instance_numbers(own, list(others))
+    except ValueError as error:
+        problems.append(Problem(f"actors: {error}", root.place_of("base", "actors")))
+        raise InputError(_sorted(problems)) from None
+
+
+def _load(variant: Variant, base: Base) -> limits.Load:
+    """A variant's work before it is lowered: sections that are the same object are shared."""
+    scene = (*(id(part) for part in (base.clock, base.town, base.actors, base.traffic)), variant.seed)
+    rig = (id(base.sensors), variant.seed)
+    views = tuple(
+        limits.View(base.clock.frames, s.camera.width * s.camera.height, s.capture) for s in base.sensors.values()
+    )
+    steps = base.clock.frames * base.clock.physics // base.clock.fps
+    actors = len(base.actors) + base.traffic.vehicles + base.traffic.pedestrians
+    return limits.Load(scene, rig, variant.name, steps, actors, views)
+
+
+def _measured(plan: ScenarioPlan) -> limits.Load:
+    """A variant's work after it is lowered: plans with the same digest are shared."""
+    clock = plan.scene.clock
+    views = tuple(limits.View(clock.frames, s.camera.width * s.camera.height, s.capture) for s in plan.rig.sensors)
+    steps = clock.frames * clock.steps_per_frame
+    return limits.Load(plan.scene.digest, plan.rig.digest, plan.appearance.digest, steps, len(plan.scene.actors), views)

@@ -1,0 +1,189 @@
+"""`extends` and deltas: JSON merge patches (RFC 7386) over values that keep their places.
+
+A map is merged into what is there, anything else replaces it whole, `null` removes. So a merged value's place is
+that of the file and line that set it. Files are read from the root recipe's own folder and below it, nowhere else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+
+from recipe_compiler import source
+from recipe_compiler.errors import Place, Problem
+from recipe_compiler.source import Value, show
+
+MAX_CHAIN = 16
+
+# A bare word here stands for a map with one entry: `weather: ClearNoon` for `{preset: ClearNoon}`.
+SHORTHANDS = {"weather": "preset", "town": "name"}
+
+
+class Merger:
+    """Merges patches, and gives the same object for the same two objects, so that sharing shows by identity."""
+
+    def __init__(self) -> None:
+        self._merged: dict[tuple[int, int], tuple[Value, Value, Value]] = {}
+
+    def merge(self, target: Value, patch: Value) -> Value:
+        """The target with the patch laid over it; the very target if the patch changes nothing."""
+        if not isinstance(patch.data, dict):
+            return patch
+        if not isinstance(target.data, dict):
+            target = Value({}, patch.place)
+        known = self._merged.get((id(target), id(patch)))
+        if known:
+            return known[2]
+        result = self._merge_maps(target, patch)
+        self._merged[id(target), id(patch)] = (target, patch, result)  # holding them keeps their ids theirs
+        return result
+
+    def _merge_maps(self, target: Value, patch: Value) -> Value:
+        entries, keys, changed = dict(target.map), dict(target.keys), False
+        for key, value in patch.map.items():
+            if value.data is None:
+                changed |= entries.pop(key, None) is not None
+                keys.pop(key, None)
+                continue
+            before = entries.get(key)
+            after = self.merge(before if before is not None else Value({}, value.place), value)
+            if before is None or after is not before:
+                entries[key], changed = after, True
+                keys.setdefault(key, patch.key_place(key))
+                if before is not None and not isinstance(value.data, dict):
+                    keys[key] = patch.key_place(key)
+        return Value(entries, target.place, keys) if changed else target
+
+
+def expand_shorthands(base: Value) -> Value:
+    """A base with its shorthands written out; the very same if it has none."""
+    entries = dict(base.map)
+    for key, name in SHORTHANDS.items():
+        value = entries.get(key)
+        if value is not None and isinstance(value.data, str):
+            entries[key] = Value({name: value}, value.place, {name: value.place})
+    return base if all(entries[k] is base.map[k] for k in entries) else Value(entries, base.place, base.keys)
+
+
+@dataclass
+class Sources:
+    """The files of a recipe: merged root value, digest of each file's bytes, and what was wrong in reading them."""
+
+    root: Value | None = None
+    files: dict[str, str] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+
+
+def read(path: Path) -> Sources:
+    """A recipe file and all that it extends, merged, each file read once and hashed as read."""
+    sources, merger, folder = Sources(), Merger(), path.parent
+    layers: list[Value] = []
+    name: str | None = path.name
+    place: Place | None = None
+    seen: list[str] = []
+    while name is not None:
+        if len(seen) >= MAX_CHAIN:
+            _report(sources, f"extends: over {MAX_CHAIN} files in the chain, the limit", place)
+            return sources
+        value = _read_one(folder, name, place, sources)
+        if value is None:
+            return sources
+        seen.append(name)
+        layers.append(value)
+        name, place = _next(folder, name, value, seen, sources)
+    merged = layers.pop()
+    while layers:
+        merged = _lay_over(merged, layers.pop(), merger)
+    sources.root = merged
+    return sources
+
+
+def _lay_over(below: Value, above: Value, merger: Merger) -> Value:
+    base = below.get("base")
+    if base is not None:
+        below = Value({**below.map, "base": expand_shorthands(base)}, below.place, below.keys)
+    merged = merger.merge(below, above)
+    return Value(merged.map, above.place, {**merged.keys, **above.keys})
+
+
+def _report(sources: Sources, message: str, place: Place | None) -> None:
+    sources.problems.append(Problem(message, place))
+
+
+def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) -> Value | None:
+    path = folder / name
+    try:
+        content = _read_bytes(path)
+    except FileNotFoundError:
+        _report(
+            sources, f"{_label(name, place)}there is no such file" if place else f"{path}: there is no such file", place
+        )
+        return None
+    except (OSError, ValueError) as error:
+        cause = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        _report(sources, f"{_label(name, place) if place else f'{path}: '}cannot be read: {cause}", place)
+        return None
+    sources.files[name] = hashlib.sha256(content).hexdigest()
+    value, problems = source.parse(content, str(path))
+    sources.problems += problems
+    if value is not None and not isinstance(value.data, dict):
+        _report(sources, f"a recipe is a map that starts with `recipe: its_name`, not {_kind(value)}", value.place)
+        return None
+    return value
+
+
+def _label(name: str, place: Place | None) -> str:
+    return f"extends: {show(name)}: " if place else ""
+
+
+def _kind(value: Value) -> str:
+    return "a list" if isinstance(value.data, tuple) else f"the value {show(value.plain)}"
+
+
+def _read_bytes(path: Path) -> bytes:
+    # O_NONBLOCK: opening a pipe must not wait for a writer.
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    with os.fdopen(handle, "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise ValueError("it is not a regular file")
+        return file.read(source.MAX_BYTES + 1)
+
+
+def _next(folder: Path, name: str, value: Value, seen: list[str], sources: Sources) -> tuple[str | None, Place | None]:
+    """The file that this one extends, relative to the root recipe's folder, and where it says so."""
+    extends = value.get("extends")
+    if extends is None or extends.data is None:
+        return None, None
+    if not isinstance(extends.data, str) or not extends.data:
+        _report(sources, f"extends: must be the path of a recipe file, not {show(extends.plain)}", extends.place)
+        return None, None
+    problem = _forbidden(extends.data)
+    target = str(PurePosixPath(name).parent / extends.data) if not problem else ""
+    if not problem and not _stays_below(folder, target):
+        problem = "it leads out of the recipe's folder through a symbolic link; put the file itself there"
+    if not problem and target in seen:
+        problem = "the chain comes back to a file already in it: " + " -> ".join([*seen[seen.index(target) :], target])
+    if problem:
+        _report(sources, f"extends: {show(extends.data)}: {problem}", extends.place)
+        return None, None
+    return target, extends.place
+
+
+def _forbidden(target: str) -> str:
+    if target.startswith(("/", "~")) or "\\" in target or ":" in target or "\0" in target:
+        return "an absolute or foreign path is refused; write it relative to this file, with `/`"
+    if ".." in target.split("/"):
+        return "`..` is refused: a recipe reads only its own folder and what is below it; put the file there"
+    if len(target) > 200:
+        return "the path is longer than 200 characters"
+    return ""
+
+
+def _stays_below(folder: Path, target: str) -> bool:
+    try:
+        return (folder / target).resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):
+        return False

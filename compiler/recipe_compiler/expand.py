@@ -1,0 +1,190 @@
+"""Axes, exclusions, repeats and draws: from a recipe to named variants, each a merged base with a seed.
+
+The product is counted before it is built. Names follow the file: `weather=rainy,jitter=still`, with `#2` for the
+second repeat or draw. What a variant holds depends on its own values only, so that adding a value, an axis value's
+neighbour or a repeat changes no other variant.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from recipe_compiler.compose import Merger, expand_shorthands
+from recipe_compiler.errors import Place, Problem
+from recipe_compiler.plan import fixed
+from recipe_compiler.schema.messages import nearest
+from recipe_compiler.schema.models import MAX_SEED, MAX_VARIANTS, Distribution, Sweep
+from recipe_compiler.source import Value, show
+from recipe_compiler.streams import Stream
+
+MAX_NAME = 200  # a variant's name is a folder's, and file systems end at 255 bytes
+PLAIN_NAME = "base"  # of the variant of a recipe without axes
+
+Axes = dict[str, dict[str, Value]]  # axis -> value -> delta
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One variant before it is lowered: its name, its seed and its merged base."""
+
+    name: str
+    seed: int
+    base: Value
+
+
+def chosen_axes(root: Value, sweep: Sweep, problems: list[Problem]) -> Axes:
+    """The axes that the sweep multiplies, in its order; problems where it names what is not there."""
+    deltas = root.get("deltas")
+    all_axes = {name: dict(value.map) for name, value in deltas.map.items()} if deltas else {}
+    names = list(sweep.axes) if sweep.axes is not None else list(all_axes)
+    for index, name in enumerate(names):
+        place = root.place_of("sweep", "axes", index)
+        if name not in all_axes:
+            problems.append(
+                Problem(f"sweep.axes: there is no axis {show(name)} in deltas; {nearest(name, all_axes)}", place)
+            )
+        elif name in names[:index]:
+            problems.append(Problem(f"sweep.axes: {show(name)} stands twice; remove one", place))
+    return {name: all_axes[name] for name in names if name in all_axes}
+
+
+def count(axes: Axes, sweep: Sweep) -> int:
+    """How many variants the product has, before exclusions; nothing is built to know it."""
+    draws = sweep.draw.count if sweep.draw else 1
+    return math.prod(len(values) for values in axes.values()) * sweep.repeats * draws
+
+
+def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
+    """The problem of a product over the limit."""
+    total = count(axes, sweep)
+    if total <= MAX_VARIANTS:
+        return []
+    factors = [str(len(values)) for values in axes.values()]
+    if sweep.repeats > 1:
+        factors.append(f"{sweep.repeats} repeats")
+    if sweep.draw:
+        factors.append(f"{sweep.draw.count} draws")
+    place = root.key_place("sweep" if root.get("sweep") else "deltas")
+    product = " x ".join(factors[:20])
+    return [Problem(f"{total} variants ({product}) are more than the most allowed, {MAX_VARIANTS}", place)]
+
+
+def check_exclusions(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
+    """Problems of exclusions that name no axis or no value of it."""
+    problems = []
+    for index, rule in enumerate(sweep.exclude):
+        where = root.get("sweep", "exclude", index) or root
+        if not rule:
+            problems.append(
+                Problem("sweep.exclude: an empty map would leave out every variant; remove it", where.place)
+            )
+        for axis, value in rule.items():
+            if axis not in axes:
+                message = f"sweep.exclude: there is no axis {show(axis)} in this sweep; {nearest(axis, axes)}"
+                problems.append(Problem(message, where.key_place(axis)))
+            elif value not in axes[axis]:
+                message = f"sweep.exclude: axis {axis} has no value {show(value)}; {nearest(value, axes[axis])}"
+                problems.append(Problem(message, where.place_of(axis)))
+    return problems
+
+
+def combinations(axes: Axes, sweep: Sweep) -> list[dict[str, str]]:
+    """Every combination of axis values that no exclusion matches, in file order."""
+    product = (dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values()))
+    return [one for one in product if not any(rule.items() <= one.items() for rule in sweep.exclude)]
+
+
+def name_of(combination: Mapping[str, str], number: int) -> str:
+    """A variant's stable name."""
+    plain = ",".join(f"{axis}={value}" for axis, value in combination.items()) or PLAIN_NAME
+    return plain if number == 1 else f"{plain}#{number}"
+
+
+def repeat_seed(seed: int, repeat: int) -> int:
+    """The seed of a repeat, counted from 1; the first has the recipe's own."""
+    return seed if repeat == 1 else Stream(seed, "repeat", str(repeat)).integer(0, MAX_SEED)
+
+
+def variants(root: Value, axes: Axes, sweep: Sweep, seed: int) -> Iterator[Variant]:
+    """All variants, in file order. Values that no delta touches are the very same objects in each."""
+    merger = Merger()
+    base = expand_shorthands(root.map["base"])
+    draws = sweep.draw.count if sweep.draw else 1
+    values = sweep.draw.values if sweep.draw else {}
+    laid: dict[tuple[int, int], list[Value]] = {}
+    for repeat, draw in itertools.product(range(1, sweep.repeats + 1), range(1, draws + 1)):
+        own = repeat_seed(seed, repeat)
+        laid[repeat, draw] = [
+            _patch(path, drawn(how, own, path, draw), root.place_of("sweep", "draw", "values", path))
+            for path, how in values.items()
+        ]
+    for combination in combinations(axes, sweep):
+        merged = base
+        for axis, value in combination.items():
+            merged = _lay(merger, merged, axes[axis][value])
+        for (repeat, draw), patches in laid.items():
+            final = merged
+            for patch in patches:
+                final = _lay(merger, final, patch)
+            number = (repeat - 1) * draws + draw
+            yield Variant(name_of(combination, number), repeat_seed(seed, repeat), final)
+
+
+def _lay(merger: Merger, base: Value, patch: Value) -> Value:
+    return expand_shorthands(merger.merge(base, patch))
+
+
+def drawn(how: Distribution, seed: int, path: str, draw: int) -> bool | int | float | str:
+    """What a draw gives: keyed by seed, path and number, so the same in every combination of axis values."""
+    stream = Stream(seed, "draw", path, str(draw))
+    if how.choice is not None:
+        return stream.choice(how.choice)
+    if how.integer is not None:
+        return stream.integer(*how.integer)
+    if how.uniform is not None:
+        return fixed(stream.uniform(*how.uniform))
+    assert how.normal is not None
+    value = stream.normal(*how.normal)
+    if how.clip is not None:
+        value = min(max(value, how.clip[0]), how.clip[1])
+    return fixed(value)
+
+
+def _patch(path: str, value: bool | int | float | str, place: Place) -> Value:
+    result = Value(value, place)
+    for key in reversed(path.split(".")):
+        result = Value({key: result}, place, {key: place})
+    return result
+
+
+def leaves(delta: Value, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Place]]:
+    """The paths that a delta sets or removes, and where."""
+    for key, value in delta.map.items():
+        if isinstance(value.data, dict) and value.data:
+            yield from leaves(value, (*path, key))
+        else:
+            yield (*path, key), delta.key_place(key)
+
+
+def clashes(axes: Axes) -> list[Problem]:
+    """A warning for each path that two axes set, at the later one, naming both."""
+    warnings: dict[tuple[str, str, str], Problem] = {}
+    earlier: dict[tuple[str, ...], str] = {}
+    for axis, values in axes.items():
+        own: dict[tuple[str, ...], str] = {}
+        for delta in values.values():
+            for path, place in leaves(delta):
+                for other in _overlapping(path, earlier):
+                    message = f"axes {earlier[other]} and {axis} both set {'.'.join(path)}; the later one, {axis}, wins"
+                    warnings.setdefault((earlier[other], axis, ".".join(path)), Problem(message, place))
+                own[path] = axis
+        earlier.update({path: name for path, name in own.items() if path not in earlier})
+    return list(warnings.values())
+
+
+def _overlapping(path: tuple[str, ...], earlier: Mapping[tuple[str, ...], str]) -> list[tuple[str, ...]]:
+    above = [path[:n] for n in range(1, len(path) + 1) if path[:n] in earlier]
+    return above or [other for other in earlier if other[: len(path)] == path][:1]

@@ -1,0 +1,326 @@
+"""Lowering: from a variant to its plans. Presets, globs, spawn points, routes and angles become numbers.
+
+Parts that variants share are lowered once and are the same objects in each plan, so their digests are computed once.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from recipe_compiler import blueprints, exact, motion, placing, sun, towns, weather
+from recipe_compiler.blueprints import Blueprint
+from recipe_compiler.errors import Problem
+from recipe_compiler.expand import Variant
+from recipe_compiler.plan import (
+    ActorPlan,
+    AppearancePlan,
+    CameraPlan,
+    CameraResponse,
+    Clock,
+    Point,
+    Pose,
+    RigPlan,
+    ScenarioPlan,
+    ScenePlan,
+    SensorPlan,
+    Sun,
+    Weather,
+)
+from recipe_compiler.schema import models
+from recipe_compiler.schema.messages import nearest
+from recipe_compiler.schema.models import Base
+from recipe_compiler.source import Value, show
+from recipe_compiler.streams import Stream
+from recipe_compiler.towns import Town
+
+T = TypeVar("T")
+MODALITIES = ("rgb", "depth", "instance", "semantic")
+MAX_ROUTE = 20_000.0  # metres; a longer way is never walked
+_TRAFFIC = {"vehicle": "vehicle.*", "pedestrian": "walker.pedestrian.*"}
+
+
+@dataclass(frozen=True)
+class _Scene:
+    plan: ScenePlan
+    looks: Mapping[str, Mapping[str, str]]
+
+
+class Lowering:
+    """Lowers the variants of one recipe, and gathers problems and warnings with their places."""
+
+    def __init__(self, instances: Mapping[str, int]) -> None:
+        self.problems: list[Problem] = []
+        self.warnings: list[Problem] = []
+        self._instances = instances
+        self._made: dict[Any, tuple[Any, Any]] = {}
+
+    def _once(self, key: tuple[Any, ...], holding: Any, make: Callable[[], T]) -> T:
+        """What `make` gives for a key. Keys hold ids, so what they identify is held as long as they are."""
+        if key not in self._made:
+            self._made[key] = (holding, make())
+        return self._made[key][1]  # type: ignore[no-any-return]
+
+    def scenario(self, variant: Variant, base: Base) -> ScenarioPlan | None:
+        """The variant's plans; None if it has problems."""
+        before = len(self.problems)
+        parts = (base.clock, base.town, base.actors, base.traffic)
+        scene = self._once(("scene", *map(id, parts), variant.seed), parts, lambda: self._scene(variant, base))
+        if scene is None:
+            return None
+        names = tuple(actor.name for actor in scene.plan.actors)
+        rig = self._once(
+            ("rig", id(base.clock), id(base.sensors), names, variant.seed),
+            (base.clock, base.sensors),
+            lambda: self._rig(variant, base, names),
+        )
+        sky = self._sky(variant, base)
+        if rig is None or sky is None or len(self.problems) > before:
+            return None
+        numbers, where = sky
+        appearance = AppearancePlan(
+            seed=variant.seed,
+            weather=numbers,
+            sun=where,
+            looks={name: dict(slots) for name, slots in scene.looks.items()},
+            responses={name: _response(sensor.camera) for name, sensor in base.sensors.items()},
+        )
+        return ScenarioPlan(variant=variant.name, scene=scene.plan, rig=rig, appearance=appearance)
+
+    def _report(self, root: Value, path: tuple[str | int, ...], message: str) -> None:
+        self.problems.append(Problem(message, root.place_of(*path)))
+
+    # Scene
+
+    def _scene(self, variant: Variant, base: Base) -> _Scene | None:
+        town = self._town(variant.base, base.town)
+        if town is None:
+            return None
+        cast = _Cast(self, variant, base, town)
+        actors = cast.actors()
+        if actors is None:
+            return None
+        clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics)
+        return _Scene(ScenePlan(clock=clock, town=town.plan, actors=actors), {**town.looks, **cast.looks})
+
+    def _town(self, root: Value, spec: models.Town) -> Town | None:
+        if spec.name not in towns.NAMES:
+            self._report(
+                root, ("town", "name"), f"town: unknown town {show(spec.name)}; {nearest(spec.name, towns.NAMES)}"
+            )
+            return None
+        declared, given, fine = towns.PARAMETERS[spec.name], spec.model_extra or {}, True
+        for key, value in given.items():
+            if key not in declared:
+                parent = root.get("town") or root
+                options = ["name", "seed", *declared]
+                message = f"unknown key {show(key)} in town; {nearest(key, options)}"
+                self.problems.append(Problem(message, parent.key_place(key)))
+                fine = False
+                continue
+            try:
+                declared[key].check(key, value)
+            except ValueError:
+                limit = declared[key]
+                wanted = f"{limit.length} whole numbers from {limit.low} to {limit.high}: {limit.description}"
+                self._report(root, ("town", key), f"town.{key}: must be a list of {wanted}")
+                fine = False
+        if not fine:
+            return None
+        identity = ("town", spec.name, spec.seed, json.dumps(given, sort_keys=True))
+        return self._once(identity, None, lambda: towns.build(spec.name, spec.seed, given))
+
+    # Rig
+
+    def _rig(self, variant: Variant, base: Base, actors: tuple[str, ...]) -> RigPlan | None:
+        sensors = []
+        before = len(self.problems)
+        for name, sensor in base.sensors.items():
+            on = sensor.mount.on
+            if on is not None and on not in actors:
+                message = f"sensors.{name}.mount.on: there is no actor {show(on)}; {nearest(on, actors)}"
+                self._report(variant.base, ("sensors", name, "mount", "on"), message)
+                continue
+            poses = motion.poses(name, sensor, seed=variant.seed, fps=base.clock.fps, frames=base.clock.frames)
+            sensors.append(
+                SensorPlan(
+                    name=name,
+                    on=on,
+                    camera=CameraPlan(**{field: getattr(sensor.camera, field) for field in CameraPlan.model_fields}),
+                    capture=tuple(m for m in MODALITIES if m in sensor.capture),
+                    poses=poses,
+                )
+            )
+        return RigPlan(sensors=tuple(sensors)) if len(self.problems) == before else None
+
+    # Sky
+
+    def _sky(self, variant: Variant, base: Base) -> tuple[Weather, Sun] | None:
+        given = base.weather
+        if given.preset not in weather.PRESETS:
+            message = f"weather: unknown preset {show(given.preset)}; {nearest(given.preset, weather.PRESETS)}"
+            self._report(variant.base, ("weather", "preset"), message)
+            return None
+        by_hand = {p: value for p in weather.PARAMETERS if (value := getattr(given, p)) is not None}
+        numbers = weather.preset(given.preset) | by_hand
+        where = sun.from_carla(numbers.pop("sun_azimuth_angle"), numbers.pop("sun_altitude_angle"))
+        if base.time is not None:
+            told = self._told(variant, base)
+            if told is None:
+                return None
+            azimuth = where.azimuth if "sun_azimuth_angle" in by_hand else told[0]
+            altitude = where.altitude if "sun_altitude_angle" in by_hand else told[1]
+            where = Sun(azimuth=azimuth, altitude=altitude)
+            self._warn_of_sun(variant, base.time)
+        return Weather(**numbers), where
+
+    def _told(self, variant: Variant, base: Base) -> tuple[float, float] | None:
+        place = base.place
+        key = ("sun", base.time, place)
+        try:
+            return self._once(
+                key,
+                None,
+                lambda: sun.from_time(
+                    base.time or "",
+                    date=place.date,
+                    latitude=place.latitude,
+                    longitude=place.longitude,
+                    utc_offset=place.utc_offset,
+                ),
+            )
+        except ValueError:
+            self._report(
+                variant.base, ("place", "date"), f"place.date: {show(place.date)} is not a day of the calendar"
+            )
+            return None
+
+    def _warn_of_sun(self, variant: Variant, time: str) -> None:
+        if variant.base.get("weather", "sun_altitude_angle") is not None:
+            told = f"time {show(time)} of line {variant.base.place_of('time').line}"
+            message = f"weather.sun_altitude_angle is set by hand and wins: {told} does not move the sun up or down"
+            self.warnings.append(Problem(message, variant.base.place_of("weather", "sun_altitude_angle")))
+
+
+def _response(camera: models.Camera) -> CameraResponse:
+    return CameraResponse(exposure=camera.exposure, noise=camera.noise, antialias=camera.antialias)
+
+
+class _Cast:
+    """The actors of one scene: chosen, dressed, placed and sent on their way."""
+
+    def __init__(self, lowering: Lowering, variant: Variant, base: Base, town: Town) -> None:
+        self.looks: dict[str, dict[str, str]] = {}
+        self._lowering, self._variant, self._base, self._town = lowering, variant, base, town
+        self._spots = placing.Spots(town.spawn_points)
+        self._numbers = lowering._instances
+
+    def _stream(self, name: str, *purpose: str) -> Stream:
+        return Stream(self._variant.seed, "actor", name, *purpose)
+
+    def actors(self) -> tuple[ActorPlan, ...] | None:
+        """All actors: the named ones in file order, then traffic; None if there are problems."""
+        before = len(self._lowering.problems)
+        chosen = {name: self._choose(name, actor) for name, actor in self._base.actors.items()}
+        if len(self._lowering.problems) > before:
+            return None
+        for name, actor in self._base.actors.items():
+            if actor.start is not None:
+                self._spots.occupy(chosen[name].category, actor.start.x, actor.start.y)  # type: ignore[union-attr]
+        traffic = [
+            *(self._traffic("vehicle", index) for index in range(self._base.traffic.vehicles)),
+            *(self._traffic("pedestrian", index) for index in range(self._base.traffic.pedestrians)),
+        ]
+        named = [self._named(name, actor, chosen[name]) for name, actor in self._base.actors.items()]  # type: ignore[arg-type]
+        plans = [*named, *traffic]
+        if len(self._lowering.problems) > before:
+            return None
+        return tuple(plan for plan in plans if plan is not None)
+
+    def _choose(self, name: str, actor: models.Actor) -> Blueprint | None:
+        options = blueprints.match(actor.blueprint)
+        path = ("actors", name, "blueprint")
+        if not options:
+            every = [blueprint.id for blueprint in blueprints.LIBRARY]
+            message = (
+                f"actors.{name}.blueprint: {show(actor.blueprint)} matches nothing; {nearest(actor.blueprint, every)}"
+            )
+            self._lowering._report(self._variant.base, path, message)
+            return None
+        blueprint = self._stream(name, "blueprint").choice(options)
+        parent = self._variant.base.get("actors", name, "look")
+        for slot in actor.look:
+            if slot not in blueprint.palette and parent:
+                message = f"actors.{name}.look: {blueprint.id} has no {show(slot)}; {nearest(slot, blueprint.palette)}"
+                self._lowering.problems.append(Problem(message, parent.key_place(slot)))
+        return blueprint
+
+    def _dress(self, name: str, blueprint: Blueprint, look: Mapping[str, str]) -> None:
+        self.looks[name] = {
+            slot: look[slot].lower() if slot in look else self._stream(name, "look", slot).choice(colours)
+            for slot, colours in sorted(blueprint.palette.items())
+        }
+
+    def _named(self, name: str, actor: models.Actor, blueprint: Blueprint) -> ActorPlan | None:
+        start = self._spots.take(blueprint.category, self._stream(name, "start")) if actor.start is None else None
+        if actor.start is None and start is None:
+            self._lowering._report(
+                self._variant.base, ("actors", name), f"actors.{name}: {self._full(blueprint.category)}"
+            )
+            return None
+        if actor.start is not None:
+            start = Pose(x=actor.start.x, y=actor.start.y, yaw=actor.start.yaw or 0.0)
+        assert start is not None
+        speed = blueprint.default_speed if actor.speed is None else actor.speed
+        waypoints = actor.route if actor.route is not None else (actor.goal,) if actor.goal is not None else None
+        if waypoints is not None:
+            route = tuple(Point(x=point.x, y=point.y) for point in waypoints)
+        else:
+            route = self._wander(name, blueprint, start, speed)
+        if actor.start is not None and actor.start.yaw is None and route:
+            heading = exact.atan2_deg(route[0].y - start.y, route[0].x - start.x)
+            start = Pose(x=start.x, y=start.y, yaw=heading)
+        self._dress(name, blueprint, actor.look)
+        return self._plan(name, self._numbers[name], blueprint, start, route if speed > 0 else (), speed)
+
+    def _traffic(self, category: str, index: int) -> ActorPlan | None:
+        name = f"traffic.{category}.{index}"
+        start = self._spots.take(category, self._stream(name, "start"))
+        if start is None:
+            key = "vehicles" if category == "vehicle" else "pedestrians"
+            if not any(f"traffic.{key}" in problem.message for problem in self._lowering.problems):
+                self._lowering._report(self._variant.base, ("traffic", key), f"traffic.{key}: {self._full(category)}")
+            return None
+        blueprint = self._stream(name, "blueprint").choice(blueprints.match(_TRAFFIC[category]))
+        speed = blueprint.default_speed * self._stream(name, "speed").uniform(0.85, 1.15)
+        self._dress(name, blueprint, {})
+        block = placing.VEHICLE_NUMBERS if category == "vehicle" else placing.PEDESTRIAN_NUMBERS
+        return self._plan(name, block + index, blueprint, start, self._wander(name, blueprint, start, speed), speed)
+
+    def _full(self, category: str) -> str:
+        places = sum(point.category == category for point in self._town.spawn_points)
+        remedy = "lower `traffic`, give a start, or more `blocks`"
+        return f"no free spot left for a {category}, of the {places} that the town has; {remedy}"
+
+    def _wander(self, name: str, blueprint: Blueprint, start: Pose, speed: float) -> tuple[Point, ...]:
+        seconds = self._base.clock.frames / self._base.clock.fps
+        length = min(speed * seconds * 1.1 + 5.0, MAX_ROUTE)
+        return self._town.route(blueprint.category, start, length, self._stream(name, "route"))
+
+    def _plan(
+        self, name: str, number: int, blueprint: Blueprint, start: Pose, route: tuple[Point, ...], speed: float
+    ) -> ActorPlan:
+        z = self._town.ground(start.x, start.y)
+        return ActorPlan(
+            name=name,
+            blueprint=blueprint.id,
+            category=blueprint.category,
+            tag=blueprint.tag,
+            instance=number,
+            shape=dict(blueprint.shape),
+            start=Pose(x=start.x, y=start.y, z=z, yaw=start.yaw),
+            route=route,
+            speed=speed,
+        )

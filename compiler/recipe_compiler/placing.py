@@ -1,0 +1,85 @@
+"""Where actors start and which instance number each has, so that adding one moves no other.
+
+Starts are drawn by name. Actors whose recipe says where they start stand there; traffic and then the actors without a
+start take the first spot of their own random order that is free. So one that is added can only ever push away one
+that would have stood on the very same spot.
+
+Instance numbers are the recipe's, not the variant's: an actor has the same one in every variant. They are unique
+across all categories, from blocks of their own, so that traffic and deltas shift nobody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from recipe_compiler.plan import Pose
+from recipe_compiler.streams import Stream
+from recipe_compiler.towns import SpawnPoint
+
+BASE_NUMBERS = (1, 299)  # actors of the base, in file order
+DELTA_NUMBERS = (300, 499)  # actors that only deltas have, by a hash of the name
+PEDESTRIAN_NUMBERS = 500  # traffic.pedestrian.0 and on, 250 of them
+VEHICLE_NUMBERS = 750
+_CLEARANCE = {"pedestrian": 0.6, "vehicle": 4.0}  # metres around a body
+_TRIES = 64
+
+
+def instance_numbers(base: Sequence[str], deltas: Sequence[str]) -> dict[str, int]:
+    """Instance numbers of the base's actors and of those that only deltas name; ValueError if there are too many."""
+    first, last = BASE_NUMBERS
+    if len(base) > last - first + 1:
+        raise ValueError(
+            f"{len(base)} actors are more than the most allowed, {last - first + 1}; use `traffic` for crowds"
+        )
+    numbers = {name: first + index for index, name in enumerate(base)}
+    low, high = DELTA_NUMBERS
+    if len(deltas) > high - low + 1:
+        raise ValueError(f"{len(deltas)} actors that only deltas have are more than the most allowed, {high - low + 1}")
+    taken: set[int] = set()
+    for name in deltas:
+        number = Stream(0, "instance", name).integer(low, high)
+        while number in taken:
+            number = number + 1 if number < high else low
+        taken.add(number)
+        numbers[name] = number
+    return numbers
+
+
+@dataclass
+class Spots:
+    """The spawn points of a town, and who stands where."""
+
+    points: Sequence[SpawnPoint]
+    _standing: list[tuple[float, float, float]] = field(default_factory=list)  # x, y, clearance
+
+    def occupy(self, category: str, x: float, y: float) -> None:
+        """Note that a body stands here."""
+        self._standing.append((x, y, _CLEARANCE[category]))
+
+    def free(self, category: str, x: float, y: float) -> bool:
+        """Whether a body of this category fits here."""
+        own = _CLEARANCE[category]
+        return all((x - a) ** 2 + (y - b) ** 2 >= (own + r) ** 2 for a, b, r in self._standing)
+
+    def take(self, category: str, stream: Stream) -> Pose | None:
+        """The first free spawn point in the stream's order, now taken; None if the town has no free one left."""
+        options = [point.pose for point in self.points if point.category == category]
+        if not options:
+            return None
+        index = 0
+        for _ in range(_TRIES):
+            index = stream.integer(0, len(options) - 1)
+            if self._try(category, options[index]):
+                return options[index]
+        for step in range(1, len(options)):
+            pose = options[(index + step) % len(options)]
+            if self._try(category, pose):
+                return pose
+        return None
+
+    def _try(self, category: str, pose: Pose) -> bool:
+        if not self.free(category, pose.x, pose.y):
+            return False
+        self.occupy(category, pose.x, pose.y)
+        return True

@@ -1,0 +1,1 @@
+"""The recipe language: its models, its messages and its JSON Schema."""

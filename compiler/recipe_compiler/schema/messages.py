@@ -1,0 +1,188 @@
+"""Validation errors as lines for people: where, what is wrong, the value, the limit, the nearest valid name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from recipe_compiler.errors import Problem
+from recipe_compiler.source import Value, show
+
+Path = tuple[str | int, ...]
+
+_LIMITS = {
+    "greater_than_equal": ("ge", "is below the least allowed, {}"),
+    "greater_than": ("gt", "must be above {}"),
+    "less_than_equal": ("le", "is above the most allowed, {}"),
+    "less_than": ("lt", "must be below {}"),
+}
+_KINDS = {
+    "int": "a whole number",
+    "float": "a number",
+    "string": "text",
+    "bool": "true or false",
+    "dict": "a map",
+    "model": "a map",
+    "tuple": "a list",
+    "list": "a list",
+}
+_PATTERNS = {
+    "#": 'is not a colour; write it as "#rrggbb"',
+    "(19|20)": 'is not a date; write it as "2022-08-12"',
+    "([01]": 'is not a time of day; write it as "19:40"',
+    "?*": "is not a blueprint id or glob; letters, digits, and _ . - * ? only",
+    "_-": "is not a name: names become folders, so letters, digits, _ and - only, a letter or digit first",
+    "_.-": "is not an actor's name: letters, digits, _ . and - only, a letter or digit first",
+}
+
+
+def nearest(word: str, options: Iterable[str]) -> str:
+    """A remedy for a wrong name: the nearest valid one, or all of them if they are few."""
+    names = list(options)
+    close = difflib.get_close_matches(word[:100], names, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean {show(close[0])}?"
+    if not names:
+        return "there are none here"
+    shown = ", ".join(names[:12])
+    return f"valid are {shown}" if len(names) <= 12 else f"valid are {shown} and {len(names) - 12} more"
+
+
+def translate(error: ValidationError, model: type[BaseModel], root: Value, prefix: Path = ()) -> list[Problem]:
+    """The problems of a value that does not fit a model. `prefix` is the value's own path below `root`."""
+    return [_problem(detail, model, root, prefix) for detail in error.errors(include_url=False)]
+
+
+def _problem(detail: ErrorDetails, model: type[BaseModel], root: Value, prefix: Path) -> Problem:
+    path = (*prefix, *(step for step in detail["loc"] if not _is_marker(step)))
+    key_is_wrong = detail["loc"][-1:] == ("[key]",)
+    if detail["type"] == "extra_forbidden" or key_is_wrong:
+        parent = root.get(*path[:-1])
+        place = parent.key_place(path[-1]) if parent else root.place_of(*path)
+    else:
+        place = root.place_of(*path)
+    return Problem(_message(detail, model, path, key_is_wrong), place)
+
+
+def _is_marker(step: str | int) -> bool:
+    return isinstance(step, str) and (step == "[key]" or step in _UNION_MEMBERS)
+
+
+_UNION_MEMBERS = {"bool", "int", "float", "str"}  # pydantic names the member of a union that it tried
+
+
+def dotted(path: Path) -> str:
+    """A path as messages write it: actors.hero1.route[2].x."""
+    text = ""
+    for step in path:
+        text += f"[{step}]" if isinstance(step, int) else f".{step[:80]}" if text else step[:80]
+    return text.encode("ascii", "backslashreplace").decode()
+
+
+def _message(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wrong: bool) -> str:
+    kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
+    where = dotted(path)
+    if kind == "extra_forbidden":
+        inside = f" in {dotted(path[:-1])}" if len(path) > 1 else ""
+        keys = fields_at(model, tuple(s for s in detail["loc"][:-1] if not _is_marker(s)))
+        return f"unknown key {show(str(path[-1]))}{inside}; {nearest(str(path[-1]), keys)}"
+    if kind == "missing":
+        if isinstance(path[-1], int):
+            return f"{dotted(path[:-1])} lacks an item"
+        inside = (
+            f"{dotted(path[:-1])} lacks"
+            if len(path) > 1
+            else "base lacks"
+            if model.__name__ == "Base"
+            else "the recipe lacks"
+        )
+        return f"{inside} {show(path[-1])}, which it needs{_hint(model, detail['loc'])}"
+    if kind in _LIMITS:
+        key, words = _LIMITS[kind]
+        return f"{where}: {show(value)} {words.format(_number(context[key]))}"
+    if kind == "string_pattern_mismatch":
+        words = next(text for mark, text in _PATTERNS.items() if mark in context["pattern"][:40])
+        return f"{where if not key_is_wrong else dotted(path[:-1])}: {show(value)} {words}"
+    if kind == "string_too_long":
+        return f"{where}: {show(value)} is longer than {context['max_length']} characters"
+    if kind == "literal_error":
+        options = _literals(context["expected"])
+        return f"{where}: unknown value {show(value)}; {nearest(str(value), options)}"
+    if kind in {"too_short", "too_long"}:
+        return _size(where, kind, context)
+    return f"{where}: {_type_message(kind, detail, value)}"
+
+
+def _type_message(kind: str, detail: ErrorDetails, value: Any) -> str:
+    for word, wanted in _KINDS.items():
+        if kind.startswith(f"{word}_"):
+            given = "nothing" if value is None else show(value)
+            unquote = word in {"int", "float", "bool"} and isinstance(value, str) and _looks_plain(value)
+            return f"must be {wanted}, not {given}" + ("; remove the quotes" if unquote else "")
+    return detail["msg"]
+
+
+def _looks_plain(text: str) -> bool:
+    return text in {"true", "false"} or text.lstrip("+-").replace(".", "", 1).isdecimal()
+
+
+def _size(where: str, kind: str, context: Mapping[str, Any]) -> str:
+    if kind == "too_long":
+        return f"{where}: {context['actual_length']} items are more than the most allowed, {context['max_length']}"
+    least = context["min_length"]
+    return f"{where}: needs at least {least} item{'s' if least > 1 else ''}, has {context['actual_length']}"
+
+
+def _number(limit: float) -> str:
+    return f"{limit:g}" if abs(limit) < 1e5 else f"{limit:.0f}"
+
+
+def _literals(expected: str) -> list[str]:
+    return [word.strip("' ") for word in expected.replace(" or ", ", ").split(",")]
+
+
+def _hint(model: type[BaseModel], loc: Sequence[str | int]) -> str:
+    info = _field_at(model, tuple(loc))
+    return f": {_uncapitalised(info.description)}" if info is not None and info.description else ""
+
+
+def _uncapitalised(text: str) -> str:
+    return (text[0].lower() + text[1:]).rstrip(".")
+
+
+def fields_at(model: type[BaseModel], loc: Path) -> tuple[str, ...]:
+    """The keys that a map at a place of a model may have."""
+    inner = _model_at(model, loc)
+    return tuple(inner.model_fields) if inner else ()
+
+
+def _field_at(model: type[BaseModel], loc: Path) -> FieldInfo | None:
+    inner = _model_at(model, loc[:-1])
+    return inner.model_fields.get(str(loc[-1])) if inner else None
+
+
+def _model_at(model: type[BaseModel], loc: Path) -> type[BaseModel] | None:
+    here: Any = model
+    for step in loc:
+        if isinstance(here, type) and issubclass(here, BaseModel):
+            info = here.model_fields.get(str(step))
+            here = info.annotation if info else None
+        else:  # an item of a list or a map
+            here = next((_inner(argument) for argument in get_args(here) if _inner(argument)), None)
+        here = _inner(here) or here
+    return here if isinstance(here, type) and issubclass(here, BaseModel) else None
+
+
+def _inner(annotation: Any) -> type[BaseModel] | None:
+    """The model in an annotation such as `Start | None`, looking through unions and Annotated, not containers."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    origin = getattr(annotation, "__origin__", None)
+    if origin in {dict, tuple, list}:
+        return None
+    return next((found for argument in get_args(annotation) if (found := _inner(argument))), None)

@@ -1,0 +1,393 @@
+"""The recipe language as models: every key, its type, its range and its meaning.
+
+They are frozen, refuse unknown keys, and take no type for another (`"30"` is no number). Shorthands are written out
+before a value comes here. Lengths are metres, times seconds, angles degrees, speeds metres a second.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic_core import PydanticCustomError
+
+MAX_FRAMES = 100_000
+MAX_VARIANTS = 10_000
+MAX_SEED = 2**32 - 1
+NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # names become folders; a dot in one would break consumers of file stems
+NAME_LENGTH = 64
+TRAFFIC_LIMIT = 250  # instance numbers are three digits, shared out in lower.py
+
+Name = Annotated[str, StringConstraints(pattern=NAME, max_length=NAME_LENGTH)]
+ActorName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=NAME_LENGTH)]
+Colour = Annotated[str, StringConstraints(pattern=r"^#[0-9A-Fa-f]{6}$")]
+Metres = Annotated[float, Field(ge=-10_000, le=10_000, allow_inf_nan=False)]
+Degrees = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)]
+Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
+Magnitude = Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)]
+Turn = Annotated[float, Field(ge=0, le=180, allow_inf_nan=False)]
+Modality = Literal["rgb", "depth", "instance", "semantic"]
+Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
+
+
+def _pair(value: Any) -> Any:
+    if isinstance(value, tuple) and len(value) == 2 and value[0] > value[1]:
+        raise PydanticCustomError(
+            "range", "the range [{low}, {high}] runs backwards", {"low": value[0], "high": value[1]}
+        )
+    return value
+
+
+def _lists_as_tuples(**extra: Any) -> Any:
+    return Field(strict=False, **extra)
+
+
+class Model(BaseModel):
+    """A frozen part of a recipe."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class Clock(Model):
+    """When frames are taken."""
+
+    fps: Annotated[int, Field(ge=1, le=1000, description="Frames a second; must divide `physics`.")]
+    frames: Annotated[int, Field(ge=1, le=MAX_FRAMES, description="Frames in a clip.")]
+    physics: Annotated[int, Field(ge=60, le=1000, description="Physics steps a second.")] = 240
+
+    @model_validator(mode="after")
+    def _fps_divides(self) -> Clock:
+        if self.physics % self.fps:
+            below = [n for n in range(1, self.fps) if self.physics % n == 0][-1]
+            above = [n for n in range(self.fps, self.physics + 1) if self.physics % n == 0][:1]
+            raise PydanticCustomError(
+                "fps",
+                "fps {fps} does not divide the physics rate {physics}; the nearest that do are {near}",
+                {"fps": self.fps, "physics": self.physics, "near": " and ".join(map(str, [below, *above]))},
+            )
+        return self
+
+
+class Town(Model):
+    """The town: its name, its seed and its own parameters."""
+
+    model_config = ConfigDict(extra="allow")
+
+    name: Annotated[
+        str, Field(max_length=NAME_LENGTH, description="One of the towns; `town: downtown` is short for it.")
+    ]
+    seed: Annotated[Seed, Field(description="Which of the towns of that name; the recipe's own seed has no say.")] = 0
+
+
+class Weather(Model):
+    """CARLA's fourteen weather parameters, over a preset. Absent ones are the preset's."""
+
+    preset: Annotated[
+        str, Field(max_length=NAME_LENGTH, description="A CARLA preset; `weather: ClearNoon` is short for it.")
+    ] = "Default"
+    cloudiness: Annotated[Percent | None, Field(description="Clouds, 0 to 100.")] = None
+    precipitation: Annotated[Percent | None, Field(description="Rain, 0 to 100.")] = None
+    precipitation_deposits: Annotated[Percent | None, Field(description="Puddles, 0 to 100.")] = None
+    wind_intensity: Annotated[Percent | None, Field(description="Wind, 0 to 100.")] = None
+    sun_azimuth_angle: Annotated[
+        float | None,
+        Field(ge=0, le=360, allow_inf_nan=False, description="CARLA's azimuth: clockwise, seen from above, from +x."),
+    ] = None
+    sun_altitude_angle: Annotated[
+        float | None, Field(ge=-90, le=90, allow_inf_nan=False, description="Degrees above the horizon.")
+    ] = None
+    fog_density: Annotated[Percent | None, Field(description="Fog, 0 to 100.")] = None
+    fog_distance: Annotated[
+        float | None, Field(ge=0, le=10_000, allow_inf_nan=False, description="Metres at which fog starts.")
+    ] = None
+    fog_falloff: Annotated[
+        float | None, Field(ge=0, le=1000, allow_inf_nan=False, description="How fast fog thins with height.")
+    ] = None
+    wetness: Annotated[Percent | None, Field(description="How wet surfaces are, 0 to 100.")] = None
+    scattering_intensity: Annotated[Percent | None, Field(description="Light that fog scatters, 0 to 100.")] = None
+    mie_scattering_scale: Annotated[
+        float | None, Field(ge=0, le=5, allow_inf_nan=False, description="Scattering by large particles.")
+    ] = None
+    rayleigh_scattering_scale: Annotated[
+        float | None, Field(ge=0, le=2, allow_inf_nan=False, description="Scattering by air.")
+    ] = None
+    dust_storm: Annotated[Percent | None, Field(description="Dust in the air, 0 to 100.")] = None
+
+
+class Geography(Model):
+    """Where and on which day `time` is told. The town's +x points east, its +y north."""
+
+    latitude: Annotated[float, Field(ge=-89, le=89, allow_inf_nan=False, description="Degrees north.")] = 49.0
+    longitude: Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False, description="Degrees east.")] = 8.0
+    date: Annotated[
+        str,
+        StringConstraints(pattern=r"^(19|20)[0-9]{2}-[0-9]{2}-[0-9]{2}$"),
+        Field(description='The day, quoted: "2022-08-12".'),
+    ] = "2022-08-12"
+    utc_offset: Annotated[
+        float | None,
+        Field(ge=-14, le=14, allow_inf_nan=False, description="Hours ahead of UTC; absent: longitude / 15, rounded."),
+    ] = None
+
+
+class GroundPoint(Model):
+    """A point on the ground plan."""
+
+    x: Annotated[Metres, Field(description="Metres.")]
+    y: Annotated[Metres, Field(description="Metres.")]
+
+
+class Start(GroundPoint):
+    """Where an actor starts; its height is the ground's."""
+
+    yaw: Annotated[
+        Degrees | None, Field(description="Degrees counter-clockwise from +x; absent: towards the way it goes.")
+    ] = None
+
+
+class Actor(Model):
+    """A pedestrian or a vehicle."""
+
+    blueprint: Annotated[
+        str,
+        StringConstraints(pattern=r"^[A-Za-z0-9_.?*-]+$", max_length=NAME_LENGTH),
+        Field(description="An id of the library or a glob such as `walker.pedestrian.*`, chosen by seed and name."),
+    ]
+    speed: Annotated[
+        float | None,
+        Field(ge=0, le=60, allow_inf_nan=False, description="m/s; absent: the blueprint's own; 0: it stands."),
+    ] = None
+    start: Annotated[Start | None, Field(description="Absent: a spawn point of the town, by seed and name.")] = None
+    goal: Annotated[GroundPoint | None, Field(description="It goes there straight; absent: a route of the town.")] = (
+        None
+    )
+    route: Annotated[
+        tuple[GroundPoint, ...] | None,
+        _lists_as_tuples(min_length=1, max_length=1000, description="Waypoints after the start, instead of `goal`."),
+    ] = None
+    look: Annotated[
+        dict[str, Colour], Field(description='Colours by slot: `{shirt: "#aa0000"}`; absent: by seed and name.')
+    ] = {}
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Actor:
+        if self.goal and self.route:
+            raise PydanticCustomError(
+                "way", "`goal` and `route` are both given; keep one, and end the route at the goal"
+            )
+        return self
+
+
+class Traffic(Model):
+    """Seeded others, named traffic.vehicle.0 and so on."""
+
+    vehicles: Annotated[int, Field(ge=0, le=TRAFFIC_LIMIT, description="How many vehicles drive about.")] = 0
+    pedestrians: Annotated[int, Field(ge=0, le=TRAFFIC_LIMIT, description="How many pedestrians walk about.")] = 0
+
+
+class Mount(Model):
+    """Where a sensor is: x forward, y left, z up; positive pitch looks down."""
+
+    on: Annotated[ActorName | None, Field(description="An actor whose frame this is; absent: the world.")] = None
+    x: Annotated[Metres, Field(description="Metres.")] = 0.0
+    y: Annotated[Metres, Field(description="Metres.")] = 0.0
+    z: Annotated[Metres, Field(description="Metres.")] = 0.0
+    yaw: Annotated[Degrees, Field(description="Degrees, counter-clockwise.")] = 0.0
+    pitch: Annotated[Degrees, Field(description="Degrees, down.")] = 0.0
+    roll: Annotated[Degrees, Field(description="Degrees, to the right.")] = 0.0
+
+
+class Camera(Model):
+    """A pinhole camera and what it makes of light."""
+
+    width: Annotated[int, Field(ge=16, le=4096, description="Pixels.")] = 800
+    height: Annotated[int, Field(ge=16, le=4096, description="Pixels.")] = 600
+    fov: Annotated[
+        float, Field(ge=1, le=170, allow_inf_nan=False, description="Horizontal field of view, degrees.")
+    ] = 90.0
+    near: Annotated[float, Field(ge=0.01, le=10, allow_inf_nan=False, description="Nearest depth, metres.")] = 0.1
+    far: Annotated[float, Field(ge=20, le=10_000, allow_inf_nan=False, description="Farthest depth, metres.")] = 1000.0
+    exposure: Annotated[
+        float, Field(ge=-10, le=10, allow_inf_nan=False, description="Stops on top of the automatic exposure.")
+    ] = 0.0
+    noise: Annotated[
+        float, Field(ge=0, le=10, allow_inf_nan=False, description="0: none; 1: a good street camera's.")
+    ] = 1.0
+    antialias: Annotated[bool, Field(description="Smooth edges in RGB; labels never are.")] = True
+
+
+class Target(Model):
+    """Where linear motion ends; an absent coordinate is the mount's."""
+
+    x: Annotated[Metres | None, Field(description="Metres.")] = None
+    y: Annotated[Metres | None, Field(description="Metres.")] = None
+    z: Annotated[Metres | None, Field(description="Metres.")] = None
+
+
+class Linear(Model):
+    """From the mount to a point, straight, then it stays there."""
+
+    to: Annotated[Target, Field(description="In the mount's frame.")]
+    speed: Annotated[float, Field(gt=0, le=100, allow_inf_nan=False, description="m/s.")]
+
+
+Span = Annotated[
+    tuple[Degrees, Degrees] | None, Field(strict=False, description="[lowest, highest], degrees, added to the mount's.")
+]
+
+
+class Rotation(Model):
+    """A smooth sweep to and fro, a sine over time, that starts midway."""
+
+    yaw: Span = None
+    pitch: Span = None
+    roll: Span = None
+    period: Annotated[float, Field(ge=0.1, le=86_400, allow_inf_nan=False, description="Seconds to and fro.")]
+
+    @model_validator(mode="after")
+    def _forwards(self) -> Rotation:
+        for pair in (self.yaw, self.pitch, self.roll):
+            _pair(pair)
+        return self
+
+
+class Jitter(Model):
+    """Uniform between -m and m at every frame, on the whole rig, never added up."""
+
+    x: Annotated[Magnitude, Field(description="Metres.")] = 0.0
+    y: Annotated[Magnitude, Field(description="Metres.")] = 0.0
+    z: Annotated[Magnitude, Field(description="Metres.")] = 0.0
+    yaw: Annotated[Turn, Field(description="Degrees.")] = 0.0
+    pitch: Annotated[Turn, Field(description="Degrees.")] = 0.0
+    roll: Annotated[Turn, Field(description="Degrees.")] = 0.0
+
+
+class Motion(Model):
+    """How a rig moves in its mount's frame; any of the three, together."""
+
+    linear: Annotated[Linear | None, Field(description="Along a line.")] = None
+    rotation: Annotated[Rotation | None, Field(description="To and fro.")] = None
+    jitter: Annotated[Jitter | None, Field(description="Shaking.")] = None
+
+
+class Sensor(Model):
+    """One rig pose and all its modalities, which agree to the pixel."""
+
+    mount: Annotated[Mount, Field(description="Where it is.")]
+    camera: Annotated[Camera, Field(description="Its picture.")] = Camera()
+    capture: Annotated[
+        tuple[Modality, ...], _lists_as_tuples(min_length=1, description="Which of rgb, depth, instance, semantic.")
+    ]
+    motion: Annotated[Motion, Field(description="How it moves.")] = Motion()
+
+    @model_validator(mode="after")
+    def _once(self) -> Sensor:
+        for modality in self.capture:
+            if self.capture.count(modality) > 1:
+                raise PydanticCustomError("once", "capture names {name} twice; once is enough", {"name": modality})
+        return self
+
+
+class Base(Model):
+    """One scenario: what every variant starts from."""
+
+    clock: Annotated[Clock, Field(description="When frames are taken.")]
+    town: Annotated[Town, Field(description="The town, or its name.")]
+    weather: Annotated[Weather, Field(description="The weather, or a preset's name.")] = Weather()
+    time: Annotated[
+        str | None,
+        StringConstraints(pattern=r"^([01][0-9]|2[0-3]):[0-5][0-9](:[0-5][0-9])?$"),
+        Field(description='Time of day, quoted: "19:40"; sets the sun, unless a sun angle is given by hand.'),
+    ] = None
+    place: Annotated[Geography, Field(description="Where `time` is told.")] = Geography()
+    actors: Annotated[dict[Name, Actor], Field(description="Actors by name.")] = {}
+    traffic: Annotated[Traffic, Field(description="Seeded others.")] = Traffic()
+    sensors: Annotated[dict[Name, Sensor], Field(min_length=1, description="Sensors by name.")]
+
+
+class Distribution(Model):
+    """What a draw takes its value from: exactly one of the four."""
+
+    uniform: Annotated[tuple[float, float] | None, Field(strict=False, description="[low, high].")] = None
+    normal: Annotated[tuple[float, float] | None, Field(strict=False, description="[mean, deviation].")] = None
+    integer: Annotated[tuple[int, int] | None, Field(strict=False, description="[low, high], both included.")] = None
+    choice: Annotated[
+        tuple[bool | int | float | str, ...] | None,
+        _lists_as_tuples(min_length=1, max_length=1000, description="One of these."),
+    ] = None
+    clip: Annotated[tuple[float, float] | None, Field(strict=False, description="With `normal`: [low, high].")] = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Distribution:
+        given = [name for name in ("uniform", "normal", "integer", "choice") if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "none"
+            raise PydanticCustomError(
+                "distribution", "a draw is one of uniform, normal, integer, choice; this has {found}", {"found": found}
+            )
+        if self.clip and not self.normal:
+            raise PydanticCustomError("clip", "`clip` goes with `normal` only")
+        if self.normal and self.normal[1] < 0:
+            raise PydanticCustomError("deviation", "a deviation of {it} is negative", {"it": self.normal[1]})
+        for pair in (self.uniform, self.integer, self.clip):
+            _pair(pair)
+        return self
+
+
+class Draw(Model):
+    """Random draws, resolved when compiled; each is a variant with the same draws in all axes' values."""
+
+    count: Annotated[int, Field(ge=1, le=MAX_VARIANTS, description="How many draws of each variant.")]
+    values: Annotated[
+        dict[str, Distribution],
+        Field(min_length=1, max_length=100, description="Path, such as actors.hero1.speed, to distribution."),
+    ]
+
+
+class Sweep(Model):
+    """Which variants there are."""
+
+    axes: Annotated[
+        tuple[str, ...] | None,
+        _lists_as_tuples(min_length=1, description="Axes to multiply; absent: all, in file order."),
+    ] = None
+    exclude: Annotated[
+        tuple[dict[str, str], ...],
+        _lists_as_tuples(max_length=1000, description="Combinations to leave out: `{weather: foggy}`."),
+    ] = ()
+    repeats: Annotated[
+        int, Field(ge=1, le=MAX_VARIANTS, description="Runs of each variant, each with a seed of its own.")
+    ] = 1
+    draw: Annotated[Draw | None, Field(description="Random draws.")] = None
+
+
+class Output(Model):
+    """What is written besides the frames."""
+
+    annotations: Annotated[
+        tuple[Literal["kwcoco", "coco", "mots_txt", "mots_png"], ...],
+        _lists_as_tuples(description="Annotation formats."),
+    ] = ("kwcoco", "coco")
+    depth: Annotated[
+        Literal["carla", "npy"], Field(description="Depth on disk: CARLA's 24-bit PNG, or float32 metres.")
+    ] = "carla"
+
+    @model_validator(mode="after")
+    def _once(self) -> Output:
+        for name in self.annotations:
+            if self.annotations.count(name) > 1:
+                raise PydanticCustomError("once", "annotations name {name} twice; once is enough", {"name": name})
+        return self
+
+
+class Recipe(Model):
+    """A recipe without its base and deltas, which are checked variant by variant."""
+
+    recipe: Annotated[Name, Field(description="The dataset's name.")]
+    description: Annotated[str, Field(max_length=2000, description="What the dataset is for.")] = ""
+    seed: Annotated[Seed, Field(description="Seeds every draw; 0 is a seed like any other.")] = 0
+    extends: Annotated[str | None, Field(description="A file below this one's folder that this one is laid over.")] = (
+        None
+    )
+    sweep: Annotated[Sweep, Field(description="Which variants there are.")] = Sweep()
+    output: Annotated[Output, Field(description="What is written.")] = Output()

@@ -1,0 +1,315 @@
+"""YAML with positions: every value of a recipe knows the file, line and column that set it.
+
+A recipe may come from a stranger, so reading it is bounded in bytes, nodes and depth, tags are refused, and nothing
+is constructed but numbers, text, lists and maps. A plain scalar on which YAML 1.1 and YAML 1.2 disagree (`no`,
+`12:30`, `1_000`, `017`, `1e3`, a date) is refused with what a reader would make of it: whatever it was meant to be,
+quoting or rewriting it says so. Keys are text, always, so `on:` is a key like any other.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import yaml
+
+from recipe_compiler.errors import Place, Problem
+
+MAX_BYTES = 1 << 20
+MAX_NODES = 50_000  # after aliases are expanded
+MAX_DEPTH = 32
+MAX_INTEGER = 2**53 - 1  # beyond it, JSON readers disagree
+
+_INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)\Z|0x[0-9a-fA-F]+\Z")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+][0-9]+)?\Z")
+_NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)\Z|\.(nan|NaN|NAN)\Z")
+_WORDS = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
+_TRUTHS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
+
+# What YAML 1.1 or 1.2 makes of a plain scalar that the other reads differently.
+_YES_NO = re.compile(r"(?i:(yes|on|y)|(no|off|n))\Z")
+_BASE_60 = re.compile(r"[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?\Z")
+_UNDERSCORED = re.compile(r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?\Z")
+_OCTAL = re.compile(r"[-+]?0o?[0-7]+\Z")
+_LEADING_ZERO = re.compile(r"[-+]?0[0-9]+\Z")
+_BINARY = re.compile(r"[-+]?0b[01_]+\Z")
+_EXPONENT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)[eE][-+]?[0-9]+\Z")
+_DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}([Tt ].*)?\Z")
+
+Plain = Any  # None, bool, int, float, str, and lists and maps of them
+
+
+@dataclass(frozen=True, eq=False)
+class Value:
+    """A value of a recipe: a scalar, a tuple of values, or a map of them, with the place that set it."""
+
+    data: bool | int | float | str | tuple[Value, ...] | dict[str, Value] | None
+    place: Place
+    keys: dict[str, Place] = field(default_factory=dict)  # of a map: where each key stands
+
+    @cached_property
+    def plain(self) -> Plain:
+        """The same without places."""
+        if isinstance(self.data, dict):
+            return {key: value.plain for key, value in self.data.items()}
+        if isinstance(self.data, tuple):
+            return [value.plain for value in self.data]
+        return self.data
+
+    @property
+    def map(self) -> dict[str, Value]:
+        """Its entries; none for what is not a map."""
+        return self.data if isinstance(self.data, dict) else {}
+
+    def get(self, *path: str | int) -> Value | None:
+        """What lies at a path of keys and indices below it, if anything."""
+        here: Value = self
+        for step in path:
+            if isinstance(here.data, dict) and step in here.data:
+                here = here.data[str(step)]
+            elif isinstance(here.data, tuple) and isinstance(step, int) and step < len(here.data):
+                here = here.data[step]
+            else:
+                return None
+        return here
+
+    def place_of(self, *path: str | int) -> Place:
+        """Where the value at a path stands; if there is none, the key of the nearest map around it."""
+        here, place = self, self.place
+        for step in path:
+            child = here.get(step)
+            if child is None:
+                break
+            place = here.key_place(step) if isinstance(child.data, dict) else child.place
+            here = child
+        return place
+
+    def key_place(self, key: str | int) -> Place:
+        """Where a key of this map stands; for an item of a list, the item's own place."""
+        if isinstance(key, str) and key in self.keys:
+            return self.keys[key]
+        child = self.get(key)
+        return child.place if child else self.place
+
+
+def show(value: Plain) -> str:
+    """A value as a message shows it: JSON, ASCII only so that no terminal obeys it, and short."""
+    if isinstance(value, dict):
+        return "a map"
+    if isinstance(value, list | tuple):
+        return "a list"
+    text = json.dumps(value[:60] if isinstance(value, str) else value)
+    return text if len(text) <= 60 and not (isinstance(value, str) and len(value) > 60) else text[:56] + '..."'
+
+
+def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:
+    """The document in a file's bytes, and all that is wrong with its YAML; None if there is nothing to go on with."""
+    start = Place(file, 1, 1)
+    if len(content) > MAX_BYTES:
+        return None, [Problem(f"the file is larger than {MAX_BYTES} bytes, the limit for a recipe", start)]
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        bad = f"byte 0x{content[error.start]:02x} at offset {error.start}"
+        return None, [Problem(f"not a text file in UTF-8: {bad}; save the recipe as UTF-8 text", start)]
+    reader = _Reader(file)
+    try:
+        root = reader.document(yaml.parse(text, Loader=yaml.SafeLoader))
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        column = error.position - (text.rfind("\n", 0, error.position) + 1) + 1
+        message = f"the character U+{int(error.character):04X} cannot stand in YAML; is this a text file?"
+        return None, [*reader.problems, Problem(message, Place(file, line, column))]
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = Place(file, mark.line + 1, mark.column + 1) if mark else start
+        return None, [*reader.problems, Problem(_explain(error, text, place), place)]
+    except _StopError as stop:
+        return None, [*reader.problems, stop.problem]
+    if root is None and not reader.problems:
+        return None, [Problem("the file is empty; a recipe starts with `recipe: its_name`", start)]
+    return root, reader.problems
+
+
+def _explain(error: yaml.MarkedYAMLError, text: str, place: Place) -> str:
+    lines = text.splitlines()
+    rest = lines[place.line - 1][place.column - 1 :] if place.line <= len(lines) else ""
+    if rest.startswith("\t"):
+        return "a tab cannot indent YAML; use spaces"
+    problem = (error.problem or "it cannot be read").replace("\n", " ")
+    context = f", {error.context}".replace("\n", " ") if error.context else ""
+    if "mapping values are not allowed" in problem:
+        return "this is not valid YAML: a second `:` on the line, or wrong indentation; quote text that holds `: `"
+    return f"this is not valid YAML: {problem}{context}"
+
+
+class _StopError(Exception):
+    """Reading cannot go on."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+
+
+class _Reader:
+    """Builds values from YAML events and gathers what is wrong with them."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.problems: list[Problem] = []
+        self._anchors: dict[str, tuple[Value | None, int]] = {}  # value (None: still open) and its nodes
+        self._nodes = 0
+
+    def document(self, events: Iterator[yaml.Event]) -> Value | None:
+        root: Value | None = None
+        for event in events:
+            if isinstance(event, yaml.DocumentStartEvent) and root is not None:
+                raise _StopError(self._problem(event, "a second document starts here; a recipe is one document"))
+            if isinstance(event, yaml.NodeEvent):
+                root = self._value(event, events, 0)
+        return None if root is None or root.data is None else root
+
+    def _place(self, event: yaml.Event) -> Place:
+        mark = event.start_mark
+        return Place(self.file, mark.line + 1, mark.column + 1) if mark else Place(self.file, 1, 1)
+
+    def _problem(self, event: yaml.Event, message: str) -> Problem:
+        return Problem(message, self._place(event))
+
+    def _report(self, event: yaml.Event, message: str) -> None:
+        self.problems.append(self._problem(event, message))
+
+    def _count(self, event: yaml.Event, nodes: int) -> None:
+        self._nodes += nodes
+        if self._nodes > MAX_NODES:
+            raise _StopError(self._problem(event, f"over {MAX_NODES} values, aliases counted; the limit for a recipe"))
+
+    def _value(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Value:
+        if isinstance(event, yaml.AliasEvent):
+            return self._alias(event)
+        assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
+        if depth > MAX_DEPTH:
+            raise _StopError(self._problem(event, f"nested more than {MAX_DEPTH} deep, the limit for a recipe"))
+        before = self._nodes
+        self._count(event, 1)
+        if event.tag:
+            self._report(event, f"the tag {show(event.tag)} is refused: recipes hold plain data only; remove it")
+        if event.anchor:
+            self._anchors[event.anchor] = (None, 0)
+        if isinstance(event, yaml.ScalarEvent):
+            value = Value(self._scalar(event), self._place(event))
+        elif isinstance(event, yaml.SequenceStartEvent):
+            value = self._list(event, events, depth)
+        else:
+            value = self._map(event, events, depth)
+        if event.anchor:
+            self._anchors[event.anchor] = (value, self._nodes - before)
+        return value
+
+    def _alias(self, event: yaml.AliasEvent) -> Value:
+        name = event.anchor or ""
+        value, nodes = self._anchors.get(name, (None, -1))
+        if value is None:
+            cause = "is not defined above" if nodes < 0 else "stands inside the value that it names"
+            raise _StopError(self._problem(event, f"the alias *{name[:40]} {cause}"))
+        self._count(event, nodes)
+        return value
+
+    def _list(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Value:
+        items: list[Value] = []
+        for inner in events:
+            if isinstance(inner, yaml.SequenceEndEvent):
+                break
+            items.append(self._value(inner, events, depth + 1))
+        return Value(tuple(items), self._place(event))
+
+    def _map(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Value:
+        entries: dict[str, Value] = {}
+        keys: dict[str, Place] = {}
+        for inner in events:
+            if isinstance(inner, yaml.MappingEndEvent):
+                break
+            if not isinstance(inner, yaml.ScalarEvent):
+                raise _StopError(self._problem(inner, "a key must be plain text, not a list, a map or an alias"))
+            self._count(inner, 1)
+            key = inner.value
+            if key == "<<" and inner.implicit[0]:
+                self._report(inner, "merge keys `<<` are not part of the language; use `extends` or a delta")
+            elif key in entries:
+                self._report(
+                    inner, f"the key {show(key)} stands here twice, first on line {keys[key].line}; remove one"
+                )
+            value = self._value(next(events), events, depth + 1)
+            if key not in entries and key != "<<":
+                entries[key], keys[key] = value, self._place(inner)
+        return Value(entries, self._place(event), keys)
+
+    def _scalar(self, event: yaml.ScalarEvent) -> bool | int | float | str | None:
+        text = str(event.value)
+        if not event.implicit[0]:
+            return text  # quoted, or a block
+        if text in _WORDS:
+            return None
+        if text in _TRUTHS:
+            return _TRUTHS[text]
+        if _NOT_FINITE.match(text):
+            self._report(event, f"{text} is not a finite number; recipes hold finite numbers only")
+            return text
+        trap = _trap(text)
+        if trap:
+            self._report(event, trap)
+            return text
+        return self._number(event, text)
+
+    def _number(self, event: yaml.ScalarEvent, text: str) -> int | float | str:
+        if _INTEGER.match(text):
+            if len(text) > 20 or abs(int(text, 0)) > MAX_INTEGER:
+                self._report(event, f"the number {text[:20]} is too large; the limit is {MAX_INTEGER}")
+                return text
+            return int(text, 0)
+        if _FLOAT.match(text) and len(text) <= 400:
+            number = float(text)
+            if not math.isfinite(number):
+                self._report(event, f"the number {text[:20]} is too large for a float")
+                return text
+            return number + 0.0  # -0.0 is 0
+        return text
+
+
+def _trap(text: str) -> str | None:
+    """What YAML would make of a plain scalar, if its versions disagree about it; how to write it instead."""
+    short = text[:40]
+    if match := _YES_NO.match(text):
+        truth = "true" if match[1] else "false"
+        return f'YAML turns the bare word {short} into {truth}; write {truth}, or quote it: "{short}"'
+    if _BASE_60.match(text):
+        return f'YAML turns the bare {short} into a number in base 60{_base_60(text)}; quote it: "{short}"'
+    if _DATE.match(text):
+        return f'YAML turns the bare {short} into a date; quote it: "{short}"'
+    if _UNDERSCORED.match(text):
+        digits = short.replace("_", "")
+        return f'YAML turns the bare {short} into the number {digits}; write {digits}, or quote it: "{short}"'
+    if _OCTAL.match(text) and text not in {"0", "-0", "+0"}:
+        number = int(text.replace("0o", "0").replace("o", "")[-20:], 8)
+        return f'YAML turns the bare {short} into the octal number {number}; write {number}, or quote it: "{short}"'
+    if _LEADING_ZERO.match(text):
+        return f'YAML reads the bare {short} as a number or as text; drop the leading zero, or quote it: "{short}"'
+    if _BINARY.match(text):
+        return f'YAML turns the bare {short} into a binary number; write it in decimal, or quote it: "{short}"'
+    if _EXPONENT.match(text) and not _FLOAT.match(text):
+        return f'YAML reads the bare {short} as a number or as text; write it without exponent, or quote it: "{short}"'
+    return None
+
+
+def _base_60(text: str) -> str:
+    parts = text.lstrip("+-").split(":")
+    if len(text) > 12 or not all(part.isdigit() for part in parts):
+        return ""
+    total = 0
+    for part in parts:
+        total = total * 60 + int(part)
+    return f", {total}"
