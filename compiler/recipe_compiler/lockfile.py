@@ -4,7 +4,8 @@ One row a line, kinds in a fixed order and sorted within; the format's version c
 or path is in it. Rows:
 
     recipe-lock 1
-    recipe NAME DATASET-PLAN-DIGEST
+    recipe NAME PATH DATASET-PLAN-DIGEST                   PATH leads from the lockfile's folder to the recipe
+    identity NAME@sha256:DIGEST                            what a paper prints
     file PATH SHA256                                       the recipe and every file it includes
     tool NAME VERSION                                      what it was made with
     stage NAME VERSION                                     of each stage that bytes depend on
@@ -13,22 +14,28 @@ or path is in it. Rows:
     body SCENE STRIDE ACTOR DIGEST CHECKPOINTS             an actor's motion, and its first eight digits so far
     frame KEY SENSOR MODALITY NUMBER DIGEST                pixels; KEY is the observation of labels, the scenario
                                                            of colour: labels that variants share are listed once
+    seal DIGEST                                            over all rows above: a damaged lockfile is known as one
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from urllib.parse import quote, unquote
 
-from recipe_compiler.canonical import digest
+from recipe_compiler.canonical import digest, digest_bytes
 from recipe_compiler.errors import InputError, Place, Problem
 from recipe_compiler.plan import DatasetPlan
 
 FORMAT = 1
 SHORT = 16  # digits of a digest that serve as a key within one lockfile
-_WIDTHS = {"recipe": 2, "file": 2, "tool": 2, "stage": 2, "variant": 4, "trace": 2, "body": 5, "frame": 5}
+_WIDTHS = {
+    "recipe": 3, "identity": 1, "file": 2, "tool": 2, "stage": 2, "variant": 4, "trace": 2, "body": 5, "frame": 5,
+    "seal": 1,
+}  # fmt: skip
 
 FrameKey = tuple[str, str, str, int]  # key, sensor, modality, frame
 
@@ -70,6 +77,7 @@ class Lockfile:
     """A lockfile's rows. Two that are equal have equal text."""
 
     recipe: str
+    source: str  # the recipe's path, from the lockfile's folder
     plan: str
     files: dict[str, str]
     tools: dict[str, str]
@@ -78,24 +86,29 @@ class Lockfile:
     traces: dict[str, str] = field(default_factory=dict)  # scene digest -> trace digest
     bodies: dict[tuple[str, str], BodyMotion] = field(default_factory=dict)  # (scene digest, actor)
     frames: dict[FrameKey, str] = field(default_factory=dict)
+    sealed: bool = field(default=True, compare=False)  # whether the text it was read from was whole
 
-    @property
+    @cached_property
     def identity(self) -> str:
         """What a paper prints: the recipe's name and one digest over plans, traces and pixels."""
         pixels = [[*key, value] for key, value in sorted(self.frames.items())]
         variants = [[n, v.scene, v.rig, v.appearance] for n, v in self.variants.items()]
         body = {"plan": self.plan, "variants": variants, "traces": dict(self.traces), "frames": pixels}
-        return f"{self.recipe}@sha256:{digest('dataset/1', body)}"
+        return f"{quote(self.recipe)}@sha256:{digest('dataset/1', body)}"
 
     def dumps(self) -> str:
         """The text of the lockfile."""
-        return "\n".join(" ".join(row) for row in self._rows()) + "\n"
+        body = "\n".join(" ".join(row) for row in self._rows()) + "\n"
+        return f"{body}seal {_seal(body)}\n"
 
     def write(self, path: Path) -> bool:
-        """Write it unless the file already holds these rows; whether it was written."""
+        """Write it unless the file already says the same (tools aside); whether it was written."""
+        if path.is_file():
+            with contextlib.suppress(InputError):
+                there = read(path)
+                if there.sealed and replace(there, tools={}) == replace(self, tools={}):
+                    return False
         text = self.dumps()
-        if path.is_file() and path.read_text() == text:
-            return False
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_name(path.name + ".tmp")
         temporary.write_text(text)
@@ -104,7 +117,8 @@ class Lockfile:
 
     def _rows(self) -> Iterator[tuple[str, ...]]:
         yield "recipe-lock", str(FORMAT)
-        yield "recipe", quote(self.recipe), self.plan
+        yield "recipe", quote(self.recipe), quote(self.source), self.plan
+        yield "identity", self.identity
         for path, value in sorted(self.files.items()):
             yield "file", quote(path), value
         for tool, version in sorted(self.tools.items()):
@@ -128,10 +142,13 @@ class Lockfile:
             yield "frame", key, quote(sensor), modality, f"{number:06d}", value
 
 
-def skeleton(plan: DatasetPlan, files: dict[str, str], tools: dict[str, str], stages: dict[str, int]) -> Lockfile:
+def skeleton(
+    plan: DatasetPlan, source: str, files: dict[str, str], tools: dict[str, str], stages: dict[str, int]
+) -> Lockfile:
     """A lockfile of everything that compiling alone decides: no trace and no frame yet."""
     return Lockfile(
         recipe=plan.recipe,
+        source=source,
         plan=plan.digest,
         files=files,
         tools=tools,
@@ -158,8 +175,8 @@ def loads(text: str, name: str) -> Lockfile:
         raise _bad(name, 1, "this is not a lockfile: its first line is not `recipe-lock 1`")
     if lines[0] != f"recipe-lock {FORMAT}":
         raise _bad(name, 1, f"lockfile format {lines[0][12:]!r} is not format {FORMAT}, the one this release reads")
-    lock = Lockfile(recipe="", plan="", files={}, tools={}, stages={}, variants={})
-    head: list[str] = []
+    lock = Lockfile(recipe="", source="", plan="", files={}, tools={}, stages={}, variants={})
+    head, identity = [""] * 3, ""
     for number, line in enumerate(lines[1:], start=2):
         kind, *cells = line.split(" ")
         if kind not in _WIDTHS:
@@ -168,14 +185,22 @@ def loads(text: str, name: str) -> Lockfile:
             raise _bad(name, number, f"a {kind} row has {_WIDTHS[kind]} cells after its kind, this one {len(cells)}")
         try:
             if kind == "recipe":
-                head = [unquote(cells[0]), cells[1]]
-            else:
+                head = [unquote(cells[0]), unquote(cells[1]), cells[2]]
+            elif kind == "identity":
+                identity = cells[0]
+            elif kind != "seal":
                 _add_row(lock, kind, cells)
         except ValueError as error:
             raise _bad(name, number, f"a broken {kind} row: {error}") from None
-    if not head:
+    if not head[0]:
         raise _bad(name, 1, "the lockfile names no recipe: its `recipe` row is missing")
-    return Lockfile(**{**lock.__dict__, "recipe": head[0], "plan": head[1]})
+    lock = replace(lock, recipe=head[0], source=head[1], plan=head[2])
+    body, _, seal = text.rpartition("seal ")
+    return replace(lock, sealed=seal.strip() == _seal(body) and identity == lock.identity)
+
+
+def _seal(body: str) -> str:
+    return digest_bytes("lockfile/1", body.encode())
 
 
 def _add_row(lock: Lockfile, kind: str, cells: list[str]) -> None:

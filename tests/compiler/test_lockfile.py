@@ -1,5 +1,6 @@
 """The lockfile: one text for one meaning, and a clear word for a broken one."""
 
+import contextlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from recipe_compiler.lockfile import BodyMotion, Lockfile, VariantRow
 A, B, C, D = ("a" * 64, "b" * 64, "c" * 64, "d" * 64)
 LOCK = Lockfile(
     recipe="rain bench",
+    source="../x y.yaml",
     plan=A,
     files={"x y.yaml": B},
     tools={"numpy": "2.2.6"},
@@ -37,7 +39,18 @@ def test_equal_rows_are_not_written_again(tmp_path: Path) -> None:
     before = path.stat()
     assert not LOCK.write(path)
     assert path.stat().st_mtime_ns == before.st_mtime_ns
+    assert not replace(LOCK, tools={"numpy": "3.0"}).write(path)
     assert replace(LOCK, plan=B).write(path)
+
+
+def test_a_flipped_digit_breaks_the_seal() -> None:
+    text = LOCK.dumps()
+    places = [i for i, c in enumerate(text) if c in "abcd0" and i > 20]
+    for place in places[:: len(places) // 40]:
+        flipped = text[:place] + ("e" if text[place] != "0" else "1") + text[place + 1 :]
+        with contextlib.suppress(InputError):  # a flip in a row's kind is refused outright
+            assert not lockfile.loads(flipped, "x.lock").sealed
+    assert lockfile.loads(text, "x.lock").sealed
 
 
 def test_labels_are_keyed_by_scene_and_rig_and_colour_by_all_three() -> None:
