@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 from importlib.metadata import PackageNotFoundError, version
 
 # In the order in which things are made; a difference is reported at the first stage where it shows.
@@ -18,4 +19,6 @@ def tool_versions() -> dict[str, str]:
             versions[tool] = version(tool)
         except PackageNotFoundError:
             versions[tool] = "none"
+    versions["python"] = ".".join(platform.python_version_tuple()[:2])
+    versions["glibc"] = platform.libc_ver()[1] or "none"
     return versions

@@ -1,0 +1,124 @@
+"""Plans and frames to lockfile rows; the same rows whether a build, `recipe lock` or the verifier asks."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from recipe_compiler.lockfile import BodyMotion, FrameKey, Lockfile, VariantRow, skeleton
+from recipe_compiler.plan import DatasetPlan, ScenePlan
+
+from recipe_runtime import pool
+from recipe_runtime.engines import Engines, Progress, real_engines
+from recipe_runtime.schedule import Shard, View, all_shards, simulations, views
+from recipe_runtime.store import Store
+from recipe_runtime.trace import Trace
+from recipe_runtime.versions import STAGES, tool_versions
+from recipe_runtime.worker import FrameRecord, Job
+
+CHECKPOINTS = 64  # at most so many a body; they tell about when a motion parts
+CHECKPOINT_DIGITS = 8
+
+
+def lock(
+    plan: DatasetPlan,
+    source: str,
+    files: dict[str, str],
+    *,
+    workers: int,
+    progress: Progress,
+    engines: Engines | None = None,
+    device: str = "cpu",
+) -> Lockfile:
+    """Simulate every scene and render every frame, keep none, and list their digests."""
+    engines = engines or real_engines()
+    with tempfile.TemporaryDirectory(prefix="recipe-lock-") as folder:
+        traces = fresh_traces(simulations(plan), engines, Store(Path(folder)), progress)
+        shards = all_shards(plan)
+        frames = render_rows(plan, shards, engines, Path(folder), workers, progress, device)
+    return with_rows(bare(plan, source, files), traces, simulations(plan), frames)
+
+
+def bare(plan: DatasetPlan, source: str, files: dict[str, str]) -> Lockfile:
+    """The lockfile of a plan before anything was simulated."""
+    return skeleton(plan, source, files, tool_versions(), STAGES)
+
+
+def with_rows(
+    bare_lock: Lockfile, traces: dict[str, Trace], scenes: list[ScenePlan], frames: dict[FrameKey, str]
+) -> Lockfile:
+    """The same lockfile with its traces, bodies and frames filled in."""
+    bodies = {
+        (scene.digest, actor): body_motion(traces[scene.digest], actor)
+        for scene in scenes
+        for actor in traces[scene.digest].actors
+    }
+    return replace(bare_lock, traces={key: trace.digest for key, trace in traces.items()}, bodies=bodies, frames=frames)
+
+
+def fresh_traces(scenes: list[ScenePlan], engines: Engines, store: Store, progress: Progress) -> dict[str, Trace]:
+    """Simulate every scene anew, into a store that workers read."""
+    traces = {}
+    for number, scene in enumerate(scenes):
+        progress("simulate", number, len(scenes))
+        traces[scene.digest] = store.trace(scene, lambda scene=scene: engines.simulate(scene))  # type: ignore[misc]
+    progress("simulate", len(scenes), len(scenes))
+    return traces
+
+
+def render_rows(
+    plan: DatasetPlan,
+    shards: list[Shard],
+    engines: Engines,
+    cache: Path,
+    workers: int,
+    progress: Progress,
+    device: str = "cpu",
+) -> dict[FrameKey, str]:
+    """Render the shards' frames with the traces in the cache, and keep only their digests."""
+    found: dict[FrameKey, str] = {}
+    plan_views, total, count = views(plan), sum(len(s.frames) * len(s.variants) for s in shards), 0
+
+    def done(shard: Shard, records: list[FrameRecord]) -> None:
+        for record in records:
+            found.update(frame_rows(plan, plan_views[shard.view], record))
+
+    def tick(pictures: int) -> None:
+        nonlocal count
+        count += pictures
+        progress("render", count, total)
+
+    pool.run(Job(plan, engines, device, cache, None), shards, workers, done, tick)
+    return found
+
+
+def frame_rows(plan: DatasetPlan, view: View, record: FrameRecord) -> Iterator[tuple[FrameKey, str]]:
+    """The rows of one frame of one view: its labels for every observation, its colours for every scenario."""
+    by_name = {plan.variants[i].variant: plan.variants[i] for i in view.variants}
+    for scenario in by_name.values():
+        key = VariantRow(scenario.scene.digest, scenario.rig.digest, scenario.appearance.digest)
+        for modality, value in record["digests"].items():
+            yield (key.frame_key(modality), view.sensor.name, modality, record["frame"]), value
+        if scenario.variant in record["rgb"]:
+            yield (key.frame_key("rgb"), view.sensor.name, "rgb", record["frame"]), record["rgb"][scenario.variant]
+
+
+def body_motion(trace: Trace, actor: str) -> BodyMotion:
+    """The digest of an actor's motion, and short digests of how it went that far."""
+    stride = -(-trace.frames // CHECKPOINTS)
+    ends = range(stride, trace.frames + 1, stride)
+    points = tuple(trace.actor_digest(actor, end)[:CHECKPOINT_DIGITS] for end in ends)
+    return BodyMotion(trace.actor_digest(actor), stride, points)
+
+
+def first_parting(locked: BodyMotion, ours: BodyMotion) -> tuple[int, int] | None:
+    """The frames between which two motions part, [first, last]; None if they are equal."""
+    if locked == ours:
+        return None
+    if locked.stride == ours.stride:
+        for index, (a, b) in enumerate(zip(locked.checkpoints, ours.checkpoints, strict=False)):
+            if a != b:
+                return index * ours.stride, (index + 1) * ours.stride - 1
+    return len(ours.checkpoints) * ours.stride, -1
