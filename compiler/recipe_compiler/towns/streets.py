@@ -1,0 +1,181 @@
+"""A grid of streets: where its sidewalks lie, and ways through it.
+
+Streets along y stand at `xs`, streets along x at `ys`; where two meet is a junction. A street has two lanes and
+right-hand traffic. Sidewalks turn round every junction's four corners with the kerb's radius.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from recipe_compiler import exact
+from recipe_compiler.plan import Point, Pose, fixed
+from recipe_compiler.streams import Stream
+
+LANE = 3.0  # width; a street's carriageway is two of them
+KERB = 0.15  # height
+FRONT = 9.0  # from the street's centre to the building fronts
+CORNER = 3.0  # radius of the kerb at a junction
+TURN = LANE + CORNER  # from a junction's centre to where its streets become straight
+WALK = 6.5  # from the street's centre to the middle of the sidewalk, and of the crossings
+
+Cell = tuple[int, int]  # a direction (one of the four), or a junction's indices
+XY = tuple[float, float]
+
+
+def _direction(yaw: float) -> Cell:
+    """The grid direction nearest to a yaw in degrees."""
+    s, c = exact.sin_cos_deg(yaw)
+    if abs(c) >= abs(s):
+        return (1 if c > 0 else -1, 0)
+    return (0, 1 if s > 0 else -1)
+
+
+def _right(d: Cell) -> Cell:
+    return d[1], -d[0]
+
+
+def _left(d: Cell) -> Cell:
+    return -d[1], d[0]
+
+
+def _arc(centre: XY, start: XY, end: XY, steps: int = 6) -> list[XY]:
+    """A quarter circle from `start` to `end`, whose radii are perpendicular; `start` left out."""
+    ax, ay = start[0] - centre[0], start[1] - centre[1]
+    bx, by = end[0] - centre[0], end[1] - centre[1]
+    points = []
+    for k in range(1, steps + 1):
+        s, c = exact.sin_cos_deg(90.0 * k / steps)
+        points.append((centre[0] + c * ax + s * bx, centre[1] + c * ay + s * by))
+    return points
+
+
+def _cut(start: XY, points: list[XY], length: float) -> tuple[Point, ...]:
+    """The way from `start` through `points`, ended at that length."""
+    route: list[Point] = []
+    at, left = start, length
+    for point in points:
+        dx, dy = point[0] - at[0], point[1] - at[1]
+        step = math.sqrt(dx * dx + dy * dy)
+        if step < 1e-6:
+            continue
+        if step >= left:
+            route.append(Point(x=at[0] + dx * left / step, y=at[1] + dy * left / step))
+            return tuple(route)
+        route.append(Point(x=point[0], y=point[1]))
+        at, left = point, left - step
+    return tuple(route)
+
+
+@dataclass(frozen=True)
+class StreetGrid:
+    """Streets along y at `xs` and along x at `ys`, ascending, in metres."""
+
+    xs: tuple[float, ...]
+    ys: tuple[float, ...]
+    edge: float  # how far the sidewalks beyond the outermost streets reach from their centres
+
+    def ground(self, x: float, y: float) -> float:
+        """Height of the ground in metres."""
+        dx, dy = min(abs(x - s) for s in self.xs), min(abs(y - s) for s in self.ys)
+        inside = (
+            self.xs[0] - self.edge < x < self.xs[-1] + self.edge
+            and self.ys[0] - self.edge < y < self.ys[-1] + self.edge
+        )
+        if not inside or dx <= LANE or dy <= LANE:
+            return 0.0
+        ax, ay = TURN - dx, TURN - dy
+        if ax > 0.0 and ay > 0.0 and ax * ax + ay * ay > CORNER * CORNER:
+            return 0.0
+        return KERB
+
+    def exists(self, junction: Cell) -> bool:
+        """Whether the grid has that junction."""
+        return 0 <= junction[0] < len(self.xs) and 0 <= junction[1] < len(self.ys)
+
+    def centre(self, junction: Cell) -> XY:
+        """A junction's centre."""
+        return self.xs[junction[0]], self.ys[junction[1]]
+
+    def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
+        """A way along the lanes: straight on, right or left at each junction, as drawn."""
+        d, junction = self._lane_ahead(start)
+        points: list[XY] = []
+        while self.exists(junction) and len(points) < 10_000:
+            turns = [t for t in (d, _right(d), _left(d)) if self.exists((junction[0] + t[0], junction[1] + t[1]))]
+            new = stream.choice(turns) if turns else d
+            points += self._through(self.centre(junction), d, new)
+            d, junction = new, (junction[0] + new[0], junction[1] + new[1])
+            if not turns or _length(start, points) >= length_m:
+                break
+        return _cut((start.x, start.y), points, length_m)
+
+    def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
+        """A way along the sidewalks: at each corner over a crossing or round the corner, as drawn."""
+        d, junction = self._lane_ahead(start)
+        offset = stream.uniform(-0.9, 0.9)
+        cx, cy = self.centre(junction)
+        corner = (-d[0] or (1 if start.x > cx else -1), -d[1] or (1 if start.y > cy else -1))
+        points = [self._corner(junction, corner, offset)]
+        while _length(start, points) < length_m and len(points) < 1_000:
+            steps = self._steps(junction, corner)
+            back = (-d[0], -d[1])
+            d = stream.choice([s for s in steps if s != back] or steps)
+            if (corner[0] * d[0] + corner[1] * d[1]) < 0:  # the street lies that way: cross it
+                corner = (corner[0] + 2 * d[0], corner[1] + 2 * d[1])
+            else:
+                junction = (junction[0] + d[0], junction[1] + d[1])
+                corner = (corner[0] - 2 * d[0], corner[1] - 2 * d[1])
+            points.append(self._corner(junction, corner, offset))
+        return _cut((start.x, start.y), points, length_m)
+
+    def _lane_ahead(self, start: Pose) -> tuple[Cell, Cell]:
+        """The direction of travel along the nearest street, and the junction ahead."""
+        i = min(range(len(self.xs)), key=lambda k: abs(start.x - self.xs[k]))
+        j = min(range(len(self.ys)), key=lambda k: abs(start.y - self.ys[k]))
+        along_y = abs(start.x - self.xs[i]) <= abs(start.y - self.ys[j])
+        d = _direction(start.yaw)
+        if along_y:
+            d = (0, d[1] or (1 if exact.sin_deg(start.yaw) >= 0 else -1))
+            ahead = [k for k in range(len(self.ys)) if (self.ys[k] - start.y) * d[1] > TURN]
+            return (d, (i, ahead[0] if d[1] > 0 else ahead[-1])) if ahead else ((0, -d[1]), (i, j))
+        d = (d[0] or (1 if exact.cos_deg(start.yaw) >= 0 else -1), 0)
+        ahead = [k for k in range(len(self.xs)) if (self.xs[k] - start.x) * d[0] > TURN]
+        return (d, (ahead[0] if d[0] > 0 else ahead[-1], j)) if ahead else ((-d[0], 0), (i, j))
+
+    def _through(self, centre: XY, d: Cell, new: Cell) -> list[XY]:
+        """Waypoints through a junction, from heading `d` to heading `new`."""
+
+        def lane(heading: Cell, along: float) -> XY:
+            r = _right(heading)
+            return (
+                centre[0] + along * heading[0] + 0.5 * LANE * r[0],
+                centre[1] + along * heading[1] + 0.5 * LANE * r[1],
+            )
+
+        first, last = lane(d, -TURN), lane(new, TURN)
+        if new == d:
+            return [first, last]
+        pivot = (centre[0] + TURN * (new[0] - d[0]), centre[1] + TURN * (new[1] - d[1]))
+        return [first, *_arc(pivot, first, last)]
+
+    def _corner(self, junction: Cell, corner: Cell, offset: float) -> XY:
+        cx, cy = self.centre(junction)
+        reach = WALK + offset
+        return fixed(cx + corner[0] * reach), fixed(cy + corner[1] * reach)
+
+    def _steps(self, junction: Cell, corner: Cell) -> list[Cell]:
+        """Directions in which one can leave a corner: over either street, or along to the next junction."""
+        crossings = [(-corner[0], 0), (0, -corner[1])]
+        along = [(corner[0], 0), (0, corner[1])]
+        return crossings + [a for a in along if self.exists((junction[0] + a[0], junction[1] + a[1]))]
+
+
+def _length(start: Pose, points: list[XY]) -> float:
+    total, at = 0.0, (start.x, start.y)
+    for p in points:
+        dx, dy = p[0] - at[0], p[1] - at[1]
+        total += math.sqrt(dx * dx + dy * dy)
+        at = p
+    return total

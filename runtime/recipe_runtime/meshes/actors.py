@@ -1,0 +1,13 @@
+"""An actor's body: its rigid parts, each in its own frame."""
+
+from recipe_compiler.plan import ActorPlan
+
+from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.meshes.pedestrian import pedestrian_parts
+from recipe_runtime.meshes.vehicle import vehicle_parts
+
+
+def actor_body(actor: ActorPlan) -> Body:
+    """The body of a pedestrian or vehicle; its base part, first, has its origin on the ground and looks along +x."""
+    parts = pedestrian_parts if actor.category == "pedestrian" else vehicle_parts
+    return Body(actor.name, actor.tag * 1000 + actor.instance, parts(actor))

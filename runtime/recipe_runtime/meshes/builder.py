@@ -1,0 +1,283 @@
+"""Triangles gathered into a mesh, with exact arithmetic only.
+
+Every number comes from `+ - * /` and `sqrt` in float64, is rounded to a micrometre and then kept as float32, so a
+mesh is the same bytes on every host. `noise` is the only irregularity there is: an integer hash of a key.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler import exact
+
+from recipe_runtime.meshes.mesh import Light, Mesh, Surface
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Vec = Sequence[float]
+
+
+def noise(key: int, index: int) -> float:
+    """A number in [-1, 1) that looks random: splitmix64 of the key and index."""
+    z = (key * 0x9E3779B97F4A7C15 + index * 0xD1B54A32D192ED03 + 0x632BE59BD9B4E019) & 0xFFFFFFFFFFFFFFFF
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & 0xFFFFFFFFFFFFFFFF
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & 0xFFFFFFFFFFFFFFFF
+    return float((z ^ (z >> 31)) >> 11) * 2.0**-52 - 1.0
+
+
+def circle(count: int, start: float = 0.0) -> list[tuple[float, float]]:
+    """Points of a unit circle (cosine, sine), counter-clockwise from `start` degrees."""
+    angles = [exact.sin_cos_deg(start + 360.0 * k / count) for k in range(count)]
+    return [(c, s) for s, c in angles]
+
+
+def unit(v: Array) -> Array:
+    """Vectors of length one along the last axis; a null vector becomes +z."""
+    length = np.sqrt(v[..., 0] * v[..., 0] + v[..., 1] * v[..., 1] + v[..., 2] * v[..., 2])
+    safe = np.where(length > 0.0, length, 1.0)
+    out: Array = v / safe[..., None]
+    out[length == 0.0] = (0.0, 0.0, 1.0)
+    return out
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Vector product along the last axis."""
+    return np.stack(
+        [
+            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
+            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
+            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
+        ],
+        axis=-1,
+    )
+
+
+class Builder:
+    """Gathers triangles; `mesh` gives the result."""
+
+    def __init__(self) -> None:
+        self._surfaces: dict[Surface, int] = {}
+        self._points: list[Array] = []
+        self._normals: list[Array] = []
+        self._uvs: list[Array] = []
+        self._triangles: list[Index] = []
+        self._ids: list[Index] = []
+        self._count = 0
+        self.lights: list[Light] = []
+
+    def add(self, surface: Surface, points: Array, normals: Array, uvs: Array, triangles: Index) -> None:
+        """Vertices with their normals and uv, and triangles over them, of one surface."""
+        self._points.append(points)
+        self._normals.append(normals)
+        self._uvs.append(uvs)
+        self._triangles.append(triangles + self._count)
+        number = self._surfaces.setdefault(surface, len(self._surfaces))
+        self._ids.append(np.full(len(triangles), number, np.int64))
+        self._count += len(points)
+
+    def quads(self, surface: Surface, corners: Iterable[Sequence[Vec]], uvs: Array | None = None) -> None:
+        """Flat quadrilaterals [N, 4, 3], counter-clockwise seen from outside; uv in metres unless given [N, 4, 2]."""
+        quad = np.asarray(corners if isinstance(corners, np.ndarray) else list(corners), np.float64).reshape(-1, 4, 3)
+        if not len(quad):
+            return
+        normal = unit(cross(quad[:, 2] - quad[:, 0], quad[:, 3] - quad[:, 1]))
+        if uvs is None:
+            uvs = _plane_uv(quad, normal)
+        first = np.arange(len(quad), dtype=np.int64)[:, None] * 4
+        triangles = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]], axis=1).reshape(-1, 3)
+        self.add(surface, quad.reshape(-1, 3), np.repeat(normal, 4, axis=0), np.asarray(uvs).reshape(-1, 2), triangles)
+
+    def fan(self, surface: Surface, ring: Sequence[Vec]) -> None:
+        """A flat convex polygon, counter-clockwise seen from outside; uv in metres."""
+        points = np.asarray(ring, np.float64)
+        n = len(points)
+        normal = unit(cross(points[n // 3] - points[0], points[2 * n // 3] - points[0])[None])
+        uvs = _plane_uv(points[None], normal)[0]
+        triangles = np.array([(0, k, k + 1) for k in range(1, n - 1)], np.int64)
+        self.add(surface, points, np.repeat(normal, n, axis=0), uvs, triangles)
+
+    def box(self, surface: Surface, low: Vec, high: Vec, without: str = "") -> None:
+        """An axis-aligned box; `without` names faces to leave out, such as "-z +x"."""
+        (x0, y0, z0), (x1, y1, z1) = low, high
+        faces = {
+            "-x": ((x0, y1, z0), (x0, y0, z0), (x0, y0, z1), (x0, y1, z1)),
+            "+x": ((x1, y0, z0), (x1, y1, z0), (x1, y1, z1), (x1, y0, z1)),
+            "-y": ((x0, y0, z0), (x1, y0, z0), (x1, y0, z1), (x0, y0, z1)),
+            "+y": ((x1, y1, z0), (x0, y1, z0), (x0, y1, z1), (x1, y1, z1)),
+            "-z": ((x0, y1, z0), (x1, y1, z0), (x1, y0, z0), (x0, y0, z0)),
+            "+z": ((x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)),
+        }
+        self.quads(surface, [quad for face, quad in faces.items() if face not in without.split()])
+
+    def grid(
+        self,
+        surfaces: Surface | Sequence[Sequence[Surface | None]],
+        points: Array | Sequence[Sequence[Vec]],
+        *,
+        closed: bool = True,
+        crease: float = 0.5,
+        caps: tuple[Surface | None, Surface | None] = (None, None),
+    ) -> None:
+        """A surface over rings of points [R, C, 3], seen from outside when rings run counter-clockwise as they advance.
+
+        `closed` joins each ring's end to its start. `surfaces` is one, or one a cell [R-1][C], None for a hole.
+        Normals are shared where faces meet at less than the angle whose cosine is `crease`. `caps` closes the ends.
+        """
+        p = np.asarray(points, np.float64)
+        rows, columns = p.shape[:2]
+        wide = columns if closed else columns - 1
+        r, c = (g.reshape(-1) for g in np.meshgrid(np.arange(rows - 1), np.arange(wide), indexing="ij"))
+        n = (c + 1) % columns
+        flat = np.stack([r * columns + c, r * columns + n, (r + 1) * columns + n, (r + 1) * columns + c], axis=1)
+        triangles = np.stack([flat[:, [0, 1, 2]], flat[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
+        names: list[Surface | None]
+        if isinstance(surfaces, Surface):
+            names = [surfaces] * len(flat)
+        else:
+            names = [surfaces[i][j] for i, j in zip(r.tolist(), c.tolist(), strict=True)]
+        names = [name for name in names for _ in (0, 1)]
+        for end, ring in ((0, p[0][::-1]), (1, p[-1])):
+            cap = caps[end]
+            if cap is not None:
+                base = 0 if end == 0 else (rows - 1) * columns
+                order = [base + (columns - 1 - k if end == 0 else k) for k in range(len(ring))]
+                fan = [(order[0], order[k], order[k + 1]) for k in range(1, columns - 1)]
+                triangles = np.concatenate([triangles, np.array(fan, triangles.dtype)])
+                names += [cap] * len(fan)
+        self.smooth(names, p.reshape(-1, 3), triangles, crease)
+
+    def smooth(self, names: Sequence[Surface | None], points: Array, triangles: Index, crease: float) -> None:
+        """Triangles over shared points, with normals shared across edges flatter than the crease (a cosine)."""
+        corners = np.round(points, 6)[triangles]
+        face = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = np.sqrt(face[:, 0] * face[:, 0] + face[:, 1] * face[:, 1] + face[:, 2] * face[:, 2])
+        kept = (area > 1e-10) & np.array([name is not None for name in names])
+        normals = _corner_normals(corners[area > 1e-10], face[area > 1e-10], crease)[kept[area > 1e-10]]
+        corners, solid = corners[kept], [name for name, k in zip(names, kept.tolist(), strict=True) if k]
+        uvs = _plane_uv(corners, unit(face[kept]))
+        for surface in dict.fromkeys(solid):
+            assert surface is not None
+            mine = np.array([name == surface for name in solid])
+            count = int(mine.sum())
+            index = np.arange(3 * count, dtype=np.int64).reshape(-1, 3)
+            self.add(
+                surface, corners[mine].reshape(-1, 3), normals[mine].reshape(-1, 3), uvs[mine].reshape(-1, 2), index
+            )
+
+    def mesh(self, transform: Array | None = None) -> Mesh:
+        """All that was added, moved by `transform` [3, 4] if given; equal vertices are stored once."""
+        points, normals = np.concatenate(self._points), np.concatenate(self._normals)
+        lights = tuple(self.lights)
+        if transform is not None:
+            points, normals = _apply(transform, points, 1.0), _apply(transform, normals, 0.0)
+            lights = tuple(_moved(light, transform) for light in lights)
+        rows = np.concatenate([points, normals, np.concatenate(self._uvs)], axis=1)
+        rows = (np.round(rows, 6) + 0.0).astype(np.float32)
+        triangles, ids = np.concatenate(self._triangles), np.concatenate(self._ids)
+        view = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.dtype.itemsize * rows.shape[1]))).reshape(-1)
+        _, first, inverse = np.unique(view, return_index=True, return_inverse=True)
+        rank = np.empty(len(first), np.int64)  # keep vertices in the order in which they were added
+        order = np.argsort(first, kind="stable")
+        rank[order] = np.arange(len(first))
+        rows = rows[first[order]]
+        return Mesh(
+            vertices=np.ascontiguousarray(rows[:, 0:3]),
+            normals=np.ascontiguousarray(rows[:, 3:6]),
+            uvs=np.ascontiguousarray(rows[:, 6:8]),
+            triangles=rank[inverse.reshape(-1)][triangles].astype(np.int32),
+            surface=ids.astype(np.int32),
+            surfaces=tuple(self._surfaces),
+            lights=lights,
+        )
+
+
+def _plane_uv(points: Array, normal: Array) -> Array:
+    """Metres along two axes of each polygon's plane: for an upright one along its level line and upwards."""
+    steep = np.abs(normal[:, 2]) < 0.7
+    x = np.where(steep, -normal[:, 1], 1.0)
+    y = np.where(steep, normal[:, 0], 0.0)
+    length = np.sqrt(x * x + y * y)
+    x, y = x / length, y / length
+    u = points[..., 0] * x[:, None] + points[..., 1] * y[:, None]
+    v = np.where(steep[:, None], points[..., 2], points[..., 1])
+    return np.stack([u, v], axis=-1)
+
+
+def _corner_normals(corners: Array, face: Array, crease: float) -> Array:
+    """For each triangle's corner the area-weighted mean of the faces around it within the crease angle."""
+    count = len(corners)
+    grid = np.round(corners.reshape(-1, 3) * 1e6).astype(np.int64)
+    _, point = np.unique(grid.view(np.dtype((np.void, 24))).reshape(-1), return_inverse=True)
+    point = point.reshape(-1)
+    order = np.argsort(point, kind="stable")
+    start = np.searchsorted(point[order], np.arange(int(point.max()) + 1))
+    valence = np.diff(np.append(start, len(order)))
+    # every pair (corner a, corner b) at one point
+    repeat = valence[point]
+    a = np.repeat(np.arange(3 * count), repeat)
+    offset = np.arange(len(a)) - np.repeat(np.cumsum(repeat) - repeat, repeat)
+    b = order[start[point[a]] + offset]
+    direction = unit(face)
+    fa, fb = a // 3, b // 3
+    cosine = (
+        direction[fa, 0] * direction[fb, 0] + direction[fa, 1] * direction[fb, 1] + direction[fa, 2] * direction[fb, 2]
+    )
+    weight = np.where((cosine >= crease) | (fa == fb), 1.0, 0.0)
+    total = np.zeros((3 * count, 3))
+    np.add.at(total, a, face[fb] * weight[:, None])
+    return unit(total).reshape(count, 3, 3)
+
+
+def _apply(transform: Array, v: Array, w: float) -> Array:
+    return np.stack(
+        [
+            transform[k, 0] * v[:, 0] + transform[k, 1] * v[:, 1] + transform[k, 2] * v[:, 2] + transform[k, 3] * w
+            for k in range(3)
+        ],
+        axis=1,
+    )
+
+
+def _moved(light: Light, transform: Array) -> Light:
+    position = _apply(transform, np.array([light.position]), 1.0)[0]
+    direction = _apply(transform, np.array([light.direction]), 0.0)[0]
+    x, y, z = (round(float(v), 6) + 0.0 for v in position)
+    dx, dy, dz = (round(float(v), 6) + 0.0 for v in direction)
+    return Light((x, y, z), (dx, dy, dz), light.colour, light.intensity, light.cone)
+
+
+def tube(path: Sequence[Vec], radii: Sequence[float], sides: int = 8) -> Array:
+    """Rings around a path that rises along z, for `Builder.grid`: [len(path), sides, 3]."""
+    ring = circle(sides)
+    return np.array([[(x + r * c, y + r * s, z) for c, s in ring] for (x, y, z), r in zip(path, radii, strict=True)])
+
+
+def icosphere(levels: int) -> tuple[Array, Index]:
+    """A unit sphere of 20 * 4^levels triangles."""
+    g = (1.0 + math.sqrt(5.0)) / 2.0
+    raw = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g),
+           (0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]  # fmt: skip
+    faces = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2),
+             (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5),
+             (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]  # fmt: skip
+    points: list[tuple[float, ...]] = [tuple(p) for p in unit(np.array(raw, np.float64)).tolist()]
+    for _ in range(levels):
+        middle: dict[tuple[int, int], int] = {}
+
+        def between(a: int, b: int, middle: dict[tuple[int, int], int] = middle) -> int:
+            key = (min(a, b), max(a, b))
+            if key not in middle:
+                m = np.array([[(p + q) / 2 for p, q in zip(points[a], points[b], strict=True)]])
+                points.append(tuple(unit(m)[0].tolist()))
+                middle[key] = len(points) - 1
+            return middle[key]
+
+        split = []
+        for a, b, c in faces:
+            ab, bc, ca = between(a, b), between(b, c), between(c, a)
+            split += [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+        faces = split
+    return np.array(points), np.array(faces, np.int64)

@@ -1,0 +1,18 @@
+"""CARLA's semantic tags (0.9.14 and later) that our geometry uses."""
+
+from enum import IntEnum
+
+
+class Tag(IntEnum):
+    """Class of a surface, as `carla.CityObjectLabel` numbers it."""
+
+    ROADS = 1
+    SIDEWALKS = 2
+    BUILDINGS = 3
+    WALLS = 4
+    POLES = 6
+    VEGETATION = 9
+    TERRAIN = 10
+    STATIC = 20
+    ROAD_LINES = 24
+    GROUND = 25
