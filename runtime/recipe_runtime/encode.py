@@ -18,10 +18,9 @@ _STEPS = float((1 << 24) - 1)
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _SUB = 1  # PNG filter type: each byte less the one a pixel to its left
 _UP = 2  # PNG filter type: each byte less the one above it
-_LEVEL = 1
 
 
-def png(pixels: NDArray[Any]) -> bytes:
+def png(pixels: NDArray[Any], level: int = 1) -> bytes:
     """A PNG of uint8 [H, W, 3] (RGB), uint8 [H, W] (grey) or uint16 [H, W] (16-bit grey).
 
     Colour is filtered against the left neighbour. Labels are filtered against the row above, which leaves nearly
@@ -38,7 +37,7 @@ def png(pixels: NDArray[Any]) -> bytes:
         raise ValueError(f"no PNG form for {pixels.dtype} {pixels.shape}")
     height, width = pixels.shape[:2]
     header = struct.pack(">IIBBBBB", width, height, depth, kind, 0, 0, 0)
-    body = deflate.zlib_compress(filtered.data, _LEVEL)
+    body = deflate.zlib_compress(filtered.data, level)
     return b"".join([_SIGNATURE, *_chunk(b"IHDR", header), *_chunk(b"IDAT", body), *_chunk(b"IEND", b"")])
 
 

@@ -18,7 +18,10 @@ Progress = Callable[[str, int, int], None]  # stage, done, total
 
 
 class ObjectView(Protocol):
-    """One actor in one observation. `amodal` and `amodal_box` (x0, y0, x1, y1, ends outside) ignore occluders."""
+    """One actor in one observation; what it would show if nothing stood before it.
+
+    `amodal` pixels within the picture, their box x0, y0, x1, y1 (ends outside), and the box not clipped to the picture.
+    """
 
     @property
     def instance(self) -> int: ...  # noqa: D102
@@ -26,6 +29,8 @@ class ObjectView(Protocol):
     def amodal(self) -> int: ...  # noqa: D102
     @property
     def amodal_box(self) -> Sequence[int]: ...  # noqa: D102
+    @property
+    def projected(self) -> Sequence[float]: ...  # noqa: D102
 
 
 class Observed(Protocol):

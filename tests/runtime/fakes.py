@@ -113,6 +113,7 @@ class View:
     instance: int
     amodal: int
     amodal_box: tuple[int, int, int, int]
+    projected: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -136,10 +137,10 @@ class Renderer:
         for n in reversed(range(len(parts))):  # the first stands nearest
             x, y = (float(parts[n][i, 3] - world_from_sensor[i, 3]) for i in (0, 1))
             left, top = int(w / 2 - w / 2 * (y + 0.5) / x), int(h / 2 - w / 2 / x)
-            box = max(left, 0), max(top, 0), min(left + int(w / 2 / x), w), min(top + int(w / x), h)
-            x0, y0, x1, y1 = box
+            whole = left, top, left + int(w / 2 / x), top + int(w / x)
+            x0, y0, x1, y1 = box = max(left, 0), max(top, 0), min(whole[2], w), min(whole[3], h)
             if x1 > x0 and y1 > y0:
-                views.append(View(self._instances[n], (x1 - x0) * (y1 - y0), box))
+                views.append(View(self._instances[n], (x1 - x0) * (y1 - y0), box, whole))
                 instance[y0:y1, x0:x1], depth[y0:y1, x0:x1] = self._instances[n], x
         semantic = np.where(instance > 0, instance // 1000, 11).astype(np.uint8)
         return Seen(depth, instance, semantic, views)

@@ -3,7 +3,7 @@
 import numpy as np
 import pycocotools.mask
 import pytest
-from recipe_compiler.plan import CameraPlan
+from recipe_compiler.plan import CameraPlan, fixed
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.objects import truncation
 from recipe_runtime.frames import FrameSource, label_digest, pixel_digest
@@ -41,21 +41,14 @@ def test_masks_decode_to_the_instance_pixels(picture: np.ndarray) -> None:
         assert (mask.area, mask.box) == (pixels.sum(), (xs.min(), ys.min(), width, height))
 
 
-CAMERA = CameraPlan(width=100, height=100, fov=90)  # focal length 50 pixels
-
-
-def box(x: float, y: float) -> np.ndarray:
-    """A metre's box whose near face has its centre at (x, y, 0)."""
-    return np.array([[x + a, y + b - 0.5, c - 0.5] for a in (0, 1) for b in (0, 1) for c in (0, 1)], np.float64)
+CAMERA = CameraPlan(width=100, height=100, fov=90)
 
 
 def test_truncation_is_the_share_outside() -> None:
-    assert truncation(box(2.0, 0.0), CAMERA) == 0.0
-    flat = box(2.0, 2.0) * [1, 1, 1]
-    flat[4:] = flat[:4]  # no depth: half of it lies left of the picture
-    assert truncation(flat, CAMERA) == 0.5
-    assert truncation(box(-5.0, 0.0), CAMERA) == 1.0
-    assert 0.9 < truncation(box(-0.5, 0.0), CAMERA) <= 1.0  # it reaches behind the camera
+    assert truncation((10.0, 20.0, 30.0, 40.0), CAMERA) == 0.0
+    assert truncation((-10.0, 20.0, 30.0, 40.0), CAMERA) == 0.25
+    assert truncation((-100.0, -100.0, 200.0, 200.0), CAMERA) == fixed(8 / 9)
+    assert truncation((100.0, 20.0, 130.0, 40.0), CAMERA) == 1.0
 
 
 def test_records_hold_the_scene(tmp_path: object) -> None:

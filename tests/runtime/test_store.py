@@ -1,7 +1,6 @@
 """The store gives back what was put in, or nothing; names stand for whole files."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest

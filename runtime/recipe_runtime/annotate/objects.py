@@ -9,7 +9,7 @@ An actor is annotated in a frame if at least one of its pixels is seen. A record
     amodal_bbox       of the pixels it would cover if nothing stood before it, within the picture
     amodal_area       their count
     visible_fraction  area / amodal_area
-    truncation        the share of its projected box that lies outside the picture, 0 to 1
+    truncation        the share of its projected box, occluded or not, that lies outside the picture, 0 to 1
     box3d             centre (m), size (length, width, height, m) and yaw (degrees) in the sensor's frame: x forward,
                       y left, z up; the box holds the actor in all of its poses, so its size is the track's
     distance          from the sensor to the box's centre, metres
@@ -37,7 +37,6 @@ from recipe_runtime.transforms import Array, compose, invert, part_transforms
 Record = dict[str, Any]
 
 _CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-_EDGES = [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
 
 
 class Annotator:
@@ -70,15 +69,15 @@ class Annotator:
                     "amodal_bbox": [x0, y0, x1 - x0, y1 - y0],
                     "amodal_area": int(view.amodal),
                     "visible_fraction": fixed(mask.area / int(view.amodal)),
-                    **self._geometry(actor, base, camera),
+                    "truncation": truncation(view.projected, camera),
+                    **self._geometry(actor, base),
                     "velocity": self._velocity(actor, frame),
                 }
             )
         return records
 
-    def _geometry(self, actor: str, sensor_from_base: Array, camera: CameraPlan) -> Record:
+    def _geometry(self, actor: str, sensor_from_base: Array) -> Record:
         low, high = self._extents[actor]
-        corners = _apply(sensor_from_base, low + _CORNERS * (high - low))
         centre = _apply(sensor_from_base, ((low + high) / 2.0)[None])[0]
         r = sensor_from_base
         box = {
@@ -87,33 +86,20 @@ class Annotator:
             "yaw": fixed(exact.atan2_deg(float(r[1, 0]), float(r[0, 0]))),
         }
         distance = np.sqrt(centre[0] * centre[0] + centre[1] * centre[1] + centre[2] * centre[2])
-        return {"truncation": truncation(corners, camera), "box3d": box, "distance": fixed(float(distance))}
+        return {"box3d": box, "distance": fixed(float(distance))}
 
     def _velocity(self, actor: str, frame: int) -> list[float]:
         grid = self._trace.linear[frame, self._trace.actors.index(actor)]
         return [fixed(int(v) / METRE) for v in grid]
 
 
-def truncation(corners: Array, camera: CameraPlan) -> float:
-    """The share, by area, of a projected box that lies outside the picture; `corners` [8, 3] in the sensor's frame."""
-    points = [tuple(float(v) for v in c) for c in corners]
-    ahead = [p for p in points if p[0] >= camera.near]
-    for a, b in _EDGES:
-        p, q = points[a], points[b]
-        if (p[0] < camera.near) != (q[0] < camera.near):
-            t = (camera.near - p[0]) / (q[0] - p[0])
-            ahead.append((camera.near, p[1] + t * (q[1] - p[1]), p[2] + t * (q[2] - p[2])))
-    if not ahead:
-        return 1.0
-    sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
-    focal = camera.width / 2.0 * cosine / sine
-    us = [camera.width / 2.0 - focal * y / x for x, y, _ in ahead]
-    vs = [camera.height / 2.0 - focal * z / x for x, _, z in ahead]
-    whole = (max(us) - min(us)) * (max(vs) - min(vs))
-    wide = min(max(us), float(camera.width)) - max(min(us), 0.0)
-    high = min(max(vs), float(camera.height)) - max(min(vs), 0.0)
-    inside = max(wide, 0.0) * max(high, 0.0)
-    return fixed(1.0 - inside / whole) if whole > 0.0 else 0.0
+def truncation(projected: Sequence[float], camera: CameraPlan) -> float:
+    """The share, by area, of an actor's projected box x0, y0, x1, y1 that lies outside the picture."""
+    x0, y0, x1, y1 = (float(v) for v in projected)
+    whole = (x1 - x0) * (y1 - y0)
+    wide = min(x1, float(camera.width)) - max(x0, 0.0)
+    high = min(y1, float(camera.height)) - max(y0, 0.0)
+    return fixed(1.0 - max(wide, 0.0) * max(high, 0.0) / whole) if whole > 0.0 else 0.0
 
 
 def _extent(trace: Trace, poses: Array, body: Body) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -1,0 +1,138 @@
+"""Annotations as COCO tells them: kwcoco with videos, tracks and assets, and flat COCO over one modality.
+
+Ids count from 1 in the order of videos, frames and instances. No clock enters: `date_captured` is empty, and a
+timestamp is the frame's time in seconds from the start. `iscrowd` is 0 for an object in pieces: it is one object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from recipe_compiler.plan import DatasetPlan
+
+from recipe_runtime import layout
+from recipe_runtime.annotate.categories import CATEGORY_IDS, category_rows
+from recipe_runtime.annotate.objects import Record
+from recipe_runtime.annotate.rows import tables
+from recipe_runtime.harvest import Video
+
+Row = dict[str, Any]
+
+_CHANNELS = {
+    ("rgb", "png"): "red|green|blue",
+    ("depth", "png"): "depth_low|depth_middle|depth_high",
+    ("depth", "npy"): "depth",
+    ("instance", "png"): "instance",
+    ("semantic", "png"): "semantic",
+}
+
+
+def kwcoco(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> str:
+    """The kwcoco file: a video for each sensor of each variant, and a track for each actor in it."""
+    video_rows: list[Row] = []
+    tracks: list[Row] = []
+    images: list[Row] = []
+    annotations: list[Row] = []
+    for video_id, video in enumerate(videos, start=1):
+        camera = video.sensor.camera
+        row = {"id": video_id, "name": video.name, "variant": video.variant, "sensor": video.sensor.name}
+        video_rows.append({**row, "framerate": video.fps, "width": camera.width, "height": camera.height})
+        track_ids = _tracks(video, video_id, tracks)
+        for record in video.frames:
+            images.append(_image(dataset, video, video_id, record["frame"], len(images) + 1))
+            for item in record["objects"]:
+                row = _annotation(item, len(images), len(annotations) + 1, camera.width, camera.height)
+                annotations.append({**row, "track_id": track_ids[item["instance"]]})
+    return tables(
+        {
+            "info": _info(dataset, identity),
+            "licenses": _LICENSES,
+            "categories": category_rows(),
+            "videos": video_rows,
+            "tracks": tracks,
+            "images": images,
+            "annotations": annotations,
+        }
+    )
+
+
+def flat_coco(dataset: DatasetPlan, identity: str, videos: Sequence[Video], modality: str) -> str:
+    """The flat file over one modality's pictures; file names count from the dataset's folder."""
+    images: list[Row] = []
+    annotations: list[Row] = []
+    for number, video in enumerate(videos, start=1):
+        camera = video.sensor.camera
+        for record in video.frames if modality in video.sensor.capture else ():
+            name = layout.frame_file(video.variant, video.sensor.name, modality, record["frame"], dataset.depth)
+            row: Row = {"id": len(images) + 1, "file_name": name, "width": camera.width, "height": camera.height}
+            row |= {"license": 1, "date_captured": "", "coco_url": "", "flickr_url": ""}
+            images.append({**row, "video_id": number, "frame_index": record["frame"]})
+            annotations += [
+                _annotation(item, len(images), len(annotations) + 1 + n, camera.width, camera.height)
+                for n, item in enumerate(record["objects"])
+            ]
+    return tables(
+        {
+            "info": _info(dataset, identity),
+            "licenses": _LICENSES,
+            "categories": category_rows(),
+            "images": images,
+            "annotations": annotations,
+        }
+    )
+
+
+_LICENSES: list[Row] = [{"id": 1, "name": "not stated", "url": ""}]
+
+
+def _info(dataset: DatasetPlan, identity: str) -> Row:
+    return {
+        "description": dataset.description,
+        "version": identity,
+        "url": "",
+        "contributor": "",
+        "date_created": "",
+    }
+
+
+def _tracks(video: Video, video_id: int, tracks: list[Row]) -> dict[int, int]:
+    """A row for every actor seen in the video; the ids by instance."""
+    seen = {item["instance"]: item["actor"] for record in video.frames for item in record["objects"]}
+    ids = {}
+    for instance, actor in sorted(seen.items()):
+        ids[instance] = len(tracks) + 1
+        row = {"id": ids[instance], "name": f"{video.name}/{actor}", "actor": actor, "instance": instance}
+        tracks.append({**row, "video_id": video_id, "category_id": CATEGORY_IDS[instance // 1000]})
+    return ids
+
+
+def _image(dataset: DatasetPlan, video: Video, video_id: int, frame: int, image_id: int) -> Row:
+    size = {"width": video.sensor.camera.width, "height": video.sensor.camera.height}
+    assets = []
+    for modality in video.sensor.capture:
+        path = layout.frame_file(video.variant, video.sensor.name, modality, frame, dataset.depth)
+        channels = _CHANNELS[modality, path.rpartition(".")[2]]
+        assets.append({"file_name": f"../{path}", "channels": channels, "modality": modality, **size})
+    return {
+        "id": image_id,
+        "name": f"{video.name}/{frame:06d}",
+        "file_name": None,
+        "video_id": video_id,
+        "frame_index": frame,
+        "timestamp": round(frame / video.fps, 6),
+        "assets": assets,
+        **size,
+    }
+
+
+def _annotation(item: Record, image_id: int, annotation_id: int, width: int, height: int) -> Row:
+    kept = {key: value for key, value in item.items() if key != "counts"}
+    return {
+        **kept,
+        "id": annotation_id,
+        "image_id": image_id,
+        "category_id": CATEGORY_IDS[item["instance"] // 1000],
+        "segmentation": {"size": [height, width], "counts": item["counts"]},
+        "iscrowd": 0,
+    }

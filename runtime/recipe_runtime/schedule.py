@@ -1,0 +1,80 @@
+"""Plans to tasks: what is the same is done once.
+
+Variants that share a scene share its simulation. Variants whose scene and sensor are equal share a view: its frames
+are observed once, their labels are one set of files, and only the colours are made for each appearance. A shard is a
+few frames of one view; shards may be done in any order, by any number of workers, with the same bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from recipe_compiler.canonical import digest
+from recipe_compiler.plan import DatasetPlan, ScenePlan, SensorPlan
+
+SHARD_FRAMES = 5
+
+
+@dataclass(frozen=True)
+class View:
+    """One sensor in one scene, and the variants that see the same through it, by their places in the plan."""
+
+    key: str
+    scene: ScenePlan
+    sensor: SensorPlan
+    variants: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Frames of one view (by its place among the plan's views), for some of its variants."""
+
+    view: int
+    frames: tuple[int, ...]
+    variants: tuple[int, ...]
+
+
+def views(dataset: DatasetPlan) -> list[View]:
+    """Every view of a dataset, the views of one scene together, each where its first variant stands."""
+    groups: dict[tuple[str, str], list[int]] = {}
+    for index, variant in enumerate(dataset.variants):
+        for sensor in variant.rig.sensors:
+            scene = variant.scene.digest
+            groups.setdefault((scene, _view_key(scene, sensor)), []).append(index)
+    scenes = list(dict.fromkeys(scene for scene, _ in groups))
+    found = []
+    for (scene, key), members in sorted(groups.items(), key=lambda item: scenes.index(item[0][0])):
+        first = dataset.variants[members[0]]
+        (sensor,) = (s for s in first.rig.sensors if _view_key(scene, s) == key)
+        found.append(View(key, first.scene, sensor, tuple(members)))
+    return found
+
+
+def _view_key(scene: str, sensor: SensorPlan) -> str:
+    return digest("view/1", [scene, sensor.document()])
+
+
+def all_shards(dataset: DatasetPlan, size: int = SHARD_FRAMES) -> list[Shard]:
+    """Every frame of every view, `size` frames to a shard."""
+    shards = []
+    for index, view in enumerate(views(dataset)):
+        frames = range(view.scene.clock.frames)
+        shards += [Shard(index, tuple(frames[k : k + size]), view.variants) for k in frames[::size]]
+    return shards
+
+
+def chosen_shards(dataset: DatasetPlan, chosen: Iterable[tuple[str, str, int]]) -> list[Shard]:
+    """Shards for chosen frames alone: (variant, sensor, frame)."""
+    places = {variant.variant: index for index, variant in enumerate(dataset.variants)}
+    homes = {(v, view.sensor.name): n for n, view in enumerate(views(dataset)) for v in view.variants}
+    wanted: dict[tuple[int, int], set[int]] = {}
+    for variant, sensor, frame in chosen:
+        place = places[variant]
+        wanted.setdefault((homes[place, sensor], frame), set()).add(place)
+    return [Shard(view, (frame,), tuple(sorted(v))) for (view, frame), v in sorted(wanted.items())]
+
+
+def simulations(dataset: DatasetPlan) -> list[ScenePlan]:
+    """Every scene of a dataset, once."""
+    return list({v.scene.digest: v.scene for v in dataset.variants}.values())

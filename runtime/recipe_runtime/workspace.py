@@ -1,0 +1,158 @@
+"""Where a build works until its dataset is whole: a sibling folder, from which one rename publishes.
+
+    .<name>.partial/
+        job.json      which plan and which stages this is the work of
+        shards/       a record for every finished shard, written when its files are in place
+        dataset/      the files so far
+        old/          a dataset that is being replaced, for the instant between two renames
+
+A build that was stopped, whatever stopped it, is taken up here by the next one of the same plan. One build at a time
+holds the folder, by a lock that ends with its process.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from recipe_compiler.canonical import digest, pretty
+from recipe_compiler.errors import InputError, RunError
+
+from recipe_runtime import layout
+from recipe_runtime.schedule import Shard, View
+from recipe_runtime.store import host_errors, write_atomic
+from recipe_runtime.worker import FrameRecord
+
+_REMEDY = "free some space or allow writing, then build again: what is done is kept"
+
+
+class Workspace:
+    """The work on one dataset folder; a context manager that holds the lock."""
+
+    def __init__(self, out: Path, job: dict[str, Any]) -> None:
+        self.out = out
+        self._job = pretty({"format": "recipe/partial/1", **job})
+        self._partial = out.parent / f".{out.name}.partial"
+        self._shards = self._partial / "shards"
+        self.dataset = self._partial / "dataset"
+        self._lock = -1
+
+    def __enter__(self) -> Workspace:
+        with host_errors(str(self._partial), _REMEDY):
+            self._take()
+            self._recover()
+            if not self._is_mine():
+                self._clear()
+            self.dataset.mkdir(exist_ok=True)
+            self._shards.mkdir(exist_ok=True)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        os.close(self._lock)
+
+    def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:
+        """The records of a shard that an earlier build finished and whose files are all there; else None."""
+        try:
+            kept = json.loads(self._record(shard, view).read_text())
+            records: list[FrameRecord] = kept["records"]
+            rows = [(path, row) for record in records for path, row in record["files"].items()]
+            whole = all((self.dataset / path).stat().st_size == row[0] for path, row in rows)
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        return records if whole and kept["seal"] == digest("shard-record/1", records) else None
+
+    def keep(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
+        """Note that a shard's files are in place."""
+        body = {"seal": digest("shard-record/1", list(records)), "records": list(records)}
+        with host_errors(str(self._partial), _REMEDY):
+            write_atomic(self._record(shard, view), json.dumps(body).encode())
+
+    def write(self, path: str, body: bytes) -> None:
+        """Write one of the dataset's files."""
+        with host_errors(f"{self._partial}: {path}", _REMEDY):
+            write_atomic(self.dataset / path, body)
+
+    def publish(self) -> None:
+        """Put the dataset into place, in place of the one that was there."""
+        with host_errors(str(self.out), _REMEDY):
+            if self.out.exists():
+                self.out.rename(self._partial / "old")
+            self.dataset.rename(self.out)
+            shutil.rmtree(self._partial)
+
+    def _record(self, shard: Shard, view: View) -> Path:
+        name = digest("shard/1", [view.key, list(shard.frames), list(shard.variants)])
+        return self._shards / f"{name[:32]}.json"
+
+    def _take(self) -> None:
+        """Make the folder and lock it; a lock on a folder that was published meanwhile is no lock."""
+        self.out.parent.mkdir(parents=True, exist_ok=True)
+        while True:
+            self._partial.mkdir(exist_ok=True)
+            self._lock = os.open(self._partial, os.O_RDONLY)
+            try:
+                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                os.close(self._lock)
+                raise RunError(
+                    f"another build is writing {self.out}; wait for it, or build with another --out"
+                ) from None
+            except OSError:
+                return  # a file system without locks
+            if self._still_there():
+                return
+            os.close(self._lock)
+
+    def _still_there(self) -> bool:
+        try:
+            here, held = self._partial.stat(), os.fstat(self._lock)
+        except FileNotFoundError:
+            return False
+        return (here.st_dev, here.st_ino) == (held.st_dev, held.st_ino)
+
+    def _recover(self) -> None:
+        """A build that ended between the two renames of `publish` left the old dataset here: put it back."""
+        old = self._partial / "old"
+        if old.is_dir() and not self.out.exists():
+            old.rename(self.out)
+        elif old.is_dir():
+            shutil.rmtree(old)
+
+    def _is_mine(self) -> bool:
+        path = self._partial / "job.json"
+        return path.is_file() and path.read_text() == self._job
+
+    def _clear(self) -> None:
+        """Begin afresh. What is not a build's work is left alone."""
+        if any(self._partial.iterdir()) and not (self._partial / "job.json").is_file():
+            raise InputError(f"{self._partial} is in the way and is not a build's work; move it away")
+        for child in self._partial.iterdir():
+            if child.is_dir() and child.name in ("dataset", "shards"):
+                shutil.rmtree(child)
+        write_atomic(self._partial / "job.json", self._job.encode())
+
+
+def check_out(out: Path) -> None:
+    """InputError if something other than a dataset of ours stands where one is to be put."""
+    if out.is_symlink() or (out.exists() and not out.is_dir()):
+        raise InputError(f"{out} is not a folder; choose another with --out")
+    if out.is_dir() and any(out.iterdir()) and read_manifest(out) is None:
+        raise InputError(
+            f"{out} holds files but no {layout.MANIFEST} of a dataset; move it away or choose another with --out"
+        )
+
+
+def read_manifest(out: Path) -> dict[str, Any] | None:
+    """The manifest in a folder; None if there is none that this project wrote."""
+    try:
+        manifest = json.loads((out / layout.MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    ours = isinstance(manifest, dict) and str(manifest.get("format", "")).startswith("recipe/manifest/")
+    return manifest if ours else None
