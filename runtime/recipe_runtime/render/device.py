@@ -5,8 +5,12 @@ multiply-add and fast maths are off, and the CPU target is the generic one, beca
 and is not keyed by CPU. Reverse-mode code is never made: it would double the time to compile.
 """
 
+import os
 import platform
+import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -36,7 +40,26 @@ def _configure() -> None:
     wp.config.enable_backward = False
     wp.config.cpu_compiler_flags = ""
     wp.config.kernel_cache_dir = _cache_folder()
-    wp.init()
+    with _silence():
+        wp.init()
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep what Warp's library prints of its own accord (no CUDA driver here, say) from the terminal."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    held = [os.dup(1), os.dup(2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(held[0], 1)
+        os.dup2(held[1], 2)
+        for descriptor in (*held, nowhere):
+            os.close(descriptor)
 
 
 def launch(kernel: Any, dim: int | tuple[int, ...], inputs: list[Any], device: str) -> None:

@@ -10,6 +10,7 @@ from recipe_compiler.plan import AppearancePlan, CameraPlan
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.render.geometry import upload
 from recipe_runtime.render.observe import Observation, Observer
+from recipe_runtime.render.picture import Painter
 from recipe_runtime.render.timing import Timings
 from recipe_runtime.transforms import Array
 
@@ -21,6 +22,7 @@ class Renderer:
         self.timings = Timings()
         self._geometry = upload(bodies, device)
         self._observer = Observer(self._geometry, device, self.timings, keep_static)
+        self._painter = Painter(self._geometry, self._observer, device, self.timings)
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
         """What is where. `world_from_sensor` [3, 4], x forward, y left, z up; `parts` [P, 3, 4] in the world."""
@@ -29,6 +31,10 @@ class Renderer:
     def shade(
         self, obs: Observation, appearance: AppearancePlan, sensor_name: str, frame: int, time: float
     ) -> NDArray[np.uint8]:
-        """The picture of an observation, 8-bit sRGB [H, W, 3]."""
-        slots: Any = (obs.semantic.astype(np.int32) * 37 + 60) % 200 + 20
-        return np.repeat(slots[..., None], 3, axis=2).astype(np.uint8)
+        """The picture of an observation, 8-bit sRGB [H, W, 3]; `time` of the frame in seconds."""
+        return self._painter.develop(obs, appearance, sensor_name, frame, time)
+
+    def radiance(self, obs: Observation, appearance: AppearancePlan, time: float = 0.0) -> NDArray[np.float32]:
+        """Linear relative radiance at pixel centres before the camera, [H, W, 3]; for tests and tools."""
+        linear: Any = self._painter.radiance(obs, appearance, time)
+        return linear

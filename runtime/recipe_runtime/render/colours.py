@@ -1,0 +1,69 @@
+"""Colours: from sRGB text to linear albedo and back to 8 bits, by exact arithmetic."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler import exact
+
+from recipe_runtime.meshes.mesh import Pattern
+from recipe_runtime.render.camera import LEVELS
+from recipe_runtime.render.device import wp
+from recipe_runtime.render.geometry import Geometry, SurfaceKey
+from recipe_runtime.render.shade import Looks
+
+# Slots that a look leaves out.
+_FALLBACK = {
+    Pattern.ASPHALT: "#48484a", Pattern.SLABS: "#9a958c", Pattern.CONCRETE: "#8f8d88", Pattern.BRICK: "#8a4f3c",
+    Pattern.PLASTER: "#c9bfae", Pattern.ROOF: "#6a4a40", Pattern.GRASS: "#5a7438", Pattern.FOLIAGE: "#4c6b2c",
+    Pattern.BARK: "#5a4634", Pattern.METAL: "#50565a", Pattern.SKIN: "#c49074", Pattern.CLOTH: "#5a6070",
+    Pattern.RUBBER: "#1c1c1e", Pattern.ROAD_PAINT: "#e4e4de", Pattern.CAR_PAINT: "#8c9298", Pattern.GLASS: "#20262a",
+    Pattern.WINDOW: "#d8d6d0", Pattern.LAMP: "#ffdca8", Pattern.HEADLIGHT: "#fff4e0", Pattern.TAILLIGHT: "#c01818",
+    Pattern.HAIR: "#3a2a1e", Pattern.PLAIN: "#909090",
+}  # fmt: skip
+
+
+def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], device: str) -> Any:
+    """Every surface's colours in one appearance."""
+    firsts, seconds = [], []
+    for key in geometry.surfaces:
+        first = linear(looks.get(key.body, {}).get(key.slot) or _FALLBACK[key.pattern])
+        firsts.append(first)
+        seconds.append(_second(key, first))
+    out = Looks()
+    out.first = wp.array(np.array(firsts, np.float32), dtype=wp.vec3f, device=device)
+    out.second = wp.array(np.array(seconds, np.float32), dtype=wp.vec3f, device=device)
+    out.pattern = geometry.surface_pattern
+    return out
+
+
+def linear(text: str) -> NDArray[np.float64]:
+    """Linear RGB of `#rrggbb`."""
+    return np.array([_decode(int(text[i : i + 2], 16) / 255.0) for i in (1, 3, 5)])
+
+
+def srgb_table() -> NDArray[np.uint8]:
+    """The 8-bit sRGB level of each of the linear levels."""
+    top = int(LEVELS) - 1
+    return np.array([int(255.0 * _encode(i / top) + 0.5) for i in range(top + 1)], np.uint8)
+
+
+def _second(key: SurfaceKey, first: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The colour of what a pattern is mixed with: mortar, joints, sunlit leaves, the road under worn paint, a frame."""
+    if key.pattern in (Pattern.BRICK,):
+        return 0.35 * first + 0.65 * np.array([0.36, 0.34, 0.31])
+    if key.pattern in (Pattern.SLABS, Pattern.ROOF):
+        return 0.35 * first
+    if key.pattern in (Pattern.FOLIAGE, Pattern.GRASS):
+        return first * np.array([1.75, 1.4, 0.8])
+    if key.pattern == Pattern.ROAD_PAINT:
+        return np.array([0.07, 0.07, 0.072])
+    return first
+
+
+def _decode(v: float) -> float:
+    return v / 12.92 if v <= 0.04045 else exact.power((v + 0.055) / 1.055, 2.4)
+
+
+def _encode(v: float) -> float:
+    return 12.92 * v if v <= 0.0031308 else 1.055 * exact.power(v, 1.0 / 2.4) - 0.055

@@ -1,0 +1,164 @@
+"""Nearby things: which lamps light a tile of the picture, and which bodies stand close enough to darken it.
+
+A tile is 16 x 16 pixels. Its box in the world follows from its nearest and farthest pixel; a light or a body whose
+reach does not meet the box is left out. Tiles keep the things in the order of the list, so sums are always the same.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.air import Air
+from recipe_runtime.render.device import OPTIONS, wp
+from recipe_runtime.render.noise import clamp01, step_between
+from recipe_runtime.render.observation import depth_of
+from recipe_runtime.render.vectors import inner
+from recipe_runtime.render.visibility import Lens
+
+wp.set_module_options(OPTIONS)
+
+TILE = wp.constant(16)
+MOST = wp.constant(24)  # things a tile can hold; the list's first ones are kept
+
+
+@wp.struct
+class Lamps:
+    """Spot lights that are on, in the world."""
+
+    position: wp.array[wp.vec3f]
+    direction: wp.array[wp.vec3f]  # unit
+    power: wp.array[wp.vec3f]  # light on a white surface one metre away
+    cone: wp.array[wp.vec2f]  # cosines: faded to nothing, and full
+    reach: wp.array[wp.float32]  # metres
+    count: wp.int32
+
+
+@wp.struct
+class Bodies:
+    """Moving things that nearly touch the ground: an upright box each."""
+
+    centre: wp.array[wp.vec3f]  # of its foot
+    axis: wp.array[wp.vec2f]  # unit, along its first half size
+    half: wp.array[wp.vec2f]
+    strength: wp.array[wp.float32]
+    count: wp.int32
+
+
+@wp.func
+def gap(low: wp.float32, high: wp.float32, x: wp.float32) -> wp.float32:
+    """Distance of x from the interval."""
+    return wp.max(wp.max(low - x, x - high), 0.0)
+
+
+@wp.kernel
+def gather(
+    keys: wp.array[wp.uint64],
+    lens: Lens,
+    world: wp.array2d[wp.float32],
+    lamps: Lamps,
+    bodies: Bodies,
+    lamp_lists: wp.array2d[wp.int32],
+    body_lists: wp.array2d[wp.int32],
+):
+    """List the lamps and bodies that reach a tile; entry 0 is the count."""
+    tile = wp.tid()
+    columns = (lens.width + TILE - 1) / TILE
+    x0 = (tile % columns) * TILE
+    y0 = (tile / columns) * TILE
+    x1 = wp.min(x0 + TILE, lens.width)
+    y1 = wp.min(y0 + TILE, lens.height)
+    far = wp.uint64(0xFFFFFFFFFFFFFFF)
+    near = wp.uint64(0)
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            key = keys[y * lens.width + x]
+            near = wp.max(near, key)
+            if key != wp.uint64(0):
+                far = wp.min(far, key)
+    lamp_lists[tile, 0] = 0
+    body_lists[tile, 0] = 0
+    if near == wp.uint64(0):
+        return
+    z0 = wp.float32(depth_of(near, lens.near)) * 0.97 - 0.05
+    z1 = wp.float32(depth_of(far, lens.near)) * 1.03 + 0.05
+    low = wp.vec3f(1.0e9, 1.0e9, 1.0e9)
+    high = wp.vec3f(-1.0e9, -1.0e9, -1.0e9)
+    focal = wp.float32(lens.focal)
+    for corner in range(8):
+        z = z0
+        if corner >= 4:
+            z = z1
+        cx = (wp.float32(x0 + (corner & 1) * (x1 - x0)) - wp.float32(lens.cx)) / focal * z
+        cy = (wp.float32(y0 + ((corner >> 1) & 1) * (y1 - y0)) - wp.float32(lens.cy)) / focal * z
+        px = world[0, 0] * cx + world[0, 1] * cy + world[0, 2] * z + world[0, 3]
+        py = world[0, 4] * cx + world[0, 5] * cy + world[0, 6] * z + world[0, 7]
+        pz = world[0, 8] * cx + world[0, 9] * cy + world[0, 10] * z + world[0, 11]
+        low = wp.vec3f(wp.min(low[0], px), wp.min(low[1], py), wp.min(low[2], pz))
+        high = wp.vec3f(wp.max(high[0], px), wp.max(high[1], py), wp.max(high[2], pz))
+    n = int(0)
+    for i in range(lamps.count):
+        p = lamps.position[i]
+        gx = gap(low[0], high[0], p[0])
+        gy = gap(low[1], high[1], p[1])
+        gz = gap(low[2], high[2], p[2])
+        reach = lamps.reach[i]
+        if gx * gx + gy * gy + gz * gz < reach * reach and n < MOST:
+            n = n + 1
+            lamp_lists[tile, n] = i
+    lamp_lists[tile, 0] = n
+    n = int(0)
+    for i in range(bodies.count):
+        p = bodies.centre[i]
+        reach = bodies.half[i][0] + bodies.half[i][1] + 0.7
+        gx = gap(low[0], high[0], p[0])
+        gy = gap(low[1], high[1], p[1])
+        gz = gap(low[2], high[2], p[2])
+        if gx * gx + gy * gy < reach * reach and gz < 0.6 and n < MOST:
+            n = n + 1
+            body_lists[tile, n] = i
+    body_lists[tile, 0] = n
+
+
+@wp.func
+def contact(bodies: Bodies, lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+    """The share of the sky's light left on ground that bodies stand close above."""
+    left = float(1.0)
+    for k in range(lists[tile, 0]):
+        i = lists[tile, k + 1]
+        c = bodies.centre[i]
+        a = bodies.axis[i]
+        h = bodies.half[i]
+        dx = p[0] - c[0]
+        dy = p[1] - c[1]
+        dz = p[2] - c[2]
+        if dz < 0.12 and dz > -0.5:
+            u = dx * a[0] + dy * a[1]
+            v = dy * a[0] - dx * a[1]
+            gu = gap(-h[0], h[0], u)
+            gv = gap(-h[1], h[1], v)
+            spread = 0.10 + 0.45 * wp.min(h[0], h[1])
+            r = (gu * gu + gv * gv) / (spread * spread)
+            left = left * (1.0 - bodies.strength[i] * clamp01(n[2]) / (1.0 + 2.0 * r + r * r))
+    return left
+
+
+@wp.func
+def lamp_light(lamps: Lamps, i: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.vec4f:
+    """How a lamp lights a point: the unit vector towards it, and the share of its power that falls there.
+
+    The share is 0 where it is out of reach or the surface faces away by more than wrapping light would mend.
+    """
+    q = lamps.position[i]
+    dx = q[0] - p[0]
+    dy = q[1] - p[1]
+    dz = q[2] - p[2]
+    s = dx * dx + dy * dy + dz * dz
+    reach = lamps.reach[i]
+    if s > reach * reach:
+        return wp.vec4f(0.0, 0.0, 1.0, 0.0)
+    r = 1.0 / wp.sqrt(wp.max(s, 1.0e-4))
+    to = wp.vec3f(dx * r, dy * r, dz * r)
+    cone = lamps.cone[i]
+    spot = step_between(cone[0], cone[1], -inner(to, lamps.direction[i]))
+    edge = 1.0 - s / (reach * reach)
+    share = spot * edge * edge / (s + 0.15)
+    return wp.vec4f(to[0], to[1], to[2], share)

@@ -1,0 +1,203 @@
+"""From an Observation and an appearance to a picture: the host's side of shading."""
+
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler import exact
+from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
+
+from recipe_runtime.render import camera, nearby, rain, samples, shade
+from recipe_runtime.render.atmosphere import Light, light_of
+from recipe_runtime.render.colours import looks_of, srgb_table
+from recipe_runtime.render.device import launch, wp
+from recipe_runtime.render.geometry import Geometry
+from recipe_runtime.render.lamps import bodies_at, lamps_at
+from recipe_runtime.render.observe import Observation, Observer, device_rows
+from recipe_runtime.render.sunlight import Shadows, world_vertices
+from recipe_runtime.render.timing import Timings
+from recipe_runtime.render.view import lens_of, world_from_parts, world_from_view
+from recipe_runtime.transforms import Array
+
+_EXPOSURE_TIME = 1.0 / 45.0  # seconds during which a drop leaves its streak
+_DROPS = 5200  # at precipitation 100, within the depth below
+_RAIN_DEPTH = 16.0
+
+
+@dataclass(frozen=True)
+class Points:
+    """The samples of a frame: what each sees, and which pixel it belongs to."""
+
+    data: Any  # shade.Samples
+    groups: Any  # int32 [H * W], count in the low bits
+    starts: Any  # int32 [H * W]
+    weights: Any  # float32 [N]
+    count: int
+
+
+class Painter:
+    """Shades one scene's observations."""
+
+    def __init__(self, geometry: Geometry, observer: Observer, device: str, timings: Timings) -> None:
+        self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
+        self._shadows = Shadows(geometry, device)
+        self._looks: dict[str, Any] = {}  # by the looks' own text
+        self._srgb = wp.array(srgb_table(), dtype=wp.uint8, device=device)
+
+    def develop(
+        self, obs: Observation, appearance: AppearancePlan, sensor: str, frame: int, time: float
+    ) -> NDArray[np.uint8]:
+        """8-bit sRGB [H, W, 3]."""
+        response = appearance.responses.get(sensor) or CameraResponse()
+        points = self._points(obs, response.antialias)
+        light = light_of(appearance, time, self._device)
+        linear = self._shade(obs, points, appearance, light)
+        with self._timings("rain"):
+            drops = self._rain(obs, appearance.seed, light, frame)
+        with self._timings("develop"):
+            r = camera.Response()
+            r.exposure = light.exposure * exact.power(2.0, response.exposure)
+            r.noise = response.noise
+            r.key = _key(appearance.seed, sensor, frame)
+            r.width, r.height = obs.camera.width, obs.camera.height
+            pixels = r.width * r.height
+            out = wp.empty((pixels, 3), dtype=wp.uint8, device=self._device)
+            streak = light.air.fog_colour * 1.15 + light.air.overhead * 0.25
+            inputs = [linear, points.starts, points.groups, points.weights, drops, streak, r, self._srgb, out]
+            launch(camera.develop, pixels, inputs, self._device)
+            picture: NDArray[np.uint8] = out.numpy().reshape(r.height, r.width, 3)
+        return picture
+
+    def radiance(self, obs: Observation, appearance: AppearancePlan, time: float) -> NDArray[np.float32]:
+        """Linear radiance at pixel centres, float32 [H, W, 3]."""
+        points = self._points(obs, antialias=False)
+        linear = self._shade(obs, points, appearance, light_of(appearance, time, self._device))
+        values: NDArray[np.float32] = linear.numpy().reshape(obs.camera.height, obs.camera.width, 3)
+        return values
+
+    def _points(self, obs: Observation, antialias: bool) -> Points:
+        name = "smooth" if antialias else "plain"
+        if name not in obs.derived:
+            obs.derived[name] = self._survey(obs, antialias)
+        points: Points = obs.derived[name]
+        return points
+
+    def _survey(self, obs: Observation, antialias: bool) -> Points:
+        g, lens = self._g, lens_of(obs.camera, 1)
+        pixels = obs.camera.width * obs.camera.height
+        scene = samples.Scene()
+        scene.view, scene.normals, scene.uvs = obs.vertices, g.normals, g.uvs
+        scene.vertex_part, scene.triangles, scene.face_normals = g.vertex_part, g.triangles, g.face_normals
+        scene.triangle_surface, scene.surface_pattern = g.triangle_surface, g.surface_pattern
+        scene.world_from_part = device_rows(world_from_parts(obs.parts), self._device)
+        scene.world_from_view = device_rows(world_from_view(obs.world_from_sensor), self._device)
+        if antialias:
+            fine = self._observer.visibility(obs.camera, obs.world_from_sensor, obs.vertices, side=2)
+            with self._timings("group"):
+                groups = self._empty(pixels, wp.int32)
+                launch(samples.count, pixels, [fine, lens, scene, groups], self._device)
+                ends = np.cumsum(groups.numpy() & 7, dtype=np.int32)
+        else:
+            groups = wp.array(np.ones(pixels, np.int32), dtype=wp.int32, device=self._device)
+            ends = np.arange(1, pixels + 1, dtype=np.int32)
+        count = int(ends[-1])
+        first = np.concatenate([np.zeros(1, np.int32), ends[:-1]])
+        starts = wp.array(first, dtype=wp.int32, device=self._device)
+        keys, owner = self._empty(count, wp.uint64), self._empty(count, wp.int32)
+        places, weights = self._empty(count, wp.int32), self._empty(count, wp.float32)
+        with self._timings("place"):
+            if antialias:
+                inputs = [obs.keys, fine, groups, starts, lens, scene, keys, owner, places, weights]
+                launch(samples.place, pixels, inputs, self._device)
+            else:
+                launch(samples.place_centres, pixels, [obs.keys, keys, owner, places, weights], self._device)
+        with self._timings("survey"):
+            data = shade.Samples()
+            data.surfaces, data.codes = self._empty(count, wp.int32), self._empty(count, wp.uint32)
+            data.positions, data.normals = self._empty(count, wp.vec3f), self._empty(count, wp.vec3f)
+            data.details, data.pixels = self._empty(count, wp.vec4f), owner
+            data.width = obs.camera.width
+            data.eye = wp.vec3f(*(float(v) for v in obs.world_from_sensor[:, 3]))
+            found = [data.surfaces, data.positions, data.normals, data.details, data.codes]
+            launch(samples.survey, count, [keys, owner, places, lens, scene, *found], self._device)
+        return Points(data, groups, starts, weights, count)
+
+    def _shade(self, obs: Observation, points: Points, appearance: AppearancePlan, light: Light) -> Any:
+        with self._timings("shadows"):
+            sunlit = self._sunlit(obs, light)
+        with self._timings("nearby"):
+            lamps, bodies, lamp_lists, body_lists = self._nearby(obs)
+        with self._timings("shade"):
+            out = self._empty(points.count, wp.vec3f)
+            looks = self._looks_of(appearance)
+            inputs = [points.data, looks, light.air, sunlit, lamps, bodies, lamp_lists, body_lists, out]
+            launch(shade.shade, points.count, inputs, self._device)
+        return out
+
+    def _sunlit(self, obs: Observation, light: Light) -> Any:
+        out = shade.Sunlit()
+        if light.sun[2] > 0.0 and float(light.sunlight.max()) > 0.0:
+            world = device_rows(world_from_parts(obs.parts), self._device)
+            vertices = world_vertices(self._g, world, self._device)
+            still = self._shadows.static(light.sun)
+            eye, ahead = obs.world_from_sensor[:, 3], obs.world_from_sensor[:, 0]
+            fine, coarse = self._shadows.moving(light.sun, vertices, eye, ahead)
+        else:
+            still = fine = coarse = self._shadows.none()
+        out.still, out.still_depths, out.still_used = still.beam, still.depths, still.used
+        out.fine, out.fine_depths, out.fine_used = fine.beam, fine.depths, fine.used
+        out.coarse, out.coarse_depths, out.coarse_used = coarse.beam, coarse.depths, coarse.used
+        return out
+
+    def _nearby(self, obs: Observation) -> tuple[Any, Any, Any, Any]:
+        """Lamps and bodies, and their lists by tile; the same for every appearance."""
+        if "nearby" not in obs.derived:
+            world = world_from_parts(obs.parts)
+            lamps = lamps_at(self._g, world, obs.world_from_sensor[:, 3], self._device)
+            bodies = bodies_at(self._g, obs.parts, self._device)
+            tile, most = int(nearby.TILE), int(nearby.MOST)
+            tiles = -(-obs.camera.width // tile) * -(-obs.camera.height // tile)
+            lists = [wp.zeros((tiles, most + 1), dtype=wp.int32, device=self._device) for _ in range(2)]
+            view = device_rows(world_from_view(obs.world_from_sensor), self._device)
+            inputs = [obs.keys, lens_of(obs.camera, 1), view, lamps, bodies, *lists]
+            launch(nearby.gather, tiles, inputs, self._device)
+            obs.derived["nearby"] = (lamps, bodies, *lists)
+        found: tuple[Any, Any, Any, Any] = obs.derived["nearby"]
+        return found
+
+    def _looks_of(self, appearance: AppearancePlan) -> Any:
+        name = repr(appearance.looks)
+        if name not in self._looks:
+            self._looks = {name: looks_of(self._g, appearance.looks, self._device)}
+        return self._looks[name]
+
+    def _rain(self, obs: Observation, seed: int, light: Light, frame: int) -> Any:
+        cover = wp.zeros(obs.camera.width * obs.camera.height, dtype=wp.int32, device=self._device)
+        if light.rain > 0.0:
+            shower = rain.Shower()
+            shower.key = _key(seed, "rain", frame)
+            shower.count = int(_DROPS * light.rain)
+            shower.fall = wp.vec3f(*_fall(obs.camera, obs.world_from_sensor, light.wind))
+            shower.depth = _RAIN_DEPTH
+            shower.cover = 0.34
+            inputs = [shower, obs.keys, lens_of(obs.camera, 1), cover]
+            launch(rain.streaks, shower.count, inputs, self._device)
+        return cover
+
+    def _empty(self, count: int, kind: Any) -> Any:
+        return wp.empty(count, dtype=kind, device=self._device)
+
+
+def _fall(plan: CameraPlan, world_from_sensor: Array, wind: float) -> list[float]:
+    """A drop's way during the exposure in the camera's frame: 7 m/s down, with the wind along world y and x."""
+    world = [3.0 * wind * _EXPOSURE_TIME, 5.0 * wind * _EXPOSURE_TIME, -7.0 * _EXPOSURE_TIME]
+    rows = world_from_view(world_from_sensor)
+    return [sum(float(rows[r, c]) * world[r] for r in range(3)) for c in range(3)]
+
+
+def _key(seed: int, name: str, frame: int) -> int:
+    """A 32-bit key of a seed, a name and a frame."""
+    digest = hashlib.sha256(f"{seed}/{name}/{frame}".encode()).digest()
+    return int.from_bytes(digest[:4], "little")
