@@ -10,6 +10,7 @@ import click
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
+    from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 
 RECIPE = click.argument("recipe", type=click.Path(path_type=Path))
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document for a program to read.")
@@ -19,14 +20,31 @@ WORKERS = click.option(
 )
 
 
-def compile_quietly(path: Path) -> Compiled:
+def compile_quietly(path: Path, *, allow_large: bool = False, free_disk: int | None = None) -> Compiled:
     """Compile a recipe and print its warnings; InputError with all of its mistakes."""
     from recipe_compiler.compile import compile_recipe
 
-    compiled = compile_recipe(path)
+    compiled = compile_recipe(path, allow_large=allow_large, free_disk=free_disk)
     for warning in compiled.warnings:
-        click.echo(f"warning: {warning}", err=True)
+        click.echo(f"{warning.place}: warning: {warning.message}" if warning.place else f"warning: {warning}", err=True)
     return compiled
+
+
+def variant_named(plan: DatasetPlan, name: str | None) -> ScenarioPlan:
+    """The variant of that name, or the first; InputError with the nearest name."""
+    from difflib import get_close_matches
+
+    from recipe_compiler.errors import InputError
+
+    by_name = {v.variant: v for v in plan.variants}
+    if name is None:
+        return plan.variants[0]
+    if name not in by_name:
+        near = get_close_matches(name, by_name, 1, 0.3) or list(by_name)[:1]
+        raise InputError(
+            f"{plan.recipe} has no variant {name!r}; the nearest is {near[0]!r}, and `recipe plan` lists all"
+        )
+    return by_name[name]
 
 
 def print_json(value: Any) -> None:
@@ -34,8 +52,8 @@ def print_json(value: Any) -> None:
     click.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
-def default_workers() -> int:
-    """The number of CPU cores that this process may use."""
+def worker_count(asked: int | None) -> int:
+    """The number of workers asked for, else the number of CPU cores that this process may use."""
     import os
 
-    return max(1, len(os.sched_getaffinity(0)))
+    return asked or max(1, len(os.sched_getaffinity(0)))

@@ -15,7 +15,7 @@ from recipe_runtime.engines import Engines, Progress, real_engines
 from recipe_runtime.schedule import Shard, View, all_shards, simulations, views
 from recipe_runtime.store import Store
 from recipe_runtime.trace import Trace
-from recipe_runtime.versions import STAGES, tool_versions
+from recipe_runtime.versions import STAGES, host_versions
 from recipe_runtime.worker import FrameRecord, Job
 
 CHECKPOINTS = 64  # at most so many a body; they tell about when a motion parts
@@ -36,14 +36,14 @@ def lock(
     engines = engines or real_engines()
     with tempfile.TemporaryDirectory(prefix="recipe-lock-") as folder:
         traces = fresh_traces(simulations(plan), engines, Store(Path(folder)), progress)
-        shards = all_shards(plan)
-        frames = render_rows(plan, shards, engines, Path(folder), workers, progress, device)
+        job = Job(plan, engines, device, Path(folder), None)
+        frames = render_rows(job, all_shards(plan), workers, progress)
     return with_rows(bare(plan, source, files), traces, simulations(plan), frames)
 
 
 def bare(plan: DatasetPlan, source: str, files: dict[str, str]) -> Lockfile:
     """The lockfile of a plan before anything was simulated."""
-    return skeleton(plan, source, files, tool_versions(), STAGES)
+    return skeleton(plan, source, files, host_versions(), STAGES)
 
 
 def with_rows(
@@ -68,16 +68,9 @@ def fresh_traces(scenes: list[ScenePlan], engines: Engines, store: Store, progre
     return traces
 
 
-def render_rows(
-    plan: DatasetPlan,
-    shards: list[Shard],
-    engines: Engines,
-    cache: Path,
-    workers: int,
-    progress: Progress,
-    device: str = "cpu",
-) -> dict[FrameKey, str]:
-    """Render the shards' frames with the traces in the cache, and keep only their digests."""
+def render_rows(job: Job, shards: list[Shard], workers: int, progress: Progress) -> dict[FrameKey, str]:
+    """Do the shards, with the traces in the job's cache, and list the digests of their frames."""
+    plan = job.dataset
     found: dict[FrameKey, str] = {}
     plan_views, total, count = views(plan), sum(len(s.frames) * len(s.variants) for s in shards), 0
 
@@ -90,7 +83,7 @@ def render_rows(
         count += pictures
         progress("render", count, total)
 
-    pool.run(Job(plan, engines, device, cache, None), shards, workers, done, tick)
+    pool.run(job, shards, workers, done, tick)
     return found
 
 

@@ -1,6 +1,8 @@
 """`manifest.json`: what a dataset is made of, digest by digest and file by file.
 
     identity   what a paper prints: NAME@sha256:DIGEST, the lockfile's too; over plans, traces, pixels and labels
+    outputs    what the recipe asks to be written
+    tools      versions of the packages that bytes depend on
     variants   digests of plan, scene, rig, appearance and trace; per sensor and modality a digest for every frame
                (`labels`: the records of what is seen)
     files      size and SHA-256 of every file, apart from this one and the pictures
@@ -22,7 +24,7 @@ from recipe_compiler.plan import DatasetPlan
 
 from recipe_runtime import layout
 from recipe_runtime.harvest import Harvest
-from recipe_runtime.versions import STAGES
+from recipe_runtime.versions import STAGES, tool_versions
 
 FORMAT = "recipe/manifest/1"
 _PICTURES = "preview/"
@@ -37,6 +39,7 @@ def head(dataset: DatasetPlan) -> dict[str, Any]:
         "recipe": dataset.recipe,
         "description": dataset.description,
         "plan": dataset.digest,
+        "outputs": {"annotations": list(dataset.annotations), "depth": dataset.depth},
         "stages": dict(STAGES),
     }
 
@@ -64,6 +67,7 @@ def manifest_text(dataset: DatasetPlan, harvest: Harvest, files: FileRows) -> st
         {
             **head(dataset),
             "identity": harvest.identity(),
+            "tools": tool_versions(),
             "order": [v.variant for v in dataset.variants],
             "variants": variants,
             "files": {p: row for p, row in rows.items() if not p.startswith(_PICTURES)},

@@ -16,28 +16,33 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from recipe_compiler.lockfile import Lockfile
+from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 
-from recipe_runtime import host, locking
+from recipe_runtime import host, layout, locking
+from recipe_runtime.dataset import Dataset, damaged_files
 from recipe_runtime.engines import Engines, Progress, real_engines
+from recipe_runtime.report.difference import differing_pixels, write_difference
 from recipe_runtime.sample import Bound, draw, sample_size
 from recipe_runtime.schedule import chosen_shards
+from recipe_runtime.shot import shot
 from recipe_runtime.store import Store
-from recipe_runtime.versions import STAGES, tool_versions
+from recipe_runtime.versions import STAGES, host_versions
+from recipe_runtime.worker import Job
 
 Verdict = Literal["PASS", "FAIL", "INCONCLUSIVE"]
 Choice = tuple[str, str, int]  # variant, sensor, frame
 
 ORDER = ("lockfile", "recipe", "plan", "trace", "observation", "labels", "shading", "encoding", "file")
-# What a stage's bytes depend on: the stage's key in versions.STAGES, and tools.
-_DEPENDS = {
-    "plan": ("plan", ("astral", "rfc8785")),
-    "trace": ("simulate", ("pybullet", "numpy", "glibc", "python")),
-    "observation": ("observe", ("warp-lang", "numpy")),
-    "labels": ("annotate", ("pycocotools", "numpy")),
-    "shading": ("shade", ("warp-lang", "numpy")),
-    "encoding": ("encode", ("deflate", "numpy")),
+MOST_PICTURES = 8
+# What a stage's bytes depend on, once all before it agree: stages by their names in versions.STAGES, and tools.
+_DEPENDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "plan": (("plan",), ("astral", "rfc8785")),
+    "trace": (("simulate",), ("pybullet", "numpy", "glibc", "python")),
+    "observation": (("observe",), ("warp-lang", "numpy")),
+    "labels": (("observe", "annotate"), ("pycocotools", "numpy")),
+    "shading": (("observe", "shade"), ("warp-lang", "numpy")),
+    "encoding": (("encode",), ("deflate", "numpy")),
 }
 _STAGE_OF = {"rgb": "shading", "labels": "labels", "depth": "observation"}
 
@@ -108,6 +113,7 @@ class Options:
     everything: bool = False
     workers: int = 1
     device: str = "cpu"
+    pictures: Path | None = None  # a folder for pictures of frames that differ
 
 
 def verify(
@@ -117,9 +123,10 @@ def verify(
     progress: Progress,
     *,
     files: dict[str, str] | None = None,
+    dataset: Dataset | None = None,
     engines: Engines | None = None,
 ) -> Report:
-    """Compare a compiled recipe with its lockfile, as far as the options ask.
+    """Compare what a plan makes on this host with a lockfile, and with a dataset's files, as far as the options ask.
 
     `files` are the digests of the recipe's files as they are now; None where there is only a dataset's plan.
     """
@@ -128,15 +135,21 @@ def verify(
     chosen = choose(choices, options)
     report = Report(plan.recipe, lock.identity, options.nonce, Bound(len(chosen), len(choices), options.confidence))
     if not lock.sealed:
-        message = "a digit or a line was changed by hand or damaged: the seal does not hold; `recipe lock --update` "
-        report.differences.append(Difference("lockfile", message + "makes it anew"))
+        what = "the manifest" if dataset else "the lockfile"
+        report.differences.append(Difference("lockfile", f"{what} was damaged or edited: its digests do not add up"))
     if files is not None:
         report.differences += compare_files(lock, files)
     report.differences += compare_plans(plan, lock)
     other = {d.variant for d in report.differences if d.stage == "plan"}
     chosen = [choice for choice in chosen if choice[0] not in other]
     with tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
-        report.differences += _compare_made(plan, lock, chosen, engines, Path(folder), options, progress)
+        check = _Check(plan, lock, engines, options, progress, Path(folder), dataset)
+        report.differences += check.run(chosen)
+        if dataset is not None:
+            damaged = damaged_files(dataset, progress)
+            report.differences += [Difference("file", message) for message in damaged]
+        if options.pictures is not None:
+            report.pictures = check.draw(report.differences, options.pictures)
     return report
 
 
@@ -163,9 +176,8 @@ def compare_files(lock: Lockfile, files: dict[str, str]) -> list[Difference]:
     found = []
     for path in sorted({*lock.files, *files}):
         if lock.files.get(path) != files.get(path):
-            how = "was added" if path not in lock.files else "is gone" if path not in files else "is another text"
-            message = f"{path} {how} than when it was locked" if how.startswith("is a") else f"{path} {how}"
-            found.append(Difference("recipe", f"{message}; `recipe lock --update` accepts it"))
+            how = "is new" if path not in lock.files else "is gone" if path not in files else "has changed"
+            found.append(Difference("recipe", f"{path} {how} since it was locked; `recipe lock --update` accepts it"))
     return found
 
 
@@ -189,43 +201,128 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
     return found
 
 
+def compare_locks(plan: DatasetPlan, lock: Lockfile, made: Lockfile) -> list[Difference]:
+    """What a finished build differs in from a lockfile, stage by stage."""
+    found = compare_files(lock, made.files) + compare_plans(plan, lock)
+    for scene, trace in made.traces.items():
+        if lock.traces.get(scene, trace) != trace:
+            found.append(Difference("trace", f"scene {scene[:16]} moves otherwise", excuse_of("trace", lock)))
+    for row, value in made.frames.items():
+        if lock.frames.get(row, value) != value:
+            key, sensor, modality, frame = row
+            stage = _STAGE_OF.get(modality, "observation")
+            name = next(n for n, v in made.variants.items() if v.frame_key(modality) == key)
+            message = f"{name}, {sensor}, frame {frame}: {modality} differs"
+            found.append(Difference(stage, message, excuse_of(stage, lock), name, sensor, frame, modality))
+    return sorted(found, key=lambda difference: ORDER.index(difference.stage))
+
+
 def excuse_of(stage: str, lock: Lockfile) -> str | None:
     """Why this host need not agree with the lockfile at a stage; None if it must."""
-    key, tools = _DEPENDS.get(stage, ("", ()))
-    if key and lock.stages.get(key) != STAGES[key]:
-        release = lock.tools.get("dataset-recipe", "of another release")
-        versions = f"the lockfile is of {key} version {lock.stages.get(key)}, this is {STAGES[key]}"
-        return f"{versions}; dataset-recipe {release} reproduces it"
+    stages, tools = _DEPENDS.get(stage, ((), ()))
+    for key in stages:
+        if lock.stages.get(key) != STAGES[key]:
+            release = lock.tools.get("dataset-recipe", "of another release")
+            versions = f"the lockfile is of {key} version {lock.stages.get(key)}, this is {STAGES[key]}"
+            return f"{versions}; dataset-recipe {release} reproduces it"
     reason = host.unfit(stage)
     if reason:
         return reason
-    ours = tool_versions()
+    ours = host_versions()
     others = [f"{t} {lock.tools[t]}, here {ours[t]}" for t in tools if t in lock.tools and lock.tools[t] != ours[t]]
     return "the lockfile was made with " + ", ".join(others) if others else None
 
 
-def _compare_made(
-    plan: DatasetPlan,
-    lock: Lockfile,
-    chosen: list[Choice],
-    engines: Engines,
-    folder: Path,
-    options: Options,
-    progress: Progress,
-) -> list[Difference]:
-    by_name = {v.variant: v for v in plan.variants}
-    scenes = {by_name[name].scene.digest: by_name[name].scene for name, _, _ in chosen}
-    traces = locking.fresh_traces(list(scenes.values()), engines, Store(folder), progress)
-    found: list[Difference] = []
-    for digest, trace in traces.items():
-        if lock.traces.get(digest) != trace.digest:
-            message = _parting(lock, scenes[digest], {a: locking.body_motion(trace, a) for a in trace.actors})
-            found.append(Difference("trace", message, excuse=excuse_of("trace", lock)))
-    parted = {digest for digest, trace in traces.items() if lock.traces.get(digest) != trace.digest}
-    chosen = [choice for choice in chosen if by_name[choice[0]].scene.digest not in parted]
-    shards = chosen_shards(plan, chosen)
-    rows = locking.render_rows(plan, shards, engines, folder, options.workers, progress, options.device)
-    return found + _compare_frames(plan, lock, chosen, rows)
+@dataclass
+class _Check:
+    """The frames of one verification: made anew in a folder of their own, and compared."""
+
+    plan: DatasetPlan
+    lock: Lockfile
+    engines: Engines
+    options: Options
+    progress: Progress
+    folder: Path
+    dataset: Dataset | None
+
+    def run(self, chosen: list[Choice]) -> list[Difference]:
+        """Simulate the scenes of the chosen frames, render the frames alone, and say what differs."""
+        by_name = {v.variant: v for v in self.plan.variants}
+        scenes = {by_name[name].scene.digest: by_name[name].scene for name, _, _ in chosen}
+        traces = locking.fresh_traces(list(scenes.values()), self.engines, Store(self.folder), self.progress)
+        found = []
+        for digest, trace in traces.items():
+            if self.lock.traces.get(digest) != trace.digest:
+                motions = {actor: locking.body_motion(trace, actor) for actor in trace.actors}
+                message = _parting(self.lock, scenes[digest], motions)
+                found.append(Difference("trace", message, excuse_of("trace", self.lock)))
+        whole = {digest for digest, trace in traces.items() if self.lock.traces.get(digest) == trace.digest}
+        return found + self._frames([c for c in chosen if by_name[c[0]].scene.digest in whole])
+
+    def _frames(self, chosen: list[Choice]) -> list[Difference]:
+        root = self.folder / "made" if self.dataset else None
+        shards, options = chosen_shards(self.plan, chosen), self.options
+        job = Job(self.plan, self.engines, options.device, self.folder, root)
+        rows = locking.render_rows(job, shards, options.workers, self.progress)
+        keys = locking.bare(self.plan, "", {}).variants
+        found = []
+        for choice in chosen:
+            different = self._frame(choice, keys[choice[0]], rows)
+            if different is None and self.dataset:
+                different = self._file(choice, self.dataset)
+            found += [different] if different else []
+        return found
+
+    def _frame(self, choice: Choice, key: VariantRow, rows: dict[FrameKey, str]) -> Difference | None:
+        """The first of a frame's modalities that differs from the lockfile; what comes later follows from it."""
+        name, sensor, frame = choice
+        for modality in self._modalities(choice, ("depth", "instance", "semantic", "labels", "rgb")):
+            row = (key.frame_key(modality), sensor, modality, frame)
+            if self.lock.frames.get(row) != rows[row]:
+                stage = _STAGE_OF.get(modality, "observation")
+                what = "differs" if row in self.lock.frames else "has no digest there"
+                message = f"{name}, {sensor}, frame {frame}: {modality} {what}"
+                return Difference(stage, message, excuse_of(stage, self.lock), name, sensor, frame, modality)
+        return None
+
+    def _file(self, choice: Choice, dataset: Dataset) -> Difference | None:
+        """The first of a frame's files whose bytes are not those made here; equal pixels are a matter of encoding."""
+        name, sensor, frame = choice
+        for modality in self._modalities(choice, ("depth", "instance", "semantic", "rgb")):
+            path = layout.frame_file(name, sensor, modality, frame, self.plan.depth)
+            made, there = self.folder / "made" / path, dataset.root / path
+            if not there.is_file() or made.read_bytes() == there.read_bytes():
+                continue  # a missing file is reported with the damaged ones
+            count = differing_pixels(made, there)
+            if count == 0:
+                message = f"{path}: equal pixels, encoded otherwise"
+                return Difference("encoding", message, excuse_of("encoding", self.lock), name, sensor, frame, modality)
+            how = "cannot be read" if count is None else f"{count} pixels differ"
+            return Difference("file", f"{path}: {how}", None, name, sensor, frame, modality)
+        return None
+
+    def _modalities(self, choice: Choice, order: Iterable[str]) -> list[str]:
+        rig = next(v.rig for v in self.plan.variants if v.variant == choice[0])
+        capture = next(s.capture for s in rig.sensors if s.name == choice[1])
+        return [m for m in order if m == "labels" or m in capture]
+
+    def draw(self, differences: list[Difference], out: Path) -> list[str]:
+        """Pictures of the first frames that differ: what is there, what was made here, and where they differ."""
+        pictures: list[str] = []
+        cases = [d for d in differences if d.modality not in (None, "labels")]
+        for case in cases[:MOST_PICTURES]:
+            assert case.variant is not None and case.sensor is not None
+            scenario = next(v for v in self.plan.variants if v.variant == case.variant)
+            made = shot(
+                scenario, case.sensor, case.frame, case.modality, engines=self.engines, store=Store(self.folder)
+            )
+            there = None
+            if self.dataset:
+                path = layout.frame_file(case.variant, case.sensor, made.modality, made.frame, self.plan.depth)
+                there = self.dataset.root / path
+            stem = f"{layout.folder(case.variant)}-{layout.folder(case.sensor)}-{made.modality}-{made.frame:06d}"
+            pictures += [str(path) for path in write_difference(out / stem, made, there)]
+        return pictures
 
 
 def _parting(lock: Lockfile, scene: ScenePlan, ours: dict[str, Any]) -> str:
@@ -242,25 +339,3 @@ def _parting(lock: Lockfile, scene: ScenePlan, ours: dict[str, Any]) -> str:
     until = f"and {last}" if last >= first else "on"
     where = f"between frames {first} {until} (from step {first * scene.clock.steps_per_frame})"
     return f"body {actor} parts {where}; {len(partings)} of {len(ours)} bodies differ"
-
-
-def _compare_frames(
-    plan: DatasetPlan, lock: Lockfile, chosen: Iterable[Choice], rows: dict[Any, str]
-) -> list[Difference]:
-    by_name, found = {v.variant: v for v in plan.variants}, []
-    keys = locking.bare(plan, lock.source, {}).variants
-    for choice in chosen:
-        name, sensor, frame = choice
-        capture = next(s.capture for s in by_name[name].rig.sensors if s.name == sensor)
-        for modality in ("depth", "instance", "semantic", "labels", "rgb"):
-            if modality != "labels" and modality not in capture:
-                continue
-            row = (keys[name].frame_key(modality), sensor, modality, frame)
-            if lock.frames.get(row) == rows[row]:
-                continue
-            stage = _STAGE_OF.get(modality, "observation")
-            what = "differs" if row in lock.frames else "is not in the lockfile"
-            message = f"{name}, {sensor}, frame {frame}: {modality} {what}"
-            found.append(Difference(stage, message, excuse_of(stage, lock), *choice, modality))
-            break  # what comes later follows from it
-    return found

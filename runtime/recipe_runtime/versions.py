@@ -12,13 +12,17 @@ _TOOLS = ("dataset-recipe", "astral", "deflate", "numpy", "pybullet", "pycocotoo
 
 
 def tool_versions() -> dict[str, str]:
-    """The installed version of everything that bytes depend on."""
+    """The installed version of every package that bytes depend on."""
     versions = {}
     for tool in _TOOLS:
         try:
             versions[tool] = version(tool)
         except PackageNotFoundError:
             versions[tool] = "none"
-    versions["python"] = ".".join(platform.python_version_tuple()[:2])
-    versions["glibc"] = platform.libc_ver()[1] or "none"
     return versions
+
+
+def host_versions() -> dict[str, str]:
+    """The same, with the interpreter and the C library, on which simulation may depend."""
+    python, glibc = ".".join(platform.python_version_tuple()[:2]), platform.libc_ver()[1] or "none"
+    return {**tool_versions(), "python": python, "glibc": glibc}

@@ -1,0 +1,73 @@
+"""`recipe build`: the dataset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, WORKERS, compile_quietly, print_json, worker_count
+from recipe_cli.places import free_disk, lockfile_path, source_of
+from recipe_cli.progress import Progress
+
+if TYPE_CHECKING:
+    from recipe_compiler.compile import Compiled
+    from recipe_runtime.build import BuildResult
+
+
+@click.command("build")
+@RECIPE
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Where to put it; datasets/<recipe> by default.",
+)
+@WORKERS
+@ALLOW_LARGE
+@JSON
+def command(recipe: Path, out: Path | None, workers: int | None, allow_large: bool, as_json: bool) -> None:
+    """Build RECIPE's dataset, and check it against its lockfile if there is one."""
+    compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(out or Path()))
+    out = out or Path("datasets") / compiled.plan.recipe
+    from recipe_runtime.build import build
+
+    with Progress() as progress:
+        result = build(compiled.plan, out, workers=worker_count(workers), progress=progress)
+    differences = _against_lockfile(recipe, compiled, result)
+    if as_json:
+        print_json(
+            {"path": str(out), "identity": result.identity, "built": result.built, "wall": round(result.wall, 3)}
+            | {"seconds": {stage: round(s, 3) for stage, s in sorted(result.seconds.items())}}
+            | {"resumed_shards": result.resumed, "shards": result.shards, "lockfile_differences": differences}
+        )
+    else:
+        _say(compiled, out, result)
+    if differences:
+        for difference in differences or []:
+            click.echo(difference, err=True)
+        raise click.exceptions.Exit(1)
+
+
+def _against_lockfile(recipe: Path, compiled: Compiled, result: BuildResult) -> list[str] | None:
+    """What differs from the lockfile, in the order of the stages; None if there is no lockfile."""
+    from recipe_compiler import lockfile
+    from recipe_runtime.dataset import lock_of
+    from recipe_runtime.verify import compare_locks
+
+    path = lockfile_path(recipe, compiled.plan.recipe)
+    if not path.is_file():
+        return None
+    made = lock_of(result.manifest, source_of(recipe, path), compiled.files)
+    return [f"{path}: {difference}" for difference in compare_locks(compiled.plan, lockfile.read(path), made)]
+
+
+def _say(compiled: Compiled, out: Path, result: BuildResult) -> None:
+    if result.built:
+        frames, rate = compiled.cost.frames, compiled.cost.frames / max(result.wall, 1e-9)
+        click.echo(f"{out}: {compiled.cost}; {frames} frames in {result.wall:.1f} s, {rate:.1f} a second")
+    else:
+        click.echo(f"{out}: there already, nothing to do")
+    click.echo(f"look at {out / 'preview' / 'contact_sheet.png'}")
+    click.echo(result.identity)

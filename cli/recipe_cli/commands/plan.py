@@ -1,0 +1,59 @@
+"""`recipe plan`: what a recipe stands for and what it costs, before any work."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json
+
+if TYPE_CHECKING:
+    from recipe_compiler.compile import Compiled
+
+
+@click.command("plan")
+@RECIPE
+@ALLOW_LARGE
+@click.option("--variant", metavar="NAME", help="Print this variant's expanded plan as JSON.")
+@JSON
+def command(recipe: Path, allow_large: bool, variant: str | None, as_json: bool) -> None:
+    """Show RECIPE's variants, what they share, and the frames, bytes and minutes of building it."""
+    compiled = compile_quietly(recipe, allow_large=allow_large)
+    if variant is not None:
+        from recipe_compiler.canonical import pretty
+
+        from recipe_cli.arguments import variant_named
+
+        click.echo(pretty(variant_named(compiled.plan, variant).document()), nl=False)
+    elif as_json:
+        print_json(_document(compiled))
+    else:
+        _table(compiled)
+
+
+def _document(compiled: Compiled) -> dict[str, object]:
+    from dataclasses import asdict
+
+    rows = [
+        {"name": v.variant, "digest": v.digest, "scene": v.scene.digest, "rig": v.rig.digest}
+        | {"appearance": v.appearance.digest}
+        for v in compiled.plan.variants
+    ]
+    plan = compiled.plan
+    return {"recipe": plan.recipe, "digest": plan.digest, "variants": rows, "cost": asdict(compiled.cost)}
+
+
+def _table(compiled: Compiled) -> None:
+    plan = compiled.plan
+    click.echo(f"{plan.recipe}: {plan.description}" if plan.description else plan.recipe)
+    width = max(len(v.variant) for v in plan.variants)
+    click.echo(f"\n  {'variant':<{width}}  scene     rig       appearance")
+    for v in plan.variants[:40]:
+        digests = "  ".join(d[:8] for d in (v.scene.digest, v.rig.digest, v.appearance.digest))
+        click.echo(f"  {v.variant:<{width}}  {digests}")
+    if len(plan.variants) > 40:
+        click.echo(f"  ... and {len(plan.variants) - 40} more; --json lists all")
+    click.echo(f"\n{compiled.cost}")
+    click.echo(f"plan sha256:{plan.digest}")

@@ -1,0 +1,47 @@
+"""`recipe shot`: one frame, to look at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, variant_named
+
+
+@click.command("shot")
+@RECIPE
+@click.option("--variant", metavar="NAME", help="The variant; the first by default.")
+@click.option("--sensor", metavar="NAME", help="The sensor; the first by default.")
+@click.option("--frame", type=click.IntRange(0), help="The frame; the middle one by default.")
+@click.option("--modality", metavar="NAME", help="rgb, depth, instance or semantic; rgb if it is captured.")
+@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="The PNG; by default its name.")
+@ALLOW_LARGE
+@JSON
+def command(
+    recipe: Path,
+    variant: str | None,
+    sensor: str | None,
+    frame: int | None,
+    modality: str | None,
+    output: Path | None,
+    allow_large: bool,
+    as_json: bool,
+) -> None:
+    """Render one frame of RECIPE into a PNG: the very pixels of the full build (depth and labels in colours)."""
+    plan = compile_quietly(recipe, allow_large=allow_large).plan
+    scenario = variant_named(plan, variant)
+    from recipe_runtime.shot import shot
+
+    made = shot(scenario, sensor, frame, modality)
+    name = f"{plan.recipe}-{scenario.variant.replace('.', '_')}-{made.sensor}-{made.modality}-{made.frame:06d}.png"
+    path = output or Path(name)
+    made.write(path)
+    if as_json:
+        print_json(
+            {"file": str(path), "variant": scenario.variant, "sensor": made.sensor, "frame": made.frame}
+            | {"modality": made.modality, "digest": made.digest}
+        )
+    else:
+        click.echo(f"{path}: {scenario.variant}, {made.sensor}, {made.modality}, frame {made.frame}")
+        click.echo(f"pixels sha256:{made.digest}")

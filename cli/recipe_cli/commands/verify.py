@@ -1,0 +1,121 @@
+"""`recipe verify`: re-render sample frames and compare them, byte for byte."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from recipe_cli.arguments import JSON, WORKERS, print_json, worker_count
+from recipe_cli.places import FOLDER, lockfile_path, recipe_of
+from recipe_cli.progress import Progress
+
+if TYPE_CHECKING:
+    from recipe_runtime.verify import Options, Report
+
+_EXIT = {"PASS": 0, "FAIL": 1, "INCONCLUSIVE": 3}
+_MOST_SHOWN = 20
+
+
+@click.command("verify")
+@click.argument("targets", nargs=-1, type=click.Path(path_type=Path))
+@click.option("--nonce", type=click.IntRange(0, 2**53 - 1), help="Draw the sample of an earlier run again.")
+@click.option("--confidence", type=click.FloatRange(0.5, 0.9999), default=0.95, show_default=True)
+@click.option(
+    "--bound",
+    type=click.FloatRange(0.0001, 0.9),
+    default=0.05,
+    show_default=True,
+    help="The share of differing frames that the sample must rule out.",
+)
+@click.option("--frames", type=click.IntRange(1), help="Check this many frames, whatever the bound.")
+@click.option("--all", "everything", is_flag=True, help="Check every frame.")
+@click.option(
+    "--pictures",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("differences"),
+    show_default=True,
+    help="Where pictures of differing frames go.",
+)
+@WORKERS
+@JSON
+def command(
+    targets: tuple[Path, ...],
+    nonce: int | None,
+    confidence: float,
+    bound: float,
+    frames: int | None,
+    everything: bool,
+    pictures: Path,
+    workers: int | None,
+    as_json: bool,
+) -> None:
+    """Re-render sample frames of TARGETS and compare bytes.
+
+    A target is a recipe (with its lockfile), a lockfile (with its recipe), or a dataset folder; without any, all
+    lockfiles. Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE.
+    """
+    from recipe_runtime.entropy import fresh_nonce
+    from recipe_runtime.verify import Options
+
+    options = Options(
+        nonce=fresh_nonce() if nonce is None else nonce,
+        confidence=confidence,
+        bound=bound,
+        count=frames,
+        everything=everything,
+        workers=worker_count(workers),
+        pictures=pictures,
+    )
+    reports = []
+    for target in targets or _all_lockfiles():
+        report = _verify(target, options)
+        reports.append(report)
+        if not as_json:
+            _say(target, report)
+    if as_json:
+        print_json([report.document() for report in reports])
+    raise click.exceptions.Exit(min((_EXIT[r.verdict] for r in reports), key=(1, 3, 0).index))
+
+
+def _all_lockfiles() -> list[Path]:
+    from recipe_compiler.errors import InputError
+
+    found = sorted(Path(FOLDER).glob("*.lock"))
+    if not found:
+        raise InputError(f"there is no {FOLDER}/*.lock here; name a recipe, a lockfile or a dataset folder")
+    return found
+
+
+def _verify(target: Path, options: Options) -> Report:
+    from recipe_compiler import lockfile
+    from recipe_compiler.compile import compile_recipe
+    from recipe_runtime import dataset
+    from recipe_runtime.verify import verify
+
+    with Progress() as progress:
+        if target.is_dir():
+            held = dataset.read(target)
+            return verify(held.plan, held.lock, options, progress, dataset=held)
+        if target.suffix == ".lock":
+            path, lock = target, lockfile.read(target)
+            compiled = compile_recipe(recipe_of(path, lock), allow_large=True)
+        else:
+            compiled = compile_recipe(target, allow_large=True)
+            path = lockfile_path(target, compiled.plan.recipe)
+            lock = lockfile.read(path)
+        return verify(compiled.plan, lock, options, progress, files=compiled.files)
+
+
+def _say(target: Path, report: Report) -> None:
+    stage = f" at {report.stage}" if report.stage else ""
+    click.echo(f"{report.verdict}{stage}  {target}")
+    click.echo(f"  {report.identity}")
+    for difference in report.differences[:_MOST_SHOWN]:
+        click.echo(f"  {difference}")
+    if len(report.differences) > _MOST_SHOWN:
+        click.echo(f"  ... and {len(report.differences) - _MOST_SHOWN} more; --json lists all")
+    for picture in report.pictures:
+        click.echo(f"  see {picture}")
+    click.echo(f"  {report.bound} (nonce {report.nonce})")

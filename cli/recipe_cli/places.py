@@ -1,0 +1,57 @@
+"""Where lockfiles and datasets lie, seen from a recipe."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from recipe_compiler.lockfile import Lockfile
+
+FOLDER = "lockfiles"
+
+
+@dataclass(frozen=True)
+class Target:
+    """Something to verify: a recipe with its lockfile, or a dataset folder."""
+
+    recipe: Path | None
+    lockfile: Path | None
+    dataset: Path | None = None
+
+
+def lockfile_path(recipe: Path, name: str) -> Path:
+    """The lockfile of a recipe: in the nearest `lockfiles` folder above it, else in one beside it."""
+    start = recipe.resolve().parent
+    for folder in (start, *start.parents):
+        if (folder / FOLDER).is_dir():
+            return _short(folder / FOLDER / f"{name}.lock")
+    return _short(start / FOLDER / f"{name}.lock")
+
+
+def source_of(recipe: Path, lockfile: Path) -> str:
+    """The path from a lockfile's folder to the recipe, as a lockfile records it."""
+    return Path(os.path.relpath(recipe.resolve(), lockfile.resolve().parent)).as_posix()
+
+
+def recipe_of(lockfile: Path, lock: Lockfile) -> Path:
+    """The recipe that a lockfile stands for."""
+    return _short(lockfile.resolve().parent / lock.source)
+
+
+def free_disk(folder: Path) -> int:
+    """Bytes free where a folder is or would be."""
+    import shutil
+
+    there = folder.resolve()
+    while not there.exists():
+        there = there.parent
+    return shutil.disk_usage(there).free
+
+
+def _short(path: Path) -> Path:
+    """The path from here where that is shorter to read."""
+    relative = Path(os.path.relpath(path))
+    return relative if len(str(relative)) < len(str(path)) else path
