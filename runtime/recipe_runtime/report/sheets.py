@@ -22,7 +22,7 @@ from recipe_runtime.harvest import Video
 _GROUND = (24, 26, 31)
 _EMPTY = (33, 36, 42)
 _INK = (236, 238, 241)
-_FAINT = (150, 156, 166)
+_CAPTION_INK = (196, 200, 207)
 _MARGIN, _GAP, _CAPTION, _TITLE = 24, 14, 26, 58
 _MOST = 96  # cells on one sheet
 # Colours that stay apart for colour-blind eyes (Okabe and Ito, 2008), by track.
@@ -40,6 +40,7 @@ class Cell:
     frame: int
 
 
+Size = tuple[int, int]  # width, height
 Picture = Callable[[Video, int], Image.Image]  # a video's RGB picture at a frame
 
 
@@ -51,7 +52,7 @@ def contact_sheet(title: str, videos: Sequence[Video], picture: Picture) -> byte
         Cell(video.variant, row, column, video, _middle(video))
         for video, (row, column) in zip(shown, _places([v.variant for v in shown]), strict=True)
     ]
-    return _sheet(title, cells, lambda cell: picture(cell.video, cell.frame))
+    return _sheet(title, cells, lambda cell, size: _scaled(picture(cell.video, cell.frame), size))
 
 
 def overlay_sheet(title: str, videos: Sequence[Video], picture: Picture) -> bytes:
@@ -62,7 +63,7 @@ def overlay_sheet(title: str, videos: Sequence[Video], picture: Picture) -> byte
             seen.setdefault(_label_of(video), video)
     shown = _thin(list(seen.values()))
     cells = [Cell(v.name, n // 3, n % 3, v, _middle(v)) for n, v in enumerate(shown)]
-    return _sheet(title, cells, lambda cell: _overlay(picture(cell.video, cell.frame), cell.video, cell.frame))
+    return _sheet(title, cells, lambda cell, size: _overlay(picture(cell.video, cell.frame), cell, size))
 
 
 def _label_of(video: Video) -> str:
@@ -100,7 +101,7 @@ def _places(names: Sequence[str]) -> list[tuple[int, int]]:
     ]
 
 
-def _sheet(title: str, cells: Sequence[Cell], draw_cell: Callable[[Cell], Image.Image]) -> bytes:
+def _sheet(title: str, cells: Sequence[Cell], draw: Callable[[Cell, Size], Image.Image]) -> bytes:
     columns = max((c.column for c in cells), default=0) + 1
     rows = max((c.row for c in cells), default=0) + 1
     width = 480 if columns <= 3 else 360 if columns <= 6 else 240
@@ -117,8 +118,7 @@ def _sheet(title: str, cells: Sequence[Cell], draw_cell: Callable[[Cell], Image.
             pen.rectangle((*corner, corner[0] + width - 1, corner[1] + height - 1), fill=_EMPTY)
     for cell in cells:
         corner = _MARGIN + cell.column * step[0], _TITLE + cell.row * step[1]
-        small = draw_cell(cell).resize((width, height), Image.Resampling.BOX)
-        sheet.paste(small, corner)
+        sheet.paste(draw(cell, (width, height)), corner)
         _caption(pen, cell.caption, (corner[0], corner[1] + height + 5), width)
     return encode.png(np.asarray(sheet), level=9)
 
@@ -134,23 +134,32 @@ def _caption(pen: ImageDraw.ImageDraw, text: str, corner: tuple[int, int], width
     while half > 1 and pen.textlength(shown, font=font) > width:
         half -= 1
         shown = f"{text[:half]}…{text[-half:]}"
-    pen.text(corner, shown, fill=_FAINT, font=font)
+    pen.text(corner, shown, fill=_CAPTION_INK, font=font)
 
 
-def _overlay(picture: Image.Image, video: Video, frame: int) -> Image.Image:
+def _scaled(picture: Image.Image, size: Size) -> Image.Image:
+    small: Image.Image = picture.resize(size, Image.Resampling.BOX)
+    return small
+
+
+def _overlay(picture: Image.Image, cell: Cell, size: Size) -> Image.Image:
+    """The picture with each object's mask tinted, then scaled, then its box and name drawn at the sheet's scale."""
     pixels = np.asarray(picture).astype(np.int32)
-    objects: list[Record] = next(r["objects"] for r in video.frames if r["frame"] == frame)
+    height, width = pixels.shape[:2]
+    objects: list[Record] = next(r["objects"] for r in cell.video.frames if r["frame"] == cell.frame)
     hues = [_HUES[n % len(_HUES)] for n in range(len(objects))]
     for item, hue in zip(objects, hues, strict=True):
-        inside = _mask(item, pixels.shape[0], pixels.shape[1])
+        inside = _mask(item, height, width)
         pixels[inside] = (pixels[inside] + np.array(hue)) // 2
-    drawn = Image.fromarray(pixels.astype(np.uint8))
-    pen, font = ImageDraw.Draw(drawn), ImageFont.load_default(max(12, pixels.shape[1] // 45))
+    drawn = _scaled(Image.fromarray(pixels.astype(np.uint8)), size)
+    pen, font = ImageDraw.Draw(drawn), ImageFont.load_default(12)
     for item, hue in zip(objects, hues, strict=True):
         x, y, w, h = item["bbox"]
-        pen.rectangle((x - 1, y - 1, x + w, y + h), outline=hue, width=max(1, pixels.shape[1] // 400))
-        text = f"{CATEGORIES[item['instance'] // 1000]} {item['instance'] % 1000}"
-        pen.text((x, y - 3), text, fill=hue, font=font, anchor="ls", stroke_width=1, stroke_fill=(0, 0, 0))
+        box = (x * size[0] // width, y * size[1] // height, (x + w) * size[0] // width, (y + h) * size[1] // height)
+        pen.rectangle(box, outline=hue)
+        if box[3] - box[1] >= 16:
+            text = f"{CATEGORIES[item['instance'] // 1000]} {item['instance'] % 1000}"
+            pen.text((box[0], box[1] - 3), text, fill=hue, font=font, anchor="ls", stroke_width=1, stroke_fill=_GROUND)
     return drawn
 
 

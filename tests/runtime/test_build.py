@@ -1,0 +1,335 @@
+"""A build's bytes depend on the plan alone: not on workers, order, shards, stops, nor on where and when it ran."""
+
+import fcntl
+import hashlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.plan import DatasetPlan, RigPlan
+from recipe_runtime import build as build_module
+from recipe_runtime import encode, locking, worker
+from recipe_runtime import store as store_module
+from recipe_runtime.build import BuildResult, build
+from recipe_runtime.engines import Engines
+from recipe_runtime.frames import FrameSource, pixel_digest
+
+from tests.runtime.fakes import BROKEN, DYING, ENGINES, dataset_plan, sensor_plan, simulate, tree
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> BuildResult:
+    """The dataset that all others are compared with."""
+    folder = tmp_path_factory.mktemp("made")
+    return build(dataset_plan(), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES)
+
+
+def again(folder: Path, plan: DatasetPlan | None = None, engines: Engines = ENGINES, **options: int) -> BuildResult:
+    return build(plan or dataset_plan(), folder / "tiny", cache=folder / "cache", engines=engines, **options)
+
+
+@pytest.mark.parametrize(("workers", "size"), [(2, 2), (1, 5), (0, 100)])
+def test_workers_and_shards_change_no_byte(made: BuildResult, tmp_path: Path, workers: int, size: int) -> None:
+    result = again(tmp_path, workers=workers, shard_frames=size)
+    assert tree(result.path) == tree(made.path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "tiny"]
+
+
+def test_order_changes_no_byte(made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shards = build_module.all_shards(dataset_plan(), 2)
+    random.Random(4).shuffle(shards)
+    monkeypatch.setattr(build_module, "all_shards", lambda *_: shards)
+    assert tree(again(tmp_path, workers=0).path) == tree(made.path)
+
+
+def test_no_path_enters_a_file(made: BuildResult) -> None:
+    for path, body in tree(made.path).items():
+        assert str(made.path.parent).encode() not in body, path
+
+
+def test_files_hold_the_frames_that_are_rendered_alone(made: BuildResult) -> None:
+    for variant in dataset_plan().variants:
+        frames = made.manifest["variants"][variant.variant]["frames"]
+        for number in (11, 0, 6):
+            source = FrameSource(variant, simulate(variant.scene), engines=ENGINES)
+            arrays = source.render("street", number)
+            folder = made.path / variant.variant / "street"
+            for modality, array in arrays.items():
+                stored = np.asarray(Image.open(folder / modality / f"{number:06d}.png"))
+                shown = encode.carla_depth(array) if modality == "depth" else array
+                assert np.array_equal(stored, shown)
+                assert frames["street"][modality][number] == pixel_digest(modality, array)
+
+
+def test_the_manifest_names_every_file_and_its_bytes(made: BuildResult) -> None:
+    rows = {**made.manifest["files"], **made.manifest["pictures"]}
+    files = tree(made.path)
+    manifest = json.loads(files.pop("manifest.json"))
+    assert manifest == made.manifest
+    assert {p: {"size": len(b), "sha256": hashlib.sha256(b).hexdigest()} for p, b in files.items()} == rows
+    assert all(path.startswith("preview/") for path in made.manifest["pictures"])
+
+
+def test_the_identity_is_the_lockfiles(made: BuildResult) -> None:
+    lock = locking.lock(dataset_plan(), "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=ENGINES)
+    assert lock.identity == made.identity
+    assert made.identity in (made.path / "README.md").read_text()
+
+
+def test_labels_that_are_equal_are_one_file(made: BuildResult) -> None:
+    one, other = (made.path / f"weather={w},jitter=still" for w in ("w0", "w1"))
+    for modality in ("depth", "instance", "semantic"):
+        assert (one / "street" / modality / "000003.png").samefile(other / "street" / modality / "000003.png")
+    assert not (one / "street/rgb/000003.png").samefile(other / "street/rgb/000003.png")
+    shaky = made.path / "weather=w0,jitter=shaky"
+    assert (one / "side/rgb/000003.png").samefile(shaky / "side/rgb/000003.png")  # the side camera does not shake
+    assert not (one / "street/depth/000002.png").samefile(shaky / "street/depth/000002.png")
+    assert (one / "tracks.csv").samefile(shaky / "tracks.csv")
+
+
+def test_without_hard_links_the_bytes_are_the_same(
+    made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_links(*_: object) -> None:
+        raise OSError(1, "Operation not permitted")
+
+    monkeypatch.setattr(store_module.os, "link", no_links)
+    result = again(tmp_path, workers=0)
+    assert tree(result.path) == tree(made.path)
+    assert {p.stat().st_nlink for p in result.path.rglob("*.png")} == {1}
+
+
+def test_what_is_there_is_not_built_again_and_what_is_damaged_is(made: BuildResult, tmp_path: Path) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("an engine was used")
+
+    first = again(tmp_path, workers=0)
+    stamp = (first.path / "manifest.json").stat().st_mtime_ns
+    second = again(tmp_path, engines=Engines(never, never, never), workers=0)  # type: ignore[arg-type]
+    assert (second.built, second.identity, second.manifest) == (False, first.identity, first.manifest)
+    assert (first.path / "manifest.json").stat().st_mtime_ns == stamp
+    (first.path / "weather=w0,jitter=still/street/rgb/000003.png").write_bytes(b"short")
+    assert again(tmp_path, workers=0).built
+    assert tree(first.path) == tree(made.path)
+
+
+def test_another_plan_replaces_the_dataset(made: BuildResult, tmp_path: Path) -> None:
+    again(tmp_path, dataset_plan(weathers=1), workers=0)
+    result = again(tmp_path, workers=0)
+    assert tree(result.path) == tree(made.path)
+    assert not (tmp_path / ".tiny.partial").exists()
+
+
+def test_a_folder_that_is_not_ours_is_left_alone(tmp_path: Path) -> None:
+    thesis = tmp_path / "tiny" / "thesis.tex"
+    thesis.parent.mkdir()
+    thesis.write_text("years of work")
+    with pytest.raises(InputError, match="holds files but no manifest"):
+        again(tmp_path, workers=0)
+    (tmp_path / "tiny" / "manifest.json").write_text('{"format": "webextension"}')
+    with pytest.raises(InputError, match="holds files but no manifest"):
+        again(tmp_path, workers=0)
+    assert thesis.read_text() == "years of work"
+    notes = tmp_path / "other" / ".tiny.partial" / "notes"
+    notes.parent.mkdir(parents=True)
+    notes.write_text("kept")
+    with pytest.raises(InputError, match="is not a build's work"):
+        again(tmp_path / "other", workers=0)
+    assert notes.read_text() == "kept"
+
+
+BUILD_SLOWLY = """
+from pathlib import Path
+from recipe_runtime.build import build
+from tests.runtime.fakes import SLOW, dataset_plan
+folder = Path({folder!r})
+build(dataset_plan(), folder / "tiny", cache=folder / "cache", engines=SLOW, workers=2, shard_frames=2)
+"""
+
+
+def slow_build(folder: Path) -> tuple[subprocess.Popen[bytes], list[Path]]:
+    """A build in a process of its own that has finished three shards and has more to do; and its children."""
+    code = BUILD_SLOWLY.format(folder=str(folder))
+    with (folder / "stderr").open("wb") as errors:
+        process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stderr=errors)
+    deadline = time.monotonic() + 30
+    while len(list(folder.glob(".tiny.partial/shards/*.json"))) < 3:
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.01)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    assert len(children) >= 2
+    return process, [Path("/proc") / child for child in children]
+
+
+def all_gone(processes: list[Path]) -> bool:
+    """Whether all have ended within a second and a half; the init process may still have to bury them."""
+    deadline = time.monotonic() + 1.5
+    while time.monotonic() < deadline:
+        if all(not p.exists() or ") Z " in (p / "stat").read_text() for p in processes):
+            return True
+        time.sleep(0.02)
+    return False
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_a_build_that_was_stopped_leaves_no_orphan_and_is_taken_up(
+    made: BuildResult, tmp_path: Path, how: signal.Signals
+) -> None:
+    process, children = slow_build(tmp_path)
+    process.send_signal(how)
+    process.wait(5)
+    assert all_gone(children)
+    assert "Spawn" not in (tmp_path / "stderr").read_text()  # no worker speaks of it
+    assert not (tmp_path / "tiny").exists()
+    result = again(tmp_path, workers=0, shard_frames=2)
+    assert 3 <= result.resumed < result.shards
+    assert tree(result.path) == tree(made.path)
+
+
+def stopped(folder: Path) -> Path:
+    """The workspace of a build that failed at frame 7."""
+    with pytest.raises(RunError):
+        again(folder, engines=BROKEN, workers=0, shard_frames=2)
+    return folder / ".tiny.partial"
+
+
+def test_a_resumed_build_makes_again_what_was_lost_or_damaged(made: BuildResult, tmp_path: Path) -> None:
+    partial = stopped(tmp_path)
+    (partial / "dataset/weather=w0,jitter=still/street/rgb/000000.png").unlink()
+    (partial / "dataset/weather=w0,jitter=still/street/depth/000002.png").write_bytes(b"short")
+    records = sorted((partial / "shards").iterdir())
+    assert len(records) == 3
+    result = again(tmp_path, workers=0, shard_frames=2)
+    assert result.resumed == 1
+    assert tree(result.path) == tree(made.path)
+
+
+def test_a_changed_record_is_not_believed(made: BuildResult, tmp_path: Path) -> None:
+    partial = stopped(tmp_path)
+    for record in (partial / "shards").iterdir():
+        record.write_text(record.read_text().replace('"area": ', '"area": 1'))
+    result = again(tmp_path, workers=0, shard_frames=2)
+    assert result.resumed == 0
+    assert tree(result.path) == tree(made.path)
+
+
+def test_another_plan_takes_nothing_over(tmp_path: Path) -> None:
+    stopped(tmp_path)
+    plan = dataset_plan(weathers=3)
+    result = again(tmp_path, plan, workers=0, shard_frames=2)
+    assert result.resumed == 0
+    fresh = again(tmp_path / "fresh", plan, workers=0)
+    assert tree(result.path) == tree(fresh.path)
+
+
+def test_a_stop_between_the_renames_loses_nothing(made: BuildResult, tmp_path: Path) -> None:
+    old = again(tmp_path, dataset_plan(weathers=1), workers=0)
+    partial = stopped(tmp_path)
+    old.path.rename(partial / "old")
+    with pytest.raises(RunError):
+        again(tmp_path, engines=BROKEN, workers=0, shard_frames=2)
+    assert json.loads((tmp_path / "tiny" / "manifest.json").read_text()) == old.manifest
+    assert tree(again(tmp_path, workers=0).path) == tree(made.path)
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_an_error_names_variant_sensor_and_frame(tmp_path: Path, workers: int) -> None:
+    with pytest.raises(RunError) as caught:
+        again(tmp_path, engines=BROKEN, workers=workers)
+    assert str(caught.value) == "weather=w0,jitter=still, street, frame 7: ArithmeticError: the lamp went out"
+
+
+def test_a_lost_worker_is_an_error_that_says_so(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"weather=w0,jitter=still.*frames 5 to 9: a worker process was lost \(exit -9"):
+        again(tmp_path, engines=DYING, workers=1)
+
+
+def test_a_full_disk_is_an_error_and_what_is_done_is_kept(
+    made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = 0
+
+    def fill(path: Path, body: bytes) -> None:
+        nonlocal written
+        written += 1
+        if written > 40:
+            raise OSError(28, "No space left on device", str(path))
+        store_module.write_atomic(path, body)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(worker, "write_atomic", fill)
+        with pytest.raises(RunError, match=r"frame \d+: cannot write: No space left on device; free some space"):
+            again(tmp_path, workers=0, shard_frames=2)
+    result = again(tmp_path, workers=0, shard_frames=2)
+    assert result.resumed > 0
+    assert tree(result.path) == tree(made.path)
+
+
+def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RunError, match=r"tiny.partial cannot be written: File exists; free some space or allow"):
+        build(dataset_plan(), tmp_path / "file" / "tiny", workers=0, cache=tmp_path, engines=ENGINES)
+
+
+def test_two_builds_do_not_write_one_folder(tmp_path: Path) -> None:
+    partial = tmp_path / ".tiny.partial"
+    partial.mkdir()
+    held = os.open(partial, os.O_RDONLY)
+    fcntl.flock(held, fcntl.LOCK_EX)
+    with pytest.raises(RunError, match="another build is writing"):
+        again(tmp_path, workers=0)
+    os.close(held)
+    assert again(tmp_path, workers=0).built
+
+
+def test_names_that_would_share_a_folder_are_refused(tmp_path: Path) -> None:
+    plan = dataset_plan()
+    for names, message in (
+        (("speed=1.5", "speed=1_5"), "would share the folder speed=1_5/"),
+        (("a", "preview"), "would share the folder preview/"),
+        (("a", "../b"), "cannot be a folder's name"),
+    ):
+        variants = tuple(v.model_copy(update={"variant": n}) for v, n in zip(plan.variants, names, strict=False))
+        with pytest.raises(InputError, match=message):
+            again(tmp_path, plan.model_copy(update={"variants": variants}), workers=0)
+
+
+def test_a_dataset_of_labels_alone(tmp_path: Path) -> None:
+    plan = dataset_plan(depth="npy", annotations=())
+    rig = RigPlan(sensors=(sensor_plan(capture=("depth",)),))
+    variant = plan.variants[0].model_copy(update={"rig": rig})
+    result = again(tmp_path, plan.model_copy(update={"variants": (variant,)}), workers=0)
+    metres = np.load(result.path / "weather=w0,jitter=still/street/depth/000003.npy")
+    assert np.array_equal(
+        metres, FrameSource(variant, simulate(variant.scene), engines=ENGINES).render("street", 3)["depth"]
+    )
+    assert not (result.path / "annotations").exists()
+
+
+def test_progress_ends_full_and_seconds_are_counted_by_stage(tmp_path: Path) -> None:
+    events: dict[str, list[tuple[int, int]]] = {}
+    result = build(
+        dataset_plan(),
+        tmp_path / "tiny",
+        workers=2,
+        cache=tmp_path / "cache",
+        engines=ENGINES,
+        progress=lambda stage, done, total: events.setdefault(stage, []).append((done, total)),
+    )
+    assert list(events) == ["simulate", "render", "annotate"]
+    for steps in events.values():
+        assert [done for done, _ in steps] == sorted(done for done, _ in steps)
+        assert steps[-1][0] == steps[-1][1] > 0
+    assert events["render"][-1] == (96, 96)
+    assert {"simulate", "observe", "shade", "encode", "annotate", "hash", "write"} <= result.seconds.keys()
