@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,9 +43,11 @@ def write_difference(stem: Path, made: Shot, there: Path | None) -> list[Path]:
     pictures = {"actual": actual}
     expected = read_pixels(there) if there else None
     if expected is not None and expected.shape[:2] == actual.shape[:2]:
-        shown = _shown(made, expected)
+        as_carla = made.modality == "depth" and expected.ndim == 3
+        pixels = encode.carla_depth(made.pixels) if as_carla else made.pixels
         faded = (actual // 3).astype(np.uint8)
-        faded[_differs(actual, shown)] = (255, 40, 40)
+        faded[_differs(pixels, expected)] = (255, 40, 40)
+        shown = replace(made, pixels=encode.metres_from_carla(expected) if as_carla else expected).picture()
         pictures |= {"expected": shown, "difference": faded}
     paths = []
     for kind, picture in pictures.items():
@@ -52,15 +55,6 @@ def write_difference(stem: Path, made: Shot, there: Path | None) -> list[Path]:
         write_atomic(path, encode.png(picture))
         paths.append(path)
     return paths
-
-
-def _shown(made: Shot, expected: NDArray[Any]) -> NDArray[np.uint8]:
-    """A dataset's pixels, drawn the way the shot's are."""
-    from dataclasses import replace
-
-    if made.modality == "depth" and expected.ndim == 3:
-        expected = encode.metres_from_carla(expected)
-    return replace(made, pixels=expected).picture()
 
 
 def _differs(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:

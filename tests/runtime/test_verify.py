@@ -1,0 +1,216 @@
+"""The verifier: silent on what is equal, and at the right stage loud on what is not.
+
+The engines are those of fakes.py, so that every stage can be tampered with on its own.
+"""
+
+from __future__ import annotations
+
+import random
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from recipe_compiler.lockfile import Lockfile
+from recipe_compiler.plan import DatasetPlan, ScenePlan
+from recipe_runtime import dataset as datasets
+from recipe_runtime.build import build
+from recipe_runtime.locking import lock
+from recipe_runtime.trace import Trace
+from recipe_runtime.verify import Options, Report, verify
+
+from tests.runtime import fakes
+
+PLAN = fakes.dataset_plan(frames=6, weathers=2)
+FILES = {"tiny.yaml": "a" * 64}
+
+
+def quiet(stage: str, done: int, total: int) -> None:
+    pass
+
+
+@pytest.fixture(scope="module")
+def locked() -> Lockfile:
+    return lock(PLAN, "../tiny.yaml", FILES, workers=0, progress=quiet, engines=fakes.ENGINES)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("built")
+    build(PLAN, root / "tiny", workers=0, cache=root / "cache", engines=fakes.ENGINES)
+    return root / "tiny"
+
+
+def check(lockfile: Lockfile, plan: DatasetPlan = PLAN, engines: Any = fakes.ENGINES, **more: Any) -> Report:
+    options = Options(nonce=more.pop("nonce", 1), everything=more.pop("everything", True), workers=0, **more)
+    return verify(plan, lockfile, options, quiet, files=FILES, engines=engines)
+
+
+def check_folder(root: Path, **more: Any) -> Report:
+    held = datasets.read(root)
+    options = Options(nonce=1, everything=True, workers=0, **more)
+    return verify(held.plan, held.lock, options, quiet, dataset=held, engines=fakes.ENGINES)
+
+
+def test_what_is_equal_passes(locked: Lockfile) -> None:
+    report = check(locked)
+    assert (report.verdict, report.stage, report.differences) == ("PASS", None, [])
+    assert report.bound.checked == report.bound.total == 4 * 2 * 6
+
+
+def test_a_sample_is_repeatable_by_its_nonce(locked: Lockfile) -> None:
+    wrong = dict.fromkeys(locked.frames, "0" * 64)
+    samples = [
+        [d.message for d in check(replace(locked, frames=wrong), nonce=n, everything=False, count=5).differences]
+        for n in (1, 1, 2)
+    ]
+    assert samples[0] == samples[1] != samples[2]
+    assert len(samples[0]) == 5
+
+
+def test_workers_do_not_matter(locked: Lockfile) -> None:
+    options = Options(nonce=1, everything=True, workers=2)
+    assert verify(PLAN, locked, options, quiet, engines=fakes.ENGINES).verdict == "PASS"
+
+
+def test_lockfile_and_dataset_have_one_identity(locked: Lockfile, built: Path) -> None:
+    held = datasets.read(built)
+    assert held.lock.sealed
+    assert held.lock.identity == locked.identity
+    assert held.lock.frames == locked.frames
+
+
+def test_a_broken_seal_is_told_first(locked: Lockfile) -> None:
+    report = check(replace(locked, sealed=False))
+    assert (report.verdict, report.stage) == ("FAIL", "lockfile")
+
+
+def test_an_edited_recipe_is_told(locked: Lockfile) -> None:
+    report = check(replace(locked, files={"tiny.yaml": "b" * 64}))
+    assert (report.verdict, report.stage) == ("FAIL", "recipe")
+    assert "tiny.yaml has changed since it was locked" in str(report.differences[0])
+
+
+def test_another_plan_is_told_by_its_part(locked: Lockfile) -> None:
+    report = check(locked, fakes.dataset_plan(frames=6, weathers=1))
+    assert (report.verdict, report.stage) == ("FAIL", "plan")
+    assert "the recipe has no variant weather=w1,jitter=still" in report.differences[0].message
+    name, row = next(iter(locked.variants.items()))
+    other = {**locked.variants, name: replace(row, rig="0" * 64)}
+    assert f"{name}: another rig plan" in str(check(replace(locked, variants=other)).differences[0])
+
+
+def _noisy_simulate(scene: ScenePlan) -> Trace:
+    """A planted random number: one body is off by a grid step from frame 3 on."""
+    trace = fakes.simulate(scene)
+    positions = trace.positions.copy()
+    positions[3:, 1, 0] += random.Random().randint(1, 9)
+    return replace(trace, positions=positions)
+
+
+class _NoisyShader(fakes.Renderer):
+    def shade(self, obs: Any, appearance: Any, sensor_name: str, frame: int, time: float) -> Any:
+        picture = super().shade(obs, appearance, sensor_name, frame, time)
+        picture[0, 0, 0] ^= random.Random().randint(1, 255)
+        return picture
+
+
+class _NoisyObserver(fakes.Renderer):
+    def observe(self, camera: Any, world_from_sensor: Any, parts: Any) -> fakes.Seen:
+        seen = super().observe(camera, world_from_sensor, parts)
+        seen.depth[2, 3] += np.float32(random.Random().uniform(1, 2))
+        return seen
+
+
+def test_a_random_number_in_the_simulation_is_caught_with_its_body(locked: Lockfile) -> None:
+    report = check(locked, engines=replace(fakes.ENGINES, simulate=_noisy_simulate))
+    assert (report.verdict, report.stage) == ("FAIL", "trace")
+    assert "body hero2 parts between frames 3 and 3 (from step 72); 1 of 3 bodies differ" in str(report.differences[0])
+
+
+@pytest.mark.parametrize(("renderer", "stage"), [(_NoisyShader, "shading"), (_NoisyObserver, "observation")])
+def test_a_random_number_in_the_renderer_is_caught(locked: Lockfile, renderer: Any, stage: str) -> None:
+    engines = replace(fakes.ENGINES, renderer=lambda scene, device: renderer(scene))
+    report = check(locked, engines=engines)
+    assert (report.verdict, report.stage) == ("FAIL", stage)
+
+
+def test_another_stage_version_is_inconclusive_from_there_on(locked: Lockfile) -> None:
+    engines = replace(fakes.ENGINES, renderer=lambda scene, device: _NoisyShader(scene))
+    older = replace(locked, stages={**locked.stages, "observe": 0}, tools={**locked.tools, "dataset-recipe": "0.0.9"})
+    report = check(older, engines=engines)
+    assert (report.verdict, report.stage) == ("INCONCLUSIVE", "shading")
+    assert "observe version 0, this is 1; dataset-recipe 0.0.9 reproduces it" in str(report.differences[0])
+    assert check(older).verdict == "PASS"  # equal bytes are equal, whatever made them
+
+
+def test_another_tool_is_an_excuse_for_its_own_stage_alone(locked: Lockfile) -> None:
+    elsewhere = replace(locked, tools={**locked.tools, "glibc": "2.17"})
+    moved = check(elsewhere, engines=replace(fakes.ENGINES, simulate=_noisy_simulate))
+    assert (moved.verdict, moved.stage) == ("INCONCLUSIVE", "trace")
+    assert "glibc 2.17, here" in str(moved.differences[0])
+    engines = replace(fakes.ENGINES, renderer=lambda scene, device: _NoisyShader(scene))
+    assert check(elsewhere, engines=engines).verdict == "FAIL"
+
+
+def test_a_dataset_passes_without_its_recipe(built: Path) -> None:
+    report = check_folder(built)
+    assert (report.verdict, report.differences) == ("PASS", [])
+
+
+@pytest.mark.parametrize("modality", ["rgb", "depth", "instance", "semantic"])
+def test_a_flipped_bit_in_a_picture_is_found_and_drawn(built: Path, tmp_path: Path, modality: str) -> None:
+    root = tmp_path / "tiny"
+    shutil.copytree(built, root)
+    victim = root / "weather=w1,jitter=shaky" / "street" / modality / "000004.png"
+    with Image.open(victim) as picture:
+        pixels = np.array(picture)
+    pixels[5, 7] ^= 1
+    victim.unlink()  # a label may be one file with another variant's
+    Image.fromarray(pixels).save(victim)
+    report = check_folder(root, pictures=tmp_path / "differences")
+    assert (report.verdict, report.stage) == ("FAIL", "file")
+    assert any(f"{modality}/000004.png: 1 pixels differ" in str(d) for d in report.differences)
+    kinds = {Path(p).stem.rsplit("-", 1)[1] for p in report.pictures}
+    assert kinds == {"actual", "expected", "difference"}
+    with Image.open(next(p for p in report.pictures if p.endswith("difference.png"))) as picture:
+        red = np.argwhere((np.asarray(picture) == (255, 40, 40)).all(axis=-1))
+    assert red.tolist() == [[5, 7]]
+
+
+def test_any_damaged_missing_or_added_file_is_found(built: Path, tmp_path: Path) -> None:
+    root = tmp_path / "tiny"
+    shutil.copytree(built, root)
+    text = (root / "annotations" / "kwcoco.json").read_text()
+    (root / "annotations" / "kwcoco.json").write_text(text.replace("hero1", "hero7", 1))
+    (root / "weather=w0,jitter=still" / "tracks.csv").unlink()
+    (root / "extra.txt").write_text("?")
+    messages = [str(d) for d in check_folder(root).differences]
+    assert "file: annotations/kwcoco.json has other bytes than the manifest says" in messages
+    assert "file: weather=w0,jitter=still/tracks.csv is missing or cannot be read" in messages
+    assert "file: extra.txt is not in the manifest" in messages
+
+
+def test_equal_pixels_in_other_bytes_are_a_matter_of_encoding(built: Path, tmp_path: Path) -> None:
+    root = tmp_path / "tiny"
+    shutil.copytree(built, root)
+    victim = root / "weather=w0,jitter=still" / "street" / "rgb" / "000002.png"
+    with Image.open(victim) as picture:
+        picture.load()
+        picture.save(victim, compress_level=9)
+    stages = {d.stage for d in check_folder(root).differences}
+    assert stages == {"encoding", "file"}
+
+
+def test_a_manifest_whose_digests_do_not_add_up_is_told(built: Path, tmp_path: Path) -> None:
+    root = tmp_path / "tiny"
+    shutil.copytree(built, root)
+    lockfile = datasets.read(root).lock
+    digest = next(value for key, value in lockfile.frames.items() if key[2] == "rgb")
+    text = (root / "manifest.json").read_text()
+    (root / "manifest.json").write_text(text.replace(digest, digest[::-1]))
+    report = check_folder(root)
+    assert (report.verdict, report.stage) == ("FAIL", "lockfile")
