@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError, create_model
 
+from recipe_compiler import references
 from recipe_compiler.errors import Problem
 from recipe_compiler.schema.messages import nearest, translate
 from recipe_compiler.schema.models import NAME, NAME_LENGTH, Base, Model
@@ -31,6 +32,7 @@ class Checker:
     def __init__(self, base: Value) -> None:
         """`base` is the recipe's own, before any delta: what deltas may name."""
         self._names = {kind: set(value.map) if (value := base.get(kind)) else set() for kind in _NAMED}
+        self._looked_up: dict[tuple[object, ...], tuple[Any, list[Problem]]] = {}
         self._seen: dict[tuple[str, int], tuple[Value | None, Any, list[Problem]]] = {}
 
     def base(self, merged: Value, problems: list[Problem]) -> Base | None:
@@ -45,6 +47,12 @@ class Checker:
             if key not in _SECTIONS:
                 message = f"unknown key {show(key)} in base; {nearest(key, _SECTIONS)}"
                 found.append(Problem(message, merged.key_place(key)))
+        for check, looked_at in references.CHECKS:
+            parts = tuple(merged.get(section) for section in looked_at)
+            identity = (check.__name__, *map(id, parts))
+            if identity not in self._looked_up:
+                self._looked_up[identity] = (parts, list(check(merged)))
+            found += self._looked_up[identity][1]
         problems += found
         return None if found else Base.model_construct(**sections)
 

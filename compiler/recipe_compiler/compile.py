@@ -6,6 +6,8 @@ and nothing large made before it is counted.
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,17 +47,18 @@ def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | No
     sources = compose.read(path)
     problems += sources.problems
     root = sources.root
+    stumbles = {problem.place for problem in problems}  # where YAML itself stumbled; no second blame there
     if root is None:
         raise InputError(_sorted(problems))
     recipe = _check_recipe(root, problems)
     axes = _check_sweep(root, recipe, problems)
     if recipe is None or root.get("base") is None or _fatal(problems, sources.problems):
         problems += _check_base_alone(root)
-        raise InputError(_sorted(problems))
+        raise InputError(_sorted(sources.problems, _new(problems, stumbles)))
     variants = list(expand.variants(root, axes, recipe.sweep, recipe.seed))
     checked = _check_variants(root, variants, problems)
     if problems:
-        raise InputError(_sorted(problems))
+        raise InputError(_sorted(sources.problems, _new(problems, stumbles)))
     estimate = limits.total((_load(v, base) for v, base in checked), recipe.output.depth)
     reasons = estimate.over(free_disk)
     if reasons and not allow_large:
@@ -77,11 +80,15 @@ def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | No
     return Compiled(plan, tuple(warnings), dict(sorted(sources.files.items())), cost)
 
 
-def _sorted(problems: Iterable[Problem]) -> list[Problem]:
-    """Problems by place, each once; one place that YAML itself stumbled over is not blamed twice."""
+def _new(problems: Iterable[Problem], stumbles: set[Place | None]) -> list[Problem]:
+    return [problem for problem in problems if problem.place not in stumbles]
+
+
+def _sorted(*problems: Iterable[Problem]) -> list[Problem]:
+    """Problems by place, each once."""
     unique: dict[tuple[Place | None, str], Problem] = {}
-    for problem in problems:
-        unique.setdefault((problem.place, problem.message), problem)
+    for problem in itertools.chain(*problems):  # a thousand draws out of range are one mistake
+        unique.setdefault((problem.place, re.sub(r"[0-9.]+", "0", problem.message)), problem)
     nowhere = Place("", 0, 0)
     return sorted(unique.values(), key=lambda problem: problem.place or nowhere)
 
@@ -117,10 +124,11 @@ def _check_sweep(root: Value, recipe: Recipe | None, problems: list[Problem]) ->
         return {}
     problems += check_removals(root)
     axes = expand.chosen_axes(root, recipe.sweep, problems)
-    problems += expand.check_exclusions(axes, recipe.sweep, root)
+    wrong = expand.check_exclusions(axes, recipe.sweep, root)
+    problems += wrong
     excess = expand.too_many(axes, recipe.sweep, root)
     problems += excess
-    if not excess and not expand.combinations(axes, recipe.sweep):
+    if not excess and not wrong and not expand.combinations(axes, recipe.sweep):
         problems.append(
             Problem("sweep.exclude: leaves no variant at all; remove a rule", root.place_of("sweep", "exclude"))
         )

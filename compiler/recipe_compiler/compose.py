@@ -46,7 +46,7 @@ class Merger:
         for key, value in patch.map.items():
             if value.data is None:
                 changed |= entries.pop(key, None) is not None
-                keys.pop(key, None)
+                keys[key] = patch.key_place(key)  # so that an error of its absence points here
                 continue
             before = entries.get(key)
             after = self.merge(before if before is not None else Value({}, value.place), value)
@@ -92,7 +92,9 @@ def read(path: Path) -> Sources:
         if value is None:
             return sources
         seen.append(name)
-        layers.append(value)
+        layers.append(
+            value if len(seen) == 1 else _without(value, "recipe", "extends")
+        )  # a name is the root file's own
         name, place = _next(folder, name, value, seen, sources)
     merged = layers.pop()
     while layers:
@@ -107,6 +109,10 @@ def _lay_over(below: Value, above: Value, merger: Merger) -> Value:
         below = Value({**below.map, "base": expand_shorthands(base)}, below.place, below.keys)
     merged = merger.merge(below, above)
     return Value(merged.map, above.place, {**merged.keys, **above.keys})
+
+
+def _without(value: Value, *keys: str) -> Value:
+    return Value({key: item for key, item in value.map.items() if key not in keys}, value.place, value.keys)
 
 
 def _report(sources: Sources, message: str, place: Place | None) -> None:

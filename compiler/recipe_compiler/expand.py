@@ -16,7 +16,7 @@ from recipe_compiler.compose import Merger, expand_shorthands
 from recipe_compiler.errors import Place, Problem
 from recipe_compiler.plan import fixed
 from recipe_compiler.schema.messages import nearest
-from recipe_compiler.schema.models import MAX_SEED, MAX_VARIANTS, Distribution, Sweep
+from recipe_compiler.schema.models import MAX_DRAWS, MAX_SEED, MAX_VARIANTS, Distribution, Sweep
 from recipe_compiler.source import Value, show
 from recipe_compiler.streams import Stream
 
@@ -58,10 +58,12 @@ def count(axes: Axes, sweep: Sweep) -> int:
 
 
 def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
-    """The problem of a product over the limit."""
+    """The problem of a product, or of draws, over the limit."""
     total = count(axes, sweep)
     if total <= MAX_VARIANTS:
-        return []
+        draws = sweep.draw.count * sweep.repeats * len(sweep.draw.values) if sweep.draw else 0
+        message = f"sweep.draw: {draws} draws are more than the most allowed, {MAX_DRAWS}"
+        return [Problem(message, root.place_of("sweep", "draw"))] if draws > MAX_DRAWS else []
     factors = [str(len(values)) for values in axes.values()]
     if sweep.repeats > 1:
         factors.append(f"{sweep.repeats} repeats")

@@ -5,6 +5,7 @@ Parts that variants share are lowered once and are the same objects in each plan
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -65,21 +66,16 @@ class Lowering:
 
     def scenario(self, variant: Variant, base: Base) -> ScenarioPlan | None:
         """The variant's plans; None if it has problems."""
-        before = len(self.problems)
         parts = (base.clock, base.town, base.actors, base.traffic)
         scene = self._once(("scene", *map(id, parts), variant.seed), parts, lambda: self._scene(variant, base))
         if scene is None:
             return None
-        names = tuple(actor.name for actor in scene.plan.actors)
         rig = self._once(
-            ("rig", id(base.clock), id(base.sensors), names, variant.seed),
+            ("rig", id(base.clock), id(base.sensors), variant.seed),
             (base.clock, base.sensors),
-            lambda: self._rig(variant, base, names),
+            lambda: self._rig(variant, base),
         )
-        sky = self._sky(variant, base)
-        if rig is None or sky is None or len(self.problems) > before:
-            return None
-        numbers, where = sky
+        numbers, where = self._sky(variant, base)
         appearance = AppearancePlan(
             seed=variant.seed,
             weather=numbers,
@@ -95,9 +91,7 @@ class Lowering:
     # Scene
 
     def _scene(self, variant: Variant, base: Base) -> _Scene | None:
-        town = self._town(variant.base, base.town)
-        if town is None:
-            return None
+        town = self._town(base.town)
         cast = _Cast(self, variant, base, town)
         actors = cast.actors()
         if actors is None:
@@ -105,103 +99,65 @@ class Lowering:
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics)
         return _Scene(ScenePlan(clock=clock, town=town.plan, actors=actors), {**town.looks, **cast.looks})
 
-    def _town(self, root: Value, spec: models.Town) -> Town | None:
-        if spec.name not in towns.NAMES:
-            self._report(
-                root, ("town", "name"), f"town: unknown town {show(spec.name)}; {nearest(spec.name, towns.NAMES)}"
-            )
-            return None
-        declared, given, fine = towns.PARAMETERS[spec.name], spec.model_extra or {}, True
-        for key, value in given.items():
-            if key not in declared:
-                parent = root.get("town") or root
-                options = ["name", "seed", *declared]
-                message = f"unknown key {show(key)} in town; {nearest(key, options)}"
-                self.problems.append(Problem(message, parent.key_place(key)))
-                fine = False
-                continue
-            try:
-                declared[key].check(key, value)
-            except ValueError:
-                limit = declared[key]
-                wanted = f"{limit.length} whole numbers from {limit.low} to {limit.high}: {limit.description}"
-                self._report(root, ("town", key), f"town.{key}: must be a list of {wanted}")
-                fine = False
-        if not fine:
-            return None
-        identity = ("town", spec.name, spec.seed, json.dumps(given, sort_keys=True))
-        return self._once(identity, None, lambda: towns.build(spec.name, spec.seed, given))
+    def _town(self, spec: models.Town) -> Town:
+        return _built(spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))
 
     # Rig
 
-    def _rig(self, variant: Variant, base: Base, actors: tuple[str, ...]) -> RigPlan | None:
+    def _rig(self, variant: Variant, base: Base) -> RigPlan:
         sensors = []
-        before = len(self.problems)
         for name, sensor in base.sensors.items():
-            on = sensor.mount.on
-            if on is not None and on not in actors:
-                message = f"sensors.{name}.mount.on: there is no actor {show(on)}; {nearest(on, actors)}"
-                self._report(variant.base, ("sensors", name, "mount", "on"), message)
-                continue
             poses = motion.poses(name, sensor, seed=variant.seed, fps=base.clock.fps, frames=base.clock.frames)
             sensors.append(
                 SensorPlan(
                     name=name,
-                    on=on,
+                    on=sensor.mount.on,
                     camera=CameraPlan(**{field: getattr(sensor.camera, field) for field in CameraPlan.model_fields}),
                     capture=tuple(m for m in MODALITIES if m in sensor.capture),
                     poses=poses,
                 )
             )
-        return RigPlan(sensors=tuple(sensors)) if len(self.problems) == before else None
+        return RigPlan(sensors=tuple(sensors))
 
     # Sky
 
-    def _sky(self, variant: Variant, base: Base) -> tuple[Weather, Sun] | None:
+    def _sky(self, variant: Variant, base: Base) -> tuple[Weather, Sun]:
         given = base.weather
-        if given.preset not in weather.PRESETS:
-            message = f"weather: unknown preset {show(given.preset)}; {nearest(given.preset, weather.PRESETS)}"
-            self._report(variant.base, ("weather", "preset"), message)
-            return None
         by_hand = {p: value for p in weather.PARAMETERS if (value := getattr(given, p)) is not None}
         numbers = weather.preset(given.preset) | by_hand
         where = sun.from_carla(numbers.pop("sun_azimuth_angle"), numbers.pop("sun_altitude_angle"))
         if base.time is not None:
-            told = self._told(variant, base)
-            if told is None:
-                return None
-            azimuth = where.azimuth if "sun_azimuth_angle" in by_hand else told[0]
-            altitude = where.altitude if "sun_altitude_angle" in by_hand else told[1]
-            where = Sun(azimuth=azimuth, altitude=altitude)
+            azimuth, altitude = self._told(base.time, base.place)
+            where = Sun(
+                azimuth=where.azimuth if "sun_azimuth_angle" in by_hand else azimuth,
+                altitude=where.altitude if "sun_altitude_angle" in by_hand else altitude,
+            )
             self._warn_of_sun(variant, base.time)
         return Weather(**numbers), where
 
-    def _told(self, variant: Variant, base: Base) -> tuple[float, float] | None:
-        place = base.place
-        key = ("sun", base.time, place)
-        try:
-            return self._once(
-                key,
-                None,
-                lambda: sun.from_time(
-                    base.time or "",
-                    date=place.date,
-                    latitude=place.latitude,
-                    longitude=place.longitude,
-                    utc_offset=place.utc_offset,
-                ),
-            )
-        except ValueError:
-            self._report(
-                variant.base, ("place", "date"), f"place.date: {show(place.date)} is not a day of the calendar"
-            )
-            return None
+    def _told(self, time: str, place: models.Geography) -> tuple[float, float]:
+        return self._once(
+            ("sun", time, place),
+            None,
+            lambda: sun.from_time(
+                time,
+                date=place.date,
+                latitude=place.latitude,
+                longitude=place.longitude,
+                utc_offset=place.utc_offset,
+            ),
+        )
 
     def _warn_of_sun(self, variant: Variant, time: str) -> None:
         if variant.base.get("weather", "sun_altitude_angle") is not None:
             told = f"time {show(time)} of line {variant.base.place_of('time').line}"
             message = f"weather.sun_altitude_angle is set by hand and wins: {told} does not move the sun up or down"
             self.warnings.append(Problem(message, variant.base.place_of("weather", "sun_altitude_angle")))
+
+
+@functools.lru_cache(maxsize=8)
+def _built(name: str, seed: int, parameters: str) -> Town:
+    return towns.build(name, seed, json.loads(parameters))
 
 
 def _response(camera: models.Camera) -> CameraResponse:
@@ -224,32 +180,21 @@ class _Cast:
         """All actors: the named ones in file order, then traffic; None if there are problems."""
         before = len(self._lowering.problems)
         chosen = {name: self._choose(name, actor) for name, actor in self._base.actors.items()}
-        if len(self._lowering.problems) > before:
-            return None
         for name, actor in self._base.actors.items():
             if actor.start is not None:
-                self._spots.occupy(chosen[name].category, actor.start.x, actor.start.y)  # type: ignore[union-attr]
+                self._spots.occupy(chosen[name].category, actor.start.x, actor.start.y)
         traffic = [
             *(self._traffic("vehicle", index) for index in range(self._base.traffic.vehicles)),
             *(self._traffic("pedestrian", index) for index in range(self._base.traffic.pedestrians)),
         ]
-        named = [self._named(name, actor, chosen[name]) for name, actor in self._base.actors.items()]  # type: ignore[arg-type]
+        named = [self._named(name, actor, chosen[name]) for name, actor in self._base.actors.items()]
         plans = [*named, *traffic]
         if len(self._lowering.problems) > before:
             return None
         return tuple(plan for plan in plans if plan is not None)
 
-    def _choose(self, name: str, actor: models.Actor) -> Blueprint | None:
-        options = blueprints.match(actor.blueprint)
-        path = ("actors", name, "blueprint")
-        if not options:
-            every = [blueprint.id for blueprint in blueprints.LIBRARY]
-            message = (
-                f"actors.{name}.blueprint: {show(actor.blueprint)} matches nothing; {nearest(actor.blueprint, every)}"
-            )
-            self._lowering._report(self._variant.base, path, message)
-            return None
-        blueprint = self._stream(name, "blueprint").choice(options)
+    def _choose(self, name: str, actor: models.Actor) -> Blueprint:
+        blueprint = self._stream(name, "blueprint").choice(blueprints.match(actor.blueprint))
         parent = self._variant.base.get("actors", name, "look")
         for slot in actor.look:
             if slot not in blueprint.palette and parent:

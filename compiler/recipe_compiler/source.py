@@ -84,7 +84,7 @@ class Value:
         for step in path:
             child = here.get(step)
             if child is None:
-                break
+                return here.keys.get(str(step), place)
             place = here.key_place(step) if isinstance(child.data, dict) else child.place
             here = child
         return place

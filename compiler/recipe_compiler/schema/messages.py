@@ -60,6 +60,8 @@ def translate(error: ValidationError, model: type[BaseModel], root: Value, prefi
 
 def _problem(detail: ErrorDetails, model: type[BaseModel], root: Value, prefix: Path) -> Problem:
     path = (*prefix, *(step for step in detail["loc"] if not _is_marker(step)))
+    if "key" in detail.get("ctx", {}):  # an error of a map that one of its keys is to blame for
+        path = (*path, detail["ctx"]["key"])
     key_is_wrong = detail["loc"][-1:] == ("[key]",)
     if detail["type"] == "extra_forbidden" or key_is_wrong:
         parent = root.get(*path[:-1])

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 from pydantic_core import PydanticCustomError
 
 MAX_FRAMES = 100_000
 MAX_VARIANTS = 10_000
+MAX_DRAWS = 100_000  # of all variants together
 MAX_SEED = 2**32 - 1
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # names become folders; a dot in one would break consumers of file stems
+BLUEPRINT = r"^[A-Za-z0-9_.?*-]+$"
 NAME_LENGTH = 64
 TRAFFIC_LIMIT = 250  # instance numbers are three digits, shared out in lower.py
 
@@ -30,11 +32,17 @@ Modality = Literal["rgb", "depth", "instance", "semantic"]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
 
 
-def _pair(value: Any) -> Any:
-    if isinstance(value, tuple) and len(value) == 2 and value[0] > value[1]:
-        raise PydanticCustomError(
-            "range", "the range [{low}, {high}] runs backwards", {"low": value[0], "high": value[1]}
-        )
+def _forwards(value: Any) -> Any:
+    if value is not None and value[0] > value[1]:
+        low, high = (f"{number:g}" for number in value)
+        raise PydanticCustomError("range", "the range [{low}, {high}] runs backwards", {"low": low, "high": high})
+    return value
+
+
+def _unique(value: tuple[str, ...]) -> tuple[str, ...]:
+    for name in value:
+        if value.count(name) > 1:
+            raise PydanticCustomError("once", "names {name} twice; once is enough", {"name": name})
     return value
 
 
@@ -60,10 +68,11 @@ class Clock(Model):
         if self.physics % self.fps:
             below = [n for n in range(1, self.fps) if self.physics % n == 0][-1]
             above = [n for n in range(self.fps, self.physics + 1) if self.physics % n == 0][:1]
+            near = " and ".join(map(str, [below, *above]))
             raise PydanticCustomError(
                 "fps",
-                "fps {fps} does not divide the physics rate {physics}; the nearest that do are {near}",
-                {"fps": self.fps, "physics": self.physics, "near": " and ".join(map(str, [below, *above]))},
+                "{fps} does not divide the physics rate {physics}; the nearest that do are {near}",
+                {"key": "fps", "fps": self.fps, "physics": self.physics, "near": near},
             )
         return self
 
@@ -150,7 +159,7 @@ class Actor(Model):
 
     blueprint: Annotated[
         str,
-        StringConstraints(pattern=r"^[A-Za-z0-9_.?*-]+$", max_length=NAME_LENGTH),
+        StringConstraints(pattern=BLUEPRINT, max_length=NAME_LENGTH),
         Field(description="An id of the library or a glob such as `walker.pedestrian.*`, chosen by seed and name."),
     ]
     speed: Annotated[
@@ -173,7 +182,7 @@ class Actor(Model):
     def _one_way(self) -> Actor:
         if self.goal and self.route:
             raise PydanticCustomError(
-                "way", "`goal` and `route` are both given; keep one, and end the route at the goal"
+                "way", "`goal` is given too; keep one of the two, and end a route at the goal", {"key": "route"}
             )
         return self
 
@@ -231,24 +240,20 @@ class Linear(Model):
     speed: Annotated[float, Field(gt=0, le=100, allow_inf_nan=False, description="m/s.")]
 
 
-Span = Annotated[
-    tuple[Degrees, Degrees] | None, Field(strict=False, description="[lowest, highest], degrees, added to the mount's.")
-]
+Loose = Field(strict=False)  # a list stands for a tuple
+Range = Annotated[tuple[float, float], Loose, AfterValidator(_forwards)]
+WholeRange = Annotated[tuple[int, int], Loose, AfterValidator(_forwards)]
+Span = Annotated[tuple[Degrees, Degrees], Loose, AfterValidator(_forwards)]
+Sway = Annotated[Span | None, Field(description="[lowest, highest], degrees, added to the mount's.")]
 
 
 class Rotation(Model):
     """A smooth sweep to and fro, a sine over time, that starts midway."""
 
-    yaw: Span = None
-    pitch: Span = None
-    roll: Span = None
+    yaw: Sway = None
+    pitch: Sway = None
+    roll: Sway = None
     period: Annotated[float, Field(ge=0.1, le=86_400, allow_inf_nan=False, description="Seconds to and fro.")]
-
-    @model_validator(mode="after")
-    def _forwards(self) -> Rotation:
-        for pair in (self.yaw, self.pitch, self.roll):
-            _pair(pair)
-        return self
 
 
 class Jitter(Model):
@@ -276,16 +281,11 @@ class Sensor(Model):
     mount: Annotated[Mount, Field(description="Where it is.")]
     camera: Annotated[Camera, Field(description="Its picture.")] = Camera()
     capture: Annotated[
-        tuple[Modality, ...], _lists_as_tuples(min_length=1, description="Which of rgb, depth, instance, semantic.")
+        tuple[Modality, ...],
+        AfterValidator(_unique),
+        _lists_as_tuples(min_length=1, description="Which of rgb, depth, instance, semantic."),
     ]
     motion: Annotated[Motion, Field(description="How it moves.")] = Motion()
-
-    @model_validator(mode="after")
-    def _once(self) -> Sensor:
-        for modality in self.capture:
-            if self.capture.count(modality) > 1:
-                raise PydanticCustomError("once", "capture names {name} twice; once is enough", {"name": modality})
-        return self
 
 
 class Base(Model):
@@ -308,14 +308,14 @@ class Base(Model):
 class Distribution(Model):
     """What a draw takes its value from: exactly one of the four."""
 
-    uniform: Annotated[tuple[float, float] | None, Field(strict=False, description="[low, high].")] = None
-    normal: Annotated[tuple[float, float] | None, Field(strict=False, description="[mean, deviation].")] = None
-    integer: Annotated[tuple[int, int] | None, Field(strict=False, description="[low, high], both included.")] = None
+    uniform: Annotated[Range | None, Field(description="[low, high].")] = None
+    normal: Annotated[Annotated[tuple[float, float], Loose] | None, Field(description="[mean, deviation].")] = None
+    integer: Annotated[WholeRange | None, Field(description="[low, high], both included.")] = None
     choice: Annotated[
         tuple[bool | int | float | str, ...] | None,
         _lists_as_tuples(min_length=1, max_length=1000, description="One of these."),
     ] = None
-    clip: Annotated[tuple[float, float] | None, Field(strict=False, description="With `normal`: [low, high].")] = None
+    clip: Annotated[Range | None, Field(description="With `normal`: [low, high].")] = None
 
     @model_validator(mode="after")
     def _one(self) -> Distribution:
@@ -326,11 +326,11 @@ class Distribution(Model):
                 "distribution", "a draw is one of uniform, normal, integer, choice; this has {found}", {"found": found}
             )
         if self.clip and not self.normal:
-            raise PydanticCustomError("clip", "`clip` goes with `normal` only")
+            raise PydanticCustomError("clip", "goes with `normal` only", {"key": "clip"})
         if self.normal and self.normal[1] < 0:
-            raise PydanticCustomError("deviation", "a deviation of {it} is negative", {"it": self.normal[1]})
-        for pair in (self.uniform, self.integer, self.clip):
-            _pair(pair)
+            raise PydanticCustomError(
+                "deviation", "the deviation {it} is negative", {"key": "normal", "it": f"{self.normal[1]:g}"}
+            )
         return self
 
 
@@ -339,7 +339,7 @@ class Draw(Model):
 
     count: Annotated[int, Field(ge=1, le=MAX_VARIANTS, description="How many draws of each variant.")]
     values: Annotated[
-        dict[str, Distribution],
+        dict[Annotated[str, StringConstraints(min_length=1, max_length=200)], Distribution],
         Field(min_length=1, max_length=100, description="Path, such as actors.hero1.speed, to distribution."),
     ]
 
@@ -366,18 +366,12 @@ class Output(Model):
 
     annotations: Annotated[
         tuple[Literal["kwcoco", "coco", "mots_txt", "mots_png"], ...],
+        AfterValidator(_unique),
         _lists_as_tuples(description="Annotation formats."),
     ] = ("kwcoco", "coco")
     depth: Annotated[
         Literal["carla", "npy"], Field(description="Depth on disk: CARLA's 24-bit PNG, or float32 metres.")
     ] = "carla"
-
-    @model_validator(mode="after")
-    def _once(self) -> Output:
-        for name in self.annotations:
-            if self.annotations.count(name) > 1:
-                raise PydanticCustomError("once", "annotations name {name} twice; once is enough", {"name": name})
-        return self
 
 
 class Recipe(Model):

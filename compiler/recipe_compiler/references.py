@@ -1,0 +1,102 @@
+"""Names in a recipe that must be found elsewhere: presets, towns and their parameters, blueprints, actors, days.
+
+They are looked up in the merged values, whether or not the rest of a section is right, so that one run shows every
+mistake.
+"""
+
+from __future__ import annotations
+
+import datetime
+import re
+from collections.abc import Callable, Iterator
+
+from recipe_compiler import blueprints, towns, weather
+from recipe_compiler.errors import Problem
+from recipe_compiler.schema.messages import nearest
+from recipe_compiler.schema.models import BLUEPRINT, Town
+from recipe_compiler.source import Value, show
+
+
+def unknown_preset(base: Value) -> Iterator[Problem]:
+    """A weather preset that CARLA does not have."""
+    name = _text(base, "weather", "preset")
+    if name is not None and name not in weather.PRESETS:
+        message = f"weather: unknown preset {show(name)}; {nearest(name, weather.PRESETS)}"
+        yield Problem(message, base.place_of("weather", "preset"))
+
+
+def unknown_town(base: Value) -> Iterator[Problem]:
+    """A town that there is not, or a parameter that it does not have or refuses."""
+    name, spec = _text(base, "town", "name"), base.get("town")
+    if name is None or spec is None:
+        return
+    if name not in towns.NAMES:
+        yield Problem(f"town: unknown town {show(name)}; {nearest(name, towns.NAMES)}", base.place_of("town", "name"))
+        return
+    declared = towns.PARAMETERS[name]
+    for key, value in spec.map.items():
+        if key in Town.model_fields:
+            continue
+        if key not in declared:
+            remedy = nearest(key, [*Town.model_fields, *declared])
+            yield Problem(f"unknown key {show(key)} in town; {remedy}", spec.key_place(key))
+            continue
+        try:
+            declared[key].check(key, value.plain)
+        except ValueError:
+            limit = declared[key]
+            wanted = f"a list of {limit.length} whole numbers from {limit.low} to {limit.high}: {limit.description}"
+            yield Problem(f"town.{key}: must be {wanted}", base.place_of("town", key))
+
+
+def unknown_blueprint(base: Value) -> Iterator[Problem]:
+    """A blueprint or glob that matches nothing in the library."""
+    ids = [blueprint.id for blueprint in blueprints.LIBRARY]
+    families = sorted({f"{name.rsplit('.', 1)[0]}.*" for name in ids})
+    actors = base.get("actors")
+    for name in actors.map if actors else ():
+        glob = _text(base, "actors", name, "blueprint")
+        if glob is not None and re.search(BLUEPRINT, glob) and len(glob) <= 64 and not blueprints.match(glob):
+            message = f"actors.{name}.blueprint: {show(glob)} matches nothing; {nearest(glob, [*families, *ids])}"
+            yield Problem(message, base.place_of("actors", name, "blueprint"))
+
+
+def unknown_carrier(base: Value) -> Iterator[Problem]:
+    """A sensor mounted on an actor that the variant does not have."""
+    actors, sensors = base.get("actors"), base.get("sensors")
+    names = list(actors.map) if actors else []
+    for kind in ("vehicle", "pedestrian"):
+        number = base.get("traffic", f"{kind}s")
+        if number is not None and isinstance(number.data, int):
+            names += [f"traffic.{kind}.{index}" for index in range(min(number.data, 1000))]
+    for name in sensors.map if sensors else ():
+        on = _text(base, "sensors", name, "mount", "on")
+        if on is not None and on not in names:
+            message = f"sensors.{name}.mount.on: there is no actor {show(on)}; {nearest(on, names)}"
+            yield Problem(message, base.place_of("sensors", name, "mount", "on"))
+
+
+def unknown_day(base: Value) -> Iterator[Problem]:
+    """A date that no calendar has."""
+    date = _text(base, "place", "date")
+    if date is None or not re.match(r"[0-9]{4}-[0-9]{2}-[0-9]{2}\Z", date):
+        return
+    try:
+        datetime.date.fromisoformat(date)
+    except ValueError:
+        yield Problem(f"place.date: {show(date)} is not a day of the calendar", base.place_of("place", "date"))
+
+
+CHECKS: tuple[tuple[Callable[[Value], Iterator[Problem]], tuple[str, ...]], ...] = (
+    (unknown_preset, ("weather",)),
+    (unknown_town, ("town",)),
+    (unknown_blueprint, ("actors",)),
+    (unknown_carrier, ("actors", "traffic", "sensors")),
+    (unknown_day, ("place",)),
+)
+"""Each check with the sections that it looks at."""
+
+
+def _text(base: Value, *path: str) -> str | None:
+    value = base.get(*path)
+    return value.data if value is not None and isinstance(value.data, str) else None

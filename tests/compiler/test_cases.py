@@ -1,0 +1,75 @@
+"""Recipes as folders: those under cases/failing are refused with the exact text beside them, those under good pass."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.errors import InputError
+
+CASES = Path(__file__).parents[1] / "cases"
+FAILING = sorted(path.parent for path in CASES.glob("failing/*/error.txt"))
+GOOD = sorted(path.parent for path in CASES.glob("good/*/recipe.yaml"))
+RECIPES = sorted((CASES.parents[1] / "recipes").rglob("*.yaml"))
+
+
+def test_there_are_at_least_forty_broken_recipes() -> None:
+    assert len(FAILING) >= 40
+    assert {path.name for path in FAILING} == {path.name for path in CASES.glob("failing/*")}
+
+
+@pytest.mark.parametrize("folder", FAILING, ids=lambda path: path.name)
+def test_broken_recipe_is_refused_with_its_exact_text(folder: Path) -> None:
+    started = time.perf_counter()
+    with pytest.raises(InputError) as caught:
+        compile_recipe(folder / "recipe.yaml")
+    text = str(caught.value).replace(f"{folder}/", "") + "\n"
+    assert text == (folder / "error.txt").read_text(encoding="utf-8")
+    assert text.isprintable() or text.replace("\n", "").isprintable()  # nothing that a terminal would obey
+    assert time.perf_counter() - started < 5.0  # however hostile
+
+
+@pytest.mark.parametrize("path", [*(folder / "recipe.yaml" for folder in GOOD), *RECIPES], ids=lambda path: path.parent.name)
+def test_good_recipe_compiles(path: Path) -> None:
+    compiled = compile_recipe(path)
+    names = [variant.variant for variant in compiled.plan.variants]
+    assert names and len(set(names)) == len(names)
+    assert compiled.cost.variants == len(names)
+    for variant in compiled.plan.variants:
+        looks = variant.appearance.looks
+        assert {actor.name for actor in variant.scene.actors} <= set(looks)
+        assert {element.name for element in variant.scene.town.elements} <= set(looks)
+        assert set(variant.appearance.responses) == {sensor.name for sensor in variant.rig.sensors}
+        numbers = [actor.instance for actor in variant.scene.actors]
+        assert len(set(numbers)) == len(numbers)
+        for sensor in variant.rig.sensors:
+            assert len(sensor.poses) in {1, variant.scene.clock.frames}
+
+
+def test_the_deltas_case_merges_as_it_says() -> None:
+    plan = compile_recipe(CASES / "good/deltas/recipe.yaml").plan
+    weather = {v.variant.split(",")[1]: v.appearance.weather for v in plan.variants if v.variant.endswith("view=wide")}
+    assert weather["weather=as_it_is"].fog_density == 20
+    assert weather["weather=more_fog"].fog_density == 80
+    assert weather["weather=cleared"].fog_density == 2  # ClearNoon's own: a shorthand replaces the whole
+    assert (weather["weather=wet"].fog_density, weather["weather=wet"].precipitation_deposits) == (20, 50)
+    casts = {v.variant.split(",")[0]: [a.name for a in v.scene.actors] for v in plan.variants}
+    assert casts == {"cast=one": ["hero"], "cast=none": [], "cast=two": ["hero", "guest"]}
+
+
+def test_the_extends_case_reads_its_chain_and_hashes_each_file() -> None:
+    compiled = compile_recipe(CASES / "good/extends/recipe.yaml")
+    assert list(compiled.files) == ["common/street.yaml", "common/town.yaml", "recipe.yaml"]
+    (variant,) = compiled.plan.variants
+    assert variant.variant == "weather=rainy"
+    assert (variant.appearance.seed, compiled.plan.description) == (3, "A camera on a street.")
+    assert (variant.rig.sensors[0].camera.width, variant.rig.sensors[0].camera.fov) == (320, 60)
+
+
+def test_warnings_name_both_axes_that_clash() -> None:
+    (warning,) = compile_recipe(CASES / "good/deltas/recipe.yaml").warnings
+    assert warning.message == "axes weather and view both set weather.wetness; the later one, view, wins"
+    assert warning.place is not None and warning.place.line == 24

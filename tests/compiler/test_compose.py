@@ -1,0 +1,100 @@
+"""Merge patches and provenance."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from recipe_compiler.compose import Merger
+from recipe_compiler.source import Value, parse
+
+
+def value(data: Any, file: str = "a.yaml") -> Value:
+    parsed, problems = parse(json.dumps({"it": data}).encode(), file)
+    assert parsed is not None and not problems
+    return parsed.map["it"]
+
+
+# The examples of RFC 7386, appendix A, for maps: what is not a map replaces the whole, at the root as anywhere.
+RFC_7386 = [
+    ({"a": "b"}, {"a": "c"}, {"a": "c"}),
+    ({"a": "b"}, {"b": "c"}, {"a": "b", "b": "c"}),
+    ({"a": "b"}, {"a": None}, {}),
+    ({"a": "b", "b": "c"}, {"a": None}, {"b": "c"}),
+    ({"a": ["b"]}, {"a": "c"}, {"a": "c"}),
+    ({"a": "c"}, {"a": ["b"]}, {"a": ["b"]}),
+    ({"a": {"b": "c"}}, {"a": {"b": "d", "c": None}}, {"a": {"b": "d"}}),
+    ({"a": [{"b": "c"}]}, {"a": [1]}, {"a": [1]}),
+    (["a", "b"], ["c", "d"], ["c", "d"]),
+    ({"a": "b"}, ["c"], ["c"]),
+    ({"a": "foo"}, None, None),
+    ({"a": "foo"}, "bar", "bar"),
+    ({"e": None}, {"a": 1}, {"e": None, "a": 1}),
+    ([1, 2], {"a": "b", "c": None}, {"a": "b"}),
+    ({}, {"a": {"bb": {"ccc": None}}}, {"a": {"bb": {}}}),
+]
+
+
+@pytest.mark.parametrize(("target", "patch", "result"), RFC_7386)
+def test_rfc_7386(target: Any, patch: Any, result: Any) -> None:
+    assert Merger().merge(value(target), value(patch)).plain == result
+
+
+plain = st.recursive(
+    st.none() | st.booleans() | st.integers(-9, 9) | st.text("ab", max_size=2),
+    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.sampled_from("abc"), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+def reference(target: Any, patch: Any) -> Any:
+    """The algorithm as RFC 7386 prints it."""
+    if not isinstance(patch, dict):
+        return patch
+    result = dict(target) if isinstance(target, dict) else {}
+    for key, item in patch.items():
+        if item is None:
+            result.pop(key, None)
+        else:
+            result[key] = reference(result.get(key), item)
+    return result
+
+
+@given(plain, plain)
+def test_merging_is_what_the_rfc_says(target: Any, patch: Any) -> None:
+    assert Merger().merge(value(target), value(patch)).plain == reference(target, patch)
+
+
+@given(plain, plain)
+def test_a_patch_laid_twice_is_laid_once(target: Any, patch: Any) -> None:
+    merger, over = Merger(), value(patch)
+    once = merger.merge(value(target), over)
+    assert merger.merge(once, over).plain == once.plain
+
+
+@given(st.dictionaries(st.sampled_from("abc"), plain, max_size=3))
+def test_an_empty_patch_gives_the_very_same_object(target: Any) -> None:
+    before = value(target)
+    assert Merger().merge(before, value({})) is before
+
+
+def test_what_a_patch_leaves_alone_is_the_very_same_object() -> None:
+    before = value({"a": {"b": 1}, "c": {"d": 2}})
+    after = Merger().merge(before, value({"a": {"b": 3}}))
+    assert after.map["c"] is before.map["c"]
+    assert after.map["a"] is not before.map["a"]
+
+
+def test_a_merged_value_knows_who_set_it() -> None:
+    merged = Merger().merge(value({"a": {"b": 1, "c": 1}}), value({"a": {"b": 2, "d": 3}}, "delta.yaml"))
+    files = {key: merged.place_of("a", key).file for key in "bcd"}
+    assert files == {"b": "delta.yaml", "c": "a.yaml", "d": "delta.yaml"}
+
+
+def test_what_was_removed_is_blamed_on_the_patch() -> None:
+    merged = Merger().merge(value({"a": {"b": 1}}), value({"a": {"b": None}}, "delta.yaml"))
+    assert merged.place_of("a", "b").file == "delta.yaml"
