@@ -96,11 +96,11 @@ def sky(air: Air, d: wp.vec3f) -> wp.vec3f:
     sharp = step_between(0.99985, 0.99995, c)
     clear = clear + air.disc * sharp
     if air.stars > 0.0 and d[2] > 0.05:
-        i = whole(d[0] / (d[2] + 0.6) * 260.0)
-        j = whole(d[1] / (d[2] + 0.6) * 260.0)
+        i = whole(d[0] / (d[2] + 0.6) * 620.0)
+        j = whole(d[1] / (d[2] + 0.6) * 620.0)
         h = unit(hash3(i, j, 1, air.seed))
-        if h > 0.9965:
-            clear = clear + wp.vec3f(1.0, 1.0, 1.1) * (air.stars * (h - 0.9965) * 285.0)
+        if h > 0.9990:
+            clear = clear + wp.vec3f(1.0, 1.0, 1.1) * (air.stars * (h - 0.9990) * 1000.0)
     if d[2] <= 0.0 or air.cover <= 0.0:
         return mix(clear, air.cloud_dark, step_between(0.6, 1.0, air.cover))
     cloud = cloud_at(air, d)

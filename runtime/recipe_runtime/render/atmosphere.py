@@ -18,13 +18,13 @@ from recipe_runtime.render.device import wp
 
 Colour = NDArray[np.float64]  # [3] linear RGB
 
-DENSEST = 32.0  # metres seen at fog_density 100
+DENSEST = 45.0  # metres seen at fog_density 100
 LAMPS_ON, LAMPS_OFF = -1.0, 5.0  # sun altitudes, degrees, between which lamps fade
 
-_BRIGHTNESS = ((-90, 2.2e-5), (-18, 2.2e-5), (-12, 1.2e-4), (-6, 4e-3), (-3, 0.03), (0, 0.11), (5, 0.27), (15, 0.52))
+_BRIGHTNESS = ((-90, 7e-5), (-18, 7e-5), (-12, 2e-4), (-6, 2.5e-3), (-3, 0.012), (0, 0.06), (5, 0.22), (15, 0.52))
 _BRIGHTNESS += ((45, 0.9), (90, 1.0))  # of the sky, by the sun's altitude in degrees
 _RAYLEIGH = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass
-_STREET_LIGHT = 3.2e-4  # what lamps give the eye to adapt to
+_STREET_LIGHT = 1.0e-3  # what lamps give the eye to adapt to
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,13 @@ def light_of(appearance: AppearancePlan, time: float, device: str) -> Light:
     scattered = clear_sun * max(float(sun[2]), 0.0) * (1.0 - shine) * 0.32
     overcast = np.array([0.82, 0.9, 1.0]) * day * (0.95 - 0.35 * rain) * (1.0 - 0.3 * dust) + scattered
     grey = _ease(0.25, 0.95, cover)
-    overhead = _mix(0.62 * zenith + 0.38 * horizon, overcast, grey)
-    around = _mix(0.3 * zenith + 0.55 * horizon, 0.62 * overcast, grey)
+    overhead = _mix(_pale(0.62 * zenith + 0.38 * horizon, 0.35), overcast, grey)
+    around = _mix(_pale(0.3 * zenith + 0.55 * horizon, 0.35), 0.62 * overcast, grey)
     falling = sunlight * max(float(sun[2]), 0.0) + overhead
     below = 0.17 * falling * np.array([1.0, 0.96, 0.9])
     sideways = 0.5 * around + 0.5 * below + 0.12 * overhead
+    street = _STREET_LIGHT * 0.16 * night * np.array([1.0, 0.8, 0.58])  # lamps' light, thrown about
+    below, sideways, overhead = below + street, sideways + street, overhead + 0.3 * street
     air = Air()
     air.sun, air.sunlight = _vector(sun), _vector(sunlight)
     air.disc = _vector(clear_sun * 60.0 * shine)
@@ -88,7 +90,7 @@ def light_of(appearance: AppearancePlan, time: float, device: str) -> Light:
     lamps = _STREET_LIGHT * night
     seen = sunlight * max(float(sun[2]), 0.3) * _ease(-1.0, 1.0, altitude) + 1.25 * overhead
     luminance = 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2]) + lamps
-    exposure = 1.02 * exact.power(luminance, -0.94)
+    exposure = 1.0 * exact.power(luminance, -0.86)
     return Light(air, sun, sunlight, fixed(exposure), night, rain, w.wind_intensity / 100.0)
 
 
@@ -103,7 +105,7 @@ def transmittance(altitude: float, mie: float = 0.03, rayleigh: float = 0.0331) 
 
 
 def extinction(fog_density: float) -> float:
-    """Koschmieder's extinction, 1/m, of a fog density 0..100: visual range falls with its square, to 32 m."""
+    """Koschmieder's extinction, 1/m, of a fog density 0..100: visual range falls with its square, to 45 m."""
     return 3.912 / DENSEST * (fog_density / 100.0) * (fog_density / 100.0)
 
 
@@ -116,8 +118,8 @@ def _shine(cover: float, rain: float, thick_fog: float, dust: float) -> float:
 def _sky_colours(altitude: float, day: float, cover: float) -> tuple[Colour, Colour]:
     noon = _ease(-2.0, 18.0, altitude)
     deep = _ease(-4.0, -12.0, altitude)
-    zenith = _mix(np.array([0.26, 0.36, 0.68]), np.array([0.17, 0.37, 0.86]), noon)
-    horizon = _mix(np.array([1.25, 0.85, 0.72]), np.array([0.92, 1.08, 1.25]), noon)
+    zenith = _mix(np.array([0.22, 0.34, 0.70]), np.array([0.22, 0.42, 0.88]), noon)
+    horizon = _mix(np.array([1.0, 0.86, 0.84]), np.array([1.05, 1.2, 1.36]), noon)
     horizon = _mix(horizon, np.array([0.52, 0.5, 0.62]), deep)
     return zenith * day, horizon * day
 
@@ -134,7 +136,7 @@ def _fill_fog(air: Any, appearance: AppearancePlan, veil: Colour, sunlight: Colo
     air.fog = fixed(total)
     air.fog_start = fixed(min(w.fog_distance, 1000.0) if fog >= grains + mist else 0.0)
     air.fog_thin = fixed(0.1 * w.fog_falloff * fog / total)
-    air.fog_colour = _vector(haze)
+    air.fog_colour = _vector(_pale(haze, 0.6) * (1.0 - 0.12 * w.fog_density / 100.0))
     air.fog_sun = _vector(0.4 * sunlight)
 
 
@@ -162,6 +164,11 @@ def _tables(
 def _ease(start: float, end: float, x: float) -> float:
     t = min(max((x - start) / (end - start), 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
+
+
+def _pale(colour: Colour, share: float) -> Colour:
+    """A colour with a share of its saturation taken."""
+    return colour + (float(colour[0] + colour[1] + colour[2]) / 3.0 - colour) * share
 
 
 def _mix(a: Colour, b: Colour, t: float) -> Colour:

@@ -58,6 +58,8 @@ def _second(key: SurfaceKey, first: NDArray[np.float64]) -> NDArray[np.float64]:
         return first * np.array([1.75, 1.4, 0.8])
     if key.pattern == Pattern.ROAD_PAINT:
         return np.array([0.07, 0.07, 0.072])
+    if key.pattern == Pattern.WINDOW:
+        return np.array([0.55, 0.53, 0.5])
     return first
 
 

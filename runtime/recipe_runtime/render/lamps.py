@@ -10,7 +10,7 @@ from recipe_runtime.render.geometry import Geometry
 from recipe_runtime.render.nearby import Bodies, Lamps
 from recipe_runtime.transforms import Array
 
-_CANDELA = 1.0 / 18000.0  # light on a white surface a metre away, in the scale of `air`, of one candela
+_CANDELA = 1.0 / 11000.0  # light on a white surface a metre away, in the scale of `air`, of one candela
 _MOST_LAMPS = 256
 _LOWEST = 0.45  # metres above its actor's foot at which a part no longer darkens the ground
 
@@ -61,7 +61,7 @@ def _lamp(mounted: Any, world: Array) -> list[float]:
     to = [sum(float(world[r, c]) * direction[c] for c in range(3)) for r in range(3)]
     power = [light.intensity * _CANDELA * c for c in light.colour]
     full = light.cone + (1.0 - light.cone) * 0.75
-    return [*at, *to, *power, light.cone, full, 3.0 + 0.75 * float(np.sqrt(light.intensity))]
+    return [*at, *to, *power, light.cone, full, 3.0 + 0.4 * float(np.sqrt(light.intensity))]
 
 
 def _footprint(world: Array, box: NDArray[np.float64]) -> list[float]:

@@ -112,10 +112,10 @@ def leaves(d: Detail, p: wp.vec3f, foot: wp.float32, size: wp.float32) -> Detail
     """Leaves or blades: clumps of light and shade, and a normal for each that leans its own way."""
     s = 1.0 / size
     clump = noise3(p[0] * 1.7, p[1] * 1.7, p[2] * 1.7, wp.uint32(8))
-    leaf = unit(hash2(whole(p[0] * s) + 131 * whole(p[2] * s), whole(p[1] * s), wp.uint32(9))) - 0.5
+    leaf = noise3(p[0] * s + 3.0 * clump, p[1] * s, p[2] * s - 3.0 * clump, wp.uint32(9)) - 0.5
     twig = noise3(p[0] * 5.0, p[1] * 5.0, p[2] * 5.0, wp.uint32(10)) - 0.5
     near = fade(size, foot)
-    d.tone = 0.72 + 0.5 * clump + 0.75 * twig * fade(0.2, foot) + 0.5 * leaf * near
+    d.tone = 0.72 + 0.5 * clump + 0.7 * twig * fade(0.2, foot) + 1.1 * leaf * near
     d.second = clamp01(clump * 1.2 - 0.35)
     lean = 0.9 * fade(0.2, foot)
     d.normal = direction(d.normal + wp.vec3f(twig * lean, (clump - 0.5) * lean, leaf * lean * near))

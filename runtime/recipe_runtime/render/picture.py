@@ -141,12 +141,14 @@ class Painter:
         if light.sun[2] > 0.0 and float(light.sunlight.max()) > 0.0:
             world = device_rows(world_from_parts(obs.parts), self._device)
             vertices = world_vertices(self._g, world, self._device)
-            still = self._shadows.static(light.sun)
             eye, ahead = obs.world_from_sensor[:, 3], obs.world_from_sensor[:, 0]
+            with self._timings("static shadows"):
+                still, wide = self._shadows.static(light.sun, eye)
             fine, coarse = self._shadows.moving(light.sun, vertices, eye, ahead)
         else:
-            still = fine = coarse = self._shadows.none()
+            still = wide = fine = coarse = self._shadows.none()
         out.still, out.still_depths, out.still_used = still.beam, still.depths, still.used
+        out.wide, out.wide_depths, out.wide_used = wide.beam, wide.depths, wide.used
         out.fine, out.fine_depths, out.fine_used = fine.beam, fine.depths, fine.used
         out.coarse, out.coarse_depths, out.coarse_used = coarse.beam, coarse.depths, coarse.used
         return out

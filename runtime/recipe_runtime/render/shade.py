@@ -13,7 +13,7 @@ from recipe_runtime.render.air import Air, ambient, reflected_sky, sky, through_
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.nearby import TILE, Bodies, Lamps, contact, lamp_light
 from recipe_runtime.render.noise import clamp01, step_between, unit
-from recipe_runtime.render.shadow import Sunbeam, lit
+from recipe_runtime.render.shadow import Sunbeam, holds, lit
 from recipe_runtime.render.vectors import direction, inner, mix, times
 
 wp.set_module_options(OPTIONS)
@@ -29,11 +29,14 @@ BLACK = wp.constant(wp.vec3f(0.0, 0.0, 0.0))
 
 @wp.struct
 class Sunlit:
-    """The three shadow maps: of what stands still, and of what moves, fine and coarse."""
+    """The four shadow maps: of what stands still, fine and wide, and of what moves, fine and coarse."""
 
     still: Sunbeam
     still_depths: wp.array[wp.float32]
     still_used: wp.array[wp.int32]
+    wide: Sunbeam
+    wide_depths: wp.array[wp.float32]
+    wide_used: wp.array[wp.int32]
     fine: Sunbeam
     fine_depths: wp.array[wp.float32]
     fine_used: wp.array[wp.int32]
@@ -80,12 +83,13 @@ class Matter:
 @wp.func
 def sunshine(s: Sunlit, sun: wp.vec3f, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """The share of the sun that reaches a point."""
-    left = lit(s.still, s.still_depths, s.still_used, p, n)
+    left = float(1.0)
+    if holds(s.still, p):
+        left = lit(s.still, s.still_depths, s.still_used, p, n)
+    else:
+        left = lit(s.wide, s.wide_depths, s.wide_used, p, n)
     if left > 0.0:
-        u = s.fine.u[0] * p[0] + s.fine.u[1] * p[1] + s.fine.u[2] * p[2] + s.fine.u[3]
-        v = s.fine.v[0] * p[0] + s.fine.v[1] * p[1] + s.fine.v[2] * p[2] + s.fine.v[3]
-        edge = wp.float32(s.fine.size - 8)
-        if u > 8.0 and v > 8.0 and u < edge and v < edge:
+        if holds(s.fine, p):
             left = wp.min(left, lit(s.fine, s.fine_depths, s.fine_used, p, n))
         else:
             left = wp.min(left, lit(s.coarse, s.coarse_depths, s.coarse_used, p, n))
@@ -124,7 +128,7 @@ def pane(m: Matter, air: Air, first: wp.vec3f, second: wp.vec3f, detail: wp.vec4
     if air.night > 0.0 and chance < 0.34:
         warm = mix(wp.vec3f(1.0, 0.62, 0.28), wp.vec3f(0.95, 0.86, 0.72), chance * 2.9)
         depth = 0.55 + 0.45 * detail[3] - 0.3 * detail[2]
-        m.glow = warm * (air.night * 5.5e-4 * depth * (1.0 - detail[1]) * (0.5 + chance * 1.5))
+        m.glow = warm * (air.night * 1.5e-3 * depth * (1.0 - detail[1]) * (0.5 + chance * 1.5))
     return m
 
 
@@ -149,13 +153,13 @@ def matter_of(
         m.coat = 0.12
         m.gloss = 0.6
     elif pattern == LAMP:
-        m.glow = first * (air.night * 1.2e-2)
+        m.glow = first * (air.night * 3.0e-2)
     elif pattern == HEADLIGHT:
-        m.glow = first * (air.night * 2.0e-2)
+        m.glow = first * (air.night * 5.0e-2)
         m.coat = 0.2
         m.gloss = 0.9
     elif pattern == TAILLIGHT:
-        m.glow = first * (air.night * 1.6e-3)
+        m.glow = first * (air.night * 6.0e-3)
         m.coat = 0.08
         m.gloss = 0.9
     elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS:

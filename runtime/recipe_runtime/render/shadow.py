@@ -87,6 +87,15 @@ def nearness(keys: wp.array[wp.uint64], out: wp.array[wp.float32]):
 
 
 @wp.func
+def holds(beam: Sunbeam, p: wp.vec3f) -> bool:
+    """Whether a point lies well within the map."""
+    u = along(beam.u, p)
+    v = along(beam.v, p)
+    edge = wp.float32(beam.size - 12)
+    return u > 12.0 and v > 12.0 and u < edge and v < edge
+
+
+@wp.func
 def lit(
     beam: Sunbeam, depths: wp.array[wp.float32], used: wp.array[wp.int32], p: wp.vec3f, n: wp.vec3f
 ) -> wp.float32:

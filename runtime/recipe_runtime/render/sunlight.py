@@ -14,11 +14,11 @@ from recipe_runtime.render.shadow import TILE, Sunbeam
 from recipe_runtime.render.visibility import Lens
 from recipe_runtime.transforms import Array
 
-_STATIC_SIZE = 4096
+_STATIC_MAPS = ((3072, 0.03, 32.0), (2048, 0.2, 128.0))  # texels, metres a texel, metres between centres
 _MOVING_SIZE = 1024
 _MOVING_TEXELS = (0.022, 0.09)  # metres: about 22 m across, and 92 m
-_KEPT = 4  # suns whose static map is kept
-_REACH = 400.0  # metres along the sun's rays that a moving map spans
+_KEPT = 6  # static maps kept of each kind
+_REACH = 1200.0  # metres along the sun's rays that a map spans
 
 
 @dataclass(frozen=True)
@@ -35,17 +35,28 @@ class Shadows:
 
     def __init__(self, geometry: Geometry, device: str) -> None:
         self._g, self._device = geometry, device
-        self._static: OrderedDict[bytes, ShadowMap] = OrderedDict()
+        self._static: list[OrderedDict[tuple[bytes, int, int], ShadowMap]] = [OrderedDict() for _ in _STATIC_MAPS]
 
-    def static(self, sun: NDArray[np.float64]) -> ShadowMap:
-        """The map of what stands still, for a sun above the horizon."""
-        name = sun.tobytes()
-        if name not in self._static:
-            if len(self._static) >= _KEPT:
-                self._static.popitem(last=False)
-            self._static[name] = self._draw_static(sun)
-        self._static.move_to_end(name)
-        return self._static[name]
+    def static(self, sun: NDArray[np.float64], eye: Array) -> tuple[ShadowMap, ShadowMap]:
+        """The fine and the coarse map of what stands still, about the eye; for a sun above the horizon.
+
+        Their centres lie on a grid of the world, so that a camera that moves seldom needs another one.
+        """
+        fine, coarse = (self._held(kind, sun, eye) for kind in range(len(_STATIC_MAPS)))
+        return fine, coarse
+
+    def _held(self, kind: int, sun: NDArray[np.float64], eye: Array) -> ShadowMap:
+        size, texel, grid = _STATIC_MAPS[kind]
+        cell = int(np.floor(eye[0] / grid + 0.5)), int(np.floor(eye[1] / grid + 0.5))
+        held, name = self._static[kind], (sun.tobytes(), *cell)
+        if name not in held:
+            if len(held) >= _KEPT:
+                held.popitem(last=False)
+            centre = np.array([cell[0] * grid, cell[1] * grid, 0.0])
+            beam = _beam_about(sun, centre, texel, size)
+            held[name] = self._draw(beam, self._g.vertices, 0, self._g.static_triangles)
+        held.move_to_end(name)
+        return held[name]
 
     def none(self) -> ShadowMap:
         """A map that shadows nothing."""
@@ -59,30 +70,10 @@ class Shadows:
         maps = []
         for texel in _MOVING_TEXELS:
             centre = eye + ahead * (texel * _MOVING_SIZE * 0.42)
-            maps.append(self._draw_moving(sun, world, centre, texel))
+            beam = _beam_about(sun, centre, texel, _MOVING_SIZE)
+            first = self._g.static_triangles
+            maps.append(self._draw(beam, world, first, self._g.triangle_count - first))
         return maps[0], maps[1]
-
-    def _draw_static(self, sun: NDArray[np.float64]) -> ShadowMap:
-        low, high = self._g.bounds
-        corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * (high - low) + low
-        axes = _axes(sun)
-        spans = [_along(axis, corners) for axis in axes]
-        start = [float(s.min()) for s in spans]
-        extent = [max(float(s.max()) - float(s.min()), 1.0) for s in spans]
-        scale = [(_STATIC_SIZE - 16) / extent[0], (_STATIC_SIZE - 16) / extent[1], 0.98 / extent[2]]
-        offset = [8.0 - start[0] * scale[0], 8.0 - start[1] * scale[1], 0.01 - start[2] * scale[2]]
-        beam = _beam(axes, scale, offset, _STATIC_SIZE)
-        return self._draw(beam, self._g.vertices, 0, self._g.static_triangles)
-
-    def _draw_moving(self, sun: NDArray[np.float64], world: Any, centre: Array, texel: float) -> ShadowMap:
-        axes = _axes(sun)
-        half = _MOVING_SIZE / 2.0
-        at = [float(_along(axis, centre[None])[0]) for axis in axes]
-        # Whole texels, so that the map's grid stays where it is in the world as the camera moves.
-        offset = [half - float(np.floor(at[0] / texel)), half - float(np.floor(at[1] / texel)), 0.5 - at[2] / _REACH]
-        beam = _beam(axes, [1.0 / texel, 1.0 / texel, 1.0 / _REACH], offset, _MOVING_SIZE)
-        first = self._g.static_triangles
-        return self._draw(beam, world, first, self._g.triangle_count - first)
 
     def _draw(self, beam: Any, vertices: Any, first: int, count: int) -> ShadowMap:
         size = beam.size
@@ -123,11 +114,16 @@ def _along(axis: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np
     return product
 
 
-def _beam(axes: list[NDArray[np.float64]], scale: list[float], offset: list[float], size: int) -> Any:
+def _beam_about(sun: NDArray[np.float64], centre: Array, texel: float, size: int) -> Any:
+    """The frame of a map about a point; whole texels, so that its grid stays in place as the camera moves."""
+    axes = _axes(sun)
+    at = [float(_along(axis, centre[None])[0]) for axis in axes]
+    scale = (1.0 / texel, 1.0 / texel, 1.0 / _REACH)
+    offset = (size / 2.0 - float(np.floor(at[0] / texel)), size / 2.0 - float(np.floor(at[1] / texel)))
     beam = Sunbeam()
-    rows = [wp.vec4f(*(float(c) * s for c in axis), o) for axis, s, o in zip(axes, scale, offset, strict=True)]
-    beam.u, beam.v, beam.q = rows
-    beam.size = size
-    beam.texel = max(1.0 / scale[0], 1.0 / scale[1])
-    beam.depth = 1.0 / scale[2]
+    beam.u, beam.v, beam.q = (
+        wp.vec4f(*(float(c) * s for c in axis), o)
+        for axis, s, o in zip(axes, scale, (*offset, 0.5 - at[2] / _REACH), strict=True)
+    )
+    beam.size, beam.texel, beam.depth = size, texel, _REACH
     return beam
