@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from recipe_compiler.plan import Element
 
-from recipe_runtime.meshes.builder import Builder, Vec, noise
+from recipe_runtime.meshes.builder import Array, Builder, Vec, noise
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.tags import Tag
 
@@ -146,10 +146,11 @@ def _facade(b: Builder, e: Element, f: _Facade, wall: Surface, bays: int, *, ent
         _balconies(b, f, bays, floors, ground, storey)
 
 
-def _pane_uv(names: list[tuple[int, int]]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _pane_uv(names: list[tuple[int, int]]) -> Array:
     """uv of panes by their names: the whole part says which window, the fraction where in it."""
     corner = np.array([(0.001, 0.001), (0.999, 0.001), (0.999, 0.999), (0.001, 0.999)])
-    return np.array(names, np.float64)[:, None, :] + corner[None]
+    names_and_corners: Array = np.array(names, np.float64)[:, None, :] + corner[None]
+    return names_and_corners
 
 
 def _frame(f: _Facade, u0: float, u1: float, z0: float, z1: float, style: int) -> list[tuple[Vec, ...]]:

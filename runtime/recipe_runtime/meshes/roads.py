@@ -73,7 +73,7 @@ def junction(b: Builder, e: Element) -> None:
             )
 
 
-def _outline(x: float, y: float, radius: float, inset: float) -> list[tuple[float, float]]:
+def outline(x: float, y: float, radius: float, inset: float) -> list[tuple[float, float]]:
     """A rectangle with rounded corners, counter-clockwise, drawn in by `inset`; 6 points a corner."""
     points = []
     r = max(radius - inset, 0.01)
@@ -89,14 +89,14 @@ def sidewalk(b: Builder, e: Element) -> None:
     """A block's raised ground: a kerb stone round it, paving `walk` metres wide, and the yards inside."""
     x, y, top = e.size
     radius, walk, kerb = e.shape["radius"], e.shape["walk"], 0.18
-    outer, stone = _outline(x, y, radius, 0.0), _outline(x, y, radius, kerb)
+    outer, stone = outline(x, y, radius, 0.0), outline(x, y, radius, kerb)
     rounded = 0.025
     b.grid(
         _KERB,
         [
             [(px, py, -0.02) for px, py in outer],
             [(px, py, top - rounded) for px, py in outer],
-            [(px, py, top) for px, py in _outline(x, y, radius, rounded)],
+            [(px, py, top) for px, py in outline(x, y, radius, rounded)],
             [(px, py, top) for px, py in stone],
         ],
         crease=0.6,

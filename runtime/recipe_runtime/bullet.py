@@ -1,0 +1,245 @@
+"""The one door to PyBullet: a fresh world, its bodies made in plan order, stepped and read.
+
+Every engine parameter is set explicitly, nothing sleeps, nothing is removed or restored, and each island of touching
+bodies is solved by itself. Pedestrians and vehicles are multibodies whose limbs and wheels are placed, and whose
+base is given a velocity before each step; contacts then have the last word. Importing this module prints PyBullet's
+build line, so it is imported in processes whose standard output is taken (see `simulate`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import pybullet
+from recipe_compiler import exact
+from recipe_compiler.plan import ActorPlan, Element, Pose, TownPlan
+
+from recipe_runtime.ground import Ground
+from recipe_runtime.meshes.roads import outline
+from recipe_runtime.meshes.skeleton import Figure, Joint, wheel_joints
+
+GRAVITY = 9.81
+_GROUND, _OBSTACLE, _ACTOR, _WHEEL = 1, 2, 4, 8  # collision groups
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+def _quaternion(pose: Pose) -> Quaternion:
+    """Orientation of a pose (x, y, z, w): roll, then pitch, then yaw about fixed axes."""
+    sy, cy = exact.sin_cos_deg(pose.yaw / 2)
+    sp, cp = exact.sin_cos_deg(pose.pitch / 2)
+    sr, cr = exact.sin_cos_deg(pose.roll / 2)
+    return (
+        cy * cp * sr - sy * sp * cr,
+        cy * sp * cr + sy * cp * sr,
+        sy * cp * cr - cy * sp * sr,
+        cy * cp * cr + sy * sp * sr,
+    )
+
+
+class World:
+    """A simulation of its own, in a client of its own."""
+
+    def __init__(self, town: TownPlan, steps_per_second: int) -> None:
+        self.ground = Ground(town)
+        self._client = pybullet.connect(pybullet.DIRECT)
+        pybullet.resetSimulation(physicsClientId=self._client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=1.0 / steps_per_second,
+            numSubSteps=0,
+            numSolverIterations=30,
+            solverResidualThreshold=0.0,
+            constraintSolverType=pybullet.CONSTRAINT_SOLVER_LCP_SI,
+            minimumSolverIslandSize=1,
+            useSplitImpulse=0,
+            splitImpulsePenetrationThreshold=-0.02,
+            collisionFilterMode=0,
+            contactBreakingThreshold=0.02,
+            contactSlop=0.0,
+            maxNumCmdPer1ms=0,
+            enableFileCaching=0,
+            restitutionVelocityThreshold=0.5,
+            erp=0.2,
+            contactERP=0.2,
+            frictionERP=0.2,
+            globalCFM=0.0,
+            enableConeFriction=1,
+            deterministicOverlappingPairs=1,
+            allowedCcdPenetration=0.0,
+            jointFeedbackMode=0,
+            enableSAT=0,
+            reportSolverAnalytics=0,
+            physicsClientId=self._client,
+        )
+        pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
+        self._add_fixed(
+            pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self._client), Pose(), _GROUND
+        )
+        for element in town.elements:
+            self._add_element(element)
+
+    def close(self) -> None:
+        """End the client."""
+        pybullet.disconnect(physicsClientId=self._client)
+
+    def step(self) -> None:
+        """Advance by one step."""
+        pybullet.stepSimulation(physicsClientId=self._client)
+
+    def base(self, body: int) -> tuple[Vector, Quaternion]:
+        """Position and orientation of a body's base part."""
+        position, orientation = pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client)
+        return position, orientation
+
+    def velocity(self, body: int) -> tuple[Vector, Vector]:
+        """Linear and angular velocity of a body's base part."""
+        linear, angular = pybullet.getBaseVelocity(body, physicsClientId=self._client)
+        return linear, angular
+
+    def set_velocity(self, body: int, linear: Sequence[float], angular: Sequence[float]) -> None:
+        """Give a body's base part a velocity."""
+        pybullet.resetBaseVelocity(body, linear, angular, physicsClientId=self._client)
+
+    def set_joints(self, body: int, links: Sequence[int], angles: Sequence[float]) -> None:
+        """Place joints at angles in radians, at rest."""
+        values, still = [[angle] for angle in angles], [[0.0]] * len(links)
+        pybullet.resetJointStatesMultiDof(body, links, values, still, physicsClientId=self._client)
+
+    def links(self, body: int, links: Sequence[int]) -> list[tuple[Vector, Quaternion]]:
+        """Position and orientation of some of a body's parts."""
+        states = pybullet.getLinkStates(body, links, computeForwardKinematics=1, physicsClientId=self._client)
+        return [(state[4], state[5]) for state in states]
+
+    def add_pedestrian(self, actor: ActorPlan) -> tuple[int, tuple[int, ...]]:
+        """A pedestrian: a capsule from the shins up, with limbs that touch nothing. Returns body and links."""
+        figure = Figure.of(actor.shape)
+        radius, low = 0.13 * figure.height, 0.22 * figure.height
+        length = figure.height - low - 2 * radius
+        capsule = pybullet.createCollisionShape(
+            pybullet.GEOM_CAPSULE,
+            radius=radius,
+            height=length,
+            collisionFramePosition=(0.0, 0.0, low + radius + length / 2),
+            physicsClientId=self._client,
+        )
+        body = self._multibody(actor.start, 70.0, capsule, figure.joints, {})
+        self._filter(body, -1, _ACTOR, _OBSTACLE | _ACTOR)
+        for link in range(len(figure.joints)):
+            self._filter(body, link, 0, 0)
+        pybullet.changeDynamics(body, -1, localInertiaDiagonal=(60.0, 60.0, 20.0), physicsClientId=self._client)
+        return body, tuple(range(len(figure.joints)))
+
+    def add_vehicle(self, actor: ActorPlan) -> tuple[int, tuple[int, ...]]:
+        """A vehicle: a box on four balls. Returns body and links: steering left and right, then the four wheels."""
+        shape = actor.shape
+        low, high = shape["clearance"] + 0.1, min(shape["height"], 3.2)
+        box = pybullet.createCollisionShape(
+            pybullet.GEOM_BOX,
+            halfExtents=(shape["length"] / 2, shape["width"] / 2, (high - low) / 2),
+            collisionFramePosition=(0.0, 0.0, (high + low) / 2),
+            physicsClientId=self._client,
+        )
+        ball = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=shape["wheel"], physicsClientId=self._client)
+        joints: list[Joint] = []
+        for wheel in wheel_joints(shape):
+            if wheel.axis == "zy":
+                joints.append(Joint(f"{wheel.part}_steering", "chassis", wheel.offset, "z"))
+                joints.append(Joint(wheel.part, joints[-1].part, (0.0, 0.0, 0.0), "y"))
+            else:
+                joints.append(wheel)
+        index = {joint.part: n for n, joint in enumerate(joints)}
+        wheels = tuple(index[wheel.part] for wheel in wheel_joints(shape))
+        body = self._multibody(actor.start, 1500.0, box, joints, dict.fromkeys(wheels, ball))
+        self._filter(body, -1, _ACTOR, _OBSTACLE | _ACTOR)
+        for link in range(len(joints)):
+            self._filter(body, link, *((_WHEEL, _GROUND) if link in wheels else (0, 0)))
+        pybullet.changeDynamics(body, -1, localInertiaDiagonal=(800.0, 2500.0, 2500.0), physicsClientId=self._client)
+        return body, (0, 2, *wheels)
+
+    def _multibody(
+        self, start: Pose, mass: float, shape: int, joints: Sequence[Joint], shapes: Mapping[int, int]
+    ) -> int:
+        """A base and its links; every frame's origin is its centre of mass, the base's on the ground."""
+        index = {joint.part: n + 1 for n, joint in enumerate(joints)}
+        count = len(joints)
+        body: int = pybullet.createMultiBody(
+            baseMass=mass,
+            baseCollisionShapeIndex=shape,
+            basePosition=(start.x, start.y, start.z),
+            baseOrientation=_quaternion(start),
+            linkMasses=[0.05] * count,
+            linkCollisionShapeIndices=[shapes.get(n, -1) for n in range(count)],
+            linkVisualShapeIndices=[-1] * count,
+            linkPositions=[joint.offset for joint in joints],
+            linkOrientations=[(0.0, 0.0, 0.0, 1.0)] * count,
+            linkInertialFramePositions=[(0.0, 0.0, 0.0)] * count,
+            linkInertialFrameOrientations=[(0.0, 0.0, 0.0, 1.0)] * count,
+            linkParentIndices=[index.get(joint.parent, 0) for joint in joints],
+            linkJointTypes=[pybullet.JOINT_REVOLUTE] * count,
+            linkJointAxis=[(0, 1, 0) if joint.axis == "y" else (0, 0, 1) for joint in joints],
+            physicsClientId=self._client,
+        )
+        for link in range(-1, count):
+            pybullet.changeDynamics(
+                body,
+                link,
+                lateralFriction=0.0,
+                spinningFriction=0.0,
+                rollingFriction=0.0,
+                restitution=0.0,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                jointDamping=0.0,
+                activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
+                physicsClientId=self._client,
+            )
+            if link >= 0:
+                pybullet.changeDynamics(
+                    body, link, localInertiaDiagonal=(0.001, 0.001, 0.001), physicsClientId=self._client
+                )
+                pybullet.setJointMotorControl2(
+                    body, link, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=0.0, physicsClientId=self._client
+                )
+        return body
+
+    def _add_element(self, element: Element) -> None:
+        x, y, z = element.size
+        if element.kind == "sidewalk":
+            self._add_fixed(self._slab(x, y, z, element.shape["radius"]), element.pose, _GROUND)
+        elif element.kind == "building" or element.kind == "wall":
+            self._add_fixed(self._box((-x / 2, 0.0, z / 2), (x, y, z)), element.pose, _OBSTACLE)
+        elif element.kind in ("bench", "bin", "tower", "lamp"):
+            self._add_fixed(self._box((0.0, 0.0, z / 2), (x, y, z)), element.pose, _OBSTACLE)
+        elif element.kind == "tree":
+            thick = 2.2 * element.shape["trunk"]
+            self._add_fixed(self._box((0.0, 0.0, z / 4), (thick, thick, z / 2)), element.pose, _OBSTACLE)
+
+    def _box(self, centre: Vector, size: Vector) -> int:
+        shape: int = pybullet.createCollisionShape(
+            pybullet.GEOM_BOX,
+            halfExtents=[s / 2 for s in size],
+            collisionFramePosition=centre,
+            physicsClientId=self._client,
+        )
+        return shape
+
+    def _slab(self, x: float, y: float, top: float, radius: float) -> int:
+        """A block's raised ground: a prism with rounded corners."""
+        ring = outline(x, y, radius, 0.0)
+        vertices = [(px, py, z) for z in (-0.5, top) for px, py in ring]
+        shape: int = pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=vertices, physicsClientId=self._client)
+        return shape
+
+    def _add_fixed(self, shape: int, pose: Pose, group: int) -> None:
+        body = pybullet.createMultiBody(
+            baseMass=0.0,
+            baseCollisionShapeIndex=shape,
+            basePosition=(pose.x, pose.y, pose.z),
+            baseOrientation=_quaternion(pose),
+            physicsClientId=self._client,
+        )
+        pybullet.changeDynamics(body, -1, lateralFriction=0.0, restitution=0.0, physicsClientId=self._client)
+        self._filter(body, -1, group, _ACTOR | _WHEEL)
+
+    def _filter(self, body: int, link: int, group: int, mask: int) -> None:
+        pybullet.setCollisionFilterGroupMask(body, link, group, mask, physicsClientId=self._client)

@@ -1,0 +1,105 @@
+"""How a pedestrian's joints move as it walks: a pose as a function of phase and speed.
+
+The phase counts strides: at 0 the left heel strikes, at 0.5 the right. It advances with the distance covered, so a
+foot on the ground stays where it is. Feet are placed first and legs follow by inverse kinematics; the pelvis sinks
+when the legs are spread, as it must. Proportions after D. A. Winter, Biomechanics and Motor Control of Human Movement.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from recipe_compiler import exact
+
+from recipe_runtime.meshes.skeleton import Figure
+
+_DUTY = 0.61  # part of a stride during which a foot is on the ground
+_DEGREE = math.pi / 180.0
+
+
+@dataclass(frozen=True)
+class GaitPose:
+    """Angles in radians, in the order of `Figure.joints`, about each joint's axis; and how far the pelvis sinks."""
+
+    angles: tuple[float, ...]
+    sink: float  # metres
+
+
+def stride(figure: Figure, speed: float) -> float:
+    """Length of a stride (two steps) in metres at a speed in m/s."""
+    return figure.hip * min(0.75 + 0.62 * speed, 2.3)
+
+
+def pose(figure: Figure, phase: float, speed: float) -> GaitPose:
+    """The pose at a phase; at speed 0 it stands."""
+    walking = min(1.0, speed / 0.5)
+    length = stride(figure, speed)
+    _, twice = exact.sin_cos_deg(720.0 * (phase - 0.05))
+    sink = walking * (0.006 * figure.height + min(0.034 * length, 0.034 * figure.height) * 0.5 * (1.0 + twice))
+    swing = min(1.25, speed / 1.4)
+    _, cosine = exact.sin_cos_deg(360.0 * phase)
+    turn = 5.0 * swing * cosine
+    angles = [turn, -turn]
+    for side in (1.0, -1.0):
+        back = side * cosine * swing
+        angles += [24.0 * back - 1.0 * swing, -(9.0 + 14.0 * swing + 12.0 * max(-swing, -back))]
+    for k in range(2):
+        angles += _leg(figure, phase + 0.5 * k, length, sink, walking)
+    return GaitPose(tuple(angle * _DEGREE for angle in angles), sink)
+
+
+def _smooth(u: float) -> float:
+    u = max(0.0, min(1.0, u))
+    return u * u * (3.0 - 2.0 * u)
+
+
+def _leg(f: Figure, phase: float, length: float, sink: float, walking: float) -> list[float]:
+    """Angles of hip, knee and ankle, in degrees."""
+    x, z, pitch = _ankle(f, phase - math.floor(phase), length)
+    x, z, pitch = walking * x, f.ankle + walking * (z - f.ankle), walking * pitch
+    dx, dz = x, z - (f.hip - sink)
+    longest = 0.999 * (f.thigh + f.shin)
+    reach = math.sqrt(dx * dx + dz * dz)
+    if reach > longest:
+        dx, dz, reach = dx * longest / reach, dz * longest / reach, longest
+    at_knee = (f.thigh * f.thigh + f.shin * f.shin - reach * reach) / (2.0 * f.thigh * f.shin)
+    at_hip = (f.thigh * f.thigh + reach * reach - f.shin * f.shin) / (2.0 * f.thigh * reach)
+    hip = -(exact.atan2_deg(dx, -dz) + _acos(at_hip))
+    knee = 180.0 - _acos(at_knee)
+    return [hip, knee, pitch - hip - knee]
+
+
+def _acos(c: float) -> float:
+    c = max(-1.0, min(1.0, c))
+    return exact.atan2_deg(math.sqrt(1.0 - c * c), c)
+
+
+def _about(x: float, dx: float, dz: float, pitch: float) -> tuple[float, float]:
+    """Where the ankle is when the foot turns by `pitch` (toes down) about a point of the ground at x."""
+    s, c = exact.sin_cos_deg(pitch)
+    return x + dx * c + dz * s, -dx * s + dz * c
+
+
+def _ankle(f: Figure, p: float, length: float) -> tuple[float, float, float]:
+    """Ankle before the hip and above the ground, and the foot's pitch (toes down, degrees), at a leg's own phase."""
+    ball, heel = 0.085 * f.height, 0.03 * f.height
+    strike = 0.205 * length
+    lift, land = 52.0, -17.0
+    if p < _DUTY:
+        t = p / _DUTY
+        x = strike - p * length
+        if t < 0.14:
+            pitch = land * (1.0 - _smooth(t / 0.14))
+            return (*_about(x - heel, heel, f.ankle, pitch), pitch)
+        rise = max(0.0, (t - 0.42) / 0.58)
+        pitch = lift * rise * rise * (1.6 - 0.6 * rise)
+        return (*_about(x + ball, -ball, f.ankle, pitch), pitch)
+    u = (p - _DUTY) / (1.0 - _DUTY)
+    x0, z0 = _about(strike - _DUTY * length + ball, -ball, f.ankle, lift)
+    x1, z1 = _about(strike - heel, heel, f.ankle, land)
+    slope = -0.5 * (1.0 - _DUTY) * length
+    a, b = u * u * (3.0 - 2.0 * u), u * (1.0 - u)
+    x = x0 + (x1 - x0) * a + slope * b * (1.0 - 2.0 * u)
+    z = z0 + (z1 - z0) * _smooth(u * 1.15) + 0.05 * f.height * b * (1.0 - u)
+    return x, z, lift + (land - lift) * _smooth(u * 1.25)
