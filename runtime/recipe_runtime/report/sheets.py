@@ -104,7 +104,7 @@ def _places(names: Sequence[str]) -> list[tuple[int, int]]:
 def _sheet(title: str, cells: Sequence[Cell], draw: Callable[[Cell, Size], Image.Image]) -> bytes:
     columns = max((c.column for c in cells), default=0) + 1
     rows = max((c.row for c in cells), default=0) + 1
-    width = 480 if columns <= 3 else 360 if columns <= 6 else 240
+    width = 640 if columns <= 2 else 480 if columns == 3 else 360 if columns <= 6 else 240
     camera = cells[0].video.sensor.camera if cells else None
     height = round(width * camera.height / camera.width) if camera else width
     step = width + _GAP, height + _CAPTION + _GAP
@@ -120,7 +120,7 @@ def _sheet(title: str, cells: Sequence[Cell], draw: Callable[[Cell, Size], Image
         corner = _MARGIN + cell.column * step[0], _TITLE + cell.row * step[1]
         sheet.paste(draw(cell, (width, height)), corner)
         _caption(pen, cell.caption, (corner[0], corner[1] + height + 5), width)
-    return encode.png(np.asarray(sheet), level=9)
+    return encode.png(np.asarray(sheet), level=6)
 
 
 def _caption(pen: ImageDraw.ImageDraw, text: str, corner: tuple[int, int], width: int) -> None:
