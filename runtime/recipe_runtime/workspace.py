@@ -26,7 +26,7 @@ from recipe_compiler.errors import InputError, RunError
 
 from recipe_runtime import layout
 from recipe_runtime.schedule import Shard, View
-from recipe_runtime.store import host_errors, write_atomic
+from recipe_runtime.store import host_errors, link_or_copy, write_atomic
 from recipe_runtime.worker import FrameRecord
 
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
@@ -78,13 +78,25 @@ class Workspace:
         with host_errors(f"{self._partial}: {path}", _REMEDY):
             write_atomic(self.dataset / path, body)
 
-    def publish(self) -> None:
-        """Put the dataset into place, in place of the one that was there."""
+    def link(self, path: str, other: str) -> None:
+        """Give one of the dataset's files a second name."""
+        with host_errors(f"{self._partial}: {other}", _REMEDY):
+            link_or_copy(self.dataset / path, self.dataset / other)
+
+    def publish(self, files: set[str]) -> None:
+        """Put the dataset of these files into place, in place of the one that was there."""
         with host_errors(str(self.out), _REMEDY):
+            self._sweep(files)
             if self.out.exists():
                 self.out.rename(self._partial / "old")
             self.dataset.rename(self.out)
             shutil.rmtree(self._partial)
+
+    def _sweep(self, files: set[str]) -> None:
+        """Remove what is none of the dataset's: halves of files that a killed build left."""
+        for path in [p for p in self.dataset.rglob("*") if not p.is_dir()]:
+            if path.relative_to(self.dataset).as_posix() not in files:
+                path.unlink()
 
     def _record(self, shard: Shard, view: View) -> Path:
         name = digest("shard/1", [view.key, list(shard.frames), list(shard.variants)])

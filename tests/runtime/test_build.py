@@ -208,6 +208,7 @@ def test_a_resumed_build_makes_again_what_was_lost_or_damaged(made: BuildResult,
     partial = stopped(tmp_path)
     (partial / "dataset/weather=w0,jitter=still/street/rgb/000000.png").unlink()
     (partial / "dataset/weather=w0,jitter=still/street/depth/000002.png").write_bytes(b"short")
+    (partial / "dataset/weather=w0,jitter=still/street/rgb/.000009.png.4711.tmp").write_bytes(b"half a fi")
     records = sorted((partial / "shards").iterdir())
     assert len(records) == 3
     result = again(tmp_path, workers=0, shard_frames=2)
@@ -327,7 +328,7 @@ def test_progress_ends_full_and_seconds_are_counted_by_stage(tmp_path: Path) -> 
         engines=ENGINES,
         progress=lambda stage, done, total: events.setdefault(stage, []).append((done, total)),
     )
-    assert list(events) == ["simulate", "render", "annotate"]
+    assert list(events) == ["simulate", "render", "annotate", "finish"]
     for steps in events.values():
         assert [done for done, _ in steps] == sorted(done for done, _ in steps)
         assert steps[-1][0] == steps[-1][1] > 0
