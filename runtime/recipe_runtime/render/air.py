@@ -45,12 +45,12 @@ class Air:
 
 
 @wp.func
-def decay(air: Air, x: wp.float32) -> wp.float32:
+def decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
     """e^-x for x >= 0, from a table."""
     t = wp.min(wp.max(x, 0.0) * DECAY_SCALE, wp.float32(DECAY_STEPS - 2))
     i = wp.int32(t)
     f = t - wp.float32(i)
-    return air.decay[i] + (air.decay[i + 1] - air.decay[i]) * f
+    return air[0].decay[i] + (air[0].decay[i + 1] - air[0].decay[i]) * f
 
 
 @wp.func
@@ -62,73 +62,73 @@ def lookup(table: wp.array[wp.vec3f], t: wp.float32, rows: wp.int32) -> wp.vec3f
 
 
 @wp.func
-def clear_sky(air: Air, d: wp.vec3f) -> wp.vec3f:
+def clear_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     """Cloudless sky in a direction, without the sun's disc; below the horizon, the horizon's."""
     up = wp.max(d[2], 0.0)
-    base = lookup(air.gradient, wp.sqrt(up), SKY_ROWS)
-    c = inner(d, air.sun) * 0.5 + 0.5
-    glow = lookup(air.halo, c * c, HALO_ROWS)
+    base = lookup(air[0].gradient, wp.sqrt(up), SKY_ROWS)
+    c = inner(d, air[0].sun) * 0.5 + 0.5
+    glow = lookup(air[0].halo, c * c, HALO_ROWS)
     low = 1.0 - 0.7 * wp.sqrt(up)
     return base + glow * low
 
 
 @wp.func
-def cloud_at(air: Air, d: wp.vec3f) -> wp.vec2f:
+def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
     """Thickness of cloud in a direction above the horizon, 0 to 1, and how much lies on its sunward side."""
     s = 1.0 / (d[2] + 0.12)
-    x = d[0] * s * 0.9 + air.drift[0]
-    y = d[1] * s * 0.9 + air.drift[1]
-    big = noise2(x, y, air.seed ^ wp.uint32(101))
+    x = d[0] * s * 0.9 + air[0].drift[0]
+    y = d[1] * s * 0.9 + air[0].drift[1]
+    big = noise2(x, y, air[0].seed ^ wp.uint32(101))
     n = big * 0.52
-    n = n + noise2(x * 2.3 + 7.0, y * 2.3, air.seed ^ wp.uint32(102)) * 0.27
-    n = n + noise2(x * 5.1, y * 5.1 + 3.0, air.seed ^ wp.uint32(103)) * 0.14
-    n = n + noise2(x * 11.0, y * 11.0, air.seed ^ wp.uint32(104)) * 0.07
-    edge = 0.86 - 0.76 * air.cover
+    n = n + noise2(x * 2.3 + 7.0, y * 2.3, air[0].seed ^ wp.uint32(102)) * 0.27
+    n = n + noise2(x * 5.1, y * 5.1 + 3.0, air[0].seed ^ wp.uint32(103)) * 0.14
+    n = n + noise2(x * 11.0, y * 11.0, air[0].seed ^ wp.uint32(104)) * 0.07
+    edge = 0.86 - 0.76 * air[0].cover
     thick = step_between(edge, edge + 0.26, n)
     return wp.vec2f(thick, n)
 
 
 @wp.func
-def sky(air: Air, d: wp.vec3f) -> wp.vec3f:
+def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     """The whole sky in a direction: gradient, halo, disc, clouds, stars."""
     clear = clear_sky(air, d)
-    c = inner(d, air.sun)
+    c = inner(d, air[0].sun)
     sharp = step_between(0.99985, 0.99995, c)
-    clear = clear + air.disc * sharp
-    if air.stars > 0.0 and d[2] > 0.05:
+    clear = clear + air[0].disc * sharp
+    if air[0].stars > 0.0 and d[2] > 0.05:
         i = whole(d[0] / (d[2] + 0.6) * 620.0)
         j = whole(d[1] / (d[2] + 0.6) * 620.0)
-        h = unit(hash3(i, j, 1, air.seed))
+        h = unit(hash3(i, j, 1, air[0].seed))
         if h > 0.9990:
-            clear = clear + wp.vec3f(1.0, 1.0, 1.1) * (air.stars * (h - 0.9990) * 1000.0)
-    if d[2] <= 0.0 or air.cover <= 0.0:
-        return mix(clear, air.cloud_dark, step_between(0.6, 1.0, air.cover))
+            clear = clear + wp.vec3f(1.0, 1.0, 1.1) * (air[0].stars * (h - 0.9990) * 1000.0)
+    if d[2] <= 0.0 or air[0].cover <= 0.0:
+        return mix(clear, air[0].cloud_dark, step_between(0.6, 1.0, air[0].cover))
     cloud = cloud_at(air, d)
     forward = clamp01(c)
-    bright = mix(air.cloud_bright, air.cloud_dark, clamp01(cloud[0] * (0.35 + 0.65 * air.cover) * (1.6 - cloud[1])))
-    lit = bright + lookup(air.halo, (c * 0.5 + 0.5) * (c * 0.5 + 0.5), HALO_ROWS) * (0.35 * (1.0 - cloud[0]) + 0.15 * forward)
+    bright = mix(air[0].cloud_bright, air[0].cloud_dark, clamp01(cloud[0] * (0.35 + 0.65 * air[0].cover) * (1.6 - cloud[1])))
+    lit = bright + lookup(air[0].halo, (c * 0.5 + 0.5) * (c * 0.5 + 0.5), HALO_ROWS) * (0.35 * (1.0 - cloud[0]) + 0.15 * forward)
     haze = step_between(0.0, 0.22, d[2])
-    whole_cover = step_between(0.6, 1.0, air.cover)
+    whole_cover = step_between(0.6, 1.0, air[0].cover)
     share = cloud[0] * (haze + (1.0 - haze) * whole_cover)
     return mix(clear, lit, share)
 
 
 @wp.func
-def reflected_sky(air: Air, d: wp.vec3f) -> wp.vec3f:
+def reflected_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     """The sky as a mirror shows it: without small clouds; below the horizon it darkens to the ground."""
     clear = clear_sky(air, wp.vec3f(d[0], d[1], wp.max(d[2], 0.0)))
-    grey = mix(air.cloud_dark, air.cloud_bright, 0.5)
-    both = mix(clear, grey, clamp01(air.cover))
-    return mix(both, air.below, step_between(0.05, -0.15, d[2]))
+    grey = mix(air[0].cloud_dark, air[0].cloud_bright, 0.5)
+    both = mix(clear, grey, clamp01(air[0].cover))
+    return mix(both, air[0].below, step_between(0.05, -0.15, d[2]))
 
 
 @wp.func
-def fog_share(air: Air, z0: wp.float32, z1: wp.float32, distance: wp.float32) -> wp.float32:
+def fog_share(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: wp.float32) -> wp.float32:
     """Share of light that survives `distance` metres of fog between two heights (Koschmieder)."""
-    path = wp.max(distance - air.fog_start, 0.0) * air.fog
-    if air.fog_thin > 0.0:
-        low = wp.max(wp.min(z0, z1), 0.0) * air.fog_thin
-        rise = (z1 - z0) * air.fog_thin
+    path = wp.max(distance - air[0].fog_start, 0.0) * air[0].fog
+    if air[0].fog_thin > 0.0:
+        low = wp.max(wp.min(z0, z1), 0.0) * air[0].fog_thin
+        rise = (z1 - z0) * air[0].fog_thin
         if rise < 0.0:
             rise = -rise
         thin = decay(air, low)
@@ -139,20 +139,20 @@ def fog_share(air: Air, z0: wp.float32, z1: wp.float32, distance: wp.float32) ->
 
 
 @wp.func
-def through_air(air: Air, radiance: wp.vec3f, eye: wp.vec3f, d: wp.vec3f, distance: wp.float32) -> wp.vec3f:
+def through_air(air: wp.array[Air], radiance: wp.vec3f, eye: wp.vec3f, d: wp.vec3f, distance: wp.float32) -> wp.vec3f:
     """Radiance seen from `eye` in direction d, after the fog between."""
-    if air.fog <= 0.0:
+    if air[0].fog <= 0.0:
         return radiance
     left = fog_share(air, eye[2], eye[2] + d[2] * distance, distance)
-    c = clamp01(inner(d, air.sun))
+    c = clamp01(inner(d, air[0].sun))
     c = c * c * c * c
-    veil = air.fog_colour + air.fog_sun * (c * c)
+    veil = air[0].fog_colour + air[0].fog_sun * (c * c)
     return mix(veil, radiance, left)
 
 
 @wp.func
-def ambient(air: Air, n: wp.vec3f) -> wp.vec3f:
+def ambient(air: wp.array[Air], n: wp.vec3f) -> wp.vec3f:
     """Light from the whole sky and the ground on a surface with normal n."""
     if n[2] >= 0.0:
-        return mix(air.sideways, air.overhead, n[2])
-    return mix(air.sideways, air.below, -n[2])
+        return mix(air[0].sideways, air[0].overhead, n[2])
+    return mix(air[0].sideways, air[0].below, -n[2])

@@ -90,7 +90,8 @@ def light_of(appearance: AppearancePlan, time: float, device: str) -> Light:
     lamps = _STREET_LIGHT * night
     seen = sunlight * max(float(sun[2]), 0.3) * _ease(-1.0, 1.0, altitude) + 1.25 * overhead
     luminance = 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2]) + lamps
-    exposure = 1.0 * exact.power(luminance, -0.86)
+    dim = 1.0 - 0.36 * _ease(9.0, -3.0, altitude) - 0.1 * rain - 0.06 * fog
+    exposure = dim * exact.power(luminance, -0.86)
     return Light(air, sun, sunlight, fixed(exposure), night, rain, w.wind_intensity / 100.0)
 
 
@@ -127,7 +128,7 @@ def _sky_colours(altitude: float, day: float, cover: float) -> tuple[Colour, Col
 def _fill_fog(air: Any, appearance: AppearancePlan, veil: Colour, sunlight: Colour, around: Colour) -> None:
     w = appearance.weather
     dust, rain = w.dust_storm / 100.0, w.precipitation / 100.0
-    grains, mist = 0.05 * dust * dust, 0.0045 * rain
+    grains, mist = 0.05 * dust * dust, 0.009 * rain
     fog = extinction(w.fog_density)
     total = fog + grains + mist + 0.0004
     brown = np.array([1.0, 0.72, 0.45])

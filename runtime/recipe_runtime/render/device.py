@@ -67,4 +67,12 @@ def launch(kernel: Any, dim: int | tuple[int, ...], inputs: list[Any], device: s
     wp.launch(kernel, dim=dim, inputs=inputs, device=device)
 
 
+def record(value: Any, device: str) -> Any:
+    """A struct as an array of one. Warp passes structs by value into every function; this way only an address goes.
+
+    The caller keeps `value`, whose arrays the record points to.
+    """
+    return wp.array([value], dtype=value._cls, device=device)
+
+
 _configure()

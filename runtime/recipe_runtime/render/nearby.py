@@ -54,8 +54,8 @@ def gather(
     keys: wp.array[wp.uint64],
     lens: Lens,
     world: wp.array2d[wp.float32],
-    lamps: Lamps,
-    bodies: Bodies,
+    lamps: wp.array[Lamps],
+    bodies: wp.array[Bodies],
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
 ):
@@ -95,20 +95,20 @@ def gather(
         low = wp.vec3f(wp.min(low[0], px), wp.min(low[1], py), wp.min(low[2], pz))
         high = wp.vec3f(wp.max(high[0], px), wp.max(high[1], py), wp.max(high[2], pz))
     n = int(0)
-    for i in range(lamps.count):
-        p = lamps.position[i]
+    for i in range(lamps[0].count):
+        p = lamps[0].position[i]
         gx = gap(low[0], high[0], p[0])
         gy = gap(low[1], high[1], p[1])
         gz = gap(low[2], high[2], p[2])
-        reach = lamps.reach[i]
+        reach = lamps[0].reach[i]
         if gx * gx + gy * gy + gz * gz < reach * reach and n < MOST:
             n = n + 1
             lamp_lists[tile, n] = i
     lamp_lists[tile, 0] = n
     n = int(0)
-    for i in range(bodies.count):
-        p = bodies.centre[i]
-        reach = bodies.half[i][0] + bodies.half[i][1] + 0.7
+    for i in range(bodies[0].count):
+        p = bodies[0].centre[i]
+        reach = bodies[0].half[i][0] + bodies[0].half[i][1] + 0.7
         gx = gap(low[0], high[0], p[0])
         gy = gap(low[1], high[1], p[1])
         gz = gap(low[2], high[2], p[2])
@@ -119,14 +119,14 @@ def gather(
 
 
 @wp.func
-def contact(bodies: Bodies, lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+def contact(bodies: wp.array[Bodies], lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """The share of the sky's light left on ground that bodies stand close above."""
     left = float(1.0)
     for k in range(lists[tile, 0]):
         i = lists[tile, k + 1]
-        c = bodies.centre[i]
-        a = bodies.axis[i]
-        h = bodies.half[i]
+        c = bodies[0].centre[i]
+        a = bodies[0].axis[i]
+        h = bodies[0].half[i]
         dx = p[0] - c[0]
         dy = p[1] - c[1]
         dz = p[2] - c[2]
@@ -137,28 +137,28 @@ def contact(bodies: Bodies, lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.v
             gv = gap(-h[1], h[1], v)
             spread = 0.10 + 0.45 * wp.min(h[0], h[1])
             r = (gu * gu + gv * gv) / (spread * spread)
-            left = left * (1.0 - bodies.strength[i] * clamp01(n[2]) / (1.0 + 2.0 * r + r * r))
+            left = left * (1.0 - bodies[0].strength[i] * clamp01(n[2]) / (1.0 + 2.0 * r + r * r))
     return left
 
 
 @wp.func
-def lamp_light(lamps: Lamps, i: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.vec4f:
+def lamp_light(lamps: wp.array[Lamps], i: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.vec4f:
     """How a lamp lights a point: the unit vector towards it, and the share of its power that falls there.
 
     The share is 0 where it is out of reach or the surface faces away by more than wrapping light would mend.
     """
-    q = lamps.position[i]
+    q = lamps[0].position[i]
     dx = q[0] - p[0]
     dy = q[1] - p[1]
     dz = q[2] - p[2]
     s = dx * dx + dy * dy + dz * dz
-    reach = lamps.reach[i]
+    reach = lamps[0].reach[i]
     if s > reach * reach:
         return wp.vec4f(0.0, 0.0, 1.0, 0.0)
     r = 1.0 / wp.sqrt(wp.max(s, 1.0e-4))
     to = wp.vec3f(dx * r, dy * r, dz * r)
-    cone = lamps.cone[i]
-    spot = step_between(cone[0], cone[1], -inner(to, lamps.direction[i]))
+    cone = lamps[0].cone[i]
+    spot = step_between(cone[0], cone[1], -inner(to, lamps[0].direction[i]))
     edge = 1.0 - s / (reach * reach)
     share = spot * edge * edge / (s + 0.15)
     return wp.vec4f(to[0], to[1], to[2], share)

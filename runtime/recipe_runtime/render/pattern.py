@@ -78,8 +78,9 @@ def tiles(
 def ground_noise(p: wp.vec3f, foot: wp.float32) -> wp.float32:
     """Slow unevenness of the ground in the world, in [0, 1): where water stands."""
     a = noise2(p[0] * 0.45, p[1] * 0.45, wp.uint32(11))
-    b = noise2(p[0] * 1.3 + 5.1, p[1] * 1.3, wp.uint32(12))
-    return a * 0.75 + (b - 0.5) * 0.35 * fade(0.8, foot) + 0.125
+    b = noise2(p[0] * 1.7 + 5.1, p[1] * 1.7, wp.uint32(12)) - 0.5
+    c = noise2(p[0] * 6.1, p[1] * 6.1 + 2.0, wp.uint32(18)) - 0.5
+    return a * 0.7 + b * 0.42 * fade(0.6, foot) + c * 0.14 * fade(0.16, foot) + 0.15
 
 
 @wp.func

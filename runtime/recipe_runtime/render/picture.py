@@ -9,20 +9,20 @@ from numpy.typing import NDArray
 from recipe_compiler import exact
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
 
-from recipe_runtime.render import camera, nearby, rain, samples, shade
+from recipe_runtime.render import camera, nearby, rain, reflection, samples, shade
 from recipe_runtime.render.atmosphere import Light, light_of
 from recipe_runtime.render.colours import looks_of, srgb_table
-from recipe_runtime.render.device import launch, wp
+from recipe_runtime.render.device import launch, record, wp
 from recipe_runtime.render.geometry import Geometry
 from recipe_runtime.render.lamps import bodies_at, lamps_at
 from recipe_runtime.render.observe import Observation, Observer, device_rows
 from recipe_runtime.render.sunlight import Shadows, world_vertices
 from recipe_runtime.render.timing import Timings
-from recipe_runtime.render.view import lens_of, world_from_parts, world_from_view
+from recipe_runtime.render.view import lens_of, view_from_parts, world_from_parts, world_from_view
 from recipe_runtime.transforms import Array
 
 _EXPOSURE_TIME = 1.0 / 45.0  # seconds during which a drop leaves its streak
-_DROPS = 5200  # at precipitation 100, within the depth below
+_DROPS = 12000  # at precipitation 100, within the depth below
 _RAIN_DEPTH = 16.0
 
 
@@ -93,11 +93,12 @@ class Painter:
         scene.triangle_surface, scene.surface_pattern = g.triangle_surface, g.surface_pattern
         scene.world_from_part = device_rows(world_from_parts(obs.parts), self._device)
         scene.world_from_view = device_rows(world_from_view(obs.world_from_sensor), self._device)
+        told = record(scene, self._device)
         if antialias:
             fine = self._observer.visibility(obs.camera, obs.world_from_sensor, obs.vertices, side=2)
             with self._timings("group"):
                 groups = self._empty(pixels, wp.int32)
-                launch(samples.count, pixels, [fine, lens, scene, groups], self._device)
+                launch(samples.count, pixels, [fine, lens, told, groups], self._device)
                 ends = np.cumsum(groups.numpy() & 7, dtype=np.int32)
         else:
             groups = wp.array(np.ones(pixels, np.int32), dtype=wp.int32, device=self._device)
@@ -109,7 +110,7 @@ class Painter:
         places, weights = self._empty(count, wp.int32), self._empty(count, wp.float32)
         with self._timings("place"):
             if antialias:
-                inputs = [obs.keys, fine, groups, starts, lens, scene, keys, owner, places, weights]
+                inputs = [obs.keys, fine, groups, starts, lens, told, keys, owner, places, weights]
                 launch(samples.place, pixels, inputs, self._device)
             else:
                 launch(samples.place_centres, pixels, [obs.keys, keys, owner, places, weights], self._device)
@@ -121,7 +122,7 @@ class Painter:
             data.width = obs.camera.width
             data.eye = wp.vec3f(*(float(v) for v in obs.world_from_sensor[:, 3]))
             found = [data.surfaces, data.positions, data.normals, data.details, data.codes]
-            launch(samples.survey, count, [keys, owner, places, lens, scene, *found], self._device)
+            launch(samples.survey, count, [keys, owner, places, lens, told, *found], self._device)
         return Points(data, groups, starts, weights, count)
 
     def _shade(self, obs: Observation, points: Points, appearance: AppearancePlan, light: Light) -> Any:
@@ -132,9 +133,18 @@ class Painter:
         with self._timings("shade"):
             out = self._empty(points.count, wp.vec3f)
             looks = self._looks_of(appearance)
-            inputs = [points.data, looks, light.air, sunlit, lamps, bodies, lamp_lists, body_lists, out]
+            told = [record(v, self._device) for v in (points.data, looks, light.air, sunlit, lamps, bodies)]
+            gleam = self._empty(points.count, wp.vec2f)
+            inputs = [*told, lamp_lists, body_lists, out, gleam]
             launch(shade.shade, points.count, inputs, self._device)
-        return out
+        if light.air.wet <= 0.0:
+            return out
+        with self._timings("reflect"):
+            shown = self._empty(points.count, wp.vec3f)
+            view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
+            inputs = [told[0], told[2], gleam, obs.keys, points.starts, view, lens_of(obs.camera, 1), out, shown]
+            launch(reflection.reflect, points.count, inputs, self._device)
+        return shown
 
     def _sunlit(self, obs: Observation, light: Light) -> Any:
         out = shade.Sunlit()
@@ -163,7 +173,8 @@ class Painter:
             tiles = -(-obs.camera.width // tile) * -(-obs.camera.height // tile)
             lists = [wp.zeros((tiles, most + 1), dtype=wp.int32, device=self._device) for _ in range(2)]
             view = device_rows(world_from_view(obs.world_from_sensor), self._device)
-            inputs = [obs.keys, lens_of(obs.camera, 1), view, lamps, bodies, *lists]
+            told = [record(v, self._device) for v in (lamps, bodies)]
+            inputs = [obs.keys, lens_of(obs.camera, 1), view, *told, *lists]
             launch(nearby.gather, tiles, inputs, self._device)
             obs.derived["nearby"] = (lamps, bodies, *lists)
         found: tuple[Any, Any, Any, Any] = obs.derived["nearby"]
@@ -183,7 +194,7 @@ class Painter:
             shower.count = int(_DROPS * light.rain)
             shower.fall = wp.vec3f(*_fall(obs.camera, obs.world_from_sensor, light.wind))
             shower.depth = _RAIN_DEPTH
-            shower.cover = 0.34
+            shower.cover = 0.85
             inputs = [shower, obs.keys, lens_of(obs.camera, 1), cover]
             launch(rain.streaks, shower.count, inputs, self._device)
         return cover

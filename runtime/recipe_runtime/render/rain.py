@@ -56,7 +56,7 @@ def streaks(shower: Shower, keys: wp.array[wp.uint64], lens: Lens, rain: wp.arra
     dy = y1 - y0
     reach = wp.max(wp.max(dx, -dx), wp.max(dy, -dy))
     steps = wp.min(whole(reach) + 1, 400)
-    width = 0.0022 * size * focal / z  # pixels
+    width = 0.003 * size * focal / z  # pixels
     share = wp.min(width, 1.0)
     broad = wp.min(whole(width) + 1, 3)
     cover = wp.int32(65536.0 * shower.cover * share)

@@ -35,7 +35,7 @@ class Scene:
 
 
 @wp.func
-def alike(a: wp.uint64, b: wp.uint64, near: wp.float64, scene: Scene) -> bool:
+def alike(a: wp.uint64, b: wp.uint64, near: wp.float64, scene: wp.array[Scene]) -> bool:
     """Whether two samples see one smooth surface: same look, near in depth, faces turned alike."""
     if a == b:
         return True
@@ -50,17 +50,17 @@ def alike(a: wp.uint64, b: wp.uint64, near: wp.float64, scene: Scene) -> bool:
         gap = -gap
     if s == t:
         return True
-    if scene.triangle_surface[s] != scene.triangle_surface[t]:
+    if scene[0].triangle_surface[s] != scene[0].triangle_surface[t]:
         return False
-    if scene.vertex_part[scene.triangles[s][0]] != scene.vertex_part[scene.triangles[t][0]]:
+    if scene[0].vertex_part[scene[0].triangles[s][0]] != scene[0].vertex_part[scene[0].triangles[t][0]]:
         return False
     if gap > za * wp.float64(0.03):
         return False
-    return inner(scene.face_normals[s], scene.face_normals[t]) > 0.8
+    return inner(scene[0].face_normals[s], scene[0].face_normals[t]) > 0.8
 
 
 @wp.kernel
-def count(fine: wp.array[wp.uint64], lens: Lens, scene: Scene, groups: wp.array[wp.int32]):
+def count(fine: wp.array[wp.uint64], lens: Lens, scene: wp.array[Scene], groups: wp.array[wp.int32]):
     """How many different surfaces a pixel's quarters see, with the quarters' groups in the bits above.
 
     Bits 0-2 hold the count, bits 4 + 2q, 5 + 2q the group of quarter q.
@@ -105,7 +105,7 @@ def place(
     groups: wp.array[wp.int32],
     starts: wp.array[wp.int32],
     lens: Lens,
-    scene: Scene,
+    scene: wp.array[Scene],
     keys: wp.array[wp.uint64],
     pixels: wp.array[wp.int32],
     places: wp.array[wp.int32],
@@ -154,7 +154,7 @@ def survey(
     pixels: wp.array[wp.int32],
     places: wp.array[wp.int32],
     lens: Lens,
-    scene: Scene,
+    scene: wp.array[Scene],
     surfaces: wp.array[wp.int32],
     positions: wp.array[wp.vec3f],
     normals: wp.array[wp.vec3f],
@@ -174,22 +174,22 @@ def survey(
     rx = wp.float32((wp.float64(pixel % lens.width) + dx - lens.cx) / lens.focal)
     ry = wp.float32((wp.float64(pixel / lens.width) + dy - lens.cy) / lens.focal)
     ray = wp.vec3f(rx, ry, 1.0)
-    turned = rotate(scene.world_from_view, 0, ray)
+    turned = rotate(scene[0].world_from_view, 0, ray)
     if key == wp.uint64(0):
         surfaces[i] = -1
         positions[i] = direction(turned)
         return
     z = wp.float32(depth_of(key, lens.near))
-    m = scene.world_from_view
+    m = scene[0].world_from_view
     positions[i] = wp.vec3f(m[0, 3] + turned[0] * z, m[0, 7] + turned[1] * z, m[0, 11] + turned[2] * z)
     triangle = triangle_of(key)
-    t = scene.triangles[triangle]
-    surface = scene.triangle_surface[triangle]
+    t = scene[0].triangles[triangle]
+    surface = scene[0].triangle_surface[triangle]
     surfaces[i] = surface
     # Perspective-correct weights: the volumes that the ray spans with the triangle's edges.
-    v0 = scene.view[t[0]]
-    v1 = scene.view[t[1]]
-    v2 = scene.view[t[2]]
+    v0 = scene[0].view[t[0]]
+    v1 = scene[0].view[t[1]]
+    v2 = scene[0].view[t[2]]
     w0 = inner(ray, outer(v1, v2))
     w1 = inner(ray, outer(v2, v0))
     w2 = inner(ray, outer(v0, v1))
@@ -207,17 +207,17 @@ def survey(
     w0 = w0 / total
     w1 = w1 / total
     w2 = w2 / total
-    part = scene.vertex_part[t[0]]
-    local = scene.normals[t[0]] * w0 + scene.normals[t[1]] * w1 + scene.normals[t[2]] * w2
-    face = rotate(scene.world_from_part, part, scene.face_normals[triangle])
-    normal = direction(rotate(scene.world_from_part, part, local))
+    part = scene[0].vertex_part[t[0]]
+    local = scene[0].normals[t[0]] * w0 + scene[0].normals[t[1]] * w1 + scene[0].normals[t[2]] * w2
+    face = rotate(scene[0].world_from_part, part, scene[0].face_normals[triangle])
+    normal = direction(rotate(scene[0].world_from_part, part, local))
     sight = direction(turned)
     facing = wp.max(-inner(face, sight), 0.04)
     across = z / wp.float32(lens.focal)
     along = across / facing
     footprint = wp.vec2f(across, along)
-    uv = scene.uvs[t[0]] * w0 + scene.uvs[t[1]] * w1 + scene.uvs[t[2]] * w2
-    detail = detail_of(scene.surface_pattern[surface], uv, positions[i], normal, footprint, wp.uint32(surface))
+    uv = scene[0].uvs[t[0]] * w0 + scene[0].uvs[t[1]] * w1 + scene[0].uvs[t[2]] * w2
+    detail = detail_of(scene[0].surface_pattern[surface], uv, positions[i], normal, footprint, wp.uint32(surface))
     normals[i] = detail.normal
     details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.height)
     codes[i] = detail.code

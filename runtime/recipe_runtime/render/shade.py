@@ -47,7 +47,7 @@ class Sunlit:
 
 @wp.struct
 class Samples:
-    """The points to shade, as `samples.survey` found them."""
+    """The points to shade, as `samples[0].survey` found them."""
 
     surfaces: wp.array[wp.int32]
     positions: wp.array[wp.vec3f]
@@ -81,27 +81,27 @@ class Matter:
 
 
 @wp.func
-def sunshine(s: Sunlit, sun: wp.vec3f, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+def sunshine(s: wp.array[Sunlit], sun: wp.vec3f, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """The share of the sun that reaches a point."""
     left = float(1.0)
-    if holds(s.still, p):
-        left = lit(s.still, s.still_depths, s.still_used, p, n)
+    if holds(s[0].still, p):
+        left = lit(s[0].still, s[0].still_depths, s[0].still_used, p, n)
     else:
-        left = lit(s.wide, s.wide_depths, s.wide_used, p, n)
+        left = lit(s[0].wide, s[0].wide_depths, s[0].wide_used, p, n)
     if left > 0.0:
-        if holds(s.fine, p):
-            left = wp.min(left, lit(s.fine, s.fine_depths, s.fine_used, p, n))
+        if holds(s[0].fine, p):
+            left = wp.min(left, lit(s[0].fine, s[0].fine_depths, s[0].fine_used, p, n))
         else:
-            left = wp.min(left, lit(s.coarse, s.coarse_depths, s.coarse_used, p, n))
+            left = wp.min(left, lit(s[0].coarse, s[0].coarse_depths, s[0].coarse_used, p, n))
     return left
 
 
 @wp.func
-def fresnel(coat: wp.float32, cosine: wp.float32) -> wp.float32:
-    """Schlick's reflectance."""
+def fresnel(coat: wp.float32, gloss: wp.float32, cosine: wp.float32) -> wp.float32:
+    """Schlick's reflectance; a rough surface never becomes the mirror at grazing that a smooth one does."""
     m = 1.0 - clamp01(cosine)
     m2 = m * m
-    return coat + (1.0 - coat) * m2 * m2 * m
+    return coat + (wp.max(gloss * gloss * gloss, coat) - coat) * m2 * m2 * m
 
 
 @wp.func
@@ -116,25 +116,25 @@ def glint(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.fl
 
 
 @wp.func
-def pane(m: Matter, air: Air, first: wp.vec3f, second: wp.vec3f, detail: wp.vec4f, code: wp.uint32) -> Matter:
+def pane(m: Matter, air: wp.array[Air], first: wp.vec3f, second: wp.vec3f, detail: wp.vec4f, code: wp.uint32) -> Matter:
     """A window: its frame, and behind the glass a dark or a lit room and a curtain."""
     room = mix(wp.vec3f(0.022, 0.025, 0.03), wp.vec3f(0.42, 0.4, 0.36), detail[2] * 0.8)
     m.albedo = mix(room, second, detail[1])
     m.coat = 0.09 * (1.0 - detail[1])
     m.gloss = 0.98
-    h = (code ^ air.seed) * wp.uint32(0x9E3779B)
+    h = (code ^ air[0].seed) * wp.uint32(0x9E3779B)
     h = (h ^ (h >> wp.uint32(13))) * wp.uint32(0x85EBCA7)
     chance = unit(h ^ (h >> wp.uint32(16)))
-    if air.night > 0.0 and chance < 0.34:
+    if air[0].night > 0.0 and chance < 0.34:
         warm = mix(wp.vec3f(1.0, 0.62, 0.28), wp.vec3f(0.95, 0.86, 0.72), chance * 2.9)
         depth = 0.55 + 0.45 * detail[3] - 0.3 * detail[2]
-        m.glow = warm * (air.night * 1.5e-3 * depth * (1.0 - detail[1]) * (0.5 + chance * 1.5))
+        m.glow = warm * (air[0].night * 1.5e-3 * depth * (1.0 - detail[1]) * (0.5 + chance * 1.5))
     return m
 
 
 @wp.func
 def matter_of(
-    pattern: wp.int32, air: Air, first: wp.vec3f, second: wp.vec3f, detail: wp.vec4f, n: wp.vec3f, code: wp.uint32
+    pattern: wp.int32, air: wp.array[Air], first: wp.vec3f, second: wp.vec3f, detail: wp.vec4f, n: wp.vec3f, code: wp.uint32
 ) -> Matter:
     """The dry material."""
     m = Matter()
@@ -153,13 +153,13 @@ def matter_of(
         m.coat = 0.12
         m.gloss = 0.6
     elif pattern == LAMP:
-        m.glow = first * (air.night * 3.0e-2)
+        m.glow = first * (air[0].night * 3.0e-2)
     elif pattern == HEADLIGHT:
-        m.glow = first * (air.night * 5.0e-2)
+        m.glow = first * (air[0].night * 5.0e-2)
         m.coat = 0.2
         m.gloss = 0.9
     elif pattern == TAILLIGHT:
-        m.glow = first * (air.night * 6.0e-3)
+        m.glow = first * (air[0].night * 6.0e-3)
         m.coat = 0.08
         m.gloss = 0.9
     elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS:
@@ -173,68 +173,70 @@ def matter_of(
 
 
 @wp.func
-def moisten(m: Matter, pattern: wp.int32, air: Air, detail: wp.vec4f) -> Matter:
+def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], detail: wp.vec4f) -> Matter:
     """Wet what is dry: porous stone darkens and shines, hollows of flat ground fill with water."""
-    if air.wet <= 0.0:
+    if air[0].wet <= 0.0:
         return m
     up = clamp01(m.normal[2])
     if pattern == patterns.ASPHALT or pattern == patterns.SLABS or pattern == patterns.ROAD_PAINT or pattern == patterns.CONCRETE:
         darker = 0.52
         if pattern == patterns.ROAD_PAINT:
             darker = 0.78
-        m.albedo = m.albedo * (1.0 - (1.0 - darker) * air.wet)
-        m.coat = 0.022 * air.wet
-        m.gloss = 0.72
+        m.albedo = m.albedo * (1.0 - (1.0 - darker) * air[0].wet)
+        m.coat = 0.022 * air[0].wet
+        m.gloss = 0.8
         if up > 0.95:
-            level = 0.86 - 0.62 * air.puddles
-            pool = step_between(level - 0.05, level + 0.07, 1.0 - detail[3]) * step_between(0.02, 0.2, air.puddles)
+            level = 0.88 - 0.5 * air[0].puddles
+            pool = step_between(level - 0.03, level + 0.05, 1.0 - detail[3]) * step_between(0.02, 0.2, air[0].puddles)
             m.albedo = m.albedo * (1.0 - 0.45 * pool)
             m.coat = m.coat + (0.028 - m.coat) * pool
             m.gloss = m.gloss + (0.985 - m.gloss) * pool
     elif pattern == patterns.BRICK or pattern == patterns.PLASTER or pattern == patterns.BARK or pattern == patterns.CLOTH:
-        m.albedo = m.albedo * (1.0 - 0.28 * air.wet)
+        m.albedo = m.albedo * (1.0 - 0.28 * air[0].wet)
     elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS or pattern == patterns.ROOF:
-        m.albedo = m.albedo * (1.0 - 0.2 * air.wet)
-        m.coat = 0.02 * air.wet
-        m.gloss = 0.6
+        m.albedo = m.albedo * (1.0 - 0.2 * air[0].wet)
+        m.coat = 0.012 * air[0].wet
+        m.gloss = 0.4
     return m
 
 
 @wp.func
-def mirror(air: Air, m: Matter, sight: wp.vec3f, facing: wp.float32, open_sky: wp.float32) -> wp.vec3f:
+def mirror(air: wp.array[Air], m: Matter, sight: wp.vec3f, facing: wp.float32, open_sky: wp.float32) -> wp.vec3f:
     """What a glossy surface reflects of the sky; rough ones see it from a little higher, and less of it at grazing."""
     n = m.normal
     r = sight + n * (2.0 * facing)
     rough = 1.0 - m.gloss
     d = direction(wp.vec3f(r[0], r[1], r[2] + rough * 0.6))
     seen = reflected_sky(air, d)
-    share = fresnel(m.coat, facing) * (1.0 - 0.75 * rough)
+    share = fresnel(m.coat, m.gloss, facing) * (1.0 - 0.5 * rough)
     return seen * (share * open_sky)
 
 
 @wp.kernel
 def shade(
-    samples: Samples,
-    looks: Looks,
-    air: Air,
-    sunlit: Sunlit,
-    lamps: Lamps,
-    bodies: Bodies,
+    samples: wp.array[Samples],
+    looks: wp.array[Looks],
+    air: wp.array[Air],
+    sunlit: wp.array[Sunlit],
+    lamps: wp.array[Lamps],
+    bodies: wp.array[Bodies],
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
     out: wp.array[wp.vec3f],
+    gleam: wp.array[wp.vec2f],
 ):
-    """Linear radiance of every sample."""
+    """Linear radiance of every sample; wet ground's reflection is left to `reflect`, its share and gloss in gleam."""
     i = wp.tid()
-    p = samples.positions[i]
-    surface = samples.surfaces[i]
+    gleam[i] = wp.vec2f(0.0, 0.0)
+    p = samples[0].positions[i]
+    surface = samples[0].surfaces[i]
     if surface < 0:
-        out[i] = through_air(air, sky(air, p), samples.eye, p, 300.0 / (wp.max(p[2], 0.0) + 0.06))
+        out[i] = through_air(air, sky(air, p), samples[0].eye, p, 300.0 / (wp.max(p[2], 0.0) + 0.06))
         return
-    n = samples.normals[i]
-    pattern = looks.pattern[surface]
-    detail = samples.details[i]
-    to_point = p - samples.eye
+    n = samples[0].normals[i]
+    pattern = looks[0].pattern[surface]
+    detail = samples[0].details[i]
+    to_point = p - samples[0].eye
     distance = wp.sqrt(inner(to_point, to_point))
     sight = to_point * (1.0 / wp.max(distance, 1.0e-4))
     facing = -inner(n, sight)
@@ -242,10 +244,10 @@ def shade(
         # A smoothed normal may turn away at a silhouette; bring it back to the edge.
         n = direction(n - sight * (facing * -1.0))
         facing = float(0.0)
-    m = matter_of(pattern, air, looks.first[surface], looks.second[surface], detail, n, samples.codes[i])
+    m = matter_of(pattern, air, looks[0].first[surface], looks[0].second[surface], detail, n, samples[0].codes[i])
     m = moisten(m, pattern, air, detail)
-    pixel = samples.pixels[i]
-    tile = (pixel / samples.width / TILE) * ((samples.width + TILE - 1) / TILE) + (pixel % samples.width) / TILE
+    pixel = samples[0].pixels[i]
+    tile = (pixel / samples[0].width / TILE) * ((samples[0].width + TILE - 1) / TILE) + (pixel % samples[0].width) / TILE
     sky_left = contact(bodies, body_lists, tile, p, n)
     if n[2] < 0.5 and p[2] < 3.0:
         # Walls see less of the sky near the ground.
@@ -254,25 +256,29 @@ def shade(
     light = ambient(air, n) * sky_left
     shine = wp.vec3f(0.0, 0.0, 0.0)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
-    to_sun = inner(n, air.sun)
-    if to_sun > -m.soft and air.sunlight[0] + air.sunlight[1] > 0.0:
-        s = sunshine(sunlit, air.sun, p, n)
+    to_sun = inner(n, air[0].sun)
+    if to_sun > -m.soft and air[0].sunlight[0] + air[0].sunlight[1] > 0.0:
+        s = sunshine(sunlit, air[0].sun, p, n)
         wrapped = clamp01((to_sun + m.soft) / (1.0 + m.soft))
-        light = light + air.sunlight * (s * wrapped)
+        light = light + air[0].sunlight * (s * wrapped)
         if m.coat > 0.0 and s > 0.0 and to_sun > 0.0:
-            shine = shine + air.sunlight * (s * fresnel(m.coat, to_sun) * glint(m.gloss, n, air.sun, back) * to_sun)
-    if air.night > 0.0:
+            shine = shine + air[0].sunlight * (s * fresnel(m.coat, m.gloss, to_sun) * glint(m.gloss, n, air[0].sun, back) * to_sun)
+    if air[0].night > 0.0:
         for k in range(lamp_lists[tile, 0]):
             lamp = lamp_lists[tile, k + 1]
             fall = lamp_light(lamps, lamp, p, n)
             if fall[3] > 0.0:
                 to = wp.vec3f(fall[0], fall[1], fall[2])
                 c = inner(n, to)
-                power = lamps.power[lamp] * (fall[3] * air.night)
+                power = lamps[0].power[lamp] * (fall[3] * air[0].night)
                 light = light + power * clamp01((c + 0.12) / 1.12)
                 if m.coat > 0.0 and c > 0.0:
-                    shine = shine + power * (c * fresnel(m.coat, facing) * glint(m.gloss, n, to, back) * 3.0)
+                    shine = shine + power * (c * fresnel(m.coat, m.gloss, facing) * glint(m.gloss, n, to, back) * 3.0)
     radiance = times(m.albedo, light) + m.glow + shine
-    if m.coat > 0.0:
+    if air[0].wet > 0.0 and n[2] > 0.95 and m.coat > 0.0:
+        left = 1.0 - through_air(air, BLACK, samples[0].eye, sight, distance)[1] / wp.max(air[0].fog_colour[1], 1.0e-9)
+        share = fresnel(m.coat, m.gloss, facing) * sky_left * clamp01(left)
+        gleam[i] = wp.vec2f(share, m.gloss)
+    elif m.coat > 0.0:
         radiance = radiance + mirror(air, m, sight, facing, sky_left)
-    out[i] = through_air(air, radiance, samples.eye, sight, distance)
+    out[i] = through_air(air, radiance, samples[0].eye, sight, distance)
