@@ -43,7 +43,7 @@ def pose(figure: Figure, phase: float, speed: float) -> GaitPose:
     angles = [turn, -turn]
     for side in (1.0, -1.0):
         back = side * cosine * swing
-        angles += [24.0 * back - 1.0 * swing, -(9.0 + 14.0 * swing + 12.0 * max(-swing, -back))]
+        angles += [24.0 * back - 1.0 * swing, -(8.0 + 9.0 * swing - 8.0 * back)]
     for k in range(2):
         angles += _leg(figure, phase + 0.5 * k, length, sink, walking)
     return GaitPose(tuple(angle * _DEGREE for angle in angles), sink)

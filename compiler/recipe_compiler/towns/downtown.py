@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from recipe_compiler import exact
 from recipe_compiler.plan import Element, Pose, TownPlan
@@ -88,11 +89,11 @@ def _ground(site: _Site, streets: StreetGrid) -> None:
 
 def _carriageways(site: _Site, streets: StreetGrid) -> None:
     for i, x in enumerate(streets.xs):
-        for j, (a, b) in enumerate(zip(streets.ys, streets.ys[1:], strict=False)):
+        for j, (a, b) in enumerate(pairwise(streets.ys)):
             pose = Pose(x=x, y=(a + b) / 2, yaw=90)
             site.add(f"road.y.{i}.{j}", "road", pose, (b - a - 2 * TURN, 2 * LANE, 0.0), stop=FRONT - TURN)
     for j, y in enumerate(streets.ys):
-        for i, (a, b) in enumerate(zip(streets.xs, streets.xs[1:], strict=False)):
+        for i, (a, b) in enumerate(pairwise(streets.xs)):
             pose = Pose(x=(a + b) / 2, y=y)
             site.add(f"road.x.{i}.{j}", "road", pose, (b - a - 2 * TURN, 2 * LANE, 0.0), stop=FRONT - TURN)
     for i, x in enumerate(streets.xs):
@@ -105,7 +106,7 @@ def _blocks(streets: StreetGrid) -> Iterator[_Block]:
     """All blocks: those between streets, and the shallow ones beyond the outermost."""
 
     def spans(lines: tuple[float, ...]) -> list[tuple[float, float]]:
-        inner = [(a + LANE, b - LANE) for a, b in zip(lines, lines[1:], strict=False)]
+        inner = [(a + LANE, b - LANE) for a, b in pairwise(lines)]
         return [(lines[0] - LANE - OUTER, lines[0] - LANE), *inner, (lines[-1] + LANE, lines[-1] + LANE + OUTER)]
 
     across, along = spans(streets.xs), spans(streets.ys)
@@ -140,7 +141,7 @@ def _widths(stream: Stream, length: float) -> list[float]:
     for weight in weights[:-1]:
         cuts.append(cuts[-1] + length * weight / total)
     cuts = [int(2 * cut + 0.5) / 2 for cut in cuts] + [length]
-    return [b - a for a, b in zip(cuts, cuts[1:], strict=False)]
+    return [b - a for a, b in pairwise(cuts)]
 
 
 def _row(site: _Site, block: _Block, yaw: int) -> None:
@@ -241,7 +242,7 @@ def _furniture(site: _Site, block: _Block, yaw: int) -> None:
     for n, at in enumerate(_LAMPS):
         site.add(f"lamp.{name}.{n}", "lamp", place(at, 0.45, 0), (0.16, 0.16, 6.5), arm=1.6)
     for n, at in enumerate(_TREES):
-        if yaw in (0, 180) or n in (0, 2):
+        if (yaw in (0, 180) and len(block.sides) > 1) or n == 1:
             _tree(site, f"tree.{name}.{n}", place(at, 0.7, 0), 7.0)
     for n, at in enumerate(_BENCHES):
         if site.stream("bench", name, str(n)).unit() < 0.6:
@@ -291,4 +292,4 @@ def _spawn_points(streets: StreetGrid) -> Iterator[SpawnPoint]:
 
 
 def _middles(lines: tuple[float, ...]) -> list[float]:
-    return [(a + b) / 2 for a, b in zip(lines, lines[1:], strict=False)]
+    return [(a + b) / 2 for a, b in pairwise(lines)]

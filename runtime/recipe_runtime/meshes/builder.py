@@ -87,7 +87,7 @@ class Builder:
         if uvs is None:
             uvs = _plane_uv(quad, normal)
         first = np.arange(len(quad), dtype=np.int64)[:, None] * 4
-        triangles = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]], axis=1).reshape(-1, 3)
+        triangles = (first + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
         self.add(surface, quad.reshape(-1, 3), np.repeat(normal, 4, axis=0), np.asarray(uvs).reshape(-1, 2), triangles)
 
     def fan(self, surface: Surface, ring: Sequence[Vec]) -> None:

@@ -126,7 +126,7 @@ def _facade(b: Builder, e: Element, f: _Facade, wall: Surface, bays: int, *, ent
             names.append((f.key + k, floor + 1))
             edge = u1
             if style in (_BRICK, _PLASTER):
-                sills += f.block((u0 - 0.08, u1 + 0.08), (0, 0.1), (z0 - 0.09, z0))
+                sills += f.block((u0 - 0.08, u1 + 0.08), (0, 0.1), (z0 - 0.09, z0), sides=False)
         quads.append(f.face(edge, f.width, z0, below))
     quads.append(f.face(0, f.width, below, e.size[2]))
     b.quads(wall, quads)

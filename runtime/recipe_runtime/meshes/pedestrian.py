@@ -11,7 +11,7 @@ from recipe_runtime.meshes.builder import Array, Builder, circle
 from recipe_runtime.meshes.mesh import Mesh, Pattern, Surface
 from recipe_runtime.meshes.skeleton import Figure
 
-_SIDES = 14
+_SIDES = 12
 _RING = circle(_SIDES)
 Section = tuple[float, float, float, float]  # z, half depth (x), half width (y), x of its centre
 
@@ -52,7 +52,7 @@ def pedestrian_parts(actor: ActorPlan) -> tuple[tuple[str, Mesh], ...]:
     figure, clothes = Figure.of(actor.shape), _Clothes(actor.tag)
     parts = [("pelvis", _pelvis(figure, clothes, actor))]
     for joint in figure.joints:
-        kind, _, side = joint.part.partition("_left" if joint.part.endswith("left") else "_right")
+        kind, _, _ = joint.part.partition("_left" if joint.part.endswith("left") else "_right")
         s = 1.0 if joint.part.endswith("left") else -1.0
         b = Builder()
         if joint.part == "torso":
@@ -81,10 +81,10 @@ def _pelvis(f: Figure, c: _Clothes, actor: ActorPlan) -> Mesh:
         c.trousers,
         [
             (0.462 * h, 0.045 * h * g, 0.055 * h * g, 0.0),
-            (0.485 * h, 0.060 * h * g, 0.088 * h * g, -0.002 * h),
-            (0.52 * h, 0.066 * h * g, 0.096 * h * g, -0.004 * h),
-            (0.56 * h, 0.060 * h * g, 0.090 * h * g, -0.002 * h),
-            (0.60 * h, 0.053 * h * g, 0.078 * h * g, 0.0),
+            (0.485 * h, 0.059 * h * g, 0.086 * h * g, -0.002 * h),
+            (0.515 * h, 0.063 * h * g, 0.093 * h * g, -0.004 * h),
+            (0.55 * h, 0.055 * h * g, 0.082 * h * g, -0.003 * h),
+            (0.59 * h, 0.046 * h * g, 0.070 * h * g, 0.0),
         ],
         square=0.06,
     )
@@ -109,18 +109,19 @@ def _skirt(b: Builder, surface: Surface, hem: list[tuple[float, float, float]], 
 def _torso(b: Builder, f: Figure, c: _Clothes, actor: ActorPlan) -> None:
     h, g, w = f.height, f.girth, f.shoulder
     belly = max(0.0, g - 1.0)
-    hem = 0.515 * h
+    hem = 0.507 * h
     rows = [
-        (hem, 0.066 * g, 0.097 * g, -0.003),
-        (0.545 * h, 0.066 * g, 0.095 * g, -0.001),
-        (0.60 * h, 0.060 * g + 0.03 * belly, 0.083 * g, 0.002 + 0.03 * belly),
-        (0.65 * h, 0.061 * g + 0.02 * belly, 0.084 * g, 0.003 + 0.02 * belly),
-        (0.71 * h, 0.066 * g, 0.093 * g, 0.003),
-        (0.76 * h, 0.066 * g, 0.80 * w / h + 0.018, 0.0),
-        (0.795 * h, 0.058 * g, 0.94 * w / h + 0.016, -0.004),
-        (0.818 * h, 0.044, 0.80 * w / h, -0.005),
-        (0.834 * h, 0.034, 0.50 * w / h, -0.006),
-        (0.846 * h, 0.030, 0.033, -0.004),
+        (hem, 0.072 * g, 0.103 * g, -0.004),
+        (0.545 * h, 0.069 * g, 0.097 * g, -0.002),
+        (0.60 * h, 0.061 * g + 0.03 * belly, 0.084 * g, 0.002 + 0.03 * belly),
+        (0.65 * h, 0.061 * g + 0.02 * belly, 0.083 * g, 0.003 + 0.02 * belly),
+        (0.71 * h, 0.065 * g, 0.091 * g, 0.003),
+        (0.755 * h, 0.065 * g, 0.80 * w / h + 0.016, 0.0),
+        (0.785 * h, 0.058 * g, 0.96 * w / h + 0.010, -0.004),
+        (0.806 * h, 0.047, 0.86 * w / h + 0.004, -0.006),
+        (0.824 * h, 0.038, 0.56 * w / h, -0.007),
+        (0.838 * h, 0.033, 0.040, -0.005),
+        (0.850 * h, 0.030, 0.031, -0.003),
     ]
     _loft(b, c.shirt, [(z - f.chest, rx * h, ry * h, cx * h) for z, rx, ry, cx in rows], square=0.05)
     neck = [(0.80, 0.030, 0.030, -0.004), (0.84, 0.029, 0.028, -0.002), (0.875, 0.030, 0.029, 0.003)]
@@ -207,15 +208,17 @@ def _upper_arm(b: Builder, f: Figure, c: _Clothes, long: bool) -> None:
         (-0.185 * h, 0.0225, 0.0215, 0.0),
         (-0.15 * h, 0.0245, 0.0235, 0.0),
         (-0.09 * h, 0.0280, 0.0265, 0.0),
-        (-0.03 * h, 0.0310, 0.0290, 0.0),
-        (0.008 * h, 0.0285, 0.0250, 0.0),
+        (-0.035 * h, 0.0305, 0.0280, 0.0),
+        (-0.005 * h, 0.0290, 0.0250, 0.0),
+        (0.012 * h, 0.0210, 0.0170, 0.0),
     ]
     skin = [(z, rx * h * g, ry * h * g, cx) for z, rx, ry, cx in sections]
     if long:
         _loft(b, c.shirt, [(z, rx * 1.1, ry * 1.1, cx) for z, rx, ry, cx in skin])
         return
     _loft(b, c.skin, skin[:4])
-    sleeve = [(-0.10 * h, 0.035, 0.034, 0.0), (-0.03 * h, 0.034, 0.032, 0.0), (0.01 * h, 0.029, 0.026, 0.0)]
+    sleeve = [(-0.10 * h, 0.034, 0.033, 0.0), (-0.035 * h, 0.0335, 0.031, 0.0), (0.0, 0.030, 0.027, 0.0)]
+    sleeve.append((0.014 * h, 0.021, 0.018, 0.0))
     _loft(b, c.shirt, [(z, rx * h * g, ry * h * g, cx) for z, rx, ry, cx in sleeve])
 
 
@@ -249,9 +252,9 @@ def _thigh(b: Builder, f: Figure, c: _Clothes, legs: float) -> None:
         (-0.258, 0.0315, 0.0305, 0.001),
         (-0.21, 0.0345, 0.0330, 0.001),
         (-0.14, 0.0415, 0.0390, 0.0),
-        (-0.06, 0.0490, 0.0460, -0.001),
-        (-0.01, 0.0510, 0.0470, -0.003),
-        (0.02, 0.0440, 0.0400, -0.003),
+        (-0.06, 0.0480, 0.0440, -0.001),
+        (-0.02, 0.0490, 0.0440, -0.003),
+        (0.01, 0.0400, 0.0340, -0.003),
     ]
     loft = [(z * h, rx * h * g, ry * h * g, cx * h) for z, rx, ry, cx in rows]
     if legs == 1:

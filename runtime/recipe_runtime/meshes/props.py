@@ -36,13 +36,13 @@ def lamp(b: Builder, e: Element) -> None:
     """A street lamp: a pole, and an arm over the street (+x) with a lantern that lights downwards."""
     _, thick, height = e.size
     arm, r = e.shape["arm"], thick / 2
-    b.grid(_POLE, tube([(0, 0, 0), (0, 0, 0.7), (0, 0, 0.78)], [1.6 * r, 1.5 * r, r], 10), crease=0.5)
-    b.grid(_POLE, tube([(0, 0, 0.7), (0, 0, height - 0.5)], [r, 0.55 * r], 10))
+    b.grid(_POLE, tube([(0, 0, 0), (0, 0, 0.7), (0, 0, 0.78)], [1.6 * r, 1.5 * r, r], 8), crease=0.5)
+    b.grid(_POLE, tube([(0, 0, 0.7), (0, 0, height - 0.5)], [r, 0.55 * r], 8))
     rings = []
-    for k in range(7):  # a quarter turn from the pole into the arm
-        s, c = exact.sin_cos_deg(15.0 * k)
+    for k in range(5):  # a quarter turn from the pole into the arm
+        s, c = exact.sin_cos_deg(22.5 * k)
         x, z = 0.5 * (1 - c), height - 0.5 + 0.5 * s
-        ring = [exact.sin_cos_deg(45.0 * n) for n in range(8)]
+        ring = [exact.sin_cos_deg(60.0 * n) for n in range(6)]
         rings.append([(x + 0.5 * r * rc * c, 0.5 * r * rs, z - 0.5 * r * rc * s) for rs, rc in ring])
     rings.append([(arm, py, pz) for _, py, pz in rings[-1]])
     b.grid(_POLE, rings)

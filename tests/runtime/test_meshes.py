@@ -1,0 +1,145 @@
+"""Meshes: sound triangles of every kind, colours for every slot, parts in the Trace's order, the same bytes twice."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from recipe_compiler import towns
+from recipe_compiler.blueprints import LIBRARY, Blueprint
+from recipe_compiler.plan import ActorPlan, Pose
+from recipe_runtime.meshes import actor_body, town_bodies
+from recipe_runtime.meshes.builder import Builder, icosphere, noise
+from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
+from recipe_runtime.meshes.skeleton import Figure, wheel_joints
+
+TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
+BODIES = town_bodies(TOWN.plan)
+
+
+def plan(blueprint: Blueprint) -> ActorPlan:
+    return ActorPlan(
+        name="someone",
+        blueprint=blueprint.id,
+        category=blueprint.category,
+        tag=blueprint.tag,
+        instance=3,
+        shape=blueprint.shape,
+        start=Pose(),
+        route=(),
+        speed=1.0,
+    )
+
+
+def check(mesh: Mesh) -> None:
+    assert [a.dtype for a in (mesh.vertices, mesh.normals, mesh.uvs)] == [np.float32] * 3
+    assert mesh.triangles.dtype == mesh.surface.dtype == np.int32
+    assert len(mesh.triangles) == len(mesh.surface) > 0
+    assert 0 <= mesh.triangles.min() <= mesh.triangles.max() < len(mesh.vertices)
+    assert set(mesh.surface.tolist()) == set(range(len(mesh.surfaces)))
+    assert np.isfinite(mesh.vertices).all() and np.isfinite(mesh.uvs).all()
+    length = np.sqrt((mesh.normals.astype(np.float64) ** 2).sum(1))
+    assert np.abs(length - 1).max() < 1e-5
+
+
+def face_normals(mesh: Mesh) -> NDArray[np.float64]:
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def digest(bodies: tuple[Body, ...]) -> str:
+    sha = hashlib.sha256()
+    for body in bodies:
+        for name, mesh in body.parts:
+            sha.update(name.encode())
+            for array in (mesh.vertices, mesh.normals, mesh.uvs, mesh.triangles, mesh.surface):
+                sha.update(array.tobytes())
+    return sha.hexdigest()
+
+
+@pytest.mark.parametrize("blueprint", LIBRARY, ids=lambda b: b.id)
+def test_actors(blueprint: Blueprint) -> None:
+    body = actor_body(plan(blueprint))
+    assert body.instance == blueprint.tag * 1000 + 3
+    assert digest((body,)) == digest((actor_body(plan(blueprint)),))
+    joints = Figure.of(blueprint.shape).joints if blueprint.category == "pedestrian" else wheel_joints(blueprint.shape)
+    assert [name for name, _ in body.parts][1:] == [joint.part for joint in joints]
+    for _, mesh in body.parts:
+        check(mesh)
+        assert {s.tag for s in mesh.surfaces} == {blueprint.tag}
+        assert {s.slot for s in mesh.surfaces} <= set(blueprint.palette)
+        flipped = (face_normals(mesh) * mesh.normals[mesh.triangles[:, 0]]).sum(1) < 0
+        assert flipped.mean() < 0.02
+
+
+@pytest.mark.parametrize("blueprint", LIBRARY, ids=lambda b: b.id)
+def test_actors_have_their_size(blueprint: Blueprint) -> None:
+    body = actor_body(plan(blueprint))
+    joints = Figure.of(blueprint.shape).joints if blueprint.category == "pedestrian" else wheel_joints(blueprint.shape)
+    at = {body.parts[0][0]: np.zeros(3)}
+    for joint in joints:
+        at[joint.part] = at[joint.parent] + joint.offset
+    points = np.concatenate([mesh.vertices + at[name] for name, mesh in body.parts])
+    low, high = points.min(0), points.max(0)
+    assert abs(low[2]) < 0.01
+    assert high[2] == pytest.approx(blueprint.shape["height"], rel=0.03)
+    if blueprint.category == "vehicle":
+        assert high[0] - low[0] == pytest.approx(blueprint.shape["length"], abs=0.1)
+        assert high[1] - low[1] == pytest.approx(blueprint.shape["width"], abs=0.35)  # mirrors
+
+
+def test_vehicles_carry_headlights() -> None:
+    chassis = actor_body(plan(next(b for b in LIBRARY if b.id == "vehicle.sedan.a"))).mesh("chassis")
+    assert len(chassis.lights) == 2
+    assert all(light.direction[0] > 0.9 and light.position[0] > 2 for light in chassis.lights)
+
+
+def test_town() -> None:
+    assert [body.name for body in BODIES] == [e.name for e in TOWN.plan.elements]
+    for body in BODIES:
+        assert body.instance == 0
+        assert [name for name, _ in body.parts] == ["static"]
+        check(body.mesh("static"))
+        assert {s.slot for s in body.mesh("static").surfaces} <= set(TOWN.looks[body.name])
+        assert all(0 < s.tag <= 28 for s in body.mesh("static").surfaces)
+    assert digest(BODIES) == digest(town_bodies(TOWN.plan))
+
+
+def test_town_stays_within_a_budget_of_triangles() -> None:
+    full = town_bodies(towns.build("downtown", 0, {"blocks": [3, 3]}).plan)
+    assert 40_000 < sum(len(body.mesh("static").triangles) for body in full) < 230_000
+
+
+def test_streets_look_up_and_lamps_shine_down() -> None:
+    for element, body in zip(TOWN.plan.elements, BODIES, strict=True):
+        mesh = body.mesh("static")
+        if element.kind in ("road", "junction", "ground"):
+            assert (face_normals(mesh)[:, 2] > 0).all()
+        if element.kind == "lamp":
+            assert [light.direction for light in mesh.lights] == [(0.0, 0.0, -1.0)]
+
+
+def test_windows_have_names() -> None:
+    """Within one pane the whole part of uv is one number, and panes of a building differ."""
+    for element, body in zip(TOWN.plan.elements, BODIES, strict=True):
+        if element.kind != "building":
+            continue
+        mesh = body.mesh("static")
+        panes = [n for n, s in enumerate(mesh.surfaces) if s.pattern == Pattern.WINDOW and s.slot == "window"]
+        names = np.floor(mesh.uvs[mesh.triangles[np.isin(mesh.surface, panes)]])
+        assert (names == names[:, :1]).all()
+        assert len(np.unique(names[:, 0], axis=0)) > 5
+
+
+def test_smooth_normals_of_a_sphere_point_outwards() -> None:
+    points, faces = icosphere(2)
+    builder = Builder()
+    builder.smooth([Surface("a", Pattern.PLAIN, 1)] * len(faces), points, faces, crease=0.5)
+    mesh = builder.mesh()
+    assert np.abs(mesh.normals - mesh.vertices).max() < 0.05
+
+
+def test_noise_is_pinned() -> None:
+    assert [round(noise(1, k), 6) for k in range(3)] == [-0.275207, -0.281435, -0.405701]

@@ -1,0 +1,191 @@
+"""Simulation: the same bits whatever the parent's environment, and people who walk, pass and arrive on their feet."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from recipe_compiler import blueprints, towns
+from recipe_compiler.errors import RunError
+from recipe_compiler.plan import ActorPlan, Clock, Point, Pose, ScenePlan
+from recipe_compiler.streams import Stream
+from recipe_runtime.simulate import PINNED, simulate
+from recipe_runtime.trace import METRE, UNIT, Trace
+from recipe_runtime.transforms import part_transforms
+
+TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
+
+
+def actor(name: str, glob: str, x: float, y: float, yaw: float, goal: tuple[float, float], speed: float) -> ActorPlan:
+    blueprint = blueprints.match(glob)[0]
+    return ActorPlan(
+        name=name,
+        blueprint=blueprint.id,
+        category=blueprint.category,
+        tag=blueprint.tag,
+        instance=1,
+        shape=blueprint.shape,
+        start=Pose(x=x, y=y, z=TOWN.ground(x, y), yaw=yaw),
+        route=(Point(x=goal[0], y=goal[1]),),
+        speed=speed,
+    )
+
+
+HERO1 = actor("hero1", "walker.pedestrian.0001", -4, 5, -90, (-4, -5), 1.4)
+HERO2 = actor("hero2", "walker.pedestrian.0002", -4, -5, 90, (-4, 5), 2.0)
+CAR = actor("car", "vehicle.sedan.a", 1.5, -24, 90, (1.5, 20), 8.0)
+FAR = actor("far", "walker.pedestrian.0003", 66, 10, -90, (66, -10), 1.4)
+
+
+def scene(*actors: ActorPlan, frames: int) -> ScenePlan:
+    return ScenePlan(clock=Clock(fps=30, frames=frames, physics=240), town=TOWN.plan, actors=actors)
+
+
+@cache
+def meeting() -> Trace:
+    return simulate(scene(HERO1, HERO2, CAR, frames=310))
+
+
+def base(trace: Trace, name: str) -> NDArray[np.float64]:
+    return trace.positions[:, trace.base_part(name)] / METRE
+
+
+@pytest.mark.parametrize("tunables", [None, "glibc.malloc.check=0", PINNED["GLIBC_TUNABLES"]])
+def test_bits_do_not_depend_on_the_parents_environment(tunables: str | None) -> None:
+    code = (
+        "import sys; from recipe_compiler.plan import ScenePlan; from recipe_runtime.simulate import simulate;"
+        "print(simulate(ScenePlan.model_validate_json(sys.stdin.read())).digest)"
+    )
+    environment = {k: v for k, v in os.environ.items() if k != "GLIBC_TUNABLES"}
+    if tunables is not None:
+        environment["GLIBC_TUNABLES"] = tunables
+    environment["PYTHONHASHSEED"] = "77"
+    small = scene(HERO1, HERO2, CAR, frames=12)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        input=small.model_dump_json(),
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=True,
+    )
+    assert done.stdout == simulate(small).digest + "\n"  # and PyBullet's build line is nowhere
+    assert done.stderr == ""
+
+
+def test_an_actor_far_away_changes_no_bit_of_the_others() -> None:
+    alone = simulate(scene(HERO1, CAR, frames=40))
+    more = simulate(scene(FAR, HERO1, CAR, frames=40))
+    for name in ("hero1", "car"):
+        assert more.actor_digest(name) == alone.actor_digest(name)
+
+
+def test_fewer_frames_are_a_prefix() -> None:
+    short, long = simulate(scene(HERO1, CAR, frames=9)), simulate(scene(HERO1, CAR, frames=20))
+    assert [short.actor_digest(a) for a in short.actors] == [long.actor_digest(a, 9) for a in short.actors]
+
+
+def test_frame_0_is_the_start() -> None:
+    for plan in (HERO1, CAR):
+        x, y, _ = base(meeting(), plan.name)[0]
+        assert (x, y) == (plan.start.x, plan.start.y)
+    assert not meeting().linear[0].any()
+
+
+@pytest.mark.parametrize(("plan", "frame"), [(HERO1, 45), (HERO2, 45), (CAR, 130)])
+def test_actors_reach_their_speed(plan: ActorPlan, frame: int) -> None:
+    velocity = meeting().linear[frame, meeting().actors.index(plan.name)] / METRE
+    assert np.hypot(velocity[0], velocity[1]) == pytest.approx(plan.speed, abs=0.05)
+
+
+@pytest.mark.parametrize(("plan", "tolerance"), [(HERO1, 0.05), (HERO2, 0.05), (CAR, 0.5)])
+def test_actors_reach_their_goal_and_stop(plan: ActorPlan, tolerance: float) -> None:
+    goal = plan.route[-1]
+    x, y, _ = base(meeting(), plan.name)[-1]
+    assert np.hypot(x - goal.x, y - goal.y) < tolerance
+    assert np.abs(meeting().linear[-1, meeting().actors.index(plan.name), :2]).max() / METRE < 0.05
+
+
+def test_pedestrians_on_one_line_pass_each_other() -> None:
+    apart = base(meeting(), "hero1")[:, :2] - base(meeting(), "hero2")[:, :2]
+    assert np.hypot(apart[:, 0], apart[:, 1]).min() > 0.5
+    assert apart[0, 1] > 0 > apart[-1, 1]
+
+
+def test_feet_stay_on_the_sidewalk_and_people_upright() -> None:
+    trace = meeting()
+    for name, height in (("hero1", 1.78), ("hero2", 1.66)):
+        feet = [trace.parts.index(f"{name}/foot_{side}") for side in ("left", "right")]
+        ankles = trace.positions[:, feet, 2].min(axis=1) / METRE - 0.15 - 0.045 * height
+        assert ankles.min() > -0.005
+        assert ankles.max() < 0.05  # while one heel lands the other has risen
+    for frame in range(0, trace.frames, 30):
+        ups = part_transforms(trace, frame)[[trace.base_part("hero1"), trace.base_part("hero2")], 2, 2]
+        assert ups.min() > 0.999
+
+
+def test_a_planted_foot_does_not_slide() -> None:
+    trace = meeting()
+    foot = trace.positions[40:80, trace.parts.index("hero1/foot_left")] / METRE
+    flat = foot[1:, 2] < 0.15 + 0.045 * 1.78 + 0.002
+    moved = np.abs(np.diff(foot[:, 1]))
+    both = flat & (np.abs(np.diff(foot[:, 2])) < 1e-3)
+    assert both.sum() >= 5
+    assert moved[both].max() < 0.012  # against 0.047 that the body moves in a frame
+
+
+def test_wheels_roll_without_slipping_and_stand_on_the_road() -> None:
+    trace = meeting()
+    assert np.abs(base(trace, "car")[:, 2]).max() < 0.005
+    hubs = trace.positions[:, trace.parts.index("car/wheel_rear_left"), 2] / METRE
+    assert np.abs(hubs - CAR.shape["wheel"]).max() < 0.005
+
+
+def test_a_vehicle_stops_behind_another() -> None:
+    parked = actor("parked", "vehicle.van.a", 1.5, 4, 90, (1.5, 4), 0.0)
+    trace = simulate(scene(CAR, parked, frames=240))
+    gap = base(trace, "parked")[-1, 1] - base(trace, "car")[-1, 1]
+    reach = (CAR.shape["length"] + parked.shape["length"]) / 2
+    assert reach + 0.5 < gap < reach + 6
+    assert np.abs(trace.linear[-1, 0]).max() / METRE < 0.05
+
+
+def test_vehicles_follow_drawn_routes_along_their_lanes() -> None:
+    point = next(p for p in TOWN.spawn_points if p.category == "vehicle")
+    blueprint = blueprints.match("vehicle.hatchback.a")[0]
+    route = TOWN.route("vehicle", point.pose, 90.0, Stream(0, "route"))
+    car = CAR.model_copy(update={"start": point.pose, "route": route, "shape": blueprint.shape})
+    track = base(simulate(scene(car, frames=450)), "car")
+    corners = np.array([(point.pose.x, point.pose.y), *((p.x, p.y) for p in route)])
+    for x, y, _ in track[::10]:
+        a, d = corners[:-1], np.diff(corners, axis=0)
+        t = np.clip((((x, y) - a) * d).sum(1) / (d * d).sum(1), 0, 1)
+        assert np.hypot(*(a + t[:, None] * d - (x, y)).T).min() < 0.75
+
+
+def test_rotations_are_unit_and_of_one_sign() -> None:
+    q = meeting().rotations.astype(np.float64) / UNIT
+    assert np.abs((q * q).sum(-1) - 1).max() < 1e-6
+    assert (meeting().rotations[..., 3] >= 0).all()
+
+
+def test_progress_is_told() -> None:
+    heard: list[tuple[int, int]] = []
+    simulate(scene(HERO1, frames=3), lambda done, steps: heard.append((done, steps)))
+    assert heard == [(0, 16), (8, 16), (16, 16)]
+
+
+def test_a_hanging_simulation_is_stopped() -> None:
+    with pytest.raises(RunError, match=r"took more than 0 s and was stopped"):
+        simulate(scene(HERO1, frames=300), timeout=0.05)
+
+
+def test_a_failing_simulation_says_why() -> None:
+    shapeless = HERO1.model_copy(update={"shape": {}})
+    with pytest.raises(RunError, match=r"^the simulation ended with exit code 1: KeyError: 'height'$"):
+        simulate(scene(shapeless, frames=2))
