@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
-from PIL import Image
 from recipe_compiler.canonical import pretty
 from recipe_compiler.errors import RunError
 from recipe_compiler.plan import DatasetPlan, ScenePlan
@@ -123,8 +123,6 @@ class Finisher:
     def _card(self) -> dict[str, FileRow]:
         return self._write(layout.CARD, card(self.dataset, self.identity, self.videos))
 
-    def _picture(self, video: Video, frame: int) -> Image.Image:
+    def _picture(self, video: Video, frame: int) -> Path:
         path = layout.frame_file(video.variant, video.sensor.name, "rgb", frame, self.dataset.depth)
-        with Image.open(self.work.dataset / path) as picture:
-            colour: Image.Image = picture.convert("RGB")
-        return colour
+        return self.work.dataset / path

@@ -42,8 +42,8 @@ def coco_file(modality: str) -> str:
 
 
 def sequence(variant: str, sensor: str) -> str:
-    """The MOTS name of one variant's one sensor."""
-    return f"{folder(variant)}+{folder(sensor)}"
+    """The MOTS name of one variant's one sensor; without commas, for TrackEval reads lists of them as CSV."""
+    return f"{folder(variant)}+{folder(sensor)}".replace(",", "_")
 
 
 def mots_png_file(variant: str, sensor: str, frame: int) -> str:
@@ -54,11 +54,13 @@ def mots_png_file(variant: str, sensor: str, frame: int) -> str:
 def check_names(dataset: DatasetPlan) -> None:
     """InputError if two variants, or two sensors of one, would share a folder, or a name cannot be a folder's."""
     taken: dict[str, str] = {"plans": "plans", "annotations": "annotations", "mots": "mots", "preview": "preview"}
+    sequences: dict[str, str] = {}
     for variant in dataset.variants:
         _claim(taken, variant.variant, "variant")
         sensors: dict[str, str] = {}
         for sensor in variant.rig.sensors:
             _claim(sensors, sensor.name, "sensor")
+            _claim(sequences, sequence(variant.variant, sensor.name), "sequence")
 
 
 def _claim(taken: dict[str, str], name: str, what: str) -> None:

@@ -53,6 +53,7 @@ def test_pycocotools_reads_masks_that_are_the_instance_pixels(
 def test_mots_text_and_pictures_say_the_same(dataset: Path) -> None:
     names = (dataset / "mots/seqmaps/MOTS-train.txt").read_text().split()
     assert names[0] == "name" and len(names) == 9
+    assert names[1] == "weather=w0_jitter=still+street"  # TrackEval takes a comma for the end of a name
     for name in names[1:]:
         painted = np.zeros((12, 48, 64), np.int64)
         for line in (dataset / f"mots/MOTS-train/{name}/gt/gt.txt").read_text().splitlines():

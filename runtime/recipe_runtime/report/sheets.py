@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pycocotools.mask
@@ -41,7 +42,7 @@ class Cell:
 
 
 Size = tuple[int, int]  # width, height
-Picture = Callable[[Video, int], Image.Image]  # a video's RGB picture at a frame
+Picture = Callable[[Video, int], Path]  # the file of a video's RGB picture at a frame
 
 
 def contact_sheet(title: str, videos: Sequence[Video], picture: Picture) -> bytes:
@@ -52,7 +53,7 @@ def contact_sheet(title: str, videos: Sequence[Video], picture: Picture) -> byte
         Cell(video.variant, row, column, video, _middle(video))
         for video, (row, column) in zip(shown, _places([v.variant for v in shown]), strict=True)
     ]
-    return _sheet(title, cells, lambda cell, size: _scaled(picture(cell.video, cell.frame), size))
+    return _sheet(title, cells, lambda cell, size: _scaled(_read(picture(cell.video, cell.frame)), size))
 
 
 def overlay_sheet(title: str, videos: Sequence[Video], picture: Picture) -> bytes:
@@ -63,7 +64,7 @@ def overlay_sheet(title: str, videos: Sequence[Video], picture: Picture) -> byte
             seen.setdefault(_label_of(video), video)
     shown = _thin(list(seen.values()))
     cells = [Cell(v.name, n // 3, n % 3, v, _middle(v)) for n, v in enumerate(shown)]
-    return _sheet(title, cells, lambda cell, size: _overlay(picture(cell.video, cell.frame), cell, size))
+    return _sheet(title, cells, lambda cell, size: _overlay(_read(picture(cell.video, cell.frame)), cell, size))
 
 
 def _label_of(video: Video) -> str:
@@ -135,6 +136,12 @@ def _caption(pen: ImageDraw.ImageDraw, text: str, corner: tuple[int, int], width
         half -= 1
         shown = f"{text[:half]}…{text[-half:]}"
     pen.text(corner, shown, fill=_CAPTION_INK, font=font)
+
+
+def _read(path: Path) -> Image.Image:
+    with Image.open(path) as picture:
+        colour: Image.Image = picture.convert("RGB")
+    return colour
 
 
 def _scaled(picture: Image.Image, size: Size) -> Image.Image:
