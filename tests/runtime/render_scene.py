@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 from recipe_compiler import exact
+from recipe_compiler.canonical import digest_array
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, Pose, Sun, Weather
 from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern, Surface
+from recipe_runtime.render import Renderer
 from recipe_runtime.transforms import from_pose
 
 _AXES = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
@@ -42,8 +44,7 @@ def box(low: Any, high: Any, surface: Surface, lights: tuple[Light, ...] = ()) -
                 p[a], p[b], p[c] = value[a], (low, high)[s][b], (low, high)[t][c]
                 vertices.append(p)
                 normals.append(np.eye(3)[a] * side)
-                uvs.append([p[b], p[c]] if a != 1 else [p[c], p[b]])
-                uvs[-1] = [p[1] if a == 0 else p[0], p[2] if a != 2 else p[1]]
+                uvs.append([p[1] if a == 0 else p[0], p[2] if a != 2 else p[1]])
             face = [[0, 1, 2], [0, 2, 3]] if side > 0 else [[0, 2, 1], [0, 3, 2]]
             triangles += [[first + i for i in t] for t in face]
     return Mesh(
@@ -75,7 +76,9 @@ def ball(radius: float, surface: Surface, rings: int = 24, centre: Any = (0.0, 0
     triangles = [t for k, t in enumerate(triangles) if not (k < 2 * around and k % 2 == 1)]
     vertices = (n * radius + np.array(centre)).astype(np.float32)
     faces = np.array(triangles, np.int32)
-    return Mesh(vertices, n.astype(np.float32), n[:, :2].astype(np.float32), faces, np.zeros(len(faces), np.int32), (surface,))
+    return Mesh(
+        vertices, n.astype(np.float32), n[:, :2].astype(np.float32), faces, np.zeros(len(faces), np.int32), (surface,)
+    )
 
 
 ROAD = Surface("asphalt", Pattern.ASPHALT, 1)
@@ -168,3 +171,17 @@ WEATHERS = {
     "foggy": appearance(45.0, fog_density=100, fog_distance=1),
     "night": appearance(-40.0),
 }
+
+
+def golden_pictures() -> dict[str, Any]:
+    """The street in five weathers, 96 x 64."""
+    renderer = Renderer(street())
+    seen = renderer.observe(CAMERA, EYE, parts_at())
+    return {name: renderer.shade(seen, weather, "street", 7, 7 / 30) for name, weather in WEATHERS.items()}
+
+
+def golden_digests() -> dict[str, str]:
+    """Digests of the street's labels and of its pictures in five weathers."""
+    seen = Renderer(street()).observe(CAMERA, EYE, parts_at())
+    arrays = {"depth": seen.depth, "instance": seen.instance, "semantic": seen.semantic, **golden_pictures()}
+    return {name: digest_array(f"golden/{name}", array) for name, array in arrays.items()}

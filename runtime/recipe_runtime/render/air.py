@@ -4,8 +4,8 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.noise import clamp01, noise2, step_between, unit, hash3, whole
-from recipe_runtime.render.vectors import inner, mix, times
+from recipe_runtime.render.noise import clamp01, hash3, noise2, step_between, unit, whole
+from recipe_runtime.render.vectors import inner, mix
 
 wp.set_module_options(OPTIONS)
 
@@ -105,8 +105,12 @@ def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
         return mix(clear, air[0].cloud_dark, step_between(0.6, 1.0, air[0].cover))
     cloud = cloud_at(air, d)
     forward = clamp01(c)
-    bright = mix(air[0].cloud_bright, air[0].cloud_dark, clamp01(cloud[0] * (0.35 + 0.65 * air[0].cover) * (1.6 - cloud[1])))
-    lit = bright + lookup(air[0].halo, (c * 0.5 + 0.5) * (c * 0.5 + 0.5), HALO_ROWS) * (0.35 * (1.0 - cloud[0]) + 0.15 * forward)
+    bright = mix(
+        air[0].cloud_bright, air[0].cloud_dark, clamp01(cloud[0] * (0.35 + 0.65 * air[0].cover) * (1.6 - cloud[1]))
+    )
+    lit = bright + lookup(air[0].halo, (c * 0.5 + 0.5) * (c * 0.5 + 0.5), HALO_ROWS) * (
+        0.35 * (1.0 - cloud[0]) + 0.15 * forward
+    )
     haze = step_between(0.0, 0.22, d[2])
     whole_cover = step_between(0.6, 1.0, air[0].cover)
     share = cloud[0] * (haze + (1.0 - haze) * whole_cover)

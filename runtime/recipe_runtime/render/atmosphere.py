@@ -6,6 +6,7 @@ law, 3.912 / V. Automatic exposure follows from these alone: never from a pictur
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,10 @@ Colour = NDArray[np.float64]  # [3] linear RGB
 DENSEST = 45.0  # metres seen at fog_density 100
 LAMPS_ON, LAMPS_OFF = -1.0, 5.0  # sun altitudes, degrees, between which lamps fade
 
-_BRIGHTNESS = ((-90, 7e-5), (-18, 7e-5), (-12, 2e-4), (-6, 2.5e-3), (-3, 0.012), (0, 0.06), (5, 0.22), (15, 0.52))
-_BRIGHTNESS += ((45, 0.9), (90, 1.0))  # of the sky, by the sun's altitude in degrees
+_BRIGHTNESS: tuple[tuple[float, float], ...] = (
+    *((-90, 7e-5), (-18, 7e-5), (-12, 2e-4), (-6, 2.5e-3), (-3, 0.012), (0, 0.06)),
+    *((5, 0.22), (15, 0.52), (45, 0.9), (90, 1.0)),
+)  # of the sky, by the sun's altitude in degrees
 _RAYLEIGH = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass
 _STREET_LIGHT = 1.0e-3  # what lamps give the eye to adapt to
 
@@ -90,7 +93,8 @@ def light_of(appearance: AppearancePlan, time: float, device: str) -> Light:
     lamps = _STREET_LIGHT * night
     seen = sunlight * max(float(sun[2]), 0.3) * _ease(-1.0, 1.0, altitude) + 1.25 * overhead
     luminance = 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2]) + lamps
-    dim = 1.0 - 0.36 * _ease(9.0, -3.0, altitude) - 0.1 * rain - 0.06 * fog
+    dim = 1.0 - 0.36 * _ease(9.0, -3.0, altitude) + 0.3 * _ease(-4.0, -10.0, altitude)
+    dim = dim - 0.1 * rain * (1.0 - night) - 0.06 * fog
     exposure = dim * exact.power(luminance, -0.86)
     return Light(air, sun, sunlight, fixed(exposure), night, rain, w.wind_intensity / 100.0)
 
@@ -102,7 +106,8 @@ def transmittance(altitude: float, mie: float = 0.03, rayleigh: float = 0.0331) 
     mass = 1.0 / (sine + 0.50572 * exact.power(height + 6.07995, -1.6364))
     depth = _RAYLEIGH * (rayleigh / 0.0331) + 0.05 + 0.9 * mie
     white = np.array([1.0, 1.03, 1.1])
-    return white * np.array([exact.exp(-float(d) * mass) for d in depth]) * _ease(-1.2, 0.8, altitude)
+    left: Colour = white * np.array([exact.exp(-float(d) * mass) for d in depth]) * _ease(-1.2, 0.8, altitude)
+    return left
 
 
 def extinction(fog_density: float) -> float:
@@ -178,7 +183,7 @@ def _mix(a: Colour, b: Colour, t: float) -> Colour:
 
 def _between(points: tuple[tuple[float, float], ...], x: float) -> float:
     """The logarithm of a positive curve through points, straight between them."""
-    for (x0, y0), (x1, y1) in zip(points, points[1:], strict=False):
+    for (x0, y0), (x1, y1) in pairwise(points):
         if x <= x1:
             t = max((x - x0) / (x1 - x0), 0.0)
             return exact.log(y0) + (exact.log(y1) - exact.log(y0)) * t

@@ -47,7 +47,7 @@ def bell(h: wp.uint32) -> wp.float32:
 @wp.func
 def level(x: wp.float32, deviate: wp.float32, noise: wp.float32) -> wp.int32:
     """A linear display value with noise, as a place in the sRGB table."""
-    grain = noise * deviate * (0.0012 + 0.008 * wp.sqrt(x))
+    grain = noise * deviate * (0.0005 + 0.008 * wp.sqrt(x))
     t = (x + grain) * wp.float32(LEVELS - 1) + 0.5
     return wp.int32(wp.min(wp.max(t, 0.0), wp.float32(LEVELS - 1)))
 
@@ -70,9 +70,9 @@ def develop(
     y = (wp.float32(i / r.width) + 0.5 - 0.5 * wp.float32(r.height)) / wp.float32(r.width)
     gain = r.exposure * (1.0 - 0.32 * (x * x + y * y))
     drops = wp.min(wp.float32(rain[i]) * (1.0 / 65536.0), 0.8)
-    red = float(0.0)
-    green = float(0.0)
-    blue = float(0.0)
+    red = wp.float32(0.0)
+    green = wp.float32(0.0)
+    blue = wp.float32(0.0)
     first = starts[i]
     for s in range(groups[i] & 7):
         c = radiance[first + s]

@@ -48,7 +48,7 @@ def srgb_table() -> NDArray[np.uint8]:
     return np.array([int(255.0 * _encode(i / top) + 0.5) for i in range(top + 1)], np.uint8)
 
 
-def _second(key: SurfaceKey, first: NDArray[np.float64]) -> NDArray[np.float64]:
+def _second(key: SurfaceKey, first: Any) -> Any:
     """The colour of what a pattern is mixed with: mortar, joints, sunlit leaves, the road under worn paint, a frame."""
     if key.pattern in (Pattern.BRICK,):
         return 0.35 * first + 0.65 * np.array([0.36, 0.34, 0.31])

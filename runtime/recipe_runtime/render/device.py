@@ -16,7 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import platformdirs
-import warp as wp
+import warp
+
+# Warp makes its types when it runs; to mypy they are all one.
+wp: Any = warp
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False, "fast_math": False, "max_unroll": 4}
 

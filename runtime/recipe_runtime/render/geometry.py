@@ -91,7 +91,8 @@ def upload(bodies: Sequence[Body], device: str) -> Geometry:
         for _, mesh in body.parts:
             packer.add(body, mesh, part=0, actor=-1)
     static_vertices, static_triangles = packer.vertex_count, packer.triangle_count
-    actors, bounds = [], []
+    actors: list[Actor] = []
+    bounds: list[NDArray[np.float64]] = []
     for index, body in enumerate(moving):
         actors.append(Actor(body.name, body.instance, len(bounds), len(body.parts)))
         for _, mesh in body.parts:

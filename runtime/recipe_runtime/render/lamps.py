@@ -68,12 +68,17 @@ def _footprint(world: Array, box: NDArray[np.float64]) -> list[float]:
     """Centre x, y, lowest z, level axis and half sizes of a part's box."""
     low, high = box
     centre, half = (low + high) / 2.0, (high - low) / 2.0
-    at = [float(world[r, 0] * centre[0] + world[r, 1] * centre[1] + world[r, 2] * centre[2] + world[r, 3]) for r in (0, 1, 2)]
+    at = [
+        float(world[r, 0] * centre[0] + world[r, 1] * centre[1] + world[r, 2] * centre[2] + world[r, 3])
+        for r in (0, 1, 2)
+    ]
     # The first axis that lies level enough gives the direction; a limb's box is nearly round anyway.
     axis = np.array([float(world[0, 0]), float(world[1, 0])])
     size = float(np.sqrt(axis[0] * axis[0] + axis[1] * axis[1]))
     axis = axis / size if size > 0.3 else np.array([1.0, 0.0])
-    reach = [float(abs(world[r, 0]) * half[0] + abs(world[r, 1]) * half[1] + abs(world[r, 2]) * half[2]) for r in (0, 1, 2)]
+    reach = [
+        float(abs(world[r, 0]) * half[0] + abs(world[r, 1]) * half[1] + abs(world[r, 2]) * half[2]) for r in (0, 1, 2)
+    ]
     if size > 0.3:
         across = [-axis[1], axis[0]]
         h0 = _extent(world, half, float(axis[0]), float(axis[1]))

@@ -7,7 +7,6 @@ reach does not meet the box is left out. Tiles keep the things in the order of t
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
-from recipe_runtime.render.air import Air
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import clamp01, step_between
 from recipe_runtime.render.observation import depth_of
@@ -94,7 +93,7 @@ def gather(
         pz = world[0, 8] * cx + world[0, 9] * cy + world[0, 10] * z + world[0, 11]
         low = wp.vec3f(wp.min(low[0], px), wp.min(low[1], py), wp.min(low[2], pz))
         high = wp.vec3f(wp.max(high[0], px), wp.max(high[1], py), wp.max(high[2], pz))
-    n = int(0)
+    n = wp.int32(0)
     for i in range(lamps[0].count):
         p = lamps[0].position[i]
         gx = gap(low[0], high[0], p[0])
@@ -105,7 +104,7 @@ def gather(
             n = n + 1
             lamp_lists[tile, n] = i
     lamp_lists[tile, 0] = n
-    n = int(0)
+    n = wp.int32(0)
     for i in range(bodies[0].count):
         p = bodies[0].centre[i]
         reach = bodies[0].half[i][0] + bodies[0].half[i][1] + 0.7
@@ -119,9 +118,11 @@ def gather(
 
 
 @wp.func
-def contact(bodies: wp.array[Bodies], lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+def contact(
+    bodies: wp.array[Bodies], lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f
+) -> wp.float32:
     """The share of the sky's light left on ground that bodies stand close above."""
-    left = float(1.0)
+    left = wp.float32(1.0)
     for k in range(lists[tile, 0]):
         i = lists[tile, k + 1]
         c = bodies[0].centre[i]

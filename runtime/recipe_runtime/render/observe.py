@@ -107,7 +107,7 @@ class Observer:
 
     def _extents(self) -> Any:
         rows = np.zeros((max(len(self._g.actors), 1), 5), np.int32)
-        rows[:, 1:3], rows[:, 3:5] = 2**30, -(2**30)
+        rows[:, 1:3], rows[:, 3:5] = 1 << 30, -(1 << 30)
         return wp.array(rows, dtype=wp.int32, device=self._device)
 
     def _label(self, camera: CameraPlan, keys: Any) -> tuple[Any, Any, Any, NDArray[np.int32]]:
@@ -126,7 +126,16 @@ class Observer:
         extents, first = self._extents(), g.static_triangles
         for start in range(0, len(g.actors), _BATCH):
             bits = wp.zeros(pixels, dtype=wp.uint64, device=self._device)
-            inputs = [vertices, g.triangles, g.triangle_surface, g.surface_actor, first, start, lens_of(camera, 1), bits]
+            inputs = [
+                vertices,
+                g.triangles,
+                g.triangle_surface,
+                g.surface_actor,
+                first,
+                start,
+                lens_of(camera, 1),
+                bits,
+            ]
             launch(visibility.cover, g.triangle_count - first, inputs, self._device)
             count = min(_BATCH, len(g.actors) - start)
             launch(observation.amodal, pixels, [bits, camera.width, start, count, extents], self._device)
@@ -169,5 +178,3 @@ def _box(row: NDArray[np.int32]) -> Box:
 
 def _fractions(row: NDArray[np.int32]) -> tuple[float, float, float, float]:
     return int(row[1]) / 256.0, int(row[2]) / 256.0, int(row[3]) / 256.0, int(row[4]) / 256.0
-
-

@@ -78,20 +78,30 @@ def tiles(
 def ground_noise(p: wp.vec3f, foot: wp.float32) -> wp.float32:
     """Slow unevenness of the ground in the world, in [0, 1): where water stands."""
     a = noise2(p[0] * 0.45, p[1] * 0.45, wp.uint32(11))
-    b = noise2(p[0] * 1.7 + 5.1, p[1] * 1.7, wp.uint32(12)) - 0.5
-    c = noise2(p[0] * 6.1, p[1] * 6.1 + 2.0, wp.uint32(18)) - 0.5
-    return a * 0.7 + b * 0.42 * fade(0.6, foot) + c * 0.14 * fade(0.16, foot) + 0.15
+    level = a * 0.7 + 0.15
+    near = fade(0.6, foot)
+    if near > 0.0:
+        level = level + (noise2(p[0] * 1.7 + 5.1, p[1] * 1.7, wp.uint32(12)) - 0.5) * 0.42 * near
+    near = fade(0.16, foot)
+    if near > 0.0:
+        level = level + (noise2(p[0] * 6.1, p[1] * 6.1 + 2.0, wp.uint32(18)) - 0.5) * 0.14 * near
+    return level
 
 
 @wp.func
 def asphalt(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """Grains of stone in tar, patches that have aged differently, and a few seams."""
-    slow = noise2(p[0] * 0.23, p[1] * 0.23, wp.uint32(1)) - 0.5
-    middle = noise2(p[0] * 2.1, p[1] * 2.1, wp.uint32(2)) - 0.5
-    fine = unit(hash2(whole(p[0] * 55.0), whole(p[1] * 55.0), wp.uint32(3))) - 0.5
-    coarse = noise2(p[0] * 17.0, p[1] * 17.0, wp.uint32(4)) - 0.5
-    grain = 0.55 * fine * fade(0.018, foot) + 0.35 * coarse * fade(0.06, foot)
-    d.tone = 1.0 + 0.30 * slow + 0.22 * middle * fade(0.5, foot) + grain
+    d.tone = 1.0 + 0.3 * (noise2(p[0] * 0.23, p[1] * 0.23, wp.uint32(1)) - 0.5)
+    near = fade(0.5, foot)
+    if near > 0.0:
+        d.tone = d.tone + 0.22 * near * (noise2(p[0] * 2.1, p[1] * 2.1, wp.uint32(2)) - 0.5)
+    near = fade(0.06, foot)
+    if near > 0.0:
+        d.tone = d.tone + 0.35 * near * (noise2(p[0] * 17.0, p[1] * 17.0, wp.uint32(4)) - 0.5)
+    near = fade(0.018, foot)
+    if near > 0.0:
+        stone = unit(hash2(whole(p[0] * 55.0), whole(p[1] * 55.0), wp.uint32(3))) - 0.5
+        d.tone = d.tone + 0.55 * near * stone
     d.height = ground_noise(p, foot)
     return d
 
@@ -113,9 +123,11 @@ def leaves(d: Detail, p: wp.vec3f, foot: wp.float32, size: wp.float32) -> Detail
     """Leaves or blades: clumps of light and shade, and a normal for each that leans its own way."""
     s = 1.0 / size
     clump = noise3(p[0] * 1.7, p[1] * 1.7, p[2] * 1.7, wp.uint32(8))
-    leaf = noise3(p[0] * s + 3.0 * clump, p[1] * s, p[2] * s - 3.0 * clump, wp.uint32(9)) - 0.5
-    twig = noise3(p[0] * 5.0, p[1] * 5.0, p[2] * 5.0, wp.uint32(10)) - 0.5
     near = fade(size, foot)
+    leaf = wp.float32(0.0)
+    if near > 0.0:
+        leaf = noise3(p[0] * s + 3.0 * clump, p[1] * s, p[2] * s - 3.0 * clump, wp.uint32(9)) - 0.5
+    twig = noise3(p[0] * 5.0, p[1] * 5.0, p[2] * 5.0, wp.uint32(10)) - 0.5
     d.tone = 0.72 + 0.5 * clump + 0.7 * twig * fade(0.2, foot) + 1.1 * leaf * near
     d.second = clamp01(clump * 1.2 - 0.35)
     lean = 0.9 * fade(0.2, foot)
@@ -156,8 +168,11 @@ def window(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
 def wall(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, grain: wp.float32) -> Detail:
     """Plaster or concrete: weather stains that run down, and a fine grain."""
     stain = noise3(p[0] * 0.6, p[1] * 0.6, p[2] * 0.17, wp.uint32(13)) - 0.5
-    fine = noise3(p[0] * 13.0, p[1] * 13.0, p[2] * 13.0, wp.uint32(14)) - 0.5
-    d.tone = 1.0 + 0.18 * stain + grain * fine * fade(0.08, foot)
+    d.tone = 1.0 + 0.18 * stain
+    near = fade(0.08, foot)
+    if near > 0.0:
+        fine = noise3(p[0] * 13.0, p[1] * 13.0, p[2] * 13.0, wp.uint32(14)) - 0.5
+        d.tone = d.tone + grain * fine * near
     return d
 
 

@@ -67,10 +67,10 @@ def reflect(
     n = direction(wp.vec3f(sight[0] * ripple, sight[1] * ripple, 1.0))
     r = sight - n * (2.0 * inner(n, sight))
     d = direction(wp.vec3f(r[0], r[1], wp.max(r[2], 0.02)))
-    hit = int(-1)
+    hit = wp.int32(-1)
     if share > FAINT:
-        before = float(0.05)
-        t = float(0.2)
+        before = wp.float32(0.05)
+        t = wp.float32(0.2)
         for _step in range(STEPS):
             if hit < 0:
                 q = p + d * t

@@ -1,7 +1,6 @@
 """The renderer: one scene's bodies, observed from poses and shaded in appearances."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,5 +35,4 @@ class Renderer:
 
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float = 0.0) -> NDArray[np.float32]:
         """Linear relative radiance at pixel centres before the camera, [H, W, 3]; for tests and tools."""
-        linear: Any = self._painter.radiance(obs, appearance, time)
-        return linear
+        return self._painter.radiance(obs, appearance, time)

@@ -9,7 +9,7 @@ shaded once, weighed by the quarters it fills. What is found here depends on no 
 
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.observation import depth_of, triangle_of
-from recipe_runtime.render.pattern import Detail, detail_of
+from recipe_runtime.render.pattern import detail_of
 from recipe_runtime.render.vectors import direction, inner, outer, rotate
 from recipe_runtime.render.visibility import Lens
 
@@ -35,7 +35,7 @@ class Scene:
 
 
 @wp.func
-def alike(a: wp.uint64, b: wp.uint64, near: wp.float64, scene: wp.array[Scene]) -> bool:
+def alike(a: wp.uint64, b: wp.uint64, scene: wp.array[Scene]) -> bool:
     """Whether two samples see one smooth surface: same look, near in depth, faces turned alike."""
     if a == b:
         return True
@@ -43,20 +43,18 @@ def alike(a: wp.uint64, b: wp.uint64, near: wp.float64, scene: wp.array[Scene]) 
         return False
     s = triangle_of(a)
     t = triangle_of(b)
-    za = depth_of(a, near)
-    zb = depth_of(b, near)
-    gap = za - zb
-    if gap < wp.float64(0.0):
-        gap = -gap
     if s == t:
         return True
     if scene[0].triangle_surface[s] != scene[0].triangle_surface[t]:
         return False
     if scene[0].vertex_part[scene[0].triangles[s][0]] != scene[0].vertex_part[scene[0].triangles[t][0]]:
         return False
-    if gap > za * wp.float64(0.03):
+    if inner(scene[0].face_normals[s], scene[0].face_normals[t]) < 0.8:
         return False
-    return inner(scene[0].face_normals[s], scene[0].face_normals[t]) > 0.8
+    # Keys grow with nearness: within 3 % of each other means as near.
+    u = wp.float64(wp.int64(a >> wp.uint64(24)))
+    v = wp.float64(wp.int64(b >> wp.uint64(24)))
+    return u < v * wp.float64(1.03) and v < u * wp.float64(1.03)
 
 
 @wp.kernel
@@ -74,23 +72,23 @@ def count(fine: wp.array[wp.uint64], lens: Lens, scene: wp.array[Scene], groups:
     k1 = fine[base + 1]
     k2 = fine[base + row]
     k3 = fine[base + row + 1]
-    n = int(1)
-    g1 = int(0)
-    g2 = int(0)
-    g3 = int(0)
-    if not alike(k0, k1, lens.near, scene):
+    n = wp.int32(1)
+    g1 = wp.int32(0)
+    g2 = wp.int32(0)
+    g3 = wp.int32(0)
+    if not alike(k0, k1, scene):
         g1 = n
         n = n + 1
-    if not alike(k0, k2, lens.near, scene):
-        if g1 != 0 and alike(k1, k2, lens.near, scene):
+    if not alike(k0, k2, scene):
+        if g1 != 0 and alike(k1, k2, scene):
             g2 = g1
         else:
             g2 = n
             n = n + 1
-    if not alike(k0, k3, lens.near, scene):
-        if g1 != 0 and alike(k1, k3, lens.near, scene):
+    if not alike(k0, k3, scene):
+        if g1 != 0 and alike(k1, k3, scene):
             g3 = g1
-        elif g2 != 0 and alike(k2, k3, lens.near, scene):
+        elif g2 != 0 and alike(k2, k3, scene):
             g3 = g2
         else:
             g3 = n
@@ -127,7 +125,7 @@ def place(
         keys[s] = fine[base + (quarter >> 1) * row + (quarter & 1)]
         places[s] = quarter
         weights[s] = weights[s] + 0.25
-    if n == 1 and alike(keys[first], coarse[i], lens.near, scene):
+    if n == 1 and alike(keys[first], coarse[i], scene):
         keys[first] = coarse[i]
         places[first] = CENTRE
 

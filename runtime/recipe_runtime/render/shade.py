@@ -83,7 +83,7 @@ class Matter:
 @wp.func
 def sunshine(s: wp.array[Sunlit], sun: wp.vec3f, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """The share of the sun that reaches a point."""
-    left = float(1.0)
+    left = wp.float32(1.0)
     if holds(s[0].still, p):
         left = lit(s[0].still, s[0].still_depths, s[0].still_used, p, n)
     else:
@@ -134,7 +134,13 @@ def pane(m: Matter, air: wp.array[Air], first: wp.vec3f, second: wp.vec3f, detai
 
 @wp.func
 def matter_of(
-    pattern: wp.int32, air: wp.array[Air], first: wp.vec3f, second: wp.vec3f, detail: wp.vec4f, n: wp.vec3f, code: wp.uint32
+    pattern: wp.int32,
+    air: wp.array[Air],
+    first: wp.vec3f,
+    second: wp.vec3f,
+    detail: wp.vec4f,
+    n: wp.vec3f,
+    code: wp.uint32,
 ) -> Matter:
     """The dry material."""
     m = Matter()
@@ -178,7 +184,12 @@ def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], detail: wp.vec4f) 
     if air[0].wet <= 0.0:
         return m
     up = clamp01(m.normal[2])
-    if pattern == patterns.ASPHALT or pattern == patterns.SLABS or pattern == patterns.ROAD_PAINT or pattern == patterns.CONCRETE:
+    if (
+        pattern == patterns.ASPHALT
+        or pattern == patterns.SLABS
+        or pattern == patterns.ROAD_PAINT
+        or pattern == patterns.CONCRETE
+    ):
         darker = 0.52
         if pattern == patterns.ROAD_PAINT:
             darker = 0.78
@@ -191,7 +202,12 @@ def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], detail: wp.vec4f) 
             m.albedo = m.albedo * (1.0 - 0.45 * pool)
             m.coat = m.coat + (0.028 - m.coat) * pool
             m.gloss = m.gloss + (0.985 - m.gloss) * pool
-    elif pattern == patterns.BRICK or pattern == patterns.PLASTER or pattern == patterns.BARK or pattern == patterns.CLOTH:
+    elif (
+        pattern == patterns.BRICK
+        or pattern == patterns.PLASTER
+        or pattern == patterns.BARK
+        or pattern == patterns.CLOTH
+    ):
         m.albedo = m.albedo * (1.0 - 0.28 * air[0].wet)
     elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS or pattern == patterns.ROOF:
         m.albedo = m.albedo * (1.0 - 0.2 * air[0].wet)
@@ -243,11 +259,13 @@ def shade(
     if facing < 0.0:
         # A smoothed normal may turn away at a silhouette; bring it back to the edge.
         n = direction(n - sight * (facing * -1.0))
-        facing = float(0.0)
+        facing = wp.float32(0.0)
     m = matter_of(pattern, air, looks[0].first[surface], looks[0].second[surface], detail, n, samples[0].codes[i])
     m = moisten(m, pattern, air, detail)
     pixel = samples[0].pixels[i]
-    tile = (pixel / samples[0].width / TILE) * ((samples[0].width + TILE - 1) / TILE) + (pixel % samples[0].width) / TILE
+    tile = (pixel / samples[0].width / TILE) * ((samples[0].width + TILE - 1) / TILE) + (
+        pixel % samples[0].width
+    ) / TILE
     sky_left = contact(bodies, body_lists, tile, p, n)
     if n[2] < 0.5 and p[2] < 3.0:
         # Walls see less of the sky near the ground.
@@ -262,7 +280,9 @@ def shade(
         wrapped = clamp01((to_sun + m.soft) / (1.0 + m.soft))
         light = light + air[0].sunlight * (s * wrapped)
         if m.coat > 0.0 and s > 0.0 and to_sun > 0.0:
-            shine = shine + air[0].sunlight * (s * fresnel(m.coat, m.gloss, to_sun) * glint(m.gloss, n, air[0].sun, back) * to_sun)
+            shine = shine + air[0].sunlight * (
+                s * fresnel(m.coat, m.gloss, to_sun) * glint(m.gloss, n, air[0].sun, back) * to_sun
+            )
     if air[0].night > 0.0:
         for k in range(lamp_lists[tile, 0]):
             lamp = lamp_lists[tile, k + 1]

@@ -96,9 +96,7 @@ def holds(beam: Sunbeam, p: wp.vec3f) -> bool:
 
 
 @wp.func
-def lit(
-    beam: Sunbeam, depths: wp.array[wp.float32], used: wp.array[wp.int32], p: wp.vec3f, n: wp.vec3f
-) -> wp.float32:
+def lit(beam: Sunbeam, depths: wp.array[wp.float32], used: wp.array[wp.int32], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """The share of the sun seen from a point with normal n: nine bilinear taps, so that edges are soft and still."""
     if beam.size == 0:
         return 1.0
@@ -116,7 +114,7 @@ def lit(
     fu = u - wp.float32(i)
     fv = v - wp.float32(j)
     q = along(beam.q, r) + (0.01 + 0.35 * beam.texel) / beam.depth
-    total = float(0.0)
+    total = wp.float32(0.0)
     for y in range(4):
         wy = wp.float32(1.0)
         if y == 0:
@@ -124,7 +122,7 @@ def lit(
         if y == 3:
             wy = fv
         base = (j + y - 1) * beam.size + i - 1
-        row = float(0.0)
+        row = wp.float32(0.0)
         if depths[base] <= q:
             row = row + 1.0 - fu
         if depths[base + 1] <= q:

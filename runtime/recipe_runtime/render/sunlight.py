@@ -103,9 +103,7 @@ def _axes(sun: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Unit vectors across the rays (level), across them (upward), and towards the sun."""
     flat = float(np.sqrt(sun[0] * sun[0] + sun[1] * sun[1]))
     u = np.array([-sun[1] / flat, sun[0] / flat, 0.0]) if flat > 1e-6 else np.array([1.0, 0.0, 0.0])
-    v = np.array(
-        [sun[1] * u[2] - sun[2] * u[1], sun[2] * u[0] - sun[0] * u[2], sun[0] * u[1] - sun[1] * u[0]]
-    )
+    v = np.array([sun[1] * u[2] - sun[2] * u[1], sun[2] * u[0] - sun[0] * u[2], sun[0] * u[1] - sun[1] * u[0]])
     return [u, v, sun]
 
 

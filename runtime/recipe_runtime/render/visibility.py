@@ -231,13 +231,13 @@ def clip_and_draw(
     q = Corner()
     r = Corner()
     s = Corner()
-    pieces = 1
+    pieces = wp.int32(1)
     if inside == 2:
         p = cut(b, a, lens)
         q = project(wp.float64(b[0]), wp.float64(b[1]), wp.float64(b[2]), lens)
         r = project(wp.float64(c[0]), wp.float64(c[1]), wp.float64(c[2]), lens)
         s = cut(c, a, lens)
-        pieces = 2
+        pieces = wp.int32(2)
     elif inside == 1:
         p = project(wp.float64(a[0]), wp.float64(a[1]), wp.float64(a[2]), lens)
         q = cut(a, b, lens)

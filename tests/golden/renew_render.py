@@ -1,0 +1,30 @@
+"""Write tests/golden/render.json anew: `python -m tests.golden.renew_render`.
+
+Do it only for a change that is meant to move pixels, look at the pictures that it leaves beside the digests when
+given a folder (`python -m tests.golden.renew_render pictures/`), and say in the commit what moved them.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+from tests.runtime.render_scene import golden_digests, golden_pictures
+
+GOLDEN = Path(__file__).with_name("render.json")
+
+
+def main() -> None:
+    """Renew the digests; save the pictures if a folder is given."""
+    GOLDEN.write_text(json.dumps(golden_digests(), indent=2, sort_keys=True) + "\n")
+    for folder in map(Path, sys.argv[1:]):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, picture in golden_pictures().items():
+            Image.fromarray(picture).save(folder / f"{name}.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""A frame is a pure function of its plan and number: golden digests, and nothing that caches could change."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from recipe_compiler.plan import CameraResponse
+from recipe_runtime.render import Renderer
+
+from tests.golden.renew_render import GOLDEN
+from tests.runtime.render_scene import CAMERA, EYE, WEATHERS, golden_digests, parts_at, street
+
+ROOT = Path(__file__).parents[2]
+
+
+def picture(renderer: Renderer, frame: int, weather: str = "rainy") -> bytes:
+    seen = renderer.observe(CAMERA, EYE, parts_at(frame))
+    return renderer.shade(seen, WEATHERS[weather], "street", frame, frame / 30).tobytes()
+
+
+def test_golden_digests() -> None:
+    """Renew them with `python -m tests.golden.renew_render` when pixels are meant to move."""
+    assert golden_digests() == json.loads(GOLDEN.read_text())
+
+
+def test_another_process_gives_the_same_digests() -> None:
+    code = "import json; from tests.runtime.render_scene import golden_digests; print(json.dumps(golden_digests()))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == golden_digests()
+    assert done.stderr == ""  # neither Warp's banner nor a compiler's warning
+
+
+def test_a_frame_alone_is_the_frame_of_the_sequence() -> None:
+    running = Renderer(street())
+    for weather in ("noon", "rainy", "night"):
+        sequence = [picture(running, frame, weather) for frame in range(4)]
+        assert picture(Renderer(street()), 3, weather) == sequence[3]
+        assert len(set(sequence)) == 4
+
+
+def test_order_of_appearances_and_caches_changes_nothing() -> None:
+    forward, backward = Renderer(street()), Renderer(street(), keep_static=False)
+    a, b = (r.observe(CAMERA, EYE, parts_at()) for r in (forward, backward))
+    names = list(WEATHERS)
+    first = {n: forward.shade(a, WEATHERS[n], "street", 0, 0.0).tobytes() for n in names}
+    second = {n: backward.shade(b, WEATHERS[n], "street", 0, 0.0).tobytes() for n in reversed(names)}
+    assert first == second
+    assert len(set(first.values())) == len(names)
+
+
+def test_labels_are_the_same_whatever_the_weather() -> None:
+    renderer = Renderer(street())
+    seen = renderer.observe(CAMERA, EYE, parts_at())
+    before = seen.depth.tobytes(), seen.instance.tobytes(), seen.semantic.tobytes(), seen.objects
+    for weather in WEATHERS.values():
+        renderer.shade(seen, weather, "street", 0, 0.0)
+    again = renderer.observe(CAMERA, EYE, parts_at())
+    for o in (seen, again):
+        assert (o.depth.tobytes(), o.instance.tobytes(), o.semantic.tobytes(), o.objects) == before
+
+
+def test_noise_has_a_key_of_its_own_for_every_sensor_and_frame() -> None:
+    renderer = Renderer(street())
+    seen = renderer.observe(CAMERA, EYE, parts_at())
+    plan = WEATHERS["noon"]
+    shots = [renderer.shade(seen, plan, s, f, 0.0) for s, f in (("street", 0), ("side", 0), ("street", 1))]
+    assert len({shot.tobytes() for shot in shots}) == 3
+    quiet = plan.model_copy(update={"responses": {s: CameraResponse(noise=0.0) for s in ("street", "side")}})
+    still = [renderer.shade(seen, quiet, s, f, 0.0) for s, f in (("street", 0), ("side", 0), ("street", 1))]
+    assert len({shot.tobytes() for shot in still}) == 1
+    assert np.abs(still[0].astype(int) - shots[0]).max() < 40
+
+
+def test_antialiasing_touches_edges_only() -> None:
+    renderer = Renderer(street())
+    seen = renderer.observe(CAMERA, EYE, parts_at())
+    plan = WEATHERS["noon"]
+    smooth, plain = (
+        renderer.shade(
+            seen,
+            plan.model_copy(update={"responses": {"street": CameraResponse(noise=0.0, antialias=on)}}),
+            "street",
+            0,
+            0.0,
+        )
+        for on in (True, False)
+    )
+    changed = (smooth != plain).any(axis=2)
+    assert 0.01 < changed.mean() < 0.4

@@ -1,0 +1,67 @@
+"""The rules that make kernels agree on every machine, held against their source."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+from recipe_runtime import render
+
+FOLDER = Path(render.__file__).parent
+MODULES = sorted(FOLDER.glob("*.py"))
+# What a kernel may call of Warp: arithmetic, conversions, constructors, integer atomics. No transcendental,
+# no helper whose order of operations is not ours.
+ALLOWED = {
+    "abs", "min", "max", "sqrt", "tid", "clone", "launch", "constant", "struct", "func", "kernel", "init",
+    "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float32", "float64",
+    "vec2f", "vec3f", "vec4f", "vec3i", "array", "array2d", "zeros", "empty", "set_module_options",
+    "atomic_add", "atomic_min", "atomic_max", "atomic_or",
+}  # fmt: skip
+FLOATING = {"float32", "float64", "float"}
+
+
+def calls(path: Path) -> list[ast.Call]:
+    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.stem)
+def test_kernels_use_exact_arithmetic_only(path: Path) -> None:
+    for call in calls(path):
+        name = call.func
+        if isinstance(name, ast.Attribute) and isinstance(name.value, ast.Name) and name.value.id == "wp":
+            assert name.attr in ALLOWED, f"{path.name}:{call.lineno}: wp.{name.attr}"
+        if isinstance(name, ast.Attribute) and isinstance(name.value, ast.Name):
+            assert name.value.id != "math", f"{path.name}:{call.lineno}: math.{name.attr}"
+            banned = {"sin", "cos", "exp", "log", "power", "dot", "einsum", "matmul", "argsort", "random"}
+            assert name.value.id != "np" or name.attr not in banned, f"{path.name}:{call.lineno}: np.{name.attr}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.stem)
+def test_no_power_operator_and_no_matrix_product(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text())):
+        assert not isinstance(node, ast.Pow | ast.MatMult), path.name
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.stem)
+def test_atomics_take_whole_numbers_only(path: Path) -> None:
+    """Each atomic's target is an array declared with an integer type in the same function."""
+    for function in ast.walk(ast.parse(path.read_text())):
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        kinds = {a.arg: ast.unparse(a.annotation) for a in function.args.args if a.annotation}
+        for call in ast.walk(function):
+            if isinstance(call, ast.Call) and ast.unparse(call.func).startswith("wp.atomic_"):
+                kind = kinds[ast.unparse(call.args[0])]
+                assert "int" in kind and not any(f in kind for f in FLOATING), f"{path.name}: {function.name}: {kind}"
+
+
+def test_every_kernel_module_sets_the_options() -> None:
+    for path in MODULES:
+        source = path.read_text()
+        if "@wp.func" in source or "@wp.kernel" in source:
+            assert "wp.set_module_options(OPTIONS)" in source, path.name
+    from recipe_runtime.render.device import OPTIONS, wp
+
+    assert OPTIONS["fuse_fp"] is False and OPTIONS["fast_math"] is False
+    assert wp.config.cpu_compiler_flags == ""
