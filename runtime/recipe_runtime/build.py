@@ -66,10 +66,10 @@ def build(
     """
     start, out = time.perf_counter(), out.absolute()
     check_plan(dataset)
-    check_out(out)
     manifest = read_manifest(out)
     if manifest is not None and is_whole(manifest, dataset, out):
         return BuildResult(out, manifest["identity"], manifest, built=False)
+    check_out(out)
     studio = _Studio(dataset, engines or real_engines(), device, cache or default_cache(), progress or _silence)
     with Workspace(out, head(dataset)) as work:
         harvest = studio.simulate()

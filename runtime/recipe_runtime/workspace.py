@@ -46,11 +46,15 @@ class Workspace:
     def __enter__(self) -> Workspace:
         with host_errors(str(self._partial), _REMEDY):
             self._take()
-            self._recover()
-            if not self._is_mine():
-                self._clear()
-            self.dataset.mkdir(exist_ok=True)
-            self._shards.mkdir(exist_ok=True)
+            try:
+                self._recover()
+                if not self._is_mine():
+                    self._clear()
+                self.dataset.mkdir(exist_ok=True)
+                self._shards.mkdir(exist_ok=True)
+            except BaseException:
+                os.close(self._lock)
+                raise
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
@@ -151,12 +155,22 @@ class Workspace:
 
 
 def check_out(out: Path) -> None:
-    """InputError if something other than a dataset of ours stands where one is to be put."""
+    """InputError if anything but a dataset of ours, and it alone, stands where one is to be put."""
     if out.is_symlink() or (out.exists() and not out.is_dir()):
         raise InputError(f"{out} is not a folder; choose another with --out")
-    if out.is_dir() and any(out.iterdir()) and read_manifest(out) is None:
+    if not out.is_dir() or not any(out.iterdir()):
+        return
+    manifest = read_manifest(out)
+    if manifest is None:
         raise InputError(
             f"{out} holds files but no {layout.MANIFEST} of a dataset; move it away or choose another with --out"
+        )
+    known = {layout.MANIFEST, *manifest.get("files", {}), *manifest.get("pictures", {})}
+    found = (p.relative_to(out).as_posix() for p in sorted(out.rglob("*")) if p.is_symlink() or not p.is_dir())
+    foreign = [path for path in found if path not in known]
+    if foreign:
+        raise InputError(
+            f"{out} holds a file that is not the dataset's, {foreign[0]}; move it away before it is replaced"
         )
 
 

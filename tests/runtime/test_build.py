@@ -147,6 +147,16 @@ def test_a_folder_that_is_not_ours_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is not a build's work"):
         again(tmp_path / "other", workers=0)
     assert notes.read_text() == "kept"
+    notes.unlink()
+    assert again(tmp_path / "other", workers=0).built
+
+
+def test_what_someone_put_into_a_dataset_is_not_replaced_with_it(tmp_path: Path) -> None:
+    notes = again(tmp_path, dataset_plan(weathers=1), workers=0).path / "preview" / "notes.txt"
+    notes.write_text("kept")
+    with pytest.raises(InputError, match=r"holds a file that is not the dataset's, preview/notes\.txt; move it away"):
+        again(tmp_path, workers=0)
+    assert notes.read_text() == "kept"
 
 
 BUILD_SLOWLY = """
