@@ -36,7 +36,7 @@ def pose(figure: Figure, phase: float, speed: float) -> GaitPose:
     walking = min(1.0, speed / 0.5)
     length = stride(figure, speed)
     _, twice = exact.sin_cos_deg(720.0 * (phase - 0.05))
-    sink = walking * (0.006 * figure.height + min(0.034 * length, 0.034 * figure.height) * 0.5 * (1.0 + twice))
+    sink = walking * (0.003 * figure.height + min(0.029 * length, 0.029 * figure.height) * 0.5 * (1.0 + twice))
     swing = min(1.25, speed / 1.4)
     _, cosine = exact.sin_cos_deg(360.0 * phase)
     turn = 5.0 * swing * cosine

@@ -9,8 +9,8 @@ _BRICK_TO_PLASTER = (
 
 PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
     "ground": {"ground": ("#6f7466",)},
-    "road": {"asphalt": ("#55565a",), "paint": ("#dcdcd6",), "centre": ("#d9b94a",)},
-    "junction": {"asphalt": ("#55565a",), "paint": ("#dcdcd6",)},
+    "road": {"asphalt": ("#626366",), "paint": ("#dcdcd6",), "centre": ("#d9b94a",)},
+    "junction": {"asphalt": ("#626366",), "paint": ("#dcdcd6",)},
     "sidewalk": {"kerb": ("#a6a39c",), "slabs": ("#98948c", "#9d978d", "#938f89"), "yard": ("#6c7a55", "#8a877f")},
     "building": {
         "wall": _BRICK_TO_PLASTER,
@@ -28,7 +28,7 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
     "wall": {"wall": ("#a39380", "#9a7662", "#b0a695"), "coping": ("#bdb7ab", "#a9a59c")},
     "tree": {
         "bark": ("#5b4a3b", "#665546", "#4f443a"),
-        "leaves": ("#4e6b34", "#587a3a", "#466030", "#63803f", "#6a7d3a"),
+        "leaves": ("#45552f", "#4c5d33", "#3f4f2c", "#566338", "#5d6339"),
         "pit": ("#4d4339",),
     },
     "lamp": {"metal": ("#3e4346",), "lamp": ("#ffe2b0",)},

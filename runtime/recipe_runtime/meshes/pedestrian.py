@@ -89,11 +89,10 @@ def _pelvis(f: Figure, c: _Clothes, actor: ActorPlan) -> Mesh:
         square=0.06,
     )
     if actor.shape["legs"] == 2:  # a skirt to the knees
-        _skirt(b, c.trousers, [(0.30 * h, 0.10 * h, 0.125 * h), (0.40 * h, 0.086 * h * g, 0.115 * h * g)], h, g)
+        _skirt(b, c.trousers, [(0.31 * h, 0.128 * h, 0.128 * h), (0.40 * h, 0.102 * h * g, 0.115 * h * g)], h, g)
     if coat > 0.0:
-        hem = 0.50 * h - coat
-        spread = 1.0 + 0.35 * coat
-        _skirt(b, c.shirt, [(hem, 0.076 * h * g * spread, 0.108 * h * g * spread)], h, g * 1.06)
+        hem, wide = 0.50 * h - coat, 0.076 * h * g + 0.14 * coat
+        _skirt(b, c.shirt, [(hem, wide, 0.108 * h * g + 0.06 * coat)], h, g * 1.06)
     return b.mesh()
 
 
@@ -117,10 +116,10 @@ def _torso(b: Builder, f: Figure, c: _Clothes, actor: ActorPlan) -> None:
         (0.65 * h, 0.061 * g + 0.02 * belly, 0.083 * g, 0.003 + 0.02 * belly),
         (0.71 * h, 0.065 * g, 0.091 * g, 0.003),
         (0.755 * h, 0.065 * g, 0.80 * w / h + 0.016, 0.0),
-        (0.785 * h, 0.058 * g, 0.96 * w / h + 0.010, -0.004),
-        (0.806 * h, 0.047, 0.86 * w / h + 0.004, -0.006),
-        (0.824 * h, 0.038, 0.56 * w / h, -0.007),
-        (0.838 * h, 0.033, 0.040, -0.005),
+        (0.788 * h, 0.058 * g, 0.98 * w / h + 0.014, -0.004),
+        (0.808 * h, 0.047, 0.95 * w / h + 0.004, -0.006),
+        (0.822 * h, 0.039, 0.68 * w / h, -0.007),
+        (0.836 * h, 0.034, 0.042, -0.005),
         (0.850 * h, 0.030, 0.031, -0.003),
     ]
     _loft(b, c.shirt, [(z - f.chest, rx * h, ry * h, cx * h) for z, rx, ry, cx in rows], square=0.05)
@@ -209,16 +208,16 @@ def _upper_arm(b: Builder, f: Figure, c: _Clothes, long: bool) -> None:
         (-0.15 * h, 0.0245, 0.0235, 0.0),
         (-0.09 * h, 0.0280, 0.0265, 0.0),
         (-0.035 * h, 0.0305, 0.0280, 0.0),
-        (-0.005 * h, 0.0290, 0.0250, 0.0),
-        (0.012 * h, 0.0210, 0.0170, 0.0),
+        (-0.010 * h, 0.0280, 0.0240, 0.0),
+        (0.007 * h, 0.0190, 0.0150, 0.0),
     ]
     skin = [(z, rx * h * g, ry * h * g, cx) for z, rx, ry, cx in sections]
     if long:
         _loft(b, c.shirt, [(z, rx * 1.1, ry * 1.1, cx) for z, rx, ry, cx in skin])
         return
     _loft(b, c.skin, skin[:4])
-    sleeve = [(-0.10 * h, 0.034, 0.033, 0.0), (-0.035 * h, 0.0335, 0.031, 0.0), (0.0, 0.030, 0.027, 0.0)]
-    sleeve.append((0.014 * h, 0.021, 0.018, 0.0))
+    sleeve = [(-0.10 * h, 0.034, 0.033, 0.0), (-0.035 * h, 0.0335, 0.031, 0.0), (-0.006 * h, 0.029, 0.025, 0.0)]
+    sleeve.append((0.008 * h, 0.020, 0.016, 0.0))
     _loft(b, c.shirt, [(z, rx * h * g, ry * h * g, cx) for z, rx, ry, cx in sleeve])
 
 
@@ -261,6 +260,9 @@ def _thigh(b: Builder, f: Figure, c: _Clothes, legs: float) -> None:
         _loft(b, c.trousers, [(z, rx * 1.06, ry * 1.06, cx) for z, rx, ry, cx in loft])
         return
     _loft(b, c.skin, loft)
+    if legs == 2:  # where a striding leg pushes the skirt out, cloth shows
+        cloth = [(-0.19, 0.052, 0.050, 0.0), (-0.10, 0.054, 0.050, 0.0), (0.0, 0.050, 0.046, -0.002)]
+        _loft(b, c.trousers, [(z * h, rx * h * g, ry * h * g, cx * h) for z, rx, ry, cx in cloth])
     if legs == 0:
         shorts = [(-0.205, 0.052, 0.050, 0.0), (-0.12, 0.053, 0.050, 0.0), (0.0, 0.054, 0.050, -0.002)]
         _loft(b, c.trousers, [(z * h, rx * h * g, ry * h * g, cx * h) for z, rx, ry, cx in shorts])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from recipe_compiler import exact
 from recipe_compiler.plan import Element
 
-from recipe_runtime.meshes.builder import Builder, icosphere, noise, tube
+from recipe_runtime.meshes.builder import Array, Builder, Index, cross, icosphere, noise, tube, unit
 from recipe_runtime.meshes.mesh import Light, Pattern, Surface
 from recipe_runtime.meshes.tags import Tag
 
@@ -64,21 +66,42 @@ def tree(b: Builder, e: Element) -> None:
         branch = [(lean[0], lean[1], fork - 0.15), (lean[0] + reach * c, lean[1] + reach * s, fork + 0.22 * height)]
         b.grid(_BARK, tube(branch, [0.5 * r, 0.25 * r], 5), crease=0.0)
     b.quads(_PIT, [((-0.6, -0.6, 0.004), (0.6, -0.6, 0.004), (0.6, 0.6, 0.004), (-0.6, 0.6, 0.004))])
-    clumps = [(0.0, 0.0, 0.80, 0.58)]
+    points, normals, uvs, triangles = _crown(key % 16)
+    scale = np.array([spread, spread, height])
+    moved = points * scale + np.array([lean[0], lean[1], 0.0])
+    b.add(_LEAVES, moved, unit(normals / scale), uvs * spread, triangles)
+
+
+@cache
+def _crown(kind: int) -> tuple[Array, Array, Array, Index]:
+    """One of sixteen crowns for a tree of height and spread 1: vertices, normals, uv, triangles."""
+    b = Builder()
+    clumps = [(0.0, 0.0, 0.80, 0.36)]
     for k in range(4):
-        s, c = exact.sin_cos_deg(90.0 * k + 45.0 * noise(key, 10 + k))
-        out = 0.27 * spread * (1 + 0.25 * noise(key, 20 + k))
-        clumps.append((out * c, out * s, 0.62 + 0.07 * noise(key, 30 + k), 0.46 + 0.07 * noise(key, 40 + k)))
+        s, c = exact.sin_cos_deg(90.0 * k + 45.0 * noise(kind, 10 + k))
+        out = 0.27 * (1 + 0.25 * noise(kind, 20 + k))
+        clumps.append((out * c, out * s, 0.62 + 0.07 * noise(kind, 30 + k), 0.29 + 0.045 * noise(kind, 40 + k)))
     for n, (x, y, z, size) in enumerate(clumps):
-        _clump(b, key + 977 * n, (x + lean[0], y + lean[1], z * height), 0.5 * spread * size * 1.25)
+        _clump(b, kind + 977 * n, np.array((x, y, z)), np.array((size, size, 0.52 * size)))
+    mesh = b.mesh()
+    points, normals, uvs = (a.astype(np.float64) for a in (mesh.vertices, mesh.normals, mesh.uvs))
+    return points, normals, uvs, mesh.triangles.astype(np.int64)
 
 
-def _clump(b: Builder, key: int, centre: tuple[float, float, float], radius: float) -> None:
-    """A ragged ball of leaves."""
+def _clump(b: Builder, key: int, centre: Array, radii: Array) -> None:
+    """A ragged ball of leaves, with sprays that stand out of it and break its outline."""
     points, faces = icosphere(1)
     ragged = np.array([1.0 + 0.22 * noise(key, k) for k in range(len(points))])
-    shape = points * ragged[:, None] * [radius, radius, 0.88 * radius] + np.array(centre)
-    b.smooth([_LEAVES] * len(faces), shape, faces, crease=0.75)
+    b.smooth([_LEAVES] * len(faces), points * ragged[:, None] * radii + centre, faces, crease=0.75)
+    tufts = []
+    for k, out in enumerate(points[::2]):
+        at = out * (1.0 + 0.16 * noise(key, 200 + k))
+        normal = unit((out + [0.8 * noise(key, 300 + 4 * k + axis) for axis in range(3)])[None])[0]
+        side = unit(cross(normal, np.array([0.3, 0.2, 1.0]))[None])[0]
+        up, size = cross(normal, side), 0.42 + 0.14 * noise(key, 500 + k)
+        spray = np.array([-0.5 * up, 0.55 * side + 0.2 * up, 0.8 * up, 0.1 * up - 0.5 * side])
+        tufts.append((at + size * spray) * radii + centre)
+    b.quads(_LEAVES, tufts)
 
 
 def bench(b: Builder, e: Element) -> None:

@@ -76,7 +76,7 @@ class Figure:
         ]
         for side, s in (("left", 1.0), ("right", -1.0)):
             found += [
-                Joint(f"upper_arm_{side}", "torso", _at(0, s * self.shoulder, 0.8 * h - self.chest), "y"),
+                Joint(f"upper_arm_{side}", "torso", _at(0, s * self.shoulder, 0.797 * h - self.chest), "y"),
                 Joint(f"forearm_{side}", f"upper_arm_{side}", _at(0, s * 0.008 * h, -0.172 * h), "y"),
             ]
         for side, s in (("left", 1.0), ("right", -1.0)):

@@ -260,11 +260,12 @@ def _cells(f: _Finish, style: _Style, shape: Mapping[str, float], stations: list
 
 def _underside(b: Builder, f: _Finish, shape: Mapping[str, float]) -> None:
     """A dark core, so that no light falls through the wheel arches."""
-    x, y = shape["length"] / 2 - 0.12, shape["width"] / 2 - 0.36
-    top = max(0.62 * min(shape["height"], 1.6), 2.0 * shape["wheel"] + 0.1)
+    reach, y = 1.2 * shape["wheel"], shape["width"] / 2 - 0.36
+    rear, front = _axles(shape)
+    top = 2.13 * shape["wheel"] + 0.03
     if int(shape["body"]) == _TRUCK:
-        top = 0.26 * shape["height"]
-    b.box(f.trim, (-x, -y, shape["clearance"] - 0.02), (x, y, min(top, 0.55 * shape["height"])))
+        top = min(top, 0.29 * shape["height"])
+    b.box(f.trim, (rear - reach, -y, shape["clearance"] - 0.02), (front + reach, y, top))
 
 
 def _ends(b: Builder, f: _Finish, style: _Style, shape: Mapping[str, float]) -> None:
