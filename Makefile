@@ -51,7 +51,7 @@ test-quick: install-dev  ## the tests that take under ten seconds each
 	$(BIN)/python -m pytest -q -m "not slow"
 
 test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)
-	$(BIN)/python -m pytest -q -m cpus --override-ini addopts="-ra --strict-markers"
+	$(BIN)/python -m pytest -q -m cpus --durations=0
 
 bench: install-dev  ## frames a second beside a plain PyBullet + Pillow script, in one run
 	$(BIN)/python -m benchmarks.listing

@@ -67,9 +67,7 @@ def main() -> None:
     from recipe_compiler.errors import InputError, RunError
 
     try:
-        recipe.main(standalone_mode=False)
-    except click.exceptions.Exit as stop:
-        sys.exit(stop.exit_code)
+        sys.exit(recipe.main(standalone_mode=False) or 0)  # what it returns is the code of an Exit
     except click.ClickException as error:
         error.show()
         sys.exit(2)

@@ -47,7 +47,8 @@ def _pose(name: str, sensor: Sensor, frame: int, time: float, seed: int) -> Pose
 def _along(mount: Mount, linear: Linear, time: float) -> dict[str, float]:
     start = {axis: getattr(mount, axis) for axis in "xyz"}
     end = {axis: start[axis] if (value := getattr(linear.to, axis)) is None else value for axis in "xyz"}
-    length = math.sqrt(sum((end[axis] - start[axis]) ** 2 for axis in "xyz"))
+    steps = [end[axis] - start[axis] for axis in "xyz"]
+    length = math.sqrt(sum(step * step for step in steps))
     part = min(1.0, linear.speed * time / length) if length > 0 else 1.0
     return {axis: start[axis] + (end[axis] - start[axis]) * part for axis in "xyz"}
 

@@ -1,0 +1,51 @@
+"""ARCHITECTURE.md's rules: imports run one way, and each engine has one door."""
+
+import pytest
+
+from tests.sources import PACKAGES, imports, modules
+
+ABOVE = {
+    "recipe_compiler": {"recipe_runtime", "recipe_cli"},
+    "recipe_runtime": {"recipe_cli"},
+    "recipe_cli": set(),
+}
+# What the runtime may know of the compiler: values and arithmetic, never the language.
+SHARED = {"canonical", "errors", "exact", "lockfile", "plan", "streams"}
+DOORS = {
+    "pybullet": {"recipe_runtime/bullet.py"},
+    "warp": {"recipe_runtime/render/"},
+    "click": {"recipe_cli/"},
+    "yaml": {"recipe_compiler/source.py"},
+    "astral": {"recipe_compiler/sun.py"},
+    "deflate": {"recipe_runtime/encode.py"},
+    "pycocotools": {"recipe_runtime/annotate/", "recipe_runtime/report/"},
+    "PIL": {"recipe_runtime/report/", "recipe_runtime/build.py"},
+    "multiprocessing": {"recipe_runtime/pool.py"},
+}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_imports_run_one_way(package: str) -> None:
+    for path, tree in modules(package):
+        wrong = {name for name in imports(tree) if name.split(".")[0] in ABOVE[package]}
+        assert not wrong, f"{path} imports {sorted(wrong)}"
+
+
+def test_the_runtime_knows_plans_and_not_the_language() -> None:
+    for path, tree in modules("recipe_runtime"):
+        for name in imports(tree):
+            head, _, rest = name.partition(".")
+            if head == "recipe_compiler" and rest:
+                assert rest.split(".")[0] in SHARED, f"{path} imports {name}"
+
+
+@pytest.mark.parametrize("engine", DOORS)
+def test_each_engine_has_one_door(engine: str) -> None:
+    entered = set()
+    for package in PACKAGES:
+        for path, tree in modules(package):
+            if any(name.split(".")[0] == engine for name in imports(tree)):
+                doors = {door for door in DOORS[engine] if path == door or (door[-1] == "/" and path.startswith(door))}
+                assert doors, f"{path} imports {engine}; only {sorted(DOORS[engine])} may"
+                entered |= doors
+    assert entered, f"nothing imports {engine}: is the rule still needed?"

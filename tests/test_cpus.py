@@ -1,0 +1,70 @@
+"""Tier A: equal bytes on any x86-64 CPU, held against CPUs that are emulated whole (Debian's qemu-user).
+
+Every process of the verification runs on the emulated CPU: the wrapper stands in for the interpreter, so that
+simulation and workers are emulated too. Compiled kernels are one machine code for all CPUs (render/device.py), so
+they come from this host's cache; they run emulated.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.sources import ROOT
+
+pytestmark = [
+    pytest.mark.cpus,
+    pytest.mark.skipif(shutil.which("qemu-x86_64") is None, reason="needs Debian's qemu-user"),
+    pytest.mark.skipif(platform.machine() != "x86_64", reason="emulates x86-64 on x86-64"),
+]
+TINY = ROOT / "tests" / "golden" / "tiny.yaml"
+_RUN = "import sys; sys.executable = sys.argv.pop(1); from recipe_cli.main import main; main()"
+# Nehalem (2008) has SSE4.2 only. Sandy Bridge (2011) adds AVX, Haswell (2013) AVX2 and fused multiply-add.
+_SIMULATE = (
+    "import sys; sys.executable = sys.argv[1]; from pathlib import Path;"
+    "from recipe_compiler.compile import compile_recipe; from recipe_runtime.simulate import simulate;"
+    "print(simulate(compile_recipe(Path(sys.argv[2])).plan.variants[0].scene).digest)"
+)
+
+
+def _emulated(cpu: str, folder: Path) -> Path:
+    """An interpreter on an emulated CPU."""
+    wrapper = folder / f"python-{cpu}"
+    wrapper.write_text(f'#!/bin/sh\nexec qemu-x86_64 -cpu {cpu} "{sys.executable}" "$@"\n')
+    wrapper.chmod(wrapper.stat().st_mode | stat.S_IXUSR)
+    return wrapper
+
+
+def _run(command: list[str | Path]) -> subprocess.CompletedProcess[str]:
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    return subprocess.run([str(c) for c in command], capture_output=True, text=True, env=env, timeout=3600)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def kernels() -> None:
+    """Compile the kernels natively first."""
+    done = _run([sys.executable, "-m", "recipe_cli", "verify", TINY, "--frames", "1", "--workers", "1"])
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("cpu", ["SandyBridge", "Haswell"])
+def test_the_tiny_recipe_verifies_whole(cpu: str, tmp_path: Path) -> None:
+    python = _emulated(cpu, tmp_path)
+    done = _run([python, "-c", _RUN, python, "verify", TINY, "--all", "--workers", "1"])
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "PASS" in done.stdout
+
+
+def test_plans_and_motion_are_equal_without_avx(tmp_path: Path) -> None:
+    python = _emulated("Nehalem", tmp_path)
+    emulated = _run([python, "-c", _SIMULATE, python, TINY])
+    native = _run([sys.executable, "-c", _SIMULATE, sys.executable, TINY])
+    assert native.returncode == 0, native.stderr
+    assert (emulated.returncode, emulated.stdout) == (0, native.stdout), emulated.stderr
