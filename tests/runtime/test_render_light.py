@@ -33,7 +33,7 @@ def looked(renderer: Renderer, pose: Pose, weather: Any, camera: CameraPlan = CA
 @pytest.mark.parametrize("altitude", [90.0, 60.0, 30.0, 12.0])
 def test_flat_ground_shines_by_lamberts_cosine(altitude: float) -> None:
     weather = appearance(altitude, looks=LOOKS, cloudiness=0, fog_density=0)
-    light = light_of(weather, 0.0, "cpu")
+    light = light_of(weather, "cpu")
     overhead = np.array([light.air.overhead[n] for n in range(3)])
     albedo = ((0xBC / 255 + 0.055) / 1.055) ** 2.4
     expected = albedo * (light.sunlight * exact.sin_deg(altitude) + overhead)
@@ -46,7 +46,7 @@ def test_fog_veils_a_black_target_by_koschmieders_law(metres: float) -> None:
     target = box([metres, -20, 0], [metres + 1, 20, 40], BLACK)
     weather = appearance(40.0, azimuth=180.0, looks=LOOKS, fog_density=100, fog_distance=1, fog_falloff=0)
     seen = looked(level(Body("target", 0, (("static", target),))), Pose(z=1.6), weather)[31, 31]
-    air = light_of(weather, 0.0, "cpu").air
+    air = light_of(weather, "cpu").air
     veil = np.array([air.fog_colour[n] for n in range(3)]) * (1.0 - exact.exp(-float(air.fog) * (metres - 1.0)))
     np.testing.assert_allclose(seen, veil, rtol=0.005)
     assert float(air.fog) == pytest.approx(extinction(100.0), abs=5e-4)
@@ -76,7 +76,7 @@ def test_a_shadow_is_as_long_as_the_suns_angle_makes_it(altitude: float) -> None
 
 
 def test_night_is_lit_by_lamps_alone_and_noon_is_not() -> None:
-    noon, night = (light_of(appearance(a), 0.0, "cpu") for a in (60.0, -30.0))
+    noon, night = (light_of(appearance(a), "cpu") for a in (60.0, -30.0))
     assert (noon.night, night.night) == (0.0, 1.0)
     assert night.sunlight.max() == 0.0
     assert night.exposure > 50 * noon.exposure

@@ -50,8 +50,8 @@ def direction(azimuth: float, altitude: float) -> Colour:
     return np.array([ca * ch, sa * ch, sh])
 
 
-def light_of(appearance: AppearancePlan, time: float, device: str) -> Light:
-    """The light of an appearance at a time in seconds (clouds drift with the wind)."""
+def light_of(appearance: AppearancePlan, device: str) -> Light:
+    """The light of an appearance at time 0."""
     w, altitude = appearance.weather, appearance.sun.altitude
     rain, fog = w.precipitation / 100.0, w.fog_density / 100.0
     dust = w.dust_storm / 100.0
@@ -65,14 +65,20 @@ def light_of(appearance: AppearancePlan, time: float, device: str) -> Light:
     sunlight = clear_sun * shine
     zenith, horizon = _sky_colours(altitude, day, cover)
     scattered = clear_sun * max(float(sun[2]), 0.0) * (1.0 - shine) * 0.32
-    overcast = np.array([0.82, 0.9, 1.0]) * day * (0.95 - 0.35 * rain) * (1.0 - 0.3 * dust) + scattered
+    overcast = (
+        _mix(np.array([0.82, 0.9, 1.0]), np.array([0.62, 0.78, 1.12]), _ease(8.0, -2.0, altitude))
+        * day
+        * (0.95 - 0.35 * rain)
+        * (1.0 - 0.3 * dust)
+        + scattered
+    )
     grey = _ease(0.25, 0.95, cover)
-    overhead = _mix(_pale(0.62 * zenith + 0.38 * horizon, 0.35), overcast, grey)
-    around = _mix(_pale(0.3 * zenith + 0.55 * horizon, 0.35), 0.62 * overcast, grey)
+    overhead = _mix(_pale(0.54 * zenith + 0.33 * horizon, 0.35), overcast, grey)
+    around = _mix(_pale(0.26 * zenith + 0.48 * horizon, 0.35), 0.62 * overcast, grey)
     falling = sunlight * max(float(sun[2]), 0.0) + overhead
     below = 0.17 * falling * np.array([1.0, 0.96, 0.9])
     sideways = 0.5 * around + 0.5 * below + 0.12 * overhead
-    street = _STREET_LIGHT * 0.16 * night * np.array([1.0, 0.8, 0.58])  # lamps' light, thrown about
+    street = _STREET_LIGHT * 0.42 * night * np.array([1.0, 0.8, 0.58])  # lamps' light, thrown about
     below, sideways, overhead = below + street, sideways + street, overhead + 0.3 * street
     air = Air()
     air.sun, air.sunlight = _vector(sun), _vector(sunlight)
@@ -82,7 +88,6 @@ def light_of(appearance: AppearancePlan, time: float, device: str) -> Light:
     air.cloud_bright = _vector(_mix(bright, overcast * 1.1, grey))
     air.cloud_dark = _vector(overcast * (0.78 - 0.2 * rain))
     air.cover = fixed(cover)
-    air.drift = wp.vec2f(fixed(0.004 * time * w.wind_intensity / 100.0), fixed(0.002 * time * w.wind_intensity / 100.0))
     air.stars = fixed(_ease(-6.0, -14.0, altitude) * (1.0 - cover)) * 2.0e-3
     _fill_fog(air, appearance, _mix(overhead, around, 0.45), sunlight, around)
     wet = max(w.wetness / 100.0, min(1.6 * rain, 1.0), 0.75 * w.precipitation_deposits / 100.0)
@@ -93,10 +98,15 @@ def light_of(appearance: AppearancePlan, time: float, device: str) -> Light:
     lamps = _STREET_LIGHT * night
     seen = sunlight * max(float(sun[2]), 0.3) * _ease(-1.0, 1.0, altitude) + 1.25 * overhead
     luminance = 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2]) + lamps
-    dim = 1.0 - 0.36 * _ease(9.0, -3.0, altitude) + 0.3 * _ease(-4.0, -10.0, altitude)
+    dim = 1.0 - 0.36 * _ease(9.0, -3.0, altitude) + 0.55 * _ease(-4.0, -10.0, altitude)
     dim = dim - 0.1 * rain * (1.0 - night) - 0.06 * fog
     exposure = dim * exact.power(luminance, -0.86)
     return Light(air, sun, sunlight, fixed(exposure), night, rain, w.wind_intensity / 100.0)
+
+
+def drift(light: Light, time: float) -> None:
+    """Move the clouds to where the wind has them at a time in seconds."""
+    light.air.drift = wp.vec2f(fixed(0.004 * time * light.wind), fixed(0.002 * time * light.wind))
 
 
 def transmittance(altitude: float, mie: float = 0.03, rayleigh: float = 0.0331) -> Colour:
@@ -124,8 +134,8 @@ def _shine(cover: float, rain: float, thick_fog: float, dust: float) -> float:
 def _sky_colours(altitude: float, day: float, cover: float) -> tuple[Colour, Colour]:
     noon = _ease(-2.0, 18.0, altitude)
     deep = _ease(-4.0, -12.0, altitude)
-    zenith = _mix(np.array([0.22, 0.34, 0.70]), np.array([0.22, 0.42, 0.88]), noon)
-    horizon = _mix(np.array([1.0, 0.86, 0.84]), np.array([1.05, 1.2, 1.36]), noon)
+    zenith = _mix(np.array([0.22, 0.34, 0.70]), np.array([0.26, 0.48, 0.98]), noon)
+    horizon = _mix(np.array([1.0, 0.86, 0.84]), np.array([1.22, 1.38, 1.52]), noon)
     horizon = _mix(horizon, np.array([0.52, 0.5, 0.62]), deep)
     return zenith * day, horizon * day
 
@@ -157,7 +167,7 @@ def _tables(
     g = 0.8
     x = 1.0 + g * g - 2.0 * g * cosine
     narrow = (1.0 - g * g) / (x * np.sqrt(x))
-    warm = np.array([1.0, 0.46, 0.16]) * day * 2.2 * _ease(-9.0, -1.0, altitude) * _ease(14.0, 2.0, altitude)
+    warm = np.array([1.0, 0.46, 0.16]) * day * 3.4 * _ease(-9.0, -1.0, altitude) * _ease(14.0, 2.0, altitude)
     wide = (1.0 + cosine) * 0.5
     halo = 0.014 * narrow[:, None] * shining + (wide * wide * wide)[:, None] * warm
     return (

@@ -22,6 +22,8 @@ _FALLBACK = {
     Pattern.HAIR: "#3a2a1e", Pattern.PLAIN: "#909090",
 }  # fmt: skip
 
+_SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at night
+
 
 def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], device: str) -> Any:
     """Every surface's colours in one appearance."""
@@ -34,6 +36,8 @@ def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], device: str) 
     out.first = wp.array(np.array(firsts, np.float32), dtype=wp.vec3f, device=device)
     out.second = wp.array(np.array(seconds, np.float32), dtype=wp.vec3f, device=device)
     out.pattern = geometry.surface_pattern
+    awake = np.array([_SHOPS_LIT if key.slot == "shop" else _ROOMS_LIT for key in geometry.surfaces], np.float32)
+    out.awake = wp.array(awake, dtype=wp.float32, device=device)
     return out
 
 

@@ -61,7 +61,7 @@ def _lamp(mounted: Any, world: Array) -> list[float]:
     to = [sum(float(world[r, c]) * direction[c] for c in range(3)) for r in range(3)]
     power = [light.intensity * _CANDELA * c for c in light.colour]
     full = light.cone + (1.0 - light.cone) * 0.75
-    return [*at, *to, *power, light.cone, full, 3.0 + 0.4 * float(np.sqrt(light.intensity))]
+    return [*at, *to, *power, light.cone, full, 3.0 + 0.6 * float(np.sqrt(light.intensity))]
 
 
 def _footprint(world: Array, box: NDArray[np.float64]) -> list[float]:

@@ -114,7 +114,7 @@ def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     speck = unit(hash2(whole(uv[0] * 70.0), whole(uv[1] * 70.0), wp.uint32(5))) - 0.5
     stain = noise2(p[0] * 0.7, p[1] * 0.7, wp.uint32(6)) - 0.5
     d.tone = 1.0 + 0.16 * (t[1] - 0.5) * t[2] + 0.16 * stain + 0.14 * speck * fade(0.015, foot)
-    d.height = ground_noise(p, foot) - 0.08
+    d.height = ground_noise(p, foot) + 0.1
     return d
 
 
@@ -205,7 +205,7 @@ def detail_of(
         d = wall(d, uv, p, foot, 0.10)
     elif pattern == CONCRETE:
         d = wall(d, uv, p, foot, 0.22)
-        d.height = ground_noise(p, foot) - 0.1
+        d.height = ground_noise(p, foot) + 0.1
     elif pattern == ROOF:
         t = tiles(uv, 0.3, 0.35, 0.02, 0.5, foot)
         d.second = t[0] * 0.5
@@ -215,7 +215,7 @@ def detail_of(
     elif pattern == GRASS:
         d = leaves(d, p, foot, 0.03)
         d.normal = normal
-        d.height = ground_noise(p, foot) - 0.15
+        d.height = ground_noise(p, foot) + 0.15
     elif pattern == BARK:
         rib = noise3(p[0] * 16.0, p[1] * 16.0, p[2] * 3.0, wp.uint32(17)) - 0.5
         d.tone = 1.0 + 0.7 * rib * fade(0.06, foot)

@@ -10,7 +10,7 @@ from recipe_compiler import exact
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
 
 from recipe_runtime.render import camera, nearby, rain, reflection, samples, shade
-from recipe_runtime.render.atmosphere import Light, light_of
+from recipe_runtime.render.atmosphere import Light, drift, light_of
 from recipe_runtime.render.colours import looks_of, srgb_table
 from recipe_runtime.render.device import launch, record, wp
 from recipe_runtime.render.geometry import Geometry
@@ -24,6 +24,7 @@ from recipe_runtime.transforms import Array
 _EXPOSURE_TIME = 1.0 / 45.0  # seconds during which a drop leaves its streak
 _DROPS = 12000  # at precipitation 100, within the depth below
 _RAIN_DEPTH = 16.0
+_LIGHTS_KEPT = 64
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class Painter:
     def __init__(self, geometry: Geometry, observer: Observer, device: str, timings: Timings) -> None:
         self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
         self._shadows = Shadows(geometry, device)
+        self._lights: dict[str, Light] = {}  # by the appearance's digest
         self._looks: dict[str, Any] = {}  # by the looks' own text
         self._srgb = wp.array(srgb_table(), dtype=wp.uint8, device=device)
 
@@ -52,7 +54,7 @@ class Painter:
         """8-bit sRGB [H, W, 3]."""
         response = appearance.responses.get(sensor) or CameraResponse()
         points = self._points(obs, response.antialias)
-        light = light_of(appearance, time, self._device)
+        light = self._light_of(appearance, time)
         linear = self._shade(obs, points, appearance, light)
         with self._timings("rain"):
             drops = self._rain(obs, appearance.seed, light, frame)
@@ -73,7 +75,7 @@ class Painter:
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float) -> NDArray[np.float32]:
         """Linear radiance at pixel centres, float32 [H, W, 3]."""
         points = self._points(obs, antialias=False)
-        linear = self._shade(obs, points, appearance, light_of(appearance, time, self._device))
+        linear = self._shade(obs, points, appearance, self._light_of(appearance, time))
         values: NDArray[np.float32] = linear.numpy().reshape(obs.camera.height, obs.camera.width, 3)
         return values
 
@@ -179,6 +181,15 @@ class Painter:
             obs.derived["nearby"] = (lamps, bodies, *lists)
         found: tuple[Any, Any, Any, Any] = obs.derived["nearby"]
         return found
+
+    def _light_of(self, appearance: AppearancePlan, time: float) -> Light:
+        name = appearance.digest
+        if name not in self._lights:
+            if len(self._lights) >= _LIGHTS_KEPT:
+                self._lights.clear()
+            self._lights[name] = light_of(appearance, self._device)
+        drift(self._lights[name], time)
+        return self._lights[name]
 
     def _looks_of(self, appearance: AppearancePlan) -> Any:
         name = repr(appearance.looks)

@@ -72,6 +72,11 @@ def count(fine: wp.array[wp.uint64], lens: Lens, scene: wp.array[Scene], groups:
     k1 = fine[base + 1]
     k2 = fine[base + row]
     k3 = fine[base + row + 1]
+    t = triangle_of(k0)
+    seen = k0 != wp.uint64(0) and k1 != wp.uint64(0) and k2 != wp.uint64(0) and k3 != wp.uint64(0)
+    if seen and triangle_of(k1) == t and triangle_of(k2) == t and triangle_of(k3) == t:
+        groups[i] = 1
+        return
     n = wp.int32(1)
     g1 = wp.int32(0)
     g2 = wp.int32(0)
@@ -116,6 +121,17 @@ def place(
     first = starts[i]
     row = lens.width * 2
     base = (i / lens.width) * 2 * row + (i % lens.width) * 2
+    if n == 1:
+        pixels[first] = i
+        weights[first] = 1.0
+        key = fine[base]
+        at = wp.int32(0)
+        if alike(key, coarse[i], scene):
+            key = coarse[i]
+            at = CENTRE
+        keys[first] = key
+        places[first] = at
+        return
     for s in range(n):
         weights[first + s] = 0.0
         pixels[first + s] = i
@@ -125,9 +141,6 @@ def place(
         keys[s] = fine[base + (quarter >> 1) * row + (quarter & 1)]
         places[s] = quarter
         weights[s] = weights[s] + 0.25
-    if n == 1 and alike(keys[first], coarse[i], scene):
-        keys[first] = coarse[i]
-        places[first] = CENTRE
 
 
 @wp.kernel

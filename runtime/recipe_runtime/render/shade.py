@@ -66,6 +66,7 @@ class Looks:
     first: wp.array[wp.vec3f]  # linear albedo
     second: wp.array[wp.vec3f]
     pattern: wp.array[wp.int32]
+    awake: wp.array[wp.float32]  # share of the windows that are lit at night
 
 
 @wp.struct
@@ -116,7 +117,15 @@ def glint(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.fl
 
 
 @wp.func
-def pane(m: Matter, air: wp.array[Air], first: wp.vec3f, second: wp.vec3f, detail: wp.vec4f, code: wp.uint32) -> Matter:
+def pane(
+    m: Matter,
+    air: wp.array[Air],
+    first: wp.vec3f,
+    second: wp.vec3f,
+    detail: wp.vec4f,
+    code: wp.uint32,
+    awake: wp.float32,
+) -> Matter:
     """A window: its frame, and behind the glass a dark or a lit room and a curtain."""
     room = mix(wp.vec3f(0.022, 0.025, 0.03), wp.vec3f(0.42, 0.4, 0.36), detail[2] * 0.8)
     m.albedo = mix(room, second, detail[1])
@@ -125,10 +134,10 @@ def pane(m: Matter, air: wp.array[Air], first: wp.vec3f, second: wp.vec3f, detai
     h = (code ^ air[0].seed) * wp.uint32(0x9E3779B)
     h = (h ^ (h >> wp.uint32(13))) * wp.uint32(0x85EBCA7)
     chance = unit(h ^ (h >> wp.uint32(16)))
-    if air[0].night > 0.0 and chance < 0.34:
-        warm = mix(wp.vec3f(1.0, 0.62, 0.28), wp.vec3f(0.95, 0.86, 0.72), chance * 2.9)
+    if air[0].night > 0.0 and chance < awake:
+        warm = mix(wp.vec3f(1.0, 0.62, 0.28), wp.vec3f(0.95, 0.86, 0.72), chance / awake)
         depth = 0.55 + 0.45 * detail[3] - 0.3 * detail[2]
-        m.glow = warm * (air[0].night * 1.5e-3 * depth * (1.0 - detail[1]) * (0.5 + chance * 1.5))
+        m.glow = warm * (air[0].night * 3.2e-3 * depth * (1.0 - detail[1]) * (0.5 + 0.6 * chance / awake))
     return m
 
 
@@ -141,13 +150,14 @@ def matter_of(
     detail: wp.vec4f,
     n: wp.vec3f,
     code: wp.uint32,
+    awake: wp.float32,
 ) -> Matter:
     """The dry material."""
     m = Matter()
     m.normal = n
     m.albedo = mix(first, second, detail[1]) * wp.max(detail[0], 0.05)
     if pattern == patterns.WINDOW:
-        m = pane(m, air, first, second, detail, code)
+        m = pane(m, air, first, second, detail, code, awake)
     elif pattern == CAR_PAINT:
         m.coat = 0.05
         m.gloss = 0.94
@@ -260,7 +270,16 @@ def shade(
         # A smoothed normal may turn away at a silhouette; bring it back to the edge.
         n = direction(n - sight * (facing * -1.0))
         facing = wp.float32(0.0)
-    m = matter_of(pattern, air, looks[0].first[surface], looks[0].second[surface], detail, n, samples[0].codes[i])
+    m = matter_of(
+        pattern,
+        air,
+        looks[0].first[surface],
+        looks[0].second[surface],
+        detail,
+        n,
+        samples[0].codes[i],
+        looks[0].awake[surface],
+    )
     m = moisten(m, pattern, air, detail)
     pixel = samples[0].pixels[i]
     tile = (pixel / samples[0].width / TILE) * ((samples[0].width + TILE - 1) / TILE) + (

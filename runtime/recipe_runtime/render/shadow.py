@@ -80,10 +80,17 @@ def cast(
 
 
 @wp.kernel
-def nearness(keys: wp.array[wp.uint64], out: wp.array[wp.float32]):
-    """A map's keys as nearness in 0..1, half as large to keep."""
-    i = wp.tid()
-    out[i] = wp.float32(wp.float64(wp.int64(keys[i] >> wp.uint64(24))) / wp.float64(1099511627775.0))
+def nearness(keys: wp.array[wp.uint64], used: wp.array[wp.int32], size: wp.int32, out: wp.array[wp.float32]):
+    """One used tile's keys as nearness in 0..1, half as large to keep; `out` comes zeroed."""
+    tile = wp.tid()
+    if used[tile] == 0:
+        return
+    side = size / TILE
+    first = (tile / side) * TILE * size + (tile % side) * TILE
+    for y in range(TILE):
+        for x in range(TILE):
+            i = first + y * size + x
+            out[i] = wp.float32(wp.float64(wp.int64(keys[i] >> wp.uint64(24))) / wp.float64(1099511627775.0))
 
 
 @wp.func

@@ -84,8 +84,8 @@ class Shadows:
         if count:
             inputs = [vertices, self._g.triangles, self._g.casts, first, beam, lens, keys, used]
             launch(shadow.cast, count, inputs, self._device)
-        depths = wp.empty(size * size, dtype=wp.float32, device=self._device)
-        launch(shadow.nearness, size * size, [keys, depths], self._device)
+        depths = wp.zeros(size * size, dtype=wp.float32, device=self._device)
+        launch(shadow.nearness, (size // TILE) * (size // TILE), [keys, used, size, depths], self._device)
         return ShadowMap(beam, depths, used)
 
 
