@@ -22,7 +22,7 @@ from recipe_compiler.lower import Lowering
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.schema.messages import nearest, translate
 from recipe_compiler.schema.models import Base, Recipe
-from recipe_compiler.source import Value, show
+from recipe_compiler.source import Value, printable, show
 
 _CHECKED_APART = {"base", "deltas"}
 
@@ -87,8 +87,10 @@ def _new(problems: Iterable[Problem], stumbles: set[Place | None]) -> list[Probl
 def _sorted(*problems: Iterable[Problem]) -> list[Problem]:
     """Problems by place, each once."""
     unique: dict[tuple[Place | None, str], Problem] = {}
-    for problem in itertools.chain(*problems):  # a thousand draws out of range are one mistake
-        unique.setdefault((problem.place, re.sub(r"[0-9.]+", "0", problem.message)), problem)
+    for problem in itertools.chain(*problems):
+        message = printable(problem.message)
+        key = (problem.place, re.sub(r"[0-9.]+", "0", message))  # a thousand draws out of range are one mistake
+        unique.setdefault(key, Problem(message, problem.place))
     nowhere = Place("", 0, 0)
     return sorted(unique.values(), key=lambda problem: problem.place or nowhere)
 

@@ -133,7 +133,7 @@ def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) ->
         _report(sources, f"{_label(name, place) if place else f'{path}: '}cannot be read: {cause}", place)
         return None
     sources.files[name] = hashlib.sha256(content).hexdigest()
-    value, problems = source.parse(content, str(path))
+    value, problems = source.parse(content, source.printable(str(path)))
     sources.problems += problems
     if value is not None and not isinstance(value.data, dict):
         _report(sources, f"a recipe is a map that starts with `recipe: its_name`, not {_kind(value)}", value.place)

@@ -71,7 +71,8 @@ def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
         factors.append(f"{sweep.draw.count} draws")
     place = root.key_place("sweep" if root.get("sweep") else "deltas")
     product = " x ".join(factors[:20])
-    return [Problem(f"{total} variants ({product}) are more than the most allowed, {MAX_VARIANTS}", place)]
+    shown = str(total) if total.bit_length() < 60 else f"about 10^{total.bit_length() * 30103 // 100000}"
+    return [Problem(f"{shown} variants ({product}) are more than the most allowed, {MAX_VARIANTS}", place)]
 
 
 def check_exclusions(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:

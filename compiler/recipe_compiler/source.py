@@ -107,6 +107,11 @@ def show(value: Plain) -> str:
     return text if len(text) <= 60 and not (isinstance(value, str) and len(value) > 60) else text[:56] + '..."'
 
 
+def printable(text: str) -> str:
+    """Text that a terminal only prints: names and paths may come from a stranger."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
 def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:
     """The document in a file's bytes, and all that is wrong with its YAML; None if there is nothing to go on with."""
     start = Place(file, 1, 1)
@@ -282,6 +287,8 @@ class _Reader:
 
 def _trap(text: str) -> str | None:
     """What YAML would make of a plain scalar, if its versions disagree about it; how to write it instead."""
+    if len(text) > 100:  # no number, and some of these patterns take their time over long text
+        return None
     short = text[:40]
     if match := _YES_NO.match(text):
         truth = "true" if match[1] else "false"

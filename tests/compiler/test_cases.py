@@ -6,7 +6,6 @@ import time
 from pathlib import Path
 
 import pytest
-
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.errors import InputError
 
@@ -28,11 +27,11 @@ def test_broken_recipe_is_refused_with_its_exact_text(folder: Path) -> None:
         compile_recipe(folder / "recipe.yaml")
     text = str(caught.value).replace(f"{folder}/", "") + "\n"
     assert text == (folder / "error.txt").read_text(encoding="utf-8")
-    assert text.isprintable() or text.replace("\n", "").isprintable()  # nothing that a terminal would obey
+    assert text.replace("\n", "").isprintable()  # nothing that a terminal would obey
     assert time.perf_counter() - started < 5.0  # however hostile
 
 
-@pytest.mark.parametrize("path", [*(folder / "recipe.yaml" for folder in GOOD), *RECIPES], ids=lambda path: path.parent.name)
+@pytest.mark.parametrize("path", [*(folder / "recipe.yaml" for folder in GOOD), *RECIPES], ids=str)
 def test_good_recipe_compiles(path: Path) -> None:
     compiled = compile_recipe(path)
     names = [variant.variant for variant in compiled.plan.variants]

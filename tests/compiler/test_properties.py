@@ -12,10 +12,10 @@ from typing import Any
 
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-
 from recipe_compiler import weather
 from recipe_compiler.canonical import canonical_bytes
 from recipe_compiler.plan import ActorPlan, ScenarioPlan
+
 from tests.compiler.kitchen import compiled, only, small
 
 quick = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -183,7 +183,15 @@ def _changed(value: Any) -> Any:
         return not value
     if isinstance(value, int | float):
         return value + 1
-    return {"x": 0.0} if value == {} else [{"x": 1.0, "y": 1.0}] if value == [] else "changed" if value is None else f"{value}x"
+    return (
+        {"x": 0.0}
+        if value == {}
+        else [{"x": 1.0, "y": 1.0}]
+        if value == []
+        else "changed"
+        if value is None
+        else f"{value}x"
+    )
 
 
 PLAIN = only(small())

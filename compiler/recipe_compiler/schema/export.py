@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from pathlib import Path
 from typing import Any
 
 from recipe_compiler import weather
@@ -63,7 +64,13 @@ def _redirected(value: Any) -> Any:
         changed = {k: _redirected(v) for k, v in value.items() if k not in {"minProperties"}}
         if "$ref" in changed:
             changed["$ref"] = changed["$ref"].replace("#/$defs/", "#/$defs/Partial")
-        if isinstance(changed.get("additionalProperties"), dict):  # named things: null removes one
-            changed["additionalProperties"] = {"anyOf": [changed["additionalProperties"], {"type": "null"}]}
+        for pattern, named in changed.get("patternProperties", {}).items():  # null removes a named thing
+            changed["patternProperties"][pattern] = {"anyOf": [named, {"type": "null"}]}
         return changed
     return [_redirected(item) for item in value] if isinstance(value, list) else value
+
+
+def template(name: str) -> str:
+    """The text of a new recipe of that name: commented, complete, good to edit."""
+    text = (Path(__file__).parent / "template.yaml").read_text(encoding="utf-8")
+    return text.replace("recipe: my_dataset  ", f"recipe: {name}".ljust(20))

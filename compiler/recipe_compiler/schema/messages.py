@@ -83,7 +83,7 @@ def dotted(path: Path) -> str:
     text = ""
     for step in path:
         text += f"[{step}]" if isinstance(step, int) else f".{step[:80]}" if text else step[:80]
-    return text.encode("ascii", "backslashreplace").decode()
+    return text
 
 
 def _message(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wrong: bool) -> str:

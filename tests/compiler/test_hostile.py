@@ -1,0 +1,120 @@
+"""A stranger's recipe may be refused, in bounded time and memory, and in no other way than with an InputError."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.errors import InputError
+from recipe_compiler.source import MAX_BYTES, parse
+
+from tests.compiler.kitchen import SMALL, compiled
+
+GOOD = json.dumps(SMALL, indent=1)
+
+PATHOLOGICAL: dict[str, Callable[[], bytes]] = {
+    "brackets": lambda: b"[" * MAX_BYTES,
+    "braces": lambda: b"{" * MAX_BYTES,
+    "dashes": lambda: b"- " * (MAX_BYTES // 2),
+    "questions": lambda: b"? " * (MAX_BYTES // 2),
+    "colons": lambda: b"a: " * (MAX_BYTES // 3),
+    "long_key": lambda: b"a" * (MAX_BYTES - 2) + b": ",
+    "long_text": lambda: b"recipe: " + b"a" * (MAX_BYTES - 10),
+    "digits": lambda: b"recipe: " + b"1" * (MAX_BYTES - 10),
+    "sexagesimal": lambda: b"recipe: " + b"1:" * (MAX_BYTES // 2 - 10) + b"x",
+    "underscores": lambda: b"recipe: " + b"1_" * (MAX_BYTES // 2 - 10) + b"x",
+    "newlines": lambda: b"\n" * MAX_BYTES,
+    "anchors": lambda: b"".join(b"- &a%d x\n" % n for n in range(60_000)),
+    "many_keys": lambda: b"".join(b"k%d: 1\n" % n for n in range(60_000)),
+    "many_axes": lambda: (
+        GOOD[:-1].encode()
+        + b', "deltas": {'
+        + b",".join(b'"a%d": {"x": {}, "y": {}}' % n for n in range(20_000 // 8))
+        + b"}}"
+    ),
+    "stars": lambda: GOOD.replace("walker.pedestrian.*", "*?" * 32).encode(),
+    "exclusions": lambda: (
+        GOOD[:-1].encode()
+        + b', "deltas": {"a": {'
+        + b",".join(b'"v%d": {}' % n for n in range(5000))
+        + b'}}, "sweep": {"exclude": ['
+        + b",".join(b'{"a": "v%d"}' % n for n in range(1001))
+        + b"]}}"
+    ),
+    "too_large": lambda: b"#" * (MAX_BYTES + 1),
+}
+
+
+@pytest.mark.parametrize("name", PATHOLOGICAL)
+def test_pathological_files_are_refused_quickly(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "recipe.yaml"
+    path.write_bytes(PATHOLOGICAL[name]())
+    started = time.perf_counter()
+    with pytest.raises(InputError) as caught:
+        compile_recipe(path)
+    assert time.perf_counter() - started < 20
+    assert len(str(caught.value).splitlines()[0]) < 1000 + len(str(path))
+
+
+def test_an_alias_bomb_takes_no_memory(tmp_path: Path) -> None:
+    lines = [b"a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    lines += [b"a%d: &a%d [%s]" % (n, n, b", ".join([b"*a%d" % (n - 1)] * 10)) for n in range(1, 30)]
+    tracemalloc.start()
+    parse(b"\n".join(lines), "bomb.yaml")
+    assert tracemalloc.get_traced_memory()[1] < 20e6
+    tracemalloc.stop()
+
+
+def test_a_pipe_or_a_device_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "recipe.yaml")
+    with pytest.raises(InputError, match="not a regular file"):
+        compile_recipe(tmp_path / "recipe.yaml")
+    with pytest.raises(InputError, match="not a regular file"):
+        compile_recipe(Path("/dev/zero"))
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"nothing\.yaml: there is no such file"):
+        compile_recipe(tmp_path / "nothing.yaml")
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
+def test_any_bytes_are_refused_politely(content: bytes) -> None:
+    value, problems = parse(content, "x.yaml")
+    assert value is not None or problems
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.data())
+def test_any_broken_recipe_is_refused_politely(data: st.DataObject) -> None:
+    """Nothing but an InputError whatever value stands anywhere, and each of its problems has a place."""
+    junk = st.recursive(
+        st.none() | st.booleans() | st.integers() | st.text(max_size=9) | st.sampled_from(["*", "a" * 300, "12:00"]),
+        lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.text(max_size=4), inner, max_size=2),
+        max_leaves=4,
+    )
+    recipe = json.loads(GOOD)
+    recipe |= {
+        "deltas": {"w": {"a": {}, "b": {"weather": "WetNoon"}}},
+        "sweep": {"axes": ["w"], "repeats": 1},
+        "output": {},
+    }
+    here, parent, key = recipe, recipe, "recipe"
+    while isinstance(here, dict) and here and (parent is recipe or data.draw(st.booleans())):
+        parent, key = here, data.draw(st.sampled_from(sorted(here)))
+        here = parent[key]
+    parent[key] = data.draw(junk)
+    try:
+        compiled(recipe)
+    except InputError as error:
+        assert all(problem.place for problem in error.problems)
+        assert str(error).replace("\n", "").isprintable()

@@ -1,0 +1,96 @@
+"""The JSON Schema, the template and the language page agree with what the compiler takes."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from recipe_compiler import compile as compiler
+from recipe_compiler import towns, weather
+from recipe_compiler.schema import json_schema, models, template
+from recipe_compiler.source import parse
+
+ROOT = Path(__file__).parents[2]
+TEMPLATE = Path(compiler.__file__).parent / "schema/template.yaml"
+PAGE = ROOT / "docs/recipe-language.md"
+ACCEPTED = [TEMPLATE, *sorted(ROOT.glob("recipes/**/*.yaml")), *sorted(ROOT.glob("tests/cases/good/*/recipe.yaml"))]
+SCHEMA = json_schema()
+FAILS_THE_SCHEMA = (
+    "unknown_key",
+    "wrong_types",
+    "out_of_range",
+    "capture_unknown",
+    "delta_out_of_range",
+    "seed_negative",
+)
+
+
+def parts(path: Path) -> Any:
+    """A file's data as the compiler reads it: keys are text."""
+    value, _ = parse(path.read_bytes(), str(path))
+    assert value is not None
+    return value.plain
+
+
+def test_schema_is_a_schema() -> None:
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+    assert json.loads(json.dumps(SCHEMA)) == SCHEMA
+
+
+@pytest.mark.parametrize("path", [p for p in ACCEPTED if "extends" not in p.parts], ids=str)
+def test_schema_accepts_good_recipes(path: Path) -> None:
+    jsonschema.Draft202012Validator(SCHEMA).validate(parts(path))
+
+
+@pytest.mark.parametrize("slug", FAILS_THE_SCHEMA)
+def test_schema_refuses_what_the_compiler_refuses(slug: str) -> None:
+    data = parts(ROOT / f"tests/cases/failing/{slug}/recipe.yaml")
+    assert list(jsonschema.Draft202012Validator(SCHEMA).iter_errors(data))
+
+
+def test_every_key_has_a_description() -> None:
+    for model in _models():
+        for name, field in model.model_fields.items():
+            assert field.description, f"{model.__name__}.{name}"
+
+
+def test_the_template_compiles_without_a_warning() -> None:
+    assert compiler.compile_recipe(TEMPLATE).warnings == ()
+
+
+def test_the_page_names_every_key_preset_and_town() -> None:
+    text = " ".join(re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", PAGE.read_text(), flags=re.S)))
+    words = set(re.findall(r"\w+", text))
+    for model in _models():
+        for name in model.model_fields:
+            assert name in words, f"{model.__name__}.{name}"
+    for name in (*weather.PRESETS, *towns.NAMES, *(p for town in towns.NAMES for p in towns.PARAMETERS[town])):
+        assert name in words, name
+
+
+def test_the_pages_examples_compile(tmp_path: Path) -> None:
+    blocks = [block.split("```")[0] for block in PAGE.read_text().split("```yaml\n")[1:]]
+    whole = [block for block in blocks if block.lstrip("# \n").startswith("recipe:") or "\nrecipe:" in block]
+    assert whole
+    for block in whole:
+        path = tmp_path / "recipe.yaml"
+        path.write_text(block)
+        compiler.compile_recipe(path)
+
+
+def _models() -> list[type[models.Model]]:
+    return [
+        m
+        for m in vars(models).values()
+        if isinstance(m, type) and issubclass(m, models.Model) and m is not models.Model
+    ]
+
+
+def test_a_new_recipe_has_its_name_and_compiles(tmp_path: Path) -> None:
+    path = tmp_path / "rain_bench.yaml"
+    path.write_text(template("rain_bench"))
+    assert compiler.compile_recipe(path).plan.recipe == "rain_bench"

@@ -1,0 +1,89 @@
+"""Weather presets, and where the sun stands."""
+
+from __future__ import annotations
+
+import pytest
+from recipe_compiler import sun, weather
+
+from tests.compiler.kitchen import only, small
+
+
+def test_there_are_23_presets_of_14_numbers() -> None:
+    assert len(weather.PRESETS) == 23
+    assert all(tuple(numbers) == weather.PARAMETERS for numbers in weather.PRESETS.values())
+    assert len(weather.PARAMETERS) == 14
+
+
+def test_presets_are_carlas() -> None:
+    # rpc/WeatherParameters.cpp, in its order of arguments
+    rows = {
+        "ClearNoon": (5, 0, 0, 10, -1, 45, 2, 0.75, 0.1, 0, 1, 0.03, 0.0331, 0),
+        "MidRainSunset": (60, 60, 60, 60, -1, 15, 3, 0.75, 0.1, 0, 1, 0.03, 0.0331, 0),
+        "WetNight": (5, 0, 50, 10, -1, -90, 60, 75, 1, 60, 1, 0.03, 0.0331, 0),
+        "HardRainNight": (100, 100, 90, 100, -1, -90, 100, 0.75, 0.1, 100, 1, 0.03, 0.0331, 0),
+        "DustStorm": (100, 0, 0, 100, -1, 45, 2, 0.75, 0.1, 0, 1, 0.03, 0.0331, 100),
+    }
+    for name, numbers in rows.items():
+        assert tuple(weather.PRESETS[name].values()) == numbers
+
+
+def test_unset_marks_become_the_engines_defaults() -> None:
+    for name in weather.PRESETS:
+        assert weather.UNSET not in weather.preset(name).values()
+    assert weather.preset("Default")["sun_altitude_angle"] == 75
+    assert weather.preset("Default")["fog_falloff"] == 0.2
+    assert weather.preset("ClearNoon")["sun_azimuth_angle"] == 0
+
+
+def test_no_weather_is_the_default_preset() -> None:
+    recipe = small()
+    del recipe["base"]["weather"]
+    assert only(recipe).appearance == only(small(weather="Default")).appearance
+    assert only(recipe).appearance == only(small(weather={})).appearance
+
+
+@pytest.mark.parametrize(("carla", "ours"), [(0, 0), (90, 270), (360, 0), (45.5, 314.5)])
+def test_carlas_azimuth_runs_the_other_way(carla: float, ours: float) -> None:
+    where = only(small(weather={"sun_azimuth_angle": carla, "sun_altitude_angle": 10})).appearance.sun
+    assert (where.azimuth, where.altitude) == (ours, 10)
+
+
+@pytest.mark.parametrize(
+    ("time", "place", "azimuth", "altitude"),
+    [
+        # NOAA's solar calculator, without refraction
+        ("12:00", {"date": "2022-06-21", "latitude": 40.0, "longitude": -105.0, "utc_offset": -7}, 272.2, 73.4),
+        ("12:00", {"date": "2022-03-20", "latitude": 0.0, "longitude": 0.0, "utc_offset": 0}, None, 88.1),
+        ("09:00", {"date": "2022-12-21", "latitude": -33.9, "longitude": 151.2, "utc_offset": 10}, None, 50.6),
+    ],
+)
+def test_sun_from_time_and_place(time: str, place: dict[str, float], azimuth: float | None, altitude: float) -> None:
+    where = only(small(time=time, place=place)).appearance.sun
+    assert where.altitude == pytest.approx(altitude, abs=0.4)
+    if azimuth is not None:
+        assert where.azimuth == pytest.approx(azimuth, abs=2.0)
+
+
+def test_morning_sun_is_in_the_east_and_evening_sun_in_the_west() -> None:
+    morning, evening = (only(small(time=time)).appearance.sun for time in ("07:00", "19:00"))
+    assert min(morning.azimuth, 360 - morning.azimuth) < 40  # +x is east
+    assert 140 < evening.azimuth < 220
+    assert 0 < evening.altitude < 15
+
+
+def test_the_default_place_has_day_dusk_and_night() -> None:
+    noon, dusk, night = (only(small(time=time)).appearance.sun.altitude for time in ("12:00", "19:40", "23:30"))
+    assert noon > 50 and -3 < dusk < 3 and night < -18
+
+
+def test_sun_is_told_to_a_hundredth_so_that_no_last_bit_shows() -> None:
+    azimuth, altitude = sun.from_time("10:17", date="2022-08-12", latitude=49.0, longitude=8.0, utc_offset=None)
+    assert (azimuth, altitude) == (round(azimuth, 2), round(altitude, 2))
+    assert sun.wrapped(-0.001) == 0.0 and sun.wrapped(359.999) == 0.0
+
+
+def test_an_angle_by_hand_wins_over_time_and_time_over_a_preset() -> None:
+    told = only(small(time="15:00")).appearance.sun
+    by_hand = only(small(time="15:00", weather={"preset": "ClearSunset", "sun_altitude_angle": 10})).appearance.sun
+    assert (by_hand.azimuth, by_hand.altitude) == (told.azimuth, 10)
+    assert only(small(time="15:00", weather="ClearSunset")).appearance.sun == told
