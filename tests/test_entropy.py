@@ -20,7 +20,7 @@ ALLOWED_IMPORTS = {
     ("recipe_runtime/render/timing.py", "time"): "a stopwatch, for the benchmark",
     ("recipe_runtime/simulate.py", "time"): "a watch over a silent subprocess",
     ("recipe_compiler/sun.py", "datetime"): "dates and hours that a recipe names; never the clock",
-    ("recipe_compiler/schema/models.py", "datetime"): "dates and hours that a recipe names; never the clock",
+    ("recipe_compiler/references.py", "datetime"): "whether a recipe's date is one; never the clock",
 }
 LIBM = {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log2", "log10", "pow", "cbrt", "sinh",
         "cosh", "tanh", "hypot", "radians", "degrees", "dist", "expm1", "log1p", "exp2", "arctan2", "arctan",

@@ -60,7 +60,7 @@ class Spots:
     def free(self, category: str, x: float, y: float) -> bool:
         """Whether a body of this category fits here."""
         own = _CLEARANCE[category]
-        return all((x - a) ** 2 + (y - b) ** 2 >= (own + r) ** 2 for a, b, r in self._standing)
+        return all((x - a) * (x - a) + (y - b) * (y - b) >= (own + r) * (own + r) for a, b, r in self._standing)
 
     def take(self, category: str, stream: Stream) -> Pose | None:
         """The first free spawn point in the stream's order, now taken; None if the town has no free one left."""

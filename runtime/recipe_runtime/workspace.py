@@ -148,7 +148,7 @@ class Workspace:
         """Begin afresh. What is not a build's work is left alone."""
         if any(self._partial.iterdir()) and not (self._partial / "job.json").is_file():
             raise InputError(f"{self._partial} is in the way and is not a build's work; move it away")
-        for child in self._partial.iterdir():
+        for child in sorted(self._partial.iterdir()):
             if child.is_dir() and child.name in ("dataset", "shards"):
                 shutil.rmtree(child)
         write_atomic(self._partial / "job.json", self._job.encode())
