@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 from recipe_compiler import exact
-from recipe_compiler.plan import ActorPlan
+from recipe_compiler.plan import ActorPlan, ScenePlan, TownPlan
 
 from recipe_runtime import gait
 from recipe_runtime.bullet import GRAVITY, Quaternion, Vector, World
@@ -51,6 +51,11 @@ class Mover(ABC):
         self._upright = (2.0 * (qx * qz + qy * qw), 2.0 * (qy * qz - qx * qw))  # where its z axis leans to
         (vx, vy, _), _ = self._world.velocity(self.body)
         self.velocity = (vx, vy)
+
+    @property
+    def moving(self) -> bool:
+        """Whether it goes faster than 1 m/s."""
+        return self.velocity[0] * self.velocity[0] + self.velocity[1] * self.velocity[1] > 1.0
 
     @property
     def radius(self) -> float:
@@ -98,6 +103,9 @@ class Walker(Mover):
         if wish == (0.0, 0.0):
             self._wish = wish
             return
+        if self._must_wait(wish, others):
+            self._wish = (0.0, 0.0)
+            return
         speed = math.sqrt(wish[0] * wish[0] + wish[1] * wish[1])
         ahead = (wish[0] / speed, wish[1] / speed)
         aside, slow = 0.0, 1.0
@@ -107,6 +115,22 @@ class Walker(Mover):
             slow = min(slow, pace)
         right = (ahead[1], -ahead[0])
         self._wish = (slow * wish[0] + aside * right[0], slow * wish[1] + aside * right[1])
+
+    def _must_wait(self, wish: tuple[float, float], others: Sequence[Mover]) -> bool:
+        """Whether, standing on a sidewalk, it would walk in front of a moving vehicle."""
+        if self._world.ground.height(self.x, self.y) < 0.1:
+            return False
+        for other in others:
+            dx, dy = self.x - other.x, self.y - other.y
+            if not isinstance(other, Driver) or abs(dx) > 30.0 or abs(dy) > 30.0 or not other.moving:
+                continue
+            hx, hy = other.heading
+            for k in range(1, 6):
+                t = 0.5 * k
+                px, py = dx + (wish[0] - other.velocity[0]) * t, dy + (wish[1] - other.velocity[1]) * t
+                if abs(px * hx + py * hy) < other.reach + 0.8 and abs(py * hx - px * hy) < other.radius + 0.5:
+                    return True
+        return False
 
     def _towards_goal(self) -> tuple[float, float]:
         """Velocity towards the next waypoint, passing those that are reached."""
@@ -171,11 +195,43 @@ class Walker(Mover):
         self._world.set_joints(self.body, self.links, pose.angles)
 
 
+class Crossroads:
+    """Right of way: a junction belongs to one vehicle at a time, to whoever comes near enough first."""
+
+    def __init__(self, town: TownPlan) -> None:
+        reach = 3.0  # from a junction's edge to the stop lines
+        self._places = [(e.pose.x, e.pose.y, e.size[0] / 2 + reach) for e in town.elements if e.kind == "junction"]
+        self._owners: dict[int, Driver] = {}
+
+    def free_way(self, driver: Driver) -> float:
+        """Metres that a vehicle may go before it must wait; it takes what it is near enough to take."""
+        way = math.inf
+        for n, (x, y, half) in enumerate(self._places):
+            dx, dy = x - driver.x, y - driver.y
+            mine = self._owners.get(n) is driver
+            if abs(dx) > half + 60.0 or abs(dy) > half + 60.0:
+                continue
+            ahead = dx * driver.heading[0] + dy * driver.heading[1]
+            aside = abs(dx * driver.heading[1] - dy * driver.heading[0])
+            line = ahead - half - driver.reach
+            inside = abs(dx) < half and abs(dy) < half
+            leaving = max(abs(dx), abs(dy)) > half + driver.reach - 1.0 and ahead < 0.0
+            if mine and (leaving or driver.arrived):
+                del self._owners[n]
+            elif inside and not driver.arrived:
+                self._owners.setdefault(n, driver)
+            elif not mine and -1.0 < line < driver.stopping + 3.0 and aside < 4.0:
+                owner = self._owners.setdefault(n, driver)
+                way = way if owner is driver else min(way, max(0.0, line))
+        return way
+
+
 class Driver(Mover):
     """A vehicle, steered as a bicycle towards a point of its route ahead."""
 
-    def __init__(self, world: World, actor: ActorPlan, dt: float) -> None:
+    def __init__(self, world: World, actor: ActorPlan, dt: float, crossroads: Crossroads) -> None:
         super().__init__(world, actor, *world.add_vehicle(actor), dt)
+        self._crossroads, self.waiting = crossroads, False
         shape = actor.shape
         self._base = shape["wheelbase"]
         self._rear = shape["wheelbase"] / 2 - axle_shift(shape)  # the rear axle lies this far behind the origin
@@ -184,9 +240,21 @@ class Driver(Mover):
         self._wish = self._speed = self._curvature = self._rolled = self._steer = 0.0
         self.place_limbs()
 
+    @property
+    def arrived(self) -> bool:
+        """Whether its route is behind it."""
+        return self._next >= len(self._route) - 1
+
+    @property
+    def stopping(self) -> float:
+        """Metres that it needs to stop gently."""
+        return self._speed * self._speed / 4.0
+
     def decide(self, others: Sequence[Mover]) -> None:
         """Choose speed and steering."""
-        if self._next >= len(self._route) - 1:
+        way = self._crossroads.free_way(self)
+        self.waiting = way < 60.0
+        if self.arrived:
             self._wish = 0.0
             return
         along, aim = self._look_ahead()
@@ -196,7 +264,7 @@ class Driver(Mover):
         lateral = self.heading[0] * dy - self.heading[1] * dx
         tightest = 0.26 if self._base < 4 else 0.17
         self._curvature = max(-tightest, min(tightest, 2.0 * lateral / max(square, 1.0)))
-        self._wish = min(self._limit(along), self._clear(others))
+        self._wish = min(self._limit(along), self._clear(others), math.sqrt(4.0 * min(way, 1e6)))
 
     def _look_ahead(self) -> tuple[float, tuple[float, float]]:
         """Metres to the end of the current leg, and the route's point to steer for."""
@@ -207,7 +275,7 @@ class Driver(Mover):
             if done < length or self._next >= len(self._route) - 2:
                 break
             self._next += 1
-        left, n = max(3.2, 0.8 * self._speed) - (length - done), self._next + 1
+        left, n = max(1.6, 0.45 * self._speed) - (length - done), self._next + 1
         while left > 0 and n < len(self._route) - 1:
             (ax, ay), (bx, by) = self._route[n], self._route[n + 1]
             length_n = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
@@ -237,7 +305,10 @@ class Driver(Mover):
             gap = dx * self.heading[0] + dy * self.heading[1]
             bend = 0.5 * self._curvature * gap * gap if abs(gap) < 6 else 0.0
             side = self.heading[0] * dy - self.heading[1] * dx - bend
-            along = abs(other.heading[0] * self.heading[0] + other.heading[1] * self.heading[1])
+            same = other.heading[0] * self.heading[0] + other.heading[1] * self.heading[1]
+            if isinstance(other, Driver) and other.waiting and same < 0.5:
+                continue  # it stands at a stop line until this one has passed
+            along = abs(same)
             wide = along * other.radius + (1.0 - along) * other.reach
             deep = along * other.reach + (1.0 - along) * other.radius
             if isinstance(other, Walker):
@@ -256,9 +327,12 @@ class Driver(Mover):
         turn = self._speed * self._curvature
         hx, hy = self.heading
         aside = turn * self._rear
-        (_, _, vz), (wx, wy, _) = self._world.velocity(self.body)
+        (_, _, vz), _ = self._world.velocity(self.body)
+        lean = self._upright
         self._world.set_velocity(
-            self.body, (self._speed * hx - aside * hy, self._speed * hy + aside * hx, min(vz, 0.5)), (wx, wy, turn)
+            self.body,
+            (self._speed * hx - aside * hy, self._speed * hy + aside * hx, min(vz, 0.5)),
+            (8.0 * lean[1], -8.0 * lean[0], turn),
         )
 
     def place_limbs(self) -> None:
@@ -292,9 +366,13 @@ def _speed_limits(route: Sequence[tuple[float, float]], speed: float) -> list[fl
     return limits
 
 
-def mover(world: World, actor: ActorPlan, dt: float) -> Mover:
-    """The actor, set into the world."""
-    return Walker(world, actor, dt) if actor.category == "pedestrian" else Driver(world, actor, dt)
+def movers(world: World, scene: ScenePlan) -> list[Mover]:
+    """All actors, set into the world in plan order."""
+    dt, crossroads = 1.0 / scene.clock.physics, Crossroads(scene.town)
+    return [
+        Walker(world, actor, dt) if actor.category == "pedestrian" else Driver(world, actor, dt, crossroads)
+        for actor in scene.actors
+    ]
 
 
 def part_names(actor: ActorPlan) -> tuple[str, ...]:

@@ -94,27 +94,27 @@ def _explain(code: int, errors: bytes) -> str:
 def _run(scene: ScenePlan, report: Progress) -> Trace:
     """Simulate in this very process; `simulate` is the way in."""
     from recipe_runtime.bullet import World
-    from recipe_runtime.motion import mover
+    from recipe_runtime.motion import movers
 
-    clock, dt = scene.clock, 1.0 / scene.clock.physics
+    clock = scene.clock
     world = World(scene.town, clock.physics)
-    movers = [mover(world, actor, dt) for actor in scene.actors]
+    cast = movers(world, scene)
     record = _Record(scene)
     decide_every = max(1, clock.physics // 30)
     steps = (clock.frames - 1) * clock.steps_per_frame
     for step in range(steps + 1):
         if step % clock.steps_per_frame == 0:
-            record.take(step // clock.steps_per_frame, world, movers)
+            record.take(step // clock.steps_per_frame, world, cast)
             report(step, steps)
         if step == steps:
             break
         if step % decide_every == 0:
-            for m in movers:
-                m.decide([other for other in movers if other is not m])
-        for m in movers:
+            for m in cast:
+                m.decide([other for other in cast if other is not m])
+        for m in cast:
             m.act()
         world.step()
-        for m in movers:
+        for m in cast:
             m.sense()
             m.place_limbs()
     world.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 from recipe_compiler import towns
@@ -71,7 +72,7 @@ def test_buildings_do_not_overlap() -> None:
             )
     for found in spans.values():
         found.sort()
-        assert all(a[1] <= b[0] + 1e-6 for a, b in zip(found, found[1:], strict=False))
+        assert all(a[1] <= b[0] + 1e-6 for a, b in pairwise(found))
 
 
 @pytest.mark.parametrize("blocks", [[1, 1], [9, 1], [2, 3]])

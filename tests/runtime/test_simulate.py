@@ -189,3 +189,28 @@ def test_a_failing_simulation_says_why() -> None:
     shapeless = HERO1.model_copy(update={"shape": {}})
     with pytest.raises(RunError, match=r"^the simulation ended with exit code 1: KeyError: 'height'$"):
         simulate(scene(shapeless, frames=2))
+
+
+def test_vehicles_take_turns_at_a_junction() -> None:
+    """Two whose ways cross in one junction: they never touch, and both get through."""
+    north = actor("north", "vehicle.sedan.a", 1.5, 8, 90, (1.5, 66), 8.0)
+    west = actor("west", "vehicle.suv.a", 28, 37.5, 180, (-28, 37.5), 8.0)
+    two = ScenePlan(
+        clock=Clock(fps=10, frames=141, physics=240),
+        town=towns.build("downtown", 0, {"blocks": [2, 2]}).plan,
+        actors=(north, west),
+    )
+    trace = simulate(two)
+    apart = base(trace, "north")[:, :2] - base(trace, "west")[:, :2]
+    assert np.hypot(apart[:, 0], apart[:, 1]).min() > 3.5
+    assert base(trace, "north")[-1, 1] > 50
+    assert base(trace, "west")[-1, 0] < -15
+
+
+def test_a_pedestrian_waits_for_a_car() -> None:
+    walker = actor("walker", "walker.pedestrian.0001", -4, 0, 0, (6, 0), 1.4)
+    car = actor("car", "vehicle.sedan.a", -1.5, 22, -90, (-1.5, -30), 8.0)
+    trace = simulate(scene(walker, car, frames=330))
+    near = np.abs(base(trace, "walker") - base(trace, "car"))[:, :2]
+    assert ((near[:, 0] > 1.0) | (near[:, 1] > 2.4)).all()
+    assert base(trace, "walker")[-1, 0] > 5.5
