@@ -1,8 +1,8 @@
 """Axes, exclusions, repeats and draws: from a recipe to named variants, each a merged base with a seed.
 
 The product is counted before it is built. Names follow the file: `weather=rainy,jitter=still`, with `#2` for the
-second repeat or draw. What a variant holds depends on its own values only, so that adding a value, an axis value's
-neighbour or a repeat changes no other variant.
+second repeat or draw. What a variant holds depends on its own values only, so that adding a value to an axis, a
+repeat or a draw changes no other variant.
 """
 
 from __future__ import annotations

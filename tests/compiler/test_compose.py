@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from recipe_compiler.compose import Merger
 from recipe_compiler.source import Value, parse
 
