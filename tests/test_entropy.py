@@ -18,7 +18,6 @@ ALLOWED_IMPORTS = {
     ("recipe_runtime/worker.py", "time"): "a stopwatch, for the terminal",
     ("recipe_runtime/build.py", "time"): "a stopwatch, for the terminal",
     ("recipe_runtime/render/timing.py", "time"): "a stopwatch, for the benchmark",
-    ("recipe_runtime/simulate.py", "time"): "a watch over a silent subprocess",
     ("recipe_compiler/sun.py", "datetime"): "dates and hours that a recipe names; never the clock",
     ("recipe_compiler/references.py", "datetime"): "whether a recipe's date is one; never the clock",
 }

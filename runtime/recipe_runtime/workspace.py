@@ -98,7 +98,7 @@ class Workspace:
 
     def _sweep(self, files: set[str]) -> None:
         """Remove what is none of the dataset's: halves of files that a killed build left."""
-        for path in [p for p in self.dataset.rglob("*") if not p.is_dir()]:
+        for path in sorted(p for p in self.dataset.rglob("*") if not p.is_dir()):
             if path.relative_to(self.dataset).as_posix() not in files:
                 path.unlink()
 

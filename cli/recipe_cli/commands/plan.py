@@ -56,4 +56,15 @@ def _table(compiled: Compiled) -> None:
     if len(plan.variants) > 40:
         click.echo(f"  ... and {len(plan.variants) - 40} more; --json lists all")
     click.echo(f"\n{compiled.cost}")
+    cost = compiled.cost
+    size = f"{cost.bytes / 2**30:.1f} GiB" if cost.bytes >= 2**30 else f"{cost.bytes / 2**20:.0f} MiB"
+    click.echo(
+        f"{cost.frames:,} frames, {cost.images:,} images, about {size}, about {_duration(cost.minutes)} of one core"
+    )
     click.echo(f"plan sha256:{plan.digest}")
+
+
+def _duration(minutes: float) -> str:
+    if minutes < 1:
+        return f"{max(1, round(minutes * 60))} s"
+    return f"{minutes:.0f} minutes" if minutes < 120 else f"{minutes / 60:.0f} hours"

@@ -1,0 +1,215 @@
+"""The command line as a user meets it: what each command prints, where, and with which exit code."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+RECIPE = """\
+recipe: small
+seed: 1
+base:
+  clock: {fps: 10, frames: 2}
+  town: {name: downtown, blocks: [1, 1]}
+  actors:
+    walker: {blueprint: walker.pedestrian.*, start: {x: -4, y: 1, yaw: -90}, goal: {x: -4, y: -9}}
+  sensors:
+    street: {mount: {x: -7, y: -3, z: 1.7, yaw: 40}, camera: {width: 64, height: 48}, capture: [rgb, depth, instance]}
+deltas:
+  weather: {dry: {}, wet: {weather: HardRainNoon}}
+"""
+
+
+def run(*arguments: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "recipe_cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, **environment},
+        timeout=300,
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recipe, its lockfile and its dataset."""
+    root = tmp_path_factory.mktemp("project")
+    (root / "small.yaml").write_text(RECIPE)
+    locked = run("lock", "small.yaml", "--workers", "1", cwd=root)
+    assert locked.returncode == 0, locked.stderr
+    built = run("build", "small.yaml", "--workers", "1", cwd=root)
+    assert built.returncode == 0, built.stderr
+    return root
+
+
+def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
+    start = time.perf_counter()
+    shown = run("--help", cwd=tmp_path)
+    assert time.perf_counter() - start < 3.0  # 0.1 s on an idle machine; an import of an engine takes longer than this
+    for name in ("init", "check", "plan", "shot", "build", "lock", "verify", "schema"):
+        assert f"  {name} " in shown.stdout
+    imported = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "recipe_cli", "--help"], capture_output=True, text=True
+    ).stderr
+    for heavy in ("numpy", "warp", "pybullet", "pydantic", "yaml", "PIL"):
+        assert f" {heavy}\n" not in imported, f"--help imports {heavy}"
+
+
+@pytest.mark.parametrize("command", ["init", "check", "plan", "shot", "build", "lock", "verify", "schema"])
+def test_every_command_explains_itself(command: str, tmp_path: Path) -> None:
+    shown = run(command, "--help", cwd=tmp_path)
+    assert shown.returncode == 0
+    assert shown.stdout.startswith(f"Usage: recipe {command}") or f"{command} [OPTIONS]" in shown.stdout
+
+
+def test_a_mistyped_command_is_answered_with_the_nearest(tmp_path: Path) -> None:
+    shown = run("biuld", cwd=tmp_path)
+    assert (shown.returncode, shown.stdout) == (2, "")
+    assert "no such command 'biuld'; did you mean 'build'?" in shown.stderr
+
+
+def test_identity_is_one_in_lock_build_and_verify(folder: Path) -> None:
+    locked = run("lock", "small.yaml", "--workers", "1", cwd=folder)
+    built = run("build", "small.yaml", cwd=folder)
+    verified = run("verify", "small.yaml", "--workers", "1", cwd=folder)
+    identity = built.stdout.splitlines()[-1]
+    assert identity.startswith("small@sha256:")
+    assert identity in locked.stdout
+    assert identity in verified.stdout
+    assert "is up to date" in locked.stdout
+    assert "there already, nothing to do" in built.stdout
+    assert (verified.returncode, verified.stdout[:4]) == (0, "PASS")
+
+
+@pytest.mark.parametrize("target", ["small.yaml", "lockfiles/small.lock", "datasets/small", None])
+def test_verify_takes_recipes_lockfiles_datasets_or_nothing(folder: Path, target: str | None) -> None:
+    done = run("verify", *([target] if target else []), "--frames", "2", "--workers", "1", "--json", cwd=folder)
+    (report,) = json.loads(done.stdout)
+    assert (done.returncode, report["verdict"], report["checked"], report["total"]) == (0, "PASS", 2, 4)
+    assert done.stderr == ""
+
+
+def test_verify_fails_on_a_flipped_digit_of_the_lockfile(folder: Path, tmp_path: Path) -> None:
+    text = (folder / "lockfiles" / "small.lock").read_text()
+    (tmp_path / "small.yaml").write_text(RECIPE)
+    (tmp_path / "lockfiles").mkdir()
+    row = next(line for line in text.splitlines() if line.startswith("frame ") and " rgb " in line)
+    flipped = row[:-1] + ("0" if row[-1] != "0" else "1")
+    (tmp_path / "lockfiles" / "small.lock").write_text(text.replace(row, flipped))
+    done = run("verify", "small.yaml", "--all", "--workers", "1", cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stdout.startswith("FAIL at lockfile")
+    assert "shading: weather=" in done.stdout
+    assert "-actual.png" in done.stdout
+
+
+def test_verify_is_inconclusive_on_another_stage_version(folder: Path, tmp_path: Path) -> None:
+    from recipe_compiler import lockfile
+
+    (tmp_path / "small.yaml").write_text(RECIPE)
+    lock = lockfile.read(folder / "lockfiles" / "small.lock")
+    lock.stages["shade"] = 0
+    first = next(key for key in lock.frames if key[2] == "rgb")
+    lock.frames[first] = "0" * 64
+    lock.write(tmp_path / "lockfiles" / "small.lock")
+    done = run("verify", "small.yaml", "--all", "--workers", "1", cwd=tmp_path)
+    assert done.returncode == 3
+    assert done.stdout.startswith("INCONCLUSIVE at shading")
+
+
+def test_a_shot_is_the_builds_very_frame(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "shot.png"
+    done = run("shot", "small.yaml", "--variant", "weather=wet", "--frame", "1", "-o", out, "--json", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert out.read_bytes() == (folder / "datasets/small/weather=wet/street/rgb/000001.png").read_bytes()
+    assert answer["digest"] in (folder / "lockfiles" / "small.lock").read_text()
+    for modality in ("depth", "instance"):
+        assert run("shot", "small.yaml", "--modality", modality, "-o", out, cwd=folder).returncode == 0
+        with Image.open(out) as picture:
+            assert (picture.size, picture.mode) == ((64, 48), "RGB")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--variant", "weather=wett"], "small has no variant 'weather=wett'; the nearest is 'weather=wet'"),
+        (["--sensor", "roof"], "the rig has no sensor 'roof'; it has street"),
+        (["--frame", "9"], "frame 9 is not there: weather=dry has frames 0 to 1"),
+        (["--modality", "semantic"], "the sensor street captures rgb, depth, instance, not 'semantic'"),
+    ],
+)
+def test_a_shot_of_what_is_not_there_says_what_is(folder: Path, arguments: list[str], says: str) -> None:
+    done = run("shot", "small.yaml", *arguments, cwd=folder)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_plan_tells_cost_and_sharing_and_prints_a_variant(folder: Path) -> None:
+    shown = run("plan", "small.yaml", cwd=folder)
+    assert "2 variants: 1 simulation, 1 observation, 2 appearances" in shown.stdout
+    assert "4 frames, 12 images" in shown.stdout
+    document = json.loads(run("plan", "small.yaml", "--json", cwd=folder).stdout)
+    assert [v["name"] for v in document["variants"]] == ["weather=dry", "weather=wet"]
+    plan = json.loads(run("plan", "small.yaml", "--variant", "weather=wet", cwd=folder).stdout)
+    assert plan == json.loads((folder / "datasets/small/plans/weather=wet.json").read_text())
+
+
+def test_check_reports_every_mistake_with_its_place(tmp_path: Path) -> None:
+    (tmp_path / "bad.yaml").write_text(RECIPE.replace("fps: 10", "fps: 7").replace("town:", "twon:"))
+    done = run("check", "bad.yaml", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    lines = done.stderr.splitlines()
+    assert [line.split(" ")[0] for line in lines] == ["bad.yaml:4:3:", "bad.yaml:4:16:", "bad.yaml:5:3:"]
+    answer = json.loads(run("check", "bad.yaml", "--json", cwd=tmp_path).stdout)
+    assert [p["line"] for p in answer["problems"]] == [4, 4, 5]
+
+
+def test_a_new_recipe_compiles_and_is_never_overwritten(tmp_path: Path) -> None:
+    assert run("init", "rain_bench", cwd=tmp_path).returncode == 0
+    assert run("check", "rain_bench.yaml", cwd=tmp_path).returncode == 0
+    again = run("init", "rain_bench", cwd=tmp_path)
+    assert again.returncode == 2
+    assert "is there already" in again.stderr
+    assert run("init", "../x", cwd=tmp_path).returncode == 2
+
+
+def test_the_schema_is_json(tmp_path: Path) -> None:
+    schema = json.loads(run("schema", cwd=tmp_path).stdout)
+    assert schema["properties"]["recipe"]
+    assert run("schema", "-o", "s.json", cwd=tmp_path).returncode == 0
+    assert json.loads((tmp_path / "s.json").read_text()) == schema
+
+
+def test_a_build_that_differs_from_its_lockfile_says_so(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "small.yaml").write_text(RECIPE.replace("seed: 1", "seed: 2"))
+    (tmp_path / "lockfiles").mkdir()
+    (tmp_path / "lockfiles" / "small.lock").write_text((folder / "lockfiles" / "small.lock").read_text())
+    done = run("build", "small.yaml", "--workers", "1", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "small.yaml has changed since it was locked" in done.stderr
+    assert (tmp_path / "datasets" / "small" / "manifest.json").is_file()
+
+
+def test_out_over_something_else_is_refused(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("years of work")
+    done = run("build", "small.yaml", "--out", tmp_path / "mine", cwd=folder)
+    assert done.returncode == 2
+    assert (tmp_path / "mine" / "thesis.txt").read_text() == "years of work"
+
+
+def test_nothing_but_its_own_words_reaches_the_terminal(folder: Path, tmp_path: Path) -> None:
+    """No engine's banner, no warning, no bar when piped: not even on a cold kernel cache of Warp's own."""
+    done = run("verify", "small.yaml", "--frames", "1", "--workers", "1", cwd=folder)
+    assert done.stderr == ""
+    assert len(done.stdout.splitlines()) == 3
