@@ -66,6 +66,7 @@ class Builder:
         self._triangles: list[Index] = []
         self._ids: list[Index] = []
         self._count = 0
+        self._quads: dict[tuple[Surface, bool], list[tuple[Array, Array]]] = {}
         self.lights: list[Light] = []
 
     def add(self, surface: Surface, points: Array, normals: Array, uvs: Array, triangles: Index) -> None:
@@ -83,12 +84,19 @@ class Builder:
         quad = np.asarray(corners if isinstance(corners, np.ndarray) else list(corners), np.float64).reshape(-1, 4, 3)
         if not len(quad):
             return
-        normal = unit(cross(quad[:, 2] - quad[:, 0], quad[:, 3] - quad[:, 1]))
-        if uvs is None:
-            uvs = _plane_uv(quad, normal)
-        first = np.arange(len(quad), dtype=np.int64)[:, None] * 4
-        triangles = (first + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
-        self.add(surface, quad.reshape(-1, 3), np.repeat(normal, 4, axis=0), np.asarray(uvs).reshape(-1, 2), triangles)
+        self._surfaces.setdefault(surface, len(self._surfaces))
+        self._quads.setdefault((surface, uvs is None), []).append((quad, np.asarray(quad if uvs is None else uvs)))
+
+    def _flush(self) -> None:
+        """Add all quadrilaterals at once, which is quicker than one by one."""
+        for (surface, plain), found in self._quads.items():
+            quad = np.concatenate([corners for corners, _ in found])
+            normal = unit(cross(quad[:, 2] - quad[:, 0], quad[:, 3] - quad[:, 1]))
+            uvs = _plane_uv(quad, normal) if plain else np.concatenate([uv for _, uv in found])
+            first = np.arange(len(quad), dtype=np.int64)[:, None] * 4
+            triangles = (first + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
+            self.add(surface, quad.reshape(-1, 3), np.repeat(normal, 4, axis=0), uvs.reshape(-1, 2), triangles)
+        self._quads = {}
 
     def fan(self, surface: Surface, ring: Sequence[Vec]) -> None:
         """A flat convex polygon, counter-clockwise seen from outside; uv in metres."""
@@ -169,6 +177,7 @@ class Builder:
 
     def mesh(self, transform: Array | None = None) -> Mesh:
         """All that was added, moved by `transform` [3, 4] if given; equal vertices are stored once."""
+        self._flush()
         points, normals = np.concatenate(self._points), np.concatenate(self._normals)
         lights = tuple(self.lights)
         if transform is not None:

@@ -220,8 +220,8 @@ def _balconies(b: Builder, f: _Facade, bays: int, floors: int, ground: float, st
             u0, u1 = k * bay + 0.2, (k + 1) * bay - 0.2
             slabs += f.block((u0, u1), (0, 1.0), (z - 0.14, z))
             rails += f.block((u0, u1), (0.94, 0.99), (z + 0.95, z + 1.02))
-            for n in range(8):
-                u = u0 + 0.03 + (u1 - u0 - 0.06) * n / 7
+            for n in range(6):
+                u = u0 + 0.03 + (u1 - u0 - 0.06) * n / 5
                 rails.append(f.face(u - 0.02, u + 0.02, z, z + 0.95, 0.97))
                 rails.append(f.face(u - 0.02, u + 0.02, z, z + 0.95, 0.96)[::-1])
     b.quads(_TRIM, slabs)

@@ -94,7 +94,7 @@ def _clump(b: Builder, key: int, centre: Array, radii: Array) -> None:
     ragged = np.array([1.0 + 0.22 * noise(key, k) for k in range(len(points))])
     b.smooth([_LEAVES] * len(faces), points * ragged[:, None] * radii + centre, faces, crease=0.75)
     tufts = []
-    for k, out in enumerate(points[::2]):
+    for k, out in enumerate(points[::3]):
         at = out * (1.0 + 0.16 * noise(key, 200 + k))
         normal = unit((out + [0.8 * noise(key, 300 + 4 * k + axis) for axis in range(3)])[None])[0]
         side = unit(cross(normal, np.array([0.3, 0.2, 1.0]))[None])[0]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
-from recipe_compiler.plan import Element, TownPlan
+from recipe_compiler.plan import Element, Pose, TownPlan
 
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.buildings import building
@@ -34,6 +35,13 @@ def town_bodies(town: TownPlan) -> tuple[Body, ...]:
 
 
 def _body(element: Element) -> Body:
-    builder = Builder()
-    _KINDS[element.kind](builder, element)
+    builder = _local(element.kind, element.size, tuple(sorted(element.shape.items())))
     return Body(element.name, 0, (("static", builder.mesh(from_pose(element.pose))),))
+
+
+@lru_cache(maxsize=64)
+def _local(kind: str, size: tuple[float, float, float], shape: tuple[tuple[str, float], ...]) -> Builder:
+    """The element in its own frame; lamps, bins and benches are all alike."""
+    builder = Builder()
+    _KINDS[kind](builder, Element(name=kind, kind=kind, pose=Pose(), size=size, shape=dict(shape)))
+    return builder
