@@ -111,9 +111,12 @@ def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """Paving stones, each of its own tone, with dark joints."""
     t = tiles(uv, 0.6, 0.4, 0.012, 0.5, foot)
     d.second = t[0] * 0.75
-    speck = unit(hash2(whole(uv[0] * 70.0), whole(uv[1] * 70.0), wp.uint32(5))) - 0.5
     stain = noise2(p[0] * 0.7, p[1] * 0.7, wp.uint32(6)) - 0.5
-    d.tone = 1.0 + 0.16 * (t[1] - 0.5) * t[2] + 0.16 * stain + 0.14 * speck * fade(0.015, foot)
+    d.tone = 1.0 + 0.16 * (t[1] - 0.5) * t[2] + 0.16 * stain
+    near = fade(0.015, foot)
+    if near > 0.0:
+        speck = unit(hash2(whole(uv[0] * 70.0), whole(uv[1] * 70.0), wp.uint32(5))) - 0.5
+        d.tone = d.tone + 0.14 * speck * near
     d.height = ground_noise(p, foot) + 0.1
     return d
 
@@ -167,7 +170,7 @@ def window(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
 @wp.func
 def wall(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, grain: wp.float32) -> Detail:
     """Plaster or concrete: weather stains that run down, and a fine grain."""
-    stain = noise3(p[0] * 0.6, p[1] * 0.6, p[2] * 0.17, wp.uint32(13)) - 0.5
+    stain = noise2((p[0] + p[1]) * 0.6, p[2] * 0.17, wp.uint32(13)) - 0.5
     d.tone = 1.0 + 0.18 * stain
     near = fade(0.08, foot)
     if near > 0.0:
@@ -198,7 +201,7 @@ def detail_of(
         d.tone = 1.0 + 0.25 * (d.tone - 1.0)
     elif pattern == BRICK:
         t = tiles(uv, 0.25, 0.083, 0.011, 0.5, foot)
-        stain = noise3(p[0] * 0.5, p[1] * 0.5, p[2] * 0.3, wp.uint32(16)) - 0.5
+        stain = noise2((p[0] + p[1]) * 0.5, p[2] * 0.3, wp.uint32(16)) - 0.5
         d.second = t[0] * 0.8
         d.tone = 1.0 + 0.42 * (t[1] - 0.5) * t[2] + 0.2 * stain
     elif pattern == PLASTER:

@@ -16,6 +16,7 @@ from recipe_runtime.render.device import launch, record, wp
 from recipe_runtime.render.geometry import Geometry
 from recipe_runtime.render.lamps import bodies_at, lamps_at
 from recipe_runtime.render.observe import Observation, Observer, device_rows
+from recipe_runtime.render.shadow import Sunbeam
 from recipe_runtime.render.sunlight import Shadows, world_vertices
 from recipe_runtime.render.timing import Timings
 from recipe_runtime.render.view import lens_of, view_from_parts, world_from_parts, world_from_view
@@ -129,15 +130,15 @@ class Painter:
 
     def _shade(self, obs: Observation, points: Points, appearance: AppearancePlan, light: Light) -> Any:
         with self._timings("shadows"):
-            sunlit = self._sunlit(obs, light)
+            _owners, beams = self._sunlit(obs, light)
         with self._timings("nearby"):
             lamps, bodies, lamp_lists, body_lists = self._nearby(obs)
         with self._timings("shade"):
             out = self._empty(points.count, wp.vec3f)
             looks = self._looks_of(appearance)
-            told = [record(v, self._device) for v in (points.data, looks, light.air, sunlit, lamps, bodies)]
+            told = [record(v, self._device) for v in (points.data, looks, light.air, lamps, bodies)]
             gleam = self._empty(points.count, wp.vec2f)
-            inputs = [*told, lamp_lists, body_lists, out, gleam]
+            inputs = [*told[:3], beams, *told[3:], lamp_lists, body_lists, out, gleam]
             launch(shade.shade, points.count, inputs, self._device)
         if light.air.wet <= 0.0:
             return out
@@ -148,22 +149,18 @@ class Painter:
             launch(reflection.reflect, points.count, inputs, self._device)
         return shown
 
-    def _sunlit(self, obs: Observation, light: Light) -> Any:
-        out = shade.Sunlit()
+    def _sunlit(self, obs: Observation, light: Light) -> tuple[list[Any], Any]:
+        """The four shadow maps as kernels want them, and the structs that own their arrays."""
         if light.sun[2] > 0.0 and float(light.sunlight.max()) > 0.0:
             world = device_rows(world_from_parts(obs.parts), self._device)
             vertices = world_vertices(self._g, world, self._device)
             eye, ahead = obs.world_from_sensor[:, 3], obs.world_from_sensor[:, 0]
             with self._timings("static shadows"):
-                still, wide = self._shadows.static(light.sun, eye)
-            fine, coarse = self._shadows.moving(light.sun, vertices, eye, ahead)
+                still = self._shadows.static(light.sun, eye)
+            beams = [*still, *self._shadows.moving(light.sun, vertices, eye, ahead)]
         else:
-            still = wide = fine = coarse = self._shadows.none()
-        out.still, out.still_depths, out.still_used = still.beam, still.depths, still.used
-        out.wide, out.wide_depths, out.wide_used = wide.beam, wide.depths, wide.used
-        out.fine, out.fine_depths, out.fine_used = fine.beam, fine.depths, fine.used
-        out.coarse, out.coarse_depths, out.coarse_used = coarse.beam, coarse.depths, coarse.used
-        return out
+            beams = [self._shadows.none()] * 4
+        return beams, wp.array(beams, dtype=Sunbeam, device=self._device)
 
     def _nearby(self, obs: Observation) -> tuple[Any, Any, Any, Any]:
         """Lamps and bodies, and their lists by tile; the same for every appearance."""

@@ -17,9 +17,9 @@ from recipe_runtime.render.visibility import Lens
 
 wp.set_module_options(OPTIONS)
 
-STEPS = wp.constant(15)
-GROWTH = wp.constant(wp.float32(1.4))
-FAINT = wp.constant(wp.float32(0.012))  # shares below this only see the sky
+STEPS = wp.constant(13)
+GROWTH = wp.constant(wp.float32(1.47))
+FAINT = wp.constant(wp.float32(0.016))  # shares below this only see the sky
 
 
 @wp.func

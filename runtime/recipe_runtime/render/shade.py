@@ -28,24 +28,6 @@ BLACK = wp.constant(wp.vec3f(0.0, 0.0, 0.0))
 
 
 @wp.struct
-class Sunlit:
-    """The four shadow maps: of what stands still, fine and wide, and of what moves, fine and coarse."""
-
-    still: Sunbeam
-    still_depths: wp.array[wp.float32]
-    still_used: wp.array[wp.int32]
-    wide: Sunbeam
-    wide_depths: wp.array[wp.float32]
-    wide_used: wp.array[wp.int32]
-    fine: Sunbeam
-    fine_depths: wp.array[wp.float32]
-    fine_used: wp.array[wp.int32]
-    coarse: Sunbeam
-    coarse_depths: wp.array[wp.float32]
-    coarse_used: wp.array[wp.int32]
-
-
-@wp.struct
 class Samples:
     """The points to shade, as `samples[0].survey` found them."""
 
@@ -82,18 +64,17 @@ class Matter:
 
 
 @wp.func
-def sunshine(s: wp.array[Sunlit], sun: wp.vec3f, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
-    """The share of the sun that reaches a point."""
-    left = wp.float32(1.0)
-    if holds(s[0].still, p):
-        left = lit(s[0].still, s[0].still_depths, s[0].still_used, p, n)
-    else:
-        left = lit(s[0].wide, s[0].wide_depths, s[0].wide_used, p, n)
+def sunshine(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+    """The share of the sun that reaches a point: past what stands still (maps 0, 1), and what moves (maps 2, 3)."""
+    still = wp.int32(0)
+    if not holds(beams, still, p):
+        still = wp.int32(1)
+    left = lit(beams, still, p, n)
     if left > 0.0:
-        if holds(s[0].fine, p):
-            left = wp.min(left, lit(s[0].fine, s[0].fine_depths, s[0].fine_used, p, n))
-        else:
-            left = wp.min(left, lit(s[0].coarse, s[0].coarse_depths, s[0].coarse_used, p, n))
+        moving = wp.int32(2)
+        if not holds(beams, moving, p):
+            moving = wp.int32(3)
+        left = wp.min(left, lit(beams, moving, p, n))
     return left
 
 
@@ -243,7 +224,7 @@ def shade(
     samples: wp.array[Samples],
     looks: wp.array[Looks],
     air: wp.array[Air],
-    sunlit: wp.array[Sunlit],
+    beams: wp.array[Sunbeam],
     lamps: wp.array[Lamps],
     bodies: wp.array[Bodies],
     lamp_lists: wp.array2d[wp.int32],
@@ -295,7 +276,7 @@ def shade(
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
     to_sun = inner(n, air[0].sun)
     if to_sun > -m.soft and air[0].sunlight[0] + air[0].sunlight[1] > 0.0:
-        s = sunshine(sunlit, air[0].sun, p, n)
+        s = sunshine(beams, p, n)
         wrapped = clamp01((to_sun + m.soft) / (1.0 + m.soft))
         light = light + air[0].sunlight * (s * wrapped)
         if m.coat > 0.0 and s > 0.0 and to_sun > 0.0:

@@ -26,6 +26,8 @@ class Sunbeam:
     size: wp.int32  # texels along a side; 0: no map
     texel: wp.float32  # metres, the larger side
     depth: wp.float32  # metres from nearness 0 to 1
+    depths: wp.array[wp.float32]  # nearness by texel
+    bounds: wp.array[wp.vec2f]  # by tile, the nearness that a filter may meet
 
 
 @wp.func
@@ -35,12 +37,12 @@ def along(axis: wp.vec4f, p: wp.vec3f) -> wp.float32:
 
 
 @wp.func
-def corner(beam: Sunbeam, p: wp.vec3f) -> Corner:
+def corner(beams: wp.array[Sunbeam], p: wp.vec3f) -> Corner:
     """A point in the map, in 1/256 texel."""
     c = Corner()
-    c.x = snap(wp.float64(along(beam.u, p)))
-    c.y = snap(wp.float64(along(beam.v, p)))
-    c.q = wp.float64(wp.min(wp.max(along(beam.q, p), 1.0e-6), 1.0))
+    c.x = snap(wp.float64(along(beams[0].u, p)))
+    c.y = snap(wp.float64(along(beams[0].v, p)))
+    c.q = wp.float64(wp.min(wp.max(along(beams[0].q, p), 1.0e-6), 1.0))
     return c
 
 
@@ -50,7 +52,7 @@ def cast(
     triangles: wp.array[wp.vec3i],
     casts: wp.array[wp.int32],
     first: wp.int32,
-    beam: Sunbeam,
+    beams: wp.array[Sunbeam],
     lens: Lens,
     keys: wp.array[wp.uint64],
     used: wp.array[wp.int32],
@@ -60,16 +62,16 @@ def cast(
     if casts[i] == 0:
         return
     t = triangles[i]
-    a = corner(beam, vertices[t[0]])
-    b = corner(beam, vertices[t[1]])
-    c = corner(beam, vertices[t[2]])
+    a = corner(beams, vertices[t[0]])
+    b = corner(beams, vertices[t[1]])
+    c = corner(beams, vertices[t[2]])
     if (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x) < wp.int64(0):
         turn = b
         b = c
         c = turn
     draw(keys, lens, a, b, c, wp.uint64(0), wp.uint64(0))
     # Mark the tiles that it may touch, a filter's width further out.
-    side = beam.size / TILE
+    side = beams[0].size / TILE
     left = wp.max(int((wp.min(a.x, wp.min(b.x, c.x)) >> wp.int64(8)) - wp.int64(3)) / TILE, 0)
     top = wp.max(int((wp.min(a.y, wp.min(b.y, c.y)) >> wp.int64(8)) - wp.int64(3)) / TILE, 0)
     right = wp.min(int((wp.max(a.x, wp.max(b.x, c.x)) >> wp.int64(8)) + wp.int64(3)) / TILE, side - 1)
@@ -93,34 +95,59 @@ def nearness(keys: wp.array[wp.uint64], used: wp.array[wp.int32], size: wp.int32
             out[i] = wp.float32(wp.float64(wp.int64(keys[i] >> wp.uint64(24))) / wp.float64(1099511627775.0))
 
 
+@wp.kernel
+def bound(depths: wp.array[wp.float32], used: wp.array[wp.int32], size: wp.int32, bounds: wp.array[wp.vec2f]):
+    """The least and the greatest nearness that a filter may meet from within a tile: most need not filter at all."""
+    tile = wp.tid()
+    if used[tile] == 0:
+        bounds[tile] = wp.vec2f(0.0, 0.0)
+        return
+    side = size / TILE
+    top = (tile / side) * TILE
+    left = (tile % side) * TILE
+    low = wp.float32(1.0)
+    high = wp.float32(0.0)
+    for y in range(wp.max(top - 1, 0), wp.min(top + TILE + 2, size)):
+        for x in range(wp.max(left - 1, 0), wp.min(left + TILE + 2, size)):
+            q = depths[y * size + x]
+            low = wp.min(low, q)
+            high = wp.max(high, q)
+    bounds[tile] = wp.vec2f(low, high)
+
+
 @wp.func
-def holds(beam: Sunbeam, p: wp.vec3f) -> bool:
-    """Whether a point lies well within the map."""
-    u = along(beam.u, p)
-    v = along(beam.v, p)
-    edge = wp.float32(beam.size - 12)
+def holds(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f) -> bool:
+    """Whether a point lies well within map k."""
+    u = along(beams[k].u, p)
+    v = along(beams[k].v, p)
+    edge = wp.float32(beams[k].size - 12)
     return u > 12.0 and v > 12.0 and u < edge and v < edge
 
 
 @wp.func
-def lit(beam: Sunbeam, depths: wp.array[wp.float32], used: wp.array[wp.int32], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+def lit(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """The share of the sun seen from a point with normal n: nine bilinear taps, so that edges are soft and still."""
-    if beam.size == 0:
+    size = beams[k].size
+    if size == 0:
         return 1.0
-    lift = 0.6 * beam.texel + 0.004
+    texel = beams[k].texel
+    lift = 0.6 * texel + 0.004
     r = wp.vec3f(p[0] + n[0] * lift, p[1] + n[1] * lift, p[2] + n[2] * lift)
-    u = along(beam.u, r) - 0.5
-    v = along(beam.v, r) - 0.5
-    edge = wp.float32(beam.size - 4)
+    u = along(beams[k].u, r) - 0.5
+    v = along(beams[k].v, r) - 0.5
+    edge = wp.float32(size - 4)
     if u < 3.0 or v < 3.0 or u > edge or v > edge:
         return 1.0
     i = int(u)
     j = int(v)
-    if used[(j / TILE) * (beam.size / TILE) + i / TILE] == 0:
+    q = along(beams[k].q, r) + (0.01 + 0.35 * texel) / beams[k].depth
+    within = beams[k].bounds[(j / TILE) * (size / TILE) + i / TILE]
+    if q >= within[1]:
         return 1.0
+    if q < within[0]:
+        return 0.0
     fu = u - wp.float32(i)
     fv = v - wp.float32(j)
-    q = along(beam.q, r) + (0.01 + 0.35 * beam.texel) / beam.depth
     total = wp.float32(0.0)
     for y in range(4):
         wy = wp.float32(1.0)
@@ -128,15 +155,15 @@ def lit(beam: Sunbeam, depths: wp.array[wp.float32], used: wp.array[wp.int32], p
             wy = 1.0 - fv
         if y == 3:
             wy = fv
-        base = (j + y - 1) * beam.size + i - 1
+        base = (j + y - 1) * size + i - 1
         row = wp.float32(0.0)
-        if depths[base] <= q:
+        if beams[k].depths[base] <= q:
             row = row + 1.0 - fu
-        if depths[base + 1] <= q:
+        if beams[k].depths[base + 1] <= q:
             row = row + 1.0
-        if depths[base + 2] <= q:
+        if beams[k].depths[base + 2] <= q:
             row = row + 1.0
-        if depths[base + 3] <= q:
+        if beams[k].depths[base + 3] <= q:
             row = row + fu
         total = total + row * wy
     return total / 9.0

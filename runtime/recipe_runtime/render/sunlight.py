@@ -1,14 +1,13 @@
 """Shadow maps: made for a sun's place over the whole town once, and for what moves every frame."""
 
 from collections import OrderedDict
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.render import shadow, visibility
-from recipe_runtime.render.device import launch, wp
+from recipe_runtime.render.device import launch, record, wp
 from recipe_runtime.render.geometry import Geometry
 from recipe_runtime.render.shadow import TILE, Sunbeam
 from recipe_runtime.render.visibility import Lens
@@ -21,23 +20,14 @@ _KEPT = 6  # static maps kept of each kind
 _REACH = 1200.0  # metres along the sun's rays that a map spans
 
 
-@dataclass(frozen=True)
-class ShadowMap:
-    """A map on the device."""
-
-    beam: Any
-    depths: Any  # float32
-    used: Any  # int32 by tile
-
-
 class Shadows:
     """The shadow maps of one scene."""
 
     def __init__(self, geometry: Geometry, device: str) -> None:
         self._g, self._device = geometry, device
-        self._static: list[OrderedDict[tuple[bytes, int, int], ShadowMap]] = [OrderedDict() for _ in _STATIC_MAPS]
+        self._static: list[OrderedDict[tuple[bytes, int, int], Any]] = [OrderedDict() for _ in _STATIC_MAPS]
 
-    def static(self, sun: NDArray[np.float64], eye: Array) -> tuple[ShadowMap, ShadowMap]:
+    def static(self, sun: NDArray[np.float64], eye: Array) -> tuple[Any, Any]:
         """The fine and the coarse map of what stands still, about the eye; for a sun above the horizon.
 
         Their centres lie on a grid of the world, so that a camera that moves seldom needs another one.
@@ -45,7 +35,7 @@ class Shadows:
         fine, coarse = (self._held(kind, sun, eye) for kind in range(len(_STATIC_MAPS)))
         return fine, coarse
 
-    def _held(self, kind: int, sun: NDArray[np.float64], eye: Array) -> ShadowMap:
+    def _held(self, kind: int, sun: NDArray[np.float64], eye: Array) -> Any:
         size, texel, grid = _STATIC_MAPS[kind]
         cell = int(np.floor(eye[0] / grid + 0.5)), int(np.floor(eye[1] / grid + 0.5))
         held, name = self._static[kind], (sun.tobytes(), *cell)
@@ -58,14 +48,15 @@ class Shadows:
         held.move_to_end(name)
         return held[name]
 
-    def none(self) -> ShadowMap:
+    def none(self) -> Any:
         """A map that shadows nothing."""
         beam = Sunbeam()
         beam.size, beam.depth = 0, 1.0
-        empty = wp.zeros(1, dtype=wp.float32, device=self._device)
-        return ShadowMap(beam, empty, wp.zeros(1, dtype=wp.int32, device=self._device))
+        beam.depths = wp.zeros(1, dtype=wp.float32, device=self._device)
+        beam.bounds = wp.zeros(1, dtype=wp.vec2f, device=self._device)
+        return beam
 
-    def moving(self, sun: NDArray[np.float64], world: Any, eye: Array, ahead: Array) -> tuple[ShadowMap, ShadowMap]:
+    def moving(self, sun: NDArray[np.float64], world: Any, eye: Array, ahead: Array) -> tuple[Any, Any]:
         """The fine and the coarse map of the moving parts; `world` holds all vertices in the world frame."""
         maps = []
         for texel in _MOVING_TEXELS:
@@ -75,18 +66,21 @@ class Shadows:
             maps.append(self._draw(beam, world, first, self._g.triangle_count - first))
         return maps[0], maps[1]
 
-    def _draw(self, beam: Any, vertices: Any, first: int, count: int) -> ShadowMap:
+    def _draw(self, beam: Any, vertices: Any, first: int, count: int) -> Any:
         size = beam.size
         keys = wp.zeros(size * size, dtype=wp.uint64, device=self._device)
         used = wp.zeros((size // TILE) * (size // TILE), dtype=wp.int32, device=self._device)
         lens = Lens()
         lens.near, lens.far, lens.width, lens.height, lens.side = 1.0, 1.0e9, size, size, 1
         if count:
-            inputs = [vertices, self._g.triangles, self._g.casts, first, beam, lens, keys, used]
+            inputs = [vertices, self._g.triangles, self._g.casts, first, record(beam, self._device), lens, keys, used]
             launch(shadow.cast, count, inputs, self._device)
         depths = wp.zeros(size * size, dtype=wp.float32, device=self._device)
         launch(shadow.nearness, (size // TILE) * (size // TILE), [keys, used, size, depths], self._device)
-        return ShadowMap(beam, depths, used)
+        bounds = wp.empty((size // TILE) * (size // TILE), dtype=wp.vec2f, device=self._device)
+        launch(shadow.bound, (size // TILE) * (size // TILE), [depths, used, size, bounds], self._device)
+        beam.depths, beam.bounds = depths, bounds
+        return beam
 
 
 def world_vertices(geometry: Geometry, world_from_part: Any, device: str) -> Any:
