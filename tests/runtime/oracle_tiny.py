@@ -1,8 +1,8 @@
 """PyBullet's TinyRenderer as an independent witness: the same bodies, poses and camera, drawn by other code.
 
 It runs in a fresh process, draws once to warm up (a first picture can differ from later ones, because it renormalises
-normals in place), and passes every argument. Pixels: RGB is plain; `depth` is metres along the optical axis;
-`instance` holds class * 1000 + instance of actors, 0 elsewhere.
+normals in place), and passes every argument. Its samples are moved from a pixel's corner to its centre. `rgb` is
+plain; `depth` is metres along the optical axis; `instance` holds class * 1000 + instance of actors, 0 elsewhere.
 """
 
 from __future__ import annotations
@@ -29,16 +29,19 @@ def tiny_render(
     camera: CameraPlan,
     world_from_sensor: Array,
     looks: dict[str, dict[str, str]] | None = None,
-    town: bool = True,
+    within: float = 60.0,
 ) -> dict[str, NDArray[Any]]:
-    """`rgb` [H, W, 3] uint8, `depth` [H, W] float32 and `instance` [H, W] int32 of one frame."""
+    """`rgb` [H, W, 3] uint8, `depth` [H, W] float32 and `instance` [H, W] int32 of one frame.
+
+    Only the town's elements whose middle lies within that many metres of the camera are drawn, for speed.
+    """
     request = {
         "scene": scene.document(),
         "frame": frame,
         "camera": camera.document(),
         "sensor": np.asarray(world_from_sensor).tolist(),
         "looks": looks or {},
-        "town": town,
+        "within": within,
         "trace": trace.to_bytes().hex(),
     }
     done = subprocess.run(
@@ -97,8 +100,10 @@ def _serve(source: IO[bytes], answer: IO[bytes]) -> None:
                 ids[p.createMultiBody(0, -1, shape, position, orientation)] = instance
 
     looks = request["looks"]
-    if request["town"]:
-        for body in town_bodies(scene.town):
+    sensor = np.array(request["sensor"])
+    for element, body in zip(scene.town.elements, town_bodies(scene.town), strict=True):
+        dx, dy = element.pose.x - sensor[0, 3], element.pose.y - sensor[1, 3]
+        if dx * dx + dy * dy < request["within"] ** 2:
             put(body.parts[0][1], looks.get(body.name, {}), 0, None)
     poses, row = part_transforms(trace, frame), 0
     for actor in scene.actors:
@@ -107,13 +112,15 @@ def _serve(source: IO[bytes], answer: IO[bytes]) -> None:
             put(mesh, looks.get(actor.name, {}), body.instance, poses[row])
             row += 1
 
-    sensor = np.array(request["sensor"])
     eye, forward, up = sensor[:, 3], sensor[:, 0], sensor[:, 2]
     near, far = camera.near, min(camera.far, 1000.0)
     half = np.tan(np.radians(camera.fov) / 2) * near
     tall = half * camera.height / camera.width
     view = p.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
-    projection = p.computeProjectionMatrix(-half, half, -tall, tall, near, far)
+    # TinyRenderer takes its samples at whole pixels counted from the picture's lower left corner, so at pixels' lower
+    # left corners; moving the picture by half a pixel puts them at pixels' centres.
+    right, lift = half / camera.width, tall / camera.height
+    projection = p.computeProjectionMatrix(right - half, right + half, lift - tall, lift + tall, near, far)
     for _ in range(2):
         _, _, rgba, depth, segments = p.getCameraImage(
             camera.width,
