@@ -214,3 +214,22 @@ def test_a_pedestrian_waits_for_a_car() -> None:
     near = np.abs(base(trace, "walker") - base(trace, "car"))[:, :2]
     assert ((near[:, 0] > 1.0) | (near[:, 1] > 2.4)).all()
     assert base(trace, "walker")[-1, 0] > 5.5
+
+
+def test_what_has_no_route_stands_still() -> None:
+    standing = [plan.model_copy(update={"route": ()}) for plan in (HERO1, CAR)]
+    trace = simulate(scene(*standing, frames=30))
+    assert not (trace.positions != trace.positions[0]).any()
+    assert not (trace.rotations != trace.rotations[0]).any()
+
+
+def test_an_empty_scene_has_an_empty_trace() -> None:
+    assert simulate(scene(frames=3)).positions.shape == (3, 0, 3)
+
+
+def test_a_kerb_is_climbed_and_left() -> None:
+    walker = actor("walker", "walker.pedestrian.0003", -4, 0, 0, (4.5, 0), 1.4)
+    height = base(simulate(scene(walker, frames=260)), "walker")[:, 2]
+    assert height.max() == pytest.approx(0.15, abs=0.002)
+    assert -0.09 < height.min() < 0.0  # the pelvis sinks with each stride
+    assert height[-1] == pytest.approx(0.15, abs=0.002)
