@@ -76,8 +76,8 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
     overhead = _mix(_pale(0.54 * zenith + 0.33 * horizon, 0.35), overcast, grey)
     around = _mix(_pale(0.26 * zenith + 0.48 * horizon, 0.35), 0.62 * overcast, grey)
     falling = sunlight * max(float(sun[2]), 0.0) + overhead
-    below = 0.17 * falling * np.array([1.0, 0.96, 0.9])
-    sideways = 0.5 * around + 0.5 * below + 0.12 * overhead
+    below = 0.25 * falling * np.array([1.0, 0.96, 0.9])
+    sideways = 0.5 * around + 0.5 * below + 0.2 * overhead
     street = _STREET_LIGHT * 0.42 * night * np.array([1.0, 0.8, 0.58])  # lamps' light, thrown about
     below, sideways, overhead = below + street, sideways + street, overhead + 0.3 * street
     air = Air()

@@ -43,7 +43,7 @@ def bodies_at(geometry: Geometry, parts: Array, device: str) -> Any:
         for box in boxes:
             height = box[2] - foot
             if height < _LOWEST:
-                rows.append([box[0], box[1], foot, *box[3:7], 0.8 * (1.0 - height / _LOWEST * 0.6)])
+                rows.append([box[0], box[1], foot, *box[3:7], 0.66 * (1.0 - height / _LOWEST * 0.6)])
     table = np.array(rows, np.float64).reshape(-1, 8) if rows else np.zeros((1, 8))
     bodies = Bodies()
     bodies.centre = _upload(table[:, 0:3], wp.vec3f, device)
