@@ -8,8 +8,10 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from recipe_compiler.errors import RunError
 from recipe_compiler.plan import AppearancePlan, CameraPlan, ScenePlan
 
+from recipe_runtime import host
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.trace import Trace
 from recipe_runtime.transforms import Array
@@ -85,6 +87,9 @@ def _actors(scene: ScenePlan) -> list[Body]:
 
 
 def _renderer(scene: ScenePlan, device: str) -> SceneRenderer:
+    reason = host.cannot_render()
+    if reason:
+        raise RunError(reason)
     from recipe_runtime.meshes import town_bodies
     from recipe_runtime.render import Renderer
 

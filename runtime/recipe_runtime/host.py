@@ -4,19 +4,8 @@ from __future__ import annotations
 
 import platform
 import sys
-from functools import cache
-from pathlib import Path
 
-
-@cache
-def cpu_flags() -> frozenset[str]:
-    """The CPU's features as Linux names them; empty where they cannot be read."""
-    try:
-        text = Path("/proc/cpuinfo").read_text()
-    except OSError:
-        return frozenset()
-    line = next((line for line in text.splitlines() if line.startswith("flags")), "")
-    return frozenset(line.partition(":")[2].split())
+NEEDED = "AVX"  # Warp's machine code uses it even for the generic x86-64 target
 
 
 def unfit(stage: str) -> str | None:
@@ -28,3 +17,14 @@ def unfit(stage: str) -> str | None:
     if stage == "trace" and platform.machine() != "x86_64":
         return f"simulation is promised on x86-64, this is {platform.machine()}"
     return None
+
+
+def cannot_render() -> str | None:
+    """Why kernels cannot run on this CPU at all; None if they can."""
+    if platform.machine() != "x86_64":
+        return None
+    from numpy._core._multiarray_umath import __cpu_features__ as features
+
+    if features.get(NEEDED, True):
+        return None
+    return f"rendering needs a CPU with {NEEDED} (any since 2011), and this one has none"

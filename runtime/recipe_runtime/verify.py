@@ -257,6 +257,9 @@ class _Check:
                 message = _parting(self.lock, scenes[digest], motions)
                 found.append(Difference("trace", message, excuse_of("trace", self.lock)))
         whole = {digest for digest, trace in traces.items() if self.lock.traces.get(digest) == trace.digest}
+        reason = host.cannot_render()
+        if reason:
+            return [*found, Difference("observation", "no frame was rendered", reason)]
         return found + self._frames([c for c in chosen if by_name[c[0]].scene.digest in whole])
 
     def _frames(self, chosen: list[Choice]) -> list[Difference]:
