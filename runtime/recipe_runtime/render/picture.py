@@ -152,12 +152,15 @@ class Painter:
     def _sunlit(self, obs: Observation, light: Light) -> tuple[list[Any], Any]:
         """The four shadow maps as kernels want them, and the structs that own their arrays."""
         if light.sun[2] > 0.0 and float(light.sunlight.max()) > 0.0:
-            world = device_rows(world_from_parts(obs.parts), self._device)
-            vertices = world_vertices(self._g, world, self._device)
             eye, ahead = obs.world_from_sensor[:, 3], obs.world_from_sensor[:, 0]
             with self._timings("static shadows"):
                 still = self._shadows.static(light.sun, eye)
-            beams = [*still, *self._shadows.moving(light.sun, vertices, eye, ahead)]
+            name = "moving shadows " + light.sun.tobytes().hex()  # weathers of one hour share them
+            if name not in obs.derived:
+                world = device_rows(world_from_parts(obs.parts), self._device)
+                vertices = world_vertices(self._g, world, self._device)
+                obs.derived[name] = self._shadows.moving(light.sun, vertices, eye, ahead)
+            beams = [*still, *obs.derived[name]]
         else:
             beams = [self._shadows.none()] * 4
         return beams, wp.array(beams, dtype=Sunbeam, device=self._device)
