@@ -21,7 +21,7 @@ from recipe_compiler.errors import RunError
 from recipe_compiler.plan import ScenePlan
 
 from recipe_runtime.trace import Trace
-from recipe_runtime.versions import STAGES
+from recipe_runtime.versions import simulation_maker
 
 _FORMAT = b"recipe/store/1 "
 
@@ -56,7 +56,7 @@ class Store:
 
     def trace(self, scene: ScenePlan, simulate: Callable[[], Trace]) -> Trace:
         """The Trace of a scene: from the store if it is there and whole, else simulated, and kept."""
-        key = digest("store/trace/1", [scene.digest, STAGES["simulate"]])
+        key = digest("store/trace/1", [scene.digest, simulation_maker()])
         body = self.get("traces", key)
         if body is not None:
             try:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import platform
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from recipe_compiler.canonical import digest, digest_bytes
 
 # In the order in which things are made; a difference is reported at the first stage where it shows.
 STAGES: dict[str, int] = {"plan": 1, "simulate": 1, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
 
+_NOT_SIMULATING = {"annotate", "render", "report"}
 _TOOLS = ("dataset-recipe", "astral", "deflate", "numpy", "pybullet", "pycocotools", "rfc8785", "warp-lang")
 
 
@@ -20,6 +25,18 @@ def tool_versions() -> dict[str, str]:
         except PackageNotFoundError:
             versions[tool] = "none"
     return versions
+
+
+@cache
+def simulation_maker() -> str:
+    """Identity of what simulates here: stage version, packages, and this package's own code.
+
+    A kept Trace is used again only by what would make it again; a lockfile goes by the stage's version alone.
+    """
+    root = Path(__file__).parent
+    sources = [p for p in sorted(root.rglob("*.py")) if p.relative_to(root).parts[0] not in _NOT_SIMULATING]
+    code = [[p.relative_to(root).as_posix(), digest_bytes("source/1", p.read_bytes())] for p in sources]
+    return digest("maker/1", {"stage": STAGES["simulate"], "tools": host_versions(), "code": code})
 
 
 def host_versions() -> dict[str, str]:
