@@ -27,7 +27,9 @@ _BRIGHTNESS: tuple[tuple[float, float], ...] = (
     *((5, 0.22), (15, 0.52), (45, 0.9), (90, 1.0)),
 )  # of the sky, by the sun's altitude in degrees
 _RAYLEIGH = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass
+_AEROSOL = np.array([0.8, 1.0, 1.35])  # haze takes more of the blue: Angstrom's law with an exponent of 1.3
 _STREET_LIGHT = 1.0e-3  # what lamps give the eye to adapt to
+_LAMPLIGHT = np.array([1.0, 0.8, 0.58])  # the colour of lamps' light, thrown about
 
 
 @dataclass(frozen=True)
@@ -73,13 +75,16 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
         + scattered
     )
     grey = _ease(0.25, 0.95, cover)
-    overhead = _mix(_pale(0.54 * zenith + 0.33 * horizon, 0.35), overcast, grey)
-    around = _mix(_pale(0.26 * zenith + 0.48 * horizon, 0.35), 0.62 * overcast, grey)
+    overhead = _mix(_pale(0.54 * zenith + 0.33 * horizon, 0.5), overcast, grey)
+    around = _mix(_pale(0.26 * zenith + 0.48 * horizon, 0.5), 0.62 * overcast, grey)
     falling = sunlight * max(float(sun[2]), 0.0) + overhead
     below = 0.25 * falling * np.array([1.0, 0.96, 0.9])
-    sideways = 0.5 * around + 0.5 * below + 0.2 * overhead
-    street = _STREET_LIGHT * 0.42 * night * np.array([1.0, 0.8, 0.58])  # lamps' light, thrown about
-    below, sideways, overhead = below + street, sideways + street, overhead + 0.3 * street
+    walls = 0.05 * sunlight * (1.0 - max(float(sun[2]), 0.0))  # a low sun's light, thrown back by house fronts
+    overhead = overhead + walls
+    sideways = 0.5 * around + 0.5 * below + 0.2 * overhead + walls
+    street = _STREET_LIGHT * night * (0.6 + 0.25 * cover) * _LAMPLIGHT  # clouds give a town its own glow back
+    veil = _mix(overhead, around, 0.45) + 0.17 * street
+    below, sideways, overhead = below + street, sideways + street, overhead + (0.3 + 0.3 * cover) * street
     air = Air()
     air.sun, air.sunlight = _vector(sun), _vector(sunlight)
     air.disc = _vector(clear_sun * 60.0 * shine)
@@ -89,17 +94,19 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
     air.cloud_dark = _vector(overcast * (0.78 - 0.2 * rain))
     air.cover = fixed(cover)
     air.stars = fixed(_ease(-6.0, -14.0, altitude) * (1.0 - cover)) * 2.0e-3
-    _fill_fog(air, appearance, _mix(overhead, around, 0.45), sunlight, around)
+    _fill_fog(air, appearance, veil, sunlight, around)
     wet = max(w.wetness / 100.0, min(1.6 * rain, 1.0), 0.75 * w.precipitation_deposits / 100.0)
     air.wet, air.puddles = fixed(wet), fixed(w.precipitation_deposits / 100.0)
     air.night = fixed(night)
     air.seed = appearance.seed & 0xFFFFFFFF
     air.decay, air.gradient, air.halo = _tables(zenith, horizon, clear_sun * shine, altitude, day, device)
     lamps = _STREET_LIGHT * night
-    seen = sunlight * max(float(sun[2]), 0.3) * _ease(-1.0, 1.0, altitude) + 1.25 * overhead
+    # A low sun lights the tops of houses; the street, which the exposure is for, lies in their shade.
+    open_street = 0.33 + 0.67 * _ease(4.0, 40.0, altitude)
+    seen = sunlight * (max(float(sun[2]), 0.3) * open_street * _ease(-1.0, 1.0, altitude)) + 1.25 * overhead
     luminance = 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2]) + lamps
-    dim = 1.0 - 0.36 * _ease(9.0, -3.0, altitude) + 0.55 * _ease(-4.0, -10.0, altitude)
-    dim = dim - 0.1 * rain * (1.0 - night) - 0.06 * fog
+    dim = 1.0 - 0.3 * _ease(9.0, -3.0, altitude) + 0.95 * _ease(-4.0, -10.0, altitude)
+    dim = dim - 0.1 * rain * (1.0 - night) - 0.06 * fog + 0.3 * night * max(rain, fog)
     exposure = dim * exact.power(luminance, -0.86)
     return Light(air, sun, sunlight, fixed(exposure), night, rain, w.wind_intensity / 100.0)
 
@@ -114,7 +121,7 @@ def transmittance(altitude: float, mie: float = 0.03, rayleigh: float = 0.0331) 
     height = max(altitude, -1.5)
     sine = exact.sin_deg(height)
     mass = 1.0 / (sine + 0.50572 * exact.power(height + 6.07995, -1.6364))
-    depth = _RAYLEIGH * (rayleigh / 0.0331) + 0.05 + 0.9 * mie
+    depth = _RAYLEIGH * (rayleigh / 0.0331) + (0.08 + 0.9 * mie) * _AEROSOL
     white = np.array([1.0, 1.03, 1.1])
     left: Colour = white * np.array([exact.exp(-float(d) * mass) for d in depth]) * _ease(-1.2, 0.8, altitude)
     return left
@@ -132,7 +139,7 @@ def _shine(cover: float, rain: float, thick_fog: float, dust: float) -> float:
 
 
 def _sky_colours(altitude: float, day: float, cover: float) -> tuple[Colour, Colour]:
-    noon = _ease(-2.0, 18.0, altitude)
+    noon = _ease(-2.0, 26.0, altitude)
     deep = _ease(-4.0, -12.0, altitude)
     zenith = _mix(np.array([0.22, 0.34, 0.70]), np.array([0.26, 0.48, 0.98]), noon)
     horizon = _mix(np.array([1.0, 0.86, 0.84]), np.array([1.22, 1.38, 1.52]), noon)
@@ -167,7 +174,7 @@ def _tables(
     g = 0.8
     x = 1.0 + g * g - 2.0 * g * cosine
     narrow = (1.0 - g * g) / (x * np.sqrt(x))
-    warm = np.array([1.0, 0.46, 0.16]) * day * 3.4 * _ease(-9.0, -1.0, altitude) * _ease(14.0, 2.0, altitude)
+    warm = np.array([1.0, 0.46, 0.16]) * day * 3.4 * _ease(-9.0, -1.0, altitude) * _ease(22.0, 4.0, altitude)
     wide = (1.0 + cosine) * 0.5
     halo = 0.014 * narrow[:, None] * shining + (wide * wide * wide)[:, None] * warm
     return (

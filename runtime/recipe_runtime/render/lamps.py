@@ -12,7 +12,8 @@ from recipe_runtime.transforms import Array
 
 _CANDELA = 1.0 / 11000.0  # light on a white surface a metre away, in the scale of `air`, of one candela
 _MOST_LAMPS = 256
-_LOWEST = 0.45  # metres above its actor's foot at which a part no longer darkens the ground
+_LOWEST = 0.4  # metres above its actor's foot at which a part no longer darkens the ground
+_UNDER = 0.72  # share of the sky's light that a wide body flat on the ground keeps from it
 
 
 def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: str) -> Any:
@@ -43,13 +44,16 @@ def bodies_at(geometry: Geometry, parts: Array, device: str) -> Any:
         for box in boxes:
             height = box[2] - foot
             if height < _LOWEST:
-                rows.append([box[0], box[1], foot, *box[3:7], 0.66 * (1.0 - height / _LOWEST * 0.6)])
-    table = np.array(rows, np.float64).reshape(-1, 8) if rows else np.zeros((1, 8))
+                # What a disc of the part's breadth hides of the sky, seen from the ground below its middle.
+                lift = height / (min(box[5], box[6]) + 0.04)
+                rows.append([box[0], box[1], foot, *box[3:7], height, _UNDER / (1.0 + lift * lift)])
+    table = np.array(rows, np.float64).reshape(-1, 9) if rows else np.zeros((1, 9))
     bodies = Bodies()
     bodies.centre = _upload(table[:, 0:3], wp.vec3f, device)
     bodies.axis = _upload(table[:, 3:5], wp.vec2f, device)
     bodies.half = _upload(table[:, 5:7], wp.vec2f, device)
-    bodies.strength = _upload(table[:, 7], wp.float32, device)
+    bodies.spread = _upload(0.05 + 0.35 * np.minimum(table[:, 5], table[:, 6]) + 0.4 * table[:, 7], wp.float32, device)
+    bodies.strength = _upload(table[:, 8], wp.float32, device)
     bodies.count = len(rows)
     return bodies
 

@@ -38,6 +38,7 @@ class Bodies:
     centre: wp.array[wp.vec3f]  # of its foot
     axis: wp.array[wp.vec2f]  # unit, along its first half size
     half: wp.array[wp.vec2f]
+    spread: wp.array[wp.float32]  # metres beside the box over which the darkening fades
     strength: wp.array[wp.float32]
     count: wp.int32
 
@@ -136,9 +137,10 @@ def contact(
             v = dy * a[0] - dx * a[1]
             gu = gap(-h[0], h[0], u)
             gv = gap(-h[1], h[1], v)
-            spread = 0.10 + 0.45 * wp.min(h[0], h[1])
+            spread = bodies[0].spread[i]
             r = (gu * gu + gv * gv) / (spread * spread)
-            left = left * (1.0 - bodies[0].strength[i] * clamp01(n[2]) / (1.0 + 2.0 * r + r * r))
+            # The parts of one body stand in each other's way: the darkest of them counts, not their product.
+            left = wp.min(left, 1.0 - bodies[0].strength[i] * clamp01(n[2]) / (1.0 + 2.0 * r + r * r))
     return left
 
 

@@ -116,9 +116,9 @@ def pane(
     h = (h ^ (h >> wp.uint32(13))) * wp.uint32(0x85EBCA7)
     chance = unit(h ^ (h >> wp.uint32(16)))
     if air[0].night > 0.0 and chance < awake:
-        warm = mix(wp.vec3f(1.0, 0.62, 0.28), wp.vec3f(0.95, 0.86, 0.72), chance / awake)
+        warm = mix(wp.vec3f(1.0, 0.52, 0.19), wp.vec3f(1.0, 0.78, 0.5), chance / awake)
         depth = 0.55 + 0.45 * detail[3] - 0.3 * detail[2]
-        m.glow = warm * (air[0].night * 3.2e-3 * depth * (1.0 - detail[1]) * (0.5 + 0.6 * chance / awake))
+        m.glow = warm * (air[0].night * 1.9e-3 * depth * (1.0 - detail[1]) * (0.5 + 0.6 * chance / awake))
     return m
 
 
