@@ -1,0 +1,119 @@
+"""A frame alone is that frame of the full build, for every sensor, whatever the order and the count of workers."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recipe_compiler.compile import compile_recipe
+from recipe_runtime.build import build
+
+from tests.sources import ROOT
+
+# Sensors on actors and in the world; each frame has a pose of its own.
+ATTACHED = """
+recipe: attached
+seed: 3
+base:
+  clock: {fps: 10, frames: 6}
+  town: {name: downtown, blocks: [1, 1], seed: 3}
+  weather: MidRainyNoon
+  actors:
+    car: {blueprint: vehicle.hatchback.*, start: {x: -1.5, y: 12, yaw: -90}, route: [{x: -1.5, y: -20}], speed: 6}
+    walker: {blueprint: walker.pedestrian.*, start: {x: -4.4, y: 3}, goal: {x: -4.4, y: -9}, speed: 1.5}
+  sensors:
+    dash:
+      mount: {on: car, x: 0.6, z: 1.2}
+      camera: {width: 160, height: 120, fov: 85}
+      capture: [rgb, depth, instance, semantic]
+      motion: {jitter: {z: 0.02, pitch: 0.5}}
+    eyes:
+      mount: {on: walker, x: 0.2, z: 1.6}
+      camera: {width: 160, height: 120, fov: 90, antialias: false}
+      capture: [rgb, instance]
+"""
+
+# In a fresh process: every named frame alone, each with a renderer of its own.
+_ALONE = """
+import json, sys
+from pathlib import Path
+from recipe_compiler.compile import compile_recipe
+from recipe_runtime.frames import FrameSource, label_digest, pixel_digest
+from recipe_runtime.simulate import simulate
+recipe, wanted = json.loads(sys.stdin.read())
+plans = {v.variant: v for v in compile_recipe(Path(recipe)).plan.variants}
+traces, found = {}, []
+for variant, sensor, frame in wanted:
+    plan = plans[variant]
+    if plan.scene.digest not in traces:
+        traces[plan.scene.digest] = simulate(plan.scene)
+    arrays, labels = FrameSource(plan, traces[plan.scene.digest]).render_labelled(sensor, frame)
+    found.append({"labels": label_digest(labels), **{m: pixel_digest(m, a) for m, a in arrays.items()}})
+print(json.dumps(found))
+"""
+
+
+@pytest.fixture(scope="module", params=["tiny", "attached"])
+def recipe(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if request.param == "tiny":
+        return ROOT / "tests" / "golden" / "tiny.yaml"
+    path = tmp_path_factory.mktemp("alone") / "attached.yaml"
+    path.write_text(ATTACHED)
+    return path
+
+
+@pytest.fixture(scope="module")
+def built(recipe: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[int, dict[str, Any]]:
+    """The manifests of the dataset built by one worker, and by two with other shards."""
+    plan, folder = compile_recipe(recipe).plan, tmp_path_factory.mktemp("built")
+    return {
+        workers: build(
+            plan, folder / str(workers), workers=workers, cache=folder / f"cache{workers}", shard_frames=size
+        ).manifest
+        for workers, size in ((1, 5), (2, 1))
+    }
+
+
+def test_workers_change_nothing(built: dict[int, dict[str, Any]]) -> None:
+    assert built[1] == built[2]
+
+
+def test_every_sensor_alone_in_a_fresh_process(recipe: Path, built: dict[int, dict[str, Any]]) -> None:
+    variants = built[1]["variants"]
+    wanted = [
+        (variant, sensor, frame)
+        for frame in ((3, 0) if len(variants) > 1 else (5, 0, 2))
+        for variant in reversed(built[1]["order"])
+        for sensor in reversed(variants[variant]["frames"])
+    ]
+    done = subprocess.run(
+        [sys.executable, "-c", _ALONE],
+        input=json.dumps([str(recipe), wanted]),
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONHASHSEED": "123"},
+    )
+    assert done.returncode == 0, done.stderr
+    for (variant, sensor, frame), digests in zip(wanted, json.loads(done.stdout), strict=True):
+        frames = variants[variant]["frames"][sensor]
+        assert digests == {m: rows[frame] for m, rows in frames.items()}, f"{variant}, {sensor}, frame {frame}"
+    assert len({json.dumps(d) for d in json.loads(done.stdout)}) == len(wanted)  # no two frames are alike
+
+
+def test_a_shot_from_the_command_line(recipe: Path, built: dict[int, dict[str, Any]], tmp_path: Path) -> None:
+    variant = built[1]["order"][-1]
+    sensor = list(built[1]["variants"][variant]["frames"])[-1]
+    command = ["shot", recipe, "--variant", variant, "--sensor", sensor, "--frame", "1", "--json"]
+    done = subprocess.run(
+        [sys.executable, "-m", "recipe_cli", *map(str, command), "--output", str(tmp_path / "shot.png")],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "RECIPE_CACHE": str(tmp_path)},
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["digest"] == built[1]["variants"][variant]["frames"][sensor]["rgb"][1]
