@@ -3,23 +3,21 @@
 The stages are compared in the order in which things are made, and the first one that parts is the verdict's:
 
     lockfile, recipe, plan, trace, observation, labels, shading, encoding, file
-
-A difference is FAIL if this host promises equal bytes; it is INCONCLUSIVE, with the reason, if a stage's version or
-a tool that the stage depends on is another than the lockfile's.
 """
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime import host, layout, locking
+from recipe_runtime.compare import compare_files, compare_plans, excuse_of, stage_of
 from recipe_runtime.dataset import Dataset, damaged_files
 from recipe_runtime.engines import Engines, Progress, real_engines
 from recipe_runtime.report.difference import differing_pixels, write_difference
@@ -27,79 +25,12 @@ from recipe_runtime.sample import Bound, draw, sample_size
 from recipe_runtime.schedule import chosen_shards
 from recipe_runtime.shot import shot
 from recipe_runtime.store import Store
-from recipe_runtime.versions import STAGES, host_versions
+from recipe_runtime.verdict import Difference, Report
 from recipe_runtime.worker import Job
 
-Verdict = Literal["PASS", "FAIL", "INCONCLUSIVE"]
 Choice = tuple[str, str, int]  # variant, sensor, frame
 
-ORDER = ("lockfile", "recipe", "plan", "trace", "observation", "labels", "shading", "encoding", "file")
 MOST_PICTURES = 8
-# What a stage's bytes depend on, once all before it agree: stages by their names in versions.STAGES, and tools.
-_DEPENDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "plan": (("plan",), ("astral", "rfc8785")),
-    "trace": (("simulate",), ("pybullet", "numpy", "glibc", "python")),
-    "observation": (("observe",), ("warp-lang", "numpy")),
-    "labels": (("observe", "annotate"), ("pycocotools", "numpy")),
-    "shading": (("observe", "shade"), ("warp-lang", "numpy")),
-    "encoding": (("encode",), ("deflate", "numpy")),
-}
-_STAGE_OF = {"rgb": "shading", "labels": "labels", "depth": "observation"}
-
-
-@dataclass(frozen=True)
-class Difference:
-    """One thing that is not as the lockfile or the dataset says."""
-
-    stage: str
-    message: str
-    excuse: str | None = None  # why this host need not agree; None: it must
-    variant: str | None = None
-    sensor: str | None = None
-    frame: int | None = None
-    modality: str | None = None
-
-    def __str__(self) -> str:
-        return f"{self.stage}: {self.message}" + (f" ({self.excuse})" if self.excuse else "")
-
-
-@dataclass
-class Report:
-    """What was compared, what differs, and the verdict."""
-
-    name: str
-    identity: str
-    nonce: int
-    bound: Bound
-    differences: list[Difference] = field(default_factory=list)
-    pictures: list[str] = field(default_factory=list)
-
-    @property
-    def stage(self) -> str | None:
-        """The first stage at which things part."""
-        return min((d.stage for d in self.differences), key=ORDER.index, default=None)
-
-    @property
-    def verdict(self) -> Verdict:
-        """FAIL if anything differs that must not; INCONCLUSIVE if something differs that may."""
-        if any(d.excuse is None for d in self.differences):
-            return "FAIL"
-        return "INCONCLUSIVE" if self.differences else "PASS"
-
-    def document(self) -> dict[str, Any]:
-        """The report as plain JSON values."""
-        bound = {"checked": self.bound.checked, "total": self.bound.total, "confidence": self.bound.confidence}
-        return {
-            "name": self.name,
-            "identity": self.identity,
-            "verdict": self.verdict,
-            "stage": self.stage,
-            "nonce": self.nonce,
-            **bound,
-            "differing_below": round(self.bound.differing, 6),
-            "differences": [asdict(difference) for difference in self.differences],
-            "pictures": self.pictures,
-        }
 
 
 @dataclass(frozen=True)
@@ -171,68 +102,6 @@ def choose(choices: list[Choice], options: Options) -> list[Choice]:
     return draw(choices, min(count, len(choices)), options.nonce)
 
 
-def compare_files(lock: Lockfile, files: dict[str, str]) -> list[Difference]:
-    """The recipe's files, by their bytes."""
-    found = []
-    for path in sorted({*lock.files, *files}):
-        if lock.files.get(path) != files.get(path):
-            how = "is new" if path not in lock.files else "is gone" if path not in files else "has changed"
-            found.append(Difference("recipe", f"{path} {how} since it was locked; `recipe lock --update` accepts it"))
-    return found
-
-
-def compare_plans(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
-    """Every variant's three plans, by their digests."""
-    found, excuse = [], excuse_of("plan", lock)
-    ours = locking.bare(plan, lock.source, {}).variants
-    for name in [*lock.variants, *(name for name in ours if name not in lock.variants)]:
-        if name not in ours or name not in lock.variants:
-            where = "the recipe" if name not in ours else "the lockfile"
-            found.append(Difference("plan", f"{where} has no variant {name}", excuse, name))
-            continue
-        a, b = lock.variants[name], ours[name]
-        parts = [part for part in ("scene", "rig", "appearance") if getattr(a, part) != getattr(b, part)]
-        if parts:
-            found.append(Difference("plan", f"{name}: another {' and '.join(parts)} plan", excuse, name))
-    if not found and plan.digest != lock.plan:
-        found.append(
-            Difference("plan", "the variants are equal, their order or the outputs asked for are not", excuse=excuse)
-        )
-    return found
-
-
-def compare_locks(plan: DatasetPlan, lock: Lockfile, made: Lockfile) -> list[Difference]:
-    """What a finished build differs in from a lockfile, stage by stage."""
-    found = compare_files(lock, made.files) + compare_plans(plan, lock)
-    for scene, trace in made.traces.items():
-        if lock.traces.get(scene, trace) != trace:
-            found.append(Difference("trace", f"scene {scene[:16]} moves otherwise", excuse_of("trace", lock)))
-    for row, value in made.frames.items():
-        if lock.frames.get(row, value) != value:
-            key, sensor, modality, frame = row
-            stage = _STAGE_OF.get(modality, "observation")
-            name = next(n for n, v in made.variants.items() if v.frame_key(modality) == key)
-            message = f"{name}, {sensor}, frame {frame}: {modality} differs"
-            found.append(Difference(stage, message, excuse_of(stage, lock), name, sensor, frame, modality))
-    return sorted(found, key=lambda difference: ORDER.index(difference.stage))
-
-
-def excuse_of(stage: str, lock: Lockfile) -> str | None:
-    """Why this host need not agree with the lockfile at a stage; None if it must."""
-    stages, tools = _DEPENDS.get(stage, ((), ()))
-    for key in stages:
-        if lock.stages.get(key) != STAGES[key]:
-            release = lock.tools.get("dataset-recipe", "of another release")
-            versions = f"the lockfile is of {key} version {lock.stages.get(key)}, this is {STAGES[key]}"
-            return f"{versions}; dataset-recipe {release} reproduces it"
-    reason = host.unfit(stage)
-    if reason:
-        return reason
-    ours = host_versions()
-    others = [f"{t} {lock.tools[t]}, here {ours[t]}" for t in tools if t in lock.tools and lock.tools[t] != ours[t]]
-    return "the lockfile was made with " + ", ".join(others) if others else None
-
-
 @dataclass
 class _Check:
     """The frames of one verification: made anew in a folder of their own, and compared."""
@@ -282,7 +151,7 @@ class _Check:
         for modality in self._modalities(choice, ("depth", "instance", "semantic", "labels", "rgb")):
             row = (key.frame_key(modality), sensor, modality, frame)
             if self.lock.frames.get(row) != rows[row]:
-                stage = _STAGE_OF.get(modality, "observation")
+                stage = stage_of(modality)
                 what = "differs" if row in self.lock.frames else "has no digest there"
                 message = f"{name}, {sensor}, frame {frame}: {modality} {what}"
                 return Difference(stage, message, excuse_of(stage, self.lock), name, sensor, frame, modality)

@@ -20,7 +20,8 @@ from recipe_runtime import dataset as datasets
 from recipe_runtime.build import build
 from recipe_runtime.locking import lock
 from recipe_runtime.trace import Trace
-from recipe_runtime.verify import Options, Report, verify
+from recipe_runtime.verdict import Report
+from recipe_runtime.verify import Options, verify
 
 from tests.runtime import fakes
 

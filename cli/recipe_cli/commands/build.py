@@ -53,8 +53,8 @@ def command(recipe: Path, out: Path | None, workers: int | None, allow_large: bo
 def _against_lockfile(recipe: Path, compiled: Compiled, result: BuildResult) -> list[str] | None:
     """What differs from the lockfile, in the order of the stages; None if there is no lockfile."""
     from recipe_compiler import lockfile
+    from recipe_runtime.compare import compare_locks
     from recipe_runtime.dataset import lock_of
-    from recipe_runtime.verify import compare_locks
 
     path = lockfile_path(recipe, compiled.plan.recipe)
     if not path.is_file():

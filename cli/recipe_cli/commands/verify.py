@@ -12,7 +12,8 @@ from recipe_cli.places import FOLDER, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
-    from recipe_runtime.verify import Options, Report
+    from recipe_runtime.verdict import Report
+    from recipe_runtime.verify import Options
 
 _EXIT = {"PASS": 0, "FAIL": 1, "INCONCLUSIVE": 3}
 _MOST_SHOWN = 20

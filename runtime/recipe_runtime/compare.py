@@ -1,0 +1,88 @@
+"""Digests against digests: a recipe's files, plans and frames against a lockfile; and what may excuse a difference."""
+
+from __future__ import annotations
+
+from recipe_compiler.lockfile import Lockfile
+from recipe_compiler.plan import DatasetPlan
+
+from recipe_runtime import host, locking
+from recipe_runtime.verdict import ORDER, Difference
+from recipe_runtime.versions import STAGES, host_versions
+
+# What a stage's bytes depend on, once all before it agree: stages by their names in versions.STAGES, and tools.
+_DEPENDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "plan": (("plan",), ("astral", "rfc8785")),
+    "trace": (("simulate",), ("pybullet", "numpy", "glibc", "python")),
+    "observation": (("observe",), ("warp-lang", "numpy")),
+    "labels": (("observe", "annotate"), ("pycocotools", "numpy")),
+    "shading": (("observe", "shade"), ("warp-lang", "numpy")),
+    "encoding": (("encode",), ("deflate", "numpy")),
+}
+_STAGE_OF = {"rgb": "shading", "labels": "labels", "depth": "observation"}
+
+
+def stage_of(modality: str) -> str:
+    """The stage that makes a modality."""
+    return _STAGE_OF.get(modality, "observation")
+
+
+def compare_files(lock: Lockfile, files: dict[str, str]) -> list[Difference]:
+    """The recipe's files, by their bytes."""
+    found = []
+    for path in sorted({*lock.files, *files}):
+        if lock.files.get(path) != files.get(path):
+            how = "is new" if path not in lock.files else "is gone" if path not in files else "has changed"
+            found.append(Difference("recipe", f"{path} {how} since it was locked; `recipe lock --update` accepts it"))
+    return found
+
+
+def compare_plans(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
+    """Every variant's three plans, by their digests."""
+    found, excuse = [], excuse_of("plan", lock)
+    ours = locking.bare(plan, lock.source, {}).variants
+    for name in [*lock.variants, *(name for name in ours if name not in lock.variants)]:
+        if name not in ours or name not in lock.variants:
+            where = "the recipe" if name not in ours else "the lockfile"
+            found.append(Difference("plan", f"{where} has no variant {name}", excuse, name))
+            continue
+        a, b = lock.variants[name], ours[name]
+        parts = [part for part in ("scene", "rig", "appearance") if getattr(a, part) != getattr(b, part)]
+        if parts:
+            found.append(Difference("plan", f"{name}: another {' and '.join(parts)} plan", excuse, name))
+    if not found and plan.digest != lock.plan:
+        found.append(
+            Difference("plan", "the variants are equal, their order or the outputs asked for are not", excuse=excuse)
+        )
+    return found
+
+
+def compare_locks(plan: DatasetPlan, lock: Lockfile, made: Lockfile) -> list[Difference]:
+    """What a finished build differs in from a lockfile, stage by stage."""
+    found = compare_files(lock, made.files) + compare_plans(plan, lock)
+    for scene, trace in made.traces.items():
+        if lock.traces.get(scene, trace) != trace:
+            found.append(Difference("trace", f"scene {scene[:16]} moves otherwise", excuse_of("trace", lock)))
+    for row, value in made.frames.items():
+        if lock.frames.get(row, value) != value:
+            key, sensor, modality, frame = row
+            stage = stage_of(modality)
+            name = next(n for n, v in made.variants.items() if v.frame_key(modality) == key)
+            message = f"{name}, {sensor}, frame {frame}: {modality} differs"
+            found.append(Difference(stage, message, excuse_of(stage, lock), name, sensor, frame, modality))
+    return sorted(found, key=lambda difference: ORDER.index(difference.stage))
+
+
+def excuse_of(stage: str, lock: Lockfile) -> str | None:
+    """Why this host need not agree with the lockfile at a stage; None if it must."""
+    stages, tools = _DEPENDS.get(stage, ((), ()))
+    for key in stages:
+        if lock.stages.get(key) != STAGES[key]:
+            release = lock.tools.get("dataset-recipe", "of another release")
+            versions = f"the lockfile is of {key} version {lock.stages.get(key)}, this is {STAGES[key]}"
+            return f"{versions}; dataset-recipe {release} reproduces it"
+    reason = host.unfit(stage)
+    if reason:
+        return reason
+    ours = host_versions()
+    others = [f"{t} {lock.tools[t]}, here {ours[t]}" for t in tools if t in lock.tools and lock.tools[t] != ours[t]]
+    return "the lockfile was made with " + ", ".join(others) if others else None
