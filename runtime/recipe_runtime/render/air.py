@@ -143,11 +143,8 @@ def fog_share(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: wp.f
 
 
 @wp.func
-def through_air(air: wp.array[Air], radiance: wp.vec3f, eye: wp.vec3f, d: wp.vec3f, distance: wp.float32) -> wp.vec3f:
-    """Radiance seen from `eye` in direction d, after the fog between."""
-    if air[0].fog <= 0.0:
-        return radiance
-    left = fog_share(air, eye[2], eye[2] + d[2] * distance, distance)
+def veiled(air: wp.array[Air], radiance: wp.vec3f, d: wp.vec3f, left: wp.float32) -> wp.vec3f:
+    """Radiance seen in direction d, when the fog between lets the share `left` through."""
     c = clamp01(inner(d, air[0].sun))
     c = c * c * c * c
     veil = air[0].fog_colour + air[0].fog_sun * (c * c)

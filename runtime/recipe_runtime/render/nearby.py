@@ -10,7 +10,6 @@ reach does not meet the box is left out. Tiles keep the things in the order of t
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import clamp01, step_between
 from recipe_runtime.render.observation import depth_of
-from recipe_runtime.render.vectors import inner
 from recipe_runtime.render.visibility import Lens
 
 wp.set_module_options(OPTIONS)
@@ -158,10 +157,18 @@ def lamp_light(lamps: wp.array[Lamps], i: wp.int32, p: wp.vec3f, n: wp.vec3f) ->
     reach = lamps[0].reach[i]
     if s > reach * reach:
         return wp.vec4f(0.0, 0.0, 1.0, 0.0)
+    # Outside of the cone, by squares: most points that a lamp could reach it does not point at.
+    cone = lamps[0].cone[i]
+    aim = lamps[0].direction[i]
+    along = -(dx * aim[0] + dy * aim[1] + dz * aim[2])
+    if cone[0] > 0.0 and (along <= 0.0 or along * along < cone[0] * cone[0] * s):
+        return wp.vec4f(0.0, 0.0, 1.0, 0.0)
+    faced = dx * n[0] + dy * n[1] + dz * n[2]
+    if faced < 0.0 and faced * faced > 0.0144 * s:
+        return wp.vec4f(0.0, 0.0, 1.0, 0.0)
     r = 1.0 / wp.sqrt(wp.max(s, 1.0e-4))
     to = wp.vec3f(dx * r, dy * r, dz * r)
-    cone = lamps[0].cone[i]
-    spot = step_between(cone[0], cone[1], -inner(to, lamps[0].direction[i]))
+    spot = step_between(cone[0], cone[1], along * r)
     edge = 1.0 - s / (reach * reach)
     share = spot * edge * edge / (s + 0.15)
     return wp.vec4f(to[0], to[1], to[2], share)

@@ -1,6 +1,7 @@
 """From an Observation and an appearance to a picture: the host's side of shading."""
 
 import hashlib
+from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +27,7 @@ _EXPOSURE_TIME = 1.0 / 45.0  # seconds during which a drop leaves its streak
 _DROPS = 12000  # at precipitation 100, within the depth below
 _RAIN_DEPTH = 16.0
 _LIGHTS_KEPT = 64
+_POSES_KEPT = 4  # 45 MB each at 800 x 600
 
 
 @dataclass(frozen=True)
@@ -37,16 +39,22 @@ class Points:
     starts: Any  # int32 [H * W]
     weights: Any  # float32 [N]
     count: int
+    origins: Any  # int32 [N], the sample of `known` that each was copied from, or -1
+    known: Any  # samples.Known, for a frame to come from the same pose
 
 
 class Painter:
     """Shades one scene's observations."""
 
-    def __init__(self, geometry: Geometry, observer: Observer, device: str, timings: Timings) -> None:
+    def __init__(
+        self, geometry: Geometry, observer: Observer, device: str, timings: Timings, keep_static: bool
+    ) -> None:
         self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
         self._shadows = Shadows(geometry, device)
         self._lights: dict[str, Light] = {}  # by the appearance's digest
         self._looks: dict[str, Any] = {}  # by the looks' own text
+        self._keep_static = keep_static
+        self._held: OrderedDict[tuple[bytes, str], Any] = OrderedDict()  # the last frame's Known by pose and kind
         self._srgb = wp.array(srgb_table(), dtype=wp.uint8, device=device)
 
     def develop(
@@ -125,8 +133,24 @@ class Painter:
             data.width = obs.camera.width
             data.eye = wp.vec3f(*(float(v) for v in obs.world_from_sensor[:, 3]))
             found = [data.surfaces, data.positions, data.normals, data.details, data.codes]
-            launch(samples.survey, count, [keys, owner, places, lens, told, *found], self._device)
-        return Points(data, groups, starts, weights, count)
+            origins = self._empty(count, wp.int32)
+            pose = obs.world_from_sensor.tobytes() + obs.camera.model_dump_json().encode(), str(antialias)
+            earlier = self._known(pose)
+            inputs = [keys, owner, places, starts, lens, told, record(earlier, self._device), *found, origins]
+            launch(samples.survey, count, inputs, self._device)
+        known = samples.Known()
+        known.keys, known.pixels, known.places, known.starts = keys, owner, places, starts
+        known.surfaces, known.positions, known.normals, known.details, known.codes = found
+        known.count, known.still = count, g.static_triangles
+        if self._keep_static:
+            self._held[pose] = known
+            if len(self._held) > _POSES_KEPT:
+                self._held.popitem(last=False)
+        return Points(data, groups, starts, weights, count, origins, known)
+
+    def _known(self, pose: tuple[bytes, str]) -> Any:
+        """What an earlier frame from this pose has found; empty if there was none."""
+        return self._held.pop(pose, None) or samples.Known()
 
     def _shade(self, obs: Observation, points: Points, appearance: AppearancePlan, light: Light) -> Any:
         with self._timings("shadows"):
@@ -145,9 +169,25 @@ class Painter:
         with self._timings("reflect"):
             shown = self._empty(points.count, wp.vec3f)
             view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-            inputs = [told[0], told[2], gleam, obs.keys, points.starts, view, lens_of(obs.camera, 1), out, shown]
+            inputs = [
+                told[0],
+                told[2],
+                gleam,
+                self._depth(obs),
+                points.starts,
+                view,
+                lens_of(obs.camera, 1),
+                out,
+                shown,
+            ]
             launch(reflection.reflect, points.count, inputs, self._device)
         return shown
+
+    def _depth(self, obs: Observation) -> Any:
+        """The observation's depth, on the device and row by row."""
+        if "depth" not in obs.derived:
+            obs.derived["depth"] = wp.array(obs.depth.reshape(-1), dtype=wp.float32, device=self._device, copy=False)
+        return obs.derived["depth"]
 
     def _sunlit(self, obs: Observation, light: Light) -> tuple[list[Any], Any]:
         """The four shadow maps as kernels want them, and the structs that own their arrays."""

@@ -10,7 +10,6 @@ A ray that meets nothing sees the sky, or, if it is low, the street beyond the p
 from recipe_runtime.render.air import Air, reflected_sky
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import clamp01, noise2, step_between
-from recipe_runtime.render.observation import depth_of
 from recipe_runtime.render.shade import Samples
 from recipe_runtime.render.vectors import direction, inner, mix
 from recipe_runtime.render.visibility import Lens
@@ -23,17 +22,21 @@ FAINT = wp.constant(wp.float32(0.016))  # shares below this only see the sky
 
 
 @wp.func
-def depth_at(view: wp.array2d[wp.float32], p: wp.vec3f) -> wp.float32:
-    """Depth of a point of the world before the camera."""
-    return ((view[0, 8] * p[0] + view[0, 9] * p[1]) + view[0, 10] * p[2]) + view[0, 11]
+def seen_from(view: wp.array2d[wp.float32], v: wp.vec3f) -> wp.vec3f:
+    """A direction of the world in the camera's frame."""
+    return wp.vec3f(
+        (view[0, 0] * v[0] + view[0, 1] * v[1]) + view[0, 2] * v[2],
+        (view[0, 4] * v[0] + view[0, 5] * v[1]) + view[0, 6] * v[2],
+        (view[0, 8] * v[0] + view[0, 9] * v[1]) + view[0, 10] * v[2],
+    )
 
 
 @wp.func
-def pixel_at(view: wp.array2d[wp.float32], p: wp.vec3f, z: wp.float32, lens: Lens) -> wp.int32:
-    """The pixel that a point falls on; -1 outside of the picture."""
-    scale = wp.float32(lens.focal) / z
-    x = (((view[0, 0] * p[0] + view[0, 1] * p[1]) + view[0, 2] * p[2]) + view[0, 3]) * scale + wp.float32(lens.cx)
-    y = (((view[0, 4] * p[0] + view[0, 5] * p[1]) + view[0, 6] * p[2]) + view[0, 7]) * scale + wp.float32(lens.cy)
+def pixel_at(q: wp.vec3f, lens: Lens) -> wp.int32:
+    """The pixel that a point before the camera falls on; -1 outside of the picture."""
+    scale = wp.float32(lens.focal) / q[2]
+    x = q[0] * scale + wp.float32(lens.cx)
+    y = q[1] * scale + wp.float32(lens.cy)
     if x < 0.0 or y < 0.0 or x >= wp.float32(lens.width) or y >= wp.float32(lens.height):
         return -1
     return wp.int32(y) * lens.width + wp.int32(x)
@@ -44,7 +47,7 @@ def reflect(
     samples: wp.array[Samples],
     air: wp.array[Air],
     gleam: wp.array[wp.vec2f],
-    keys: wp.array[wp.uint64],
+    depth: wp.array[wp.float32],
     starts: wp.array[wp.int32],
     view: wp.array2d[wp.float32],
     lens: Lens,
@@ -69,32 +72,34 @@ def reflect(
     d = direction(wp.vec3f(r[0], r[1], wp.max(r[2], 0.02)))
     hit = wp.int32(-1)
     if share > FAINT:
+        start = seen_from(view, to_point)
+        way = seen_from(view, d)
         before = wp.float32(0.05)
         t = wp.float32(0.2)
         for _step in range(STEPS):
-            if hit < 0:
-                q = p + d * t
-                z = depth_at(view, q)
-                if z > 0.2:
-                    at = pixel_at(view, q, z, lens)
-                    if at >= 0 and keys[at] != wp.uint64(0):
-                        seen = wp.float32(depth_of(keys[at], lens.near))
-                        if seen < z - 0.03 and seen > z - 0.3 - 1.3 * (t - before):
-                            hit = at
-                before = t
-                t = t * GROWTH
+            q = start + way * t
+            if q[2] <= 0.2:
+                break
+            at = pixel_at(q, lens)
+            if at < 0:
+                break
+            seen = depth[at]
+            if seen < q[2] - 0.03 and seen > q[2] - 0.3 - 1.3 * (t - before):
+                hit = at
+                break
+            before = t
+            t = t * GROWTH
         if hit >= 0:
             # Close in on where the ray first passed behind it.
-            low = before / GROWTH
-            high = before
+            low = before
+            high = t
             for _halving in range(4):
                 middle = (low + high) * 0.5
-                q = p + d * middle
-                z = depth_at(view, q)
-                at = pixel_at(view, q, wp.max(z, 0.2), lens)
+                q = start + way * middle
+                at = pixel_at(q, lens)
                 behind = False
-                if at >= 0 and keys[at] != wp.uint64(0):
-                    behind = wp.float32(depth_of(keys[at], lens.near)) < z - 0.03
+                if at >= 0:
+                    behind = depth[at] < q[2] - 0.03
                 if behind:
                     hit = at
                     high = middle

@@ -21,7 +21,7 @@ class Renderer:
         self.timings = Timings()
         self._geometry = upload(bodies, device)
         self._observer = Observer(self._geometry, device, self.timings, keep_static)
-        self._painter = Painter(self._geometry, self._observer, device, self.timings)
+        self._painter = Painter(self._geometry, self._observer, device, self.timings, keep_static)
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
         """What is where. `world_from_sensor` [3, 4], x forward, y left, z up; `parts` [P, 3, 4] in the world."""

@@ -159,24 +159,72 @@ def place_centres(
     weights[i] = 1.0
 
 
+@wp.struct
+class Known:
+    """The samples of an earlier frame from the same pose: what stands still looks in this frame as it did in that."""
+
+    keys: wp.array[wp.uint64]
+    pixels: wp.array[wp.int32]
+    places: wp.array[wp.int32]
+    starts: wp.array[wp.int32]
+    surfaces: wp.array[wp.int32]
+    positions: wp.array[wp.vec3f]
+    normals: wp.array[wp.vec3f]
+    details: wp.array[wp.vec4f]
+    codes: wp.array[wp.uint32]
+    count: wp.int32  # 0: nothing is known
+    still: wp.int32  # triangles below this number never move
+
+
+@wp.func
+def known_as(known: wp.array[Known], key: wp.uint64, pixel: wp.int32, spot: wp.int32, offset: wp.int32) -> wp.int32:
+    """The earlier sample that saw the very same; -1 if there is none, or if it saw what moves."""
+    if known[0].count == 0:
+        return -1
+    if key != wp.uint64(0) and triangle_of(key) >= known[0].still:
+        return -1
+    j = known[0].starts[pixel] + offset
+    if j >= known[0].count:
+        return -1
+    if known[0].keys[j] != key or known[0].pixels[j] != pixel or known[0].places[j] != spot:
+        return -1
+    return j
+
+
 @wp.kernel
 def survey(
     keys: wp.array[wp.uint64],
     pixels: wp.array[wp.int32],
     places: wp.array[wp.int32],
+    starts: wp.array[wp.int32],
     lens: Lens,
     scene: wp.array[Scene],
+    known: wp.array[Known],
     surfaces: wp.array[wp.int32],
     positions: wp.array[wp.vec3f],
     normals: wp.array[wp.vec3f],
     details: wp.array[wp.vec4f],
     codes: wp.array[wp.uint32],
+    origins: wp.array[wp.int32],
 ):
-    """The surface, world position, unit normal and pattern at a sample; for the sky, -1 and the view direction."""
+    """The surface, world position, unit normal and pattern at a sample; for the sky, -1 and the view direction.
+
+    `origins` tells which sample of the earlier frame it was copied from, or -1.
+    """
     i = wp.tid()
     key = keys[i]
     pixel = pixels[i]
     spot = places[i]
+    j = known_as(known, key, pixel, spot, i - starts[pixel])
+    origins[i] = j
+    if j >= 0:
+        surfaces[i] = known[0].surfaces[j]
+        positions[i] = known[0].positions[j]
+        if key != wp.uint64(0):
+            normals[i] = known[0].normals[j]
+            details[i] = known[0].details[j]
+            codes[i] = known[0].codes[j]
+        return
     dx = wp.float64(0.5)
     dy = wp.float64(0.5)
     if spot != CENTRE:

@@ -9,7 +9,7 @@ darkens what is porous and lies in the hollows of flat ground. Radiance is linea
 
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render import pattern as patterns
-from recipe_runtime.render.air import Air, ambient, reflected_sky, sky, through_air
+from recipe_runtime.render.air import Air, ambient, fog_share, reflected_sky, sky, veiled
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.nearby import TILE, Bodies, Lamps, contact, lamp_light
 from recipe_runtime.render.noise import clamp01, step_between, unit
@@ -24,7 +24,6 @@ RUBBER = wp.constant(int(Pattern.RUBBER))
 LAMP = wp.constant(int(Pattern.LAMP))
 HEADLIGHT = wp.constant(int(Pattern.HEADLIGHT))
 TAILLIGHT = wp.constant(int(Pattern.TAILLIGHT))
-BLACK = wp.constant(wp.vec3f(0.0, 0.0, 0.0))
 
 
 @wp.struct
@@ -238,7 +237,9 @@ def shade(
     p = samples[0].positions[i]
     surface = samples[0].surfaces[i]
     if surface < 0:
-        out[i] = through_air(air, sky(air, p), samples[0].eye, p, 300.0 / (wp.max(p[2], 0.0) + 0.06))
+        far = 300.0 / (wp.max(p[2], 0.0) + 0.06)
+        left = fog_share(air, samples[0].eye[2], samples[0].eye[2] + p[2] * far, far)
+        out[i] = veiled(air, sky(air, p), p, left)
         return
     n = samples[0].normals[i]
     pattern = looks[0].pattern[surface]
@@ -295,10 +296,9 @@ def shade(
                 if m.coat > 0.0 and c > 0.0:
                     shine = shine + power * (c * fresnel(m.coat, m.gloss, facing) * glint(m.gloss, n, to, back) * 3.0)
     radiance = times(m.albedo, light) + m.glow + shine
+    left = fog_share(air, samples[0].eye[2], p[2], distance)
     if air[0].wet > 0.0 and n[2] > 0.95 and m.coat > 0.0:
-        left = 1.0 - through_air(air, BLACK, samples[0].eye, sight, distance)[1] / wp.max(air[0].fog_colour[1], 1.0e-9)
-        share = fresnel(m.coat, m.gloss, facing) * sky_left * clamp01(left)
-        gleam[i] = wp.vec2f(share, m.gloss)
+        gleam[i] = wp.vec2f(fresnel(m.coat, m.gloss, facing) * sky_left * left, m.gloss)
     elif m.coat > 0.0:
         radiance = radiance + mirror(air, m, sight, facing, sky_left)
-    out[i] = through_air(air, radiance, samples[0].eye, sight, distance)
+    out[i] = veiled(air, radiance, sight, left)
