@@ -52,6 +52,22 @@ def test_order_of_appearances_and_caches_changes_nothing() -> None:
     assert len(set(first.values())) == len(names)
 
 
+def test_what_a_static_camera_remembers_changes_nothing() -> None:
+    """The walker and the car pass; lamps, shadows and puddles are theirs as if no frame had come before."""
+    keeping, forgetting = Renderer(street()), Renderer(street(), keep_static=False)
+    for frame in (0, 1, 2, 9, 30):
+        for weather in WEATHERS:
+            assert picture(keeping, frame, weather) == picture(forgetting, frame, weather)
+
+
+def test_one_frames_weathers_share_what_is_remembered() -> None:
+    keeping = Renderer(street())
+    for frame in (0, 1, 2, 3):
+        seen = keeping.observe(CAMERA, EYE, parts_at(frame))
+        shots = {n: keeping.shade(seen, w, "street", frame, frame / 30).tobytes() for n, w in WEATHERS.items()}
+    assert shots == {n: picture(Renderer(street()), 3, n) for n in WEATHERS}
+
+
 def test_labels_are_the_same_whatever_the_weather() -> None:
     renderer = Renderer(street())
     seen = renderer.observe(CAMERA, EYE, parts_at())

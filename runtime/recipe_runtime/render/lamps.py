@@ -30,6 +30,9 @@ def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: st
     lamps.power = _upload(table[:, 6:9], wp.vec3f, device)
     lamps.cone = _upload(table[:, 9:11], wp.vec2f, device)
     lamps.reach = _upload(table[:, 11], wp.float32, device)
+    crowded = len(geometry.lights) > _MOST_LAMPS  # then which lamps are here may change from frame to frame
+    moves = [int(crowded or mounted.part != 0) for mounted in geometry.lights[:_MOST_LAMPS]] or [1]
+    lamps.moves = wp.array(np.array(moves, np.int32), dtype=wp.int32, device=device)
     lamps.count = len(rows)
     return lamps
 

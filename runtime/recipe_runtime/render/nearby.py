@@ -27,6 +27,7 @@ class Lamps:
     power: wp.array[wp.vec3f]  # light on a white surface one metre away
     cone: wp.array[wp.vec2f]  # cosines: faded to nothing, and full
     reach: wp.array[wp.float32]  # metres
+    moves: wp.array[wp.int32]  # 1: it is carried about
     count: wp.int32
 
 
@@ -115,6 +116,31 @@ def gather(
             n = n + 1
             body_lists[tile, n] = i
     body_lists[tile, 0] = n
+
+
+@wp.kernel
+def compare(
+    lamps: wp.array[Lamps],
+    lamps_before: wp.array2d[wp.int32],
+    bodies_before: wp.array2d[wp.int32],
+    lamp_lists: wp.array2d[wp.int32],
+    body_lists: wp.array2d[wp.int32],
+    same: wp.array[wp.int32],
+):
+    """Compare a tile's lists in two frames: bit 0, no body darkens it; bit 1, the same still lamps light it."""
+    tile = wp.tid()
+    bits = wp.int32(0)
+    if bodies_before[tile, 0] == 0 and body_lists[tile, 0] == 0:
+        bits = bits | 1
+    n = lamp_lists[tile, 0]
+    alike = lamps_before[tile, 0] == n
+    for k in range(n):
+        lamp = lamp_lists[tile, k + 1]
+        if lamps_before[tile, k + 1] != lamp or lamps[0].moves[lamp] != 0:
+            alike = False
+    if alike:
+        bits = bits | 2
+    same[tile] = bits
 
 
 @wp.func

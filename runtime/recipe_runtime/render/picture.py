@@ -28,6 +28,7 @@ _DROPS = 12000  # at precipitation 100, within the depth below
 _RAIN_DEPTH = 16.0
 _LIGHTS_KEPT = 64
 _POSES_KEPT = 4  # 45 MB each at 800 x 600
+_SAMPLES_KEPT = 12_000_000  # whose light is remembered, at 21 bytes each
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,18 @@ class Points:
     count: int
     origins: Any  # int32 [N], the sample of `known` that each was copied from, or -1
     known: Any  # samples.Known, for a frame to come from the same pose
+    earlier: Any  # the samples.Known that origins point into; of count 0 if there is none
+    pose: tuple[bytes, str]
+
+
+@dataclass(frozen=True)
+class Shaded:
+    """One appearance's light in the last frame from a pose."""
+
+    known: Any  # the samples.Known that it belongs to
+    light: tuple[Any, Any, Any]  # out, gleam and steady, as `shade.shade` writes them
+    lists: tuple[Any, Any]  # lamps and bodies by tile
+    clouds: tuple[float, float]
 
 
 class Painter:
@@ -55,6 +68,7 @@ class Painter:
         self._looks: dict[str, Any] = {}  # by the looks' own text
         self._keep_static = keep_static
         self._held: OrderedDict[tuple[bytes, str], Any] = OrderedDict()  # the last frame's Known by pose and kind
+        self._shaded: dict[tuple[tuple[bytes, str], str], Shaded] = {}  # by pose and appearance
         self._srgb = wp.array(srgb_table(), dtype=wp.uint8, device=device)
 
     def develop(
@@ -145,8 +159,9 @@ class Painter:
         if self._keep_static:
             self._held[pose] = known
             if len(self._held) > _POSES_KEPT:
-                self._held.popitem(last=False)
-        return Points(data, groups, starts, weights, count, origins, known)
+                gone, _ = self._held.popitem(last=False)
+                self._shaded = {name: held for name, held in self._shaded.items() if name[0] != gone}
+        return Points(data, groups, starts, weights, count, origins, known, earlier, pose)
 
     def _known(self, pose: tuple[bytes, str]) -> Any:
         """What an earlier frame from this pose has found; empty if there was none."""
@@ -161,9 +176,16 @@ class Painter:
             out = self._empty(points.count, wp.vec3f)
             looks = self._looks_of(appearance)
             told = [record(v, self._device) for v in (points.data, looks, light.air, lamps, bodies)]
-            gleam = self._empty(points.count, wp.vec2f)
-            inputs = [*told[:3], beams, *told[3:], lamp_lists, body_lists, out, gleam]
-            launch(shade.shade, points.count, inputs, self._device)
+            gleam, steady = self._empty(points.count, wp.vec2f), self._empty(points.count, wp.uint8)
+            lists, clouds = (lamp_lists, body_lists), (float(light.air.drift[0]), float(light.air.drift[1]))
+            name = points.pose, appearance.digest
+            before = self._before(points, self._shaded.pop(name, None), told[3], lists, clouds)
+            inputs = [*told[:3], beams, *told[3:], *lists, out, gleam, points.origins, record(before, self._device)]
+            launch(shade.shade, points.count, [*inputs, steady], self._device)
+            held = sum(other.known.count for other in self._shaded.values())
+            # Only a pose that comes back is worth remembering: a moving camera's never does.
+            if points.earlier.count and held + points.count <= _SAMPLES_KEPT:
+                self._shaded[name] = Shaded(points.known, (out, gleam, steady), lists, clouds)
         if light.air.wet <= 0.0:
             return out
         with self._timings("reflect"):
@@ -182,6 +204,19 @@ class Painter:
             ]
             launch(reflection.reflect, points.count, inputs, self._device)
         return shown
+
+    def _before(
+        self, points: Points, held: Shaded | None, lamps: Any, lists: tuple[Any, Any], clouds: tuple[float, float]
+    ) -> Any:
+        """The light of the frame before as the kernel wants it, if it is of the samples that these were copied from."""
+        before = shade.Before()
+        if held is not None and held.known is points.earlier:
+            tiles = lists[0].shape[0]
+            before.out, before.gleam, before.steady = held.light
+            before.tiles = self._empty(tiles, wp.int32)
+            before.sky, before.known = int(held.clouds == clouds), 1
+            launch(nearby.compare, tiles, [lamps, *held.lists, *lists, before.tiles], self._device)
+        return before
 
     def _depth(self, obs: Observation) -> Any:
         """The observation's depth, on the device and row by row."""

@@ -22,6 +22,7 @@ CAR_PAINT = wp.constant(int(Pattern.CAR_PAINT))
 GLASS = wp.constant(int(Pattern.GLASS))
 RUBBER = wp.constant(int(Pattern.RUBBER))
 LAMP = wp.constant(int(Pattern.LAMP))
+SOFTEST = wp.constant(wp.float32(0.35))  # the furthest that light wraps around anything
 HEADLIGHT = wp.constant(int(Pattern.HEADLIGHT))
 TAILLIGHT = wp.constant(int(Pattern.TAILLIGHT))
 
@@ -51,6 +52,18 @@ class Looks:
 
 
 @wp.struct
+class Before:
+    """The light of the frame before, for samples that nothing moving lights or shades in either frame."""
+
+    out: wp.array[wp.vec3f]
+    gleam: wp.array[wp.vec2f]
+    steady: wp.array[wp.uint8]
+    tiles: wp.array[wp.int32]  # what `compare` found
+    sky: wp.int32  # 1: the clouds are where they were
+    known: wp.int32  # 0: there is no frame before
+
+
+@wp.struct
 class Matter:
     """What a surface is made of at a point."""
 
@@ -63,18 +76,51 @@ class Matter:
 
 
 @wp.func
-def sunshine(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
-    """The share of the sun that reaches a point: past what stands still (maps 0, 1), and what moves (maps 2, 3)."""
+def past_moving(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+    """The share of the sun that what moves leaves to a point (maps 2, 3)."""
+    moving = wp.int32(2)
+    if not holds(beams, moving, p):
+        moving = wp.int32(3)
+    return lit(beams, moving, p, n)
+
+
+@wp.func
+def sunshine(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
+    """The share of the sun that reaches a point past all, and what it would be past what moves alone.
+
+    The latter is 1 where what stands still (maps 0, 1) leaves nothing to take.
+    """
     still = wp.int32(0)
     if not holds(beams, still, p):
         still = wp.int32(1)
     left = lit(beams, still, p, n)
+    moving = wp.float32(1.0)
     if left > 0.0:
-        moving = wp.int32(2)
-        if not holds(beams, moving, p):
-            moving = wp.int32(3)
-        left = wp.min(left, lit(beams, moving, p, n))
-    return left
+        moving = past_moving(beams, p, n)
+    return wp.vec2f(wp.min(left, moving), moving)
+
+
+@wp.func
+def unchanged(
+    before: wp.array[Before],
+    air: wp.array[Air],
+    beams: wp.array[Sunbeam],
+    j: wp.int32,
+    tile: wp.int32,
+    p: wp.vec3f,
+    n: wp.vec3f,
+) -> bool:
+    """Whether the frame before's light on what stands still is this frame's: nothing that moves has a part in it."""
+    if before[0].steady[j] == wp.uint8(0):
+        return False
+    bits = before[0].tiles[tile]
+    if (bits & 1) == 0:
+        return False
+    if air[0].night > 0.0 and (bits & 2) == 0:
+        return False
+    if air[0].sunlight[0] + air[0].sunlight[1] <= 0.0 or inner(n, air[0].sun) <= -SOFTEST:
+        return True
+    return past_moving(beams, p, n) == 1.0
 
 
 @wp.func
@@ -159,7 +205,7 @@ def matter_of(
         m.coat = 0.08
         m.gloss = 0.9
     elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS:
-        m.soft = 0.35
+        m.soft = SOFTEST
     elif pattern == patterns.SKIN or pattern == patterns.CLOTH or pattern == patterns.HAIR:
         m.soft = 0.15
     elif pattern == RUBBER:
@@ -230,13 +276,26 @@ def shade(
     body_lists: wp.array2d[wp.int32],
     out: wp.array[wp.vec3f],
     gleam: wp.array[wp.vec2f],
+    origins: wp.array[wp.int32],
+    before: wp.array[Before],
+    steady: wp.array[wp.uint8],
 ):
-    """Linear radiance of every sample; wet ground's reflection is left to `reflect`, its share and gloss in gleam."""
+    """Linear radiance of every sample; wet ground's reflection is left to `reflect`, its share and gloss in gleam.
+
+    `steady` is 1 where nothing that moves took the sun away: `unchanged` asks for it a frame later.
+    """
     i = wp.tid()
+    steady[i] = wp.uint8(1)
     gleam[i] = wp.vec2f(0.0, 0.0)
+    earlier = wp.int32(-1)
+    if before[0].known != 0:
+        earlier = origins[i]
     p = samples[0].positions[i]
     surface = samples[0].surfaces[i]
     if surface < 0:
+        if earlier >= 0 and before[0].sky != 0:
+            out[i] = before[0].out[earlier]
+            return
         far = 300.0 / (wp.max(p[2], 0.0) + 0.06)
         left = fog_share(air, samples[0].eye[2], samples[0].eye[2] + p[2] * far, far)
         out[i] = veiled(air, sky(air, p), p, left)
@@ -252,6 +311,14 @@ def shade(
         # A smoothed normal may turn away at a silhouette; bring it back to the edge.
         n = direction(n - sight * (facing * -1.0))
         facing = wp.float32(0.0)
+    pixel = samples[0].pixels[i]
+    tile = (pixel / samples[0].width / TILE) * ((samples[0].width + TILE - 1) / TILE) + (
+        pixel % samples[0].width
+    ) / TILE
+    if earlier >= 0 and unchanged(before, air, beams, earlier, tile, p, n):
+        out[i] = before[0].out[earlier]
+        gleam[i] = before[0].gleam[earlier]
+        return
     m = matter_of(
         pattern,
         air,
@@ -263,10 +330,6 @@ def shade(
         looks[0].awake[surface],
     )
     m = moisten(m, pattern, air, detail)
-    pixel = samples[0].pixels[i]
-    tile = (pixel / samples[0].width / TILE) * ((samples[0].width + TILE - 1) / TILE) + (
-        pixel % samples[0].width
-    ) / TILE
     sky_left = contact(bodies, body_lists, tile, p, n)
     if n[2] < 0.5 and p[2] < 3.0:
         # Walls see less of the sky near the ground.
@@ -277,7 +340,10 @@ def shade(
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
     to_sun = inner(n, air[0].sun)
     if to_sun > -m.soft and air[0].sunlight[0] + air[0].sunlight[1] > 0.0:
-        s = sunshine(beams, p, n)
+        reached = sunshine(beams, p, n)
+        s = reached[0]
+        if reached[1] < 1.0:
+            steady[i] = wp.uint8(0)
         wrapped = clamp01((to_sun + m.soft) / (1.0 + m.soft))
         light = light + air[0].sunlight * (s * wrapped)
         if m.coat > 0.0 and s > 0.0 and to_sun > 0.0:
