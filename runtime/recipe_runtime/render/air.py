@@ -80,10 +80,12 @@ def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
     y = d[1] * s * 0.9 + air[0].drift[1]
     big = noise2(x, y, air[0].seed ^ wp.uint32(101))
     n = big * 0.52
+    edge = 0.86 - 0.76 * air[0].cover
+    if n + 0.48 <= edge:
+        return wp.vec2f(0.0, n)  # however thick the small clouds, together they stay below the edge
     n = n + noise2(x * 2.3 + 7.0, y * 2.3, air[0].seed ^ wp.uint32(102)) * 0.27
     n = n + noise2(x * 5.1, y * 5.1 + 3.0, air[0].seed ^ wp.uint32(103)) * 0.14
     n = n + noise2(x * 11.0, y * 11.0, air[0].seed ^ wp.uint32(104)) * 0.07
-    edge = 0.86 - 0.76 * air[0].cover
     thick = step_between(edge, edge + 0.26, n)
     return wp.vec2f(thick, n)
 
@@ -104,6 +106,8 @@ def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     if d[2] <= 0.0 or air[0].cover <= 0.0:
         return mix(clear, air[0].cloud_dark, step_between(0.6, 1.0, air[0].cover))
     cloud = cloud_at(air, d)
+    if cloud[0] <= 0.0:
+        return clear
     forward = clamp01(c)
     bright = mix(
         air[0].cloud_bright, air[0].cloud_dark, clamp01(cloud[0] * (0.35 + 0.65 * air[0].cover) * (1.6 - cloud[1]))

@@ -10,6 +10,7 @@ reach does not meet the box is left out. Tiles keep the things in the order of t
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import clamp01, step_between
 from recipe_runtime.render.observation import depth_of
+from recipe_runtime.render.vectors import inner
 from recipe_runtime.render.visibility import Lens
 
 wp.set_module_options(OPTIONS)
@@ -47,6 +48,18 @@ class Bodies:
 def gap(low: wp.float32, high: wp.float32, x: wp.float32) -> wp.float32:
     """Distance of x from the interval."""
     return wp.max(wp.max(low - x, x - high), 0.0)
+
+
+@wp.func
+def meets_cone(v: wp.vec3f, radius: wp.float32, aim: wp.vec3f, cosine: wp.float32) -> bool:
+    """Whether a ball at v from a cone's point may meet the cone; always, if its half angle is not below 90 degrees."""
+    if cosine <= 0.0:
+        return True
+    along = inner(v, aim)
+    if along < -radius:
+        return False
+    across = wp.sqrt(wp.max(inner(v, v) - along * along, 0.0))
+    return across * cosine - along * wp.sqrt(1.0 - cosine * cosine) <= radius
 
 
 @wp.kernel
@@ -94,6 +107,9 @@ def gather(
         pz = world[0, 8] * cx + world[0, 9] * cy + world[0, 10] * z + world[0, 11]
         low = wp.vec3f(wp.min(low[0], px), wp.min(low[1], py), wp.min(low[2], pz))
         high = wp.vec3f(wp.max(high[0], px), wp.max(high[1], py), wp.max(high[2], pz))
+    middle = (low + high) * 0.5
+    span = high - low
+    radius = 0.5 * wp.sqrt(inner(span, span)) + 0.05
     n = wp.int32(0)
     for i in range(lamps[0].count):
         p = lamps[0].position[i]
@@ -101,7 +117,8 @@ def gather(
         gy = gap(low[1], high[1], p[1])
         gz = gap(low[2], high[2], p[2])
         reach = lamps[0].reach[i]
-        if gx * gx + gy * gy + gz * gz < reach * reach and n < MOST:
+        near_by = gx * gx + gy * gy + gz * gz < reach * reach
+        if near_by and n < MOST and meets_cone(middle - p, radius, lamps[0].direction[i], lamps[0].cone[i][0]):
             n = n + 1
             lamp_lists[tile, n] = i
     lamp_lists[tile, 0] = n

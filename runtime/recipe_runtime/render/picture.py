@@ -190,18 +190,15 @@ class Painter:
             return out
         with self._timings("reflect"):
             shown = self._empty(points.count, wp.vec3f)
-            view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-            inputs = [
-                told[0],
-                told[2],
-                gleam,
-                self._depth(obs),
-                points.starts,
-                view,
+            view, lens = (
+                device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device),
                 lens_of(obs.camera, 1),
-                out,
-                shown,
-            ]
+            )
+            blocks = -(-lens.width // 2) * -(-lens.height // 2)
+            reach = self._empty(blocks, wp.float32)
+            inputs = [told[0], gleam, self._depth(obs), points.starts, view, lens, reach]
+            launch(reflection.march, blocks, inputs, self._device)
+            inputs = [told[0], told[2], gleam, reach, points.starts, view, lens, out, shown]
             launch(reflection.reflect, points.count, inputs, self._device)
         return shown
 

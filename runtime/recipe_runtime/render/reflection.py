@@ -1,6 +1,7 @@
 """Reflections on wet ground: what a puddle mirrors is looked up in the picture itself.
 
 The mirrored ray is followed until it passes behind something that the camera sees; that sample's light is reflected.
+Four pixels share one ray's length, each goes that far along a ray of its own.
 A ray that meets nothing sees the sky, or, if it is low, the street beyond the picture.
 """
 
@@ -11,7 +12,7 @@ from recipe_runtime.render.air import Air, reflected_sky
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import clamp01, noise2, step_between
 from recipe_runtime.render.shade import Samples
-from recipe_runtime.render.vectors import direction, inner, mix
+from recipe_runtime.render.vectors import inner, mix
 from recipe_runtime.render.visibility import Lens
 
 wp.set_module_options(OPTIONS)
@@ -42,19 +43,93 @@ def pixel_at(q: wp.vec3f, lens: Lens) -> wp.int32:
     return wp.int32(y) * lens.width + wp.int32(x)
 
 
+@wp.func
+def mirrored(p: wp.vec3f, to_point: wp.vec3f, gloss: wp.float32) -> wp.vec3f:
+    """The unit direction in which wet ground at p sends the sight on: upward, and a little astray."""
+    # Ripples and grain turn the mirror a little, most of all along the sight, as on any wet road.
+    ripple = (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(31)) - 0.5) * (0.006 + 0.5 * (1.0 - gloss))
+    one = 1.0 / wp.sqrt(wp.max(inner(to_point, to_point), 1.0e-8))
+    sight = to_point * one
+    n = wp.vec3f(sight[0] * ripple, sight[1] * ripple, 1.0)
+    r = sight - n * (2.0 * inner(n, sight) / inner(n, n))
+    return wp.vec3f(r[0], r[1], wp.max(r[2], 0.02))
+
+
+@wp.kernel
+def march(
+    samples: wp.array[Samples],
+    gleam: wp.array[wp.vec2f],
+    depth: wp.array[wp.float32],
+    starts: wp.array[wp.int32],
+    view: wp.array2d[wp.float32],
+    lens: Lens,
+    reach: wp.array[wp.float32],
+):
+    """How far the mirrored ray of a block of 2 x 2 pixels goes to what it meets; -1 if it meets nothing."""
+    block = wp.tid()
+    reach[block] = -1.0
+    columns = (lens.width + 1) / 2
+    x0 = (block % columns) * 2
+    y0 = (block / columns) * 2
+    i = wp.int32(-1)
+    for y in range(y0, wp.min(y0 + 2, lens.height)):
+        for x in range(x0, wp.min(x0 + 2, lens.width)):
+            s = starts[y * lens.width + x]
+            if i < 0 and gleam[s][0] > FAINT:
+                i = s
+    if i < 0:
+        return
+    to_point = samples[0].positions[i] - samples[0].eye
+    start = seen_from(view, to_point)
+    way = seen_from(view, mirrored(samples[0].positions[i], to_point, gleam[i][1]))
+    hit = wp.int32(0)
+    before = wp.float32(0.05)
+    t = wp.float32(0.2)
+    for _step in range(STEPS):
+        q = start + way * t
+        if q[2] <= 0.2:
+            break
+        at = pixel_at(q, lens)
+        if at < 0:
+            break
+        seen = depth[at]
+        if seen < q[2] - 0.03 and seen > q[2] - 0.3 - 1.3 * (t - before):
+            hit = 1
+            break
+        before = t
+        t = t * GROWTH
+    if hit == 0:
+        return
+    # Close in on where the ray first passed behind it.
+    low = before
+    high = t
+    for _halving in range(4):
+        middle = (low + high) * 0.5
+        q = start + way * middle
+        at = pixel_at(q, lens)
+        behind = False
+        if at >= 0:
+            behind = depth[at] < q[2] - 0.03
+        if behind:
+            high = middle
+        else:
+            low = middle
+    reach[block] = high
+
+
 @wp.kernel
 def reflect(
     samples: wp.array[Samples],
     air: wp.array[Air],
     gleam: wp.array[wp.vec2f],
-    depth: wp.array[wp.float32],
+    reach: wp.array[wp.float32],
     starts: wp.array[wp.int32],
     view: wp.array2d[wp.float32],
     lens: Lens,
     radiance: wp.array[wp.vec3f],
     out: wp.array[wp.vec3f],
 ):
-    """Add to every sample what it mirrors."""
+    """Add to every sample what it mirrors: along its own ray, as far as its block's ray went."""
     i = wp.tid()
     light = radiance[i]
     share = gleam[i][0]
@@ -63,52 +138,16 @@ def reflect(
         return
     p = samples[0].positions[i]
     to_point = p - samples[0].eye
-    sight = direction(to_point)
-    rough = 1.0 - gleam[i][1]
-    # Ripples and grain turn the mirror a little, most of all along the sight, as on any wet road.
-    ripple = (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(31)) - 0.5) * (0.006 + 0.5 * rough)
-    n = direction(wp.vec3f(sight[0] * ripple, sight[1] * ripple, 1.0))
-    r = sight - n * (2.0 * inner(n, sight))
-    d = direction(wp.vec3f(r[0], r[1], wp.max(r[2], 0.02)))
-    hit = wp.int32(-1)
-    if share > FAINT:
-        start = seen_from(view, to_point)
-        way = seen_from(view, d)
-        before = wp.float32(0.05)
-        t = wp.float32(0.2)
-        for _step in range(STEPS):
-            q = start + way * t
-            if q[2] <= 0.2:
-                break
+    d = mirrored(p, to_point, gleam[i][1])
+    pixel = samples[0].pixels[i]
+    t = reach[(pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2]
+    if t > 0.0:
+        q = seen_from(view, to_point + d * t)
+        at = wp.int32(-1)
+        if q[2] > 0.2:
             at = pixel_at(q, lens)
-            if at < 0:
-                break
-            seen = depth[at]
-            if seen < q[2] - 0.03 and seen > q[2] - 0.3 - 1.3 * (t - before):
-                hit = at
-                break
-            before = t
-            t = t * GROWTH
-        if hit >= 0:
-            # Close in on where the ray first passed behind it.
-            low = before
-            high = t
-            for _halving in range(4):
-                middle = (low + high) * 0.5
-                q = start + way * middle
-                at = pixel_at(q, lens)
-                behind = False
-                if at >= 0:
-                    behind = depth[at] < q[2] - 0.03
-                if behind:
-                    hit = at
-                    high = middle
-                else:
-                    low = middle
-    seen_light = reflected_sky(air, d)
-    if hit >= 0:
-        seen_light = radiance[starts[hit]]
-    else:
-        street = step_between(0.34, 0.12, d[2])
-        seen_light = mix(seen_light, air[0].sideways * 0.45, clamp01(street))
-    out[i] = light + seen_light * share
+        if at >= 0:
+            out[i] = light + radiance[starts[at]] * share
+            return
+    street = clamp01(step_between(0.34, 0.12, d[2]))
+    out[i] = light + mix(reflected_sky(air, d), air[0].sideways * 0.45, street) * share

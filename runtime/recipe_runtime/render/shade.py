@@ -301,9 +301,18 @@ def shade(
         out[i] = veiled(air, sky(air, p), p, left)
         return
     n = samples[0].normals[i]
+    to_point = p - samples[0].eye
+    pixel = samples[0].pixels[i]
+    tile = (pixel / samples[0].width / TILE) * ((samples[0].width + TILE - 1) / TILE) + (
+        pixel % samples[0].width
+    ) / TILE
+    # (A normal that turns away is bent first, below: too few to ask for.)
+    if earlier >= 0 and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, earlier, tile, p, n):
+        out[i] = before[0].out[earlier]
+        gleam[i] = before[0].gleam[earlier]
+        return
     pattern = looks[0].pattern[surface]
     detail = samples[0].details[i]
-    to_point = p - samples[0].eye
     distance = wp.sqrt(inner(to_point, to_point))
     sight = to_point * (1.0 / wp.max(distance, 1.0e-4))
     facing = -inner(n, sight)
@@ -311,14 +320,6 @@ def shade(
         # A smoothed normal may turn away at a silhouette; bring it back to the edge.
         n = direction(n - sight * (facing * -1.0))
         facing = wp.float32(0.0)
-    pixel = samples[0].pixels[i]
-    tile = (pixel / samples[0].width / TILE) * ((samples[0].width + TILE - 1) / TILE) + (
-        pixel % samples[0].width
-    ) / TILE
-    if earlier >= 0 and unchanged(before, air, beams, earlier, tile, p, n):
-        out[i] = before[0].out[earlier]
-        gleam[i] = before[0].gleam[earlier]
-        return
     m = matter_of(
         pattern,
         air,
