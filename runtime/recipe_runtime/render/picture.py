@@ -133,18 +133,20 @@ class Painter:
         starts = wp.array(first, dtype=wp.int32, device=self._device)
         keys, owner = self._empty(count, wp.uint64), self._empty(count, wp.int32)
         places, weights = self._empty(count, wp.int32), self._empty(count, wp.float32)
+        tiles = self._empty(count, wp.int32)
         with self._timings("place"):
             if antialias:
-                inputs = [obs.keys, fine, groups, starts, lens, told, keys, owner, places, weights]
+                inputs = [obs.keys, fine, groups, starts, lens, told, keys, owner, places, weights, tiles]
                 launch(samples.place, pixels, inputs, self._device)
             else:
-                launch(samples.place_centres, pixels, [obs.keys, keys, owner, places, weights], self._device)
+                inputs = [obs.keys, keys, owner, places, weights, tiles, lens]
+                launch(samples.place_centres, pixels, inputs, self._device)
         with self._timings("survey"):
             data = shade.Samples()
             data.surfaces, data.codes = self._empty(count, wp.int32), self._empty(count, wp.uint32)
             data.positions, data.normals = self._empty(count, wp.vec3f), self._empty(count, wp.vec3f)
             data.details, data.pixels = self._empty(count, wp.vec4f), owner
-            data.width = obs.camera.width
+            data.tiles = tiles
             data.eye = wp.vec3f(*(float(v) for v in obs.world_from_sensor[:, 3]))
             found = [data.surfaces, data.positions, data.normals, data.details, data.codes]
             origins = self._empty(count, wp.int32)

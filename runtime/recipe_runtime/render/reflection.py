@@ -8,7 +8,7 @@ A ray that meets nothing sees the sky, or, if it is low, the street beyond the p
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
-from recipe_runtime.render.air import Air, reflected_sky
+from recipe_runtime.render.air import Air, decay, reflected_sky
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import clamp01, noise2, step_between
 from recipe_runtime.render.shade import Samples
@@ -19,6 +19,7 @@ wp.set_module_options(OPTIONS)
 
 STEPS = wp.constant(13)
 GROWTH = wp.constant(wp.float32(1.47))
+FAR = wp.constant(wp.float32(60.0))  # metres of air before what a ray meets beyond the picture
 FAINT = wp.constant(wp.float32(0.016))  # shares below this only see the sky
 
 
@@ -150,4 +151,5 @@ def reflect(
             out[i] = light + radiance[starts[at]] * share
             return
     street = clamp01(step_between(0.34, 0.12, d[2]))
-    out[i] = light + mix(reflected_sky(air, d), air[0].sideways * 0.45, street) * share
+    beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
+    out[i] = light + mix(air[0].fog_colour, beyond, decay(air, air[0].fog * FAR)) * share

@@ -8,6 +8,7 @@ shaded once, weighed by the quarters it fills. What is found here depends on no 
 # mypy: ignore-errors
 
 from recipe_runtime.render.device import OPTIONS, wp
+from recipe_runtime.render.nearby import TILE
 from recipe_runtime.render.observation import depth_of, triangle_of
 from recipe_runtime.render.pattern import detail_of
 from recipe_runtime.render.vectors import direction, inner, outer, rotate
@@ -113,15 +114,20 @@ def place(
     pixels: wp.array[wp.int32],
     places: wp.array[wp.int32],
     weights: wp.array[wp.float32],
+    tiles: wp.array[wp.int32],
 ):
-    """Write a pixel's samples from starts on: key, pixel, place within it, and share."""
+    """Write a pixel's samples from starts on: key, pixel, place within it, share, and tile."""
     i = wp.tid()
     g = groups[i]
     n = g & 7
     first = starts[i]
     row = lens.width * 2
-    base = (i / lens.width) * 2 * row + (i % lens.width) * 2
+    y = i / lens.width
+    x = i - y * lens.width
+    base = y * 2 * row + x * 2
+    tile = y / TILE * ((lens.width + TILE - 1) / TILE) + x / TILE
     if n == 1:
+        tiles[first] = tile
         pixels[first] = i
         weights[first] = 1.0
         key = fine[base]
@@ -133,6 +139,7 @@ def place(
         places[first] = at
         return
     for s in range(n):
+        tiles[first + s] = tile
         weights[first + s] = 0.0
         pixels[first + s] = i
     for back in range(4):
@@ -150,6 +157,8 @@ def place_centres(
     pixels: wp.array[wp.int32],
     places: wp.array[wp.int32],
     weights: wp.array[wp.float32],
+    tiles: wp.array[wp.int32],
+    lens: Lens,
 ):
     """Without antialiasing: one sample a pixel, at its centre."""
     i = wp.tid()
@@ -157,6 +166,7 @@ def place_centres(
     pixels[i] = i
     places[i] = CENTRE
     weights[i] = 1.0
+    tiles[i] = i / lens.width / TILE * ((lens.width + TILE - 1) / TILE) + i % lens.width / TILE
 
 
 @wp.struct

@@ -11,7 +11,7 @@ from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render import pattern as patterns
 from recipe_runtime.render.air import Air, ambient, fog_share, reflected_sky, sky, veiled
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.nearby import TILE, Bodies, Lamps, contact, lamp_light
+from recipe_runtime.render.nearby import Bodies, Lamps, contact, lamp_light
 from recipe_runtime.render.noise import clamp01, step_between, unit
 from recipe_runtime.render.shadow import Sunbeam, holds, lit
 from recipe_runtime.render.vectors import direction, inner, mix, times
@@ -37,7 +37,7 @@ class Samples:
     details: wp.array[wp.vec4f]
     codes: wp.array[wp.uint32]
     pixels: wp.array[wp.int32]
-    width: wp.int32
+    tiles: wp.array[wp.int32]  # of `nearby`
     eye: wp.vec3f
 
 
@@ -302,10 +302,7 @@ def shade(
         return
     n = samples[0].normals[i]
     to_point = p - samples[0].eye
-    pixel = samples[0].pixels[i]
-    tile = (pixel / samples[0].width / TILE) * ((samples[0].width + TILE - 1) / TILE) + (
-        pixel % samples[0].width
-    ) / TILE
+    tile = samples[0].tiles[i]
     # (A normal that turns away is bent first, below: too few to ask for.)
     if earlier >= 0 and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, earlier, tile, p, n):
         out[i] = before[0].out[earlier]
