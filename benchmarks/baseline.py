@@ -1,0 +1,142 @@
+"""The plain script that Dataset Recipe is measured against: PyBullet steps and draws, Pillow saves.
+
+    python -m benchmarks.baseline STAGE OUT --renderer tiny --shadow 1 --frames 15
+
+It is what a competent user would write for the same scene: meshes merged by colour and loaded once, physics stepped
+between frames, one `getCameraImage` a frame for colour, depth and segmentation, three PNG files with Pillow's own
+settings. No annotations, no digests. The last line that it prints is a JSON object of seconds by stage.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import pkgutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pybullet as p
+from PIL import Image
+
+GROUND = 0.15  # metres; the sidewalk that both walk on
+
+
+def main() -> None:
+    """Draw the frames and say how long each stage took."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("stage", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--renderer", choices=["tiny", "egl"], default="tiny")
+    parser.add_argument("--shadow", choices=["default", "1"], default="default")
+    parser.add_argument("--frames", type=int, default=15)
+    arguments = parser.parse_args()
+    seconds = {"load": 0.0, "simulate": 0.0, "render": 0.0, "encode and write": 0.0}
+    clock = time.perf_counter
+
+    start = clock()
+    stage = json.loads((arguments.stage / "stage.json").read_text())
+    p.connect(p.DIRECT)
+    if arguments.renderer == "egl":
+        load_egl()
+    parts, walkers = load(stage, arguments.stage)
+    picture = camera(stage, arguments.renderer, arguments.shadow)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    picture()  # the first one also uploads meshes
+    seconds["load"] = clock() - start
+
+    total = len(stage["parts"][0]["positions"])
+    for number in range(arguments.frames):
+        frame = number * total // arguments.frames  # all along the clip, as people come near and go
+        a = clock()
+        step(stage, parts, walkers, frame)
+        b = clock()
+        rgba, depth, segments = picture()
+        c = clock()
+        save(arguments.out, frame, rgba, depth, segments, stage["camera"])
+        d = clock()
+        seconds["simulate"] += b - a
+        seconds["render"] += c - b
+        seconds["encode and write"] += d - c
+    print(json.dumps({"frames": arguments.frames, "seconds": seconds}))
+
+
+def load_egl() -> None:
+    """Load PyBullet's hardware renderer, which draws off screen through EGL."""
+    found = pkgutil.get_loader("eglRenderer")  # type: ignore[attr-defined,unused-ignore]
+    if found is None or p.loadPlugin(found.get_filename(), "_eglRendererPlugin") < 0:  # type: ignore[attr-defined,unused-ignore]
+        raise SystemExit("PyBullet's EGL plugin does not load")
+
+
+def load(stage: dict[str, Any], folder: Path) -> tuple[list[list[int]], list[int]]:
+    """Bodies of every part (one a colour), and the walkers' capsules; the town and a ground to walk on."""
+    p.setTimeStep(1 / stage["physics"])
+    p.setGravity(0, 0, -9.81)
+    unseen = p.createVisualShape(p.GEOM_SPHERE, radius=0.001)  # else a collision shape is drawn
+    ground = p.createCollisionShape(p.GEOM_BOX, halfExtents=(200, 200, 1))
+    p.createMultiBody(0, ground, unseen, (0, 0, GROUND - 1))
+
+    def put(mesh: dict[str, Any]) -> int:
+        shape = p.createVisualShape(p.GEOM_MESH, fileName=str(folder / mesh["file"]), rgbaColor=mesh["colour"])
+        return int(p.createMultiBody(0, -1, shape))
+
+    for mesh in stage["town"]:
+        put(mesh)
+    parts = [[put(mesh) for mesh in part["meshes"]] for part in stage["parts"]]
+    capsule = p.createCollisionShape(p.GEOM_CAPSULE, radius=0.25, height=1.2)
+    walkers = []
+    for walker in stage["walkers"]:
+        position = (walker["start"]["x"], walker["start"]["y"], GROUND + 0.86)
+        walkers.append(p.createMultiBody(70, capsule, unseen, position))
+        p.changeDynamics(walkers[-1], -1, localInertiaDiagonal=(0, 0, 0))
+    return parts, walkers
+
+
+def step(stage: dict[str, Any], parts: list[list[int]], walkers: list[int], frame: int) -> None:
+    """Walk on by a frame, and place the limbs."""
+    for _ in range(stage["steps"]):
+        for body, walker in zip(walkers, stage["walkers"], strict=True):
+            (x, y, _z), _ = p.getBasePositionAndOrientation(body)
+            dx, dy = walker["goal"]["x"] - x, walker["goal"]["y"] - y
+            scale = walker["speed"] / max((dx * dx + dy * dy) ** 0.5, 0.1)
+            p.resetBaseVelocity(body, (dx * scale, dy * scale, 0))
+        p.stepSimulation()
+    for bodies, part in zip(parts, stage["parts"], strict=True):
+        for body in bodies:
+            p.resetBasePositionAndOrientation(body, part["positions"][frame], part["rotations"][frame])
+
+
+def camera(stage: dict[str, Any], renderer: str, shadow: str) -> Callable[[], tuple[Any, Any, Any]]:
+    """A function that takes the picture."""
+    plan, eye = stage["camera"], stage["eye"]
+    target = [e + f for e, f in zip(eye, stage["forward"], strict=True)]
+    view = p.computeViewMatrix(eye, target, stage["up"])
+    projection = p.computeProjectionMatrixFOV(plan["fov"], plan["width"] / plan["height"], plan["near"], plan["far"])
+    options = {"shadow": 1, "lightDirection": (-3, -4, 2)} if shadow == "1" else {}
+    kind = p.ER_TINY_RENDERER if renderer == "tiny" else p.ER_BULLET_HARDWARE_OPENGL
+
+    def picture() -> tuple[Any, Any, Any]:
+        width, height, rgba, depth, segments = p.getCameraImage(
+            plan["width"], plan["height"], view, projection, renderer=kind, **options
+        )
+        shape = (height, width)
+        return np.reshape(rgba, (*shape, 4)), np.reshape(depth, shape), np.reshape(segments, shape)
+
+    return picture
+
+
+def save(out: Path, frame: int, rgba: Any, depth: Any, segments: Any, plan: dict[str, Any]) -> None:
+    """Three PNG files: colour, depth in 24 bits as CARLA has it, and segmentation in 16."""
+    near, far = plan["near"], plan["far"]
+    Image.fromarray(rgba[:, :, :3].astype(np.uint8)).save(out / f"rgb_{frame:06d}.png")
+    metres = far * near / (far - (far - near) * depth)
+    steps = (np.clip(metres / 1000.0, 0, 1) * (2**24 - 1)).astype(np.uint32)
+    channels = np.stack([steps & 255, (steps >> 8) & 255, steps >> 16], axis=-1).astype(np.uint8)
+    Image.fromarray(channels).save(out / f"depth_{frame:06d}.png")
+    Image.fromarray((segments + 1).astype(np.uint16)).save(out / f"instance_{frame:06d}.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,156 @@
+"""`make bench`: frames a second for the paper's listing, beside a plain PyBullet + Pillow script, in one run.
+
+Each contestant runs in a process of its own, one after the other, and is told start-up and steady work apart.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.plan import DatasetPlan
+from recipe_runtime.engines import real_engines
+from recipe_runtime.frames import FrameSource
+from recipe_runtime.trace import Trace
+
+from benchmarks.stage import write_stage
+from benchmarks.table import text_of
+
+ROOT = Path(__file__).resolve().parent.parent
+RECIPE = ROOT / "recipes" / "paper" / "two_pedestrians.yaml"
+FIRST, FURTHER = "weather=sunny", ("weather=rainy", "weather=foggy")
+BASELINES = {
+    "TinyRenderer, shadows": ("tiny", "1"),
+    "TinyRenderer, default": ("tiny", "default"),
+    "EGL on llvmpipe": ("egl", "default"),
+}
+Result = dict[str, Any]
+
+
+def main() -> None:
+    """Measure, and print a table or JSON."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.listing", description=__doc__)
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
+    parser.add_argument("--frames", type=int, default=200, help="of our builds of one weather (default: 200)")
+    parser.add_argument("--weather-frames", type=int, default=60, help="of our builds of two weathers (default: 60)")
+    parser.add_argument("--slow-frames", type=int, default=15, help="of the plain script (default: 15)")
+    parser.add_argument(
+        "--cold", action="store_true", help="also compile the kernels afresh, and say how long it takes"
+    )
+    arguments = parser.parse_args()
+    dataset = compile_recipe(RECIPE).plan
+    with tempfile.TemporaryDirectory(prefix="recipe-bench-") as folder:
+        found = measure(dataset, Path(folder), arguments)
+    print(json.dumps(found, indent=2) if arguments.json else text_of(found))
+
+
+def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -> Result:
+    """Every figure."""
+    load = [round(x, 2) for x in os.getloadavg()]
+    scenario = next(v for v in dataset.variants if v.variant == FIRST)
+    trace = real_engines().simulate(scenario.scene)
+    found: Result = {"machine": machine(), "load before": load, "ours": {}, "further": {}, "plain": {}, "skipped": []}
+    if arguments.cold:
+        found["cold start"] = cold_start(folder)
+    warm_up(dataset, trace)
+    for workers in (1, 2):
+        found["ours"][f"{workers} worker{'s' * (workers > 1)}"] = ours(
+            folder / f"w{workers}", [FIRST], arguments.frames, workers
+        )
+    first = ours(folder / "first", [FIRST], arguments.weather_frames, 1)
+    found["first"] = first
+    for name in FURTHER:
+        both = ours(folder / name, [FIRST, name], arguments.weather_frames, 1)
+        found["further"][name] = {**both, "share": (both["steady"] - first["steady"]) / first["steady"]}
+    stage = folder / "stage"
+    stage.mkdir()
+    write_stage(scenario, trace, stage)
+    for name, (renderer, shadow) in BASELINES.items():
+        plain = baseline(stage, folder / renderer, renderer, shadow, arguments.slow_frames)
+        if plain is None:
+            found["skipped"].append(f"{name}: it does not run here (it needs libegl1 and libgl1-mesa-dri)")
+        else:
+            found["plain"][name] = plain
+    found["load after"] = [round(x, 2) for x in os.getloadavg()]
+    return found
+
+
+def warm_up(dataset: DatasetPlan, trace: Trace) -> None:
+    """Have every kernel compiled that a variant needs."""
+    for variant in dataset.variants:
+        FrameSource(variant, trace).render(variant.rig.sensors[0].name, 0)
+
+
+def cold_start(folder: Path) -> float:
+    """Seconds to a first picture with an empty cache, all kernels compiled."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cold"), "RECIPE_CACHE": str(folder / "cold" / "store")}
+    code = (
+        "import sys, time; start = time.perf_counter(); from pathlib import Path\n"
+        "from recipe_compiler.compile import compile_recipe; from recipe_runtime.shot import shot\n"
+        "shot(compile_recipe(Path(sys.argv[1])).plan.variants[1], frame=0); print(time.perf_counter() - start)"
+    )
+    return float(run([sys.executable, "-c", code, str(RECIPE)], environment).splitlines()[-1])
+
+
+def ours(folder: Path, variants: list[str], frames: int, workers: int) -> Result:
+    """A real build; `steady` is its time on the wall without start-up."""
+    folder.mkdir()
+    command = [sys.executable, "-m", "benchmarks.ours", str(RECIPE), str(folder), "--variants", *variants]
+    found = last_line(run([*command, "--frames", str(frames), "--workers", str(workers)]))
+    found["steady"] = found["wall"] - found["start_up"]
+    found["fps"] = found["frames"] / found["steady"]
+    return found
+
+
+def baseline(stage: Path, out: Path, renderer: str, shadow: str, frames: int) -> Result | None:
+    """The plain script; None if it cannot run. A crash in a driver ends its process alone."""
+    command = [sys.executable, "-m", "benchmarks.baseline", str(stage), str(out), "--renderer", renderer]
+    try:
+        found = last_line(run([*command, "--shadow", shadow, "--frames", str(frames)]))
+    except subprocess.CalledProcessError:
+        if renderer == "egl":
+            return None
+        raise
+    found["start_up"] = found["seconds"].pop("load")
+    found["steady"] = sum(found["seconds"].values())
+    found["fps"] = found["frames"] / found["steady"]
+    return found
+
+
+def run(command: list[str], environment: dict[str, str] | None = None) -> str:
+    """What a process prints; CalledProcessError, its complaint shown, if it fails."""
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode and "egl" not in command:
+        sys.stderr.write(done.stderr)
+    done.check_returncode()
+    return done.stdout
+
+
+def last_line(text: str) -> Result:
+    """The JSON object among what engines print."""
+    found: Result = json.loads([line for line in text.splitlines() if line.startswith("{")][-1])
+    return found
+
+
+def machine() -> str:
+    """The machine in words."""
+    model = "a CPU"
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        names = [
+            line.partition(":")[2].strip() for line in info.read_text().splitlines() if line.startswith("model name")
+        ]
+        model = names[0] if names else model
+    return f"{len(os.sched_getaffinity(0))} cores of {model}, Python {platform.python_version()}"
+
+
+if __name__ == "__main__":
+    main()
