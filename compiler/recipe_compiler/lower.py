@@ -21,6 +21,7 @@ from recipe_compiler.plan import (
     CameraPlan,
     CameraResponse,
     Clock,
+    Looks,
     Point,
     Pose,
     RigPlan,
@@ -46,7 +47,7 @@ _TRAFFIC = {"vehicle": "vehicle.*", "pedestrian": "walker.pedestrian.*"}
 @dataclass(frozen=True)
 class _Scene:
     plan: ScenePlan
-    looks: Mapping[str, Mapping[str, str]]
+    looks: Looks
 
 
 class Lowering:
@@ -80,7 +81,7 @@ class Lowering:
             seed=variant.seed,
             weather=numbers,
             sun=where,
-            looks={name: dict(slots) for name, slots in scene.looks.items()},
+            looks=scene.looks,
             responses={name: _response(sensor.camera) for name, sensor in base.sensors.items()},
         )
         return ScenarioPlan(variant=variant.name, scene=scene.plan, rig=rig, appearance=appearance)
@@ -97,7 +98,7 @@ class Lowering:
         if actors is None:
             return None
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics)
-        return _Scene(ScenePlan(clock=clock, town=town.plan, actors=actors), {**town.looks, **cast.looks})
+        return _Scene(ScenePlan(clock=clock, town=town.plan, actors=actors), Looks({**town.looks, **cast.looks}))
 
     def _town(self, spec: models.Town) -> Town:
         return _built(spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))

@@ -14,7 +14,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel
 
 from recipe_compiler.canonical import digest
 
@@ -86,6 +86,11 @@ class TownPlan(Plan):
     name: Name
     elements: tuple[Element, ...]
 
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the layout."""
+        return digest("plan/town/1", self.document())
+
 
 class ActorPlan(Plan):
     """One moving body: what it is, where it starts and the way it goes."""
@@ -112,7 +117,8 @@ class ScenePlan(Plan):
     @cached_property
     def digest(self) -> str:
         """Identity of the scene; equal for every weather of it."""
-        return digest("plan/scene/1", self.document())
+        own = self.model_dump(mode="json", exclude={"town"})
+        return digest("plan/scene/1", {**own, "town": self.town.digest})
 
 
 class CameraPlan(Plan):
@@ -183,20 +189,35 @@ class CameraResponse(Plan):
     antialias: bool = True
 
 
+class Looks(RootModel[dict[str, dict[str, Colour]]]):
+    """Colours: body or town element -> slot (skin, shirt, paint, wall ...) -> colour. A value that variants share."""
+
+    model_config = ConfigDict(frozen=True, ignored_types=(cached_property,))
+
+    def __getitem__(self, name: str) -> dict[str, Colour]:
+        return self.root[name]
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the colours."""
+        return digest("plan/looks/1", self.root)
+
+
 class AppearancePlan(Plan):
-    """What colour everything has. `looks`: body or town element -> slot (skin, shirt, paint, wall ...) -> colour."""
+    """What colour everything has."""
 
     version: Literal[1] = 1
     seed: int  # for rain, sensor noise and lit windows
     weather: Weather
     sun: Sun
-    looks: dict[str, dict[str, Colour]]
+    looks: Looks
     responses: dict[str, CameraResponse]  # by sensor
 
     @cached_property
     def digest(self) -> str:
         """Identity of the appearance."""
-        return digest("plan/appearance/1", self.document())
+        own = self.model_dump(mode="json", exclude={"looks"})
+        return digest("plan/appearance/1", {**own, "looks": self.looks.digest})
 
 
 class ScenarioPlan(Plan):

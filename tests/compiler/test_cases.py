@@ -38,7 +38,7 @@ def test_good_recipe_compiles(path: Path) -> None:
     assert names and len(set(names)) == len(names)
     assert compiled.cost.variants == len(names)
     for variant in compiled.plan.variants:
-        looks = variant.appearance.looks
+        looks = variant.appearance.looks.root
         assert {actor.name for actor in variant.scene.actors} <= set(looks)
         assert {element.name for element in variant.scene.town.elements} <= set(looks)
         assert set(variant.appearance.responses) == {sensor.name for sensor in variant.rig.sensors}

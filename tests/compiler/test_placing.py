@@ -69,7 +69,7 @@ def test_looks_are_kept_where_they_are_given_and_change_no_scene() -> None:
     plain, dressed = small(), small()
     dressed["base"]["actors"]["hero1"]["look"] = {"shirt": "#AA0000"}
     before, after = only(plain), only(dressed)
-    assert after.appearance.looks["hero1"]["shirt"] == "#aa0000"
+    assert after.appearance.looks.root["hero1"]["shirt"] == "#aa0000"
     assert before.scene.digest == after.scene.digest
-    rest = {k: v for k, v in after.appearance.looks["hero1"].items() if k != "shirt"}
-    assert rest.items() <= before.appearance.looks["hero1"].items()
+    rest = {k: v for k, v in after.appearance.looks.root["hero1"].items() if k != "shirt"}
+    assert rest.items() <= before.appearance.looks.root["hero1"].items()

@@ -60,7 +60,7 @@ def test_adding_an_actor_changes_no_other(seed: int, name: str, drawn: bool, blu
     before, after = only(recipe), only(more)
     assert by_name(before) == {k: v for k, v in by_name(after).items() if k != name}
     assert before.rig == after.rig
-    looks = {k: v for k, v in after.appearance.looks.items() if k != name}
+    looks = {k: v for k, v in after.appearance.looks.root.items() if k != name}
     assert before.appearance == after.appearance.model_copy(update={"looks": looks})
 
 

@@ -56,7 +56,7 @@ def tiny_render(
 
 def looks_of(appearance: AppearancePlan) -> dict[str, dict[str, str]]:
     """Colours for `tiny_render`."""
-    return appearance.looks
+    return appearance.looks.root
 
 
 def _quaternion(m: NDArray[np.float64]) -> tuple[float, float, float, float]:

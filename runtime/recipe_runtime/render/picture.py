@@ -266,9 +266,9 @@ class Painter:
         return self._lights[name]
 
     def _looks_of(self, appearance: AppearancePlan) -> Any:
-        name = repr(appearance.looks)
+        name = appearance.looks.digest
         if name not in self._looks:
-            self._looks = {name: looks_of(self._g, appearance.looks, self._device)}
+            self._looks = {name: looks_of(self._g, appearance.looks.root, self._device)}
         return self._looks[name]
 
     def _rain(self, obs: Observation, seed: int, light: Light, frame: int) -> Any:
