@@ -25,7 +25,7 @@ Corners = NDArray[np.float32]  # [3 T, 6] positions and normals, three rows a tr
 
 def write_stage(scenario: ScenarioPlan, trace: Trace, folder: Path) -> None:
     """Write `stage.json` and its meshes: the town, the parts with a pose for every frame, walkers, clock, camera."""
-    looks, scene = scenario.appearance.looks, scenario.scene
+    looks, scene = scenario.appearance.looks.root, scenario.scene
     sensor = scenario.rig.sensors[0]
     town = _write_meshes(folder, "town", ((b.parts[0][1], looks.get(b.name, {})) for b in town_bodies(scene.town)))
     parts: list[dict[str, Any]] = []

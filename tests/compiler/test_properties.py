@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from recipe_compiler import weather
 from recipe_compiler.canonical import canonical_bytes
-from recipe_compiler.plan import ActorPlan, ScenarioPlan
+from recipe_compiler.plan import ActorPlan, Looks, ScenarioPlan
 
 from tests.compiler.kitchen import compiled, only, small
 
@@ -61,7 +61,7 @@ def test_adding_an_actor_changes_no_other(seed: int, name: str, drawn: bool, blu
     assert by_name(before) == {k: v for k, v in by_name(after).items() if k != name}
     assert before.rig == after.rig
     looks = {k: v for k, v in after.appearance.looks.root.items() if k != name}
-    assert before.appearance == after.appearance.model_copy(update={"looks": looks})
+    assert before.appearance == after.appearance.model_copy(update={"looks": Looks(looks)})
 
 
 @quick

@@ -17,7 +17,6 @@ from recipe_compiler.plan import (
     CameraResponse,
     Clock,
     DatasetPlan,
-    Looks,
     Pose,
     RigPlan,
     ScenarioPlan,
@@ -65,7 +64,7 @@ def appearance_plan(clouds: float = 0.0) -> AppearancePlan:
     weather = Weather(cloudiness=clouds, **dict.fromkeys(names, 0.0))
     responses = {"street": CameraResponse(), "side": CameraResponse()}
     return AppearancePlan(
-        seed=1, weather=weather, sun=Sun(azimuth=0, altitude=45), looks=Looks({}), responses=responses
+        seed=1, weather=weather, sun=Sun(azimuth=0, altitude=45), looks={}, responses=responses
     )
 
 
