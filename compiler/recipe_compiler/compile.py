@@ -76,7 +76,7 @@ def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | No
         depth=recipe.output.depth,
     )
     cost = limits.total(map(_measured, plans), recipe.output.depth)
-    warnings = _sorted([*expand.clashes(axes), *lowering.warnings])
+    warnings = _sorted([*expand.clashes(root, axes, recipe.sweep), *lowering.warnings])
     return Compiled(plan, tuple(warnings), dict(sorted(sources.files.items())), cost)
 
 

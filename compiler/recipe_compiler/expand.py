@@ -172,22 +172,40 @@ def leaves(delta: Value, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str
             yield (*path, key), delta.key_place(key)
 
 
-def clashes(axes: Axes) -> list[Problem]:
-    """A warning for each path that two axes set, at the later one, naming both."""
+def clashes(root: Value, axes: Axes, sweep: Sweep) -> list[Problem]:
+    """A warning for each path that two axes set, at the later one, naming both; the draws are the last axis."""
     warnings: dict[tuple[str, str, str], Problem] = {}
-    earlier: dict[tuple[str, ...], str] = {}
+    earlier = _Paths()
     for axis, values in axes.items():
-        own: dict[tuple[str, ...], str] = {}
-        for delta in values.values():
-            for path, place in leaves(delta):
-                for other in _overlapping(path, earlier):
-                    message = f"axes {earlier[other]} and {axis} both set {'.'.join(path)}; the later one, {axis}, wins"
-                    warnings.setdefault((earlier[other], axis, ".".join(path)), Problem(message, place))
-                own[path] = axis
-        earlier.update({path: name for path, name in own.items() if path not in earlier})
+        own = [found for delta in values.values() for found in leaves(delta)]
+        for path, place in own:
+            if (other := earlier.meeting(path)) is not None:
+                message = f"axes {other} and {axis} both set {'.'.join(path)}; the later one, {axis}, wins"
+                warnings.setdefault((other, axis, ".".join(path)), Problem(message, place))
+        for path, _ in own:
+            earlier.add(path, axis)
+    for drawn_path in sweep.draw.values if sweep.draw else ():
+        if (other := earlier.meeting(tuple(drawn_path.split(".")))) is not None:
+            message = f"axis {other} and sweep.draw both set {drawn_path}; the draw wins"
+            place = root.place_of("sweep", "draw", "values", drawn_path)
+            warnings["", "", drawn_path] = Problem(message, place)
     return list(warnings.values())
 
 
-def _overlapping(path: tuple[str, ...], earlier: Mapping[tuple[str, ...], str]) -> list[tuple[str, ...]]:
-    above = [path[:n] for n in range(1, len(path) + 1) if path[:n] in earlier]
-    return above or [other for other in earlier if other[: len(path)] == path][:1]
+class _Paths:
+    """Paths that axes set, found by what is above or below them without looking at each."""
+
+    def __init__(self) -> None:
+        self._set: dict[tuple[str, ...], str] = {}
+        self._below: dict[tuple[str, ...], str] = {}  # each prefix of a path that is set -> the axis of the first
+
+    def add(self, path: tuple[str, ...], axis: str) -> None:
+        """Note that an axis sets a path; the first to do so is remembered."""
+        self._set.setdefault(path, axis)
+        for n in range(1, len(path)):
+            self._below.setdefault(path[:n], axis)
+
+    def meeting(self, path: tuple[str, ...]) -> str | None:
+        """The axis that sets this path, or one above or below it."""
+        above = (path[:n] for n in range(1, len(path) + 1))
+        return next((self._set[p] for p in above if p in self._set), None) or self._below.get(path)

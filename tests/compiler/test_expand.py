@@ -1,0 +1,54 @@
+"""From axes and draws to variants, and the warnings where two of them meet."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import pytest
+
+from tests.compiler.kitchen import compiled, small
+
+FOG = {"clear": {}, "foggy": {"weather": {"fog_density": 100}}}
+
+
+def drawing(deltas: dict[str, Any], *paths: str) -> dict[str, Any]:
+    values = {path: {"uniform": [0, 10]} for path in paths}
+    return small() | {"deltas": deltas, "sweep": {"draw": {"count": 1, "values": values}}}
+
+
+@pytest.mark.parametrize("path", ["weather.fog_density", "actors.hero1.start.x"])
+def test_a_draw_that_overrides_an_axis_is_warned_of(path: str) -> None:
+    deltas = {"fog": FOG, "place": {"here": {}, "there": {"actors": {"hero1": {"start": {"x": -5, "y": 8}}}}}}
+    result = compiled(drawing(deltas, path))
+    (warning,) = result.warnings
+    axis = "fog" if "fog" in path else "place"
+    assert warning.message == f"axis {axis} and sweep.draw both set {path}; the draw wins"
+    assert warning.place is not None and warning.place.line > 70  # in the sweep, not in the delta
+    if axis == "fog":
+        assert len({v.appearance.weather.fog_density for v in result.plan.variants}) == 1
+
+
+def test_a_draw_beside_the_axes_is_not_warned_of() -> None:
+    assert compiled(drawing({"fog": FOG}, "weather.wetness")).warnings == ()
+
+
+def test_a_draw_over_a_preset_is_warned_of() -> None:
+    (warning,) = compiled(drawing({"w": {"a": {}, "b": {"weather": "WetNoon"}}}, "weather.wetness")).warnings
+    assert warning.message == "axis w and sweep.draw both set weather.wetness; the draw wins"
+
+
+def test_meetings_of_thousands_of_paths_are_found_quickly() -> None:
+    from recipe_compiler.expand import clashes
+    from recipe_compiler.schema.models import Sweep
+    from recipe_compiler.source import parse
+
+    text = "".join(
+        f"a{n}: {{v: {{actors: {{{', '.join(f'x{n}_{m}: {{speed: 1}}' for m in range(300))}}}}}}}\n" for n in range(20)
+    )
+    root, problems = parse(text.encode(), "x.yaml")
+    assert root is not None and not problems
+    axes = {name: dict(values.map) for name, values in root.map.items()}
+    started = time.perf_counter()
+    assert clashes(root, axes, Sweep()) == []
+    assert time.perf_counter() - started < 2.0
