@@ -10,7 +10,7 @@ ABOVE = {
     "recipe_cli": set(),
 }
 # What the runtime may know of the compiler: values and arithmetic, never the language.
-SHARED = {"canonical", "errors", "exact", "lockfile", "plan", "streams"}
+SHARED = {"canonical", "errors", "exact", "files", "lockfile", "plan", "streams"}
 DOORS = {
     "pybullet": {"recipe_runtime/bullet.py"},
     "warp": {"recipe_runtime/render/"},

@@ -7,13 +7,12 @@ that of the file and line that set it. Files are read from the root recipe's own
 from __future__ import annotations
 
 import hashlib
-import os
-import stat
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from recipe_compiler import source
 from recipe_compiler.errors import Place, Problem
+from recipe_compiler.files import read_regular
 from recipe_compiler.source import Value, show
 
 MAX_CHAIN = 16
@@ -122,7 +121,7 @@ def _report(sources: Sources, message: str, place: Place | None) -> None:
 def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) -> Value | None:
     path = folder / name
     try:
-        content = _read_bytes(path)
+        content = read_regular(path, source.MAX_BYTES)
     except FileNotFoundError:
         _report(
             sources, f"{_label(name, place)}there is no such file" if place else f"{path}: there is no such file", place
@@ -147,15 +146,6 @@ def _label(name: str, place: Place | None) -> str:
 
 def _kind(value: Value) -> str:
     return "a list" if isinstance(value.data, tuple) else f"the value {show(value.plain)}"
-
-
-def _read_bytes(path: Path) -> bytes:
-    # O_NONBLOCK: opening a pipe must not wait for a writer.
-    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-    with os.fdopen(handle, "rb") as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise ValueError("it is not a regular file")
-        return file.read(source.MAX_BYTES + 1)
 
 
 def _next(folder: Path, name: str, value: Value, seen: list[str], sources: Sources) -> tuple[str | None, Place | None]:

@@ -28,9 +28,11 @@ from urllib.parse import quote, unquote
 
 from recipe_compiler.canonical import digest, digest_bytes
 from recipe_compiler.errors import InputError, Place, Problem
+from recipe_compiler.files import read_regular
 from recipe_compiler.plan import DatasetPlan
 
 FORMAT = 1
+MAX_BYTES = 1 << 28
 SHORT = 16  # digits of a digest that serve as a key within one lockfile
 _WIDTHS = {
     "recipe": 3, "identity": 1, "file": 2, "tool": 2, "stage": 2, "variant": 4, "trace": 2, "body": 5, "frame": 5,
@@ -160,11 +162,17 @@ def skeleton(
 def read(path: Path) -> Lockfile:
     """A lockfile from its text; InputError, with the line, if it is not one."""
     try:
-        text = path.read_text(encoding="utf-8")
+        content = read_regular(path, MAX_BYTES)
+        if len(content) > MAX_BYTES:
+            raise ValueError(f"it is larger than {MAX_BYTES >> 20} MiB")
+        text = content.decode()
     except FileNotFoundError:
         raise InputError(f"{path}: there is no lockfile; `recipe lock` writes it") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a lockfile: {error}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: cannot be read as a lockfile: it is not UTF-8 text") from None
+    except (OSError, ValueError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or error
+        raise InputError(f"{path}: cannot be read as a lockfile: {reason}") from None
     return loads(text, str(path))
 
 
@@ -176,27 +184,24 @@ def loads(text: str, name: str) -> Lockfile:
     if lines[0] != f"recipe-lock {FORMAT}":
         raise _bad(name, 1, f"lockfile format {lines[0][12:]!r} is not format {FORMAT}, the one this release reads")
     lock = Lockfile(recipe="", source="", plan="", files={}, tools={}, stages={}, variants={})
-    head, identity = [""] * 3, ""
+    head = [""] * 3
     for number, line in enumerate(lines[1:], start=2):
         kind, *cells = line.split(" ")
         if kind not in _WIDTHS:
-            raise _bad(name, number, f"unknown row {kind!r}; rows are {', '.join(_WIDTHS)}")
+            raise _bad(name, number, f"unknown row {kind[:40]!r}; rows are {', '.join(_WIDTHS)}")
         if len(cells) != _WIDTHS[kind]:
             raise _bad(name, number, f"a {kind} row has {_WIDTHS[kind]} cells after its kind, this one {len(cells)}")
         try:
             if kind == "recipe":
                 head = [unquote(cells[0]), unquote(cells[1]), cells[2]]
-            elif kind == "identity":
-                identity = cells[0]
-            elif kind != "seal":
+            elif kind not in ("identity", "seal"):
                 _add_row(lock, kind, cells)
         except ValueError as error:
             raise _bad(name, number, f"a broken {kind} row: {error}") from None
     if not head[0]:
         raise _bad(name, 1, "the lockfile names no recipe: its `recipe` row is missing")
     lock = replace(lock, recipe=head[0], source=head[1], plan=head[2])
-    body, _, seal = text.rpartition("seal ")
-    return replace(lock, sealed=seal.strip() == _seal(body) and identity == lock.identity)
+    return replace(lock, sealed=lock.dumps() == text)  # one text for one meaning: order, doubles and the seal count
 
 
 def _seal(body: str) -> str:
@@ -221,6 +226,8 @@ def _add_row(lock: Lockfile, kind: str, cells: list[str]) -> None:
         checkpoints = () if cells[4] == "-" else tuple(cells[4].split(","))
         lock.bodies[cells[0], unquote(cells[2])] = BodyMotion(cells[3], int(cells[1]), checkpoints)
     else:
+        if len(cells[3]) > 9:
+            raise ValueError("its frame number is too large")
         lock.frames[cells[0], unquote(cells[1]), cells[2], int(cells[3])] = cells[4]
 
 

@@ -1,9 +1,7 @@
 """Which frames to verify, and what confidence they buy.
 
-All frames, in the dataset's order, are cut into k runs of equal length and one is drawn from each by the nonce. So
-the sample is spread over variants, sensors and time; and it finds at least as much as k free draws would: with a
-share p of frames differing, the chance to miss them all is the product of (1 - p) over the runs, which is largest
-when p is the same in each.
+The sample is drawn by the nonce from all frames, without replacement, each set of k as likely. If a share p of them
+differs, wherever they are, the chance that none is drawn is at most (1 - p)^k.
 """
 
 from __future__ import annotations
@@ -51,7 +49,9 @@ def sample_size(total: int, confidence: float, bound: float) -> int:
 
 
 def draw(items: Sequence[T], count: int, nonce: int) -> list[T]:
-    """`count` of the items, one from each of as many runs of equal length, in their order."""
-    stream, total = Stream(nonce, "verify"), len(items)
-    edges = [total * i // count for i in range(count + 1)]
-    return [items[stream.integer(low, high - 1)] for low, high in zip(edges, edges[1:], strict=False)]
+    """`count` of the items, in their order."""
+    stream, places = Stream(nonce, "verify"), list(range(len(items)))
+    for k in range(count):  # the first steps of Fisher's and Yates's shuffle
+        other = stream.integer(k, len(places) - 1)
+        places[k], places[other] = places[other], places[k]
+    return [items[place] for place in sorted(places[:count])]
