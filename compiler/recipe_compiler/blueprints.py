@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Literal
@@ -150,6 +151,7 @@ LIBRARY: tuple[Blueprint, ...] = tuple(
 """All blueprints, sorted by id."""
 
 
+@functools.lru_cache(maxsize=256)
 def match(glob: str) -> tuple[Blueprint, ...]:
     """The blueprints whose id matches a case-sensitive glob such as `walker.pedestrian.*`, sorted by id."""
     return tuple(blueprint for blueprint in LIBRARY if fnmatchcase(blueprint.id, glob))

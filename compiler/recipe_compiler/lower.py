@@ -37,6 +37,7 @@ from recipe_compiler.schema.models import Base
 from recipe_compiler.source import Value, show
 from recipe_compiler.streams import Stream
 from recipe_compiler.towns import Town
+from recipe_compiler.towns.town import Category
 
 T = TypeVar("T")
 MODALITIES = ("rgb", "depth", "instance", "semantic")
@@ -98,10 +99,13 @@ class Lowering:
         if actors is None:
             return None
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics)
-        return _Scene(ScenePlan(clock=clock, town=town.plan, actors=actors), Looks({**town.looks, **cast.looks}))
+        # Every colour is a palette's or has been checked; to check and copy a town's again would take the longest here.
+        looks = Looks.model_construct(root={**town.looks, **cast.looks})
+        return _Scene(ScenePlan(clock=clock, town=town.plan, actors=actors), looks)
 
     def _town(self, spec: models.Town) -> Town:
-        return _built(spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))
+        key = (spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))
+        return self._once(("town", *key), None, lambda: _built(*key))
 
     # Rig
 
@@ -171,7 +175,7 @@ class _Cast:
     def __init__(self, lowering: Lowering, variant: Variant, base: Base, town: Town) -> None:
         self.looks: dict[str, dict[str, str]] = {}
         self._lowering, self._variant, self._base, self._town = lowering, variant, base, town
-        self._spots = placing.Spots(town.spawn_points)
+        self._spots = placing.Spots(town.spots)
         self._numbers = lowering._instances
 
     def _stream(self, name: str, *purpose: str) -> Stream:
@@ -231,7 +235,7 @@ class _Cast:
         self._dress(name, blueprint, actor.look)
         return self._plan(name, self._numbers[name], blueprint, start, route if speed > 0 else (), speed)
 
-    def _traffic(self, category: str, index: int) -> ActorPlan | None:
+    def _traffic(self, category: Category, index: int) -> ActorPlan | None:
         name = f"traffic.{category}.{index}"
         start = self._spots.take(category, self._stream(name, "start"))
         if start is None:
@@ -245,8 +249,8 @@ class _Cast:
         block = placing.VEHICLE_NUMBERS if category == "vehicle" else placing.PEDESTRIAN_NUMBERS
         return self._plan(name, block + index, blueprint, start, self._wander(name, blueprint, start, speed), speed)
 
-    def _full(self, category: str) -> str:
-        places = sum(point.category == category for point in self._town.spawn_points)
+    def _full(self, category: Category) -> str:
+        places = len(self._town.spots[category])
         remedy = "lower `traffic`, give a start, or more `blocks`"
         return f"no free spot left for a {category}, of the {places} that the town has; {remedy}"
 

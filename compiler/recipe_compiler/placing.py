@@ -10,18 +10,20 @@ across all categories, from blocks of their own, so that traffic and deltas shif
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from recipe_compiler.plan import Pose
 from recipe_compiler.streams import Stream
-from recipe_compiler.towns import SpawnPoint
+from recipe_compiler.towns.town import Category
 
 BASE_NUMBERS = (1, 299)  # actors of the base, in file order
 DELTA_NUMBERS = (300, 499)  # actors that only deltas have, by a hash of the name
 PEDESTRIAN_NUMBERS = 500  # traffic.pedestrian.0 and on, 250 of them
 VEHICLE_NUMBERS = 750
-_CLEARANCE = {"pedestrian": 0.6, "vehicle": 4.0}  # metres around a body
+_CLEARANCE: dict[Category, float] = {"pedestrian": 0.6, "vehicle": 4.0}  # metres around a body
+_CELL = 2 * max(_CLEARANCE.values())
 _TRIES = 64
 
 
@@ -46,25 +48,31 @@ def instance_numbers(base: Sequence[str], deltas: Sequence[str]) -> dict[str, in
     return numbers
 
 
+def _cell(x: float, y: float) -> tuple[int, int]:
+    """The square of a grid in which a point lies: two bodies that touch are in the same or in neighbouring ones."""
+    return math.floor(x / _CELL), math.floor(y / _CELL)
+
+
 @dataclass
 class Spots:
     """The spawn points of a town, and who stands where."""
 
-    points: Sequence[SpawnPoint]
-    _standing: list[tuple[float, float, float]] = field(default_factory=list)  # x, y, clearance
+    points: Mapping[Category, Sequence[Pose]]
+    _standing: dict[tuple[int, int], list[tuple[float, float, float]]] = field(default_factory=dict)
 
-    def occupy(self, category: str, x: float, y: float) -> None:
+    def occupy(self, category: Category, x: float, y: float) -> None:
         """Note that a body stands here."""
-        self._standing.append((x, y, _CLEARANCE[category]))
+        self._standing.setdefault(_cell(x, y), []).append((x, y, _CLEARANCE[category]))
 
-    def free(self, category: str, x: float, y: float) -> bool:
+    def free(self, category: Category, x: float, y: float) -> bool:
         """Whether a body of this category fits here."""
-        own = _CLEARANCE[category]
-        return all((x - a) * (x - a) + (y - b) * (y - b) >= (own + r) * (own + r) for a, b, r in self._standing)
+        own, (i, j) = _CLEARANCE[category], _cell(x, y)
+        near = (body for a in (i - 1, i, i + 1) for b in (j - 1, j, j + 1) for body in self._standing.get((a, b), ()))
+        return all((x - a) * (x - a) + (y - b) * (y - b) >= (own + r) * (own + r) for a, b, r in near)
 
-    def take(self, category: str, stream: Stream) -> Pose | None:
+    def take(self, category: Category, stream: Stream) -> Pose | None:
         """The first free spawn point in the stream's order, now taken; None if the town has no free one left."""
-        options = [point.pose for point in self.points if point.category == category]
+        options = self.points[category]
         if not options:
             return None
         index = 0
@@ -78,7 +86,7 @@ class Spots:
                 return pose
         return None
 
-    def _try(self, category: str, pose: Pose) -> bool:
+    def _try(self, category: Category, pose: Pose) -> bool:
         if not self.free(category, pose.x, pose.y):
             return False
         self.occupy(category, pose.x, pose.y)

@@ -6,12 +6,12 @@ key: the same on every platform, and unrelated for keys that differ in one lette
 """
 
 import hashlib
+import json
 import math
 from collections.abc import Sequence
 from typing import TypeVar
 
 from recipe_compiler import exact
-from recipe_compiler.canonical import canonical_bytes
 
 T = TypeVar("T")
 
@@ -40,7 +40,9 @@ class Stream:
     """A sequence of draws that depends on its key alone."""
 
     def __init__(self, seed: int, *names: str) -> None:
-        self._prefix = b"recipe/stream/1\n" + canonical_bytes([seed, *names]) + b"\n"
+        # A list of text and one integer: what `json` writes is its canonical form, and many times quicker to write.
+        key = json.dumps([seed, *names], ensure_ascii=False, separators=(",", ":")).encode()
+        self._prefix = b"recipe/stream/1\n" + key + b"\n"
         self._counter = 0
 
     def bits(self) -> int:

@@ -1,9 +1,11 @@
 """Streams must depend on their key alone, look random, and never change."""
 
+import hashlib
 from itertools import pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
+from recipe_compiler.canonical import canonical_bytes
 from recipe_compiler.streams import Stream
 
 NAMES = st.lists(st.text(max_size=8), max_size=3)
@@ -55,3 +57,9 @@ def test_normal_quantile_is_monotonic_over_its_three_ranges() -> None:
     values = [_normal_quantile(p) for p in points]
     assert all(a < b for a, b in pairwise(values))
     assert abs(_normal_quantile(0.975) - 1.959963984540054) < 1e-14
+
+
+@given(st.integers(0, 2**32 - 1), st.lists(st.text(max_size=6), max_size=3))
+def test_a_key_is_canonical_bytes(seed: int, names: list[str]) -> None:
+    key = hashlib.sha256(b"recipe/stream/1\n" + canonical_bytes([seed, *names]) + b"\n0").digest()
+    assert Stream(seed, *names).bits() == int.from_bytes(key[:8], "little")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 from recipe_compiler.plan import Point, Pose, TownPlan
@@ -46,6 +47,12 @@ class Town:
     looks: dict[str, dict[str, str]]  # element -> slot -> "#rrggbb"
     spawn_points: tuple[SpawnPoint, ...]
     streets: StreetGrid
+
+    @cached_property
+    def spots(self) -> dict[Category, tuple[Pose, ...]]:
+        """Where each category may appear, in the order of the spawn points."""
+        categories: tuple[Category, ...] = ("vehicle", "pedestrian")
+        return {c: tuple(point.pose for point in self.spawn_points if point.category == c) for c in categories}
 
     def route(self, category: Category, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """Waypoints of a way of about `length_m` metres from `start`, turns drawn from `stream`.
