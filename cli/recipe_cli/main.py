@@ -64,8 +64,11 @@ def recipe() -> None:
 
 def main() -> None:
     """Run the command; every mistake ends in a line that says where, what and how to mend it."""
+    import signal
+
     from recipe_compiler.errors import InputError, RunError
 
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that temporary folders go, as they do on an error
     try:
         sys.exit(recipe.main(standalone_mode=False) or 0)  # what it returns is the code of an Exit
     except click.ClickException as error:
@@ -78,9 +81,10 @@ def main() -> None:
     except RunError as error:
         click.echo(str(error), err=True)
         sys.exit(1)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        click.echo(f"{where}{error.strerror or error}", err=True)
+        sys.exit(1)
     except (click.Abort, KeyboardInterrupt):
-        click.echo("interrupted; what is finished is kept, and the same command goes on from there", err=True)
+        click.echo("interrupted", err=True)
         sys.exit(130)
-    except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(0)

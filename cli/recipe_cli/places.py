@@ -37,18 +37,35 @@ def source_of(recipe: Path, lockfile: Path) -> str:
 
 
 def recipe_of(lockfile: Path, lock: Lockfile) -> Path:
-    """The recipe that a lockfile stands for."""
-    return _short(lockfile.resolve().parent / lock.source)
+    """The recipe that a lockfile stands for: InputError if that leads out of the lockfile's project.
+
+    The project is the folder that holds `lockfiles/`; of a lockfile elsewhere, its own folder.
+    """
+    from recipe_compiler.errors import InputError
+
+    folder = lockfile.resolve().parent
+    project = folder.parent if folder.name == FOLDER else folder
+    try:
+        recipe = (folder / lock.source).resolve()
+    except (OSError, ValueError, RuntimeError):
+        recipe = Path("/")
+    if Path(lock.source).is_absolute() or not recipe.is_relative_to(project) or recipe == project:
+        raise InputError(
+            f"{lockfile}: its recipe {lock.source[:100]!r} is not a file of the folder {project}; name the recipe"
+        )
+    return _short(recipe)
 
 
 def free_disk(folder: Path) -> int:
     """Bytes free where a folder is or would be."""
     import shutil
 
-    there = folder.resolve()
-    while not there.exists():
-        there = there.parent
-    return shutil.disk_usage(there).free
+    there = folder.absolute()
+    while True:
+        try:
+            return shutil.disk_usage(there).free
+        except OSError:  # not there yet, or a name that cannot be
+            there = there.parent
 
 
 def _short(path: Path) -> Path:

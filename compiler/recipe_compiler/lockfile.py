@@ -20,6 +20,8 @@ or path is in it. Rows:
 from __future__ import annotations
 
 import contextlib
+import os
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -103,18 +105,28 @@ class Lockfile:
         body = "\n".join(" ".join(row) for row in self._rows()) + "\n"
         return f"{body}seal {_seal(body)}\n"
 
+    def says_the_same(self, other: Lockfile) -> bool:
+        """Whether two lockfiles differ in nothing but the tools that they were made with, and this one is whole."""
+        return self.sealed and replace(self, tools={}) == replace(other, tools={})
+
     def write(self, path: Path) -> bool:
         """Write it unless the file already says the same (tools aside); whether it was written."""
         if path.is_file():
             with contextlib.suppress(InputError):
-                there = read(path)
-                if there.sealed and replace(there, tools={}) == replace(self, tools={}):
+                if read(path).says_the_same(self):
                     return False
         text = self.dumps()
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(path.name + ".tmp")
-        temporary.write_text(text)
-        temporary.replace(path)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        temporary = Path(name)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+            temporary.chmod(0o644)
+            temporary.replace(path)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
         return True
 
     def _rows(self) -> Iterator[tuple[str, ...]]:

@@ -56,17 +56,41 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
     return found
 
 
+def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
+    """Whether a lockfile is whole, and holds a row for just the motion and the frames that the plan stands for."""
+    found = []
+    if not lock.sealed:
+        found.append("it was damaged or edited: its digests do not add up")
+    if lock.recipe != plan.recipe:
+        found.append(f"it is of the recipe {lock.recipe!r}, and this is {plan.recipe!r}")
+    agreed = {name: row for name, row in locking.bare(plan, "", {}).variants.items() if lock.variants.get(name) == row}
+    if len(agreed) == len(plan.variants) == len(lock.variants):
+        kinds = (
+            ("stage", set(STAGES), set(lock.stages)),
+            ("trace", {v.scene.digest for v in plan.variants}, set(lock.traces)),
+            ("frame", set(locking.frame_keys(plan)), set(lock.frames)),
+        )
+        for kind, ours, theirs in kinds:
+            found += _uneven(kind, sorted(map(str, ours - theirs)), sorted(map(str, theirs - ours)))
+    return [Difference("lockfile", message) for message in found]
+
+
+def _uneven(kind: str, missing: list[str], surplus: list[str]) -> list[str]:
+    rows = ((missing, "lacks"), (surplus, "has, of nothing in the recipe,"))
+    return [f"it {word} {len(keys)} {kind} rows, {keys[0]} the first" for keys, word in rows if keys]
+
+
 def compare_locks(plan: DatasetPlan, lock: Lockfile, made: Lockfile) -> list[Difference]:
     """What a finished build differs in from a lockfile, stage by stage."""
-    found = compare_files(lock, made.files) + compare_plans(plan, lock)
+    found = compare_rows(plan, lock) + compare_files(lock, made.files) + compare_plans(plan, lock)
     for scene, trace in made.traces.items():
-        if lock.traces.get(scene, trace) != trace:
+        if scene in lock.traces and lock.traces[scene] != trace:
             found.append(Difference("trace", f"scene {scene[:16]} moves otherwise", excuse_of("trace", lock)))
+    names = {v.frame_key(m): n for n, v in reversed(made.variants.items()) for m in ("rgb", "labels")}
     for row, value in made.frames.items():
-        if lock.frames.get(row, value) != value:
+        if row in lock.frames and lock.frames[row] != value:
             key, sensor, modality, frame = row
-            stage = stage_of(modality)
-            name = next(n for n, v in made.variants.items() if v.frame_key(modality) == key)
+            stage, name = stage_of(modality), names[key]
             message = f"{name}, {sensor}, frame {frame}: {modality} differs"
             found.append(Difference(stage, message, excuse_of(stage, lock), name, sensor, frame, modality))
     return sorted(found, key=lambda difference: ORDER.index(difference.stage))
@@ -83,6 +107,8 @@ def excuse_of(stage: str, lock: Lockfile) -> str | None:
     reason = host.unfit(stage)
     if reason:
         return reason
+    if stage == "trace" and "glibc" not in lock.tools:
+        return "it is not said with which C library and Python it was made"
     ours = host_versions()
     others = [f"{t} {lock.tools[t]}, here {ours[t]}" for t in tools if t in lock.tools and lock.tools[t] != ours[t]]
     return "the lockfile was made with " + ", ".join(others) if others else None

@@ -98,6 +98,16 @@ def frame_rows(plan: DatasetPlan, view: View, record: FrameRecord) -> Iterator[t
             yield (key.frame_key("rgb"), view.sensor.name, "rgb", record["frame"]), record["rgb"][scenario.variant]
 
 
+def frame_keys(plan: DatasetPlan) -> Iterator[FrameKey]:
+    """The key of every row that `frame_rows` makes of a whole dataset."""
+    for v in plan.variants:
+        row = VariantRow(v.scene.digest, v.rig.digest, v.appearance.digest)
+        for sensor in v.rig.sensors:
+            for modality in (*sensor.capture, "labels"):
+                key = row.frame_key(modality)
+                yield from ((key, sensor.name, modality, frame) for frame in range(v.scene.clock.frames))
+
+
 def body_motion(trace: Trace, actor: str) -> BodyMotion:
     """The digest of an actor's motion, and short digests of how it went that far."""
     stride = -(-trace.frames // CHECKPOINTS)

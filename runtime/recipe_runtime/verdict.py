@@ -56,9 +56,18 @@ class Report:
             return "FAIL"
         return "INCONCLUSIVE" if self.differences else "PASS"
 
+    @property
+    def extent(self) -> str:
+        """How much was compared, and what that shows; a bound is shown only where nothing differs."""
+        if self.verdict == "PASS":
+            return str(self.bound)
+        frames = {(d.variant, d.sensor, d.frame) for d in self.differences if d.frame is not None}
+        return f"{self.bound.checked} of {self.bound.total} frames compared, {len(frames)} of them differ"
+
     def document(self) -> dict[str, Any]:
         """The report as plain JSON values."""
         bound = {"checked": self.bound.checked, "total": self.bound.total, "confidence": self.bound.confidence}
+        below = round(self.bound.differing, 6) if self.verdict == "PASS" else None
         return {
             "name": self.name,
             "identity": self.identity,
@@ -66,7 +75,7 @@ class Report:
             "stage": self.stage,
             "nonce": self.nonce,
             **bound,
-            "differing_below": round(self.bound.differing, 6),
+            "differing_below": below,
             "differences": [asdict(difference) for difference in self.differences],
             "pictures": self.pictures,
         }

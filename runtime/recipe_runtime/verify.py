@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from recipe_compiler.errors import RunError
 from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime import host, layout, locking
-from recipe_runtime.compare import compare_files, compare_plans, excuse_of, stage_of
+from recipe_runtime.compare import compare_files, compare_plans, compare_rows, excuse_of, stage_of
 from recipe_runtime.dataset import Dataset, damaged_files
 from recipe_runtime.engines import Engines, Progress, real_engines
 from recipe_runtime.report.difference import differing_pixels, write_difference
@@ -63,25 +64,23 @@ def verify(
     """
     engines = engines or real_engines()
     choices = all_choices(plan)
-    chosen = choose(choices, options)
-    report = Report(plan.recipe, lock.identity, options.nonce, Bound(len(chosen), len(choices), options.confidence))
-    if not lock.sealed:
-        what = "the manifest" if dataset else "the lockfile"
-        report.differences.append(Difference("lockfile", f"{what} was damaged or edited: its digests do not add up"))
+    differences = compare_rows(plan, lock)
     if files is not None:
-        report.differences += compare_files(lock, files)
-    report.differences += compare_plans(plan, lock)
-    other = {d.variant for d in report.differences if d.stage == "plan"}
-    chosen = [choice for choice in chosen if choice[0] not in other]
+        differences += compare_files(lock, files)
+    differences += compare_plans(plan, lock)
+    other = {d.variant for d in differences if d.stage == "plan"}
+    chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
+    pictures: list[str] = []
     with tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
         check = _Check(plan, lock, engines, options, progress, Path(folder), dataset)
-        report.differences += check.run(chosen)
+        compared, found = check.run(chosen)
+        differences += found
         if dataset is not None:
-            damaged = damaged_files(dataset, progress)
-            report.differences += [Difference("file", message) for message in damaged]
+            differences += [Difference("file", message) for message in damaged_files(dataset, progress)]
         if options.pictures is not None:
-            report.pictures = check.draw(report.differences, options.pictures)
-    return report
+            pictures = check.draw(differences, options.pictures)
+    bound = Bound(compared, len(choices), options.confidence)
+    return Report(plan.recipe, lock.identity, options.nonce, bound, differences, pictures)
 
 
 def all_choices(plan: DatasetPlan) -> list[Choice]:
@@ -114,8 +113,8 @@ class _Check:
     folder: Path
     dataset: Dataset | None
 
-    def run(self, chosen: list[Choice]) -> list[Difference]:
-        """Simulate the scenes of the chosen frames, render the frames alone, and say what differs."""
+    def run(self, chosen: list[Choice]) -> tuple[int, list[Difference]]:
+        """Simulate the scenes of the chosen frames and render the frames alone: how many were, and what differs."""
         by_name = {v.variant: v for v in self.plan.variants}
         scenes = {by_name[name].scene.digest: by_name[name].scene for name, _, _ in chosen}
         traces = locking.fresh_traces(list(scenes.values()), self.engines, Store(self.folder), self.progress)
@@ -128,8 +127,9 @@ class _Check:
         whole = {digest for digest, trace in traces.items() if self.lock.traces.get(digest) == trace.digest}
         reason = host.cannot_render()
         if reason:
-            return [*found, Difference("observation", "no frame was rendered", reason)]
-        return found + self._frames([c for c in chosen if by_name[c[0]].scene.digest in whole])
+            return 0, [*found, Difference("observation", "no frame was rendered", reason)]
+        chosen = [c for c in chosen if by_name[c[0]].scene.digest in whole]
+        return len(chosen), found + self._frames(chosen)
 
     def _frames(self, chosen: list[Choice]) -> list[Difference]:
         root = self.folder / "made" if self.dataset else None
@@ -137,13 +137,12 @@ class _Check:
         job = Job(self.plan, self.engines, options.device, self.folder, root)
         rows = locking.render_rows(job, shards, options.workers, self.progress)
         keys = locking.bare(self.plan, "", {}).variants
-        found = []
-        for choice in chosen:
-            different = self._frame(choice, keys[choice[0]], rows)
-            if different is None and self.dataset:
-                different = self._file(choice, self.dataset)
-            found += [different] if different else []
-        return found
+        found = [self._frame(choice, keys[choice[0]], rows) for choice in chosen]
+        differences = [difference for difference in found if difference is not None]
+        if self.dataset is None or root is None:
+            return differences
+        made = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
+        return differences + [d for path in made if (d := self._file(root, path, self.dataset)) is not None]
 
     def _frame(self, choice: Choice, key: VariantRow, rows: dict[FrameKey, str]) -> Difference | None:
         """The first of a frame's modalities that differs from the lockfile; what comes later follows from it."""
@@ -157,21 +156,31 @@ class _Check:
                 return Difference(stage, message, excuse_of(stage, self.lock), name, sensor, frame, modality)
         return None
 
-    def _file(self, choice: Choice, dataset: Dataset) -> Difference | None:
-        """The first of a frame's files whose bytes are not those made here; equal pixels are a matter of encoding."""
-        name, sensor, frame = choice
-        for modality in self._modalities(choice, ("depth", "instance", "semantic", "rgb")):
-            path = layout.frame_file(name, sensor, modality, frame, self.plan.depth)
-            made, there = self.folder / "made" / path, dataset.root / path
-            if not there.is_file() or made.read_bytes() == there.read_bytes():
-                continue  # a missing file is reported with the damaged ones
-            count = differing_pixels(made, there)
-            if count == 0:
-                message = f"{path}: equal pixels, encoded otherwise"
-                return Difference("encoding", message, excuse_of("encoding", self.lock), name, sensor, frame, modality)
-            how = "cannot be read" if count is None else f"{count} pixels differ"
-            return Difference("file", f"{path}: {how}", None, name, sensor, frame, modality)
-        return None
+    def _file(self, root: Path, path: str, dataset: Dataset) -> Difference | None:
+        """How a file of the dataset differs from the one made here; equal pixels are a matter of encoding."""
+        made, there = root / path, dataset.root / path
+        if there.is_symlink() or not there.is_file():
+            return Difference("file", f"{path} is missing")
+        if made.read_bytes() == there.read_bytes():
+            return None
+        at = self._origin(path)
+        count = differing_pixels(made, there)
+        if count == 0:
+            message = f"{path}: equal pixels, encoded otherwise"
+            return Difference("encoding", message, excuse_of("encoding", self.lock), *at)
+        how = "is another picture, or none" if count is None else f"{count} pixels differ"
+        return Difference("file", f"{path}: {how}", None, *at)
+
+    def _origin(self, path: str) -> tuple[str, str, int, str] | tuple[()]:
+        """Variant, sensor, frame and modality of a picture's path; nothing for other files."""
+        for variant in self.plan.variants:
+            for sensor in variant.rig.sensors:
+                for modality in sensor.capture:
+                    head = layout.frame_file(variant.variant, sensor.name, modality, 0, self.plan.depth)
+                    folder, _, name = head.rpartition("/")
+                    if path.rpartition("/")[0] == folder and path.endswith(name.partition(".")[2]):
+                        return variant.variant, sensor.name, int(Path(path).stem), modality
+        return ()
 
     def _modalities(self, choice: Choice, order: Iterable[str]) -> list[str]:
         rig = next(v.rig for v in self.plan.variants if v.variant == choice[0])
@@ -193,7 +202,10 @@ class _Check:
                 path = layout.frame_file(case.variant, case.sensor, made.modality, made.frame, self.plan.depth)
                 there = self.dataset.root / path
             stem = f"{layout.folder(case.variant)}-{layout.folder(case.sensor)}-{made.modality}-{made.frame:06d}"
-            pictures += [str(path) for path in write_difference(out / stem, made, there)]
+            try:
+                pictures += [str(path) for path in write_difference(out / stem, made, there)]
+            except (RunError, OSError) as error:
+                return [*pictures, f"no picture could be written to {out}: {error}"]
         return pictures
 
 

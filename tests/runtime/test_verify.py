@@ -18,6 +18,7 @@ from recipe_compiler.lockfile import Lockfile
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 from recipe_runtime import dataset as datasets
 from recipe_runtime.build import build
+from recipe_runtime.compare import compare_locks
 from recipe_runtime.locking import lock
 from recipe_runtime.trace import Trace
 from recipe_runtime.verdict import Report
@@ -87,6 +88,48 @@ def test_lockfile_and_dataset_have_one_identity(locked: Lockfile, built: Path) -
 def test_a_broken_seal_is_told_first(locked: Lockfile) -> None:
     report = check(replace(locked, sealed=False))
     assert (report.verdict, report.stage) == ("FAIL", "lockfile")
+
+
+ROW = ("0" * 16, "street", "rgb", 3)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"frames": {}}, "it lacks 120 frame rows"),
+        ({"frames": {ROW: "0" * 64}}, "it has, of nothing in the recipe, 1 frame rows"),
+        ({"traces": {}}, "it lacks 1 trace rows"),
+        ({"stages": {}}, "it lacks 6 stage rows"),
+        ({"recipe": "imagenet"}, "it is of the recipe 'imagenet', and this is 'tiny'"),
+    ],
+)
+def test_a_lockfile_holds_just_the_rows_of_its_recipe(locked: Lockfile, change: dict[str, Any], says: str) -> None:
+    """A stranger may seal anything: rows left out or added are found by the plan, for verify and for build alike."""
+    frames = {"frames": {**locked.frames, **change["frames"]}} if change.get("frames") else {}
+    other = replace(locked, **{**change, **frames})
+    report = check(other, everything=False, count=1)
+    assert (report.verdict, report.stage) == ("FAIL", "lockfile")
+    assert any(says in d.message for d in report.differences)
+    assert any(says in d.message for d in compare_locks(PLAN, other, locked))
+
+
+def test_no_bound_is_claimed_where_something_differs(locked: Lockfile) -> None:
+    wrong = replace(locked, frames=dict.fromkeys(locked.frames, "0" * 64))
+    report = check(wrong)
+    assert report.extent == "48 of 48 frames compared, 48 of them differ"
+    assert report.document()["differing_below"] is None
+    report = check(locked, fakes.dataset_plan(frames=6, weathers=1), everything=False, count=5)
+    assert report.extent == "5 of 24 frames compared, 0 of them differ"
+    moved = check(locked, engines=replace(fakes.ENGINES, simulate=_noisy_simulate))
+    assert moved.extent == "0 of 48 frames compared, 0 of them differ"
+
+
+def test_a_build_is_compared_with_its_lockfile_stage_by_stage(locked: Lockfile) -> None:
+    assert compare_locks(PLAN, locked, locked) == []
+    one = next(key for key in locked.frames if key[2] == "depth")
+    made = replace(locked, frames={**locked.frames, one: "0" * 64}, traces=dict.fromkeys(locked.traces, "0" * 64))
+    assert [d.stage for d in compare_locks(PLAN, locked, made)] == ["trace", "observation"]
+    assert [d.stage for d in compare_locks(PLAN, replace(locked, sealed=False), locked)] == ["lockfile"]
 
 
 def test_an_edited_recipe_is_told(locked: Lockfile) -> None:

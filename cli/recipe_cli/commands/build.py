@@ -13,6 +13,7 @@ from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
+    from recipe_compiler.lockfile import Lockfile
     from recipe_runtime.build import BuildResult
 
 
@@ -31,11 +32,16 @@ def command(recipe: Path, out: Path | None, workers: int | None, allow_large: bo
     """Build RECIPE's dataset, and check it against its lockfile if there is one."""
     compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(out or Path()))
     out = out or Path("datasets") / compiled.plan.recipe
+    locked = _lockfile(recipe, compiled)
     from recipe_runtime.build import build
 
-    with Progress() as progress:
-        result = build(compiled.plan, out, workers=worker_count(workers), progress=progress)
-    differences = _against_lockfile(recipe, compiled, result)
+    try:
+        with Progress() as progress:
+            result = build(compiled.plan, out, workers=worker_count(workers), progress=progress)
+    except KeyboardInterrupt:
+        click.echo("interrupted; what is finished is kept, and the same command goes on from there", err=True)
+        raise click.exceptions.Exit(130) from None
+    differences = _against(locked, recipe, compiled, result)
     if as_json:
         print_json(
             {"path": str(out), "identity": result.identity, "built": result.built, "wall": round(result.wall, 3)}
@@ -45,22 +51,31 @@ def command(recipe: Path, out: Path | None, workers: int | None, allow_large: bo
     else:
         _say(compiled, out, result)
     if differences:
-        for difference in differences or []:
+        for difference in differences:
             click.echo(difference, err=True)
         raise click.exceptions.Exit(1)
 
 
-def _against_lockfile(recipe: Path, compiled: Compiled, result: BuildResult) -> list[str] | None:
-    """What differs from the lockfile, in the order of the stages; None if there is no lockfile."""
+def _lockfile(recipe: Path, compiled: Compiled) -> tuple[Path, Lockfile] | None:
+    """The recipe's lockfile, read before anything is built; None if there is none."""
     from recipe_compiler import lockfile
+
+    path = lockfile_path(recipe, compiled.plan.recipe)
+    return (path, lockfile.read(path)) if path.exists() else None
+
+
+def _against(
+    locked: tuple[Path, Lockfile] | None, recipe: Path, compiled: Compiled, result: BuildResult
+) -> list[str] | None:
+    """What differs from the lockfile, in the order of the stages; None if there is no lockfile."""
     from recipe_runtime.compare import compare_locks
     from recipe_runtime.dataset import lock_of
 
-    path = lockfile_path(recipe, compiled.plan.recipe)
-    if not path.is_file():
+    if locked is None:
         return None
+    path, lock = locked
     made = lock_of(result.manifest, source_of(recipe, path), compiled.files)
-    return [f"{path}: {difference}" for difference in compare_locks(compiled.plan, lockfile.read(path), made)]
+    return [f"{path}: {difference}" for difference in compare_locks(compiled.plan, lock, made)]
 
 
 def _say(compiled: Compiled, out: Path, result: BuildResult) -> None:
@@ -68,6 +83,6 @@ def _say(compiled: Compiled, out: Path, result: BuildResult) -> None:
         frames, rate = compiled.cost.frames, compiled.cost.frames / max(result.wall, 1e-9)
         click.echo(f"{out}: {compiled.cost}; {frames} frames in {result.wall:.1f} s, {rate:.1f} a second")
     else:
-        click.echo(f"{out}: there already, nothing to do")
+        click.echo(f"{out}: there already (sizes checked; `recipe verify {out}` checks bytes)")
     click.echo(f"look at {out / 'preview' / 'contact_sheet.png'}")
     click.echo(result.identity)

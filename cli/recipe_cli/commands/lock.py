@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from recipe_cli.arguments import ALLOW_LARGE, WORKERS, compile_quietly, worker_count
 from recipe_cli.places import lockfile_path, source_of
 from recipe_cli.progress import Progress
+
+if TYPE_CHECKING:
+    from recipe_compiler.compile import Compiled
 
 
 @click.command("lock")
@@ -23,24 +27,41 @@ def command(recipes: tuple[Path, ...], update: bool, workers: int | None, allow_
     from recipe_runtime.locking import lock
 
     compiled = [compile_quietly(recipe, allow_large=allow_large) for recipe in recipes]
-    for recipe, one in zip(recipes, compiled, strict=True):
-        path = lockfile_path(recipe, one.plan.recipe)
+    places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]
+    for recipe, one, path in zip(recipes, compiled, places, strict=True):
+        _check_before(recipe, one, path, update)
+    for recipe, one, path in zip(recipes, compiled, places, strict=True):
+        source = source_of(recipe, path)
         with Progress() as progress:
-            made = lock(one.plan, source_of(recipe, path), one.files, workers=worker_count(workers), progress=progress)
-        if path.exists() and not update and not _agrees(path, made):
-            raise InputError(f"{path} says something else than {recipe} makes now; --update replaces it")
+            made = lock(one.plan, source, one.files, workers=worker_count(workers), progress=progress)
+        if path.exists() and not update and not lockfile.read(path).says_the_same(made):
+            raise InputError(_otherwise(path, recipe))
         written = made.write(path)
         click.echo(f"{path} {'written' if written else 'is up to date'}\n{lockfile.read(path).identity}")
 
 
-def _agrees(path: Path, made: object) -> bool:
-    from dataclasses import replace
+def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool) -> None:
+    """What can be known before anything is rendered: that the file can be written, and would not say otherwise."""
+    import os
 
     from recipe_compiler import lockfile
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.errors import InputError, RunError
 
     try:
+        str(recipe).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{str(recipe)!r}: a lockfile names its recipe in UTF-8; rename the file") from None
+    if path.exists() and not update:
         there = lockfile.read(path)
-    except InputError:
-        return False
-    return there.sealed and replace(there, tools={}) == replace(made, tools={})  # type: ignore[type-var]
+        if there.plan != compiled.plan.digest or there.files != compiled.files:
+            raise InputError(_otherwise(path, recipe))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunError(f"{path.parent}: cannot be made: {error.strerror}") from error
+    if path.is_dir() or not os.access(path.parent, os.W_OK):
+        raise RunError(f"{path}: cannot be written; make the folder writable, or move what is in the way")
+
+
+def _otherwise(path: Path, recipe: Path) -> str:
+    return f"{path} says something else than {recipe} makes now; --update replaces it"

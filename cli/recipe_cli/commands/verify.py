@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import JSON, WORKERS, print_json, worker_count
+from recipe_cli.arguments import ALLOW_LARGE, JSON, WORKERS, print_json, worker_count
 from recipe_cli.places import FOLDER, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 
@@ -40,6 +40,7 @@ _MOST_SHOWN = 20
     help="Where pictures of differing frames go.",
 )
 @WORKERS
+@ALLOW_LARGE
 @JSON
 def command(
     targets: tuple[Path, ...],
@@ -49,6 +50,7 @@ def command(
     frames: int | None,
     everything: bool,
     pictures: Path,
+    allow_large: bool,
     workers: int | None,
     as_json: bool,
 ) -> None:
@@ -71,7 +73,7 @@ def command(
     )
     reports = []
     for target in targets or _all_lockfiles():
-        report = _verify(target, options)
+        report = _verify(target, options, allow_large)
         reports.append(report)
         if not as_json:
             _say(target, report)
@@ -89,7 +91,7 @@ def _all_lockfiles() -> list[Path]:
     return found
 
 
-def _verify(target: Path, options: Options) -> Report:
+def _verify(target: Path, options: Options, allow_large: bool) -> Report:
     from recipe_compiler import lockfile
     from recipe_compiler.compile import compile_recipe
     from recipe_runtime import dataset
@@ -101,9 +103,9 @@ def _verify(target: Path, options: Options) -> Report:
             return verify(held.plan, held.lock, options, progress, dataset=held)
         if target.suffix == ".lock":
             path, lock = target, lockfile.read(target)
-            compiled = compile_recipe(recipe_of(path, lock), allow_large=True)
+            compiled = compile_recipe(recipe_of(path, lock), allow_large=allow_large)
         else:
-            compiled = compile_recipe(target, allow_large=True)
+            compiled = compile_recipe(target, allow_large=allow_large)
             path = lockfile_path(target, compiled.plan.recipe)
             lock = lockfile.read(path)
         return verify(compiled.plan, lock, options, progress, files=compiled.files)
@@ -119,4 +121,4 @@ def _say(target: Path, report: Report) -> None:
         click.echo(f"  ... and {len(report.differences) - _MOST_SHOWN} more; --json lists all")
     for picture in report.pictures:
         click.echo(f"  see {picture}")
-    click.echo(f"  {report.bound} (nonce {report.nonce})")
+    click.echo(f"  {report.extent} (nonce {report.nonce})")
