@@ -18,11 +18,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler.errors import InputError
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 
-from recipe_runtime import layout, pool
-from recipe_runtime.annotate.categories import CATEGORIES
+from recipe_runtime import pool
+from recipe_runtime.admission import check_plan
 from recipe_runtime.engines import Engines, Progress, real_engines
 from recipe_runtime.finish import Finisher
 from recipe_runtime.harvest import Harvest
@@ -80,15 +79,6 @@ def build(
     assert manifest is not None
     seconds, wall = studio.watch.seconds, time.perf_counter() - start
     return BuildResult(out, manifest["identity"], manifest, True, resumed, shards, seconds, wall)
-
-
-def check_plan(dataset: DatasetPlan) -> None:
-    """InputError for a plan whose dataset could not be written or annotated."""
-    layout.check_names(dataset)
-    for scene in simulations(dataset):
-        for actor in scene.actors:
-            if actor.tag not in CATEGORIES:
-                raise InputError(f"actor {actor.name}: tag {actor.tag} is none that is annotated: {sorted(CATEGORIES)}")
 
 
 @dataclass

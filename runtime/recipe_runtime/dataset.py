@@ -1,20 +1,37 @@
-"""A dataset folder, read back: its plan, its digests as a lockfile, and whether its files are whole."""
+"""A dataset folder, read back: its plan, its digests as a lockfile, and whether its files are what they must be.
+
+A folder may be anyone's. What it says is held to the bounds of `admission` before any of it is used; nothing in it
+is followed out of it. Which files there must be is the plan's to say, and what is in the texts follows from plan,
+labels and traces: a manifest that was rewritten to match another file convinces nobody.
+"""
 
 from __future__ import annotations
 
-import hashlib
+import os
+import stat
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
-from pydantic import ValidationError
 from recipe_compiler.errors import InputError
-from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
-from recipe_compiler.plan import DatasetPlan, ScenarioPlan
+from recipe_compiler.lockfile import Lockfile, VariantRow
+from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
 
-from recipe_runtime import layout
+from recipe_runtime import layout, locking
+from recipe_runtime.admission import check_bounds, check_plan
 from recipe_runtime.engines import Progress
+from recipe_runtime.harvest import Video
+from recipe_runtime.manifest import DAMAGE, listed_files
+from recipe_runtime.manifest import lock_of as lock_of
+from recipe_runtime.store import file_sha256
+from recipe_runtime.texts import annotation_texts, closing_texts, labels_of
+from recipe_runtime.trace import Trace
+from recipe_runtime.tracks import tracks_csv
 from recipe_runtime.workspace import read_manifest
+
+_MOST_PLAN_BYTES = 256 * 2**20
+_MOST_LINE = 64 * 2**20  # bytes of one frame's labels
 
 
 @dataclass(frozen=True)
@@ -33,70 +50,182 @@ def read(root: Path) -> Dataset:
     if manifest is None:
         raise InputError(f"{root} is not a dataset: it holds no {layout.MANIFEST} of this project")
     try:
-        plan = _plan(root, manifest)
+        files = listed_files(manifest)
+        plan = _plan(root, manifest, files)
+        check_plan(plan)
+        check_bounds(plan)
         lock = lock_of(manifest)
-        rows = {**manifest["files"], **manifest["pictures"]}
-        files = {path: (int(row["size"]), str(row["sha256"])) for path, row in rows.items()}
-    except (KeyError, TypeError, ValueError, OSError, ValidationError) as error:
+    except InputError as error:
+        raise InputError(f"{root}: {str(error).splitlines()[0]}; no dataset of this project says so") from None
+    except (OSError, *DAMAGE) as error:  # pydantic's ValidationError is a ValueError
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{root}: its manifest or a plan is damaged ({reason}); build the dataset again") from None
     return Dataset(root, plan, lock, files)
 
 
 def damaged_files(dataset: Dataset, progress: Progress) -> list[str]:
-    """Files that are missing, or whose bytes are not the manifest's; and files that the manifest does not know."""
-    found = []
+    """Files that are missing, surplus, no plain files, or whose bytes are not the manifest's; a line each.
+
+    Every file is read once, in pieces; links are told, and not followed.
+    """
+    expected, kinds = layout.expected_files(dataset.plan), dict(_entries(dataset.root))
+    listed = {*dataset.files, layout.MANIFEST}
+    found = _frames_without_digest(dataset)
+    found += [f"{path} is missing, and the manifest does not list it" for path in sorted(expected - listed)]
+    found += [f"{path} is in the manifest, and no file of this plan" for path in sorted(listed - expected)]
+    known: dict[tuple[int, int], str] = {}  # by device and inode: labels that variants share are read once
     for number, (path, (size, sha256)) in enumerate(dataset.files.items(), start=1):
-        try:
-            body = (dataset.root / path).read_bytes()
-        except OSError:
-            found.append(f"{path} is missing or cannot be read")
-        else:
-            if len(body) != size:
-                found.append(f"{path} has {len(body)} bytes, not {size}")
-            elif hashlib.sha256(body).hexdigest() != sha256:
-                found.append(f"{path} has other bytes than the manifest says")
+        found += _file_damage(dataset.root, path, kinds.get(path), size, sha256, known)
         progress("files", number, len(dataset.files))
-    known = {*dataset.files, layout.MANIFEST}
-    there = sorted(p.relative_to(dataset.root).as_posix() for p in dataset.root.rglob("*") if p.is_file())
-    return found + [f"{path} is not in the manifest" for path in there if path not in known]
+    folders = {parent.as_posix() for path in expected | listed for parent in PurePosixPath(path).parents}
+    for path, kind in sorted(kinds.items()):
+        if kind != "folder" and path not in listed:
+            found.append(f"{path} is not in the manifest" + ("" if kind == "file" else f", and is a {kind}"))
+        elif kind == "folder" and path not in folders:
+            found.append(f"{path}/ is a folder of no file of this plan")
+    return found
 
 
-def _plan(root: Path, manifest: dict[str, Any]) -> DatasetPlan:
-    variants = tuple(
-        ScenarioPlan.model_validate_json((root / layout.plan_file(name)).read_bytes()) for name in manifest["order"]
-    )
+def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[str]:
+    """What the dataset's texts say otherwise than its plan, its labels and the given traces (by scene digest) do.
+
+    Labels are read line by line and held against the manifest's digests; annotation files, sequence lists, plans and
+    card are made again from them, and `tracks.csv` from its scene's trace where there is one; then bytes are compared.
+    """
+    videos, found = [], []
+    for variant in dataset.plan.variants:
+        for sensor in variant.rig.sensors:
+            video = Video(variant.variant, sensor, variant.scene.clock.fps, ())
+            try:
+                videos.append(replace(video, frames=tuple(_labels(dataset, variant, sensor))))
+            except (OSError, *DAMAGE) as error:
+                reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+                found.append(f"{layout.labels_file(variant.variant, sensor.name)}: {reason}")
+        if variant.scene.digest in traces:
+            path, trace = layout.tracks_file(variant.variant), traces[variant.scene.digest]
+            found += _text_difference(dataset.root, path, lambda s=variant.scene, t=trace: tracks_csv(s, t))  # type: ignore[misc]
+    if found and len(videos) < len({(v.variant, s.name) for v in dataset.plan.variants for s in v.rig.sensors}):
+        return found  # without all labels nothing can be made from them
+    known = dataset.plan, dataset.lock.identity, videos
+    for path, make in (*annotation_texts(*known), *closing_texts(*known)):
+        found += _text_difference(dataset.root, path, make)
+    return found
+
+
+def _entries(root: Path, below: str = "") -> Iterator[tuple[str, str]]:
+    """Every entry of a folder and its kind; a link is one, and not followed."""
+    for entry in sorted(os.scandir(root / below), key=lambda entry: entry.name):
+        path = below + entry.name
+        if entry.is_dir(follow_symlinks=False):
+            yield path, "folder"
+            yield from _entries(root, f"{path}/")
+        else:
+            yield path, "link" if entry.is_symlink() else "file" if entry.is_file(follow_symlinks=False) else "device"
+
+
+def _file_damage(
+    root: Path, path: str, kind: str | None, size: int, sha256: str, known: dict[tuple[int, int], str]
+) -> list[str]:
+    if kind != "file":
+        return [f"{path} is missing or cannot be read" if kind is None else f"{path} is a {kind}, not a file"]
+    there = (root / path).lstat()
+    if there.st_size != size:
+        return [f"{path} has {there.st_size} bytes, not {size}"]
+    key = there.st_dev, there.st_ino
+    try:
+        known[key] = known.get(key) or file_sha256(root / path)
+    except OSError:
+        return [f"{path} is missing or cannot be read"]
+    return [] if known[key] == sha256 else [f"{path} has other bytes than the manifest says"]
+
+
+def _frames_without_digest(dataset: Dataset) -> list[str]:
+    """What the manifest's frames lack or have beyond the plan's."""
+    rows, expected = locking.bare(dataset.plan, "", {}).variants, set()
+    for variant in dataset.plan.variants:
+        key, frames = rows[variant.variant], range(variant.scene.clock.frames)
+        for sensor in variant.rig.sensors:
+            expected |= {(key.frame_key(m), sensor.name, m, k) for m in ("labels", *sensor.capture) for k in frames}
+    there, found = set(dataset.lock.frames), []
+    for rest, what in (
+        (expected - there, "frames of the plan have no digest"),
+        (there - expected, "digests are of no frame of the plan"),
+    ):
+        if rest:
+            _, name, modality, frame = min(rest)
+            found.append(f"{layout.MANIFEST}: {len(rest)} {what}, the first: {name}, {modality}, frame {frame}")
+    return found
+
+
+def _labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Iterator[dict[str, Any]]:
+    """The frame records of a video, as far as labels go; ValueError for the first line that is not the manifest's."""
+    path = layout.labels_file(variant.variant, sensor.name)
+    if regular_file(dataset.root, path) is None:
+        raise ValueError("missing, or no plain file")
+    row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
+    with (dataset.root / path).open("rb") as lines:
+        for frame in range(variant.scene.clock.frames):
+            value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
+            try:
+                yield {"frame": frame, "objects": labels_of(lines.readline(_MOST_LINE), value, sensor)}
+            except DAMAGE as error:
+                raise ValueError(f"line {frame + 1}: {error}") from None
+        if lines.read(1):
+            raise ValueError("it has more lines than frames")
+
+
+def _text_difference(root: Path, path: str, make: Callable[[], str]) -> list[str]:
+    try:
+        text = make().encode()
+    except DAMAGE as error:
+        return [f"{path} cannot be made from the labels: {type(error).__name__}"]
+    there = regular_file(root, path)
+    if there is None:
+        return [f"{path} is missing or cannot be read"]
+    if there.st_size == len(text) and (root / path).read_bytes() == text:
+        return []
+    return [f"{path} is not what plan, labels and traces make it"]
+
+
+def _plan(root: Path, manifest: Mapping[str, Any], files: Mapping[str, Any]) -> DatasetPlan:
+    order = manifest["order"]
+    if not isinstance(order, list) or not order or not all(isinstance(name, str) for name in order):
+        raise ValueError("order is no list of variants' names")
+    variants = []
+    for name in order:
+        path = layout.plan_file(name)
+        if path not in files:  # its own list holds no path that leads out of the folder
+            raise ValueError(f"the plan of {name!r} is not among its files")
+        variant = ScenarioPlan.model_validate_json(_bytes_of(root, path))
+        if variant.variant != name:
+            raise ValueError(f"{path} is the plan of {variant.variant!r}")
+        variants.append(variant)
     outputs = manifest["outputs"]
     return DatasetPlan(
         recipe=manifest["recipe"],
         description=manifest["description"],
-        variants=variants,
+        variants=tuple(variants),
         annotations=tuple(outputs["annotations"]),
         depth=outputs["depth"],
     )
 
 
-def lock_of(manifest: dict[str, Any], source: str = "", files: dict[str, str] | None = None) -> Lockfile:
-    """A manifest's digests as lockfile rows; sealed if they add up to its identity."""
-    variants, traces, frames = {}, {}, dict[FrameKey, str]()
-    for name in manifest["order"]:
-        row = manifest["variants"][name]
-        variants[name] = VariantRow(row["scene"], row["rig"], row["appearance"])
-        traces[row["scene"]] = row["trace"]
-        for sensor, modalities in row["frames"].items():
-            for modality, values in modalities.items():
-                key = variants[name].frame_key(modality)
-                frames.update({(key, sensor, modality, number): value for number, value in enumerate(values)})
-    lock = Lockfile(
-        recipe=manifest["recipe"],
-        source=source,
-        plan=manifest["plan"],
-        files=files or {},
-        tools=dict(manifest["tools"]),
-        stages={key: int(value) for key, value in manifest["stages"].items()},
-        variants=variants,
-        traces=traces,
-        frames=frames,
-        sealed=False,
-    )
-    return replace(lock, sealed=lock.identity == manifest["identity"])
+def _bytes_of(root: Path, path: str) -> bytes:
+    found = regular_file(root, path)
+    if found is None or found.st_size > _MOST_PLAN_BYTES:
+        raise ValueError(f"{path} is missing, not a plain file, or too large")
+    return (root / path).read_bytes()
+
+
+def regular_file(root: Path, path: str) -> os.stat_result | None:
+    """What the file system says of a plain file within a folder; None if it is none, or a link leads to it."""
+    place, *rest = path.split("/")
+    try:
+        while rest:
+            if not stat.S_ISDIR((root / place).lstat().st_mode):
+                return None
+            place = f"{place}/{rest.pop(0)}"
+        found = (root / place).lstat()
+    except OSError:
+        return None
+    return found if stat.S_ISREG(found.st_mode) else None

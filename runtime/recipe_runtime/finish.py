@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler.canonical import pretty
 from recipe_compiler.errors import RunError
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime import layout
-from recipe_runtime.annotate.coco import flat_coco, kwcoco
-from recipe_runtime.annotate.mots import mots_lines, seqinfo, seqmap
 from recipe_runtime.annotate.validate import problems
 from recipe_runtime.engines import Progress
 from recipe_runtime.harvest import Harvest, Video
 from recipe_runtime.manifest import file_row, manifest_text
-from recipe_runtime.report.card import card
 from recipe_runtime.report.sheets import contact_sheet, overlay_sheet
-from recipe_runtime.schedule import simulations
+from recipe_runtime.schedule import simulations, views
+from recipe_runtime.texts import Text, annotation_texts, closing_texts, labels_text, with_labels
 from recipe_runtime.trace import Trace
 from recipe_runtime.tracks import tracks_csv
 from recipe_runtime.worker import Stopwatch
@@ -41,15 +38,28 @@ class Finisher:
     watch: Stopwatch
     videos: list[Video] = field(init=False)
     identity: str = field(init=False)
+    labels: dict[str, tuple[str, list[str]]] = field(init=False)  # by view: the text, and its files
 
     def __post_init__(self) -> None:
-        self.videos, self.identity = self.harvest.videos(), self.harvest.identity()
+        self.identity = self.harvest.identity()
+        homes = {(i, view.sensor.name): view.key for view in views(self.dataset) for i in view.variants}
+        places = {variant.variant: index for index, variant in enumerate(self.dataset.variants)}
+        self.videos, self.labels = [], {}
+        seen: dict[str, Video] = {}
+        for video in self.harvest.videos():
+            home = homes[places[video.variant], video.sensor.name]
+            if home not in seen:
+                text = labels_text(video)
+                seen[home], self.labels[home] = with_labels(video, text), (text, [])
+            self.videos.append(replace(video, frames=seen[home].frames))
+            self.labels[home][1].append(layout.labels_file(video.variant, video.sensor.name))
 
     def finish(self, trace: Callable[[ScenePlan], Trace]) -> set[str]:
         """Write all of it; the paths of every file that belongs to the dataset."""
         files = self.harvest.files()
-        annotate = [*self._annotations(), lambda: self._tracks(trace), self._check]
-        rest = [*self._plans(), *self._sheets(), self._card]
+        known = self.dataset, self.identity, self.videos
+        annotate = [self._labels, *self._texts(annotation_texts(*known)), lambda: self._tracks(trace), self._check]
+        rest = [*self._texts(closing_texts(*known)), *self._sheets()]
         for stage, tasks in (("annotate", annotate), ("finish", rest)):
             self.progress(stage, 0, len(tasks))
             for done, task in enumerate(tasks, start=1):
@@ -65,29 +75,22 @@ class Finisher:
         self.work.write(path, body)
         return {path: file_row(body)}
 
-    def _text(self, path: str, text: Callable[[], str]) -> Task:
-        return lambda: self._write(path, text())
+    def _texts(self, texts: Iterable[Text]) -> Iterator[Task]:
+        for path, make in texts:
+            yield lambda path=path, make=make: self._write(path, make())  # type: ignore[misc]
 
-    def _annotations(self) -> Iterator[Task]:
-        dataset, identity, videos, kinds = self.dataset, self.identity, self.videos, self.dataset.annotations
-        if "kwcoco" in kinds:
-            yield self._text(layout.KWCOCO, lambda: kwcoco(dataset, identity, videos))
-        if "coco" in kinds:
-            yield self._text(layout.coco_file("rgb"), lambda: flat_coco(dataset, identity, videos, "rgb"))
-        if "mots_txt" in kinds:
-            yield self._mots
-
-    def _mots(self) -> dict[str, FileRow]:
-        names = [layout.sequence(video.variant, video.sensor.name) for video in self.videos]
-        files = self._write(layout.MOTS_SEQMAP, seqmap(names))
-        for name, video in zip(names, self.videos, strict=True):
-            camera, frames = video.sensor.camera, [record["objects"] for record in video.frames]
-            folder = f"{layout.MOTS_SEQUENCES}/{name}"
-            pictures = f"../../../{layout.folder(video.variant)}/{layout.folder(video.sensor.name)}/rgb"
-            files |= self._write(f"{folder}/gt/gt.txt", mots_lines(frames, camera.width, camera.height))
-            info = seqinfo(name, pictures, video.fps, len(frames), camera.width, camera.height)
-            files |= self._write(f"{folder}/seqinfo.ini", info)
+    def _labels(self) -> dict[str, FileRow]:
+        """A `labels.jsonl` a view, under the name of each of its variants."""
+        files: dict[str, FileRow] = {}
+        for text, (first, *others) in self.labels.values():
+            files |= self._linked(first, others, text)
         return files
+
+    def _linked(self, first: str, others: list[str], content: str) -> dict[str, FileRow]:
+        row = self._write(first, content)[first]
+        for path in others:
+            self.work.link(first, path)
+        return dict.fromkeys([first, *others], row)
 
     def _tracks(self, trace: Callable[[ScenePlan], Trace]) -> dict[str, FileRow]:
         """A `tracks.csv` a scene, under the name of each of its variants."""
@@ -95,10 +98,7 @@ class Finisher:
         for scene in simulations(self.dataset):
             names = [v.variant for v in self.dataset.variants if v.scene.digest == scene.digest]
             first, *others = (layout.tracks_file(name) for name in names)
-            row = self._write(first, tracks_csv(scene, trace(scene)))[first]
-            for path in others:
-                self.work.link(first, path)
-            files.update(dict.fromkeys([first, *others], row))
+            files |= self._linked(first, others, tracks_csv(scene, trace(scene)))
         return files
 
     def _check(self) -> dict[str, FileRow]:
@@ -111,17 +111,10 @@ class Finisher:
                 raise RunError(f"{path} fails its check, which is a fault of this program: {found[0]}{more}")
         return {}
 
-    def _plans(self) -> Iterator[Task]:
-        for variant in self.dataset.variants:
-            yield self._text(layout.plan_file(variant.variant), lambda v=variant: pretty(v.document()))  # type: ignore[misc]
-
     def _sheets(self) -> Iterator[Task]:
         title = self.dataset.recipe
         yield lambda: self._write(layout.CONTACT_SHEET, contact_sheet(title, self.videos, self._picture))
         yield lambda: self._write(layout.OVERLAY_SHEET, overlay_sheet(title, self.videos, self._picture))
-
-    def _card(self) -> dict[str, FileRow]:
-        return self._write(layout.CARD, card(self.dataset, self.identity, self.videos))
 
     def _picture(self, video: Video, frame: int) -> Path:
         path = layout.frame_file(video.variant, video.sensor.name, "rgb", frame, self.dataset.depth)

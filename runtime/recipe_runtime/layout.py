@@ -26,6 +26,11 @@ def frame_file(variant: str, sensor: str, modality: str, frame: int, depth: str)
     return f"{folder(variant)}/{folder(sensor)}/{modality}/{frame:06d}.{ending}"
 
 
+def labels_file(variant: str, sensor: str) -> str:
+    """The plain truth of a sensor's frames, a line each."""
+    return f"{folder(variant)}/{folder(sensor)}/labels.jsonl"
+
+
 def tracks_file(variant: str) -> str:
     """Pose and velocity of a variant's actors."""
     return f"{folder(variant)}/tracks.csv"
@@ -46,9 +51,38 @@ def sequence(variant: str, sensor: str) -> str:
     return f"{folder(variant)}+{folder(sensor)}".replace(",", "_")
 
 
+def mots_text_file(variant: str, sensor: str) -> str:
+    """A sequence in MOTS's text form."""
+    return f"{MOTS_SEQUENCES}/{sequence(variant, sensor)}/gt/gt.txt"
+
+
+def seqinfo_file(variant: str, sensor: str) -> str:
+    """What MOTS readers want to know of a sequence."""
+    return f"{MOTS_SEQUENCES}/{sequence(variant, sensor)}/seqinfo.ini"
+
+
 def mots_png_file(variant: str, sensor: str, frame: int) -> str:
     """A frame in MOTS's PNG form; MOTS counts frames from 1."""
     return f"mots/instances/{sequence(variant, sensor)}/{frame + 1:06d}.png"
+
+
+def expected_files(plan: DatasetPlan) -> set[str]:
+    """The path of every file of a plan's dataset: no more and no fewer are in it."""
+    files = {MANIFEST, CARD, CONTACT_SHEET, OVERLAY_SHEET}
+    files |= {KWCOCO} if "kwcoco" in plan.annotations else set()
+    files |= {coco_file("rgb")} if "coco" in plan.annotations else set()
+    files |= {MOTS_SEQMAP} if "mots_txt" in plan.annotations else set()
+    for variant in plan.variants:
+        name, frames = variant.variant, range(variant.scene.clock.frames)
+        files |= {plan_file(name), tracks_file(name)}
+        for sensor in variant.rig.sensors:
+            files.add(labels_file(name, sensor.name))
+            files |= {frame_file(name, sensor.name, m, k, plan.depth) for m in sensor.capture for k in frames}
+            if "mots_txt" in plan.annotations:
+                files |= {mots_text_file(name, sensor.name), seqinfo_file(name, sensor.name)}
+            if "mots_png" in plan.annotations:
+                files |= {mots_png_file(name, sensor.name, k) for k in frames}
+    return files
 
 
 def check_names(dataset: DatasetPlan) -> None:

@@ -15,11 +15,14 @@ Pixels and files are told apart, so that another encoder shows as that.
 from __future__ import annotations
 
 import hashlib
+import stat
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from recipe_compiler.canonical import pretty
+from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan
 
 from recipe_runtime import layout
@@ -28,6 +31,9 @@ from recipe_runtime.versions import STAGES, tool_versions
 
 FORMAT = "recipe/manifest/1"
 _PICTURES = "preview/"
+
+# What reading a manifest that anyone may have written can raise.
+DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RecursionError)
 
 FileRows = Mapping[str, list[Any]]  # path: [size, SHA-256]
 
@@ -81,12 +87,71 @@ def file_row(body: bytes) -> list[Any]:
     return [len(body), hashlib.sha256(body).hexdigest()]
 
 
+def listed_files(manifest: Mapping[str, Any]) -> dict[str, tuple[int, str]]:
+    """Size and SHA-256 of every file that a manifest lists. ValueError if a row is none, or leads out of the folder."""
+    rows: dict[str, tuple[int, str]] = {}
+    for table in ("files", "pictures"):
+        if not isinstance(manifest.get(table), dict):
+            raise ValueError(f"{table} is not a table")
+        for path, row in manifest[table].items():
+            if not _stays_inside(path):
+                raise ValueError(f"{path!r} is not a path within a dataset")
+            if not isinstance(row, dict) or not isinstance(row.get("size"), int) or isinstance(row["size"], bool):
+                raise ValueError(f"{path} has no size")
+            rows[path] = row["size"], str(row.get("sha256"))
+    return rows
+
+
+def _stays_inside(path: str) -> bool:
+    parts = path.split("/")
+    return path.isprintable() and "\\" not in path and not any(part in ("", ".", "..") for part in parts)
+
+
+def lock_of(manifest: Mapping[str, Any], source: str = "", files: dict[str, str] | None = None) -> Lockfile:
+    """A manifest's digests as lockfile rows; sealed if they add up to its identity.
+
+    KeyError, TypeError, AttributeError or ValueError if it is damaged.
+    """
+    variants, traces, frames = {}, {}, dict[FrameKey, str]()
+    for name in manifest["order"]:
+        row = manifest["variants"][name]
+        variants[name] = VariantRow(row["scene"], row["rig"], row["appearance"])
+        traces[row["scene"]] = row["trace"]
+        for sensor, modalities in row["frames"].items():
+            for modality, values in modalities.items():
+                key = variants[name].frame_key(modality)
+                frames.update({(key, sensor, modality, number): value for number, value in enumerate(values)})
+    lock = Lockfile(
+        recipe=manifest["recipe"],
+        source=source,
+        plan=manifest["plan"],
+        files=files or {},
+        tools=dict(manifest["tools"]),
+        stages={key: int(value) for key, value in manifest["stages"].items()},
+        variants=variants,
+        traces=traces,
+        frames=frames,
+        sealed=False,
+    )
+    return replace(lock, sealed=lock.identity == manifest["identity"])
+
+
 def is_whole(manifest: Mapping[str, Any], dataset: DatasetPlan, root: Path) -> bool:
-    """Whether a folder holds this very dataset, by its manifest and the sizes of its files."""
-    if {key: manifest.get(key) for key in head(dataset)} != head(dataset):
+    """Whether a folder holds this very dataset, by its manifest and its files' sizes; bytes are not read here.
+
+    The manifest must be of this plan and these tools, and its identity what its digests add up to. `recipe verify`
+    reads the bytes.
+    """
+    if {key: manifest.get(key) for key in head(dataset)} != head(dataset) or manifest.get("tools") != tool_versions():
         return False
-    rows = {**manifest.get("files", {}), **manifest.get("pictures", {})}
     try:
-        return bool(rows) and all((root / path).stat().st_size == row["size"] for path, row in rows.items())
-    except OSError:
+        rows = listed_files(manifest)
+        whole = bool(rows) and all(_is_file_of(root / path, size) for path, (size, _) in rows.items())
+        return whole and lock_of(manifest).sealed
+    except (OSError, *DAMAGE):
         return False
+
+
+def _is_file_of(path: Path, size: int) -> bool:
+    found = path.lstat()
+    return stat.S_ISREG(found.st_mode) and found.st_size == size

@@ -68,6 +68,15 @@ class Store:
         return trace
 
 
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file, read in pieces; OSError for a link."""
+    hasher = hashlib.sha256()
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
+        while piece := file.read(1 << 20):
+            hasher.update(piece)
+    return hasher.hexdigest()
+
+
 def write_atomic(path: Path, body: bytes | bytearray | memoryview) -> None:
     """Write a file so that its name only ever stands for the whole of it."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")

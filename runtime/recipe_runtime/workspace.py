@@ -25,6 +25,7 @@ from recipe_compiler.canonical import digest, pretty
 from recipe_compiler.errors import InputError, RunError
 
 from recipe_runtime import layout
+from recipe_runtime.manifest import listed_files
 from recipe_runtime.schedule import Shard, View
 from recipe_runtime.store import host_errors, link_or_copy, write_atomic
 from recipe_runtime.worker import FrameRecord
@@ -165,7 +166,10 @@ def check_out(out: Path) -> None:
         raise InputError(
             f"{out} holds files but no {layout.MANIFEST} of a dataset; move it away or choose another with --out"
         )
-    known = {layout.MANIFEST, *manifest.get("files", {}), *manifest.get("pictures", {})}
+    try:
+        known = {layout.MANIFEST, *listed_files(manifest)}
+    except ValueError:
+        known = {layout.MANIFEST}  # damaged: then nothing else here is known to be ours
     found = (p.relative_to(out).as_posix() for p in sorted(out.rglob("*")) if p.is_symlink() or not p.is_dir())
     foreign = [path for path in found if path not in known]
     if foreign:
@@ -178,7 +182,7 @@ def read_manifest(out: Path) -> dict[str, Any] | None:
     """The manifest in a folder; None if there is none that this project wrote."""
     try:
         manifest = json.loads((out / layout.MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     ours = isinstance(manifest, dict) and str(manifest.get("format", "")).startswith("recipe/manifest/")
     return manifest if ours else None

@@ -70,3 +70,25 @@ def _union(counts: Sequence[str], width: int, height: int) -> str:
     codes = [{"size": [height, width], "counts": c.encode()} for c in counts]
     packed: bytes = pycocotools.mask.merge(codes)["counts"]
     return packed.decode("ascii")
+
+
+def runs_fill(counts: str, pixels: int) -> bool:
+    """Whether a run-length code in COCO's text form is one of so many pixels: pycocotools trusts that it is.
+
+    Six bits a character from 48 on, five of them the number's, least first; each run but the first three is told by
+    its difference from the one before last (maskApi.c, rleToString).
+    """
+    runs: list[int] = []
+    value = shift = 0
+    for code in counts.encode():
+        bits = code - 48
+        if not 0 <= bits < 64 or shift > 30:
+            return False
+        value |= (bits & 31) << shift
+        shift += 5
+        if bits & 32:
+            continue
+        value -= 1 << shift if bits & 16 else 0
+        runs.append(value + (runs[-2] if len(runs) > 2 else 0))
+        value = shift = 0
+    return shift == 0 and sum(runs) == pixels and all(run >= min(place, 1) for place, run in enumerate(runs))

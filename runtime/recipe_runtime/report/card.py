@@ -74,6 +74,7 @@ def _layout(dataset: DatasetPlan) -> str:
         "- instance: 16-bit PNG, CARLA tag * 1000 + number; the same actor in every sensor, frame, variant and file; "
         "0 for town and sky.",
         "- semantic: 8-bit PNG of CARLA 0.9.14+ tags.",
+        "- `<variant>/<sensor>/labels.jsonl`: a line a frame, the records that every annotation file is made from.",
         "- `<variant>/tracks.csv`: pose and velocity of every actor at every frame, in the world: x, y on the ground, "
         "z up, metres and seconds.",
     ]

@@ -1,0 +1,97 @@
+"""What a plan must be before anything is made of it.
+
+The compiler makes only plans that can be built. A plan read from a dataset's folder may be anyone's: it is held to
+the same bounds first, so that no name leads out of a folder and no number asks for more than a machine has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from recipe_compiler.errors import InputError, Problem
+from recipe_compiler.plan import DatasetPlan, RigPlan, ScenarioPlan, ScenePlan, SensorPlan
+
+from recipe_runtime import layout
+from recipe_runtime.annotate.categories import CATEGORIES
+
+MOST_PICTURES = 1_000_000  # frames, over all sensors and variants
+MOST_PIXELS_A_SIDE = 4096
+MOST_ACTORS, MOST_ELEMENTS, MOST_POINTS = 1_000, 200_000, 10_000
+MOST_STEPS = 100_000_000  # of physics, over all scenes
+MOST_METRES = 100_000.0
+
+
+def check_plan(dataset: DatasetPlan) -> None:
+    """InputError for a plan whose dataset could not be written or annotated."""
+    layout.check_names(dataset)
+    for scene in {v.scene.digest: v.scene for v in dataset.variants}.values():
+        for actor in scene.actors:
+            if actor.tag not in CATEGORIES:
+                raise InputError(f"actor {actor.name}: tag {actor.tag} is none that is annotated: {sorted(CATEGORIES)}")
+
+
+def check_bounds(dataset: DatasetPlan) -> None:
+    """InputError for a plan that no recipe compiles to, or that is larger than any that this project builds."""
+    if not dataset.variants:
+        raise InputError("the plan has no variants")
+    found = [p for v in dataset.variants for p in [*_clock(v.scene), *_cast(v.scene), *_rig(v.rig, v)]]
+    pictures = sum(v.scene.clock.frames * len(v.rig.sensors) for v in dataset.variants)
+    if pictures > MOST_PICTURES:
+        found.append(f"{pictures} frames are over {MOST_PICTURES}")
+    if not found:
+        scenes = {v.scene.digest: v.scene.clock for v in dataset.variants}.values()
+        steps = sum(clock.frames * clock.steps_per_frame for clock in scenes)
+        found += [f"{steps} steps of simulation are over {MOST_STEPS}"] if steps > MOST_STEPS else []
+    if found:
+        raise InputError(Problem(message) for message in dict.fromkeys(found))
+
+
+def _clock(scene: ScenePlan) -> Iterator[str]:
+    clock = scene.clock
+    if not (0 < clock.fps <= 1000 and clock.frames > 0 and 0 < clock.physics <= 1000 and not clock.physics % clock.fps):
+        yield f"a clock of {clock.fps} fps, {clock.frames} frames and {clock.physics} steps a second is none"
+
+
+def _cast(scene: ScenePlan) -> Iterator[str]:
+    if len(scene.actors) > MOST_ACTORS or len(scene.town.elements) > MOST_ELEMENTS:
+        yield f"{len(scene.actors)} actors and {len(scene.town.elements)} things of the town are over the limit"
+    if len({a.name for a in scene.actors}) < len(scene.actors):
+        yield "two actors have one name"
+    if len({(a.tag, a.instance) for a in scene.actors}) < len(scene.actors):
+        yield "two actors have one instance number"
+    for actor in scene.actors:
+        points = [actor.start.x, actor.start.y, actor.start.z, *(v for p in actor.route for v in (p.x, p.y))]
+        if len(actor.route) > MOST_POINTS or _beyond([*points, *actor.shape.values(), actor.speed]):
+            yield f"actor {actor.name}: its start, route or shape is out of bounds"
+    for element in scene.town.elements:
+        pose = element.pose
+        if _beyond([pose.x, pose.y, pose.z, *element.size, *element.shape.values()]):
+            yield f"{element.name} of the town is out of bounds"
+
+
+def _rig(rig: RigPlan, variant: ScenarioPlan) -> Iterator[str]:
+    actors, frames = {a.name for a in variant.scene.actors}, variant.scene.clock.frames
+    if not rig.sensors:
+        yield f"{variant.variant} has no sensor"
+    for sensor in rig.sensors:
+        yield from (f"sensor {sensor.name}: {what}" for what in _sensor(sensor, actors, frames))
+        if sensor.name not in variant.appearance.responses:
+            yield f"sensor {sensor.name}: no camera response in {variant.variant}"
+
+
+def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
+    camera = sensor.camera
+    if not (0 < camera.width <= MOST_PIXELS_A_SIDE and 0 < camera.height <= MOST_PIXELS_A_SIDE):
+        yield f"a picture of {camera.width}x{camera.height} is over {MOST_PIXELS_A_SIDE}x{MOST_PIXELS_A_SIDE} or empty"
+    if not (0.0 < camera.fov < 180.0 and 0.0 < camera.near < camera.far <= MOST_METRES):
+        yield f"a camera of {camera.fov} degrees from {camera.near} to {camera.far} m is none"
+    if sensor.on is not None and sensor.on not in actors:
+        yield f"it is on {sensor.on!r}, which is no actor"
+    if len(sensor.poses) not in (1, frames) or any(_beyond([p.x, p.y, p.z]) for p in sensor.poses):
+        yield "its poses are neither one nor one a frame, or out of bounds"
+    if not sensor.capture or len(set(sensor.capture)) < len(sensor.capture):
+        yield "it captures nothing, or something twice"
+
+
+def _beyond(metres: list[float]) -> bool:
+    return any(abs(value) > MOST_METRES for value in metres)

@@ -1,0 +1,303 @@
+"""A dataset's folder may be anyone's: it is refused, or told in one line, and never followed out of itself."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recipe_compiler.errors import InputError
+from recipe_compiler.plan import SensorPlan
+from recipe_runtime import dataset as datasets
+from recipe_runtime.admission import check_bounds
+from recipe_runtime.annotate.mots import runs_fill
+from recipe_runtime.build import build
+from recipe_runtime.layout import expected_files
+from recipe_runtime.manifest import is_whole
+
+from tests.runtime import fakes
+
+PLAN = fakes.dataset_plan(frames=4)
+STREET = "weather=w0,jitter=still/street"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("built")
+    return build(PLAN, root / "tiny", workers=0, cache=root / "cache", engines=fakes.ENGINES).path
+
+
+@pytest.fixture
+def copy(built: Path, tmp_path: Path) -> Path:
+    shutil.copytree(built, tmp_path / "tiny")
+    return tmp_path / "tiny"
+
+
+def manifest_of(root: Path) -> dict[str, Any]:
+    return json.loads((root / "manifest.json").read_text())
+
+
+def rewrite(root: Path, path: str, body: bytes) -> None:
+    """Change a file, and the manifest to match: what a forger does."""
+    (root / path).unlink()
+    (root / path).write_bytes(body)
+    manifest = manifest_of(root)
+    manifest["files"][path] = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
+    (root / "manifest.json").write_text(json.dumps(manifest))
+
+
+def damage(root: Path) -> list[str]:
+    return datasets.damaged_files(datasets.read(root), lambda *_: None)
+
+
+def differences(root: Path) -> list[str]:
+    traces = {
+        scene.digest: fakes.simulate(scene) for scene in {v.scene.digest: v.scene for v in PLAN.variants}.values()
+    }
+    return datasets.text_differences(datasets.read(root), traces)
+
+
+def test_what_was_built_is_whole(built: Path) -> None:
+    assert damage(built) == differences(built) == []
+    assert {p.relative_to(built).as_posix() for p in built.rglob("*") if p.is_file()} == expected_files(PLAN)
+    assert is_whole(manifest_of(built), PLAN, built)
+
+
+def renamed(root: Path, old: str, new: str) -> None:
+    """Rename a variant or sensor wherever the folder speaks of it, plan and manifest alike."""
+    manifest = json.loads((root / "manifest.json").read_text().replace(json.dumps(old), json.dumps(new)))
+    for name in manifest["order"]:
+        path = f"plans/{name.replace('.', '_')}.json"
+        source = root / path if (root / path).is_file() else root / f"plans/{old}.json"
+        body = source.read_text().replace(json.dumps(old), json.dumps(new)).encode()
+        target = root / "plans" / path.removeprefix("plans/")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(body)
+        manifest["files"][path] = {"size": len(body), "sha256": "0" * 64}
+    (root / "manifest.json").write_text(json.dumps(manifest))
+
+
+@pytest.mark.parametrize("old", ["weather=w0,jitter=still", "street"])
+@pytest.mark.parametrize("name", ["../up", "/absolute", "a/b"])
+def test_no_name_leads_out_of_the_folder(copy: Path, tmp_path: Path, old: str, name: str) -> None:
+    name = str(tmp_path / "outside") if name == "/absolute" else name
+    renamed(copy, old, name)
+    with pytest.raises(InputError, match=r"cannot be a folder's name|is not a path within|is not among its files"):
+        datasets.read(copy)
+
+
+@pytest.mark.parametrize("path", ["/etc/passwd", "../secret", "a/../../b", "a//b", ""])
+def test_no_path_in_the_manifest_leads_out(copy: Path, path: str) -> None:
+    manifest = manifest_of(copy)
+    manifest["files"][path] = {"size": 1, "sha256": "0" * 64}
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match="is not a path within a dataset"):
+        datasets.read(copy)
+
+
+def no_variants(manifest: dict[str, Any]) -> None:
+    manifest.update(order=[], variants={})
+
+
+def frames_as_list(manifest: dict[str, Any]) -> None:
+    for variant in manifest["variants"].values():
+        variant["frames"] = [1, 2]
+
+
+def endless(manifest: dict[str, Any]) -> None:
+    manifest["files"]["README.md"]["size"] = float("inf")
+
+
+DAMAGES: list[Callable[[dict[str, Any]], Any]] = [
+    lambda m: m.update(order=[1, 2]),
+    lambda m: m.update(order=None),
+    lambda m: m["order"].reverse() or m["variants"].clear(),
+    lambda m: m.update(files=None),
+    lambda m: m.update(outputs=[]),
+    lambda m: m.update(stages={"plan": "one"}),
+    lambda m: m["variants"].update(dict.fromkeys(m["order"])),
+    no_variants,
+    frames_as_list,
+    endless,
+]
+
+
+@pytest.mark.parametrize("harm", DAMAGES)
+def test_a_damaged_manifest_is_one_line(copy: Path, harm: Callable[[dict[str, Any]], Any]) -> None:
+    manifest = manifest_of(copy)
+    harm(manifest)
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(InputError) as caught:
+        datasets.read(copy)
+    assert len(str(caught.value).splitlines()) == 1
+    assert not is_whole(manifest, PLAN, copy)
+
+
+def test_a_bottomless_manifest_is_none(copy: Path) -> None:
+    (copy / "manifest.json").write_text('{"a":' * 100_000)
+    with pytest.raises(InputError, match="is not a dataset"):
+        datasets.read(copy)
+
+
+def test_another_order_than_the_plans_is_refused(copy: Path) -> None:
+    first, second = (copy / f"plans/{name}.json" for name in manifest_of(copy)["order"][:2])
+    first.write_bytes(second.read_bytes())
+    with pytest.raises(InputError, match="is the plan of"):
+        datasets.read(copy)
+
+
+def street(**values: Any) -> SensorPlan:
+    sensor = fakes.sensor_plan()
+    camera = sensor.camera.model_copy(update={k: v for k, v in values.items() if k in type(sensor.camera).model_fields})
+    return sensor.model_copy(update={"camera": camera, **{k: v for k, v in values.items() if k in ("on", "poses")}})
+
+
+@pytest.mark.parametrize(
+    ("sensor", "message"),
+    [
+        (street(width=100_000), "100000x48 is over"),
+        (street(height=0), "64x0 is over"),
+        (street(fov=180), "a camera of 180"),
+        (street(on="nobody"), "on 'nobody'"),
+        (street(poses=()), "poses are neither"),
+    ],
+)
+def test_a_plan_out_of_bounds_is_refused(sensor: SensorPlan, message: str) -> None:
+    variant = PLAN.variants[0]
+    rig = variant.rig.model_copy(update={"sensors": (sensor,)})
+    with pytest.raises(InputError, match=message):
+        check_bounds(PLAN.model_copy(update={"variants": (variant.model_copy(update={"rig": rig}),)}))
+
+
+@pytest.mark.parametrize(("frames", "fps"), [(10**9, 10), (0, 10), (4, 0), (4, 7)])
+def test_a_clock_out_of_bounds_is_refused(frames: int, fps: int) -> None:
+    variant = PLAN.variants[0]
+    clock = variant.scene.clock.model_copy(update={"frames": frames, "fps": fps})
+    scene = variant.scene.model_copy(update={"clock": clock})
+    with pytest.raises(InputError, match=r"frames are over|is none"):
+        check_bounds(PLAN.model_copy(update={"variants": (variant.model_copy(update={"scene": scene}),)}))
+
+
+@pytest.mark.parametrize(
+    ("path", "old", "new"),
+    [
+        ("annotations/kwcoco.json", b"hero1", b"hero7"),
+        ("annotations/coco/rgb.json", b'"iscrowd":0', b'"iscrowd":1'),
+        ("mots/MOTS-train/weather=w0_jitter=still+street/gt/gt.txt", b"1 2001 2", b"1 2002 2"),
+        ("mots/MOTS-train/weather=w0_jitter=still+street/seqinfo.ini", b"frameRate=10", b"frameRate=30"),
+        ("mots/seqmaps/MOTS-train.txt", b"name\n", b"eman\n"),
+        ("weather=w0,jitter=still/tracks.csv", b"hero1", b"hero7"),
+        ("README.md", b"@sha256:", b"@sha512:"),
+        (f"{STREET}/labels.jsonl", b'"hero1"', b'"hero7"'),
+    ],
+)
+def test_a_forged_text_is_told_though_the_manifest_matches(copy: Path, path: str, old: bytes, new: bytes) -> None:
+    body = (copy / path).read_bytes()
+    assert old in body
+    rewrite(copy, path, body.replace(old, new, 1))
+    assert damage(copy) == []
+    (message,) = differences(copy)
+    assert message.startswith(path)
+
+
+@pytest.mark.parametrize(
+    "line", [b"", b"[]\n", b"[[]]\n", b'[{"counts": 5}]\n', b"[" * 100_000, b"\xff\n", b"NaN\n", b'{"a": 1e999}\n']
+)
+def test_labels_of_any_kind_are_told(copy: Path, line: bytes) -> None:
+    path = f"{STREET}/labels.jsonl"
+    rest = (copy / path).read_bytes().split(b"\n", 1)[1]
+    rewrite(copy, path, line + rest)
+    (message,) = differences(copy)
+    assert message.startswith(f"{path}: line 1: ")
+    assert len(message) < 300
+
+
+def test_surplus_labels_are_told(copy: Path) -> None:
+    path = f"{STREET}/labels.jsonl"
+    rewrite(copy, path, (copy / path).read_bytes() + b"[]\n")
+    assert differences(copy) == [f"{path}: it has more lines than frames"]
+
+
+@pytest.mark.parametrize("path", [f"{STREET}/rgb/000002.png", "annotations/kwcoco.json", f"{STREET}/labels.jsonl"])
+def test_a_removed_file_is_told_though_the_manifest_matches(copy: Path, path: str) -> None:
+    (copy / path).unlink()
+    manifest = manifest_of(copy)
+    del manifest["files"][path]
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    assert damage(copy) == [f"{path} is missing, and the manifest does not list it"]
+
+
+def test_an_added_file_is_told_though_the_manifest_matches(copy: Path) -> None:
+    (copy / f"{STREET}/rgb/000004.png").write_bytes(b"one frame more")
+    rewrite(copy, f"{STREET}/rgb/000004.png", b"one frame more")
+    assert damage(copy) == [f"{STREET}/rgb/000004.png is in the manifest, and no file of this plan"]
+
+
+def test_removed_digests_are_told(copy: Path) -> None:
+    manifest = manifest_of(copy)
+    for variant in manifest["variants"].values():
+        variant["frames"]["street"]["rgb"].pop()
+        variant["frames"]["side"]["depth"] = ["0" * 64]
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    assert damage(copy) == [
+        "manifest.json: 4 frames of the plan have no digest, the first: street, rgb, frame 3",
+        "manifest.json: 2 digests are of no frame of the plan, the first: side, depth, frame 0",
+    ]
+
+
+def test_what_is_no_plain_file_is_told_and_never_opened(copy: Path, tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_bytes((copy / "README.md").read_bytes())
+    (copy / "README.md").unlink()
+    (copy / "README.md").symlink_to(secret)
+    os.mkfifo(copy / "pipe")
+    (copy / "annotations" / "kwcoco.json").unlink()
+    os.mkfifo(copy / "annotations" / "kwcoco.json")
+    (copy / "up").symlink_to("..")
+    (copy / "empty").mkdir()
+    (copy / "mots" / "instances").rename(tmp_path / "instances")
+    (copy / "mots" / "instances").symlink_to(tmp_path / "instances")
+    found = damage(copy)
+    for message in (
+        "README.md is a link, not a file",
+        "pipe is not in the manifest, and is a device",
+        "annotations/kwcoco.json is a device, not a file",
+        "up is not in the manifest, and is a link",
+        "empty/ is a folder of no file of this plan",
+        "mots/instances is not in the manifest, and is a link",
+    ):
+        assert message in found
+    assert differences(copy) == [
+        f"{path} is missing or cannot be read" for path in ("annotations/kwcoco.json", "README.md")
+    ]
+
+
+def test_a_manifest_that_does_not_add_up_or_of_other_tools_is_not_whole(copy: Path) -> None:
+    edited, older = manifest_of(copy), manifest_of(copy)
+    edited["variants"]["weather=w0,jitter=still"]["frames"]["street"]["rgb"][0] = "0" * 64
+    older["tools"]["deflate"] = "0.1"
+    assert not is_whole(edited, PLAN, copy)
+    assert not is_whole(older, PLAN, copy)
+    picture = copy / STREET / "rgb" / "000000.png"
+    target = copy / STREET / "rgb" / "000001.png"
+    picture.unlink()
+    picture.symlink_to(target)
+    assert not is_whole(manifest_of(copy), PLAN, copy)
+
+
+def test_only_codes_of_whole_pictures_are_handed_to_pycocotools(built: Path) -> None:
+    found = 0
+    for line in (built / STREET / "labels.jsonl").read_text().splitlines():
+        for record in json.loads(line):
+            assert runs_fill(record["counts"], 48 * 64)
+            assert not runs_fill(record["counts"], 48 * 64 - 1)
+            assert not runs_fill(record["counts"][:-1], 48 * 64)
+            found += 1
+    assert found > 4
+    for code, pixels in (("", 1), ("o" * 40, 1), ("\x7f", 1), ("0", 1), ("01o", 0)):
+        assert not runs_fill(code, pixels)
