@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -85,7 +86,7 @@ def test_identity_is_one_in_lock_build_and_verify(folder: Path) -> None:
     assert identity in locked.stdout
     assert identity in verified.stdout
     assert "is up to date" in locked.stdout
-    assert "there already, nothing to do" in built.stdout
+    assert "there already (sizes checked; `recipe verify datasets/small` checks bytes)" in built.stdout
     assert (verified.returncode, verified.stdout[:4]) == (0, "PASS")
 
 
@@ -213,3 +214,73 @@ def test_nothing_but_its_own_words_reaches_the_terminal(folder: Path, tmp_path: 
     done = run("verify", "small.yaml", "--frames", "1", "--workers", "1", cwd=folder)
     assert done.stderr == ""
     assert len(done.stdout.splitlines()) == 3
+
+
+@pytest.mark.parametrize("source", ["/etc/passwd", "../../etc/passwd", "../..", "a%00b"])
+def test_a_strangers_lockfile_reads_nothing_outside_its_folder(folder: Path, tmp_path: Path, source: str) -> None:
+    from dataclasses import replace
+
+    from recipe_compiler import lockfile
+
+    lock = replace(lockfile.read(folder / "lockfiles" / "small.lock"), source=source.replace("%00", "\0"))
+    lock.write(tmp_path / "lockfiles" / "evil.lock")
+    done = run("verify", "lockfiles/evil.lock", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "is not a file of the folder" in done.stderr
+    assert "root:" not in done.stderr
+
+
+def test_a_lockfile_that_is_no_file_is_refused(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "small.yaml").write_text(RECIPE)
+    (tmp_path / "lockfiles").mkdir()
+    os.mkfifo(tmp_path / "lockfiles" / "small.lock")
+    done = run("verify", "small.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "cannot be read as a lockfile: it is not a regular file" in done.stderr
+
+
+def test_lock_says_before_rendering_that_it_would_say_something_else(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 20000"))
+    (tmp_path / "lockfiles").mkdir()
+    (tmp_path / "lockfiles" / "small.lock").write_text((folder / "lockfiles" / "small.lock").read_text())
+    done = run("lock", "small.yaml", cwd=tmp_path)  # 40,000 frames would take an hour
+    assert done.returncode == 2
+    assert "says something else than small.yaml makes now; --update replaces it" in done.stderr
+
+
+def test_verify_keeps_to_the_limits_of_a_strangers_recipe(tmp_path: Path) -> None:
+    (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 100000"))
+    done = run("verify", "small.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "--allow-large" in done.stderr
+
+
+@pytest.mark.parametrize("out", ["small.yaml/x", "a" * 5000])
+def test_a_host_that_will_not_write_is_answered_in_a_line(folder: Path, out: str) -> None:
+    done = run("build", "small.yaml", "--out", out, "--allow-large", cwd=folder)
+    assert done.returncode in (1, 2)
+    assert len(done.stderr.splitlines()) == 1
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_stopped_command_leaves_nothing_behind(tmp_path: Path, number: int, code: int) -> None:
+    (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 3000"))
+    (tmp_path / "tmp").mkdir()
+    child = subprocess.Popen(
+        [sys.executable, "-m", "recipe_cli", "lock", "small.yaml", "--workers", "1"],
+        cwd=tmp_path,
+        env={**os.environ, "TMPDIR": str(tmp_path / "tmp")},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not any((tmp_path / "tmp").iterdir()):
+        assert child.poll() is None
+        time.sleep(0.05)
+    time.sleep(0.5)
+    child.send_signal(number)
+    _, errors = child.communicate(timeout=30)
+    assert child.returncode == code
+    assert "Traceback" not in errors
+    assert list((tmp_path / "tmp").iterdir()) == []
+    assert not (tmp_path / "lockfiles" / "small.lock").exists()

@@ -1,0 +1,68 @@
+"""Tier A within one host: the same bytes whatever the environment, the number of workers and the order.
+
+Each case verifies every frame of tests/golden/tiny.yaml, whose lockfile is committed: so it also holds today's bytes
+against those of the day they were locked. Whole emulated CPUs are in test_cpus.py.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.sources import ROOT
+
+TINY = ROOT / "tests" / "golden" / "tiny.yaml"
+
+
+def _numpy_features() -> str:
+    """Every CPU feature that this numpy dispatches on and this host has."""
+    from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
+
+    return " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
+
+
+MASK = "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4"
+CASES: dict[str, tuple[dict[str, str], int]] = {
+    "as it is": ({}, 1),
+    "without FMA in glibc": ({"GLIBC_TUNABLES": MASK}, 1),
+    "without numpy's CPU features": ({"NPY_DISABLE_CPU_FEATURES": _numpy_features()}, 1),
+    "another BLAS kernel": ({"OPENBLAS_CORETYPE": "Nehalem", "OMP_NUM_THREADS": "4"}, 1),
+    "four workers": ({}, 4),
+    "another place and language": ({"TZ": "Asia/Kolkata", "LC_ALL": "de_DE.UTF-8", "PYTHONHASHSEED": "12345"}, 2),
+    "another user": ({"USER": "someone", "LOGNAME": "someone", "HOSTNAME": "elsewhere"}, 1),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_golden_recipe_verifies(case: str, tmp_path: Path) -> None:
+    environment, workers = CASES[case]
+    command = [sys.executable, "-m", "recipe_cli", "verify", str(TINY), "--all", "--json", "--workers", str(workers)]
+    old = os.umask(0o077 if case == "another user" else 0o022)
+    try:
+        done = subprocess.run(
+            command, cwd=tmp_path, env={**os.environ, **environment}, capture_output=True, text=True, timeout=600
+        )
+    finally:
+        os.umask(old)
+    (report,) = json.loads(done.stdout)
+    assert (done.returncode, report["verdict"], report["differences"]) == (0, "PASS", [])
+    assert report["checked"] == report["total"] == 24
+
+
+def test_files_are_the_same_bytes_in_another_environment(tmp_path: Path) -> None:
+    """Not only pixels: every file of the dataset, annotations and all, but for the pictures for people."""
+    trees = []
+    for name, environment, workers in (("a", {}, 1), ("b", {"TZ": "Asia/Kolkata", "PYTHONHASHSEED": "77"}, 2)):
+        out = tmp_path / name
+        command = [sys.executable, "-m", "recipe_cli", "build", str(TINY), "--out", str(out), "--workers", str(workers)]
+        env = {**os.environ, **environment, "RECIPE_CACHE": str(tmp_path / f"cache-{name}")}
+        done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=600)
+        assert done.returncode == 0, done.stderr
+        trees.append({p.relative_to(out).as_posix(): p.read_bytes() for p in out.rglob("*") if p.is_file()})
+    assert trees[0].keys() == trees[1].keys()
+    assert [path for path in trees[0] if trees[0][path] != trees[1][path]] == []
