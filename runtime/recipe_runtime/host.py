@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import sys
 
@@ -25,6 +26,7 @@ def cannot_render() -> str | None:
         return None
     from numpy._core._multiarray_umath import __cpu_features__ as features
 
-    if features.get(NEEDED, True):
+    hidden = NEEDED in os.environ.get("NPY_DISABLE_CPU_FEATURES", "").replace(",", " ").split()
+    if features.get(NEEDED, True) or hidden:  # what is hidden from numpy may still be there
         return None
     return f"rendering needs a CPU with {NEEDED} (any since 2011), and this one has none"
