@@ -7,6 +7,7 @@ and nothing large made before it is counted.
 from __future__ import annotations
 
 import itertools
+import json
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,14 +15,14 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from recipe_compiler import compose, expand, limits, placing
+from recipe_compiler import compose, expand, limits, placing, towns
 from recipe_compiler.check import Checker, check_deltas, check_removals
 from recipe_compiler.errors import InputError, Place, Problem
 from recipe_compiler.expand import Axes, Variant
 from recipe_compiler.lower import Lowering
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.schema.messages import nearest, translate
-from recipe_compiler.schema.models import Base, Recipe
+from recipe_compiler.schema.models import Base, Motion, Recipe
 from recipe_compiler.source import Value, printable, show
 
 _CHECKED_APART = {"base", "deltas"}
@@ -184,16 +185,38 @@ def _load(variant: Variant, base: Base) -> limits.Load:
     scene = (*(id(part) for part in (base.clock, base.town, base.actors, base.traffic)), variant.seed)
     rig = (id(base.sensors), variant.seed)
     views = tuple(
-        limits.View(base.clock.frames, s.camera.width * s.camera.height, s.capture) for s in base.sensors.values()
+        limits.View(base.clock.frames, s.camera.width * s.camera.height, s.capture, s.motion != Motion())
+        for s in base.sensors.values()
     )
-    steps = base.clock.frames * base.clock.physics // base.clock.fps
-    actors = len(base.actors) + base.traffic.vehicles + base.traffic.pedestrians
-    return limits.Load(scene, rig, variant.name, steps, actors, views)
+    clock, parameters = base.clock, base.town.model_extra or {}
+    return limits.Load(
+        scene=scene,
+        rig=rig,
+        appearance=variant.name,
+        steps=clock.frames * clock.physics // clock.fps,
+        actors=len(base.actors) + base.traffic.vehicles + base.traffic.pedestrians,
+        views=views,
+        town=(base.town.name, base.town.seed, json.dumps(parameters, sort_keys=True)),
+        elements=towns.elements(base.town.name, parameters),
+        seconds=clock.frames / clock.fps,
+    )
 
 
 def _measured(plan: ScenarioPlan) -> limits.Load:
     """A variant's work after it is lowered: plans with the same digest are shared."""
     clock = plan.scene.clock
-    views = tuple(limits.View(clock.frames, s.camera.width * s.camera.height, s.capture) for s in plan.rig.sensors)
-    steps = clock.frames * clock.steps_per_frame
-    return limits.Load(plan.scene.digest, plan.rig.digest, plan.appearance.digest, steps, len(plan.scene.actors), views)
+    views = tuple(
+        limits.View(clock.frames, s.camera.width * s.camera.height, s.capture, len(s.poses) > 1)
+        for s in plan.rig.sensors
+    )
+    return limits.Load(
+        scene=plan.scene.digest,
+        rig=plan.rig.digest,
+        appearance=plan.appearance.digest,
+        steps=clock.frames * clock.steps_per_frame,
+        actors=len(plan.scene.actors),
+        views=views,
+        town=plan.scene.town.digest,
+        elements=len(plan.scene.town.elements),
+        seconds=clock.frames / clock.fps,
+    )

@@ -1,20 +1,34 @@
-"""What a recipe costs, known before any of the work is done: frames, images, bytes, minutes."""
+"""What a recipe costs, known before any of the work is done: frames, images, bytes, minutes; and what compiling it
+costs, so that a small file cannot ask for hours.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.errors import InputError
 
 FRAME_LIMIT = 100_000
 BYTE_LIMIT = 20 * 2**30
+COMPILE_LIMIT = 12.0  # seconds
+MEMORY_LIMIT = 900 * 2**20  # bytes, while compiling
 
-# Bytes a pixel, encoded, and seconds a megapixel of one core: rough, from 800x600 street scenes on a 2020s x86 core.
-_BYTES = {"rgb": 1.6, "depth": 0.9, "depth-npy": 4.0, "instance": 0.02, "semantic": 0.02}
-_OBSERVE, _SHADE = 0.06, 0.12
-_SIMULATE = 0.0004  # seconds a physics step and actor
-_START = 2.0  # seconds to load meshes and compile kernels
+# From builds of recipes/weather_sweep.yaml on one core of a 2020s x86. Bytes a pixel, encoded:
+_BYTES = {"rgb": 1.63, "depth": 0.68, "depth-npy": 4.0, "instance": 0.0064, "semantic": 0.0153}
+# Seconds a megapixel, and a file whatever its size:
+_OBSERVE, _FIRST_SHADE, _SHADE, _ENCODE, _FILE = 0.022, 0.21, 0.125, 0.04, 0.001
+_SIMULATE = 0.00024  # seconds a physics step and body, and as much a step
+_START = 4.0  # seconds to load meshes and kernels
+
+# Compiling, on the same core: seconds and bytes.
+_PER_ELEMENT = (6.5e-5, 3400)  # of a town, for each town that differs
+_PER_COLOURS = (3e-6, 70)  # of an element, for each scene that differs
+_PER_ACTOR = (1.8e-4, 6000)  # for each scene that differs
+_PER_METRE = (3e-6, 60)  # of the way of each of them
+_PER_POSE = (1e-4, 1600)  # for each rig that differs
+_PER_VARIANT = (4e-4, 12_000)
+_METRES_A_SECOND = 5.0
 
 
 @dataclass(frozen=True)
@@ -24,6 +38,7 @@ class View:
     frames: int
     pixels: int
     capture: tuple[str, ...]
+    moves: bool = False
 
 
 @dataclass(frozen=True)
@@ -36,6 +51,9 @@ class Load:
     steps: int  # physics steps
     actors: int
     views: tuple[View, ...]
+    town: Hashable = None
+    elements: int = 0  # of the town
+    seconds: float = 0.0  # of a clip
 
 
 @dataclass(frozen=True)
@@ -50,6 +68,8 @@ class Cost:
     images: int
     bytes: int
     minutes: float
+    compile_seconds: float
+    compile_bytes: int
 
     def __str__(self) -> str:
         return (
@@ -63,11 +83,19 @@ class Cost:
         if self.frames > FRAME_LIMIT:
             reasons.append(f"{self.frames} frames are over {FRAME_LIMIT}")
         if self.bytes > BYTE_LIMIT:
-            reasons.append(f"about {self.bytes / 2**30:.1f} GiB are over {BYTE_LIMIT >> 30} GiB")
+            reasons.append(f"about {size(self.bytes)} are over {size(BYTE_LIMIT)}")
         if free_disk is not None and self.bytes > free_disk // 2:
-            reasons.append(
-                f"about {self.bytes / 2**30:.1f} GiB are over half the free disk, {free_disk / 2**31:.1f} GiB"
-            )
+            over = f"about {size(self.bytes)} are over half the free disk, {size(free_disk / 2)}"
+            reasons.append(over if free_disk else "the disk is full and cannot hold a dataset")
+        return reasons + self.over_to_compile()
+
+    def over_to_compile(self) -> list[str]:
+        """The limits that compiling it would be over: many towns, or many casts, each laid out apart."""
+        reasons = []
+        if self.compile_seconds > COMPILE_LIMIT:
+            reasons.append(f"about {self.compile_seconds:.0f} s of compiling alone are over {COMPILE_LIMIT:.0f} s")
+        if self.compile_bytes > MEMORY_LIMIT:
+            reasons.append(f"compiling takes about {size(self.compile_bytes)} of memory, over {size(MEMORY_LIMIT)}")
         return reasons
 
 
@@ -76,7 +104,17 @@ class TooLargeError(InputError):
 
     def __init__(self, file: str, cost: Cost, reasons: Iterable[str]) -> None:
         self.cost = cost
-        super().__init__(f"{file}: {'; '.join(reasons)}; allow it with --allow-large")
+        self.reasons = tuple(reasons)
+        super().__init__(f"{file}: {'; '.join(self.reasons)}; allow it with --allow-large")
+
+
+def size(count: float) -> str:
+    """A number of bytes as people read it: 812 KiB, 37 MiB, 2.4 GiB."""
+    for unit, bits in (("GiB", 30), ("MiB", 20), ("KiB", 10)):
+        if count >= 1 << bits:
+            amount = count / (1 << bits)
+            return f"{amount:.1f} {unit}" if bits == 30 else f"{amount:.0f} {unit}"
+    return f"{count:.0f} bytes"
 
 
 def _count(number: int, word: str) -> str:
@@ -88,29 +126,46 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
     loads = list(loads)
     scenes = {load.scene: load for load in loads}
     observed = {(load.scene, load.rig): load for load in loads}
+    looks = {(load.scene, load.rig, load.appearance): load for load in loads}
     seconds = _START + sum(load.steps * (1 + load.actors) * _SIMULATE for load in scenes.values())
-    size = 0.0
+    bytes_ = 0.0
     for load in observed.values():
         for view in load.views:
             labels = [m for m in view.capture if m != "rgb"]
-            size += (
-                view.frames
-                * view.pixels
-                * sum(_BYTES["depth-npy" if (m, depth) == ("depth", "npy") else m] for m in labels)
-            )
-            seconds += view.frames * view.pixels / 1e6 * _OBSERVE
+            kinds = ["depth-npy" if (m, depth) == ("depth", "npy") else m for m in labels]
+            bytes_ += view.frames * view.pixels * sum(_BYTES[kind] for kind in kinds)
+            seconds += view.frames * view.pixels / 1e6 * (_OBSERVE + ("rgb" in view.capture) * (_FIRST_SHADE - _SHADE))
+            seconds += view.frames * len(labels) * (_FILE + view.pixels / 1e6 * _ENCODE / 2)
     for load in loads:
         for view in load.views:
             if "rgb" in view.capture:
-                size += view.frames * view.pixels * _BYTES["rgb"]
-                seconds += view.frames * view.pixels / 1e6 * _SHADE
+                bytes_ += view.frames * view.pixels * _BYTES["rgb"]
+                seconds += view.frames * (_FILE + view.pixels / 1e6 * (_SHADE + _ENCODE))
+    compile_seconds, compile_bytes = _compiling(loads, list(scenes.values()))
     return Cost(
         variants=len(loads),
         simulations=len(scenes),
         observations=len(observed),
-        appearances=len({(load.scene, load.rig, load.appearance) for load in loads}),
+        appearances=len(looks),
         frames=sum(view.frames for load in loads for view in load.views),
         images=sum(view.frames * len(view.capture) for load in loads for view in load.views),
-        bytes=round(size),
+        bytes=round(bytes_),
         minutes=round(seconds / 60, 2),
+        compile_seconds=round(compile_seconds, 1),
+        compile_bytes=round(compile_bytes),
     )
+
+
+def _compiling(loads: Sequence[Load], scenes: Sequence[Load]) -> tuple[float, float]:
+    """Seconds and bytes that compiling takes."""
+    towns = {load.town: load.elements for load in scenes}
+    rigs = {load.rig: load.views for load in loads}
+    amounts = (
+        (_PER_ELEMENT, sum(towns.values())),
+        (_PER_COLOURS, sum(load.elements for load in scenes)),
+        (_PER_ACTOR, sum(load.actors for load in scenes)),
+        (_PER_METRE, sum(load.actors * load.seconds * _METRES_A_SECOND for load in scenes)),
+        (_PER_POSE, sum(view.frames for views in rigs.values() for view in views if view.moves)),
+        (_PER_VARIANT, len(loads)),
+    )
+    return sum(each[0] * n for each, n in amounts), sum(each[1] * n for each, n in amounts)

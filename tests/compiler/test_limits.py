@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
+from typing import Any
 
 import pytest
+from recipe_compiler import towns
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.expand import count
-from recipe_compiler.limits import TooLargeError
+from recipe_compiler.limits import TooLargeError, size
 from recipe_compiler.schema.models import Sweep
 
 from tests.compiler.kitchen import compiled, small
+
+RECIPES = Path(__file__).parents[2] / "recipes"
 
 
 def test_shared_work_is_counted_once() -> None:
@@ -49,6 +54,71 @@ def test_half_the_free_disk_is_a_limit(tmp_path: Path) -> None:
     compile_recipe(path, free_disk=2 * needed)
     with pytest.raises(TooLargeError, match="half the free disk"):
         compile_recipe(path, free_disk=2 * needed - 2)
+
+
+@pytest.mark.parametrize(
+    ("sweep", "base"),
+    [
+        ({"repeats": 10_000}, {}),
+        ({"repeats": 400}, {"town": {"name": "downtown", "blocks": [9, 9]}, "traffic": {"pedestrians": 250}}),
+        (
+            {"draw": {"count": 300, "values": {"town.seed": {"integer": [0, 10**9]}}}},
+            {"town": {"name": "downtown", "blocks": [9, 9]}},
+        ),
+    ],
+    ids=["casts", "crowds", "towns"],
+)
+def test_what_takes_long_to_compile_needs_an_explicit_yes(sweep: dict[str, Any], base: dict[str, Any]) -> None:
+    started = time.process_time()
+    with pytest.raises(TooLargeError, match=r"about \d+ s of compiling alone are over 12 s"):
+        compiled(small(**base) | {"sweep": sweep})
+    assert time.process_time() - started < 5
+
+
+def test_the_estimate_of_compiling_is_of_the_right_size(tmp_path: Path) -> None:
+    """Each kind of work for itself; within a factor of six, for machines differ and share their cores."""
+    still = small()["base"]["sensors"]["street"] | {"motion": {}}
+    large = {"name": "downtown", "blocks": [9, 9]}
+    for sweep, base in (
+        ({"repeats": 200}, {"town": {"name": "downtown", "blocks": [5, 5]}, "sensors": {"street": still}}),
+        ({"repeats": 20}, {"town": {"name": "downtown", "blocks": [5, 5]}, "traffic": {"pedestrians": 200}}),
+        ({"draw": {"count": 4, "values": {"town.seed": {"integer": [1, 10**9]}}}}, {"town": large}),
+        ({}, {"clock": {"fps": 10, "frames": 10_000}}),
+    ):
+        started = time.process_time()
+        result = compiled(small(**base) | {"sweep": sweep})
+        assert result.plan.digest
+        taken = time.process_time() - started
+        assert taken / 6 < result.cost.compile_seconds < taken * 6, (sweep, taken, result.cost.compile_seconds)
+
+
+def test_variants_that_share_a_town_share_its_plan_and_those_that_share_a_cast_its_colours() -> None:
+    sweep = {"repeats": 2, "draw": {"count": 2, "values": {"weather.wetness": {"uniform": [0, 9]}}}}
+    plans = compiled(small() | {"sweep": sweep}).plan.variants
+    assert len({id(plan.scene.town) for plan in plans}) == 1
+    assert len({id(plan.appearance.looks) for plan in plans}) == 2
+
+
+@pytest.mark.parametrize("blocks", [[1, 1], [3, 3], [9, 9], [9, 1]])
+def test_the_size_of_a_town_is_known_beforehand(blocks: list[int]) -> None:
+    count = len(towns.build("downtown", 7, {"blocks": blocks}).plan.elements)
+    assert count == pytest.approx(towns.elements("downtown", {"blocks": blocks}), rel=0.15)
+
+
+def test_sizes_are_in_units_that_say_something(tmp_path: Path) -> None:
+    assert [size(n) for n in (12, 12_345, 40_000_000, 5 * 2**30)] == ["12 bytes", "12 KiB", "38 MiB", "5.0 GiB"]
+    path = tmp_path / "recipe.yaml"
+    path.write_text(json.dumps(small()))
+    with pytest.raises(TooLargeError, match=r"about \d+ KiB are over half the free disk, 500 bytes; allow"):
+        compile_recipe(path, free_disk=1000)
+    with pytest.raises(TooLargeError, match=r"recipe\.yaml: the disk is full and cannot hold a dataset; allow"):
+        compile_recipe(path, free_disk=0)
+
+
+def test_the_cost_of_the_weather_sweep_is_what_its_build_took() -> None:
+    cost = compile_recipe(RECIPES / "weather_sweep.yaml").cost
+    assert 59 / 1.5 < cost.minutes * 60 < 59 * 1.5  # `recipe build --workers 1`, on one core of a 2020s x86
+    assert cost.bytes == pytest.approx(404_000_000, rel=0.1)  # its frames, without previews
 
 
 def test_a_product_is_counted_without_being_built() -> None:

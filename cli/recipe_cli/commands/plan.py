@@ -46,6 +46,8 @@ def _document(compiled: Compiled) -> dict[str, object]:
 
 
 def _table(compiled: Compiled) -> None:
+    from recipe_compiler.limits import size
+
     plan = compiled.plan
     click.echo(f"{plan.recipe}: {plan.description}" if plan.description else plan.recipe)
     width = max(len(v.variant) for v in plan.variants)
@@ -57,9 +59,9 @@ def _table(compiled: Compiled) -> None:
         click.echo(f"  ... and {len(plan.variants) - 40} more; --json lists all")
     click.echo(f"\n{compiled.cost}")
     cost = compiled.cost
-    size = f"{cost.bytes / 2**30:.1f} GiB" if cost.bytes >= 2**30 else f"{cost.bytes / 2**20:.0f} MiB"
     click.echo(
-        f"{cost.frames:,} frames, {cost.images:,} images, about {size}, about {_duration(cost.minutes)} of one core"
+        f"{cost.frames:,} frames, {cost.images:,} images, about {size(cost.bytes)}, "
+        f"about {_duration(cost.minutes)} of one core"
     )
     click.echo(f"plan sha256:{plan.digest}")
 

@@ -10,15 +10,21 @@ from typing import Any
 from recipe_compiler.towns import downtown
 from recipe_compiler.towns.town import Parameter, SpawnPoint, Town
 
-__all__ = ["NAMES", "PARAMETERS", "Parameter", "SpawnPoint", "Town", "build"]
+__all__ = ["NAMES", "PARAMETERS", "Parameter", "SpawnPoint", "Town", "build", "elements"]
 
 _BUILDERS: dict[str, Callable[..., Town]] = {"downtown": downtown.build}
+_SIZES: dict[str, Callable[..., int]] = {"downtown": downtown.elements}
 
 NAMES: tuple[str, ...] = tuple(sorted(_BUILDERS))
 """The towns that there are."""
 
 PARAMETERS: dict[str, dict[str, Parameter]] = {"downtown": downtown.PARAMETERS}
 """Town name -> parameter name -> what it may be."""
+
+
+def elements(name: str, params: Mapping[str, Any]) -> int:
+    """About how many elements the town of that name has, known without building it."""
+    return _SIZES[name](**{key: params.get(key, parameter.default) for key, parameter in PARAMETERS[name].items()})
 
 
 def build(name: str, seed: int, params: Mapping[str, Any]) -> Town:

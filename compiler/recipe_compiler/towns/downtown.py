@@ -65,6 +65,12 @@ class _Block:
         return x, y, 2 * ((half_y if c else half_x) - walk)
 
 
+def elements(*, blocks: tuple[int, int]) -> int:
+    """About how many elements such a town has."""
+    nx, ny = blocks
+    return 70 + 16 * (nx + ny) + 50 * nx * ny
+
+
 def build(seed: int, *, blocks: tuple[int, int]) -> Town:
     """The town with that many blocks along x and along y."""
     nx, ny = blocks

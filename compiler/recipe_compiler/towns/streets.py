@@ -68,6 +68,23 @@ def _cut(start: XY, points: list[XY], length: float) -> tuple[Point, ...]:
     return tuple(route)
 
 
+class _Way:
+    """A way as it grows, and its length in metres."""
+
+    def __init__(self, start: Pose) -> None:
+        self.points: list[XY] = []
+        self.length = 0.0
+        self._at = (start.x, start.y)
+
+    def extend(self, points: list[XY]) -> None:
+        """Go on to these points."""
+        for point in points:
+            dx, dy = point[0] - self._at[0], point[1] - self._at[1]
+            self.length += math.sqrt(dx * dx + dy * dy)
+            self._at = point
+        self.points += points
+
+
 @dataclass(frozen=True)
 class StreetGrid:
     """Streets along y at `xs` and along x at `ys`, ascending, in metres."""
@@ -101,15 +118,15 @@ class StreetGrid:
     def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """A way along the lanes: straight on, right or left at each junction, as drawn."""
         d, junction = self._lane_ahead(start)
-        points: list[XY] = []
-        while self.exists(junction) and len(points) < 10_000:
+        way = _Way(start)
+        while self.exists(junction) and len(way.points) < 10_000:
             turns = [t for t in (d, _right(d), _left(d)) if self.exists((junction[0] + t[0], junction[1] + t[1]))]
             new = stream.choice(turns) if turns else d
-            points += self._through(self.centre(junction), d, new)
+            way.extend(self._through(self.centre(junction), d, new))
             d, junction = new, (junction[0] + new[0], junction[1] + new[1])
-            if not turns or _length(start, points) >= length_m:
+            if not turns or way.length >= length_m:
                 break
-        return _cut((start.x, start.y), points, length_m)
+        return _cut((start.x, start.y), way.points, length_m)
 
     def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """A way along the sidewalks: at each corner over a crossing or round the corner, as drawn."""
@@ -117,8 +134,9 @@ class StreetGrid:
         offset = stream.uniform(-0.9, 0.9)
         cx, cy = self.centre(junction)
         corner = (-d[0] or (1 if start.x > cx else -1), -d[1] or (1 if start.y > cy else -1))
-        points = [self._corner(junction, corner, offset)]
-        while _length(start, points) < length_m and len(points) < 1_000:
+        way = _Way(start)
+        way.extend([self._corner(junction, corner, offset)])
+        while way.length < length_m and len(way.points) < 1_000:
             steps = self._steps(junction, corner)
             back = (-d[0], -d[1])
             d = stream.choice([s for s in steps if s != back] or steps)
@@ -127,8 +145,8 @@ class StreetGrid:
             else:
                 junction = (junction[0] + d[0], junction[1] + d[1])
                 corner = (corner[0] - 2 * d[0], corner[1] - 2 * d[1])
-            points.append(self._corner(junction, corner, offset))
-        return _cut((start.x, start.y), points, length_m)
+            way.extend([self._corner(junction, corner, offset)])
+        return _cut((start.x, start.y), way.points, length_m)
 
     def _lane_ahead(self, start: Pose) -> tuple[Cell, Cell]:
         """The direction of travel along the nearest street, and the junction ahead."""
@@ -170,12 +188,3 @@ class StreetGrid:
         crossings = [(-corner[0], 0), (0, -corner[1])]
         along = [(corner[0], 0), (0, corner[1])]
         return crossings + [a for a in along if self.exists((junction[0] + a[0], junction[1] + a[1]))]
-
-
-def _length(start: Pose, points: list[XY]) -> float:
-    total, at = 0.0, (start.x, start.y)
-    for p in points:
-        dx, dy = p[0] - at[0], p[1] - at[1]
-        total += math.sqrt(dx * dx + dy * dy)
-        at = p
-    return total
