@@ -61,11 +61,11 @@ def _cast(scene: ScenePlan) -> Iterator[str]:
         yield "two actors have one instance number"
     for actor in scene.actors:
         points = [actor.start.x, actor.start.y, actor.start.z, *(v for p in actor.route for v in (p.x, p.y))]
-        if len(actor.route) > MOST_POINTS or _beyond([*points, *actor.shape.values(), actor.speed]):
-            yield f"actor {actor.name}: its start, route or shape is out of bounds"
+        if len(actor.route) > MOST_POINTS or _beyond([*points, actor.speed]):
+            yield f"actor {actor.name}: its start, route or speed is out of bounds"
     for element in scene.town.elements:
         pose = element.pose
-        if _beyond([pose.x, pose.y, pose.z, *element.size, *element.shape.values()]):
+        if _beyond([pose.x, pose.y, pose.z, *element.size]):
             yield f"{element.name} of the town is out of bounds"
 
 

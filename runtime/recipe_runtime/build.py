@@ -143,7 +143,7 @@ class _Studio:
             self.progress("render", so_far, total)
 
         self.progress("render", 0, total)
-        job = Job(self.dataset, self.engines, self.device, self.cache, work.dataset)
+        job = Job(self.dataset, self.engines, self.device, self.cache, work.dataset, resumes=True)
         for stage, seconds in pool.run(job, todo, workers, done, tick).items():
             self.watch.add(stage, seconds)
         return len(shards) - len(todo), len(shards)

@@ -1,25 +1,26 @@
-"""Worker processes on this host: spawned, pinned to one thread each, and gone when the build is.
+"""Worker processes on this host: pinned to one thread each, and gone when the build is.
 
-Each has a pipe of its own. A worker leaves interrupts to the build, which ends all workers at once; and it watches
-the build's process, so that none outlives it, whatever ended it.
+Each is a fresh interpreter with a pipe of its own. It is started with interrupts blocked and ignores them from then
+on: they are the build's, which ends all workers at once. And it watches a pipe whose other end the build alone holds,
+so that none outlives the build, whatever ended that.
 """
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
-from multiprocessing.reduction import ForkingPickler
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection, Pipe, wait
 from typing import Any, TypeAlias
 
 from recipe_compiler.errors import RecipeError, RunError
 
+from recipe_runtime import children
 from recipe_runtime.schedule import Shard
 from recipe_runtime.worker import FrameRecord, Job, Worker
 
@@ -32,7 +33,7 @@ _PINNED = {
 
 Done = Callable[[Shard, list[FrameRecord]], None]
 Seconds = dict[str, float]
-Pipe: TypeAlias = "Connection[Any, Any]"
+End: TypeAlias = "Connection[Any, Any]"
 
 
 def run(job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Callable[[int], None]) -> Seconds:
@@ -57,25 +58,31 @@ class _WorkerError(Exception):
 
 class _Pool:
     def __init__(self, job: Job, workers: int) -> None:
-        self._dataset = job.dataset
-        self._processes: dict[Pipe, BaseProcess] = {}
-        self._busy: dict[Pipe, Shard] = {}
+        self._job = job
+        self._processes: dict[End, subprocess.Popen[bytes]] = {}
+        self._busy: dict[End, Shard] = {}
         self._seconds: Seconds = {}
-        context = multiprocessing.get_context("spawn")
+        watched, self._alive = os.pipe()
         try:
-            with _pinned_environment():
+            with _interrupts_blocked():
                 for _ in range(workers):
-                    ours, theirs = context.Pipe()
-                    process = context.Process(target=_serve, args=(theirs,), daemon=True)
-                    process.start()
-                    theirs.close()
-                    self._processes[ours] = process
-            blob = bytes(ForkingPickler.dumps(job))
+                    self._start(watched)
             for pipe in self._processes:
-                pipe.send_bytes(blob)
+                with _as_loss(self, pipe):
+                    pipe.send(job)
         except BaseException:
             self._stop()
             raise
+        finally:
+            os.close(watched)
+
+    def _start(self, watched: int) -> None:
+        ours, theirs = Pipe()
+        with theirs:
+            ends = theirs.fileno(), watched
+            command = children.command("recipe_runtime.pool", "serve", *map(str, ends))
+            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=ends, env={**os.environ, **_PINNED})
+        self._processes[ours] = process
 
     def run(self, shards: Iterable[Shard], done: Done, tick: Callable[[int], None]) -> Seconds:
         rest = iter(shards)
@@ -90,18 +97,17 @@ class _Pool:
             self._stop()
         return self._seconds
 
-    def _feed(self, pipe: Pipe, rest: Iterator[Shard]) -> None:
+    def _feed(self, pipe: End, rest: Iterator[Shard]) -> None:
         self._busy.pop(pipe, None)
         shard = next(rest, None)
         if shard is not None:
-            pipe.send(shard)
             self._busy[pipe] = shard
+            with _as_loss(self, pipe):
+                pipe.send(shard)
 
-    def _hear(self, pipe: Pipe, rest: Iterator[Shard], done: Done, tick: Callable[[int], None]) -> None:
-        try:
+    def _hear(self, pipe: End, rest: Iterator[Shard], done: Done, tick: Callable[[int], None]) -> None:
+        with _as_loss(self, pipe):
             kind, body = pipe.recv()
-        except (EOFError, ConnectionError):
-            raise self._lost(pipe) from None
         if kind == "tick":
             tick(body)
         elif kind == "failed":
@@ -114,29 +120,44 @@ class _Pool:
             done(self._busy[pipe], records)
             self._feed(pipe, rest)
 
-    def _lost(self, pipe: Pipe) -> RunError:
-        shard, process = self._busy[pipe], self._processes[pipe]
-        process.join(5)
-        names = ", ".join(self._dataset.variants[i].variant for i in shard.variants[:3])
-        where = f"{names}, frames {shard.frames[0]} to {shard.frames[-1]}"
-        return RunError(
-            f"{where}: a worker process was lost (exit {process.exitcode}; -9 is often memory running out); "
-            "build again with fewer workers: what is done is kept"
-        )
+    def lost(self, pipe: End) -> RunError:
+        """The error that a worker's end is, with what it was at."""
+        process, shard = self._processes[pipe], self._busy.get(pipe)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(5)
+        what = f"a worker process was lost (exit {process.returncode}; -9 is often memory running out)"
+        remedy = f"with fewer workers, {self._job.again}"
+        if shard is None:
+            return RunError(f"{what}; {remedy}")
+        names = ", ".join(self._job.dataset.variants[i].variant for i in shard.variants[:3])
+        return RunError(f"{names}, frames {shard.frames[0]} to {shard.frames[-1]}: {what}; {remedy}")
 
     def _stop(self) -> None:
         for process in self._processes.values():
             process.kill()
         for pipe, process in self._processes.items():
-            process.join()
+            process.wait()
             pipe.close()
+        os.close(self._alive)
 
 
-def _serve(pipe: Pipe) -> None:
-    """A worker's life: take the job, then shards until the pipe closes."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+@contextmanager
+def _as_loss(pool: _Pool, pipe: End) -> Iterator[None]:
+    """Whatever fails on the way to or from a worker means that it is gone."""
     try:
-        worker = Worker(ForkingPickler.loads(pipe.recv_bytes()))
+        yield
+    except (EOFError, OSError):
+        raise pool.lost(pipe) from None
+
+
+def serve() -> None:
+    """A worker's life: take the job, then shards until the pipe closes. Its arguments are the two pipes' numbers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    work, watched = map(int, sys.argv[1:])
+    threading.Thread(target=_end_with_parent, args=(watched,), daemon=True).start()
+    pipe: End = Connection(work)
+    try:
+        worker = Worker(pipe.recv())
         while True:
             pipe.send(_answer(worker, pipe.recv(), lambda count: pipe.send(("tick", count))))
             worker.watch.seconds.clear()
@@ -153,25 +174,16 @@ def _answer(worker: Worker, shard: Shard, tick: Callable[[int], None]) -> tuple[
         return "failed", (str(error), traceback.format_exc())
 
 
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    wait([parent.sentinel])
+def _end_with_parent(watched: int) -> None:
+    os.read(watched, 1)  # returns when the last writer, the build, is gone
     os._exit(1)
 
 
 @contextmanager
-def _pinned_environment() -> Iterator[None]:
-    """What a spawned process inherits is the environment and the signal mask of now: interrupts stay with us."""
-    before = {name: os.environ.get(name) for name in _PINNED}
+def _interrupts_blocked() -> Iterator[None]:
+    """What a process inherits is the signal mask of now; an interrupt that comes meanwhile is ours, a little later."""
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    os.environ.update(_PINNED)
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name)
-            else:
-                os.environ[name] = value

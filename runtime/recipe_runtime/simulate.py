@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from recipe_compiler.errors import RunError
 from recipe_compiler.plan import ScenePlan
 
+from recipe_runtime import children
 from recipe_runtime.trace import METRE, UNIT, Trace
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def simulate(scene: ScenePlan, progress: Progress | None = None, *, timeout: flo
     """The motion of a scene. `progress` hears (steps done, steps in all). RunError if the child fails or hangs."""
     environment = {**os.environ, **PINNED}
     environment.pop("LD_PRELOAD", None)
-    command = [sys.executable, "-X", "utf8", "-m", "recipe_runtime.simulate"]
+    command = children.command("recipe_runtime.simulate", "main")
     with tempfile.TemporaryFile() as errors:
         child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, env=environment)
         timer = threading.Timer(timeout, child.kill)
@@ -161,6 +162,8 @@ class _Record:
 
 
 def _snap(values: NDArray[np.float64], grid: int) -> NDArray[np.int64]:
+    if not np.isfinite(values).all():
+        raise RunError("a body left the world: its position or velocity is no number; move what touches it apart")
     return np.floor(values * grid + 0.5).astype(np.int64)
 
 
@@ -176,12 +179,8 @@ def _serve(plan: IO[bytes], answer: IO[Any]) -> None:
     answer.flush()
 
 
-def _main() -> None:
-    """Answer on the real standard output; whatever else prints goes to standard error."""
+def main() -> None:
+    """What the child runs: answer on the real standard output; whatever else prints goes to standard error."""
     answer = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     _serve(sys.stdin.buffer, answer)
-
-
-if __name__ == "__main__":
-    _main()

@@ -31,13 +31,22 @@ FrameRecord = dict[str, Any]
 
 @dataclass(frozen=True)
 class Job:
-    """What every worker of one build knows. `root` is the folder to write in; None: digests only."""
+    """What every worker knows. `root` is the folder to write in; None: digests only.
+
+    `resumes`: a build, which takes up what was done before it failed.
+    """
 
     dataset: DatasetPlan
     engines: Engines
     device: str
     cache: Path
     root: Path | None
+    resumes: bool = False
+
+    @property
+    def again(self) -> str:
+        """What to do after a failure."""
+        return "build again: what is done is kept" if self.resumes else "try again"
 
 
 @dataclass
@@ -81,8 +90,8 @@ class Worker:
             except Exception as error:
                 where = f"{self._job.dataset.variants[shard.variants[0]].variant}, {view.sensor.name}, frame {frame}"
                 if isinstance(error, OSError) and error.filename is not None:
-                    message = f"{where}: cannot write: {error.strerror}; free some space or allow writing, then build"
-                    raise RunError(f"{message} again: what is done is kept") from error
+                    remedy = f"free some space or allow writing, then {self._job.again}"
+                    raise RunError(f"{where}: cannot write: {error.strerror}; {remedy}") from error
                 raise RunError(f"{where}: {type(error).__name__}: {error}") from error
             tick(len(shard.variants))
         return records

@@ -8,8 +8,11 @@ import random
 import signal
 import subprocess
 import sys
+import textwrap
 import time
+from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -172,7 +175,8 @@ def slow_build(folder: Path) -> tuple[subprocess.Popen[bytes], list[Path]]:
     """A build in a process of its own that has finished three shards and has more to do; and its children."""
     code = BUILD_SLOWLY.format(folder=str(folder))
     with (folder / "stderr").open("wb") as errors:
-        process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stderr=errors)
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # workers import the fakes, and nothing of their folder
+        process = subprocess.Popen([sys.executable, "-c", code], cwd=folder, stderr=errors, env=environment)
     deadline = time.monotonic() + 30
     while len(list(folder.glob(".tiny.partial/shards/*.json"))) < 3:
         assert process.poll() is None and time.monotonic() < deadline
@@ -264,6 +268,49 @@ def test_an_error_names_variant_sensor_and_frame(tmp_path: Path, workers: int) -
 def test_a_lost_worker_is_an_error_that_says_so(tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"weather=w0,jitter=still.*frames 5 to 9: a worker process was lost \(exit -9"):
         again(tmp_path, engines=DYING, workers=1)
+
+
+def test_what_is_not_kept_is_not_said_to_be(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"a worker process was lost .* with fewer workers, try again$"):
+        locking.lock(dataset_plan(), "", {}, workers=1, progress=lambda *_: None, engines=DYING)
+
+
+def test_a_worker_that_was_lost_between_two_shards_is_an_error_that_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The build's next word finds no listener."""
+    sends, sent = Connection.send, []
+
+    def lose(pipe: Any, value: Any) -> None:
+        sent.append(value)
+        if len(sent) == 3:  # the job, a shard, and this
+            raise BrokenPipeError(32, "Broken pipe")
+        sends(pipe, value)
+
+    monkeypatch.setattr(Connection, "send", lose)
+    with pytest.raises(RunError, match=r"frames 5 to 9: a worker process was lost .* build again: what is done"):
+        again(tmp_path, workers=1)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+def test_an_interrupt_while_workers_start_is_silent(tmp_path: Path, delay: float) -> None:
+    """The whole group hears it, as from a terminal; the build alone answers."""
+    code = textwrap.indent(BUILD_SLOWLY.format(folder=str(tmp_path)), "    ")
+    process = subprocess.Popen(
+        [sys.executable, "-c", f"try:\n{code}\nexcept KeyboardInterrupt:\n    raise SystemExit(130)"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    while not children.read_text():
+        assert process.poll() is None
+        time.sleep(0.005)
+    time.sleep(delay)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=20)
+    assert (process.returncode, errors) == (130, b"")
 
 
 def test_a_full_disk_is_an_error_and_what_is_done_is_kept(

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from recipe_compiler.compile import compile_recipe
 from recipe_compiler.errors import InputError
 from recipe_compiler.plan import SensorPlan
 from recipe_runtime import dataset as datasets
@@ -21,6 +22,7 @@ from recipe_runtime.layout import expected_files
 from recipe_runtime.manifest import is_whole
 
 from tests.runtime import fakes
+from tests.sources import ROOT
 
 PLAN = fakes.dataset_plan(frames=4)
 STREET = "weather=w0,jitter=still/street"
@@ -149,6 +151,11 @@ def test_another_order_than_the_plans_is_refused(copy: Path) -> None:
     first.write_bytes(second.read_bytes())
     with pytest.raises(InputError, match="is the plan of"):
         datasets.read(copy)
+
+
+@pytest.mark.parametrize("recipe", sorted((ROOT / "recipes").rglob("*.yaml")), ids=lambda path: path.stem)
+def test_every_recipes_plan_is_within_bounds(recipe: Path) -> None:
+    check_bounds(compile_recipe(recipe, allow_large=True).plan)
 
 
 def street(**values: Any) -> SensorPlan:

@@ -1,0 +1,18 @@
+"""Python processes of our own: this interpreter, this process's import path, and nothing of the current folder.
+
+`python -m` and `python -c` put the current folder first on the import path, so that a `numpy.py` beside a recipe would
+be run. A child's first statement sets the path of its parent, without the entry that stands for the current folder.
+"""
+
+from __future__ import annotations
+
+import sys
+
+_BOOT = "import sys; sys.path[:] = sys.argv[{count}:]; sys.argv[{count}:] = []; from {module} import {name}; {name}()"
+
+
+def command(module: str, name: str, *arguments: str) -> list[str]:
+    """The command line that imports `name` from a module and calls it; the arguments are its `sys.argv[1:]`."""
+    path = [entry for entry in sys.path if entry]
+    boot = _BOOT.format(count=len(arguments) + 1, module=module, name=name)
+    return [sys.executable, "-X", "utf8", "-c", boot, *arguments, *path]
