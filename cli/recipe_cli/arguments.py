@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +12,7 @@ import click
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
+    from recipe_compiler.errors import Problem
     from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 
 RECIPE = click.argument("recipe", type=click.Path(path_type=Path))
@@ -26,8 +29,29 @@ def compile_quietly(path: Path, *, allow_large: bool = False, free_disk: int | N
 
     compiled = compile_recipe(path, allow_large=allow_large, free_disk=free_disk)
     for warning in compiled.warnings:
-        click.echo(f"{warning.place}: warning: {warning.message}" if warning.place else f"warning: {warning}", err=True)
+        print_warning(warning)
     return compiled
+
+
+def print_warning(warning: Problem) -> None:
+    """One line on standard error."""
+    click.echo(f"{warning.place}: warning: {warning.message}" if warning.place else f"warning: {warning}", err=True)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Around the making and writing of a file.
+
+    InputError at once if its folder is not there, before any work; RunError if the host will not have it.
+    """
+    from recipe_compiler.errors import InputError, RunError
+
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}; make it first")
+    try:
+        yield
+    except OSError as error:
+        raise RunError(f"{path} cannot be written: {error.strerror or error}; choose another place") from None
 
 
 def variant_named(plan: DatasetPlan, name: str | None) -> ScenarioPlan:

@@ -25,7 +25,8 @@ class Progress:
         if stage != self._stage:
             self._close()
             self._stage, self._done = stage, 0
-            self._bar = click.progressbar(length=max(total, 1), label=f"{stage:<9}", file=sys.stderr, show_pos=True)
+            label = f"{stage:<9}"
+            self._bar = click.progressbar(length=max(total, 1), label=label, file=sys.stderr, show_pos=True, width=0)
             self._bar.__enter__()
         self._bar.length = max(total, 1)
         self._bar.update(done - self._done)
@@ -35,9 +36,11 @@ class Progress:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._close()
+        self._close(interrupted=kind is not None and issubclass(kind, KeyboardInterrupt))
 
-    def _close(self) -> None:
-        if self._bar is not None:
+    def _close(self, interrupted: bool = False) -> None:
+        if self._bar is not None and interrupted:  # the command line ends the line itself, where Ctrl-C shows
+            click.echo("\x1b[?25h", file=sys.stderr, nl=False)
+        elif self._bar is not None:
             self._bar.__exit__(None, None, None)
-            self._bar = None
+        self._bar = None

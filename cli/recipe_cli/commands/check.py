@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import JSON, compile_quietly, print_json
+from recipe_cli.arguments import JSON, print_json, print_warning
+
+if TYPE_CHECKING:
+    from recipe_compiler.errors import Problem
 
 
 @click.command("check")
@@ -14,29 +18,51 @@ from recipe_cli.arguments import JSON, compile_quietly, print_json
 @JSON
 def command(recipes: tuple[Path, ...], as_json: bool) -> None:
     """Read RECIPES and report every mistake in them, each as one line: file:line:column, what, remedy."""
-    from recipe_compiler.errors import InputError, Problem
+    from recipe_compiler.errors import InputError
 
-    problems: list[Problem] = []
+    problems: list[tuple[Path, Problem]] = []
+    warnings: list[tuple[Path, Problem]] = []
     for path in recipes:
         try:
-            compiled = compile_quietly(path)
+            count, found = _checked(path)
         except InputError as error:
-            problems += error.problems
+            problems += [(path, problem) for problem in error.problems]
             continue
+        warnings += [(path, warning) for warning in found]
         if not as_json:
-            count = len(compiled.plan.variants)
+            for warning in found:
+                print_warning(warning)
             click.echo(f"{path}: in order, {count} variant{'s' if count != 1 else ''}")
     if as_json:
-        rows = [
-            {
-                "message": p.message,
-                "file": p.place and p.place.file,
-                "line": p.place and p.place.line,
-                "column": p.place and p.place.column,
-            }
-            for p in problems
-        ]
-        print_json({"ok": not problems, "problems": rows})
+        rows = {"problems": [_row(*each) for each in problems], "warnings": [_row(*each) for each in warnings]}
+        print_json({"ok": not problems, **rows})
         raise click.exceptions.Exit(2 if problems else 0)
     if problems:
-        raise InputError(problems)
+        raise InputError([problem for _, problem in problems])
+
+
+def _checked(path: Path) -> tuple[int, list[Problem]]:
+    """How many variants a recipe has and what to warn of; that it is large is no mistake."""
+    from recipe_compiler.compile import compile_recipe
+    from recipe_compiler.errors import Problem
+    from recipe_compiler.limits import TooLargeError
+
+    try:
+        compiled = compile_recipe(path)
+        return len(compiled.plan.variants), list(compiled.warnings)
+    except TooLargeError as large:
+        note = Problem(f"{path}: {'; '.join(large.reasons)}; `recipe plan` and `recipe build` need --allow-large")
+        if large.cost.over_to_compile():
+            return large.cost.variants, [note]
+        compiled = compile_recipe(path, allow_large=True)
+        return large.cost.variants, [note, *compiled.warnings]
+
+
+def _row(path: Path, problem: Problem) -> dict[str, object]:
+    place = problem.place
+    return {
+        "message": problem.message,
+        "file": place.file if place else str(path),
+        "line": place.line if place else None,
+        "column": place.column if place else None,
+    }

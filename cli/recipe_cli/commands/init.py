@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shlex
 from pathlib import Path
 
 import click
@@ -13,18 +15,33 @@ import click
 @click.option("--dir", "folder", type=click.Path(path_type=Path, file_okay=False), default=Path(), show_default=True)
 def command(name: str, folder: Path) -> None:
     """Write NAME.yaml: two pedestrians, a street camera, three weathers; and what to run next."""
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.errors import InputError, RunError
     from recipe_compiler.schema import template
 
-    if not re.fullmatch(r"[a-z][a-z0-9_]{0,63}", name):
-        raise InputError(
-            f"{name!r} cannot name a recipe: use a-z, 0-9 and _, starting with a letter, such as rain_bench"
-        )
+    _check_name(name)
     path = folder / f"{name}.yaml"
-    if path.exists():
-        raise InputError(f"{path} is there already; choose another name, or remove it")
-    folder.mkdir(parents=True, exist_ok=True)
-    path.write_text(template(name))
+    try:
+        if os.path.lexists(path):
+            raise InputError(f"{path} is there already; choose another name, or remove it")
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(template(name), encoding="utf-8")
+    except OSError as error:
+        raise RunError(f"{path} cannot be written: {error.strerror or error}; choose another --dir") from None
     click.echo(f"{path} written. Next:")
-    for line in (f"recipe plan {path}", f"recipe shot {path} -o shot.png", f"recipe build {path}"):
+    shown = shlex.quote(str(path))
+    for line in (f"recipe plan {shown}", f"recipe shot {shown} -o shot.png", f"recipe build {shown}"):
         click.echo(f"  {line}")
+
+
+def _check_name(name: str) -> None:
+    """InputError unless the language allows the name."""
+    from recipe_compiler.errors import InputError
+    from recipe_compiler.schema.models import NAME, NAME_LENGTH
+
+    def allowed(text: str) -> bool:
+        return re.fullmatch(NAME.strip("^$"), text) is not None and len(text) <= NAME_LENGTH
+
+    if not allowed(name):
+        stem = Path(name).stem
+        rule = f"letters, digits, _ and - only, a letter or digit first, at most {NAME_LENGTH}"
+        raise InputError(f"{name!r} cannot name a recipe: {rule}; try {stem if allowed(stem) else 'rain_bench'!r}")

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from recipe_cli.arguments import writing
+
 
 @click.command("schema")
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="Write it to this file.")
@@ -19,5 +21,6 @@ def command(output: Path | None) -> None:
     if output is None:
         click.echo(text)
     else:
-        output.write_text(text + "\n")
+        with writing(output):
+            output.write_text(text + "\n", encoding="utf-8")
         click.echo(f"{output} written", err=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, variant_named
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, variant_named, writing
 
 
 @click.command("shot")
@@ -29,14 +29,19 @@ def command(
     as_json: bool,
 ) -> None:
     """Render one frame of RECIPE into a PNG: the very pixels of the full build (depth and labels in colours)."""
+    from recipe_compiler.errors import InputError
+
+    if output is not None and output.suffix.lower() != ".png":
+        raise InputError(f"{output}: a shot is a PNG; give --output a name that ends in .png")
     plan = compile_quietly(recipe, allow_large=allow_large).plan
     scenario = variant_named(plan, variant)
     from recipe_runtime.shot import shot
 
-    made = shot(scenario, sensor, frame, modality)
-    name = f"{plan.recipe}-{scenario.variant.replace('.', '_')}-{made.sensor}-{made.modality}-{made.frame:06d}.png"
-    path = output or Path(name)
-    made.write(path)
+    with writing(output or Path("shot.png")):  # a folder that is not there is said before the work
+        made = shot(scenario, sensor, frame, modality)
+        name = f"{plan.recipe}-{scenario.variant.replace('.', '_')}-{made.sensor}-{made.modality}-{made.frame:06d}.png"
+        path = output or Path(name)
+        made.write(path)
     if as_json:
         print_json(
             {"file": str(path), "variant": scenario.variant, "sensor": made.sensor, "frame": made.frame}

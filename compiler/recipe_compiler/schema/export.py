@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import copy
+import json
 from pathlib import Path
 from typing import Any
 
 from recipe_compiler import weather
 from recipe_compiler.schema.models import NAME, Base, Recipe
+from recipe_compiler.source import parse
 
 _SHORTHANDS = {"Town": "name", "Weather": "preset"}
 
@@ -73,4 +75,6 @@ def _redirected(value: Any) -> Any:
 def template(name: str) -> str:
     """The text of a new recipe of that name: commented, complete, good to edit."""
     text = (Path(__file__).parent / "template.yaml").read_text(encoding="utf-8")
-    return text.replace("recipe: my_dataset  ", f"recipe: {name}".ljust(20))
+    plain, problems = parse(f"recipe: {name}\n".encode(), "")
+    bare = plain is not None and not problems and plain.plain == {"recipe": name}  # not so `no`, or `12`
+    return text.replace("recipe: my_dataset  ", f"recipe: {name if bare else json.dumps(name)} ".ljust(20))

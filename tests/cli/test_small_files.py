@@ -1,0 +1,124 @@
+"""The commands that write one small file, or none: names, folders and hosts that will not have it; and the bar."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from recipe_cli.commands import check, init, schema, shot
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.errors import InputError, RunError
+
+from tests.compiler.kitchen import small
+
+
+@pytest.mark.parametrize("name", ["rain_bench", "rain-bench", "Rain2", "no", "12", "null", "a" * 64, "long_name_of_it"])
+def test_any_name_that_the_language_allows_makes_a_recipe(tmp_path: Path, name: str) -> None:
+    done = CliRunner().invoke(init.command, [name, "--dir", str(tmp_path / "new")], catch_exceptions=False)
+    assert done.exit_code == 0
+    assert compile_recipe(tmp_path / "new" / f"{name}.yaml").plan.recipe == name
+
+
+@pytest.mark.parametrize(
+    ("name", "nearest"), [("x.yaml", "'x'"), ("../x", "'x'"), ("my dataset", "'rain_bench'"), ("", "'rain_bench'")]
+)
+def test_any_other_name_is_refused_with_one_that_would_do(tmp_path: Path, name: str, nearest: str) -> None:
+    with pytest.raises(InputError, match=f"cannot name a recipe: .*; try {nearest}$"):
+        CliRunner().invoke(init.command, [name, "--dir", str(tmp_path)], catch_exceptions=False)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_host_that_will_not_have_a_file_is_told_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "full.json").symlink_to("/dev/full")
+    for command, arguments in (
+        (init.command, ["x", "--dir", "/proc"]),
+        (init.command, ["x", "--dir", "/proc/1/new"]),
+        (schema.command, ["-o", "/proc/x.json"]),
+        (schema.command, ["-o", str(tmp_path / "full.json")]),
+    ):
+        with pytest.raises(RunError, match="cannot be written: ") as caught:
+            CliRunner().invoke(command, arguments, catch_exceptions=False)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_folder_that_is_not_there_is_said_and_not_made(tmp_path: Path) -> None:
+    (tmp_path / "r.yaml").write_text(json.dumps(small()))
+    for command, arguments in ((schema.command, []), (shot.command, [str(tmp_path / "r.yaml")])):
+        with pytest.raises(InputError, match=r"new/x\.png: there is no folder .*new; make it first"):
+            CliRunner().invoke(command, [*arguments, "-o", str(tmp_path / "new/x.png")], catch_exceptions=False)
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_shot_is_a_png(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"x\.jpg: a shot is a PNG"):
+        CliRunner().invoke(shot.command, ["missing.yaml", "-o", str(tmp_path / "x.jpg")], catch_exceptions=False)
+
+
+def test_check_warns_of_a_large_recipe(tmp_path: Path) -> None:
+    path = tmp_path / "large.yaml"
+    still = {"street": {"mount": {"z": 2}, "camera": {"width": 16, "height": 16}, "capture": ["rgb"]}}
+    for recipe, says in (
+        (small(clock={"fps": 10, "frames": 60_000}, sensors=still) | {"sweep": {"repeats": 2}}, "120000 frames are"),
+        (small() | {"sweep": {"repeats": 10_000}}, "s of compiling alone are over"),
+    ):
+        path.write_text(json.dumps(recipe))
+        done = CliRunner().invoke(check.command, [str(path)], catch_exceptions=False)
+        assert done.exit_code == 0
+        assert f"{path}: in order, {recipe['sweep']['repeats']} variants\n" in done.stdout
+        assert says in done.stderr and "`recipe plan` and `recipe build` need --allow-large" in done.stderr
+
+
+def test_check_as_json_holds_warnings_and_the_file_of_every_problem(tmp_path: Path) -> None:
+    path, missing = tmp_path / "r.yaml", tmp_path / "missing.yaml"
+    draw = {"draw": {"count": 1, "values": {"weather.wetness": {"uniform": [0, 9]}}}}
+    path.write_text(json.dumps(small() | {"deltas": {"w": {"wet": {"weather": {"wetness": 9}}}}, "sweep": draw}))
+    done = CliRunner().invoke(check.command, ["--json", str(path), str(missing)], catch_exceptions=False)
+    answer = json.loads(done.stdout)
+    assert (done.exit_code, done.stderr) == (2, "")
+    assert [row["file"] for row in answer["problems"]] == [str(missing)]
+    (warning,) = answer["warnings"]
+    assert warning["message"] == "axis w and sweep.draw both set weather.wetness; the draw wins"
+    assert (warning["file"], warning["line"]) == (str(path), 1)
+
+
+_BAR = """
+from recipe_cli.progress import Progress
+with Progress() as progress:
+    progress("render", 1, 2)
+    if {interrupt}:
+        raise KeyboardInterrupt
+    progress("render", 2, 2)
+"""
+
+
+@pytest.mark.parametrize("columns", [50, 160])
+def test_a_bar_fits_the_terminal(columns: int) -> None:
+    lines = on_a_terminal(_BAR.format(interrupt=False), columns).replace("\r", "\n").splitlines()
+    assert max(map(len, lines)) in range(columns - 8, columns + 1)
+
+
+def test_an_interrupted_bar_leaves_its_line_to_be_ended() -> None:
+    assert on_a_terminal(_BAR.format(interrupt=True), 80).split("Traceback")[0].count("\n") == 0
+    assert on_a_terminal(_BAR.format(interrupt=False), 80).endswith("\n")
+
+
+def on_a_terminal(program: str, columns: int) -> str:
+    """What a program writes to standard error when that is a terminal so wide; escapes left out."""
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "COLUMNS": str(columns), "LINES": "24"}
+    subprocess.run([sys.executable, "-c", program], stderr=theirs, stdout=theirs, env=environment, check=False)
+    os.close(theirs)
+    text = b""
+    try:
+        while chunk := os.read(ours, 4096):
+            text += chunk
+    except OSError:  # how a terminal says that its other end is closed
+        pass
+    os.close(ours)
+    return text.decode().replace("\x1b[?25l", "").replace("\x1b[?25h", "")
