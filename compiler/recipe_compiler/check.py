@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError, create_model
 
 from recipe_compiler import references
 from recipe_compiler.errors import Problem
-from recipe_compiler.schema.messages import nearest, translate
+from recipe_compiler.schema.messages import details, nearest, translate
 from recipe_compiler.schema.models import NAME, NAME_LENGTH, Base, Model
 from recipe_compiler.source import Value, show
 
@@ -72,7 +72,7 @@ class Checker:
 
     def _translate(self, error: ValidationError, merged: Value) -> list[Problem]:
         unknown: dict[tuple[str, str], Problem] = {}
-        for detail in error.errors(include_url=False):
+        for detail in details(error):
             kind, name = (*map(str, detail["loc"]), "", "")[:2]
             if detail["type"] == "missing" and kind in _NAMED and name and name not in self._names[kind]:
                 remedy = f"{nearest(name, sorted(self._names[kind]))} A new one needs {_NEEDS[kind]}"
@@ -81,7 +81,7 @@ class Checker:
         missing = {(kind, name) for kind, name in unknown}
         others = [
             problem
-            for detail, problem in zip(error.errors(include_url=False), translate(error, Base, merged), strict=True)
+            for detail, problem in zip(details(error), translate(error, Base, merged), strict=True)
             if not (detail["type"] == "missing" and tuple(map(str, detail["loc"][:2])) in missing)
         ]
         return [*unknown.values(), *others]

@@ -55,11 +55,28 @@ def nearest(word: str, options: Iterable[str]) -> str:
 
 def translate(error: ValidationError, model: type[BaseModel], root: Value, prefix: Path = ()) -> list[Problem]:
     """The problems of a value that does not fit a model. `prefix` is the value's own path below `root`."""
-    return [_problem(detail, model, root, prefix) for detail in error.errors(include_url=False)]
+    return [_problem(detail, model, root, prefix) for detail in details(error)]
+
+
+def details(error: ValidationError) -> list[ErrorDetails]:
+    """What a validation found, less what only follows from it.
+
+    Pydantic blames a value that fits no member of a union once for each, and a list for those of its items that do
+    not fit as if they were missing.
+    """
+    found: list[ErrorDetails] = []
+    for detail in error.errors(include_url=False):
+        if _is_of_union(detail["loc"]):
+            if any(other["loc"][:-1] == detail["loc"][:-1] for other in found):
+                continue
+        elif detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]:
+            continue
+        found.append(detail)
+    return found
 
 
 def _problem(detail: ErrorDetails, model: type[BaseModel], root: Value, prefix: Path) -> Problem:
-    path = (*prefix, *(step for step in detail["loc"] if not _is_marker(step)))
+    path = (*prefix, *_without_markers(detail["loc"]))
     if "key" in detail.get("ctx", {}):  # an error of a map that one of its keys is to blame for
         path = (*path, detail["ctx"]["key"])
     key_is_wrong = detail["loc"][-1:] == ("[key]",)
@@ -71,11 +88,16 @@ def _problem(detail: ErrorDetails, model: type[BaseModel], root: Value, prefix: 
     return Problem(_message(detail, model, path, key_is_wrong), place)
 
 
-def _is_marker(step: str | int) -> bool:
-    return isinstance(step, str) and (step == "[key]" or step in _UNION_MEMBERS)
-
-
 _UNION_MEMBERS = {"bool", "int", "float", "str"}  # pydantic names the member of a union that it tried
+
+
+def _is_of_union(loc: Path) -> bool:
+    """Whether an error is of one member of a union: only items of lists are unions in this language."""
+    return len(loc) > 1 and loc[-1] in _UNION_MEMBERS and isinstance(loc[-2], int)
+
+
+def _without_markers(loc: Path) -> Path:
+    return tuple(step for step in (loc[:-1] if _is_of_union(loc) else loc) if step != "[key]")
 
 
 def dotted(path: Path) -> str:
@@ -91,7 +113,7 @@ def _message(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wr
     where = dotted(path)
     if kind == "extra_forbidden":
         inside = f" in {dotted(path[:-1])}" if len(path) > 1 else ""
-        keys = fields_at(model, tuple(s for s in detail["loc"][:-1] if not _is_marker(s)))
+        keys = fields_at(model, _without_markers(detail["loc"][:-1]))
         return f"unknown key {show(str(path[-1]))}{inside}; {nearest(str(path[-1]), keys)}"
     if kind == "missing":
         if isinstance(path[-1], int):
@@ -117,6 +139,12 @@ def _message(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wr
         return f"{where}: unknown value {show(value)}; {nearest(str(value), options)}"
     if kind in {"too_short", "too_long"}:
         return _size(where, kind, context)
+    if kind == "string_too_short":
+        return f"{where if not key_is_wrong else dotted(path[:-1])}: an empty text stands for nothing; remove it"
+    if kind == "finite_number":
+        return f"{where}: is not a finite number"
+    if _is_of_union(detail["loc"]):
+        return f"{where}: must be a number, text, true or false, not {'nothing' if value is None else show(value)}"
     return f"{where}: {_type_message(kind, detail, value)}"
 
 

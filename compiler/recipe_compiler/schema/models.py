@@ -15,6 +15,7 @@ MAX_FRAMES = 100_000
 MAX_VARIANTS = 10_000
 MAX_DRAWS = 100_000  # of all variants together
 MAX_SEED = 2**32 - 1
+MAX_DRAWN = 1e15  # bounds of a draw: far beyond any number of the language, and no sum of two overflows
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # names become folders; a dot in one would break consumers of file stems
 BLUEPRINT = r"^[A-Za-z0-9_.?*-]+$"
 NAME_LENGTH = 64
@@ -241,7 +242,8 @@ class Linear(Model):
 
 
 Loose = Field(strict=False)  # a list stands for a tuple
-Range = Annotated[tuple[float, float], Loose, AfterValidator(_forwards)]
+Bound = Annotated[float, Field(ge=-MAX_DRAWN, le=MAX_DRAWN, allow_inf_nan=False)]
+Range = Annotated[tuple[Bound, Bound], Loose, AfterValidator(_forwards)]
 WholeRange = Annotated[tuple[int, int], Loose, AfterValidator(_forwards)]
 Span = Annotated[tuple[Degrees, Degrees], Loose, AfterValidator(_forwards)]
 Sway = Annotated[Span | None, Field(description="[lowest, highest], degrees, added to the mount's.")]
@@ -309,7 +311,7 @@ class Distribution(Model):
     """What a draw takes its value from: exactly one of the four."""
 
     uniform: Annotated[Range | None, Field(description="[low, high].")] = None
-    normal: Annotated[Annotated[tuple[float, float], Loose] | None, Field(description="[mean, deviation].")] = None
+    normal: Annotated[Annotated[tuple[Bound, Bound], Loose] | None, Field(description="[mean, deviation].")] = None
     integer: Annotated[WholeRange | None, Field(description="[low, high], both included.")] = None
     choice: Annotated[
         tuple[bool | int | float | str, ...] | None,
