@@ -29,6 +29,7 @@ from recipe_runtime.manifest import head, is_whole
 from recipe_runtime.schedule import SHARD_FRAMES, Shard, all_shards, simulations, views
 from recipe_runtime.store import Store, default_cache
 from recipe_runtime.trace import Trace
+from recipe_runtime.versions import builder
 from recipe_runtime.worker import Job, Stopwatch
 from recipe_runtime.workspace import Workspace, check_out, read_manifest
 
@@ -65,12 +66,13 @@ def build(
     """
     start, out = time.perf_counter(), out.absolute()
     check_plan(dataset)
+    Workspace.settle(out)
     manifest = read_manifest(out)
     if manifest is not None and is_whole(manifest, dataset, out):
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out)
     studio = _Studio(dataset, engines or real_engines(), device, cache or default_cache(), progress or _silence)
-    with Workspace(out, head(dataset)) as work:
+    with Workspace(out, {**head(dataset), "builder": builder()}) as work:
         harvest = studio.simulate()
         resumed, shards = studio.render(work, harvest, workers, shard_frames)
         files = Finisher(dataset, harvest, work, studio.progress, studio.watch).finish(studio.trace)

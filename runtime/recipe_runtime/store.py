@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import itertools
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -51,7 +52,11 @@ class Store:
 
     def put(self, kind: str, key: str, body: bytes) -> None:
         """Keep an entry; RunError if the folder cannot be written."""
-        with host_errors(f"the cache {self.root}", "set RECIPE_CACHE to another folder"):
+        ours = self.root == default_cache()
+        remedy = (
+            "free some space, or set RECIPE_CACHE to another folder" if ours else "free some space or allow writing"
+        )
+        with host_errors(f"the {'cache' if ours else 'folder'} {self.root}", remedy):
             write_atomic(self.path(kind, key), _seal(body) + b"\n" + body)
 
     def trace(self, scene: ScenePlan, simulate: Callable[[], Trace]) -> Trace:
@@ -78,33 +83,51 @@ def file_sha256(path: Path) -> str:
 
 
 def write_atomic(path: Path, body: bytes | bytearray | memoryview) -> None:
-    """Write a file so that its name only ever stands for the whole of it."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    """Write a file so that its name only ever stands for the whole of it. An OSError names the file."""
+    temporary, handle = _fresh(path)
     try:
-        try:
-            temporary.write_bytes(body)
-        except FileNotFoundError:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            temporary.write_bytes(body)
+        with os.fdopen(handle, "wb") as file:
+            file.write(body)
         temporary.replace(path)
-    except OSError:
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    except BaseException:
         temporary.unlink(missing_ok=True)
         raise
 
 
 def link_or_copy(source: Path, target: Path) -> None:
     """Give a file a second name, as a hard link; a copy where the file system has none. What was there goes."""
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    target.parent.mkdir(parents=True, exist_ok=True)
-    temporary.unlink(missing_ok=True)
+    temporary, handle = _fresh(target)
     try:
-        os.link(source, temporary)
-    except OSError as error:
-        if error.errno not in (errno.EPERM, errno.EXDEV, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS, errno.EACCES):
-            raise
-        shutil.copyfile(source, temporary)
-    temporary.replace(target)
-    temporary.unlink(missing_ok=True)  # rename does nothing if both are one file already
+        os.close(handle)
+        temporary.unlink()  # a link is not made over a file; nobody else takes a name with our number
+        try:
+            os.link(source, temporary)
+        except OSError as error:
+            if error.errno not in _NO_LINKS:
+                raise
+            shutil.copyfile(source, temporary)
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)  # rename does nothing if both are one file already
+
+
+_NO_LINKS = (errno.EPERM, errno.EXDEV, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS, errno.EACCES)
+
+
+def _fresh(path: Path) -> tuple[Path, int]:
+    """A new file beside a path, opened for writing: nobody else's, whatever host or container they write from."""
+    for number in itertools.count():
+        temporary = path.with_name(f".{path.name}.{os.getpid()}.{number}.tmp")
+        try:
+            return temporary, os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        except FileExistsError:
+            continue
+        except FileNotFoundError:
+            path.parent.mkdir(parents=True, exist_ok=True)
+    raise AssertionError("a count has no end")
 
 
 @contextmanager

@@ -39,6 +39,20 @@ def simulation_maker() -> str:
     return digest("maker/1", {"stage": STAGES["simulate"], "tools": host_versions(), "code": code})
 
 
+@cache
+def builder() -> str:
+    """Identity of what builds here: packages, interpreter, and all the code that a frame's record may come from.
+
+    What an earlier build left half done is taken up again only by what would do the same.
+    """
+    import recipe_compiler
+
+    runtime, compiler = Path(__file__).parent, Path(recipe_compiler.__file__).parent
+    sources = [*sorted(runtime.rglob("*.py")), *(compiler / f"{name}.py" for name in ("canonical", "exact", "plan"))]
+    code = [[p.name, digest_bytes("source/1", p.read_bytes())] for p in sources]
+    return digest("builder/1", {"stages": STAGES, "tools": host_versions(), "code": code})
+
+
 def host_versions() -> dict[str, str]:
     """The same, with the interpreter and the C library, on which simulation may depend."""
     python, glibc = ".".join(platform.python_version_tuple()[:2]), platform.libc_ver()[1] or "none"

@@ -1,7 +1,7 @@
 """Where a build works until its dataset is whole: a sibling folder, from which one rename publishes.
 
     .<name>.partial/
-        job.json      which plan and which stages this is the work of
+        job.json      which plan this is the work of, and of which tools and code
         shards/       a record for every finished shard, written when its files are in place
         dataset/      the files so far
         old/          a dataset that is being replaced, for the instant between two renames
@@ -27,7 +27,7 @@ from recipe_compiler.errors import InputError, RunError
 from recipe_runtime import layout
 from recipe_runtime.manifest import listed_files
 from recipe_runtime.schedule import Shard, View
-from recipe_runtime.store import host_errors, link_or_copy, write_atomic
+from recipe_runtime.store import file_sha256, host_errors, link_or_copy, write_atomic
 from recipe_runtime.worker import FrameRecord
 
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
@@ -62,15 +62,18 @@ class Workspace:
         os.close(self._lock)
 
     def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:
-        """The records of a shard that an earlier build finished and whose files are all there; else None."""
+        """The records of a shard that an earlier build finished and whose files have all their bytes; else None."""
         try:
             kept = json.loads(self._record(shard, view).read_text())
             records: list[FrameRecord] = kept["records"]
             rows = [(path, row) for record in records for path, row in record["files"].items()]
-            whole = all((self.dataset / path).stat().st_size == row[0] for path, row in rows)
+            whole = all(self._holds(path, *row) for path, row in rows)
         except (OSError, ValueError, KeyError, TypeError):
             return None
         return records if whole and kept["seal"] == digest("shard-record/1", records) else None
+
+    def _holds(self, path: str, size: int, sha256: str) -> bool:
+        return (self.dataset / path).lstat().st_size == size and file_sha256(self.dataset / path) == sha256
 
     def keep(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
         """Note that a shard's files are in place."""
@@ -87,6 +90,21 @@ class Workspace:
         """Give one of the dataset's files a second name."""
         with host_errors(f"{self._partial}: {other}", _REMEDY):
             link_or_copy(self.dataset / path, self.dataset / other)
+
+    @classmethod
+    def settle(cls, out: Path) -> None:
+        """Finish what a build that ended within `publish` left: put the old dataset back, or clear it away."""
+        work = cls(out, {})
+        if not (work._partial / "old").is_dir():
+            return
+        with host_errors(str(work._partial), _REMEDY):
+            work._take()
+            try:
+                work._recover()
+                if out.exists() and not work.dataset.exists() and (work._partial / "job.json").is_file():
+                    shutil.rmtree(work._partial)
+            finally:
+                os.close(work._lock)
 
     def publish(self, files: set[str]) -> None:
         """Put the dataset of these files into place, in place of the one that was there."""

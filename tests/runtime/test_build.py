@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -230,6 +231,21 @@ def test_a_resumed_build_makes_again_what_was_lost_or_damaged(made: BuildResult,
     assert tree(result.path) == tree(made.path)
 
 
+def test_a_resumed_build_reads_what_it_takes_over(made: BuildResult, tmp_path: Path) -> None:
+    """A disk that lost its power can hold a file of the right size and of the wrong bytes."""
+    picture = stopped(tmp_path) / "dataset/weather=w0,jitter=still/street/rgb/000000.png"
+    picture.write_bytes(bytes(picture.stat().st_size))
+    result = again(tmp_path, workers=0, shard_frames=2)
+    assert result.resumed == 2
+    assert tree(result.path) == tree(made.path)
+
+
+def test_what_other_code_did_is_not_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stopped(tmp_path)
+    monkeypatch.setattr(build_module, "builder", lambda: "another")
+    assert again(tmp_path, workers=0, shard_frames=2).resumed == 0
+
+
 def test_a_changed_record_is_not_believed(made: BuildResult, tmp_path: Path) -> None:
     partial = stopped(tmp_path)
     for record in (partial / "shards").iterdir():
@@ -256,6 +272,16 @@ def test_a_stop_between_the_renames_loses_nothing(made: BuildResult, tmp_path: P
         again(tmp_path, engines=BROKEN, workers=0, shard_frames=2)
     assert json.loads((tmp_path / "tiny" / "manifest.json").read_text()) == old.manifest
     assert tree(again(tmp_path, workers=0).path) == tree(made.path)
+
+
+def test_a_stop_after_the_renames_leaves_nothing_behind(made: BuildResult, tmp_path: Path) -> None:
+    old = again(tmp_path, dataset_plan(weathers=1), workers=0)
+    partial = stopped(tmp_path)
+    old.path.rename(partial / "old")
+    shutil.rmtree(partial / "dataset")
+    shutil.copytree(made.path, tmp_path / "tiny")
+    assert not again(tmp_path, workers=0).built
+    assert not partial.exists()
 
 
 @pytest.mark.parametrize("workers", [0, 1])

@@ -1,6 +1,7 @@
 """The store gives back what was put in, or nothing; names stand for whole files."""
 
 import os
+import resource
 from pathlib import Path
 
 import pytest
@@ -46,16 +47,43 @@ def test_a_scene_is_simulated_once_and_again_when_damaged(tmp_path: Path) -> Non
     assert len(calls) == 2
 
 
-def test_a_full_disk_leaves_neither_file_nor_scrap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(self: Path, body: bytes) -> int:
-        with open(self, "wb") as f:  # noqa: PTH123
-            f.write(body[: len(body) // 2])
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(RunError, match=r"No space left on device; set RECIPE_CACHE"):
-        Store(tmp_path).put("things", KEY, b"x" * 1000)
+@pytest.mark.parametrize("ours", [True, False])
+def test_a_full_disk_leaves_neither_file_nor_scrap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ours: bool) -> None:
+    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path if ours else tmp_path / "elsewhere"))
+    remedy = "free some space, or set RECIPE_CACHE" if ours else "free some space or allow writing$"
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        with pytest.raises(RunError, match=f"File too large; {remedy}"):
+            Store(tmp_path).put("things", KEY, b"x" * 1000)
+        with pytest.raises(OSError, match="File too large") as caught:
+            write_atomic(tmp_path / "picture.png", b"x" * 1000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert caught.value.filename == str(tmp_path / "picture.png")
     assert [p for p in tmp_path.rglob("*") if p.is_file()] == []
+
+
+def test_another_hosts_process_of_our_number_is_left_alone(tmp_path: Path) -> None:
+    """Two containers that share a folder may well share a process number."""
+    theirs = tmp_path / f".a.{os.getpid()}.0.tmp"
+    theirs.write_bytes(b"half a fi")
+    write_atomic(tmp_path / "a", b"whole")
+    link_or_copy(tmp_path / "a", tmp_path / "b")
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {
+        theirs.name: b"half a fi",
+        "a": b"whole",
+        "b": b"whole",
+    }
+
+
+def test_a_file_has_the_users_own_mode(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        write_atomic(tmp_path / "a", b"")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "a").stat().st_mode & 0o777 == 0o640
 
 
 def test_the_environment_names_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

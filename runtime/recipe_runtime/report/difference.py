@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import stat
+import struct
+import warnings
+import zlib
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,50 +16,80 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from recipe_runtime import encode
-from recipe_runtime.store import write_atomic
+from recipe_runtime.store import host_errors, write_atomic
+
+_MODES = ("RGB", "L", "I;16")  # what encode.png writes
+_MOST_SIDE = 4096
+_MOST_BYTES = 2 * _MOST_SIDE * _MOST_SIDE * 4
 
 if TYPE_CHECKING:
     from recipe_runtime.shot import Shot
 
 
 def differing_pixels(one: Path, other: Path) -> int | None:
-    """The number of pixels in which two files differ; None if one cannot be read, or has another shape."""
+    """The number of pixels in which two files differ; None if one cannot be read, or is of another size or kind."""
     a, b = read_pixels(one), read_pixels(other)
-    if a is None or b is None or a.shape != b.shape:
+    if a is None or b is None or not _alike(a, b):
         return None
     return int(np.count_nonzero(_differs(a, b)))
 
 
 def read_pixels(path: Path) -> NDArray[Any] | None:
-    """The pixels of a PNG or `.npy` file; None if it cannot be read."""
+    """The pixels of a PNG or `.npy` file; None if it cannot be read, or is no picture that this project writes.
+
+    The file may be anyone's: a link is not followed, and no header makes this ask for more memory than a picture has.
+    """
     try:
+        found = path.lstat()
+        if not stat.S_ISREG(found.st_mode) or found.st_size > _MOST_BYTES:
+            return None
+        body = io.BytesIO(path.read_bytes())
         if path.suffix == ".npy":
-            array: NDArray[Any] = np.load(path, allow_pickle=False)
-            return array
-        with Image.open(path) as picture:
-            return np.asarray(picture)
-    except (OSError, ValueError, SyntaxError, EOFError):
+            array: NDArray[Any] = np.load(body, allow_pickle=False)
+            return array if array.dtype == np.float32 and array.ndim == 2 else None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Pillow's of large pictures; it reads none that is larger still
+            with Image.open(body, formats=("PNG",)) as picture:
+                return np.asarray(picture) if picture.mode in _MODES and max(picture.size) <= _MOST_SIDE else None
+    except (
+        OSError,
+        ValueError,
+        SyntaxError,
+        EOFError,
+        MemoryError,
+        zlib.error,
+        struct.error,
+        Image.DecompressionBombError,
+    ):
         return None
 
 
 def write_difference(stem: Path, made: Shot, there: Path | None) -> list[Path]:
-    """Write `STEM-actual.png`, and with a file to compare with, `-expected.png` and `-difference.png`: red differs."""
+    """Write `STEM-actual.png`, and with a file to compare with, `-expected.png` and `-difference.png`: red differs.
+
+    RunError if the folder cannot be written.
+    """
     actual = made.picture()
     pictures = {"actual": actual}
     expected = read_pixels(there) if there else None
-    if expected is not None and expected.shape[:2] == actual.shape[:2]:
-        as_carla = made.modality == "depth" and expected.ndim == 3
-        pixels = encode.carla_depth(made.pixels) if as_carla else made.pixels
+    as_carla = expected is not None and made.modality == "depth" and expected.ndim == 3
+    pixels = encode.carla_depth(made.pixels) if as_carla else made.pixels
+    if expected is not None and _alike(pixels, expected):
         faded = (actual // 3).astype(np.uint8)
         faded[_differs(pixels, expected)] = (255, 40, 40)
-        shown = replace(made, pixels=encode.metres_from_carla(expected) if as_carla else expected).picture()
-        pictures |= {"expected": shown, "difference": faded}
+        shown = encode.metres_from_carla(expected) if as_carla else np.nan_to_num(expected)
+        pictures |= {"expected": replace(made, pixels=shown).picture(), "difference": faded}
     paths = []
-    for kind, picture in pictures.items():
-        path = stem.with_name(f"{stem.name}-{kind}.png")
-        write_atomic(path, encode.png(picture))
-        paths.append(path)
+    with host_errors(str(stem.parent), "choose another folder for pictures"):
+        for kind, picture in pictures.items():
+            path = stem.with_name(f"{stem.name}-{kind}.png")
+            write_atomic(path, encode.png(picture))
+            paths.append(path)
     return paths
+
+
+def _alike(a: NDArray[Any], b: NDArray[Any]) -> bool:
+    return a.shape == b.shape and a.dtype == b.dtype
 
 
 def _differs(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:

@@ -5,7 +5,9 @@ Drawn with Pillow, whose fonts and scaling may change; so sheets are in no diges
 
 from __future__ import annotations
 
+import struct
 import warnings
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +16,7 @@ import numpy as np
 import pycocotools.mask
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
+from recipe_compiler.errors import RunError
 
 from recipe_runtime import encode
 from recipe_runtime.annotate.categories import CATEGORIES
@@ -139,8 +142,11 @@ def _caption(pen: ImageDraw.ImageDraw, text: str, corner: tuple[int, int], width
 
 
 def _read(path: Path) -> Image.Image:
-    with Image.open(path) as picture:
-        colour: Image.Image = picture.convert("RGB")
+    try:
+        with Image.open(path) as picture:
+            colour: Image.Image = picture.convert("RGB")
+    except (OSError, SyntaxError, ValueError, EOFError, zlib.error, struct.error) as error:
+        raise RunError(f"{path} was written and cannot be read back ({error}); build again") from error
     return colour
 
 

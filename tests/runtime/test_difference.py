@@ -1,0 +1,108 @@
+"""Two files that should be one picture: counted where they can be, and no header of a stranger's is believed."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from recipe_compiler.errors import RunError
+from recipe_runtime import encode
+from recipe_runtime.harvest import Video
+from recipe_runtime.report.difference import differing_pixels, write_difference
+from recipe_runtime.report.sheets import contact_sheet, overlay_sheet
+from recipe_runtime.shot import Shot
+
+from tests.runtime.fakes import sensor_plan
+
+PIXELS = (np.arange(6 * 8 * 3) * 37 % 256).astype(np.uint8).reshape(6, 8, 3)
+
+
+def png(image: Image.Image) -> bytes:
+    body = io.BytesIO()
+    image.save(body, "PNG")
+    return body.getvalue()
+
+
+def bomb(width: int, height: int) -> bytes:
+    """A small PNG whose header asks for much."""
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    chunks = [(b"IHDR", head), (b"IDAT", zlib.compress(b"")), (b"IEND", b"")]
+    rows = [struct.pack(">I", len(b)) + n + b + struct.pack(">I", zlib.crc32(n + b)) for n, b in chunks]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(rows)
+
+
+def npy(array: np.ndarray) -> bytes:
+    body = io.BytesIO()
+    np.save(body, array)
+    return body.getvalue()
+
+
+STRANGE = {
+    "smaller.png": encode.png(PIXELS[:5]),
+    "grey.png": encode.png(PIXELS[..., 0]),
+    "sixteen.png": encode.png(PIXELS[..., 0].astype(np.uint16)),
+    "alpha.png": png(Image.fromarray(PIXELS).convert("RGBA")),
+    "palette.png": png(Image.fromarray(PIXELS).convert("P")),
+    "one_bit.png": png(Image.fromarray(PIXELS).convert("1")),
+    "large.png": bomb(12_000, 9_000),
+    "larger.png": bomb(200_000, 100_000),
+    "cut.png": encode.png(PIXELS)[:60],
+    "empty.png": b"",
+    "text.png": b"no picture",
+    "bytes.npy": npy(PIXELS),
+    "object.npy": b"\x93NUMPY\x01\x00v\x00{'descr': '|O', 'fortran_order': False, 'shape': (1,), }" + b" " * 58 + b"\n",
+    "vast.npy": npy(np.zeros((1, 1), np.float32)).replace(b"(1, 1), }        ", b"(99999, 99999), }"),
+    "solid.npy": npy(np.zeros((6, 8, 3), np.float32)),
+}
+
+
+@pytest.mark.parametrize("name", STRANGE)
+@pytest.mark.parametrize("modality", ["rgb", "depth"])
+def test_another_size_or_kind_is_no_number_and_no_traceback(tmp_path: Path, name: str, modality: str) -> None:
+    there, ours = tmp_path / name, tmp_path / "ours.png"
+    there.write_bytes(STRANGE[name])
+    ours.write_bytes(encode.png(PIXELS))
+    assert differing_pixels(ours, there) is None
+    pixels = PIXELS if modality == "rgb" else np.ones((6, 8), np.float32)
+    (written,) = write_difference(tmp_path / "out" / "x", Shot("street", 0, modality, pixels), there)
+    assert written.name == "x-actual.png"
+
+
+def test_links_and_folders_are_not_read(tmp_path: Path) -> None:
+    ours = tmp_path / "ours.png"
+    ours.write_bytes(encode.png(PIXELS))
+    (tmp_path / "link.png").symlink_to(ours)
+    (tmp_path / "folder.png").mkdir()
+    for name in ("link.png", "folder.png", "missing.png"):
+        assert differing_pixels(ours, tmp_path / name) is None
+
+
+def test_depth_with_holes_is_drawn(tmp_path: Path) -> None:
+    metres = np.full((6, 8), 7, np.float32)
+    holes = metres.copy()
+    holes[2, 3], holes[4, 5] = np.nan, np.inf
+    (tmp_path / "d.npy").write_bytes(npy(holes))
+    paths = write_difference(tmp_path / "x", Shot("street", 0, "depth", metres), tmp_path / "d.npy")
+    with Image.open(paths[2]) as picture:
+        red = np.argwhere((np.asarray(picture) == (255, 40, 40)).all(axis=-1))
+    assert red.tolist() == [[2, 3], [4, 5]]
+
+
+def test_a_folder_that_cannot_be_written_is_an_error_that_says_so(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RunError, match=r"cannot be written: .*; choose another folder for pictures"):
+        write_difference(tmp_path / "file" / "x", Shot("street", 0, "rgb", PIXELS), None)
+
+
+def test_a_picture_that_cannot_be_read_back_is_no_traceback(tmp_path: Path) -> None:
+    broken = tmp_path / "000000.png"
+    broken.write_bytes(encode.png(PIXELS)[:60])
+    video = Video("a", sensor_plan(), 10, ({"frame": 0, "objects": [], "digests": {"labels": ""}},))
+    for sheet in (contact_sheet, overlay_sheet):
+        with pytest.raises(RunError, match=r"000000.png was written and cannot be read back"):
+            sheet("tiny", [video], lambda video, frame: broken)
