@@ -1,8 +1,9 @@
 """CARLA's weather presets, as numbers.
 
 Source: LibCarla, rpc/WeatherParameters.cpp of release 0.9.16; older releases differ, so plans hold the numbers, never
-the name. CARLA marks a parameter as unset with -1: all of `Default`, and the azimuth of every preset. Unset means the
-engine's own default (Unreal plugin, FWeatherParameters): wind 0.35, sun altitude 75, fog falloff 0.2, the rest 0.
+the name. CARLA marks a parameter as unset with -1: the azimuth of every preset, and of `Default` all but scattering
+(1, Mie 0.03, Rayleigh 0.0331, as in every preset) and dust (0). Unset means the engine's own default (Unreal plugin,
+FWeatherParameters): wind 0.35, sun altitude 75, fog falloff 0.2, the rest 0.
 """
 
 from __future__ import annotations

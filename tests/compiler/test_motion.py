@@ -9,7 +9,14 @@ from recipe_compiler import exact
 from recipe_compiler.motion import poses
 from recipe_compiler.schema.models import Sensor
 
-JITTER = {"x": 0.02, "y": 0.02, "z": 0.02, "yaw": 0.4, "pitch": 0.1, "roll": 0.1}
+JITTER = {
+    "x": 0.02,
+    "y": 0.05,
+    "z": 0.01,
+    "yaw": 0.4,
+    "pitch": 0.1,
+    "roll": 0.25,
+}  # no two alike, or one could be another's
 
 
 def sensor(**motion: Any) -> Sensor:
