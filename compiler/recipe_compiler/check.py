@@ -102,6 +102,7 @@ def check_deltas(root: Value) -> list[Problem]:
                 f"deltas.{axis}: an axis is a map of at least one value, such as `still: {{}}`, not {_given(values)}"
             )
             problems.append(Problem(message, deltas.key_place(axis)))
+        problems += references.alike(values, f"deltas.{axis}")
         for name, delta in values.map.items():
             problems += _check_name(values, name, f"axis {axis}, value")
             if not isinstance(delta.data, dict):

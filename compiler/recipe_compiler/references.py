@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator
 
 from recipe_compiler import blueprints, towns, weather
-from recipe_compiler.errors import Problem
+from recipe_compiler.errors import Place, Problem
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.models import BLUEPRINT, Town
 from recipe_compiler.source import Value, show
@@ -71,9 +71,38 @@ def unknown_carrier(base: Value) -> Iterator[Problem]:
             names += [f"traffic.{kind}.{index}" for index in range(min(number.data, 1000))]
     for name in sensors.map if sensors else ():
         on = _text(base, "sensors", name, "mount", "on")
-        if on is not None and on not in names:
+        if on is not None and on not in names and (removed := _removal(base, "actors", on)) is not None:
+            message = f"the actor {show(on)} is removed here, but sensors.{name} is mounted on it"
+            yield Problem(f"{message}; remove or remount the sensor too", removed)
+        elif on is not None and on not in names:
             message = f"sensors.{name}.mount.on: there is no actor {show(on)}; {nearest(on, names)}"
             yield Problem(message, base.place_of("sensors", name, "mount", "on"))
+
+
+def _removal(base: Value, section: str, name: str) -> Place | None:
+    """Where a delta removes an entry of a section, or the section whole."""
+    entries = base.get(section)
+    if entries is None:
+        return base.keys.get(section)
+    return entries.keys.get(name) if name not in entries.map else None
+
+
+def names_alike(base: Value) -> Iterator[Problem]:
+    """Actors or sensors whose names differ in case only: they become folders, and some disks take them for one."""
+    for section in ("actors", "sensors"):
+        entries = base.get(section)
+        if entries is not None:
+            yield from alike(entries, section)
+
+
+def alike(entries: Value, where: str) -> Iterator[Problem]:
+    """Problems of the keys of a map that differ in case only, each at the later one."""
+    seen: dict[str, str] = {}
+    for name in entries.map:
+        first = seen.setdefault(name.lower(), name)
+        if first != name:
+            message = f"{where}: {show(name)} and {show(first)} differ in case only, which some disks take for one name"
+            yield Problem(f"{message}; rename one", entries.key_place(name))
 
 
 def unknown_day(base: Value) -> Iterator[Problem]:
@@ -93,6 +122,7 @@ CHECKS: tuple[tuple[Callable[[Value], Iterator[Problem]], tuple[str, ...]], ...]
     (unknown_blueprint, ("actors",)),
     (unknown_carrier, ("actors", "traffic", "sensors")),
     (unknown_day, ("place",)),
+    (names_alike, ("actors", "sensors")),
 )
 """Each check with the sections that it looks at."""
 
