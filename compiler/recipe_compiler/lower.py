@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from recipe_compiler import blueprints, exact, motion, placing, sun, towns, weather
+from recipe_compiler import blueprints, cautions, exact, motion, placing, sun, towns, weather
 from recipe_compiler.blueprints import Blueprint
 from recipe_compiler.errors import Problem
 from recipe_compiler.expand import Variant
@@ -68,8 +68,8 @@ class Lowering:
 
     def scenario(self, variant: Variant, base: Base) -> ScenarioPlan | None:
         """The variant's plans; None if it has problems."""
-        parts = (base.clock, base.town, base.actors, base.traffic)
-        scene = self._once(("scene", *map(id, parts), variant.seed), parts, lambda: self._scene(variant, base))
+        cast = (base.clock, base.town, base.actors, base.traffic)
+        scene = self._once(("scene", *map(id, cast), variant.seed), cast, lambda: self._scene(variant, base))
         if scene is None:
             return None
         rig = self._once(
@@ -77,6 +77,10 @@ class Lowering:
             (base.clock, base.sensors),
             lambda: self._rig(variant, base),
         )
+        town = self._town(base.town)
+        seen = ("cameras", id(base.town), id(base.sensors), id(base.clock), variant.seed)
+        parts = (base.town, base.sensors, base.clock)
+        self._once(seen, parts, lambda: self.warnings.extend(cautions.of_cameras(variant.base, rig, town)))
         numbers, where = self._sky(variant, base)
         appearance = AppearancePlan(
             seed=variant.seed,
@@ -98,6 +102,8 @@ class Lowering:
         actors = cast.actors()
         if actors is None:
             return None
+        given = [actor for actor in actors if actor.name in base.actors and base.actors[actor.name].start is not None]
+        self.warnings += cautions.of_starts(variant.base, given, town)
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics)
         # Every colour is a palette's or has been checked; to check and copy a town's again would take the longest here.
         looks = Looks.model_construct(root={**town.looks, **cast.looks})

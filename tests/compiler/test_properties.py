@@ -50,15 +50,24 @@ def test_weather_leaves_scene_and_rig_alone(seed: int, one: Any, other: Any) -> 
 
 
 @quick
-@given(seeds, names, st.booleans(), st.sampled_from(["walker.pedestrian.*", "vehicle.*"]))
-def test_adding_an_actor_changes_no_other(seed: int, name: str, drawn: bool, blueprint: str) -> None:
+@given(seeds, names, st.booleans(), st.sampled_from(["walker.pedestrian.*", "vehicle.*"]), st.integers(0, 2))
+def test_adding_an_actor_changes_no_other(seed: int, name: str, drawn: bool, blueprint: str, position: int) -> None:
+    """Wherever it is put: the others' blueprints, looks, starts and ways. Their numbers, which follow the file, are
+    kept only if it comes last.
+    """
     recipe = small() | {"seed": seed}
     assume(name not in recipe["base"]["actors"])
     recipe["base"]["actors"]["hero2"].pop("start")
     more = copy.deepcopy(recipe)
-    more["base"]["actors"][name] = {"blueprint": blueprint, **({} if drawn else {"start": {"x": 300, "y": 300}})}
+    new = {"blueprint": blueprint, **({} if drawn else {"start": {"x": 300, "y": 300}})}
+    entries = list(more["base"]["actors"].items())
+    entries.insert(position, (name, new))
+    more["base"]["actors"] = dict(entries)
     before, after = only(recipe), only(more)
-    assert by_name(before) == {k: v for k, v in by_name(after).items() if k != name}
+    others = {k: v for k, v in by_name(after).items() if k != name}
+    assert {k: _unnumbered(v) for k, v in by_name(before).items()} == {k: _unnumbered(v) for k, v in others.items()}
+    if position == len(entries) - 1:
+        assert by_name(before) == others
     assert before.rig == after.rig
     looks = {k: v for k, v in after.appearance.looks.root.items() if k != name}
     assert before.appearance == after.appearance.model_copy(update={"looks": Looks(looks)})
@@ -86,6 +95,10 @@ def test_adding_a_sensor_changes_no_other(seed: int, name: str, frames: int) -> 
     assert before.rig.sensors[0] == after.rig.sensors[1]
     assert after.rig.sensors[0].poses[0] != after.rig.sensors[1].poses[0]  # each shakes for itself
     assert before.appearance.responses["street"] == after.appearance.responses["street"]
+
+
+def _unnumbered(actor: ActorPlan) -> ActorPlan:
+    return actor.model_copy(update={"instance": 1})
 
 
 def by_name(plan: ScenarioPlan) -> dict[str, ActorPlan]:

@@ -1,0 +1,67 @@
+"""What a recipe may mean, but hardly does: bodies in one another or far from the town, cameras in the ground."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from recipe_compiler import exact
+from recipe_compiler.errors import Problem
+from recipe_compiler.plan import ActorPlan, RigPlan
+from recipe_compiler.source import Value
+from recipe_compiler.towns import Town
+
+FAR = 100.0  # metres beyond the town's outermost sidewalks
+_SHOULDER = 0.25  # metres, half a pedestrian's width
+
+Disc = tuple[float, float, float]  # x, y, radius
+
+
+def of_starts(base: Value, actors: Sequence[ActorPlan], town: Town) -> Iterator[Problem]:
+    """Warnings of starts that the recipe gives: one that overlaps an earlier one, one far from the town."""
+    xs, ys, edge = town.streets.xs, town.streets.ys, town.streets.edge
+    before: list[tuple[str, list[Disc]]] = []
+    for actor in actors:
+        place = base.place_of("actors", actor.name, "start")
+        x, y = actor.start.x, actor.start.y
+        if max(xs[0] - x, x - xs[-1], ys[0] - y, y - ys[-1]) > edge + FAR:
+            spans = f"x {xs[0] - edge:g} to {xs[-1] + edge:g} and y {ys[0] - edge:g} to {ys[-1] + edge:g}"
+            yield Problem(f"actors.{actor.name}.start: far outside the town, which spans {spans}", place)
+        discs = _discs(actor)
+        other = next((name for name, theirs in before if _touch(discs, theirs)), None)
+        if other is not None:
+            yield Problem(f"actors.{actor.name}.start: its body is in that of {other}; move one of the two", place)
+        before.append((actor.name, discs))
+
+
+def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
+    """Warnings of cameras that are, at any frame, at or below the ground (on an actor: its feet or wheels)."""
+    for sensor in rig.sensors:
+        for frame, pose in enumerate(sensor.poses):
+            ground = town.ground(pose.x, pose.y) if sensor.on is None else 0.0
+            if pose.z <= ground:
+                when = f" at frame {frame}" if frame else ""
+                what = "the ground" if sensor.on is None else f"{sensor.on}'s feet"
+                message = f"sensors.{sensor.name}: z is {pose.z:g}{when}, not above {what}, which is at {ground:g}"
+                yield Problem(f"{message}; raise the mount", base.place_of("sensors", sensor.name, "mount", "z"))
+                break
+
+
+def _discs(actor: ActorPlan) -> list[Disc]:
+    """The ground that a body covers, as discs in a row along it."""
+    x, y = actor.start.x, actor.start.y
+    if actor.category == "pedestrian":
+        return [(x, y, _SHOULDER)]
+    radius, length = actor.shape["width"] / 2, actor.shape["length"]
+    count = max(2, math.ceil(length / (2 * radius)))
+    s, c = exact.sin_cos_deg(actor.start.yaw)
+    at = [(length / 2 - radius) * (2 * k / (count - 1) - 1) for k in range(count)]
+    return [(x + c * a, y + s * a, radius) for a in at]
+
+
+def _touch(one: Sequence[Disc], other: Sequence[Disc]) -> bool:
+    ax, ay, _ = one[0]
+    bx, by, _ = other[0]
+    if abs(ax - bx) > 25.0 or abs(ay - by) > 25.0:  # longer than two buses
+        return False
+    return any((x - u) * (x - u) + (y - v) * (y - v) < (r + q) * (r + q) for x, y, r in one for u, v, q in other)

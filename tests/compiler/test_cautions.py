@@ -1,0 +1,72 @@
+"""Warnings of what is allowed and hardly meant; what is common is not warned of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.compiler.kitchen import compiled, small
+
+
+def warned(actors: dict[str, Any] | None = None, **mount: Any) -> list[str]:
+    """The warnings of a recipe with such actors, or one whose street camera has such a mount."""
+    recipe = small(**({"actors": actors} if actors else {}))
+    recipe["base"]["sensors"]["street"]["mount"] |= mount
+    warnings = compiled(recipe).warnings
+    assert all(warning.place is not None for warning in warnings)
+    return [warning.message for warning in warnings]
+
+
+def at(x: float, y: float, yaw: float = 0.0, blueprint: str = "walker.pedestrian.0001") -> dict[str, Any]:
+    return {"blueprint": blueprint, "start": {"x": x, "y": y, "yaw": yaw}}
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (at(-4, 3), at(-4, 3)),
+        (at(-4, 3), at(-4.3, 3.2)),
+        (at(0, 0, 90, "vehicle.sedan.a"), at(0, 4, 90, "vehicle.sedan.a")),  # bumper in boot
+        (at(0, 0, 90, "vehicle.bus.city"), at(0.9, 4.5)),  # beside the driver's seat
+    ],
+)
+def test_a_start_in_another_body_is_warned_of(one: dict[str, Any], other: dict[str, Any]) -> None:
+    assert warned({"one": one, "other": other}) == [
+        "actors.other.start: its body is in that of one; move one of the two"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (at(-4, 3), at(-4, 3.6)),  # side by side
+        (at(-1.5, 0, 90, "vehicle.sedan.a"), at(1.5, 0, 270, "vehicle.bus.city")),  # in the two lanes
+        (at(0, 0, 90, "vehicle.sedan.a"), at(0, 5.2, 90, "vehicle.sedan.a")),  # in a queue
+        (at(0, 0, 90, "vehicle.bus.city"), at(2.0, 4.5)),
+    ],
+)
+def test_bodies_side_by_side_are_not(one: dict[str, Any], other: dict[str, Any]) -> None:
+    assert warned({"one": one, "other": other}) == []
+
+
+def test_a_start_far_outside_the_town_is_warned_of() -> None:
+    (message,) = warned({"lost": at(900, 0)})
+    assert message.startswith("actors.lost.start: far outside the town, which spans x ")
+    assert warned({"near": at(100, 0)}) == []
+
+
+def test_a_camera_in_the_ground_is_warned_of() -> None:
+    assert warned(z=-1) == ["sensors.street: z is -1, not above the ground, which is at 0.15; raise the mount"]
+    assert warned(z=0.1, x=-5)[0].startswith("sensors.street: z is 0.1, not above the ground")  # below the kerb's top
+    assert warned(z=0.1, x=0) == []
+    assert warned(on="hero1", z=0)[0].endswith("not above hero1's feet, which is at 0; raise the mount")
+    assert warned(on="hero1", z=0.1) == []
+
+
+def test_a_camera_that_sinks_into_the_ground_is_warned_of_once() -> None:
+    recipe = small(clock={"fps": 10, "frames": 30})
+    recipe["base"]["sensors"]["street"] |= {"motion": {"linear": {"to": {"z": -2}, "speed": 2}}}
+    recipe["deltas"] = {"weather": {"dry": {}, "wet": {"weather": "WetNoon"}}}
+    (warning,) = compiled(recipe).warnings
+    assert "at frame 8" in warning.message
