@@ -3,12 +3,15 @@
 import numpy as np
 import pycocotools.mask
 import pytest
-from recipe_compiler.plan import CameraPlan, fixed
+from hypothesis import given
+from hypothesis import strategies as st
+from recipe_compiler.plan import CameraPlan, Pose, fixed
 from recipe_runtime.annotate.masks import masks
-from recipe_runtime.annotate.objects import truncation
+from recipe_runtime.annotate.objects import quaternion, truncation
 from recipe_runtime.frames import FrameSource, label_digest, pixel_digest
+from recipe_runtime.transforms import compose, from_pose, invert, part_transforms
 
-from tests.runtime.fakes import ENGINES, dataset_plan, simulate
+from tests.runtime.fakes import ENGINES, actor_bodies, dataset_plan, simulate
 
 
 def pictures() -> list[np.ndarray]:
@@ -59,7 +62,8 @@ def test_records_hold_the_scene(tmp_path: object) -> None:
     by_name = {r["actor"]: r for r in records}
     hero = by_name["hero1"]
     assert hero["instance"] == 12001
-    assert hero["box3d"] == {"centre": [4.0, -2.375, 0.0], "size": [1.0, 1.0, 2.0], "yaw": 0.0}
+    box = {"centre": [4.0, -2.375, 0.0], "size": [1.0, 1.0, 2.0], "rotation": [1.0, 0.0, 0.0, 0.0], "yaw": 0.0}
+    assert hero["box3d"] == box
     assert hero["distance"] == 4.651949  # sqrt(4^2 + 2.375^2)
     assert hero["velocity"] == [0.0, 1.0, 0.0]
     assert all(0 < r["visible_fraction"] <= 1 for r in records)
@@ -74,3 +78,44 @@ def test_digests_part_where_pixels_and_labels_part() -> None:
     for modality in ("depth", "instance", "semantic"):
         assert pixel_digest(modality, a[modality]) == pixel_digest(modality, b[modality])
     assert pixel_digest("rgb", a["rgb"]) != pixel_digest("rgb", b["rgb"])
+
+
+def turned(q: list[float]) -> np.ndarray:
+    """The rotation matrix of a unit quaternion w, x, y, z, as textbooks have it."""
+    w, x, y, z = q
+    return np.array(
+        [
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+    )
+
+
+@pytest.mark.parametrize("angles", [(0, 30, 0), (0, 0, 25), (40, -35, 15), (170, 20, -170)])
+def test_boxes_hold_their_actors_whatever_way_the_sensor_looks(angles: tuple[float, float, float]) -> None:
+    """Every vertex of an actor, told in the box's own axes, lies within half the box's size."""
+    yaw, pitch, roll = angles
+    variant = dataset_plan().variants[0]
+    pose = Pose(x=0.5, z=1.5, yaw=yaw, pitch=pitch, roll=roll)
+    sensor = variant.rig.sensors[0].model_copy(update={"poses": (pose,)})
+    trace, bodies = simulate(variant.scene), actor_bodies(variant.scene)
+    source = FrameSource(variant, trace, engines=ENGINES).source
+    boxes = {r["actor"]: r["box3d"] for r in source.labels(source.observe(sensor, 2), sensor, 2)}
+    assert len(boxes) == 3
+    parts, sensor_from_world = part_transforms(trace, 2), invert(from_pose(pose))
+    for row, body in enumerate(bodies):
+        place = compose(sensor_from_world, parts[row])
+        seen = body.mesh("base").vertices @ place[:, :3].T + place[:, 3]
+        box = boxes[body.name]
+        within = (seen - box["centre"]) @ turned(box["rotation"])
+        assert np.abs(within).max(axis=0) == pytest.approx(np.array(box["size"]) / 2, abs=1e-5)
+
+
+@given(st.tuples(*[st.floats(-360, 360)] * 3))
+def test_quaternions_are_their_matrices(angles: tuple[float, float, float]) -> None:
+    yaw, pitch, roll = angles
+    matrix = from_pose(Pose(yaw=yaw, pitch=pitch, roll=roll))
+    q = quaternion(matrix)
+    assert next(v for v in q if v) > 0
+    assert np.abs(turned(list(q)) - matrix[:, :3]).max() < 1e-14

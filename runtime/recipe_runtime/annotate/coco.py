@@ -1,11 +1,13 @@
 """Annotations as COCO tells them: kwcoco with videos, tracks and assets, and flat COCO over one modality.
 
-Ids count from 1 in the order of videos, frames and instances. No clock enters: `date_captured` is empty, and a
-timestamp is the frame's time in seconds from the start. `iscrowd` is 0 for an object in pieces: it is one object.
+Ids count from 1 in the order of videos, frames and instances; a track's id is its actor's instance value, one track an
+actor in the whole file: the same actor in another video is the same track. No clock enters: `date_captured` is empty,
+and a timestamp is the frame's time in seconds from the start. `iscrowd` is 0 for an object in pieces: it is one object.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -29,28 +31,25 @@ _CHANNELS = {
 
 
 def kwcoco(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> str:
-    """The kwcoco file: a video for each sensor of each variant, and a track for each actor in it."""
+    """The kwcoco file: a video for each sensor of each variant, and a track for each actor that is seen in any."""
     video_rows: list[Row] = []
-    tracks: list[Row] = []
     images: list[Row] = []
     annotations: list[Row] = []
     for video_id, video in enumerate(videos, start=1):
         camera = video.sensor.camera
         row = {"id": video_id, "name": video.name, "variant": video.variant, "sensor": video.sensor.name}
         video_rows.append({**row, "framerate": video.fps, "width": camera.width, "height": camera.height})
-        track_ids = _tracks(video, video_id, tracks)
         for record in video.frames:
             images.append(_image(dataset, video, video_id, record["frame"], len(images) + 1))
             for item in record["objects"]:
-                row = _annotation(item, len(images), len(annotations) + 1, camera.width, camera.height)
-                annotations.append({**row, "track_id": track_ids[item["instance"]]})
+                annotations.append(_annotation(item, len(images), len(annotations) + 1, camera.width, camera.height))
     return tables(
         {
             "info": _info(dataset, identity),
             "licenses": _LICENSES,
             "categories": category_rows(),
             "videos": video_rows,
-            "tracks": tracks,
+            "tracks": _tracks(videos),
             "images": images,
             "annotations": annotations,
         }
@@ -96,15 +95,23 @@ def _info(dataset: DatasetPlan, identity: str) -> Row:
     }
 
 
-def _tracks(video: Video, video_id: int, tracks: list[Row]) -> dict[int, int]:
-    """A row for every actor seen in the video; the ids by instance."""
-    seen = {item["instance"]: item["actor"] for record in video.frames for item in record["objects"]}
-    ids = {}
-    for instance, actor in sorted(seen.items()):
-        ids[instance] = len(tracks) + 1
-        row = {"id": ids[instance], "name": f"{video.name}/{actor}", "actor": actor, "instance": instance}
-        tracks.append({**row, "video_id": video_id, "category_id": CATEGORY_IDS[instance // 1000]})
-    return ids
+def _tracks(videos: Sequence[Video]) -> list[Row]:
+    """A row for every actor seen. Names are unique in kwcoco: one that stands for two instances has their number."""
+    items = (item for video in videos for record in video.frames for item in record["objects"])
+    actors: dict[int, str] = {}
+    for item in items:
+        actors.setdefault(item["instance"], item["actor"])
+    count = Counter(actors.values())
+    return [
+        {
+            "id": instance,
+            "name": actor if count[actor] == 1 else f"{actor}#{instance}",
+            "actor": actor,
+            "instance": instance,
+            "category_id": CATEGORY_IDS[instance // 1000],
+        }
+        for instance, actor in sorted(actors.items())
+    ]
 
 
 def _image(dataset: DatasetPlan, video: Video, video_id: int, frame: int, image_id: int) -> Row:
@@ -133,6 +140,7 @@ def _annotation(item: Record, image_id: int, annotation_id: int, width: int, hei
         "id": annotation_id,
         "image_id": image_id,
         "category_id": CATEGORY_IDS[item["instance"] // 1000],
+        "track_id": item["instance"],
         "segmentation": {"size": [height, width], "counts": item["counts"]},
         "iscrowd": 0,
     }

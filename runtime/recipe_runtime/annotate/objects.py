@@ -10,8 +10,9 @@ An actor is annotated in a frame if at least one of its pixels is seen. A record
     amodal_area       their count
     visible_fraction  area / amodal_area
     truncation        the share of its projected box, occluded or not, that lies outside the picture, 0 to 1
-    box3d             centre (m), size (length, width, height, m) and yaw (degrees) in the sensor's frame: x forward,
-                      y left, z up; the box holds the actor in all of its poses, so its size is the track's
+    box3d             centre (m), size (length, width, height, m), rotation (unit quaternion w, x, y, z that turns the
+                      box's axes into the sensor's) and yaw (degrees, all of it for a level sensor) in the sensor's
+                      frame: x forward, y left, z up; it holds the actor in all of its poses, so its size is the track's
     distance          from the sensor to the box's centre, metres
     velocity          of the actor in the world frame, m/s
 
@@ -20,6 +21,7 @@ Numbers that are not whole have six places and come from exact arithmetic.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -83,6 +85,7 @@ class Annotator:
         box = {
             "centre": [fixed(float(v)) for v in centre],
             "size": [fixed(float(v)) for v in high - low],
+            "rotation": [fixed(v) for v in quaternion(r)],
             "yaw": fixed(exact.atan2_deg(float(r[1, 0]), float(r[0, 0]))),
         }
         distance = np.sqrt(centre[0] * centre[0] + centre[1] * centre[1] + centre[2] * centre[2])
@@ -91,6 +94,27 @@ class Annotator:
     def _velocity(self, actor: str, frame: int) -> list[float]:
         grid = self._trace.linear[frame, self._trace.actors.index(actor)]
         return [fixed(int(v) / METRE) for v in grid]
+
+
+def quaternion(transform: Array) -> tuple[float, float, float, float]:
+    """The rotation of a rigid transform [3, 4] as a unit quaternion w, x, y, z; the first that is not 0 is positive.
+
+    By Shepperd's method (Journal of Guidance and Control 1, 1978): the largest component first, by a square root.
+    """
+    r = [[float(transform[i, j]) for j in range(3)] for i in range(3)]
+    squares = (  # four times each component's square
+        1.0 + r[0][0] + r[1][1] + r[2][2],
+        1.0 + r[0][0] - r[1][1] - r[2][2],
+        1.0 - r[0][0] + r[1][1] - r[2][2],
+        1.0 - r[0][0] - r[1][1] + r[2][2],
+    )
+    a, b, c = r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]
+    d, e, f = r[1][0] + r[0][1], r[0][2] + r[2][0], r[2][1] + r[1][2]
+    products = ((squares[0], a, b, c), (a, squares[1], d, e), (b, d, squares[2], f), (c, e, f, squares[3]))
+    w, x, y, z = products[squares.index(max(squares))]  # four times that component, times each
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    sign = -1.0 if next(v for v in (w, x, y, z) if v != 0.0) < 0.0 else 1.0
+    return sign * w / length, sign * x / length, sign * y / length, sign * z / length
 
 
 def truncation(projected: Sequence[float], camera: CameraPlan) -> float:

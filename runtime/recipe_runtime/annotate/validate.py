@@ -39,7 +39,6 @@ def _rows(data: dict[str, list[Row]]) -> Iterator[str]:
         ("annotations", "category_id", "categories"),
         ("annotations", "track_id", "tracks"),
         ("images", "video_id", "videos"),
-        ("tracks", "video_id", "videos"),
     ):
         for row in data.get(table, []) if target in data else ():
             if key in row and row[key] not in ids[target]:

@@ -54,15 +54,15 @@ def _counts(videos: Sequence[Video]) -> str:
 
 def _objects(videos: Sequence[Video]) -> str:
     seen: Counter[int] = Counter()
-    tracks: dict[int, set[tuple[str, int]]] = {}
+    actors: dict[int, set[int]] = {}
     for video in videos:
         for record in video.frames:
             for item in record["objects"]:
                 tag = item["instance"] // 1000
                 seen[tag] += 1
-                tracks.setdefault(tag, set()).add((video.name, item["instance"]))
-    rows = [f"| {CATEGORIES[tag]} | {tag} | {len(tracks[tag])} | {seen[tag]} |" for tag in sorted(seen)]
-    return "\n".join(["| class | CARLA tag | tracks | annotations |", "|---|---|---|---|", *rows])
+                actors.setdefault(tag, set()).add(item["instance"])
+    rows = [f"| {CATEGORIES[tag]} | {tag} | {len(actors[tag])} | {seen[tag]} |" for tag in sorted(seen)]
+    return "\n".join(["| class | CARLA tag | actors | annotations |", "|---|---|---|---|", *rows])
 
 
 def _layout(dataset: DatasetPlan) -> str:
