@@ -62,6 +62,86 @@ def meets_cone(v: wp.vec3f, radius: wp.float32, aim: wp.vec3f, cosine: wp.float3
     return across * cosine - along * wp.sqrt(1.0 - cosine * cosine) <= radius
 
 
+@wp.func
+def depths_in(keys: wp.array[wp.uint64], lens: Lens, x0: wp.int32, y0: wp.int32, x1: wp.int32, y1: wp.int32):
+    """The nearest and the farthest key of a rectangle of pixels, the sky left out; a nearest of 0: all is sky."""
+    far = wp.uint64(0xFFFFFFFFFFFFFFF)
+    near = wp.uint64(0)
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            key = keys[y * lens.width + x]
+            near = wp.max(near, key)
+            if key != wp.uint64(0):
+                far = wp.min(far, key)
+    return near, far
+
+
+@wp.func
+def box_about(
+    world: wp.array2d[wp.float32],
+    lens: Lens,
+    x0: wp.int32,
+    y0: wp.int32,
+    x1: wp.int32,
+    y1: wp.int32,
+    z0: wp.float32,
+    z1: wp.float32,
+):
+    """The world's box, its low and its high corner, about what a rectangle of pixels shows between two depths."""
+    low = wp.vec3f(1.0e9, 1.0e9, 1.0e9)
+    high = wp.vec3f(-1.0e9, -1.0e9, -1.0e9)
+    focal = wp.float32(lens.focal)
+    for corner in range(8):
+        z = z0
+        if corner >= 4:
+            z = z1
+        cx = (wp.float32(x0 + (corner & 1) * (x1 - x0)) - wp.float32(lens.cx)) / focal * z
+        cy = (wp.float32(y0 + ((corner >> 1) & 1) * (y1 - y0)) - wp.float32(lens.cy)) / focal * z
+        px = world[0, 0] * cx + world[0, 1] * cy + world[0, 2] * z + world[0, 3]
+        py = world[0, 4] * cx + world[0, 5] * cy + world[0, 6] * z + world[0, 7]
+        pz = world[0, 8] * cx + world[0, 9] * cy + world[0, 10] * z + world[0, 11]
+        low = wp.vec3f(wp.min(low[0], px), wp.min(low[1], py), wp.min(low[2], pz))
+        high = wp.vec3f(wp.max(high[0], px), wp.max(high[1], py), wp.max(high[2], pz))
+    return low, high
+
+
+@wp.func
+def gaps(low: wp.vec3f, high: wp.vec3f, p: wp.vec3f) -> wp.vec3f:
+    """Distances of a point from a box, axis by axis."""
+    return wp.vec3f(gap(low[0], high[0], p[0]), gap(low[1], high[1], p[1]), gap(low[2], high[2], p[2]))
+
+
+@wp.func
+def list_lamps(lamps: wp.array[Lamps], low: wp.vec3f, high: wp.vec3f, tile: wp.int32, lists: wp.array2d[wp.int32]):
+    """List the lamps whose ball of reach meets the box, and whose cone meets the ball about it."""
+    middle = (low + high) * 0.5
+    span = high - low
+    radius = 0.5 * wp.sqrt(inner(span, span)) + 0.05
+    n = wp.int32(0)
+    for i in range(lamps[0].count):
+        p = lamps[0].position[i]
+        g = gaps(low, high, p)
+        reach = lamps[0].reach[i]
+        near_by = g[0] * g[0] + g[1] * g[1] + g[2] * g[2] < reach * reach
+        if near_by and n < MOST and meets_cone(middle - p, radius, lamps[0].direction[i], lamps[0].cone[i][0]):
+            n = n + 1
+            lists[tile, n] = i
+    lists[tile, 0] = n
+
+
+@wp.func
+def list_bodies(bodies: wp.array[Bodies], low: wp.vec3f, high: wp.vec3f, tile: wp.int32, lists: wp.array2d[wp.int32]):
+    """List the bodies that stand so near to the box that they may darken it."""
+    n = wp.int32(0)
+    for i in range(bodies[0].count):
+        reach = bodies[0].half[i][0] + bodies[0].half[i][1] + 0.7
+        g = gaps(low, high, bodies[0].centre[i])
+        if g[0] * g[0] + g[1] * g[1] < reach * reach and g[2] < 0.6 and n < MOST:
+            n = n + 1
+            lists[tile, n] = i
+    lists[tile, 0] = n
+
+
 @wp.kernel
 def gather(
     keys: wp.array[wp.uint64],
@@ -79,60 +159,17 @@ def gather(
     y0 = (tile / columns) * TILE
     x1 = wp.min(x0 + TILE, lens.width)
     y1 = wp.min(y0 + TILE, lens.height)
-    far = wp.uint64(0xFFFFFFFFFFFFFFF)
-    near = wp.uint64(0)
-    for y in range(y0, y1):
-        for x in range(x0, x1):
-            key = keys[y * lens.width + x]
-            near = wp.max(near, key)
-            if key != wp.uint64(0):
-                far = wp.min(far, key)
+    near, far = depths_in(keys, lens, x0, y0, x1, y1)
     lamp_lists[tile, 0] = 0
     body_lists[tile, 0] = 0
     if near == wp.uint64(0):
         return
+    # A little to spare: samples within a pixel may lie nearer or farther than its centre.
     z0 = wp.float32(depth_of(near, lens.near)) * 0.97 - 0.05
     z1 = wp.float32(depth_of(far, lens.near)) * 1.03 + 0.05
-    low = wp.vec3f(1.0e9, 1.0e9, 1.0e9)
-    high = wp.vec3f(-1.0e9, -1.0e9, -1.0e9)
-    focal = wp.float32(lens.focal)
-    for corner in range(8):
-        z = z0
-        if corner >= 4:
-            z = z1
-        cx = (wp.float32(x0 + (corner & 1) * (x1 - x0)) - wp.float32(lens.cx)) / focal * z
-        cy = (wp.float32(y0 + ((corner >> 1) & 1) * (y1 - y0)) - wp.float32(lens.cy)) / focal * z
-        px = world[0, 0] * cx + world[0, 1] * cy + world[0, 2] * z + world[0, 3]
-        py = world[0, 4] * cx + world[0, 5] * cy + world[0, 6] * z + world[0, 7]
-        pz = world[0, 8] * cx + world[0, 9] * cy + world[0, 10] * z + world[0, 11]
-        low = wp.vec3f(wp.min(low[0], px), wp.min(low[1], py), wp.min(low[2], pz))
-        high = wp.vec3f(wp.max(high[0], px), wp.max(high[1], py), wp.max(high[2], pz))
-    middle = (low + high) * 0.5
-    span = high - low
-    radius = 0.5 * wp.sqrt(inner(span, span)) + 0.05
-    n = wp.int32(0)
-    for i in range(lamps[0].count):
-        p = lamps[0].position[i]
-        gx = gap(low[0], high[0], p[0])
-        gy = gap(low[1], high[1], p[1])
-        gz = gap(low[2], high[2], p[2])
-        reach = lamps[0].reach[i]
-        near_by = gx * gx + gy * gy + gz * gz < reach * reach
-        if near_by and n < MOST and meets_cone(middle - p, radius, lamps[0].direction[i], lamps[0].cone[i][0]):
-            n = n + 1
-            lamp_lists[tile, n] = i
-    lamp_lists[tile, 0] = n
-    n = wp.int32(0)
-    for i in range(bodies[0].count):
-        p = bodies[0].centre[i]
-        reach = bodies[0].half[i][0] + bodies[0].half[i][1] + 0.7
-        gx = gap(low[0], high[0], p[0])
-        gy = gap(low[1], high[1], p[1])
-        gz = gap(low[2], high[2], p[2])
-        if gx * gx + gy * gy < reach * reach and gz < 0.6 and n < MOST:
-            n = n + 1
-            body_lists[tile, n] = i
-    body_lists[tile, 0] = n
+    low, high = box_about(world, lens, x0, y0, x1, y1, z0, z1)
+    list_lamps(lamps, low, high, tile, lamp_lists)
+    list_bodies(bodies, low, high, tile, body_lists)
 
 
 @wp.kernel

@@ -264,6 +264,70 @@ def mirror(air: wp.array[Air], m: Matter, sight: wp.vec3f, facing: wp.float32, o
     return seen * (share * open_sky)
 
 
+@wp.func
+def far_sky(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f) -> wp.vec3f:
+    """The sky along a unit direction, behind the fog before it: the lower the sight, the longer its way there."""
+    far = 300.0 / (wp.max(d[2], 0.0) + 0.06)
+    return veiled(air, sky(air, d), d, fog_share(air, eye[2], eye[2] + d[2] * far, far))
+
+
+@wp.func
+def open_sky(
+    bodies: wp.array[Bodies], lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f
+) -> wp.float32:
+    """The share of the sky that a point sees past the bodies beside it and the street before it."""
+    left = contact(bodies, lists, tile, p, n)
+    if n[2] < 0.5 and p[2] < 3.0:
+        # Walls see less of the sky near the ground.
+        low = 1.0 / (1.0 + wp.max(p[2], 0.0) * 2.0)
+        left = left * (1.0 - 0.35 * low * (0.5 - n[2]))
+    return left
+
+
+@wp.func
+def sun_on(air: wp.array[Air], beams: wp.array[Sunbeam], m: Matter, p: wp.vec3f, back: wp.vec3f, light: wp.vec3f):
+    """Add the sun to the light on a point; its highlight, and the share that what moves leaves of it, come along."""
+    shine = wp.vec3f(0.0, 0.0, 0.0)
+    to_sun = inner(m.normal, air[0].sun)
+    if to_sun <= -m.soft or air[0].sunlight[0] + air[0].sunlight[1] <= 0.0:
+        return light, shine, wp.float32(1.0)
+    reached = sunshine(beams, p, m.normal)
+    s = reached[0]
+    wrapped = clamp01((to_sun + m.soft) / (1.0 + m.soft))
+    if m.coat > 0.0 and s > 0.0 and to_sun > 0.0:
+        gleaming = s * fresnel(m.coat, m.gloss, to_sun) * glint(m.gloss, m.normal, air[0].sun, back) * to_sun
+        shine = shine + air[0].sunlight * gleaming
+    return light + air[0].sunlight * (s * wrapped), shine, reached[1]
+
+
+@wp.func
+def lamps_on(
+    air: wp.array[Air],
+    lamps: wp.array[Lamps],
+    lists: wp.array2d[wp.int32],
+    tile: wp.int32,
+    m: Matter,
+    p: wp.vec3f,
+    back: wp.vec3f,
+    facing: wp.float32,
+    light: wp.vec3f,
+    shine: wp.vec3f,
+):
+    """Add the lamps of a tile, one after the other, to the light on a point and to its highlights."""
+    for k in range(lists[tile, 0]):
+        lamp = lists[tile, k + 1]
+        fall = lamp_light(lamps, lamp, p, m.normal)
+        if fall[3] > 0.0:
+            to = wp.vec3f(fall[0], fall[1], fall[2])
+            c = inner(m.normal, to)
+            power = lamps[0].power[lamp] * (fall[3] * air[0].night)
+            light = light + power * clamp01((c + 0.12) / 1.12)
+            if m.coat > 0.0 and c > 0.0:
+                gleaming = c * fresnel(m.coat, m.gloss, facing) * glint(m.gloss, m.normal, to, back) * 3.0
+                shine = shine + power * gleaming
+    return light, shine
+
+
 @wp.kernel
 def shade(
     samples: wp.array[Samples],
@@ -296,9 +360,7 @@ def shade(
         if earlier >= 0 and before[0].sky != 0:
             out[i] = before[0].out[earlier]
             return
-        far = 300.0 / (wp.max(p[2], 0.0) + 0.06)
-        left = fog_share(air, samples[0].eye[2], samples[0].eye[2] + p[2] * far, far)
-        out[i] = veiled(air, sky(air, p), p, left)
+        out[i] = far_sky(air, samples[0].eye, p)
         return
     n = samples[0].normals[i]
     to_point = p - samples[0].eye
@@ -317,48 +379,17 @@ def shade(
         # A smoothed normal may turn away at a silhouette; bring it back to the edge.
         n = direction(n - sight * (facing * -1.0))
         facing = wp.float32(0.0)
-    m = matter_of(
-        pattern,
-        air,
-        looks[0].first[surface],
-        looks[0].second[surface],
-        detail,
-        n,
-        samples[0].codes[i],
-        looks[0].awake[surface],
-    )
+    first = looks[0].first[surface]
+    second = looks[0].second[surface]
+    m = matter_of(pattern, air, first, second, detail, n, samples[0].codes[i], looks[0].awake[surface])
     m = moisten(m, pattern, air, detail)
-    sky_left = contact(bodies, body_lists, tile, p, n)
-    if n[2] < 0.5 and p[2] < 3.0:
-        # Walls see less of the sky near the ground.
-        low = 1.0 / (1.0 + wp.max(p[2], 0.0) * 2.0)
-        sky_left = sky_left * (1.0 - 0.35 * low * (0.5 - n[2]))
-    light = ambient(air, n) * sky_left
-    shine = wp.vec3f(0.0, 0.0, 0.0)
+    sky_left = open_sky(bodies, body_lists, tile, p, n)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
-    to_sun = inner(n, air[0].sun)
-    if to_sun > -m.soft and air[0].sunlight[0] + air[0].sunlight[1] > 0.0:
-        reached = sunshine(beams, p, n)
-        s = reached[0]
-        if reached[1] < 1.0:
-            steady[i] = wp.uint8(0)
-        wrapped = clamp01((to_sun + m.soft) / (1.0 + m.soft))
-        light = light + air[0].sunlight * (s * wrapped)
-        if m.coat > 0.0 and s > 0.0 and to_sun > 0.0:
-            shine = shine + air[0].sunlight * (
-                s * fresnel(m.coat, m.gloss, to_sun) * glint(m.gloss, n, air[0].sun, back) * to_sun
-            )
+    light, shine, past = sun_on(air, beams, m, p, back, ambient(air, n) * sky_left)
+    if past < 1.0:
+        steady[i] = wp.uint8(0)
     if air[0].night > 0.0:
-        for k in range(lamp_lists[tile, 0]):
-            lamp = lamp_lists[tile, k + 1]
-            fall = lamp_light(lamps, lamp, p, n)
-            if fall[3] > 0.0:
-                to = wp.vec3f(fall[0], fall[1], fall[2])
-                c = inner(n, to)
-                power = lamps[0].power[lamp] * (fall[3] * air[0].night)
-                light = light + power * clamp01((c + 0.12) / 1.12)
-                if m.coat > 0.0 and c > 0.0:
-                    shine = shine + power * (c * fresnel(m.coat, m.gloss, facing) * glint(m.gloss, n, to, back) * 3.0)
+        light, shine = lamps_on(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
     radiance = times(m.albedo, light) + m.glow + shine
     left = fog_share(air, samples[0].eye[2], p[2], distance)
     if air[0].wet > 0.0 and n[2] > 0.95 and m.coat > 0.0:

@@ -9,7 +9,7 @@ coarse, whose texels are fixed in the world. Flat ground casts nothing, so it ca
 # mypy: ignore-errors
 
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.visibility import Corner, Lens, draw, snap
+from recipe_runtime.render.visibility import Corner, Lens, draw, edge, snap
 
 wp.set_module_options(OPTIONS)
 
@@ -65,7 +65,7 @@ def cast(
     a = corner(beams, vertices[t[0]])
     b = corner(beams, vertices[t[1]])
     c = corner(beams, vertices[t[2]])
-    if (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x) < wp.int64(0):
+    if edge(a.x, a.y, b.x, b.y, c.x, c.y) < wp.int64(0):
         turn = b
         b = c
         c = turn
@@ -120,8 +120,8 @@ def holds(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f) -> bool:
     """Whether a point lies well within map k."""
     u = along(beams[k].u, p)
     v = along(beams[k].v, p)
-    edge = wp.float32(beams[k].size - 12)
-    return u > 12.0 and v > 12.0 and u < edge and v < edge
+    end = wp.float32(beams[k].size - 12)
+    return u > 12.0 and v > 12.0 and u < end and v < end
 
 
 @wp.func
@@ -135,8 +135,8 @@ def lit(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.f
     r = wp.vec3f(p[0] + n[0] * lift, p[1] + n[1] * lift, p[2] + n[2] * lift)
     u = along(beams[k].u, r) - 0.5
     v = along(beams[k].v, r) - 0.5
-    edge = wp.float32(size - 4)
-    if u < 3.0 or v < 3.0 or u > edge or v > edge:
+    end = wp.float32(size - 4)
+    if u < 3.0 or v < 3.0 or u > end or v > end:
         return 1.0
     i = int(u)
     j = int(v)

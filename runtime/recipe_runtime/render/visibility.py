@@ -80,6 +80,12 @@ def project(x: wp.float64, y: wp.float64, z: wp.float64, lens: Lens) -> Corner:
 
 
 @wp.func
+def seen_at(v: wp.vec3f, lens: Lens) -> Corner:
+    """The corner of a vertex that is not behind the near plane."""
+    return project(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]), lens)
+
+
+@wp.func
 def cut(a: wp.vec3f, b: wp.vec3f, lens: Lens) -> Corner:
     """Where the edge from a (in front of the near plane) to b (behind it) meets that plane."""
     za = wp.float64(a[2])
@@ -87,6 +93,12 @@ def cut(a: wp.vec3f, b: wp.vec3f, lens: Lens) -> Corner:
     x = wp.float64(a[0]) + (wp.float64(b[0]) - wp.float64(a[0])) * t
     y = wp.float64(a[1]) + (wp.float64(b[1]) - wp.float64(a[1])) * t
     return project(x, y, lens.near, lens)
+
+
+@wp.func
+def edge(ax: wp.int64, ay: wp.int64, bx: wp.int64, by: wp.int64, x: wp.int64, y: wp.int64) -> wp.int64:
+    """Twice the area of the triangle a, b, (x, y): positive on the inner side of the edge from a to b."""
+    return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
 
 
 @wp.func
@@ -118,6 +130,34 @@ def last_inside(e: wp.int64, d: wp.int64, last: wp.int64) -> wp.int64:
 
 
 @wp.func
+def first_column(
+    e0: wp.int64, e1: wp.int64, e2: wp.int64, d0: wp.int64, d1: wp.int64, d2: wp.int64, last: wp.int64
+) -> wp.int64:
+    """Where a row enters the triangle: the last of its edges to let it in."""
+    return wp.max(first_inside(e0, d0, last), wp.max(first_inside(e1, d1, last), first_inside(e2, d2, last)))
+
+
+@wp.func
+def last_column(
+    e0: wp.int64, e1: wp.int64, e2: wp.int64, d0: wp.int64, d1: wp.int64, d2: wp.int64, last: wp.int64
+) -> wp.int64:
+    """Where a row leaves the triangle: the first of its edges to bar it."""
+    return wp.min(last_inside(e0, d0, last), wp.min(last_inside(e1, d1, last), last_inside(e2, d2, last)))
+
+
+@wp.func
+def offer(
+    keys: wp.array[wp.uint64], at: wp.int32, q: wp.float64, limit: wp.float64, triangle: wp.uint64, bit: wp.uint64
+):
+    """Offer a triangle to a sample, at nearness q; nothing is seen beyond the limit."""
+    if bit != wp.uint64(0):
+        wp.atomic_or(keys, at, bit)
+    elif q > limit:
+        nearness = wp.uint64(wp.int64(wp.min(q, wp.float64(1.0)) * NEARNESS))
+        wp.atomic_max(keys, at, (nearness << wp.uint64(24)) | triangle)
+
+
+@wp.func
 def draw(
     keys: wp.array[wp.uint64],
     lens: Lens,
@@ -128,9 +168,10 @@ def draw(
     bit: wp.uint64,
 ):
     """Offer one front-facing triangle to every sample inside it: its key by maximum, or, if `bit`, that bit by or."""
-    area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
+    area = edge(a.x, a.y, b.x, b.y, c.x, c.y)
     if area <= wp.int64(0):
         return
+    # The samples that its box holds.
     step = wp.int64(256) / wp.int64(lens.side)
     half = step / wp.int64(2)
     columns = wp.int64(lens.width * lens.side)
@@ -145,11 +186,12 @@ def draw(
     bottom = wp.min((wp.max(a.y, wp.max(b.y, c.y)) - half) >> shift, rows - wp.int64(1))
     if left > right or top > bottom:
         return
+    # The edge functions at the first of them, and what a step to the right or down adds.
     px = left * step + half
     py = top * step + half
-    row0 = (c.x - b.x) * (py - b.y) - (c.y - b.y) * (px - b.x)
-    row1 = (a.x - c.x) * (py - c.y) - (a.y - c.y) * (px - c.x)
-    row2 = (b.x - a.x) * (py - a.y) - (b.y - a.y) * (px - a.x)
+    row0 = edge(b.x, b.y, c.x, c.y, px, py)
+    row1 = edge(c.x, c.y, a.x, a.y, px, py)
+    row2 = edge(a.x, a.y, b.x, b.y, px, py)
     bias0 = bias(b.x, b.y, c.x, c.y)
     bias1 = bias(c.x, c.y, a.x, a.y)
     bias2 = bias(a.x, a.y, b.x, b.y)
@@ -169,14 +211,8 @@ def draw(
         k0 = wp.int64(0)
         k1 = span
         if span > WIDE:
-            k0 = wp.max(
-                first_inside(row0 + bias0, dx0, span),
-                wp.max(first_inside(row1 + bias1, dx1, span), first_inside(row2 + bias2, dx2, span)),
-            )
-            k1 = wp.min(
-                last_inside(row0 + bias0, dx0, span),
-                wp.min(last_inside(row1 + bias1, dx1, span), last_inside(row2 + bias2, dx2, span)),
-            )
+            k0 = first_column(row0 + bias0, row1 + bias1, row2 + bias2, dx0, dx1, dx2, span)
+            k1 = last_column(row0 + bias0, row1 + bias1, row2 + bias2, dx0, dx1, dx2, span)
         w0 = row0 + k0 * dx0
         w1 = row1 + k0 * dx1
         w2 = row2 + k0 * dx2
@@ -184,12 +220,7 @@ def draw(
         for k in range(int(k0), int(k1) + 1):
             if (w0 + bias0) >= wp.int64(0) and (w1 + bias1) >= wp.int64(0) and (w2 + bias2) >= wp.int64(0):
                 q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
-                if bit != wp.uint64(0):
-                    wp.atomic_or(keys, base + k, bit)
-                elif q > limit:
-                    q = wp.min(q, wp.float64(1.0))
-                    nearness = wp.uint64(wp.int64(q * NEARNESS))
-                    wp.atomic_max(keys, base + k, (nearness << wp.uint64(24)) | triangle)
+                offer(keys, base + k, q, limit, triangle, bit)
             w0 = w0 + dx0
             w1 = w1 + dx1
             w2 = w2 + dx2
@@ -234,18 +265,18 @@ def clip_and_draw(
     pieces = wp.int32(1)
     if inside == 2:
         p = cut(b, a, lens)
-        q = project(wp.float64(b[0]), wp.float64(b[1]), wp.float64(b[2]), lens)
-        r = project(wp.float64(c[0]), wp.float64(c[1]), wp.float64(c[2]), lens)
+        q = seen_at(b, lens)
+        r = seen_at(c, lens)
         s = cut(c, a, lens)
         pieces = wp.int32(2)
     elif inside == 1:
-        p = project(wp.float64(a[0]), wp.float64(a[1]), wp.float64(a[2]), lens)
+        p = seen_at(a, lens)
         q = cut(a, b, lens)
         r = cut(a, c, lens)
     else:
-        p = project(wp.float64(a[0]), wp.float64(a[1]), wp.float64(a[2]), lens)
-        q = project(wp.float64(b[0]), wp.float64(b[1]), wp.float64(b[2]), lens)
-        r = project(wp.float64(c[0]), wp.float64(c[1]), wp.float64(c[2]), lens)
+        p = seen_at(a, lens)
+        q = seen_at(b, lens)
+        r = seen_at(c, lens)
     for piece in range(pieces):
         if piece == 1:
             q = r
