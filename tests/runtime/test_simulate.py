@@ -14,7 +14,7 @@ from recipe_compiler import blueprints, towns
 from recipe_compiler.errors import RunError
 from recipe_compiler.plan import ActorPlan, Clock, Point, Pose, ScenePlan
 from recipe_compiler.streams import Stream
-from recipe_runtime.simulate import PINNED, simulate
+from recipe_runtime.simulate import PINNED, _snap, simulate
 from recipe_runtime.trace import METRE, UNIT, Trace
 from recipe_runtime.transforms import part_transforms
 
@@ -233,3 +233,9 @@ def test_a_kerb_is_climbed_and_left() -> None:
     assert height.max() == pytest.approx(0.15, abs=0.002)
     assert -0.09 < height.min() < 0.0  # the pelvis sinks with each stride
     assert height[-1] == pytest.approx(0.15, abs=0.002)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_an_error_and_no_trace(value: float) -> None:
+    with pytest.raises(RunError, match="a body left the world"):
+        _snap(np.array([0.0, value]), METRE)
