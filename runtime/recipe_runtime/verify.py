@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,14 @@ from recipe_compiler.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime import host, layout, locking
 from recipe_runtime.compare import compare_files, compare_plans, compare_rows, excuse_of, stage_of
-from recipe_runtime.dataset import Dataset, damaged_files
+from recipe_runtime.dataset import Dataset, damaged_files, regular_file, text_differences
 from recipe_runtime.engines import Engines, Progress, real_engines
 from recipe_runtime.report.difference import differing_pixels, write_difference
 from recipe_runtime.sample import Bound, draw, sample_size
 from recipe_runtime.schedule import chosen_shards
 from recipe_runtime.shot import shot
 from recipe_runtime.store import Store
+from recipe_runtime.trace import Trace
 from recipe_runtime.verdict import Difference, Report
 from recipe_runtime.worker import Job
 
@@ -76,7 +77,8 @@ def verify(
         compared, found = check.run(chosen)
         differences += found
         if dataset is not None:
-            differences += [Difference("file", message) for message in damaged_files(dataset, progress)]
+            messages = damaged_files(dataset, progress) + text_differences(dataset, check.traces)
+            differences += [Difference("file", message) for message in messages]
         if options.pictures is not None:
             pictures = check.draw(differences, options.pictures)
     bound = Bound(compared, len(choices), options.confidence)
@@ -112,12 +114,14 @@ class _Check:
     progress: Progress
     folder: Path
     dataset: Dataset | None
+    traces: dict[str, Trace] = field(default_factory=dict)  # by scene, simulated here
 
     def run(self, chosen: list[Choice]) -> tuple[int, list[Difference]]:
         """Simulate the scenes of the chosen frames and render the frames alone: how many were, and what differs."""
         by_name = {v.variant: v for v in self.plan.variants}
         scenes = {by_name[name].scene.digest: by_name[name].scene for name, _, _ in chosen}
         traces = locking.fresh_traces(list(scenes.values()), self.engines, Store(self.folder), self.progress)
+        self.traces = traces
         found = []
         for digest, trace in traces.items():
             if self.lock.traces.get(digest) != trace.digest:
@@ -159,7 +163,7 @@ class _Check:
     def _file(self, root: Path, path: str, dataset: Dataset) -> Difference | None:
         """How a file of the dataset differs from the one made here; equal pixels are a matter of encoding."""
         made, there = root / path, dataset.root / path
-        if there.is_symlink() or not there.is_file():
+        if regular_file(dataset.root, path) is None:
             return Difference("file", f"{path} is missing")
         if made.read_bytes() == there.read_bytes():
             return None

@@ -5,6 +5,8 @@ The engines are those of fakes.py, so that every stage can be tampered with on i
 
 from __future__ import annotations
 
+import hashlib
+import json
 import random
 import shutil
 from dataclasses import replace
@@ -14,6 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from recipe_compiler.canonical import pretty
+from recipe_compiler.errors import InputError
 from recipe_compiler.lockfile import Lockfile
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 from recipe_runtime import dataset as datasets
@@ -258,3 +262,51 @@ def test_a_manifest_whose_digests_do_not_add_up_is_told(built: Path, tmp_path: P
     (root / "manifest.json").write_text(text.replace(digest, digest[::-1]))
     report = check_folder(root)
     assert (report.verdict, report.stage) == ("FAIL", "lockfile")
+
+
+def _reseal(root: Path, path: str) -> None:
+    """What a forger does: the manifest says of a changed or removed file what is true of it now."""
+    manifest = json.loads((root / "manifest.json").read_text())
+    if (root / path).is_file():
+        body = (root / path).read_bytes()
+        manifest["files"][path] = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
+    else:
+        del manifest["files"][path]
+    (root / "manifest.json").write_text(pretty(manifest))
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "annotations/kwcoco.json",
+        "annotations/coco/rgb.json",
+        "weather=w0,jitter=still/tracks.csv",
+        "weather=w0,jitter=still/street/labels.jsonl",
+        "plans/weather=w0,jitter=still.json",
+        "README.md",
+    ],
+)
+def test_a_forged_text_is_found_though_the_manifest_vouches_for_it(built: Path, tmp_path: Path, path: str) -> None:
+    root = tmp_path / "tiny"
+    shutil.copytree(built, root)
+    text = (root / path).read_text()
+    forged = text.replace("hero1", "hero9") if "hero1" in text else text.replace("slide", "stand")
+    assert forged != text
+    (root / path).unlink()
+    (root / path).write_text(forged)
+    _reseal(root, path)
+    try:
+        report = check_folder(root)
+    except InputError as error:  # a plan that is not the manifest's is refused when read
+        assert "plan" in str(error)
+    else:
+        assert report.verdict == "FAIL"
+
+
+def test_a_removed_picture_is_missed_though_the_manifest_forgot_it(built: Path, tmp_path: Path) -> None:
+    root = tmp_path / "tiny"
+    shutil.copytree(built, root)
+    path = "weather=w0,jitter=still/street/rgb/000003.png"
+    (root / path).unlink()
+    _reseal(root, path)
+    assert any(path in d.message for d in check_folder(root).differences)
