@@ -201,6 +201,45 @@ def known_as(known: wp.array[Known], key: wp.uint64, pixel: wp.int32, spot: wp.i
     return j
 
 
+@wp.func
+def ray_of(pixel: wp.int32, spot: wp.int32, lens: Lens) -> wp.vec3f:
+    """The sight through a place within a pixel, in the camera's frame and one metre deep."""
+    dx = wp.float64(0.5)
+    dy = wp.float64(0.5)
+    if spot != CENTRE:
+        dx = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot & 1)
+        dy = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot >> 1)
+    x = wp.float32((wp.float64(pixel % lens.width) + dx - lens.cx) / lens.focal)
+    y = wp.float32((wp.float64(pixel / lens.width) + dy - lens.cy) / lens.focal)
+    return wp.vec3f(x, y, 1.0)
+
+
+@wp.func
+def weights_along(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f) -> wp.vec3f:
+    """A triangle's perspective-correct weights where a ray meets it: the volumes that the ray spans with its edges."""
+    w0 = inner(ray, outer(v1, v2))
+    w1 = inner(ray, outer(v2, v0))
+    w2 = inner(ray, outer(v0, v1))
+    # All three have the sign of their sum inside the triangle; rounding may put an edge's sample just outside.
+    total = w0 + w1 + w2
+    if total * total < 1.0e-30:  # (returning from here would cost a tenth of the survey's time)
+        w0 = 1.0
+        total = 1.0
+        w1 = 0.0
+        w2 = 0.0
+    w0 = wp.max(w0 / total, 0.0)
+    w1 = wp.max(w1 / total, 0.0)
+    w2 = wp.max(w2 / total, 0.0)
+    total = wp.max(w0 + w1 + w2, 1.0e-6)
+    return wp.vec3f(w0 / total, w1 / total, w2 / total)
+
+
+@wp.func
+def footprint_of(face: wp.vec3f, turned: wp.vec3f, across: wp.float32) -> wp.vec2f:
+    """Metres of a surface that a pixel holds, across the sight and along it: the more, the nearer to grazing."""
+    return wp.vec2f(across, across / wp.max(-inner(face, direction(turned)), 0.04))
+
+
 @wp.kernel
 def survey(
     keys: wp.array[wp.uint64],
@@ -235,14 +274,7 @@ def survey(
             details[i] = known[0].details[j]
             codes[i] = known[0].codes[j]
         return
-    dx = wp.float64(0.5)
-    dy = wp.float64(0.5)
-    if spot != CENTRE:
-        dx = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot & 1)
-        dy = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot >> 1)
-    rx = wp.float32((wp.float64(pixel % lens.width) + dx - lens.cx) / lens.focal)
-    ry = wp.float32((wp.float64(pixel / lens.width) + dy - lens.cy) / lens.focal)
-    ray = wp.vec3f(rx, ry, 1.0)
+    ray = ray_of(pixel, spot, lens)
     turned = rotate(scene[0].world_from_view, 0, ray)
     if key == wp.uint64(0):
         surfaces[i] = -1
@@ -255,37 +287,13 @@ def survey(
     t = scene[0].triangles[triangle]
     surface = scene[0].triangle_surface[triangle]
     surfaces[i] = surface
-    # Perspective-correct weights: the volumes that the ray spans with the triangle's edges.
-    v0 = scene[0].view[t[0]]
-    v1 = scene[0].view[t[1]]
-    v2 = scene[0].view[t[2]]
-    w0 = inner(ray, outer(v1, v2))
-    w1 = inner(ray, outer(v2, v0))
-    w2 = inner(ray, outer(v0, v1))
-    # All three have the sign of their sum inside the triangle; rounding may put an edge's sample just outside.
-    total = w0 + w1 + w2
-    if total * total < 1.0e-30:
-        w0 = 1.0
-        total = 1.0
-        w1 = 0.0
-        w2 = 0.0
-    w0 = wp.max(w0 / total, 0.0)
-    w1 = wp.max(w1 / total, 0.0)
-    w2 = wp.max(w2 / total, 0.0)
-    total = wp.max(w0 + w1 + w2, 1.0e-6)
-    w0 = w0 / total
-    w1 = w1 / total
-    w2 = w2 / total
+    w = weights_along(ray, scene[0].view[t[0]], scene[0].view[t[1]], scene[0].view[t[2]])
+    local = scene[0].normals[t[0]] * w[0] + scene[0].normals[t[1]] * w[1] + scene[0].normals[t[2]] * w[2]
+    uv = scene[0].uvs[t[0]] * w[0] + scene[0].uvs[t[1]] * w[1] + scene[0].uvs[t[2]] * w[2]
     part = scene[0].vertex_part[t[0]]
-    local = scene[0].normals[t[0]] * w0 + scene[0].normals[t[1]] * w1 + scene[0].normals[t[2]] * w2
     face = rotate(scene[0].world_from_part, part, scene[0].face_normals[triangle])
     normal = direction(rotate(scene[0].world_from_part, part, local))
-    sight = direction(turned)
-    facing = wp.max(-inner(face, sight), 0.04)
-    across = z / wp.float32(lens.focal)
-    along = across / facing
-    footprint = wp.vec2f(across, along)
-    uv = scene[0].uvs[t[0]] * w0 + scene[0].uvs[t[1]] * w1 + scene[0].uvs[t[2]] * w2
+    footprint = footprint_of(face, turned, z / wp.float32(lens.focal))
     detail = detail_of(scene[0].surface_pattern[surface], uv, positions[i], normal, footprint, wp.uint32(surface))
     normals[i] = detail.normal
     details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.height)
