@@ -71,11 +71,15 @@ def launch(kernel: Any, dim: int | tuple[int, ...], inputs: list[Any], device: s
 
 
 def record(value: Any, device: str) -> Any:
-    """A struct as an array of one. Warp passes structs by value into every function; this way only an address goes.
+    """A struct as an array of one. Warp passes structs by value into every function; this way only an address goes."""
+    return records([value], device)
 
-    The caller keeps `value`, whose arrays the record points to.
-    """
-    return wp.array([value], dtype=value._cls, device=device)
+
+def records(values: list[Any], device: str) -> Any:
+    """Structs as an array, which holds on to them: it carries but the addresses of their own arrays."""
+    told = wp.array(values, dtype=values[0]._cls, device=device)
+    told.told_of = values
+    return told
 
 
 _configure()

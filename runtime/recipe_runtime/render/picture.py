@@ -13,11 +13,10 @@ from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
 from recipe_runtime.render import camera, nearby, rain, reflection, samples, shade
 from recipe_runtime.render.atmosphere import Light, drift, light_of
 from recipe_runtime.render.colours import looks_of, srgb_table
-from recipe_runtime.render.device import launch, record, wp
+from recipe_runtime.render.device import launch, record, records, wp
 from recipe_runtime.render.geometry import Geometry
 from recipe_runtime.render.lamps import bodies_at, lamps_at
 from recipe_runtime.render.observe import Observation, Observer, device_rows
-from recipe_runtime.render.shadow import Sunbeam
 from recipe_runtime.render.sunlight import Shadows, world_vertices
 from recipe_runtime.render.timing import Timings
 from recipe_runtime.render.view import lens_of, view_from_parts, world_from_parts, world_from_view
@@ -171,7 +170,7 @@ class Painter:
 
     def _shade(self, obs: Observation, points: Points, appearance: AppearancePlan, light: Light) -> Any:
         with self._timings("shadows"):
-            _owners, beams = self._sunlit(obs, light)
+            beams = self._sunlit(obs, light)
         with self._timings("nearby"):
             lamps, bodies, lamp_lists, body_lists = self._nearby(obs)
         with self._timings("shade"):
@@ -223,8 +222,8 @@ class Painter:
             obs.derived["depth"] = wp.array(obs.depth.reshape(-1), dtype=wp.float32, device=self._device, copy=False)
         return obs.derived["depth"]
 
-    def _sunlit(self, obs: Observation, light: Light) -> tuple[list[Any], Any]:
-        """The four shadow maps as kernels want them, and the structs that own their arrays."""
+    def _sunlit(self, obs: Observation, light: Light) -> Any:
+        """The four shadow maps as kernels want them."""
         if light.sun[2] > 0.0 and float(light.sunlight.max()) > 0.0:
             eye, ahead = obs.world_from_sensor[:, 3], obs.world_from_sensor[:, 0]
             with self._timings("static shadows"):
@@ -237,7 +236,7 @@ class Painter:
             beams = [*still, *obs.derived[name]]
         else:
             beams = [self._shadows.none()] * 4
-        return beams, wp.array(beams, dtype=Sunbeam, device=self._device)
+        return records(beams, self._device)
 
     def _nearby(self, obs: Observation) -> tuple[Any, Any, Any, Any]:
         """Lamps and bodies, and their lists by tile; the same for every appearance."""
