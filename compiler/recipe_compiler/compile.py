@@ -6,10 +6,11 @@ and nothing large made before it is counted.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,13 +20,15 @@ from recipe_compiler import compose, expand, limits, placing, towns
 from recipe_compiler.check import Checker, check_deltas, check_removals
 from recipe_compiler.errors import InputError, Place, Problem
 from recipe_compiler.expand import Axes, Variant
-from recipe_compiler.lower import Lowering
+from recipe_compiler.lower import MAX_ROUTE, Lowering
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.schema.messages import nearest, translate
 from recipe_compiler.schema.models import Base, Motion, Recipe
 from recipe_compiler.source import Value, printable, show
 
 _CHECKED_APART = {"base", "deltas"}
+_LOOKS = {100, 300, 1000, 3000}  # numbers of variants after which to look whether they are too much already
+_METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of those who wander
 
 
 @dataclass(frozen=True)
@@ -56,11 +59,21 @@ def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | No
     if recipe is None or root.get("base") is None or _fatal(problems, sources.problems):
         problems += _check_base_alone(root)
         raise InputError(_sorted(sources.problems, _new(problems, stumbles)))
-    variants = list(expand.variants(root, axes, recipe.sweep, recipe.seed))
-    checked = _check_variants(root, variants, problems)
+    loads: list[limits.Load] = []
+    checked: list[tuple[Variant, Base]] = []
+    changes = len(axes) + (len(recipe.sweep.draw.values) if recipe.sweep.draw else 0)
+    for variant, base in _check_variants(root, expand.variants(root, axes, recipe.sweep, recipe.seed), problems):
+        checked.append((variant, base))
+        loads.append(_load(variant, base, changes))
+        if len(loads) in _LOOKS and not allow_large:
+            too_long = _too_long(path, loads, expand.count(axes, recipe.sweep))
+            if too_long and not problems:
+                raise too_long
+            if too_long:
+                break
     if problems:
         raise InputError(_sorted(sources.problems, _new(problems, stumbles)))
-    estimate = limits.total((_load(v, base) for v, base in checked), recipe.output.depth)
+    estimate = limits.total(loads, recipe.output.depth)
     reasons = estimate.over(free_disk)
     if reasons and not allow_large:
         raise limits.TooLargeError(str(path), estimate, reasons)
@@ -76,7 +89,11 @@ def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | No
         annotations=recipe.output.annotations,
         depth=recipe.output.depth,
     )
-    cost = limits.total(map(_measured, plans), recipe.output.depth)
+    cost = dataclasses.replace(
+        limits.total(map(_measured, plans), recipe.output.depth),
+        compile_seconds=estimate.compile_seconds,
+        compile_bytes=estimate.compile_bytes,
+    )
     warnings = _sorted([*expand.clashes(root, axes, recipe.sweep), *lowering.warnings])
     return Compiled(plan, tuple(warnings), dict(sorted(sources.files.items())), cost)
 
@@ -147,9 +164,21 @@ def _check_base_alone(root: Value) -> list[Problem]:
     return problems
 
 
-def _check_variants(root: Value, variants: list[Variant], problems: list[Problem]) -> list[tuple[Variant, Base]]:
+def _too_long(path: Path, loads: list[limits.Load], variants: int) -> limits.TooLargeError | None:
+    """What is wrong if these first variants alone would take too long to compile: checking all would, too."""
+    estimate = limits.total(loads, "carla")
+    reasons = estimate.over_to_compile()
+    if reasons:
+        reasons[0] = f"of the first {len(loads)} variants alone, {reasons[0]}"
+    whole = dataclasses.replace(estimate, variants=variants)
+    return limits.TooLargeError(str(path), whole, reasons) if reasons else None
+
+
+def _check_variants(
+    root: Value, variants: Iterable[Variant], problems: list[Problem]
+) -> Iterator[tuple[Variant, Base]]:
+    """The variants that are in order, with their models, one by one."""
     checker = Checker(root.map["base"])
-    checked = []
     for variant in variants:
         if len(variant.name) > expand.MAX_NAME:
             message = (
@@ -158,10 +187,9 @@ def _check_variants(root: Value, variants: list[Variant], problems: list[Problem
             problems.append(Problem(message, root.key_place("deltas")))
         base = checker.base(variant.base, problems)
         if base is not None:
-            checked.append((variant, base))
+            yield variant, base
         if len(problems) > 1000:
             break
-    return checked
 
 
 def _instances(root: Value, problems: list[Problem]) -> dict[str, int]:
@@ -180,25 +208,34 @@ def _instances(root: Value, problems: list[Problem]) -> dict[str, int]:
         raise InputError(_sorted(problems)) from None
 
 
-def _load(variant: Variant, base: Base) -> limits.Load:
+def _load(variant: Variant, base: Base, changes: int) -> limits.Load:
     """A variant's work before it is lowered: sections that are the same object are shared."""
     scene = (*(id(part) for part in (base.clock, base.town, base.actors, base.traffic)), variant.seed)
     rig = (id(base.sensors), variant.seed)
     views = tuple(
-        limits.View(base.clock.frames, s.camera.width * s.camera.height, s.capture, s.motion != Motion())
+        limits.View(
+            base.clock.frames,
+            s.camera.width * s.camera.height,
+            s.capture,
+            base.clock.frames if s.motion != Motion() else 1,
+        )
         for s in base.sensors.values()
     )
     clock, parameters = base.clock, base.town.model_extra or {}
+    crowd = base.traffic.vehicles + base.traffic.pedestrians
+    wandering = crowd + sum(actor.route is None for actor in base.actors.values())
+    points = wandering * min(clock.frames / clock.fps * _METRES_A_SECOND, MAX_ROUTE) / _METRES_A_POINT
     return limits.Load(
         scene=scene,
         rig=rig,
         appearance=variant.name,
         steps=clock.frames * clock.physics // clock.fps,
-        actors=len(base.actors) + base.traffic.vehicles + base.traffic.pedestrians,
+        actors=len(base.actors) + crowd,
         views=views,
         town=(base.town.name, base.town.seed, json.dumps(parameters, sort_keys=True)),
         elements=towns.elements(base.town.name, parameters),
-        seconds=clock.frames / clock.fps,
+        points=round(points) + sum(len(actor.route or ()) for actor in base.actors.values()),
+        changes=changes,
     )
 
 
@@ -206,8 +243,7 @@ def _measured(plan: ScenarioPlan) -> limits.Load:
     """A variant's work after it is lowered: plans with the same digest are shared."""
     clock = plan.scene.clock
     views = tuple(
-        limits.View(clock.frames, s.camera.width * s.camera.height, s.capture, len(s.poses) > 1)
-        for s in plan.rig.sensors
+        limits.View(clock.frames, s.camera.width * s.camera.height, s.capture, len(s.poses)) for s in plan.rig.sensors
     )
     return limits.Load(
         scene=plan.scene.digest,
@@ -216,7 +252,4 @@ def _measured(plan: ScenarioPlan) -> limits.Load:
         steps=clock.frames * clock.steps_per_frame,
         actors=len(plan.scene.actors),
         views=views,
-        town=plan.scene.town.digest,
-        elements=len(plan.scene.town.elements),
-        seconds=clock.frames / clock.fps,
     )

@@ -25,10 +25,11 @@ _START = 4.0  # seconds to load meshes and kernels
 _PER_ELEMENT = (6.5e-5, 3400)  # of a town, for each town that differs
 _PER_COLOURS = (3e-6, 70)  # of an element, for each scene that differs
 _PER_ACTOR = (1.8e-4, 6000)  # for each scene that differs
-_PER_METRE = (3e-6, 60)  # of the way of each of them
+_PER_POINT = (1.2e-5, 1100)  # of their ways
 _PER_POSE = (1e-4, 1600)  # for each rig that differs
+_PER_SENSOR = (7e-5, 6000)
 _PER_VARIANT = (4e-4, 12_000)
-_METRES_A_SECOND = 5.0
+_PER_CHANGE = (5e-5, 3600)  # laid over the base, for each variant
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class View:
     frames: int
     pixels: int
     capture: tuple[str, ...]
-    moves: bool = False
+    poses: int = 1
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,8 @@ class Load:
     views: tuple[View, ...]
     town: Hashable = None
     elements: int = 0  # of the town
-    seconds: float = 0.0  # of a clip
+    points: int = 0  # of all actors' ways
+    changes: int = 0  # laid over the base: axes and draws
 
 
 @dataclass(frozen=True)
@@ -164,8 +166,10 @@ def _compiling(loads: Sequence[Load], scenes: Sequence[Load]) -> tuple[float, fl
         (_PER_ELEMENT, sum(towns.values())),
         (_PER_COLOURS, sum(load.elements for load in scenes)),
         (_PER_ACTOR, sum(load.actors for load in scenes)),
-        (_PER_METRE, sum(load.actors * load.seconds * _METRES_A_SECOND for load in scenes)),
-        (_PER_POSE, sum(view.frames for views in rigs.values() for view in views if view.moves)),
+        (_PER_POINT, sum(load.points for load in scenes)),
+        (_PER_POSE, sum(view.poses for views in rigs.values() for view in views)),
+        (_PER_SENSOR, sum(len(views) for views in rigs.values())),
         (_PER_VARIANT, len(loads)),
+        (_PER_CHANGE, sum(load.changes for load in loads)),
     )
     return sum(each[0] * n for each, n in amounts), sum(each[1] * n for each, n in amounts)

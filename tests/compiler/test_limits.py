@@ -65,8 +65,16 @@ def test_half_the_free_disk_is_a_limit(tmp_path: Path) -> None:
             {"draw": {"count": 300, "values": {"town.seed": {"integer": [0, 10**9]}}}},
             {"town": {"name": "downtown", "blocks": [9, 9]}},
         ),
+        (
+            {"draw": {"count": 10_000, "values": {"actors.a0.speed": {"uniform": [1, 2]}}}},
+            {"actors": {f"a{n}": {"blueprint": "walker.pedestrian.*"} for n in range(200)}},
+        ),
+        (
+            {"draw": {"count": 9000, "values": {"sensors.s0.mount.x": {"uniform": [1, 2]}}}},
+            {"sensors": {f"s{n}": {"mount": {"z": 2}, "capture": ["rgb"]} for n in range(100)}},
+        ),
     ],
-    ids=["casts", "crowds", "towns"],
+    ids=["casts", "crowds", "towns", "actors", "sensors"],
 )
 def test_what_takes_long_to_compile_needs_an_explicit_yes(sweep: dict[str, Any], base: dict[str, Any]) -> None:
     started = time.process_time()
