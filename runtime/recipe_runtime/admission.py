@@ -27,7 +27,9 @@ def check_plan(dataset: DatasetPlan) -> None:
     for scene in {v.scene.digest: v.scene for v in dataset.variants}.values():
         for actor in scene.actors:
             if actor.tag not in CATEGORIES:
-                raise InputError(f"actor {actor.name}: tag {actor.tag} is none that is annotated: {sorted(CATEGORIES)}")
+                raise InputError(
+                    f"actor {actor.name!r}: tag {actor.tag} is none that is annotated: {sorted(CATEGORIES)}"
+                )
 
 
 def check_bounds(dataset: DatasetPlan) -> None:
@@ -62,11 +64,11 @@ def _cast(scene: ScenePlan) -> Iterator[str]:
     for actor in scene.actors:
         points = [actor.start.x, actor.start.y, actor.start.z, *(v for p in actor.route for v in (p.x, p.y))]
         if len(actor.route) > MOST_POINTS or _beyond([*points, actor.speed]):
-            yield f"actor {actor.name}: its start, route or speed is out of bounds"
+            yield f"actor {actor.name!r}: its start, route or speed is out of bounds"
     for element in scene.town.elements:
         pose = element.pose
         if _beyond([pose.x, pose.y, pose.z, *element.size]):
-            yield f"{element.name} of the town is out of bounds"
+            yield f"{element.name!r} of the town is out of bounds"
 
 
 def _rig(rig: RigPlan, variant: ScenarioPlan) -> Iterator[str]:

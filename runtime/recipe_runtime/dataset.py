@@ -8,8 +8,7 @@ labels and traces: a manifest that was rewritten to match another file convinces
 from __future__ import annotations
 
 import os
-import stat
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -25,6 +24,7 @@ from recipe_runtime.harvest import Video
 from recipe_runtime.manifest import DAMAGE, listed_files
 from recipe_runtime.manifest import lock_of as lock_of
 from recipe_runtime.store import file_sha256
+from recipe_runtime.store import regular_file as regular_file
 from recipe_runtime.texts import annotation_texts, closing_texts, labels_of
 from recipe_runtime.trace import Trace
 from recipe_runtime.tracks import tracks_csv
@@ -68,8 +68,9 @@ def damaged_files(dataset: Dataset, progress: Progress) -> list[str]:
 
     Every file is read once, in pieces; links are told, and not followed.
     """
-    expected, kinds = layout.expected_files(dataset.plan), dict(_entries(dataset.root))
-    listed = {*dataset.files, layout.MANIFEST}
+    expected, listed = layout.expected_files(dataset.plan), {*dataset.files, layout.MANIFEST}
+    folders = {parent.as_posix() for path in expected | listed for parent in PurePosixPath(path).parents}
+    kinds = dict(_entries(dataset.root, folders))
     found = _frames_without_digest(dataset)
     found += [f"{path} is missing, and the manifest does not list it" for path in sorted(expected - listed)]
     found += [f"{path} is in the manifest, and no file of this plan" for path in sorted(listed - expected)]
@@ -77,12 +78,12 @@ def damaged_files(dataset: Dataset, progress: Progress) -> list[str]:
     for number, (path, (size, sha256)) in enumerate(dataset.files.items(), start=1):
         found += _file_damage(dataset.root, path, kinds.get(path), size, sha256, known)
         progress("files", number, len(dataset.files))
-    folders = {parent.as_posix() for path in expected | listed for parent in PurePosixPath(path).parents}
     for path, kind in sorted(kinds.items()):
-        if kind != "folder" and path not in listed:
-            found.append(f"{path} is not in the manifest" + ("" if kind == "file" else f", and is a {kind}"))
-        elif kind == "folder" and path not in folders:
-            found.append(f"{path}/ is a folder of no file of this plan")
+        shown = path if path.isprintable() else ascii(path)  # a name may hold what a terminal obeys
+        if kind == "folder" and path not in folders:
+            found.append(f"{shown}/ is a folder of no file of this plan")
+        elif kind != "folder" and path not in listed:
+            found.append(f"{shown} is not in the manifest" + ("" if kind == "file" else f", and is a {kind}"))
     return found
 
 
@@ -112,15 +113,23 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[str]
     return found
 
 
-def _entries(root: Path, below: str = "") -> Iterator[tuple[str, str]]:
-    """Every entry of a folder and its kind; a link is one, and not followed."""
-    for entry in sorted(os.scandir(root / below), key=lambda entry: entry.name):
-        path = below + entry.name
-        if entry.is_dir(follow_symlinks=False):
-            yield path, "folder"
-            yield from _entries(root, f"{path}/")
-        else:
-            yield path, "link" if entry.is_symlink() else "file" if entry.is_file(follow_symlinks=False) else "device"
+def _entries(root: Path, folders: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Every entry of the given folders below a root, and its kind; a link is one, and not followed."""
+    waiting = ["."]
+    while waiting:
+        folder = waiting.pop()
+        try:
+            rows = sorted(os.scandir(root / folder), key=lambda entry: entry.name)
+        except OSError:
+            yield folder, "folder that cannot be read"
+            continue
+        for entry in rows:
+            path = entry.name if folder == "." else f"{folder}/{entry.name}"
+            if entry.is_dir(follow_symlinks=False):
+                yield path, "folder"
+                waiting += [path] if path in folders else []
+            else:
+                yield path, "link" if entry.is_symlink() else "file" if entry.is_file() else "device"
 
 
 def _file_damage(
@@ -215,17 +224,3 @@ def _bytes_of(root: Path, path: str) -> bytes:
     if found is None or found.st_size > _MOST_PLAN_BYTES:
         raise ValueError(f"{path} is missing, not a plain file, or too large")
     return (root / path).read_bytes()
-
-
-def regular_file(root: Path, path: str) -> os.stat_result | None:
-    """What the file system says of a plain file within a folder; None if it is none, or a link leads to it."""
-    place, *rest = path.split("/")
-    try:
-        while rest:
-            if not stat.S_ISDIR((root / place).lstat().st_mode):
-                return None
-            place = f"{place}/{rest.pop(0)}"
-        found = (root / place).lstat()
-    except OSError:
-        return None
-    return found if stat.S_ISREG(found.st_mode) else None

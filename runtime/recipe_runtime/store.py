@@ -12,6 +12,7 @@ import hashlib
 import itertools
 import os
 import shutil
+import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -71,6 +72,20 @@ class Store:
         trace = simulate()
         self.put("traces", key, trace.to_bytes())
         return trace
+
+
+def regular_file(root: Path, path: str) -> os.stat_result | None:
+    """What the file system says of a plain file within a folder; None if it is none, or a link leads to it."""
+    place, *rest = path.split("/")
+    try:
+        while rest:
+            if not stat.S_ISDIR((root / place).lstat().st_mode):
+                return None
+            place = f"{place}/{rest.pop(0)}"
+        found = (root / place).lstat()
+    except OSError:
+        return None
+    return found if stat.S_ISREG(found.st_mode) else None
 
 
 def file_sha256(path: Path) -> str:

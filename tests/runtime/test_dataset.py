@@ -213,7 +213,19 @@ def test_a_forged_text_is_told_though_the_manifest_matches(copy: Path, path: str
 
 
 @pytest.mark.parametrize(
-    "line", [b"", b"[]\n", b"[[]]\n", b'[{"counts": 5}]\n', b"[" * 100_000, b"\xff\n", b"NaN\n", b'{"a": 1e999}\n']
+    "line",
+    [
+        b"",
+        b"[]\n",
+        b"[[]]\n",
+        b'[{"counts": 5}]\n',
+        b"[" * 100_000,
+        b"\xff\n",
+        b"NaN\n",
+        b'{"a": 1e999}\n',
+        b"[99999999999999999999]\n",
+        b'["\\ud800"]\n',
+    ],
 )
 def test_labels_of_any_kind_are_told(copy: Path, line: bytes) -> None:
     path = f"{STREET}/labels.jsonl"
@@ -308,3 +320,28 @@ def test_only_codes_of_whole_pictures_are_handed_to_pycocotools(built: Path) -> 
     assert found > 4
     for code, pixels in (("", 1), ("o" * 40, 1), ("\x7f", 1), ("0", 1), ("01o", 0)):
         assert not runs_fill(code, pixels)
+
+
+def test_a_manifest_that_is_a_pipe_or_a_link_is_none(copy: Path) -> None:
+    (copy / "manifest.json").rename(copy / "elsewhere.json")
+    (copy / "manifest.json").symlink_to("elsewhere.json")
+    with pytest.raises(InputError, match="is not a dataset"):
+        datasets.read(copy)
+    (copy / "manifest.json").unlink()
+    os.mkfifo(copy / "manifest.json")
+    with pytest.raises(InputError, match="is not a dataset"):
+        datasets.read(copy)
+
+
+def test_names_that_a_terminal_obeys_are_spelled_out_and_strange_depths_not_entered(copy: Path) -> None:
+    (copy / "\x1b[2J").write_bytes(b"")
+    (copy / os.fsdecode(b"\xff")).write_bytes(b"")
+    deep = copy / "deep"
+    for _ in range(600):
+        deep = deep / "d"
+    deep.mkdir(parents=True)
+    assert damage(copy) == [
+        r"'\x1b[2J' is not in the manifest",
+        "deep/ is a folder of no file of this plan",
+        r"'\udcff' is not in the manifest",
+    ]
