@@ -223,7 +223,7 @@ def _load(variant: Variant, base: Base, changes: int) -> limits.Load:
     )
     clock, parameters = base.clock, base.town.model_extra or {}
     crowd = base.traffic.vehicles + base.traffic.pedestrians
-    wandering = crowd + sum(actor.route is None for actor in base.actors.values())
+    wandering = crowd + sum(actor.route is None and actor.goal is None for actor in base.actors.values())
     points = wandering * min(clock.frames / clock.fps * _METRES_A_SECOND, MAX_ROUTE) / _METRES_A_POINT
     return limits.Load(
         scene=scene,
