@@ -109,64 +109,68 @@ class Painter:
         return points
 
     def _survey(self, obs: Observation, antialias: bool) -> Points:
-        g, lens = self._g, lens_of(obs.camera, 1)
-        pixels = obs.camera.width * obs.camera.height
-        scene = samples.Scene()
+        """What every sample of a frame sees: worked out, or copied from an earlier frame of the same pose."""
+        told = record(self._scene(obs), self._device)
+        known, groups, weights, tiles = self._placed(obs, told, antialias)
+        pose = obs.world_from_sensor.tobytes() + obs.camera.model_dump_json().encode(), str(antialias)
+        earlier = self._held.pop(pose, None) or samples.Known()
+        with self._timings("survey"):
+            count = known.count
+            known.surfaces, known.codes = self._empty(count, wp.int32), self._empty(count, wp.uint32)
+            known.positions, known.normals = self._empty(count, wp.vec3f), self._empty(count, wp.vec3f)
+            known.details, origins = self._empty(count, wp.vec4f), self._empty(count, wp.int32)
+            found = [known.surfaces, known.positions, known.normals, known.details, known.codes, origins]
+            places = [known.keys, known.pixels, known.places, known.starts]
+            inputs = [*places, lens_of(obs.camera, 1), told, record(earlier, self._device), *found]
+            launch(samples.survey, count, inputs, self._device)
+        self._hold(pose, known)
+        return Points(_data(obs, known, tiles), groups, known.starts, weights, count, origins, known, earlier, pose)
+
+    def _scene(self, obs: Observation) -> Any:
+        """The geometry as a frame has it, for samples to look into."""
+        g, scene = self._g, samples.Scene()
         scene.view, scene.normals, scene.uvs = obs.vertices, g.normals, g.uvs
         scene.vertex_part, scene.triangles, scene.face_normals = g.vertex_part, g.triangles, g.face_normals
         scene.triangle_surface, scene.surface_pattern = g.triangle_surface, g.surface_pattern
         scene.world_from_part = device_rows(world_from_parts(obs.parts), self._device)
         scene.world_from_view = device_rows(world_from_view(obs.world_from_sensor), self._device)
-        told = record(scene, self._device)
+        return scene
+
+    def _placed(self, obs: Observation, scene: Any, antialias: bool) -> tuple[Any, Any, Any, Any]:
+        """Where the samples of a frame are: their Known, as yet without what they see, groups, weights and tiles."""
+        lens, pixels = lens_of(obs.camera, 1), obs.camera.width * obs.camera.height
         if antialias:
             fine = self._observer.visibility(obs.camera, obs.world_from_sensor, obs.vertices, side=2)
             with self._timings("group"):
                 groups = self._empty(pixels, wp.int32)
-                launch(samples.count, pixels, [fine, lens, told, groups], self._device)
+                launch(samples.count, pixels, [fine, lens, scene, groups], self._device)
                 ends = np.cumsum(groups.numpy() & 7, dtype=np.int32)
         else:
             groups = wp.array(np.ones(pixels, np.int32), dtype=wp.int32, device=self._device)
             ends = np.arange(1, pixels + 1, dtype=np.int32)
-        count = int(ends[-1])
+        count, known = int(ends[-1]), samples.Known()
         first = np.concatenate([np.zeros(1, np.int32), ends[:-1]])
-        starts = wp.array(first, dtype=wp.int32, device=self._device)
-        keys, owner = self._empty(count, wp.uint64), self._empty(count, wp.int32)
-        places, weights = self._empty(count, wp.int32), self._empty(count, wp.float32)
+        known.starts = wp.array(first, dtype=wp.int32, device=self._device)
+        known.count, known.still = count, self._g.static_triangles
+        known.keys, known.pixels = self._empty(count, wp.uint64), self._empty(count, wp.int32)
+        known.places, weights = self._empty(count, wp.int32), self._empty(count, wp.float32)
         tiles = self._empty(count, wp.int32)
+        out = [known.keys, known.pixels, known.places, weights, tiles]
         with self._timings("place"):
             if antialias:
-                inputs = [obs.keys, fine, groups, starts, lens, told, keys, owner, places, weights, tiles]
+                inputs = [obs.keys, fine, groups, known.starts, lens, scene, *out]
                 launch(samples.place, pixels, inputs, self._device)
             else:
-                inputs = [obs.keys, keys, owner, places, weights, tiles, lens]
-                launch(samples.place_centres, pixels, inputs, self._device)
-        with self._timings("survey"):
-            data = shade.Samples()
-            data.surfaces, data.codes = self._empty(count, wp.int32), self._empty(count, wp.uint32)
-            data.positions, data.normals = self._empty(count, wp.vec3f), self._empty(count, wp.vec3f)
-            data.details, data.pixels = self._empty(count, wp.vec4f), owner
-            data.tiles = tiles
-            data.eye = wp.vec3f(*(float(v) for v in obs.world_from_sensor[:, 3]))
-            found = [data.surfaces, data.positions, data.normals, data.details, data.codes]
-            origins = self._empty(count, wp.int32)
-            pose = obs.world_from_sensor.tobytes() + obs.camera.model_dump_json().encode(), str(antialias)
-            earlier = self._known(pose)
-            inputs = [keys, owner, places, starts, lens, told, record(earlier, self._device), *found, origins]
-            launch(samples.survey, count, inputs, self._device)
-        known = samples.Known()
-        known.keys, known.pixels, known.places, known.starts = keys, owner, places, starts
-        known.surfaces, known.positions, known.normals, known.details, known.codes = found
-        known.count, known.still = count, g.static_triangles
+                launch(samples.place_centres, pixels, [obs.keys, *out, lens], self._device)
+        return known, groups, weights, tiles
+
+    def _hold(self, pose: tuple[bytes, str], known: Any) -> None:
+        """Remember a pose's samples for its next frame, and forget the pose unseen for longest with all its light."""
         if self._keep_static:
             self._held[pose] = known
             if len(self._held) > _POSES_KEPT:
                 gone, _ = self._held.popitem(last=False)
                 self._shaded = {name: held for name, held in self._shaded.items() if name[0] != gone}
-        return Points(data, groups, starts, weights, count, origins, known, earlier, pose)
-
-    def _known(self, pose: tuple[bytes, str]) -> Any:
-        """What an earlier frame from this pose has found; empty if there was none."""
-        return self._held.pop(pose, None) or samples.Known()
 
     def _shade(self, obs: Observation, points: Points, appearance: AppearancePlan, light: Light) -> Any:
         with self._timings("shadows"):
@@ -187,19 +191,18 @@ class Painter:
             # Only a pose that comes back is worth remembering: a moving camera's never does.
             if points.earlier.count and held + points.count <= _SAMPLES_KEPT:
                 self._shaded[name] = Shaded(points.known, (out, gleam, steady), lists, clouds)
-        if light.air.wet <= 0.0:
-            return out
+        return out if light.air.wet <= 0.0 else self._reflect(obs, points, told[0], told[2], gleam, out)
+
+    def _reflect(self, obs: Observation, points: Points, data: Any, air: Any, gleam: Any, out: Any) -> Any:
+        """The light `out` of all samples, with what wet ground mirrors of it."""
         with self._timings("reflect"):
-            shown = self._empty(points.count, wp.vec3f)
-            view, lens = (
-                device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device),
-                lens_of(obs.camera, 1),
-            )
+            shown, lens = self._empty(points.count, wp.vec3f), lens_of(obs.camera, 1)
+            view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
             blocks = -(-lens.width // 2) * -(-lens.height // 2)
             reach = self._empty(blocks, wp.float32)
-            inputs = [told[0], gleam, self._depth(obs), points.starts, view, lens, reach]
+            inputs = [data, gleam, self._depth(obs), points.starts, view, lens, reach]
             launch(reflection.march, blocks, inputs, self._device)
-            inputs = [told[0], told[2], gleam, reach, points.starts, view, lens, out, shown]
+            inputs = [data, air, gleam, reach, points.starts, view, lens, out, shown]
             launch(reflection.reflect, points.count, inputs, self._device)
         return shown
 
@@ -285,6 +288,15 @@ class Painter:
 
     def _empty(self, count: int, kind: Any) -> Any:
         return wp.empty(count, dtype=kind, device=self._device)
+
+
+def _data(obs: Observation, known: Any, tiles: Any) -> Any:
+    """What a frame's samples see, as shading wants it."""
+    data = shade.Samples()
+    data.surfaces, data.positions, data.normals = known.surfaces, known.positions, known.normals
+    data.details, data.codes, data.pixels, data.tiles = known.details, known.codes, known.pixels, tiles
+    data.eye = wp.vec3f(*(float(v) for v in obs.world_from_sensor[:, 3]))
+    return data
 
 
 def _fall(plan: CameraPlan, world_from_sensor: Array, wind: float) -> list[float]:

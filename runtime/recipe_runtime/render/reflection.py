@@ -56,6 +56,42 @@ def mirrored(p: wp.vec3f, to_point: wp.vec3f, gloss: wp.float32) -> wp.vec3f:
     return wp.vec3f(r[0], r[1], wp.max(r[2], 0.02))
 
 
+@wp.func
+def first_wet(block: wp.int32, gleam: wp.array[wp.vec2f], starts: wp.array[wp.int32], lens: Lens) -> wp.int32:
+    """The first sample of a block of 2 x 2 pixels that mirrors enough to be followed; -1 if none does."""
+    columns = (lens.width + 1) / 2
+    x0 = (block % columns) * 2
+    y0 = (block / columns) * 2
+    found = wp.int32(-1)
+    for y in range(y0, wp.min(y0 + 2, lens.height)):
+        for x in range(x0, wp.min(x0 + 2, lens.width)):
+            s = starts[y * lens.width + x]
+            if found < 0 and gleam[s][0] > FAINT:
+                found = s
+    return found
+
+
+@wp.func
+def close_in(
+    start: wp.vec3f, way: wp.vec3f, before: wp.float32, behind: wp.float32, depth: wp.array[wp.float32], lens: Lens
+) -> wp.float32:
+    """Where on its way a ray first passed behind what is seen: halvings between before it and behind it."""
+    low = before
+    high = behind
+    for _halving in range(4):
+        middle = (low + high) * 0.5
+        q = start + way * middle
+        at = pixel_at(q, lens)
+        hidden = False
+        if at >= 0:
+            hidden = depth[at] < q[2] - 0.03
+        if hidden:
+            high = middle
+        else:
+            low = middle
+    return high
+
+
 @wp.kernel
 def march(
     samples: wp.array[Samples],
@@ -69,15 +105,7 @@ def march(
     """How far the mirrored ray of a block of 2 x 2 pixels goes to what it meets; -1 if it meets nothing."""
     block = wp.tid()
     reach[block] = -1.0
-    columns = (lens.width + 1) / 2
-    x0 = (block % columns) * 2
-    y0 = (block / columns) * 2
-    i = wp.int32(-1)
-    for y in range(y0, wp.min(y0 + 2, lens.height)):
-        for x in range(x0, wp.min(x0 + 2, lens.width)):
-            s = starts[y * lens.width + x]
-            if i < 0 and gleam[s][0] > FAINT:
-                i = s
+    i = first_wet(block, gleam, starts, lens)
     if i < 0:
         return
     to_point = samples[0].positions[i] - samples[0].eye
@@ -101,21 +129,7 @@ def march(
         t = t * GROWTH
     if hit == 0:
         return
-    # Close in on where the ray first passed behind it.
-    low = before
-    high = t
-    for _halving in range(4):
-        middle = (low + high) * 0.5
-        q = start + way * middle
-        at = pixel_at(q, lens)
-        behind = False
-        if at >= 0:
-            behind = depth[at] < q[2] - 0.03
-        if behind:
-            high = middle
-        else:
-            low = middle
-    reach[block] = high
+    reach[block] = close_in(start, way, before, t, depth, lens)
 
 
 @wp.kernel
