@@ -1,4 +1,33 @@
-"""The renderer: Warp kernels, in pipeline order. The only folder that imports warp."""
+"""The renderer: from bodies, poses and an appearance to labels and a picture. The only folder that imports warp.
+
+The pipeline in order. Modules marked * are kernels; each is launched by the host's module named above it.
+
+    device         Warp, set up so that every machine computes the same bytes
+    renderer       one scene's door: `observe` a pose once, then `shade` it in each weather
+    geometry       all bodies' triangles, on the device
+    view           a pose and a camera, as the numbers that kernels are given
+
+    observe        from a pose to an Observation, all labels of a frame
+    visibility*    which triangle every sample sees
+    observation*   depth, instance, semantic, boxes and counts from that
+
+    picture        from an Observation and an appearance to a picture
+    samples*       the points that are shaded, and the geometry at each
+    pattern*       what a surface looks like close by
+    atmosphere     weather and sun as numbers of light, on the host
+    colours        a look as every surface's colours, and the sRGB table, on the host
+    sunlight       when shadow maps are made, and about what
+    shadow*        what stands between a point and the sun
+    lamps          which lamps burn and which bodies stand near the ground, on the host
+    nearby*        which of them reach a tile of the picture
+    air*           the sky, and what fog does to light on its way
+    shade*         the light that leaves each sample towards the eye
+    reflection*    what wet ground mirrors of it
+    rain*          drops before the camera
+    camera*        samples into pixels, exposure, tone, noise, 8 bits
+
+Everywhere: vectors* and noise*, arithmetic in an order that is ours; timing, seconds by stage.
+"""
 
 from recipe_runtime.render.observe import ObjectView, Observation
 from recipe_runtime.render.renderer import Renderer

@@ -1,4 +1,7 @@
-"""Geometry on the device: the triangles of all bodies, uploaded once, what is static before what moves."""
+"""Geometry on the device: the triangles of all bodies, uploaded once, what is static before what moves.
+
+It comes before every frame: visibility, shadow maps and samples all look into these arrays by a triangle's number.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,8 @@
-"""From a pose to an Observation: the host's side of visibility and labels."""
+"""From a pose to an Observation: the host's side of visibility and labels, and the pipeline's first half.
+
+Vertices are moved into the camera's frame, drawn into one buffer of keys, and every label is read off that. What
+stands still is drawn once for a camera that stands still; no appearance has a part in any of it.
+"""
 
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,4 +1,9 @@
-"""From an Observation and an appearance to a picture: the host's side of shading."""
+"""From an Observation and an appearance to a picture: the host's side of shading, and the pipeline's second half.
+
+Samples are placed and surveyed once for all appearances of a frame; then come shadows, nearby lamps and bodies,
+shading, reflection on wet ground, rain and the camera. What an earlier frame of the same pose found is copied where
+it must be equal, so that remembering saves time and changes no byte.
+"""
 
 import hashlib
 from collections import OrderedDict

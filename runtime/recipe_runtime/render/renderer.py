@@ -1,4 +1,7 @@
-"""The renderer: one scene's bodies, observed from poses and shaded in appearances."""
+"""The renderer: one scene's bodies, observed from poses and shaded in appearances.
+
+The folder's door. It holds what frames may share (geometry, still views, shadow maps), none of which tells in a byte.
+"""
 
 from collections.abc import Sequence
 
