@@ -63,9 +63,7 @@ def appearance_plan(clouds: float = 0.0) -> AppearancePlan:
     names = [n for n in Weather.model_fields if n != "cloudiness"]
     weather = Weather(cloudiness=clouds, **dict.fromkeys(names, 0.0))
     responses = {"street": CameraResponse(), "side": CameraResponse()}
-    return AppearancePlan(
-        seed=1, weather=weather, sun=Sun(azimuth=0, altitude=45), looks={}, responses=responses
-    )
+    return AppearancePlan(seed=1, weather=weather, sun=Sun(azimuth=0, altitude=45), looks={}, responses=responses)
 
 
 def dataset_plan(frames: int = 12, weathers: int = 2, **outputs: Any) -> DatasetPlan:
