@@ -29,10 +29,9 @@ def card(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> str:
         _objects(videos),
         _layout(dataset),
         "## The same again",
-        "This dataset is made by a recipe, and can be made again, byte for byte, from the recipe alone:",
-        "    pip install dataset-recipe\n"
-        f"    recipe build {dataset.recipe}.yaml\n"
-        f"    recipe verify {dataset.recipe}.yaml",
+        "This dataset is made by a recipe, and can be made again, byte for byte, from the recipe alone, with "
+        "Dataset Recipe (`manifest.json` names the version):",
+        f"    recipe build {dataset.recipe}.yaml\n    recipe verify {dataset.recipe}.yaml",
         f"`{layout.MANIFEST}` holds the SHA-256 of every file and a digest of every frame's pixels; "
         "`plans/` holds each variant with nothing left to decide.",
     ]
