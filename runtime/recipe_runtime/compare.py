@@ -16,6 +16,7 @@ _DEPENDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "observation": (("observe",), ("warp-lang", "numpy")),
     "labels": (("observe", "annotate"), ("pycocotools", "numpy")),
     "shading": (("observe", "shade"), ("warp-lang", "numpy")),
+    "texts": (("observe", "annotate"), ("dataset-recipe", "pycocotools")),
     "encoding": (("encode",), ("deflate", "numpy")),
 }
 _STAGE_OF = {"rgb": "shading", "labels": "labels", "depth": "observation"}

@@ -77,8 +77,9 @@ def verify(
         compared, found = check.run(chosen)
         differences += found
         if dataset is not None:
-            messages = damaged_files(dataset, progress) + text_differences(dataset, check.traces)
-            differences += [Difference("file", message) for message in messages]
+            differences += [Difference("file", message) for message in damaged_files(dataset, progress)]
+            excuse = excuse_of("texts", lock)
+            differences += [Difference("file", message, excuse) for message in text_differences(dataset, check.traces)]
         if options.pictures is not None:
             pictures = check.draw(differences, options.pictures)
     bound = Bound(compared, len(choices), options.confidence)

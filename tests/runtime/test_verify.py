@@ -310,3 +310,18 @@ def test_a_removed_picture_is_missed_though_the_manifest_forgot_it(built: Path, 
     (root / path).unlink()
     _reseal(root, path)
     assert any(path in d.message for d in check_folder(root).differences)
+
+
+def test_a_text_of_another_release_is_inconclusive(built: Path, tmp_path: Path) -> None:
+    """The card's words may change from release to release; a dataset of another one is not called forged for it."""
+    root = tmp_path / "tiny"
+    shutil.copytree(built, root)
+    (root / "README.md").write_text((root / "README.md").read_text() + "\nIn other words.\n")
+    _reseal(root, "README.md")
+    assert check_folder(root).verdict == "FAIL"
+    manifest = json.loads((root / "manifest.json").read_text())
+    manifest["tools"]["dataset-recipe"] = "0.0.9"
+    (root / "manifest.json").write_text(pretty(manifest))
+    report = check_folder(root)
+    assert (report.verdict, report.stage) == ("INCONCLUSIVE", "file")
+    assert "made with dataset-recipe 0.0.9" in str(report.differences[0])
