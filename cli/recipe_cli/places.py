@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,15 +10,6 @@ if TYPE_CHECKING:
     from recipe_compiler.lockfile import Lockfile
 
 FOLDER = "lockfiles"
-
-
-@dataclass(frozen=True)
-class Target:
-    """Something to verify: a recipe with its lockfile, or a dataset folder."""
-
-    recipe: Path | None
-    lockfile: Path | None
-    dataset: Path | None = None
 
 
 def lockfile_path(recipe: Path, name: str) -> Path:
