@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus bench lock verify golden requirements clean
+.PHONY: help demo test check install install-dev test-quick test-cpus test-torch bench lock verify golden requirements clean
 
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -52,6 +52,10 @@ test-quick: install-dev  ## the tests that take under ten seconds each
 
 test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)
 	$(BIN)/python -m pytest -q -m cpus --durations=0
+
+test-torch: install-dev  ## the PyTorch dataset, with PyTorch installed for it (CPU build where there is one)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0'
+	$(BIN)/python -m pytest -q -m torch
 
 bench: install-dev  ## frames a second beside a plain PyBullet + Pillow script, in one run
 	$(BIN)/python -m benchmarks.listing

@@ -13,7 +13,6 @@ import click
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.errors import Problem
-    from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 
 RECIPE = click.argument("recipe", type=click.Path(path_type=Path))
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document for a program to read.")
@@ -52,23 +51,6 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise RunError(f"{path} cannot be written: {error.strerror or error}; choose another place") from None
-
-
-def variant_named(plan: DatasetPlan, name: str | None) -> ScenarioPlan:
-    """The variant of that name, or the first; InputError with the nearest name."""
-    from difflib import get_close_matches
-
-    from recipe_compiler.errors import InputError
-
-    by_name = {v.variant: v for v in plan.variants}
-    if name is None:
-        return plan.variants[0]
-    if name not in by_name:
-        near = get_close_matches(name, by_name, 1, 0.3) or list(by_name)[:1]
-        raise InputError(
-            f"{plan.recipe} has no variant {name!r}; the nearest is {near[0]!r}, and `recipe plan` lists all"
-        )
-    return by_name[name]
 
 
 def print_json(value: Any) -> None:

@@ -11,12 +11,14 @@ yaw about fixed axes (R = Rz(yaw) Ry(pitch) Rx(roll)); positive pitch looks down
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel
 
 from recipe_compiler.canonical import digest
+from recipe_compiler.errors import InputError
 
 
 def fixed(value: float) -> float:
@@ -247,6 +249,18 @@ class DatasetPlan(Plan):
     variants: tuple[ScenarioPlan, ...]
     annotations: tuple[Literal["kwcoco", "coco", "mots_txt", "mots_png"], ...]
     depth: Literal["carla", "npy"]  # depth on disk: CARLA's 24-bit PNG, or float32 metres
+
+    def named(self, name: str | None) -> ScenarioPlan:
+        """The variant of that name, the first for None; InputError with the nearest name."""
+        by_name = {v.variant: v for v in self.variants}
+        if name is None:
+            return self.variants[0]
+        if name not in by_name:
+            near = get_close_matches(name, by_name, 1, 0.3) or list(by_name)[:1]
+            raise InputError(
+                f"{self.recipe} has no variant {name!r}; the nearest is {near[0]!r}, and `recipe plan` lists all"
+            )
+        return by_name[name]
 
     @cached_property
     def digest(self) -> str:

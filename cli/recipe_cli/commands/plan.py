@@ -24,9 +24,7 @@ def command(recipe: Path, allow_large: bool, variant: str | None, as_json: bool)
     if variant is not None:
         from recipe_compiler.canonical import pretty
 
-        from recipe_cli.arguments import variant_named
-
-        click.echo(pretty(variant_named(compiled.plan, variant).document()), nl=False)
+        click.echo(pretty(compiled.plan.named(variant).document()), nl=False)
     elif as_json:
         print_json(_document(compiled))
     else:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, variant_named, writing
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, writing
 
 
 @click.command("shot")
@@ -34,7 +34,7 @@ def command(
     if output is not None and output.suffix.lower() != ".png":
         raise InputError(f"{output}: a shot is a PNG; give --output a name that ends in .png")
     plan = compile_quietly(recipe, allow_large=allow_large).plan
-    scenario = variant_named(plan, variant)
+    scenario = plan.named(variant)
     from recipe_runtime.shot import shot
 
     with writing(output or Path("shot.png")):  # a folder that is not there is said before the work

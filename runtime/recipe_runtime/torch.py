@@ -1,0 +1,125 @@
+"""A PyTorch dataset over a recipe: nothing on disk, every frame rendered when it is asked for. Needs `torch`.
+
+    from torch.utils.data import DataLoader
+    from recipe_runtime.torch import RecipeDataset
+
+    street = RecipeDataset("recipes/weather_sweep.yaml", modalities=("rgb", "depth"))
+    for batch in DataLoader(street, batch_size=8, shuffle=True, num_workers=4):
+        batch["rgb"], batch["depth"]                     # uint8 [8, 3, H, W], float32 [8, H, W]
+
+Any frame in any order, in any worker, has the bytes of the built dataset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from recipe_compiler.errors import InputError
+from recipe_compiler.plan import DatasetPlan
+from torch.utils.data import Dataset
+
+from recipe_runtime.annotate.objects import Record
+from recipe_runtime.opening import compiled
+from recipe_runtime.scenario import Scenario, Scenes
+
+Sample = dict[str, Any]
+
+
+class RecipeDataset(Dataset[Sample]):
+    """Every frame of every sensor of every variant, in the recipe's order, or of those that are named.
+
+    A sample holds `variant`, `sensor` and `frame`, and a tensor for each of `modalities` (what the sensor captures,
+    by default): rgb uint8 [3, H, W]; depth float32 [H, W] in metres; instance int32 [H, W]; semantic uint8 [H, W].
+    With `target=True` also `target`, as torchvision's detection models take it, and more: `boxes` float32 [N, 4]
+    (x0, y0, x1, y1), `labels` int64 [N] (CARLA tags), `instances` int64 [N], `area` int64 [N], `iscrowd` int64 [N],
+    `visible_fraction` float32 [N]; such samples need a `collate_fn` that keeps lists. `transform` is given the sample.
+    `disk_cache` is a folder for rendered arrays. InputError for names that the recipe has not, and all else that is
+    wrong with it.
+    """
+
+    def __init__(
+        self,
+        recipe: str | PathLike[str] | DatasetPlan,
+        *,
+        variants: Sequence[str] | None = None,
+        sensors: Sequence[str] | None = None,
+        modalities: Sequence[str] | None = None,
+        target: bool = False,
+        transform: Callable[[Sample], Any] | None = None,
+        device: str = "cpu",
+        disk_cache: str | PathLike[str] | None = None,
+        allow_large: bool = False,
+    ) -> None:
+        plan = recipe if isinstance(recipe, DatasetPlan) else compiled(recipe, allow_large)
+        scenes, kept = Scenes(device), Path(disk_cache) if disk_cache is not None else None
+        chosen = plan.variants if variants is None else [plan.named(name) for name in variants]
+        self.scenarios = [Scenario(variant, scenes, kept) for variant in chosen]
+        self._places = [(s, sensor) for s in self.scenarios for sensor in _sensors(s, sensors)]
+        self._modalities = tuple(modalities) if modalities is not None else None
+        for scenario, sensor in self._places:
+            _check(scenario, sensor, self._modalities or ())
+        self._ends = _running([len(scenario) for scenario, _ in self._places])
+        self._target, self._transform = target, transform
+
+    def __len__(self) -> int:
+        return self._ends[-1] if self._ends else 0
+
+    def __getitem__(self, index: int) -> Any:
+        """A sample; IndexError beyond the last."""
+        scenario, sensor, frame = self._at(index)
+        sample: Sample = {"variant": scenario.variant, "sensor": sensor, "frame": frame}
+        for modality in self._modalities or scenario.modalities(sensor):
+            sample[modality] = _tensor(modality, scenario.render(frame, sensor, modality))
+        if self._target:
+            sample["target"] = _target(scenario.labels(frame, sensor))
+        return self._transform(sample) if self._transform else sample
+
+    def _at(self, index: int) -> tuple[Scenario, str, int]:
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"sample {index} is not there: the dataset has {len(self)}")
+        index %= len(self)
+        place = next(n for n, end in enumerate(self._ends) if index < end)
+        scenario, sensor = self._places[place]
+        return scenario, sensor, index - (self._ends[place] - len(scenario))
+
+
+def _sensors(scenario: Scenario, wanted: Sequence[str] | None) -> Sequence[str]:
+    return scenario.sensors if wanted is None else wanted
+
+
+def _check(scenario: Scenario, sensor: str, modalities: Sequence[str]) -> None:
+    captured = scenario.modalities(sensor)
+    for modality in modalities:
+        if modality not in captured:
+            raise InputError(f"the sensor {sensor} captures {', '.join(captured)}, not {modality!r}")
+
+
+def _running(counts: Sequence[int]) -> list[int]:
+    ends: list[int] = []
+    for count in counts:
+        ends.append((ends[-1] if ends else 0) + count)
+    return ends
+
+
+def _tensor(modality: str, pixels: NDArray[Any]) -> torch.Tensor:
+    if modality == "rgb":
+        return torch.from_numpy(np.ascontiguousarray(pixels.transpose(2, 0, 1)))
+    return torch.from_numpy(pixels.astype(np.int32) if pixels.dtype == np.uint16 else pixels)
+
+
+def _target(records: Sequence[Record]) -> dict[str, torch.Tensor]:
+    boxes = [[x, y, x + w, y + h] for x, y, w, h in (record["bbox"] for record in records)]
+    return {
+        "boxes": torch.tensor(boxes, dtype=torch.float32).reshape(-1, 4),
+        "labels": torch.tensor([record["instance"] // 1000 for record in records], dtype=torch.int64),
+        "instances": torch.tensor([record["instance"] for record in records], dtype=torch.int64),
+        "area": torch.tensor([record["area"] for record in records], dtype=torch.int64),
+        "iscrowd": torch.zeros(len(records), dtype=torch.int64),
+        "visible_fraction": torch.tensor([record["visible_fraction"] for record in records], dtype=torch.float32),
+    }

@@ -1,0 +1,143 @@
+"""A recipe opened in Python gives what a build writes, whatever is asked for first, and in whatever process."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import recipe_runtime
+from PIL import Image
+from recipe_compiler.errors import InputError
+from recipe_runtime import encode, layout
+from recipe_runtime.build import build
+from recipe_runtime.engines import Engines
+from recipe_runtime.opening import compiled
+from recipe_runtime.scenario import Scenario, Scenes
+
+from tests.runtime.fakes import ENGINES, dataset_plan
+from tests.sources import ROOT
+
+TINY = ROOT / "tests" / "golden" / "tiny.yaml"
+RAIN = "weather=rain"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The smallest real dataset."""
+    return build(compiled(TINY), tmp_path_factory.mktemp("built") / "tiny").path
+
+
+def _read(path: Path) -> Any:
+    """A PNG by Pillow, a reader that is not ours."""
+    with Image.open(path) as picture:
+        return np.array(picture)
+
+
+def test_rendered_on_demand_equals_the_built_files(built: Path) -> None:
+    scenario = recipe_runtime.open(TINY, RAIN)
+    assert (len(scenario), scenario.sensors) == (4, ("street", "dash"))
+    for frame in (3, 0, 2):  # not the build's order
+        for sensor in reversed(scenario.sensors):
+            for modality in reversed(scenario.modalities(sensor)):
+                ours = scenario.render(frame, sensor, modality)
+                file = _read(built / layout.frame_file(RAIN, sensor, modality, frame, "carla"))
+                if modality == "depth":
+                    ours = encode.carla_depth(ours)
+                np.testing.assert_array_equal(ours, file, err_msg=f"{frame} {sensor} {modality}")
+
+
+def test_labels_on_demand_equal_the_built_ones(built: Path) -> None:
+    lines = (built / layout.labels_file(RAIN, "street")).read_text().splitlines()
+    scenario = recipe_runtime.open(TINY, RAIN)
+    assert scenario[2].labels("street") == json.loads(lines[2])
+
+
+def _fake(**options: Any) -> Scenario:
+    plan = dataset_plan(frames=6)
+    return Scenario(plan.variants[0], Scenes(engines=ENGINES), **options)
+
+
+def test_frames_are_a_sequence() -> None:
+    scenario = _fake()
+    assert [f.number for f in scenario] == list(range(6)) == [f.number for f in scenario[:]]
+    assert scenario[-1].number == 5
+    assert scenario[3].time == 3 / scenario.plan.scene.clock.fps
+    for wrong in (6, -7):
+        with pytest.raises(IndexError, match="has frames 0 to 5"):
+            scenario[wrong]
+
+
+def test_what_is_not_there_is_said_with_what_is() -> None:
+    scenario = _fake()
+    with pytest.raises(InputError, match="no sensor 'roof'; it has street"):
+        scenario.render(0, "roof")
+    with pytest.raises(InputError, match=r"captures .*, not 'thermal'"):
+        scenario.render(0, "street", "thermal")
+    with pytest.raises(InputError, match="no variant 'weather=rains'; the nearest is 'weather=rain'"):
+        recipe_runtime.open(TINY, "weather=rains")
+
+
+def test_an_array_is_the_callers_to_change() -> None:
+    scenario = _fake()
+    first = scenario.render(1, modality="instance")
+    before = first.copy()
+    first[:] = 7
+    np.testing.assert_array_equal(scenario.render(1, modality="instance"), before)
+
+
+def test_a_scenario_travels_to_another_process() -> None:
+    scenario = _fake()
+    expected = scenario.render(2)
+    sent: Scenario = pickle.loads(pickle.dumps(scenario))
+    np.testing.assert_array_equal(sent.render(2), expected)
+
+
+def test_a_forked_process_makes_engines_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[int] = []
+
+    def renderer(scene: Any, device: str) -> Any:
+        made.append(os.getpid())
+        return ENGINES.renderer(scene, device)
+
+    scenario = Scenario(
+        dataset_plan(frames=6).variants[0], Scenes(engines=Engines(ENGINES.simulate, ENGINES.actors, renderer))
+    )
+    scenario.render(0)
+    scenario.render(1)
+    assert len(made) == 1
+    monkeypatch.setattr(os, "getpid", lambda: -1)  # as a fork sees it
+    scenario.render(2)
+    assert made[1:] == [-1]
+
+
+def test_the_disk_cache_is_read_and_damage_in_it_is_not(tmp_path: Path) -> None:
+    expected = _fake().render(3)
+    _fake(disk_cache=tmp_path).render(3)
+    (entry,) = [p for p in tmp_path.rglob("*") if p.is_file()]
+    body = entry.read_bytes()
+
+    def nothing(*_: Any) -> Any:
+        raise AssertionError("rendered again")
+
+    cached = Scenario(
+        dataset_plan(frames=6).variants[0], Scenes(engines=Engines(nothing, ENGINES.actors, nothing)), tmp_path
+    )
+    np.testing.assert_array_equal(cached.render(3), expected)
+    entry.write_bytes(body[:-1] + bytes([body[-1] ^ 1]))
+    np.testing.assert_array_equal(_fake(disk_cache=tmp_path).render(3), expected)
+    assert entry.read_bytes() == body
+
+
+def test_the_disk_cache_tells_weathers_apart_and_shares_labels(tmp_path: Path) -> None:
+    plan = dataset_plan(frames=6, weathers=2)
+    first, second = (Scenario(v, Scenes(engines=ENGINES), tmp_path) for v in (plan.variants[0], plan.variants[2]))
+    for scenario in (first, second):
+        scenario.render(0, modality="rgb")
+        scenario.render(0, modality="depth")
+    assert sum(p.is_file() for p in tmp_path.rglob("*")) == 3
+    assert (first.render(0) != second.render(0)).any()

@@ -1,0 +1,89 @@
+"""The PyTorch dataset: every frame in any order, in any worker, has the pixels of the recipe. `make test-torch`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import recipe_runtime
+from recipe_compiler.errors import InputError
+from recipe_runtime.opening import compiled
+
+from tests.sources import ROOT
+
+pytestmark = pytest.mark.torch
+torch = pytest.importorskip("torch")
+
+TINY = ROOT / "tests" / "golden" / "tiny.yaml"
+
+
+@pytest.fixture
+def dataset_class() -> Any:
+    from recipe_runtime.torch import RecipeDataset
+
+    return RecipeDataset
+
+
+def _same(sample: Any) -> None:
+    scenario = recipe_runtime.open(TINY, sample["variant"])
+    ours = scenario.render(sample["frame"], sample["sensor"])
+    np.testing.assert_array_equal(sample["rgb"].numpy().transpose(1, 2, 0), ours)
+
+
+def test_samples_are_the_recipes_frames(dataset_class: Any) -> None:
+    dataset = dataset_class(TINY)
+    assert len(dataset) == 3 * 2 * 4
+    for index in (23, 0, 9, -5):
+        _same(dataset[index])
+    last = dataset[-1]
+    assert (last["variant"], last["sensor"], last["frame"]) == ("weather=night", "dash", 3)
+    with pytest.raises(IndexError, match="the dataset has 24"):
+        dataset[24]
+
+
+def test_tensors_have_the_types_that_are_promised(dataset_class: Any) -> None:
+    sample = dataset_class(TINY, sensors=["street"], variants=["weather=noon"], target=True)[1]
+    assert (sample["rgb"].dtype, tuple(sample["rgb"].shape)) == (torch.uint8, (3, 72, 96))
+    assert (sample["depth"].dtype, tuple(sample["depth"].shape)) == (torch.float32, (72, 96))
+    assert (sample["instance"].dtype, sample["semantic"].dtype) == (torch.int32, torch.uint8)
+    target = sample["target"]
+    for box, instance in zip(target["boxes"], target["instances"], strict=True):
+        rows, columns = torch.nonzero(sample["instance"] == instance, as_tuple=True)
+        tight = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
+        assert box.tolist() == [float(v) for v in tight]
+    assert len(target["boxes"]) > 0
+
+
+@pytest.mark.parametrize("context", ["fork", "spawn"])
+def test_loader_workers_render_the_same(dataset_class: Any, context: str) -> None:
+    dataset = dataset_class(TINY, sensors=["dash"], modalities=["rgb", "instance"])
+    expected = [dataset[k]["rgb"] for k in range(len(dataset))]  # engines are warm in this process before the fork
+    loader = torch.utils.data.DataLoader(
+        dataset, batch_size=5, num_workers=2, multiprocessing_context=context, shuffle=False
+    )
+    batches = list(loader)
+    assert batches[0]["instance"].shape == (5, 48, 64)
+    assert torch.equal(torch.cat([batch["rgb"] for batch in batches]), torch.stack(expected))
+
+
+def test_a_cached_dataset_equals_a_fresh_one(dataset_class: Any, tmp_path: Path) -> None:
+    options: dict[str, Any] = {"variants": ["weather=rain"], "sensors": ["dash"]}
+    first = [s["rgb"] for s in _all(dataset_class(TINY, disk_cache=tmp_path, **options))]
+    again = [s["rgb"] for s in _all(dataset_class(TINY, disk_cache=tmp_path, **options))]
+    assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
+
+
+def _all(dataset: Any) -> Iterator[Any]:
+    return (dataset[k] for k in range(len(dataset)))
+
+
+def test_names_that_are_not_there_are_refused_at_once(dataset_class: Any) -> None:
+    with pytest.raises(InputError, match="no variant"):
+        dataset_class(TINY, variants=["weather=snow"])
+    with pytest.raises(InputError, match="no sensor 'roof'"):
+        dataset_class(TINY, sensors=["roof"])
+    with pytest.raises(InputError, match="captures rgb, instance, not 'depth'"):
+        dataset_class(compiled(TINY), modalities=["depth"])
