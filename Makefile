@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-torch bench lock verify golden requirements clean
+.PHONY: help demo test check install install-dev test-quick test-cpus test-torch bench presets lock verify golden requirements clean
 
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -59,6 +59,9 @@ test-torch: install-dev  ## the PyTorch dataset, with PyTorch installed for it (
 
 bench: install-dev  ## frames a second beside a plain PyBullet + Pillow script, in one run
 	$(BIN)/python -m benchmarks.listing
+
+presets: install  ## redraw docs/presets.jpg: all of CARLA's presets, seen by three cameras
+	$(BIN)/python docs/presets.py
 
 verify: install  ## re-render sample frames and compare them with the lockfiles
 	$(BIN)/recipe verify $(RECIPES)
