@@ -19,6 +19,7 @@ COMMANDS = {
     "build": "Build the dataset.",
     "lock": "Write the lockfile: a digest for every frame.",
     "verify": "Re-render sample frames and compare them, byte for byte.",
+    "diff": "Say what differs between two recipes, lockfiles or datasets.",
     "schema": "Print the JSON Schema of recipes, for editors.",
 }
 

@@ -8,6 +8,7 @@ labels and traces: a manifest that was rewritten to match another file convinces
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -61,6 +62,21 @@ def read(root: Path) -> Dataset:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{root}: its manifest or a plan is damaged ({reason}); build the dataset again") from None
     return Dataset(root, plan, lock, files)
+
+
+def plan_alone(path: Path) -> DatasetPlan:
+    """One expanded plan from its file, as a dataset of one variant; InputError if it is none."""
+    try:
+        found = path.lstat()
+        if not stat.S_ISREG(found.st_mode) or found.st_size > _MOST_PLAN_BYTES:
+            raise ValueError("it is no plain file, or too large")
+        variant = ScenarioPlan.model_validate_json(path.read_bytes())
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file") from None
+    except (OSError, *DAMAGE) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{path}: cannot be read as a plan: {reason}") from None
+    return DatasetPlan(recipe=path.stem, description="", variants=(variant,), annotations=(), depth="carla")
 
 
 def damaged_files(dataset: Dataset, progress: Progress) -> list[str]:

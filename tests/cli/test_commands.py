@@ -55,7 +55,7 @@ def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
     start = time.perf_counter()
     shown = run("--help", cwd=tmp_path)
     assert time.perf_counter() - start < 3.0  # 0.1 s on an idle machine; an import of an engine takes longer than this
-    for name in ("init", "check", "plan", "shot", "build", "lock", "verify", "schema"):
+    for name in ("init", "check", "plan", "shot", "build", "lock", "verify", "diff", "schema"):
         assert f"  {name} " in shown.stdout
     imported = subprocess.run(
         [sys.executable, "-X", "importtime", "-m", "recipe_cli", "--help"], capture_output=True, text=True
@@ -284,3 +284,22 @@ def test_a_stopped_command_leaves_nothing_behind(tmp_path: Path, number: int, co
     assert "Traceback" not in errors
     assert list((tmp_path / "tmp").iterdir()) == []
     assert not (tmp_path / "lockfiles" / "small.lock").exists()
+
+
+def test_diff_names_the_first_cause(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "other.yaml").write_text(RECIPE.replace("HardRainNoon", "SoftRainNoon"))
+    told = run("diff", "small.yaml", tmp_path / "other.yaml", cwd=folder)
+    assert told.returncode == 1
+    first, second = told.stdout.splitlines()[:2]
+    assert first == "recipe: small.yaml and other.yaml differ"
+    assert second == "plan: weather=wet: appearance.weather.cloudiness: 100.0 and 20.0"
+    for pair in (("datasets/small", "lockfiles/small.lock"), ("small.yaml", "datasets/small")):
+        same = run("diff", *pair, cwd=folder)
+        assert (same.returncode, same.stdout) == (0, "nothing differs\n"), same.stdout
+
+
+def test_diff_of_what_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "plan.json").write_text("[]")
+    for path in ("plan.json", "gone.lock", "gone.yaml", "."):
+        told = run("diff", path, "plan.json", cwd=tmp_path)
+        assert told.returncode == 2 and len(told.stderr.splitlines()) == 1, told.stderr

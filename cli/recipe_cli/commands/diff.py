@@ -1,0 +1,66 @@
+"""`recipe diff`: what differs between two, the first cause first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from recipe_cli.arguments import ALLOW_LARGE, JSON, print_json
+
+if TYPE_CHECKING:
+    from recipe_runtime.diff import Side
+
+_MOST_SHOWN = 40
+
+
+@click.command("diff")
+@click.argument("first", type=click.Path(path_type=Path))
+@click.argument("second", type=click.Path(path_type=Path))
+@ALLOW_LARGE
+@JSON
+def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None:
+    """Say what differs between FIRST and SECOND, the first cause first; nothing is rendered.
+
+    Each is a recipe, a lockfile, a dataset folder, or an expanded plan (`recipe plan --variant`, plans/*.json of a
+    dataset). Exit code 0: nothing differs, 1: something does.
+    """
+    from recipe_runtime.diff import differences, left_out
+
+    a, b = _side(first, allow_large), _side(second, allow_large)
+    found, note = differences(a, b), left_out(a, b)
+    if as_json:
+        rows = [{"stage": finding.stage, "message": finding.message} for finding in found]
+        print_json({"first": str(first), "second": str(second), "differences": rows, "left_out": note})
+    else:
+        for finding in found[:_MOST_SHOWN]:
+            click.echo(str(finding))
+        if len(found) > _MOST_SHOWN:
+            click.echo(f"... and {len(found) - _MOST_SHOWN} more; --json lists all")
+        if not found:
+            click.echo("nothing differs")
+        if note:
+            click.echo(note, err=True)
+    raise click.exceptions.Exit(1 if found else 0)
+
+
+def _side(path: Path, allow_large: bool) -> Side:
+    """What a path stands for, by what it is."""
+    from recipe_compiler import lockfile
+    from recipe_runtime import dataset
+    from recipe_runtime.diff import Side
+    from recipe_runtime.locking import bare
+
+    if path.is_dir():
+        held = dataset.read(path)
+        return Side(str(path), held.lock, held.plan)
+    if path.suffix == ".lock":
+        return Side(str(path), lockfile.read(path), None)
+    if path.suffix == ".json":
+        plan = dataset.plan_alone(path)
+        return Side(str(path), bare(plan, "", {}), plan)
+    from recipe_cli.arguments import compile_quietly
+
+    compiled = compile_quietly(path, allow_large=allow_large)
+    return Side(str(path), bare(compiled.plan, "", compiled.files), compiled.plan)

@@ -1,0 +1,118 @@
+"""`recipe diff` names the first cause of a difference, and says what it could not compare."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recipe_compiler.lockfile import Lockfile, read
+from recipe_compiler.plan import DatasetPlan
+from recipe_runtime.diff import Finding, Side, differences, left_out, walk
+from recipe_runtime.locking import bare, lock
+
+from tests.runtime.fakes import ENGINES, dataset_plan
+
+
+def _locked(plan: DatasetPlan, files: dict[str, str] | None = None) -> Lockfile:
+    return lock(plan, "tiny.yaml", files or {"tiny.yaml": "aa"}, workers=0, progress=_silent, engines=ENGINES)
+
+
+def _silent(*_: Any) -> None:
+    pass
+
+
+@pytest.fixture(scope="module")
+def ours() -> Side:
+    plan = dataset_plan(frames=6)
+    return Side("ours", _locked(plan), plan)
+
+
+def _with(side: Side, **changes: Any) -> Side:
+    return Side("theirs", replace(side.lock, **changes), side.plan)
+
+
+def test_nothing_differs_from_itself(ours: Side) -> None:
+    assert differences(ours, ours) == []
+    assert left_out(ours, ours) is None
+
+
+def test_a_field_that_many_variants_share_is_told_once(ours: Side) -> None:
+    assert ours.plan is not None
+    document = ours.plan.model_dump(mode="json")
+    for variant in document["variants"]:
+        variant["appearance"]["weather"]["fog_density"] = 40.0
+    plan = DatasetPlan.model_validate_json(json.dumps(document))
+    (found,) = differences(ours, Side("theirs", bare(plan, "", {}), plan))
+    assert str(found) == (
+        "plan: 4 variants, weather=w0,jitter=still the first: appearance.weather.fog_density: 0.0 and 40.0"
+    )
+
+
+def test_an_actor_of_one_side_only_is_named() -> None:
+    ours = {"actors": [{"name": "hero", "speed": 1.0}, {"name": "van", "speed": 2.0}]}
+    theirs = {"actors": [{"name": "van", "speed": 3.0}]}
+    assert list(walk(ours, theirs, "scene")) == [
+        "scene.actors[hero] is in the first only",
+        "scene.actors[van].speed: 2.0 and 3.0",
+    ]
+
+
+def test_the_body_that_parts_first_is_named_with_its_frames(ours: Side) -> None:
+    (scene,) = ours.lock.traces
+    bodies = dict(ours.lock.bodies)
+    for actor, frame in (("hero2", 2), ("van", 4)):
+        motion = bodies[scene, actor]
+        points = tuple("0" * 8 if k >= frame else p for k, p in enumerate(motion.checkpoints))
+        bodies[scene, actor] = replace(motion, digest="0" * 64, checkpoints=points)
+    found = differences(ours, _with(ours, bodies=bodies, traces={scene: "0" * 64}))
+    assert found == [Finding("trace", "body hero2 parts between frames 2 and 2; 2 bodies differ")]
+
+
+def test_frames_are_counted_by_modality_labels_before_colours(ours: Side) -> None:
+    frames = dict(ours.lock.frames)
+    for key in [k for k in frames if k[1] == "side" and (k[2], k[3]) in {("rgb", 1), ("rgb", 4), ("instance", 2)}]:
+        frames[key] = "0" * 64
+    found = differences(ours, _with(ours, frames=frames))
+    assert [f.stage for f in found] == ["observation", "observation", "shading", "shading", "shading", "shading"]
+    assert "side: instance of 1 of 6 frames differs, frame 2 the first" in found[0].message
+    assert "side: rgb of 2 of 6 frames differs, frame 1 the first" in found[-1].message
+
+
+def test_files_stages_and_tools_come_first(ours: Side) -> None:
+    other = _with(
+        ours,
+        files={"tiny.yaml": "bb", "street.yaml": "cc"},
+        tools={**ours.lock.tools, "numpy": "9"},
+        stages={**ours.lock.stages, "shade": 9},
+    )
+    numpy = ours.lock.tools["numpy"]
+    assert [str(f) for f in differences(ours, other)] == [
+        "recipe: tiny.yaml differs",
+        "recipe: street.yaml is in theirs only",
+        "tools: stage shade: 1 and 9",
+        f"tools: numpy: {numpy} and 9",
+    ]
+
+
+def test_a_renamed_recipe_with_the_same_bytes_is_the_same(ours: Side) -> None:
+    assert differences(ours, _with(ours, files={"other.yaml": "aa"})) == []
+    (found,) = differences(ours, _with(ours, files={"other.yaml": "bb"}))
+    assert found.message == "tiny.yaml and other.yaml differ"
+
+
+def test_what_one_side_does_not_tell_is_said(ours: Side) -> None:
+    assert ours.plan is not None
+    recipe = Side("a.yaml", bare(ours.plan, "", {}), ours.plan)
+    assert differences(ours, recipe) == []
+    assert str(left_out(ours, recipe)).startswith("motion and pixels were not compared: a.yaml holds none")
+
+
+def test_committed_lockfiles_differ_from_each_other_in_their_variants() -> None:
+    from tests.sources import ROOT
+
+    paths: list[Path] = sorted((ROOT / "lockfiles").glob("*.lock"))
+    a, b = (Side(path.name, read(path), None) for path in paths[:2])
+    assert {f.stage for f in differences(a, b)} >= {"recipe", "plan"}
