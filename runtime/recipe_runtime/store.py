@@ -14,7 +14,7 @@ import os
 import shutil
 import stat
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import platformdirs
@@ -45,10 +45,13 @@ class Store:
 
     def get(self, kind: str, key: str) -> bytes | None:
         """An entry's bytes; None if it is absent or damaged."""
+        path = self.path(kind, key)
         try:
-            head, _, body = self.path(kind, key).read_bytes().partition(b"\n")
+            head, _, body = path.read_bytes().partition(b"\n")
         except OSError:
             return None
+        with suppress(OSError):
+            os.utime(path)  # in use: pruning takes what was not used for longest
         return body if head == _seal(body) else None
 
     def put(self, kind: str, key: str, body: bytes) -> None:

@@ -55,7 +55,7 @@ def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
     start = time.perf_counter()
     shown = run("--help", cwd=tmp_path)
     assert time.perf_counter() - start < 3.0  # 0.1 s on an idle machine; an import of an engine takes longer than this
-    for name in ("init", "check", "plan", "shot", "build", "lock", "verify", "diff", "schema"):
+    for name in ("init", "check", "plan", "shot", "build", "lock", "verify", "diff", "cache", "schema"):
         assert f"  {name} " in shown.stdout
     imported = subprocess.run(
         [sys.executable, "-X", "importtime", "-m", "recipe_cli", "--help"], capture_output=True, text=True
@@ -303,3 +303,15 @@ def test_diff_of_what_is_none_is_refused(tmp_path: Path) -> None:
     for path in ("plan.json", "gone.lock", "gone.yaml", "."):
         told = run("diff", path, "plan.json", cwd=tmp_path)
         assert told.returncode == 2 and len(told.stderr.splitlines()) == 1, told.stderr
+
+
+def test_the_cache_is_shown_and_pruned(tmp_path: Path) -> None:
+    from recipe_runtime.store import Store
+
+    Store(tmp_path / "cache").put("traces", "ab" * 32, b"x" * 2000)
+    places = {"RECIPE_CACHE": str(tmp_path / "cache"), "XDG_CACHE_HOME": str(tmp_path / "home")}
+    assert "traces        1  2 KiB" in run("cache", cwd=tmp_path, **places).stdout
+    told = json.loads(run("cache", "--prune", "--size", "0", "--json", cwd=tmp_path, **places).stdout)
+    assert (told["removed"], told["kinds"]) == (1, {})
+    refused = run("cache", "--size", "3", cwd=tmp_path, **places)
+    assert (refused.returncode, refused.stderr) == (2, "--size says how much --prune leaves; give both\n")

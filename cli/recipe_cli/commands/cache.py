@@ -1,0 +1,39 @@
+"""`recipe cache`: what is kept between runs, and how to make it smaller."""
+
+from __future__ import annotations
+
+import click
+
+from recipe_cli.arguments import JSON, print_json
+
+
+@click.command("cache")
+@click.option("--prune", is_flag=True, help="Remove what was not used for longest, down to --size.")
+@click.option(
+    "--size", metavar="SIZE", help="With --prune: how much may stay, such as 500M; 10G by default, 0 for none."
+)
+@JSON
+def command(prune: bool, size: str | None, as_json: bool) -> None:
+    """Show what the cache holds: traces, and compiled kernels. All of it can be made again."""
+    from recipe_compiler.errors import InputError
+    from recipe_compiler.limits import size as told_size
+    from recipe_runtime import housekeeping
+
+    if size is not None and not prune:
+        raise InputError("--size says how much --prune leaves; give both")
+    limit = housekeeping.DEFAULT_LIMIT if size is None else housekeeping.bytes_of(size)
+    roots = housekeeping.folders()
+    removed = housekeeping.prune(roots, limit) if prune else []
+    told = housekeeping.sizes(housekeeping.entries(roots))
+    if as_json:
+        kinds = {kind: {"entries": count, "bytes": total} for kind, (count, total) in told.items()}
+        freed = sum(entry.size for entry in removed)
+        print_json(
+            {"folders": [str(root) for root in roots], "kinds": kinds, "removed": len(removed), "freed_bytes": freed}
+        )
+        return
+    if prune:
+        click.echo(f"removed {len(removed)} entries, {told_size(sum(entry.size for entry in removed))}")
+    click.echo(f"{', '.join(map(str, roots))}: {told_size(sum(total for _, total in told.values()))}")
+    for kind, (count, total) in told.items():
+        click.echo(f"  {kind:8} {count:6}  {told_size(total)}")

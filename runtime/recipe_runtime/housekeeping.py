@@ -1,0 +1,113 @@
+"""What the cache holds, and how it is kept small: entries that nobody used for longest go first.
+
+Everything in it can be made again: traces by simulation, kernels by compiling. So it may be pruned at any time, under
+a running build too, which then makes again what it misses.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import platformdirs
+from recipe_compiler.errors import InputError
+
+from recipe_runtime.store import default_cache
+
+DEFAULT_LIMIT = 10 * 2**30
+_UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A file of the store, or a folder of compiled kernels. `used` is when it was last read or written, in seconds."""
+
+    kind: str
+    path: Path
+    size: int
+    used: float
+
+    def remove(self) -> None:
+        """Delete it; another process may have been quicker."""
+        if self.path.is_dir() and not self.path.is_symlink():
+            shutil.rmtree(self.path, ignore_errors=True)
+        else:
+            self.path.unlink(missing_ok=True)
+
+
+def folders() -> list[Path]:
+    """Where things are kept: RECIPE_CACHE moves traces, and leaves compiled kernels with the user's other caches."""
+    return list(dict.fromkeys([default_cache(), Path(platformdirs.user_cache_dir("dataset-recipe"))]))
+
+
+def entries(roots: Iterable[Path]) -> list[Entry]:
+    """Everything that this project keeps in these folders, the least recently used first; other files are not ours."""
+    return sorted((e for root in roots for e in _entries(root)), key=lambda entry: (entry.used, str(entry.path)))
+
+
+def sizes(found: list[Entry]) -> dict[str, tuple[int, int]]:
+    """Kind -> entries, bytes."""
+    told: dict[str, tuple[int, int]] = {}
+    for entry in found:
+        count, size = told.get(entry.kind, (0, 0))
+        told[entry.kind] = (count + 1, size + entry.size)
+    return dict(sorted(told.items()))
+
+
+def prune(roots: Iterable[Path], limit: int) -> list[Entry]:
+    """Remove the least recently used entries until no more than `limit` bytes are left; what was removed."""
+    found = entries(roots)
+    left, removed = sum(entry.size for entry in found), []
+    for entry in found:
+        if left <= limit:
+            break
+        entry.remove()
+        removed.append(entry)
+        left -= entry.size
+    return removed
+
+
+def bytes_of(text: str) -> int:
+    """`500M`, `1.5 GiB`, `0` as bytes; InputError for anything else."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
+    if match is None:
+        raise InputError(f"{text!r} is no size; write for example 500M or 10G")
+    return int(float(match[1]) * _UNITS[match[2].upper()])
+
+
+def _entries(root: Path) -> Iterator[Entry]:
+    for folder in sorted(p for p in _listed(root) if p.is_dir() and not p.is_symlink()):
+        if folder.name == "kernels":
+            yield from _kernels(folder)
+            continue
+        for path in sorted(folder.glob("[0-9a-f][0-9a-f]/*")):
+            if re.fullmatch(r"[0-9a-f]{64}", path.name) or path.name.endswith(".tmp"):
+                yield from _file(folder.name, path)
+
+
+def _kernels(folder: Path) -> Iterator[Entry]:
+    """Compiled kernels, a module's folder an entry: they lie by release and machine, then by Warp's version."""
+    for module in sorted(folder.glob("*/*/*")):
+        if module.is_dir():
+            files = [e for path in sorted(module.rglob("*")) for e in _file("kernels", path)]
+            if files:
+                yield Entry("kernels", module, sum(e.size for e in files), max(e.used for e in files))
+
+
+def _file(kind: str, path: Path) -> Iterator[Entry]:
+    try:
+        found = path.lstat()
+    except OSError:
+        return
+    if not path.is_dir():
+        yield Entry(kind, path, found.st_size, max(found.st_mtime, found.st_atime))
+
+
+def _listed(root: Path) -> list[Path]:
+    try:
+        return sorted(root.iterdir())
+    except OSError:
+        return []

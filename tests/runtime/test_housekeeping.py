@@ -1,0 +1,75 @@
+"""The cache can be looked at and pruned; nothing that is not ours is touched."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from recipe_compiler.errors import InputError
+from recipe_runtime.housekeeping import bytes_of, entries, prune, sizes
+from recipe_runtime.store import Store
+
+
+def _filled(root: Path) -> Store:
+    """Three traces, the second just used; a kernel; and a stranger's file."""
+    store = Store(root)
+    for number, key in enumerate(("aa" * 32, "bb" * 32, "cc" * 32)):
+        store.put("traces", key, b"x" * 1000)
+        os.utime(store.path("traces", key), (100.0 + number, 100.0 + number))
+    assert store.get("traces", "bb" * 32) is not None
+    module = root / "kernels" / "0.1.0-x86_64" / "1.19.0" / "wp_shade"
+    module.mkdir(parents=True)
+    (module / "shade.o").write_bytes(b"k" * 500)
+    for path in (module / "shade.o", module):
+        os.utime(path, (50.0, 50.0))
+    (root / "notes.txt").write_text("mine")
+    (root / "traces" / "README").write_text("mine")
+    return store
+
+
+def test_sizes_are_told_by_kind(tmp_path: Path) -> None:
+    _filled(tmp_path)
+    told = sizes(entries([tmp_path]))
+    assert told["kernels"] == (1, 500)
+    assert told["traces"][0] == 3
+
+
+def test_what_was_unused_for_longest_goes_first(tmp_path: Path) -> None:
+    store = _filled(tmp_path)
+    one = store.path("traces", "bb" * 32).stat().st_size
+    removed = prune([tmp_path], 2 * one)
+    assert [e.kind for e in removed] == ["kernels", "traces"]
+    assert [store.get("traces", k * 32) is not None for k in ("aa", "bb", "cc")] == [False, True, True]
+
+
+def test_pruning_to_nothing_leaves_what_is_not_ours(tmp_path: Path) -> None:
+    _filled(tmp_path)
+    prune([tmp_path], 0)
+    assert entries([tmp_path]) == []
+    assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == ["README", "notes.txt"]
+
+
+def test_a_link_out_of_the_cache_is_not_followed(tmp_path: Path) -> None:
+    outside = tmp_path / "outside" / "aa"
+    outside.mkdir(parents=True)
+    (outside / ("a" * 64)).write_text("mine")
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache" / "traces").symlink_to(tmp_path / "outside")
+    assert prune([tmp_path / "cache"], 0) == []
+    assert (outside / ("a" * 64)).read_text() == "mine"
+
+
+def test_a_cache_that_is_not_there_is_empty(tmp_path: Path) -> None:
+    assert entries([tmp_path / "gone"]) == []
+
+
+@pytest.mark.parametrize(("text", "count"), [("0", 0), ("500M", 500 << 20), ("1.5 GiB", 3 << 29), ("2kB", 2048)])
+def test_sizes_are_read_as_people_write_them(text: str, count: int) -> None:
+    assert bytes_of(text) == count
+
+
+@pytest.mark.parametrize("text", ["", "much", "-1G", "1X", "1e9"])
+def test_what_is_no_size_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="is no size"):
+        bytes_of(text)
