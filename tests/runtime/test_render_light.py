@@ -47,9 +47,11 @@ def test_fog_veils_a_black_target_by_koschmieders_law(metres: float) -> None:
     weather = appearance(40.0, azimuth=180.0, looks=LOOKS, fog_density=100, fog_distance=1, fog_falloff=0)
     seen = looked(level(Body("target", 0, (("static", target),))), Pose(z=1.6), weather)[31, 31]
     air = light_of(weather, "cpu").air
-    veil = np.array([air.fog_colour[n] for n in range(3)]) * (1.0 - exact.exp(-float(air.fog) * (metres - 1.0)))
+    path = float(air.fog) * (metres - 1.0) + float(air.haze) * metres
+    veil = np.array([air.fog_colour[n] for n in range(3)]) * (1.0 - exact.exp(-path))
     np.testing.assert_allclose(seen, veil, rtol=0.005)
-    assert float(air.fog) == pytest.approx(extinction(100.0), abs=5e-4)
+    assert float(air.fog) == pytest.approx(extinction(100.0), abs=1e-6)
+    assert float(air.haze) < 0.01 * float(air.fog)
 
 
 def test_things_near_by_are_still_seen_in_the_densest_fog() -> None:

@@ -14,12 +14,14 @@ The pipeline in order. Modules marked * are kernels; each is launched by the hos
     picture        from an Observation and an appearance to a picture
     samples*       the points that are shaded, and the geometry at each
     pattern*       what a surface looks like close by
+    skylight       the clear sky by the sun's altitude, on the host
     atmosphere     weather and sun as numbers of light, on the host
     colours        a look as every surface's colours, and the sRGB table, on the host
     sunlight       when shadow maps are made, and about what
     shadow*        what stands between a point and the sun
     lamps          which lamps burn and which bodies stand near the ground, on the host
     nearby*        which of them reach a tile of the picture
+    glow*          lamps' light in fog
     air*           the sky, and what fog does to light on its way
     shade*         the light that leaves each sample towards the eye
     reflection*    what wet ground mirrors of it

@@ -30,17 +30,20 @@ class Air:
     cover: wp.float32  # share of the sky that clouds fill, 0 to 1
     drift: wp.vec2f  # how far the wind has moved the clouds
     stars: wp.float32
-    fog: wp.float32  # extinction, 1/m
+    fog: wp.float32  # extinction, 1/m, from fog_start on
+    haze: wp.float32  # extinction of rain's mist, dust and air, 1/m, everywhere
     fog_start: wp.float32  # metres
     fog_thin: wp.float32  # how fast it thins with height, 1/m
     fog_colour: wp.vec3f
     fog_sun: wp.vec3f  # added towards the sun
+    glow: wp.float32  # how much of the lamps' light it scatters towards the eye
     wet: wp.float32  # 0 dry, 1 streaming
     puddles: wp.float32  # 0 none, 1 all that is flat
     night: wp.float32  # 0 by day, 1 with all lamps on
     seed: wp.uint32
     decay: wp.array[wp.float32]  # e^-x for x = i / 64
     gradient: wp.array[wp.vec3f]  # clear sky by elevation, horizon first
+    warm: wp.vec3f  # over the horizon below a low sun
     halo: wp.array[wp.vec3f]  # brightness about the sun by cosine of the angle, opposite first
 
 
@@ -68,13 +71,13 @@ def clear_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     base = lookup(air[0].gradient, wp.sqrt(up), SKY_ROWS)
     c = inner(d, air[0].sun) * 0.5 + 0.5
     glow = lookup(air[0].halo, c * c, HALO_ROWS)
-    low = 1.0 - 0.7 * wp.sqrt(up)
-    return base + glow * low
+    low = 1.0 - 0.75 * wp.sqrt(up)
+    return base + glow + air[0].warm * (c * c * c * low * low)
 
 
 @wp.func
 def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
-    """Thickness of cloud in a direction above the horizon, 0 to 1, and how much lies on its sunward side."""
+    """Thickness of cloud in a direction above the horizon, and how bright it is there, both 0 to 1."""
     s = 1.0 / (d[2] + 0.12)
     x = d[0] * s * 0.9 + air[0].drift[0]
     y = d[1] * s * 0.9 + air[0].drift[1]
@@ -82,12 +85,18 @@ def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
     n = big * 0.52
     edge = 0.86 - 0.76 * air[0].cover
     if n + 0.48 <= edge:
-        return wp.vec2f(0.0, n)  # however thick the small clouds, together they stay below the edge
-    n = n + noise2(x * 2.3 + 7.0, y * 2.3, air[0].seed ^ wp.uint32(102)) * 0.27
-    n = n + noise2(x * 5.1, y * 5.1 + 3.0, air[0].seed ^ wp.uint32(103)) * 0.14
-    n = n + noise2(x * 11.0, y * 11.0, air[0].seed ^ wp.uint32(104)) * 0.07
-    thick = step_between(edge, edge + 0.26, n)
-    return wp.vec2f(thick, n)
+        return wp.vec2f(0.0, 1.0)  # however thick the small clouds, together they stay below the edge
+    middle = noise2(x * 2.3 + 7.0, y * 2.3, air[0].seed ^ wp.uint32(102))
+    n = n + middle * 0.27
+    n = n + noise2(x * 5.1 + middle, y * 5.1 + 3.0, air[0].seed ^ wp.uint32(103)) * 0.14
+    n = n + noise2(x * 11.0, y * 11.0 + middle, air[0].seed ^ wp.uint32(104)) * 0.07
+    thick = step_between(edge, edge + 0.22, n)
+    # The side towards the sun, where there is less cloud before the light, is the bright one.
+    sunward = noise2(x + air[0].sun[0] * 0.2, y + air[0].sun[1] * 0.2, air[0].seed ^ wp.uint32(101)) * 0.52
+    sunward = sunward + 0.27 * noise2(
+        (x + air[0].sun[0] * 0.2) * 2.3 + 7.0, (y + air[0].sun[1] * 0.2) * 2.3, air[0].seed ^ wp.uint32(102)
+    )
+    return wp.vec2f(thick, clamp01(0.45 + 2.4 * (big * 0.52 + middle * 0.27 - sunward) - 0.5 * (n - edge - 0.2)))
 
 
 @wp.func
@@ -109,12 +118,9 @@ def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     if cloud[0] <= 0.0:
         return clear
     forward = clamp01(c)
-    bright = mix(
-        air[0].cloud_bright, air[0].cloud_dark, clamp01(cloud[0] * (0.35 + 0.65 * air[0].cover) * (1.6 - cloud[1]))
-    )
-    lit = bright + lookup(air[0].halo, (c * 0.5 + 0.5) * (c * 0.5 + 0.5), HALO_ROWS) * (
-        0.35 * (1.0 - cloud[0]) + 0.15 * forward
-    )
+    thin = 1.0 - cloud[0]
+    bright = mix(air[0].cloud_dark, air[0].cloud_bright, clamp01(cloud[1] + thin * thin))
+    lit = bright + lookup(air[0].halo, (c * 0.5 + 0.5) * (c * 0.5 + 0.5), HALO_ROWS) * (0.35 * thin + 0.15 * forward)
     haze = step_between(0.0, 0.22, d[2])
     whole_cover = step_between(0.6, 1.0, air[0].cover)
     share = cloud[0] * (haze + (1.0 - haze) * whole_cover)
@@ -132,9 +138,9 @@ def reflected_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
 
 @wp.func
 def fog_share(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: wp.float32) -> wp.float32:
-    """Share of light that survives `distance` metres of fog between two heights (Koschmieder)."""
+    """Share of light that survives `distance` metres of fog and haze between two heights (Koschmieder)."""
     path = wp.max(distance - air[0].fog_start, 0.0) * air[0].fog
-    if air[0].fog_thin > 0.0:
+    if air[0].fog_thin > 0.0 and path > 0.0:
         low = wp.max(wp.min(z0, z1), 0.0) * air[0].fog_thin
         rise = (z1 - z0) * air[0].fog_thin
         if rise < 0.0:
@@ -143,7 +149,7 @@ def fog_share(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: wp.f
         if rise > 0.02:
             thin = thin * (1.0 - decay(air, rise)) / rise
         path = path * thin
-    return decay(air, path)
+    return decay(air, path + distance * air[0].haze)
 
 
 @wp.func

@@ -1,35 +1,32 @@
 """From weather and sun to light: the numbers of an appearance, worked out on the host by exact arithmetic.
 
-Sunlight is white light dimmed by Rayleigh and Mie extinction along the air mass of Kasten and Young (1989). The sky's
-brightness follows the sun's altitude through twilight. Fog's visual range V gives its extinction by Koschmieder's
-law, 3.912 / V. Automatic exposure follows from these alone: never from a picture, never from the frame before.
+Sunlight is white light dimmed by Rayleigh and Mie extinction along the air mass of Kasten and Young (1989). Fog's
+visual range V gives its extinction by Koschmieder's law, 3.912 / V. Automatic exposure follows from these alone:
+never from a picture, never from the frame before.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler import exact
-from recipe_compiler.plan import AppearancePlan, fixed
+from recipe_compiler.plan import AppearancePlan, Weather, fixed
 
-from recipe_runtime.render.air import DECAY_STEPS, HALO_ROWS, SKY_ROWS, Air
+from recipe_runtime.render import skylight
+from recipe_runtime.render.air import DECAY_STEPS, Air
 from recipe_runtime.render.device import wp
-
-Colour = NDArray[np.float64]  # [3] linear RGB
+from recipe_runtime.render.skylight import MIE, RAYLEIGH, Colour, Haze, haze_of
 
 DENSEST = 45.0  # metres seen at fog_density 100
 LAMPS_ON, LAMPS_OFF = -1.0, 5.0  # sun altitudes, degrees, between which lamps fade
 
-_BRIGHTNESS: tuple[tuple[float, float], ...] = (
-    *((-90, 7e-5), (-18, 7e-5), (-12, 2e-4), (-6, 2.5e-3), (-3, 0.012), (0, 0.06)),
-    *((5, 0.22), (15, 0.52), (45, 0.9), (90, 1.0)),
-)  # of the sky, by the sun's altitude in degrees
-_RAYLEIGH = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass
+_MOLECULES = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass of them
 _AEROSOL = np.array([0.8, 1.0, 1.35])  # haze takes more of the blue: Angstrom's law with an exponent of 1.3
 _STREET_LIGHT = 1.0e-3  # what lamps give the eye to adapt to
 _LAMPLIGHT = np.array([1.0, 0.8, 0.58])  # the colour of lamps' light, thrown about
+_DUST = np.array([1.0, 0.66, 0.36])
+_CLEAR_AIR = 0.0004  # extinction of air without fog, 1/m
 
 
 @dataclass(frozen=True)
@@ -45,6 +42,36 @@ class Light:
     wind: float  # 0 to 1
 
 
+@dataclass(frozen=True)
+class _State:
+    """The weather as shares of one, and what follows from it and the sun's altitude."""
+
+    weather: Weather
+    altitude: float
+    sun: Colour
+    haze: Haze
+    rain: float
+    fog: float
+    dust: float
+    cover: float  # share of the sky under clouds
+    grey: float  # how far they close it
+    shine: float  # share of the direct sun that they, rain, fog and dust let through
+    night: float
+    day: float  # brightness of the sky
+
+
+@dataclass(frozen=True)
+class _Falling:
+    """Light on surfaces that face up, sideways and down, and what fog and overcast skies look like in it."""
+
+    overhead: Colour
+    sideways: Colour
+    below: Colour
+    around: Colour  # of the sky near the horizon
+    overcast: Colour
+    veil: Colour  # of thick fog
+
+
 def direction(azimuth: float, altitude: float) -> Colour:
     """The unit vector towards a point of the sky, degrees."""
     sa, ca = exact.sin_cos_deg(azimuth)
@@ -54,61 +81,29 @@ def direction(azimuth: float, altitude: float) -> Colour:
 
 def light_of(appearance: AppearancePlan, device: str) -> Light:
     """The light of an appearance at time 0."""
-    w, altitude = appearance.weather, appearance.sun.altitude
-    rain, fog = w.precipitation / 100.0, w.fog_density / 100.0
-    dust = w.dust_storm / 100.0
-    cover = 1.0 - (1.0 - w.cloudiness / 100.0) * (1.0 - 0.6 * rain)
-    thick_fog = fog * fog
-    shine = _shine(cover, rain, thick_fog, dust)
-    night = 1.0 - _ease(LAMPS_ON, LAMPS_OFF, altitude)
-    day = exact.exp(_between(_BRIGHTNESS, altitude))
-    sun = direction(appearance.sun.azimuth, altitude)
-    clear_sun = 5.6 * transmittance(altitude, w.mie_scattering_scale, w.rayleigh_scattering_scale)
-    sunlight = clear_sun * shine
-    zenith, horizon = _sky_colours(altitude, day, cover)
-    scattered = clear_sun * max(float(sun[2]), 0.0) * (1.0 - shine) * 0.32
-    overcast = (
-        _mix(np.array([0.82, 0.9, 1.0]), np.array([0.62, 0.78, 1.12]), _ease(8.0, -2.0, altitude))
-        * day
-        * (0.95 - 0.35 * rain)
-        * (1.0 - 0.3 * dust)
-        + scattered
-    )
-    grey = _ease(0.25, 0.95, cover)
-    overhead = _mix(_pale(0.54 * zenith + 0.33 * horizon, 0.5), overcast, grey)
-    around = _mix(_pale(0.26 * zenith + 0.48 * horizon, 0.5), 0.62 * overcast, grey)
-    falling = sunlight * max(float(sun[2]), 0.0) + overhead
-    below = 0.25 * falling * np.array([1.0, 0.96, 0.9])
-    walls = 0.05 * sunlight * (1.0 - max(float(sun[2]), 0.0))  # a low sun's light, thrown back by house fronts
-    overhead = overhead + walls
-    sideways = 0.5 * around + 0.5 * below + 0.2 * overhead + walls
-    street = _STREET_LIGHT * night * (0.6 + 0.25 * cover) * _LAMPLIGHT  # clouds give a town its own glow back
-    veil = _mix(overhead, around, 0.45) + 0.17 * street
-    below, sideways, overhead = below + street, sideways + street, overhead + (0.3 + 0.3 * cover) * street
+    w = appearance.weather
+    s = _state_of(appearance)
+    clear_sun = 5.6 * transmittance(s.altitude, w.mie_scattering_scale, w.rayleigh_scattering_scale)
+    sunlight = clear_sun * s.shine
+    falling = _falling(s, clear_sun)
     air = Air()
-    air.sun, air.sunlight = _vector(sun), _vector(sunlight)
-    air.disc = _vector(clear_sun * 60.0 * shine)
-    air.overhead, air.sideways, air.below = _vector(overhead), _vector(sideways), _vector(below)
-    bright = overcast * 1.25 + sunlight * (0.16 + 0.2 * _ease(20.0, -2.0, altitude))
-    air.cloud_bright = _vector(_mix(bright, overcast * 1.1, grey))
-    air.cloud_dark = _vector(overcast * (0.78 - 0.2 * rain))
-    air.cover = fixed(cover)
-    air.stars = fixed(_ease(-6.0, -14.0, altitude) * (1.0 - cover)) * 2.0e-3
-    _fill_fog(air, appearance, veil, sunlight, around)
-    wet = max(w.wetness / 100.0, min(1.6 * rain, 1.0), 0.75 * w.precipitation_deposits / 100.0)
-    air.wet, air.puddles = fixed(wet), fixed(w.precipitation_deposits / 100.0)
-    air.night = fixed(night)
+    air.sun, air.sunlight, air.disc = _vector(s.sun), _vector(sunlight), _vector(sunlight * 60.0)
+    air.overhead, air.sideways, air.below = map(_vector, (falling.overhead, falling.sideways, falling.below))
+    warm = skylight.warmth(s.altitude, s.haze)
+    bright = falling.overcast + 0.14 * sunlight + 0.3 * warm
+    air.cloud_bright = _vector(_mix(bright, falling.overcast * 0.92 + 0.1 * warm, s.grey))
+    air.cloud_dark = _vector(falling.overcast * (0.6 - 0.12 * s.rain))
+    air.cover = fixed(s.cover)
+    air.stars = fixed(_ease(-6.0, -14.0, s.altitude) * (1.0 - s.cover)) * 2.0e-3
+    air.warm = _vector(warm * (1.0 - 0.9 * s.grey))
+    _fill_fog(air, s, falling, sunlight)
+    air.wet = fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.75 * w.precipitation_deposits / 100.0))
+    air.puddles = fixed(w.precipitation_deposits / 100.0)
+    air.night = fixed(s.night)
     air.seed = appearance.seed & 0xFFFFFFFF
-    air.decay, air.gradient, air.halo = _tables(zenith, horizon, clear_sun * shine, altitude, day, device)
-    lamps = _STREET_LIGHT * night
-    # A low sun lights the tops of houses; the street, which the exposure is for, lies in their shade.
-    open_street = 0.33 + 0.67 * _ease(4.0, 40.0, altitude)
-    seen = sunlight * (max(float(sun[2]), 0.3) * open_street * _ease(-1.0, 1.0, altitude)) + 1.25 * overhead
-    luminance = 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2]) + lamps
-    dim = 1.0 - 0.3 * _ease(9.0, -3.0, altitude) + 0.95 * _ease(-4.0, -10.0, altitude)
-    dim = dim - 0.1 * rain * (1.0 - night) - 0.06 * fog + 0.3 * night * max(rain, fog)
-    exposure = dim * exact.power(luminance, -0.86)
-    return Light(air, sun, sunlight, fixed(exposure), night, rain, w.wind_intensity / 100.0)
+    _fill_tables(air, s, device)
+    exposure = _exposure(s, sunlight, falling.overhead)
+    return Light(air, s.sun, sunlight, exposure, s.night, s.rain, w.wind_intensity / 100.0)
 
 
 def drift(light: Light, time: float) -> None:
@@ -116,15 +111,11 @@ def drift(light: Light, time: float) -> None:
     light.air.drift = wp.vec2f(fixed(0.004 * time * light.wind), fixed(0.002 * time * light.wind))
 
 
-def transmittance(altitude: float, mie: float = 0.03, rayleigh: float = 0.0331) -> Colour:
+def transmittance(altitude: float, mie: float = MIE, rayleigh: float = RAYLEIGH) -> Colour:
     """The share of sunlight that reaches the ground, by colour; fades to 0 as the disc sets."""
-    height = max(altitude, -1.5)
-    sine = exact.sin_deg(height)
-    mass = 1.0 / (sine + 0.50572 * exact.power(height + 6.07995, -1.6364))
-    depth = _RAYLEIGH * (rayleigh / 0.0331) + (0.08 + 0.9 * mie) * _AEROSOL
+    haze = haze_of(mie, rayleigh)
     white = np.array([1.0, 1.03, 1.1])
-    left: Colour = white * np.array([exact.exp(-float(d) * mass) for d in depth]) * _ease(-1.2, 0.8, altitude)
-    return left
+    return white * _past(altitude, _MOLECULES * haze.rayleigh + haze.mie * _AEROSOL) * _ease(-1.2, 0.8, altitude)
 
 
 def extinction(fog_density: float) -> float:
@@ -132,56 +123,100 @@ def extinction(fog_density: float) -> float:
     return 3.912 / DENSEST * (fog_density / 100.0) * (fog_density / 100.0)
 
 
-def _shine(cover: float, rain: float, thick_fog: float, dust: float) -> float:
-    """The share of direct sunlight that clouds, rain, fog and dust let through."""
+def _past(altitude: float, depth: Colour) -> Colour:
+    """What an optical depth of one air mass leaves of light that comes from an altitude in degrees."""
+    height = max(altitude, -1.5)
+    mass = 1.0 / (exact.sin_deg(height) + 0.50572 * exact.power(height + 6.07995, -1.6364))
+    return np.array([exact.exp(-float(d) * mass) for d in depth])
+
+
+def _state_of(appearance: AppearancePlan) -> _State:
+    w, altitude = appearance.weather, appearance.sun.altitude
+    rain, fog, dust = w.precipitation / 100.0, w.fog_density / 100.0, w.dust_storm / 100.0
+    cover = 1.0 - (1.0 - w.cloudiness / 100.0) * (1.0 - 0.6 * rain)
     clouds = 1.0 - _ease(0.1, 0.85, cover) * 0.95
-    return clouds * (1.0 - 0.75 * rain) * exact.exp(-2.6 * thick_fog) * (1.0 - 0.6 * dust)
+    return _State(
+        weather=w,
+        altitude=altitude,
+        sun=direction(appearance.sun.azimuth, altitude),
+        haze=haze_of(w.mie_scattering_scale, w.rayleigh_scattering_scale),
+        rain=rain,
+        fog=fog,
+        dust=dust,
+        cover=cover,
+        grey=_ease(0.25, 0.95, cover),
+        shine=clouds * (1.0 - 0.75 * rain) * exact.exp(-2.6 * fog * fog) * (1.0 - 0.6 * dust),
+        night=1.0 - _ease(LAMPS_ON, LAMPS_OFF, altitude),
+        day=skylight.brightness(altitude),
+    )
 
 
-def _sky_colours(altitude: float, day: float, cover: float) -> tuple[Colour, Colour]:
+def _falling(s: _State, clear_sun: Colour) -> _Falling:
+    sunlight, up = clear_sun * s.shine, max(float(s.sun[2]), 0.0)
+    zenith, horizon = _ambient_colours(s.altitude, s.day)
+    evening = _ease(24.0, 8.0, s.altitude) * _ease(-4.0, 4.0, s.altitude)
+    tint = _mix(np.array([0.82, 0.9, 1.0]), np.array([0.62, 0.78, 1.12]), _ease(8.0, -2.0, s.altitude))
+    tint = _mix(tint, np.array([1.04, 0.88, 0.76]), evening)
+    overcast = tint * (s.day * (0.95 - 0.35 * s.rain) * (1.0 - 0.3 * s.dust))
+    overcast = overcast + clear_sun * (up * (1.0 - s.shine) * 0.32)
+    overhead = _mix(_pale(0.54 * zenith + 0.33 * horizon, 0.5), overcast, s.grey)
+    around = _mix(_pale(0.26 * zenith + 0.48 * horizon, 0.5), 0.62 * overcast, s.grey)
+    below = 0.25 * (sunlight * up + overhead) * np.array([1.0, 0.96, 0.9])
+    walls = 0.05 * sunlight * (1.0 - up)  # a low sun's light, thrown back by house fronts
+    overhead = overhead + walls
+    sideways = 0.5 * around + 0.5 * below + 0.2 * overhead + walls
+    # Clouds give a town its own glow back.
+    street = _STREET_LIGHT * s.night * (0.6 + 0.25 * s.cover) * _LAMPLIGHT
+    lifted = overhead + (0.3 + 0.3 * s.cover) * street
+    veil = _mix(overhead, around, 0.45) + 0.1 * street
+    return _Falling(lifted, sideways + street, below + street, around, overcast, veil)
+
+
+def _ambient_colours(altitude: float, day: float) -> tuple[Colour, Colour]:
+    """Zenith and horizon as they light the ground: paler than they look."""
     noon = _ease(-2.0, 26.0, altitude)
-    deep = _ease(-4.0, -12.0, altitude)
     zenith = _mix(np.array([0.22, 0.34, 0.70]), np.array([0.26, 0.48, 0.98]), noon)
     horizon = _mix(np.array([1.0, 0.86, 0.84]), np.array([1.22, 1.38, 1.52]), noon)
-    horizon = _mix(horizon, np.array([0.52, 0.5, 0.62]), deep)
+    horizon = _mix(horizon, np.array([0.52, 0.5, 0.62]), _ease(-4.0, -12.0, altitude))
     return zenith * day, horizon * day
 
 
-def _fill_fog(air: Any, appearance: AppearancePlan, veil: Colour, sunlight: Colour, around: Colour) -> None:
-    w = appearance.weather
-    dust, rain = w.dust_storm / 100.0, w.precipitation / 100.0
-    grains, mist = 0.05 * dust * dust, 0.009 * rain
-    fog = extinction(w.fog_density)
-    total = fog + grains + mist + 0.0004
-    brown = np.array([1.0, 0.72, 0.45])
-    colour = _mix(veil, veil * brown + 0.06 * sunlight * brown, grains / total)
-    haze = _mix(around, colour, min((fog + grains) / (0.1 * mist + 0.004 + fog + grains), 1.0))
-    air.fog = fixed(total)
-    air.fog_start = fixed(min(w.fog_distance, 1000.0) if fog >= grains + mist else 0.0)
-    air.fog_thin = fixed(0.1 * w.fog_falloff * fog / total)
-    air.fog_colour = _vector(_pale(haze, 0.6) * (1.0 - 0.12 * w.fog_density / 100.0))
-    air.fog_sun = _vector(0.4 * sunlight)
+def _fill_fog(air: Any, s: _State, falling: _Falling, sunlight: Colour) -> None:
+    """Fog begins at its distance and thins with height; rain's mist, dust and the air itself are everywhere."""
+    w = s.weather
+    grains, mist = 0.05 * s.dust * s.dust, 0.009 * s.rain
+    fog, clear = extinction(w.fog_density), _CLEAR_AIR + 0.004 * max(s.haze.mie - 0.107, 0.0)
+    haze = grains + mist + clear
+    air.fog, air.haze = fixed(fog), fixed(haze)
+    air.fog_start, air.fog_thin = fixed(min(w.fog_distance, 1000.0)), fixed(0.1 * w.fog_falloff)
+    thick = (fog + grains) / (0.1 * mist + 0.004 + fog + grains)
+    dense = _pale(_mix(falling.around, falling.veil, thick), 0.6) * (1.0 - 0.12 * s.fog)
+    blue = _mix(skylight.gradient(s.altitude, s.haze)[0], 0.8 * falling.overcast, s.grey)  # aerial perspective
+    plain = _mix(blue, dense, (fog + mist) / (0.002 + fog + mist))
+    brown = 0.9 * (falling.veil + 0.10 * sunlight) * _DUST
+    air.fog_colour = _vector(_mix(plain, brown, grains / (grains + fog + mist + 0.002)))
+    scattering = exact.power(w.scattering_intensity, 0.35)  # 1 at CARLA's usual 1, 5 at 100
+    air.fog_sun = _vector((0.08 + 0.32 * thick) * scattering * sunlight)
+    air.glow = fixed(0.25 * scattering * s.night)
 
 
-def _tables(
-    zenith: Colour, horizon: Colour, shining: Colour, altitude: float, day: float, device: str
-) -> tuple[Any, Any, Any]:
+def _fill_tables(air: Any, s: _State, device: str) -> None:
     decay = np.array([exact.exp(-i / 64.0) for i in range(DECAY_STEPS)])
-    rise = np.arange(SKY_ROWS) / (SKY_ROWS - 1.0)  # square root of the direction's z
-    share = (1.0 - rise) * (1.0 - rise) * (1.0 - 0.45 * rise)
-    gradient = zenith + (horizon - zenith) * share[:, None]
-    cosine = np.sqrt(np.arange(HALO_ROWS) / (HALO_ROWS - 1.0)) * 2.0 - 1.0
-    g = 0.8
-    x = 1.0 + g * g - 2.0 * g * cosine
-    narrow = (1.0 - g * g) / (x * np.sqrt(x))
-    warm = np.array([1.0, 0.46, 0.16]) * day * 3.4 * _ease(-9.0, -1.0, altitude) * _ease(22.0, 4.0, altitude)
-    wide = (1.0 + cosine) * 0.5
-    halo = 0.014 * narrow[:, None] * shining + (wide * wide * wide)[:, None] * warm
-    return (
-        wp.array(decay.astype(np.float32), dtype=wp.float32, device=device),
-        wp.array(_round(gradient), dtype=wp.vec3f, device=device),
-        wp.array(_round(halo), dtype=wp.vec3f, device=device),
-    )
+    unlost = 5.6 * s.shine * _past(s.altitude, _MOLECULES * s.haze.rayleigh) * _ease(-1.2, 0.8, s.altitude)
+    air.decay = wp.array(decay.astype(np.float32), dtype=wp.float32, device=device)
+    air.gradient = wp.array(_round(skylight.gradient(s.altitude, s.haze)), dtype=wp.vec3f, device=device)
+    air.halo = wp.array(_round(skylight.halo(s.haze, unlost)), dtype=wp.vec3f, device=device)
+
+
+def _exposure(s: _State, sunlight: Colour, overhead: Colour) -> float:
+    """The gain that a camera chooses for a street in this light."""
+    # A low sun lights the tops of houses; the street, which the exposure is for, lies in their shade.
+    open_street = 0.33 + 0.67 * _ease(4.0, 40.0, s.altitude)
+    seen = sunlight * (max(float(s.sun[2]), 0.3) * open_street * _ease(-1.0, 1.0, s.altitude)) + 1.25 * overhead
+    luminance = 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2]) + _STREET_LIGHT * s.night
+    dim = 1.0 - 0.3 * _ease(9.0, -3.0, s.altitude) + 0.95 * _ease(-4.0, -10.0, s.altitude)
+    dim = dim - 0.1 * s.rain * (1.0 - s.night) - 0.06 * s.fog + 0.3 * s.night * max(s.rain, s.fog)
+    return fixed((dim - 0.25 * s.dust) * exact.power(luminance, -0.86))
 
 
 def _ease(start: float, end: float, x: float) -> float:
@@ -196,15 +231,6 @@ def _pale(colour: Colour, share: float) -> Colour:
 
 def _mix(a: Colour, b: Colour, t: float) -> Colour:
     return a + (b - a) * t
-
-
-def _between(points: tuple[tuple[float, float], ...], x: float) -> float:
-    """The logarithm of a positive curve through points, straight between them."""
-    for (x0, y0), (x1, y1) in pairwise(points):
-        if x <= x1:
-            t = max((x - x0) / (x1 - x0), 0.0)
-            return exact.log(y0) + (exact.log(y1) - exact.log(y0)) * t
-    return exact.log(points[-1][1])
 
 
 def _vector(colour: Colour) -> Any:

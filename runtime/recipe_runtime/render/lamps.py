@@ -11,6 +11,7 @@ from recipe_runtime.render.nearby import Bodies, Lamps
 from recipe_runtime.transforms import Array
 
 _CANDELA = 1.0 / 11000.0  # light on a white surface a metre away, in the scale of `air`, of one candela
+_SPILL = 1400.0  # candela above which a lamp's light near by grows by the square root only
 _MOST_LAMPS = 256
 _LOWEST = 0.4  # metres above its actor's foot at which a part no longer darkens the ground
 _UNDER = 0.72  # share of the sky's light that a wide body flat on the ground keeps from it
@@ -66,7 +67,9 @@ def _lamp(mounted: Any, world: Array) -> list[float]:
     position, direction = light.position, light.direction
     at = [sum(float(world[r, c]) * position[c] for c in range(3)) + float(world[r, 3]) for r in range(3)]
     to = [sum(float(world[r, c]) * direction[c] for c in range(3)) for r in range(3)]
-    power = [light.intensity * _CANDELA * c for c in light.colour]
+    # What falls near a strong lamp is the spill of a beam that is aimed far ahead.
+    spill = min(1.0, float(np.sqrt(_SPILL / light.intensity)))
+    power = [light.intensity * spill * _CANDELA * c for c in light.colour]
     full = light.cone + (1.0 - light.cone) * 0.75
     return [*at, *to, *power, light.cone, full, 3.0 + 0.6 * float(np.sqrt(light.intensity))]
 

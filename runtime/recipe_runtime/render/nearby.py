@@ -172,28 +172,42 @@ def gather(
     list_bodies(bodies, low, high, tile, body_lists)
 
 
+@wp.func
+def same_lamps(lamps: wp.array[Lamps], before: wp.array2d[wp.int32], now: wp.array2d[wp.int32], tile: wp.int32) -> bool:
+    """Whether a tile's list holds the lamps that it held a frame before, and none that moves."""
+    n = now[tile, 0]
+    if before[tile, 0] != n:
+        return False
+    for k in range(n):
+        lamp = now[tile, k + 1]
+        if before[tile, k + 1] != lamp or lamps[0].moves[lamp] != 0:
+            return False
+    return True
+
+
 @wp.kernel
 def compare(
     lamps: wp.array[Lamps],
     lamps_before: wp.array2d[wp.int32],
     bodies_before: wp.array2d[wp.int32],
+    glows_before: wp.array2d[wp.int32],
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
+    glow_lists: wp.array2d[wp.int32],
     same: wp.array[wp.int32],
 ):
-    """Compare a tile's lists in two frames: bit 0, no body darkens it; bit 1, the same still lamps light it."""
+    """Compare a tile's lists in two frames.
+
+    Bit 0: no body darkens it; bits 1 and 2: the same still lamps light it, and glow before it.
+    """
     tile = wp.tid()
     bits = wp.int32(0)
     if bodies_before[tile, 0] == 0 and body_lists[tile, 0] == 0:
         bits = bits | 1
-    n = lamp_lists[tile, 0]
-    alike = lamps_before[tile, 0] == n
-    for k in range(n):
-        lamp = lamp_lists[tile, k + 1]
-        if lamps_before[tile, k + 1] != lamp or lamps[0].moves[lamp] != 0:
-            alike = False
-    if alike:
+    if same_lamps(lamps, lamps_before, lamp_lists, tile):
         bits = bits | 2
+    if same_lamps(lamps, glows_before, glow_lists, tile):
+        bits = bits | 4
     same[tile] = bits
 
 

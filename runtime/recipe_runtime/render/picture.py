@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from recipe_compiler import exact
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
 
-from recipe_runtime.render import camera, nearby, rain, reflection, samples, shade
+from recipe_runtime.render import camera, glow, nearby, rain, reflection, samples, shade
 from recipe_runtime.render.atmosphere import Light, drift, light_of
 from recipe_runtime.render.colours import looks_of, srgb_table
 from recipe_runtime.render.device import launch, record, records, wp
@@ -56,7 +56,7 @@ class Shaded:
 
     known: Any  # the samples.Known that it belongs to
     light: tuple[Any, Any, Any]  # out, gleam and steady, as `shade.shade` writes them
-    lists: tuple[Any, Any]  # lamps and bodies by tile
+    lists: tuple[Any, ...]  # lamps, bodies and glows by tile
     clouds: tuple[float, float]
 
 
@@ -181,13 +181,13 @@ class Painter:
         with self._timings("shadows"):
             beams = self._sunlit(obs, light)
         with self._timings("nearby"):
-            lamps, bodies, lamp_lists, body_lists = self._nearby(obs)
+            lamps, bodies, *found = self._nearby(obs)
         with self._timings("shade"):
             out = self._empty(points.count, wp.vec3f)
             looks = self._looks_of(appearance)
             told = [record(v, self._device) for v in (points.data, looks, light.air, lamps, bodies)]
             gleam, steady = self._empty(points.count, wp.vec2f), self._empty(points.count, wp.uint8)
-            lists, clouds = (lamp_lists, body_lists), (float(light.air.drift[0]), float(light.air.drift[1]))
+            lists, clouds = tuple(found), (float(light.air.drift[0]), float(light.air.drift[1]))
             name = points.pose, appearance.digest
             before = self._before(points, self._shaded.pop(name, None), told[3], lists, clouds)
             inputs = [*told[:3], beams, *told[3:], *lists, out, gleam, points.origins, record(before, self._device)]
@@ -212,7 +212,7 @@ class Painter:
         return shown
 
     def _before(
-        self, points: Points, held: Shaded | None, lamps: Any, lists: tuple[Any, Any], clouds: tuple[float, float]
+        self, points: Points, held: Shaded | None, lamps: Any, lists: tuple[Any, ...], clouds: tuple[float, float]
     ) -> Any:
         """The light of the frame before as the kernel wants it, if it is of the samples that these were copied from."""
         before = shade.Before()
@@ -246,7 +246,7 @@ class Painter:
             beams = [self._shadows.none()] * 4
         return records(beams, self._device)
 
-    def _nearby(self, obs: Observation) -> tuple[Any, Any, Any, Any]:
+    def _nearby(self, obs: Observation) -> tuple[Any, ...]:
         """Lamps and bodies, and their lists by tile; the same for every appearance."""
         if "nearby" not in obs.derived:
             world = world_from_parts(obs.parts)
@@ -254,13 +254,15 @@ class Painter:
             bodies = bodies_at(self._g, obs.parts, self._device)
             tile, most = int(nearby.TILE), int(nearby.MOST)
             tiles = -(-obs.camera.width // tile) * -(-obs.camera.height // tile)
-            lists = [wp.zeros((tiles, most + 1), dtype=wp.int32, device=self._device) for _ in range(2)]
+            lists = [wp.zeros((tiles, most + 1), dtype=wp.int32, device=self._device) for _ in range(3)]
             view = device_rows(world_from_view(obs.world_from_sensor), self._device)
             told = [record(v, self._device) for v in (lamps, bodies)]
-            inputs = [obs.keys, lens_of(obs.camera, 1), view, *told, *lists]
+            inputs = [obs.keys, lens_of(obs.camera, 1), view, *told, *lists[:2]]
             launch(nearby.gather, tiles, inputs, self._device)
+            view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
+            launch(glow.gather, tiles, [lens_of(obs.camera, 1), view, told[0], lists[2]], self._device)
             obs.derived["nearby"] = (lamps, bodies, *lists)
-        found: tuple[Any, Any, Any, Any] = obs.derived["nearby"]
+        found: tuple[Any, ...] = obs.derived["nearby"]
         return found
 
     def _light_of(self, appearance: AppearancePlan, time: float) -> Light:

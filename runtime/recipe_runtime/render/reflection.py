@@ -166,4 +166,4 @@ def reflect(
             return
     street = clamp01(step_between(0.34, 0.12, d[2]))
     beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
-    out[i] = light + mix(air[0].fog_colour, beyond, decay(air, air[0].fog * FAR)) * share
+    out[i] = light + mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * FAR)) * share

@@ -11,6 +11,7 @@ from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render import pattern as patterns
 from recipe_runtime.render.air import Air, ambient, fog_share, reflected_sky, sky, veiled
 from recipe_runtime.render.device import OPTIONS, wp
+from recipe_runtime.render.glow import lamp_glow
 from recipe_runtime.render.nearby import Bodies, Lamps, contact, lamp_light
 from recipe_runtime.render.noise import clamp01, step_between, unit
 from recipe_runtime.render.shadow import Sunbeam, holds, lit
@@ -117,6 +118,8 @@ def unchanged(
     if (bits & 1) == 0:
         return False
     if air[0].night > 0.0 and (bits & 2) == 0:
+        return False
+    if air[0].glow > 0.0 and (bits & 4) == 0:
         return False
     if air[0].sunlight[0] + air[0].sunlight[1] <= 0.0 or inner(n, air[0].sun) <= -SOFTEST:
         return True
@@ -338,6 +341,7 @@ def shade(
     bodies: wp.array[Bodies],
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
+    glow_lists: wp.array2d[wp.int32],
     out: wp.array[wp.vec3f],
     gleam: wp.array[wp.vec2f],
     origins: wp.array[wp.int32],
@@ -356,15 +360,17 @@ def shade(
         earlier = origins[i]
     p = samples[0].positions[i]
     surface = samples[0].surfaces[i]
+    tile = samples[0].tiles[i]
     if surface < 0:
-        if earlier >= 0 and before[0].sky != 0:
+        if earlier >= 0 and before[0].sky != 0 and (air[0].glow <= 0.0 or (before[0].tiles[tile] & 4) != 0):
             out[i] = before[0].out[earlier]
             return
         out[i] = far_sky(air, samples[0].eye, p)
+        if air[0].glow > 0.0:
+            out[i] = out[i] + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, p, 1000.0)
         return
     n = samples[0].normals[i]
     to_point = p - samples[0].eye
-    tile = samples[0].tiles[i]
     # (A normal that turns away is bent first, below: too few to ask for.)
     if earlier >= 0 and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, earlier, tile, p, n):
         out[i] = before[0].out[earlier]
@@ -396,4 +402,7 @@ def shade(
         gleam[i] = wp.vec2f(fresnel(m.coat, m.gloss, facing) * sky_left * left, m.gloss)
     elif m.coat > 0.0:
         radiance = radiance + mirror(air, m, sight, facing, sky_left)
-    out[i] = veiled(air, radiance, sight, left)
+    radiance = veiled(air, radiance, sight, left)
+    if air[0].glow > 0.0:
+        radiance = radiance + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, sight, distance)
+    out[i] = radiance
