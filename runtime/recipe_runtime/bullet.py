@@ -19,6 +19,9 @@ from recipe_runtime.meshes.roads import outline
 from recipe_runtime.meshes.skeleton import Figure, Joint, wheel_joints
 
 GRAVITY = 9.81
+# Elements that fill a box about their base centre; a billboard's picture hangs above everyone's head.
+_SOLID = {"bench", "bin", "bollard", "bus_stop", "bush", "fence", "fountain"}
+_SOLID |= {"hedge", "hydrant", "kiosk", "lamp", "planter", "statue", "tower"}
 _GROUND, _OBSTACLE, _ACTOR, _WHEEL = 1, 2, 4, 8  # collision groups
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -206,9 +209,9 @@ class World:
         x, y, z = element.size
         if element.kind == "sidewalk":
             self._add_fixed(self._slab(x, y, z, element.shape["radius"]), element.pose, _GROUND)
-        elif element.kind == "building" or element.kind == "wall":
+        elif element.kind in ("building", "house", "wall"):
             self._add_fixed(self._box((-x / 2, 0.0, z / 2), (x, y, z)), element.pose, _OBSTACLE)
-        elif element.kind in ("bench", "bin", "tower", "lamp"):
+        elif element.kind in _SOLID:
             self._add_fixed(self._box((0.0, 0.0, z / 2), (x, y, z)), element.pose, _OBSTACLE)
         elif element.kind == "tree":
             thick = 2.2 * element.shape["trunk"]

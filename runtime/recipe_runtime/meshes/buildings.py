@@ -6,16 +6,16 @@ Each facade is built in coordinates of its own: u to the right for someone who l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from recipe_compiler.plan import Element
 
-from recipe_runtime.meshes.builder import Array, Builder, Vec, noise
+from recipe_runtime.meshes.builder import Builder, Vec, noise
+from recipe_runtime.meshes.facades import Facade, around, pane_uv
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.tags import Tag
 
-_BRICK, _PLASTER, _CONCRETE, _BALCONIES = 0, 1, 2, 3
+_BRICK, _PLASTER, _CONCRETE, _BALCONIES, _GLASS, _STONE = range(6)
+_WALLS = (Pattern.BRICK, Pattern.PLASTER, Pattern.CONCRETE, Pattern.PLASTER, Pattern.CONCRETE, Pattern.STONE)
 _REVEAL = 0.22  # depth of a window in its wall
 
 
@@ -35,63 +35,12 @@ _ROOF = _surface("roof", Pattern.ROOF)
 _METAL = _surface("metal", Pattern.METAL)
 
 
-@dataclass(frozen=True)
-class _Facade:
-    """A vertical plane: where u = 0 is, and the directions of u and d on the ground plan."""
-
-    origin: tuple[float, float]
-    right: tuple[int, int]
-    out: tuple[int, int]
-    width: float
-    key: int  # windows of different facades have different names
-
-    def at(self, u: float, d: float, z: float) -> tuple[float, float, float]:
-        return (
-            self.origin[0] + u * self.right[0] + d * self.out[0],
-            self.origin[1] + u * self.right[1] + d * self.out[1],
-            z,
-        )
-
-    def face(self, u0: float, u1: float, z0: float, z1: float, d: float = 0.0) -> tuple[Vec, ...]:
-        """A rectangle that looks outwards."""
-        return self.at(u0, d, z0), self.at(u1, d, z0), self.at(u1, d, z1), self.at(u0, d, z1)
-
-    def block(self, u: Vec, d: Vec, z: Vec, sides: bool = True) -> list[tuple[Vec, ...]]:
-        """A box that juts out: front, top and bottom, and the two sides; no back."""
-        (u0, u1), (d0, d1), (z0, z1) = u, d, z
-        quads = [
-            self.face(u0, u1, z0, z1, d1),
-            (self.at(u0, d1, z1), self.at(u1, d1, z1), self.at(u1, d0, z1), self.at(u0, d0, z1)),
-            (self.at(u0, d0, z0), self.at(u1, d0, z0), self.at(u1, d1, z0), self.at(u0, d1, z0)),
-        ]
-        if sides:
-            quads += [
-                (self.at(u0, d0, z0), self.at(u0, d1, z0), self.at(u0, d1, z1), self.at(u0, d0, z1)),
-                (self.at(u1, d1, z0), self.at(u1, d0, z0), self.at(u1, d0, z1), self.at(u1, d1, z1)),
-            ]
-        return quads
-
-    def recess(self, u: Vec, z: Vec, depth: float) -> list[tuple[Vec, ...]]:
-        """The four reveals of an opening."""
-        (u0, u1), (z0, z1), d = u, z, -depth
-        return [
-            (self.at(u0, 0, z0), self.at(u0, d, z0), self.at(u0, d, z1), self.at(u0, 0, z1)),
-            (self.at(u1, d, z0), self.at(u1, 0, z0), self.at(u1, 0, z1), self.at(u1, d, z1)),
-            (self.at(u0, 0, z0), self.at(u1, 0, z0), self.at(u1, d, z0), self.at(u0, d, z0)),
-            (self.at(u0, d, z1), self.at(u1, d, z1), self.at(u1, 0, z1), self.at(u0, 0, z1)),
-        ]
-
-
 def building(b: Builder, e: Element) -> None:
     """The whole building; `shape` says its floors, bays, style, and which ends stand free."""
     depth, width, height = e.size
     s, key = e.shape, int(e.shape["key"]) * 16
-    half = width / 2
-    front = _Facade((0.0, -half), (0, 1), (1, 0), width, key)
-    left = _Facade((0.0, half), (-1, 0), (0, 1), depth, key + 5)
-    right = _Facade((-depth, -half), (1, 0), (0, -1), depth, key + 9)
-    back = _Facade((-depth, half), (0, -1), (-1, 0), width, key)
-    wall = _surface("wall", (Pattern.BRICK, Pattern.PLASTER, Pattern.CONCRETE, Pattern.PLASTER)[int(s["style"])])
+    front, left, right, back = around(depth, width, key)
+    wall = _surface("wall", _WALLS[int(s["style"])])
     _facade(b, e, front, wall, int(s["bays"]), entrance=True)
     for end, there in ((left, s["left"]), (right, s["right"])):
         if there:
@@ -102,7 +51,7 @@ def building(b: Builder, e: Element) -> None:
     _top(b, e, wall, (front, left, right, back))
 
 
-def _facade(b: Builder, e: Element, f: _Facade, wall: Surface, bays: int, *, entrance: bool) -> None:
+def _facade(b: Builder, e: Element, f: Facade, wall: Surface, bays: int, *, entrance: bool) -> None:
     s = e.shape
     style, floors, storey, ground = int(s["style"]), int(s["floors"]), s["storey"], s["ground"]
     bay = f.width / bays
@@ -133,7 +82,7 @@ def _facade(b: Builder, e: Element, f: _Facade, wall: Surface, bays: int, *, ent
     b.quads(wall if style == _BRICK else _TRIM, reveals)
     b.quads(_TRIM, sills)
     b.quads(_FRAME, frames)
-    b.quads(_WINDOW, np.array(panes), _pane_uv(names))
+    b.quads(_WINDOW, np.array(panes), pane_uv(names))
     b.quads(_TRIM, f.block((0, f.width), (0, 0.12), (ground - 0.25, ground), sides=False))
     if style == _CONCRETE:
         bands = [
@@ -146,14 +95,7 @@ def _facade(b: Builder, e: Element, f: _Facade, wall: Surface, bays: int, *, ent
         _balconies(b, f, bays, floors, ground, storey)
 
 
-def _pane_uv(names: list[tuple[int, int]]) -> Array:
-    """uv of panes by their names: the whole part says which window, the fraction where in it."""
-    corner = np.array([(0.001, 0.001), (0.999, 0.001), (0.999, 0.999), (0.001, 0.999)])
-    names_and_corners: Array = np.array(names, np.float64)[:, None, :] + corner[None]
-    return names_and_corners
-
-
-def _frame(f: _Facade, u0: float, u1: float, z0: float, z1: float, style: int) -> list[tuple[Vec, ...]]:
+def _frame(f: Facade, u0: float, u1: float, z0: float, z1: float, style: int) -> list[tuple[Vec, ...]]:
     """A mullion and a transom, a little before the pane."""
     d, w = -_REVEAL + 0.05, 0.035
     middle, bar = (u0 + u1) / 2, z0 + (z1 - z0) * 0.68
@@ -163,7 +105,7 @@ def _frame(f: _Facade, u0: float, u1: float, z0: float, z1: float, style: int) -
     return quads
 
 
-def _ground_floor(b: Builder, e: Element, f: _Facade, wall: Surface, bays: int, entrance: bool) -> None:
+def _ground_floor(b: Builder, e: Element, f: Facade, wall: Surface, bays: int, entrance: bool) -> None:
     """Shop windows and a door, or a plinth with smaller windows."""
     s, bay, top = e.shape, f.width / bays, e.shape["ground"]
     shop = bool(s["shop"])
@@ -190,7 +132,7 @@ def _ground_floor(b: Builder, e: Element, f: _Facade, wall: Surface, bays: int, 
     quads.append(f.face(edge, f.width, 0, top))
     b.quads(facing, quads)
     b.quads(_TRIM, plinth)
-    b.quads(_SHOP if shop else _WINDOW, np.array(panes), _pane_uv(names))
+    b.quads(_SHOP if shop else _WINDOW, np.array(panes), pane_uv(names))
     b.quads(_BASE, f.block((0, f.width), (0, 0.05), (0, 0.35), sides=False))
     if shop and entrance:
         b.quads(_SIGN, f.block((0.4, f.width - 0.4), (0, 0.14), (high + 0.12, high + 0.62)))
@@ -198,7 +140,7 @@ def _ground_floor(b: Builder, e: Element, f: _Facade, wall: Surface, bays: int, 
             _awnings(b, f, bays, door, high)
 
 
-def _awnings(b: Builder, f: _Facade, bays: int, door: int, high: float) -> None:
+def _awnings(b: Builder, f: Facade, bays: int, door: int, high: float) -> None:
     bay = f.width / bays
     for k in range(bays):
         if k == door:
@@ -212,7 +154,7 @@ def _awnings(b: Builder, f: _Facade, bays: int, door: int, high: float) -> None:
         b.quads(_AWNING, [top, top[::-1], valance, valance[::-1], left, left[::-1], right, right[::-1]])
 
 
-def _balconies(b: Builder, f: _Facade, bays: int, floors: int, ground: float, storey: float) -> None:
+def _balconies(b: Builder, f: Facade, bays: int, floors: int, ground: float, storey: float) -> None:
     bay, slabs, rails = f.width / bays, [], []
     for floor in range(1, floors - 1):
         z = ground + floor * storey
@@ -228,7 +170,7 @@ def _balconies(b: Builder, f: _Facade, bays: int, floors: int, ground: float, st
     b.quads(_METAL, rails)
 
 
-def _top(b: Builder, e: Element, wall: Surface, facades: tuple[_Facade, ...]) -> None:
+def _top(b: Builder, e: Element, wall: Surface, facades: tuple[Facade, ...]) -> None:
     """Cornice, parapet and roof, and on some a stair head."""
     depth, width, height = e.size
     top, half = height + 0.85, width / 2

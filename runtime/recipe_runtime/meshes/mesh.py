@@ -34,6 +34,14 @@ class Pattern(IntEnum):
     HEADLIGHT = 19  # glows when the sun is down
     TAILLIGHT = 20  # glows when the sun is down
     HAIR = 21
+    CLAPBOARD = 30  # level boards that overlap, uv in metres
+    STONE = 31  # dressed blocks, uv in metres
+    WOOD = 32  # planks along u, uv in metres
+    WATER = 33
+    NICHE = 34  # what lies in a wall's depth: v is 0 at its mouth and 1 at its end, which sees little of the sky
+    CURTAIN_WALL = 35  # named like WINDOW; the pane's lower part hides a floor slab
+    SHOP_WINDOW = 36  # named like WINDOW; a display behind one large pane
+    POSTER = 37  # floor(u) names the picture, fract(uv) is the place in it
 
 
 @dataclass(frozen=True)

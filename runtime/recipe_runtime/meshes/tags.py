@@ -10,9 +10,11 @@ class Tag(IntEnum):
     SIDEWALKS = 2
     BUILDINGS = 3
     WALLS = 4
+    FENCES = 5
     POLES = 6
     VEGETATION = 9
     TERRAIN = 10
     STATIC = 20
+    WATER = 23
     ROAD_LINES = 24
     GROUND = 25

@@ -9,20 +9,37 @@ from recipe_compiler.plan import Element, Pose, TownPlan
 
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.buildings import building
+from recipe_runtime.meshes.fences import fence, wall
+from recipe_runtime.meshes.furniture import bench, billboard, bin_, bollard, bus_stop, hydrant, kiosk, lamp
+from recipe_runtime.meshes.houses import house
 from recipe_runtime.meshes.mesh import Body
-from recipe_runtime.meshes.props import bench, bin_, lamp, tower, tree, wall
+from recipe_runtime.meshes.monuments import fountain, statue
+from recipe_runtime.meshes.plants import bush, hedge, planter, tree
 from recipe_runtime.meshes.roads import ground, junction, road, sidewalk
+from recipe_runtime.meshes.towers import tower
 from recipe_runtime.transforms import from_pose
 
 _KINDS: dict[str, Callable[[Builder, Element], None]] = {
     "bench": bench,
+    "billboard": billboard,
     "bin": bin_,
+    "bollard": bollard,
     "building": building,
+    "bus_stop": bus_stop,
+    "bush": bush,
+    "fence": fence,
+    "fountain": fountain,
     "ground": ground,
+    "hedge": hedge,
+    "house": house,
+    "hydrant": hydrant,
     "junction": junction,
+    "kiosk": kiosk,
     "lamp": lamp,
+    "planter": planter,
     "road": road,
     "sidewalk": sidewalk,
+    "statue": statue,
     "tower": tower,
     "tree": tree,
     "wall": wall,

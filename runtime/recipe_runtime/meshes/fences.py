@@ -1,0 +1,75 @@
+"""What closes a plot: walls and fences. Both run along y."""
+
+from __future__ import annotations
+
+from recipe_compiler.plan import Element
+
+from recipe_runtime.meshes.builder import Builder
+from recipe_runtime.meshes.mesh import Pattern, Surface
+from recipe_runtime.meshes.tags import Tag
+
+_WALL = Surface("wall", Pattern.BRICK, Tag.WALLS)
+_COPING = Surface("coping", Pattern.CONCRETE, Tag.WALLS)
+_RAILING = Surface("fence", Pattern.METAL, Tag.FENCES)
+_BOARDS = Surface("fence", Pattern.WOOD, Tag.FENCES)
+_PICKET, _RAILS, _BOARDED = 0, 1, 2
+
+
+def wall(b: Builder, e: Element) -> None:
+    """A free-standing wall, its smooth face at x = 0 looking along +x, with a plinth and a coping."""
+    thick, width, height = e.size
+    half = width / 2
+    b.box(_WALL, (-thick, -half, 0.0), (0.0, half, height - 0.12), "-z")
+    b.box(_COPING, (-thick - 0.06, -half, height - 0.12), (0.06, half, height))
+    b.box(_COPING, (-thick - 0.03, -half, 0.0), (0.03, half, 0.25), "-z")
+
+
+def fence(b: Builder, e: Element) -> None:
+    """A fence over its base centre, its better face along +x; `style` 0 is pickets, 1 a railing, 2 close boards."""
+    {_PICKET: _pickets, _RAILS: _railing, _BOARDED: _boards}[int(e.shape["style"])](b, *e.size)
+
+
+def _posts(b: Builder, surface: Surface, thick: float, length: float, height: float, every: float) -> None:
+    count = max(1, int(length / every + 0.5))
+    for k in range(count + 1):
+        y = (length - thick) * (k / count - 0.5)
+        b.box(surface, (-thick / 2, y - thick / 2, 0.0), (thick / 2, y + thick / 2, height), "-z")
+
+
+def _pickets(b: Builder, thick: float, length: float, height: float) -> None:
+    """Pointed slats before two rails."""
+    half, count = thick / 2, max(2, int(length / 0.16 + 0.5))
+    _posts(b, _BOARDS, thick * 0.6, length, height * 0.92, 2.4)
+    for z in (0.25 * height, 0.7 * height):
+        b.box(_BOARDS, (-0.2 * thick, -length / 2, z), (0.1 * thick, length / 2, z + 0.08), "-y +y")
+    for k in range(count):
+        y, w = length * ((k + 0.5) / count - 0.5), 0.28 * length / count
+        front = [(half, y - w, 0.08), (half, y + w, 0.08), (half, y + w, height - w), (half, y, height)]
+        front.append((half, y - w, height - w))
+        b.fan(_BOARDS, front)
+        b.fan(_BOARDS, [(0.1 * thick, py, pz) for _, py, pz in front[::-1]])
+        for s in (1, -1):
+            edge = [(half, 0.08), (0.1 * thick, 0.08), (0.1 * thick, height - w), (half, height - w)]
+            b.quads(_BOARDS, [[(x, y + s * w, z) for x, z in edge[::s]]])
+
+
+def _railing(b: Builder, thick: float, length: float, height: float) -> None:
+    """Thin bars between two rails of iron."""
+    _posts(b, _RAILING, thick, length, height, 2.0)
+    for z in (0.12, height - 0.16):
+        b.box(_RAILING, (-0.35 * thick, -length / 2, z), (0.35 * thick, length / 2, z + 0.04), "-y +y")
+    count, w = max(2, int(length / 0.14 + 0.5)), 0.011
+    for k in range(count):
+        y = length * ((k + 0.5) / count - 0.5)
+        b.box(_RAILING, (-w, y - w, 0.05), (w, y + w, height - 0.02), "-z")
+
+
+def _boards(b: Builder, thick: float, length: float, height: float) -> None:
+    """Upright boards, side by side, under a rail."""
+    half, count = thick / 2, max(1, int(length / 0.9 + 0.5))
+    _posts(b, _BOARDS, thick, length, height, 2.4)
+    for k in range(count):
+        y0, y1 = length * (k / count - 0.5), length * ((k + 1) / count - 0.5)
+        x = 0.25 * half * (1 if k % 2 else -1)
+        b.box(_BOARDS, (x - 0.3 * half, y0, 0.05), (x + 0.3 * half, y1, height - 0.06))
+    b.box(_BOARDS, (-half, -length / 2, height - 0.06), (half, length / 2, height))

@@ -1,0 +1,134 @@
+"""Detached houses: walls with windows and a door, a tiled roof with eaves and a chimney, a garage, a porch.
+
+A house stands with the middle of its front at the origin, x out of the front; its walls fill its size, and its
+eaves and porch reach beyond them.
+"""
+
+from __future__ import annotations
+
+from recipe_compiler.plan import Element
+
+from recipe_runtime.meshes.builder import Builder, noise
+from recipe_runtime.meshes.facades import Facade, Hole, Quad, around, niches, pane_uv, pierced
+from recipe_runtime.meshes.mesh import Pattern, Surface
+from recipe_runtime.meshes.roofs import chimney, gable, hip
+from recipe_runtime.meshes.tags import Tag
+
+EAVES = 0.45  # how far a roof reaches beyond the walls
+PORCH = 1.6  # how far a porch reaches before them
+
+
+def _surface(slot: str, pattern: Pattern) -> Surface:
+    return Surface(slot, pattern, Tag.BUILDINGS)
+
+
+_WALLS = tuple(_surface("wall", p) for p in (Pattern.BRICK, Pattern.PLASTER, Pattern.CLAPBOARD))
+_NICHE = _surface("wall", Pattern.NICHE)
+_TRIM = _surface("trim", Pattern.PLAIN)
+_WINDOW = _surface("window", Pattern.WINDOW)
+_BASE = _surface("base", Pattern.STONE)
+_DOOR = _surface("door", Pattern.WOOD)
+_GARAGE = _surface("garage", Pattern.CLAPBOARD)
+_STEP = _surface("base", Pattern.CONCRETE)
+_ROOF = _surface("roof", Pattern.METAL)
+_REVEAL, _PLINTH = 0.14, 0.4
+_HIP = 2
+
+
+def house(b: Builder, e: Element) -> None:
+    """The whole house; `shape` says its floors, roof, pitch, style, and whether it has a garage and a porch."""
+    depth, width, height = e.size
+    s, key = e.shape, int(e.shape["key"])
+    wall = _WALLS[int(s["style"])]
+    facades = around(depth, width, key * 16)
+    door = _front(b, e, facades[0], wall)
+    for facade in facades[1:]:
+        _walls(b, e, facade, wall, _windows(e, facade, 0.0, facade.width))
+    if int(s["roof"]) == _HIP:
+        hip(b, (depth, width, height), s["pitch"], EAVES)
+    else:
+        gable(b, (depth, width, height), s["pitch"], EAVES, wall, along_y=int(s["roof"]) == 0)
+    chimney(b, (depth, width, height), s["pitch"], key)
+    if s["porch"]:
+        _porch(b, facades[0], door, height if s["floors"] == 1 else s["storey"])
+
+
+def _front(b: Builder, e: Element, f: Facade, wall: Surface) -> float:
+    """The front with its door and perhaps a garage gate; where the door's middle is."""
+    s, key = e.shape, int(e.shape["key"])
+    start, holes = 0.0, []
+    if s["garage"]:
+        gate = (0.5, min(3.2, 0.5 * f.width))
+        holes.append(Hole(*gate, 0.0, 2.2))
+        b.quads(_GARAGE, [f.face(*gate, 0.0, 2.2, -0.2)])
+        start = gate[1] + 0.2
+    room = f.width - start
+    door = start + room * (0.5 + 0.18 * noise(key, 2))
+    holes.append(Hole(door - 0.5, door + 0.5, 0.2, 2.3))
+    b.quads(_DOOR, [f.face(door - 0.42, door + 0.42, 0.2, 2.2, -0.1)])
+    frame = [f.face(u, u + 0.08, 0.2, 2.3, -0.08) for u in (door - 0.5, door + 0.42)]
+    b.quads(_TRIM, [*frame, f.face(door - 0.42, door + 0.42, 2.2, 2.3, -0.08)])
+    b.quads(_STEP, f.block((door - 0.8, door + 0.8), (0.0, 0.7), (0.0, 0.2)))
+    ground = [h for h in _windows(e, f, start, f.width) if h.z0 < s["storey"] and abs((h.u0 + h.u1) / 2 - door) > 1.35]
+    upper = [h for h in _windows(e, f, 0.0, f.width) if h.z0 > s["storey"]]
+    _walls(b, e, f, wall, [*upper, *ground], sorted(holes, key=lambda h: h.u0))
+    return door
+
+
+def _windows(e: Element, f: Facade, start: float, end: float) -> list[Hole]:
+    """The windows of a facade between two places, floor by floor."""
+    storey, found = e.shape["storey"], []
+    count = max(1, int((end - start) / 2.7))
+    wide = 1.05 if noise(int(e.shape["key"]), 5) < 0 else 1.35
+    for floor in range(int(e.shape["floors"])):
+        z = floor * storey + 0.95
+        for k in range(count):
+            u = start + (end - start) * (k + 0.5) / count
+            found.append(Hole(u - wide / 2, u + wide / 2, z, min(z + 1.35, e.size[2] - 0.25)))
+    return found
+
+
+def _walls(
+    b: Builder, e: Element, f: Facade, wall: Surface, windows: list[Hole], doors: list[Hole] | None = None
+) -> None:
+    """The wall of a facade around its openings, and all that fills the windows."""
+    storey, floors, doors = e.shape["storey"], int(e.shape["floors"]), doors or []
+    for floor in range(floors):
+        low, high = floor * storey, e.size[2] if floor == floors - 1 else (floor + 1) * storey
+        here = [h for h in windows if low <= h.z0 < high] + (doors if floor == 0 else [])
+        b.quads(wall, pierced(f, low, high, sorted(here, key=lambda h: h.u0)))
+    b.quads(_NICHE, *niches(f, [*windows, *doors], _REVEAL))
+    if windows:
+        panes = [f.face(h.u0, h.u1, h.z0, h.z1, -_REVEAL) for h in windows]
+        names = [(f.key + n, 1 + int(h.z0 / storey)) for n, h in enumerate(windows)]
+        b.quads(_WINDOW, panes, pane_uv(names))
+    trim = []
+    for h in windows:
+        trim += f.block((h.u0 - 0.12, h.u1 + 0.12), (0.0, 0.07), (h.z0 - 0.1, h.z0))
+        trim += f.block((h.u0 - 0.1, h.u1 + 0.1), (0.0, 0.04), (h.z1, h.z1 + 0.12))
+        trim += [f.face(u, u + 0.1, h.z0, h.z1, 0.025) for u in (h.u0 - 0.1, h.u1)]
+    b.quads(_TRIM, trim)
+    b.quads(_BASE, _plinth(f, doors))
+
+
+def _plinth(f: Facade, doors: list[Hole]) -> list[Quad]:
+    """A stone foot that juts out, left out before doors and gates."""
+    edge, quads = 0.0, []
+    for h in [*doors, Hole(f.width, f.width, 0.0, 0.0)]:
+        if h.u0 - edge > 0.05:
+            quads += f.block((edge, h.u0), (0.0, 0.05), (0.0, _PLINTH))
+        edge = h.u1
+    return quads
+
+
+def _porch(b: Builder, f: Facade, door: float, height: float) -> None:
+    """A small roof on two posts over the door, with a floor below it."""
+    u0, u1, top = door - 1.4, door + 1.4, min(height - 0.15, 2.75)
+    b.quads(_STEP, f.block((u0, u1), (0.0, PORCH - 0.15), (0.0, 0.16)))
+    b.quads(_ROOF, f.block((u0 - 0.15, u1 + 0.15), (0.0, PORCH), (top, top + 0.14)))
+    posts = []
+    for u in (u0 + 0.1, u1 - 0.25):
+        posts += [*f.block((u, u + 0.15), (PORCH - 0.4, PORCH - 0.25), (0.16, top), top=False)]
+        posts += [f.face(u, u + 0.15, 0.16, top, PORCH - 0.4)[::-1]]
+    b.quads(_TRIM, posts)
+    b.quads(_TRIM, f.block((u0 - 0.1, u1 + 0.1), (0.0, PORCH - 0.06), (top - 0.2, top), top=False))

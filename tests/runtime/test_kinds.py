@@ -1,0 +1,121 @@
+"""Kinds of town elements: each alone is a sound mesh of its own size, with CARLA's tags and a colour for every slot."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from recipe_compiler.plan import Element, Pose, TownPlan
+from recipe_compiler.towns.palettes import PALETTES
+from recipe_runtime.meshes import town_bodies
+from recipe_runtime.meshes.mesh import Mesh, Pattern
+
+_BUILDING = {"floors": 4, "storey": 3.0, "ground": 4.0, "bays": 4, "shop": 1, "awning": 1, "left": 1, "right": 0}
+_HOUSE = {"floors": 2, "storey": 2.7, "pitch": 0.7, "garage": 1, "porch": 1}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a kind may be: its size, how far it may reach beyond it (x, y, z), its tags, most triangles, shape."""
+
+    kind: str
+    size: tuple[float, float, float]
+    tags: frozenset[int]
+    most: int
+    shape: dict[str, float] = field(default_factory=dict)
+    beyond: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    front: bool = False  # the origin is at the middle of its front and it extends to -x
+
+    def __str__(self) -> str:
+        return "-".join([self.kind, *(f"{k}{v:g}" for k, v in self.shape.items() if k in ("style", "roof", "species"))])
+
+
+def kind(name: str, size: tuple[float, float, float], tags: set[int], most: int, **shape: float) -> Kind:
+    return Kind(name, size, frozenset(tags), most, shape)
+
+
+def building(style: int, roof: int) -> Kind:
+    shape = {**_BUILDING, "style": style, "roof": roof, "key": 9}
+    return Kind("building", (12, 13, 13), frozenset({3}), 1600, shape, (1.3, 0.2, 6), front=True)
+
+
+def house(style: int, roof: int) -> Kind:
+    shape = {**_HOUSE, "style": style, "roof": roof, "key": 3}
+    return Kind("house", (8, 11, 5.4), frozenset({3}), 1400, shape, (1.6, 0.5, 5.2), front=True)
+
+
+KINDS = [
+    *(building(style, roof) for style in range(6) for roof in (0, 1)),
+    *(house(style, roof) for style in range(3) for roof in range(3)),
+    *(kind("fence", (0.1, 8, 1.2), {5}, 800, style=s) for s in range(3)),
+    *(
+        Kind("tree", (4, 4, 7), frozenset({9, 10}), 950, {"trunk": 0.15, "species": s, "key": k}, (0.13, 0.13, 0.0))
+        for s in range(3)
+        for k in (1, 77)
+    ),
+    Kind("wall", (0.25, 9, 2.6), frozenset({4}), 60, {}, (0.07, 0, 0), True),
+    Kind("lamp", (0.16, 0.16, 6.5), frozenset({6}), 150, {"arm": 1.6}, (2.1, 0.06, 0.06)),
+    Kind("bench", (0.5, 1.6, 0.85), frozenset({20}), 140, {}, (0.03, 0.01, 0.01)),
+    kind("bin", (0.42, 0.42, 0.95), {20}, 120),
+    kind("hedge", (0.8, 10, 1.2), {9}, 500, key=4),
+    kind("bush", (1.4, 1.4, 1.1), {9}, 450, key=4),
+    kind("planter", (1.2, 1.2, 0.9), {20, 9, 10}, 500, key=4),
+    kind("hydrant", (0.3, 0.3, 0.8), {20}, 300),
+    kind("bollard", (0.2, 0.2, 0.9), {6}, 150),
+    kind("fountain", (7, 7, 2.6), {20, 23}, 1000),
+    kind("statue", (2, 2, 4.5), {20}, 800, key=4),
+    Kind("kiosk", (2.5, 3, 2.8), frozenset({20}), 150, {"key": 4}, (0.0, 0.02, 0.0)),
+    kind("bus_stop", (1.6, 4, 2.6), {20}, 250),
+    kind("billboard", (0.5, 6, 6), {6, 20}, 100, key=4),
+    Kind("tower", (20, 30, 45), frozenset({3}), 400, {"key": 4}, (0.06, 0.06, 0.0)),
+]  # fmt: skip
+
+
+def mesh_of(k: Kind) -> Mesh:
+    element = Element(name="it", kind=k.kind, pose=Pose(), size=k.size, shape=k.shape)
+    return town_bodies(TownPlan(name="t", elements=(element,)))[0].mesh("static")
+
+
+def digest(mesh: Mesh) -> str:
+    arrays = (mesh.vertices, mesh.normals, mesh.uvs, mesh.triangles, mesh.surface)
+    return hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest()
+
+
+@pytest.mark.parametrize("k", KINDS, ids=str)
+def test_a_kind_is_sound(k: Kind) -> None:
+    mesh = mesh_of(k)
+    assert 0 < len(mesh.triangles) <= k.most
+    assert np.isfinite(mesh.vertices).all() and np.isfinite(mesh.uvs).all()
+    length = np.sqrt((mesh.normals.astype(np.float64) ** 2).sum(1))
+    assert np.abs(length - 1).max() < 1e-5
+    assert {s.tag for s in mesh.surfaces} == k.tags
+    assert {s.slot for s in mesh.surfaces} <= set(PALETTES[k.kind])
+    assert digest(mesh) == digest(mesh_of(k))
+
+
+@pytest.mark.parametrize("k", KINDS, ids=str)
+def test_a_kind_keeps_to_its_size(k: Kind) -> None:
+    mesh = mesh_of(k)
+    x, y, z = k.size
+    low = np.array([-x if k.front else -x / 2, -y / 2, 0.0])
+    high = np.array([0.0 if k.front else x / 2, y / 2, z])
+    beyond = np.array(k.beyond) + 1e-4
+    foot = np.array([0.61, 0.61, 0.1]) if k.kind == "tree" else np.array([0.0, 0.0, 1e-4])  # its pit
+    points = mesh.vertices.astype(np.float64)
+    assert (points >= np.minimum(low - beyond, -foot)).all()
+    assert (points <= np.maximum(high + beyond, foot)).all()
+    assert (points.max(0) - points.min(0) >= 0.8 * np.array(k.size)).all()
+
+
+@pytest.mark.parametrize("k", KINDS, ids=str)
+def test_a_kind_is_seen_from_outside(k: Kind) -> None:
+    """Faces are counter-clockwise: they look where their vertices' normals do; leaves alone may lean away."""
+    mesh = mesh_of(k)
+    a, b, c = (mesh.vertices[mesh.triangles[:, n]].astype(np.float64) for n in range(3))
+    face = np.cross(b - a, c - a)
+    leaves = np.array([s.pattern == Pattern.FOLIAGE for s in mesh.surfaces])[mesh.surface]
+    solid = ~leaves & ((face**2).sum(1) > 1e-12)
+    facing = (face * mesh.normals[mesh.triangles[:, 0]].astype(np.float64)).sum(1)
+    assert (facing[solid] > 0).all()
