@@ -31,14 +31,20 @@ def lock(
     progress: Progress,
     engines: Engines | None = None,
     device: str = "cpu",
+    traces: dict[str, Trace] | None = None,
 ) -> Lockfile:
-    """Simulate every scene and render every frame, keep none, and list their digests."""
+    """Simulate every scene and render every frame, keep none, and list their digests.
+
+    `traces` is filled with the motion of each scene, by its digest.
+    """
     engines = engines or real_engines()
     with tempfile.TemporaryDirectory(prefix="recipe-lock-") as folder:
-        traces = fresh_traces(simulations(plan), engines, Store(Path(folder)), progress)
+        made = fresh_traces(simulations(plan), engines, Store(Path(folder)), progress)
         job = Job(plan, engines, device, Path(folder), None)
         frames = render_rows(job, all_shards(plan), workers, progress)
-    return with_rows(bare(plan, source, files), traces, simulations(plan), frames)
+    if traces is not None:
+        traces.update(made)
+    return with_rows(bare(plan, source, files), made, simulations(plan), frames)
 
 
 def bare(plan: DatasetPlan, source: str, files: dict[str, str]) -> Lockfile:

@@ -65,16 +65,19 @@ class Store:
 
     def trace(self, scene: ScenePlan, simulate: Callable[[], Trace]) -> Trace:
         """The Trace of a scene: from the store if it is there and whole, else simulated, and kept."""
-        key = digest("store/trace/1", [scene.digest, simulation_maker()])
-        body = self.get("traces", key)
+        body = self.get("traces", _trace_key(scene))
         if body is not None:
             try:
                 return Trace.from_bytes(body)
             except (ValueError, KeyError):
                 pass  # of an older form: simulate again
         trace = simulate()
-        self.put("traces", key, trace.to_bytes())
+        self.keep_trace(scene, trace)
         return trace
+
+    def keep_trace(self, scene: ScenePlan, trace: Trace) -> None:
+        """Keep a scene's Trace, in place of any that is there."""
+        self.put("traces", _trace_key(scene), trace.to_bytes())
 
 
 def regular_file(root: Path, path: str) -> os.stat_result | None:
@@ -156,6 +159,10 @@ def host_errors(what: str, remedy: str) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise RunError(f"{what} cannot be written: {reason}; {remedy}") from error
+
+
+def _trace_key(scene: ScenePlan) -> str:
+    return digest("store/trace/1", [scene.digest, simulation_maker()])
 
 
 def _seal(body: bytes) -> bytes:

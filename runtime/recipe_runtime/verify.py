@@ -8,7 +8,7 @@ The stages are compared in the order in which things are made, and the first one
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -57,11 +57,13 @@ def verify(
     *,
     files: dict[str, str] | None = None,
     dataset: Dataset | None = None,
+    traces: Mapping[str, Trace] | None = None,
     engines: Engines | None = None,
 ) -> Report:
     """Compare what a plan makes on this host with a lockfile, and with a dataset's files, as far as the options ask.
 
-    `files` are the digests of the recipe's files as they are now; None where there is only a dataset's plan.
+    `files` are the digests of the recipe's files as they are now; None where there is only a dataset's plan. `traces`
+    by scene are the locked motion, for hosts whose own simulation need not agree.
     """
     engines = engines or real_engines()
     choices = all_choices(plan)
@@ -73,7 +75,7 @@ def verify(
     chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
     pictures: list[str] = []
     with tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
-        check = _Check(plan, lock, engines, options, progress, Path(folder), dataset)
+        check = _Check(plan, lock, engines, options, progress, Path(folder), dataset, traces or {})
         compared, found = check.run(chosen)
         differences += found
         if dataset is not None:
@@ -115,26 +117,52 @@ class _Check:
     progress: Progress
     folder: Path
     dataset: Dataset | None
-    traces: dict[str, Trace] = field(default_factory=dict)  # by scene, simulated here
+    locked_traces: Mapping[str, Trace]
+    traces: dict[str, Trace] = field(default_factory=dict)  # by scene, those that frames are made from
 
     def run(self, chosen: list[Choice]) -> tuple[int, list[Difference]]:
         """Simulate the scenes of the chosen frames and render the frames alone: how many were, and what differs."""
         by_name = {v.variant: v for v in self.plan.variants}
         scenes = {by_name[name].scene.digest: by_name[name].scene for name, _, _ in chosen}
-        traces = locking.fresh_traces(list(scenes.values()), self.engines, Store(self.folder), self.progress)
-        self.traces = traces
-        found = []
-        for digest, trace in traces.items():
-            if self.lock.traces.get(digest) != trace.digest:
-                motions = {actor: locking.body_motion(trace, actor) for actor in trace.actors}
-                message = _parting(self.lock, scenes[digest], motions)
-                found.append(Difference("trace", message, excuse_of("trace", self.lock)))
-        whole = {digest for digest, trace in traces.items() if self.lock.traces.get(digest) == trace.digest}
+        whole, found = self._motions(scenes)
         reason = host.cannot_render()
         if reason:
             return 0, [*found, Difference("observation", "no frame was rendered", reason)]
         chosen = [c for c in chosen if by_name[c[0]].scene.digest in whole]
         return len(chosen), found + self._frames(chosen)
+
+    def _motions(self, scenes: dict[str, ScenePlan]) -> tuple[set[str], list[Difference]]:
+        """Simulate the scenes: those whose locked motion is at hand, and what differs.
+
+        Where this host need not agree, and the locked Trace lies beside the lockfile, frames are made from that.
+        """
+        store, excuse = Store(self.folder), excuse_of("trace", self.lock)
+        whole, found = set(), []
+        for number, (digest, scene) in enumerate(scenes.items()):
+            self.progress("simulate", number, len(scenes))
+            kept = self.locked_traces.get(digest)
+            try:
+                trace = self.engines.simulate(scene)
+                store.keep_trace(scene, trace)
+            except RunError as error:
+                if kept is None:
+                    raise
+                message, reason = "it was not simulated here", str(error).splitlines()[0]
+            else:
+                self.traces[digest], reason = trace, excuse or ""
+                if self.lock.traces.get(digest) == trace.digest:
+                    whole.add(digest)
+                    continue
+                motions = {actor: locking.body_motion(trace, actor) for actor in trace.actors}
+                message = _parting(self.lock, scene, motions)
+            if kept is not None and reason:
+                store.keep_trace(scene, kept)
+                self.traces[digest] = kept
+                whole.add(digest)
+                message += "; frames are compared from the locked motion on"
+            found.append(Difference("trace", message, reason or None))
+        self.progress("simulate", len(scenes), len(scenes))
+        return whole, found
 
     def _frames(self, chosen: list[Choice]) -> list[Difference]:
         root = self.folder / "made" if self.dataset else None

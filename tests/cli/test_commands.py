@@ -315,3 +315,17 @@ def test_the_cache_is_shown_and_pruned(tmp_path: Path) -> None:
     assert (told["removed"], told["kinds"]) == (1, {})
     refused = run("cache", "--size", "3", cwd=tmp_path, **places)
     assert (refused.returncode, refused.stderr) == (2, "--size says how much --prune leaves; give both\n")
+
+
+def test_traces_lie_beside_the_lockfile_if_asked_for(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "lockfiles").mkdir()
+    for name in ("small.yaml", "lockfiles/small.lock"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    assert run("lock", "small.yaml", "--with-traces", cwd=tmp_path).returncode == 0
+    kept = tmp_path / "lockfiles" / "small.traces"
+    assert kept.read_bytes().startswith(b"recipe-traces 1\n")
+    kept.write_bytes(b"recipe-traces 1\n" + b"0" * 100)
+    refused = run("verify", "small.yaml", cwd=tmp_path)
+    assert (refused.returncode, "small.traces: cannot be used" in refused.stderr) == (2, True)
+    assert run("lock", "small.yaml", "--update", cwd=tmp_path).returncode == 0  # what is there does not fall behind
+    assert run("verify", "small.yaml", cwd=tmp_path).returncode == 0

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from recipe_compiler.canonical import pretty
-from recipe_compiler.errors import InputError
+from recipe_compiler.errors import InputError, RunError
 from recipe_compiler.lockfile import Lockfile
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 from recipe_runtime import dataset as datasets
@@ -27,6 +27,7 @@ from recipe_runtime.locking import lock
 from recipe_runtime.trace import Trace
 from recipe_runtime.verdict import Report
 from recipe_runtime.verify import Options, verify
+from recipe_runtime.versions import host_versions
 
 from tests.runtime import fakes
 
@@ -51,8 +52,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def check(lockfile: Lockfile, plan: DatasetPlan = PLAN, engines: Any = fakes.ENGINES, **more: Any) -> Report:
+    traces = more.pop("traces", None)
     options = Options(nonce=more.pop("nonce", 1), everything=more.pop("everything", True), workers=0, **more)
-    return verify(plan, lockfile, options, quiet, files=FILES, engines=engines)
+    return verify(plan, lockfile, options, quiet, files=FILES, traces=traces, engines=engines)
 
 
 def check_folder(root: Path, **more: Any) -> Report:
@@ -177,6 +179,49 @@ def test_a_random_number_in_the_simulation_is_caught_with_its_body(locked: Lockf
     report = check(locked, engines=replace(fakes.ENGINES, simulate=_noisy_simulate))
     assert (report.verdict, report.stage) == ("FAIL", "trace")
     assert "body hero2 parts between frames 3 and 3 (from step 72); 1 of 3 bodies differ" in str(report.differences[0])
+
+
+def _moved(scene: ScenePlan) -> Trace:
+    """Another host's simulation: the same but for a step of the second body."""
+    trace = fakes.simulate(scene)
+    positions = trace.positions.copy()
+    positions[3, 1, 0] += 1
+    return replace(trace, positions=positions)
+
+
+def _barred(scene: ScenePlan) -> Trace:
+    raise RunError("there is no PyBullet here")
+
+
+OTHER_PYTHON = {"tools": {**host_versions(), "python": "3.9"}}
+
+
+def test_another_host_goes_on_from_the_locked_motion(locked: Lockfile) -> None:
+    held = {scene: fakes.simulate(PLAN.variants[0].scene) for scene in locked.traces}
+    for engines, says in (
+        (replace(fakes.ENGINES, simulate=_moved), "body hero2 parts between frames 3 and 3"),
+        (replace(fakes.ENGINES, simulate=_barred), "it was not simulated here"),
+    ):
+        report = check(replace(locked, **OTHER_PYTHON), engines=engines, traces=held)
+        (difference,) = report.differences
+        assert (report.verdict, report.stage, report.bound.checked) == ("INCONCLUSIVE", "trace", 48)
+        assert difference.message.startswith(says)
+        assert difference.message.endswith("frames are compared from the locked motion on")
+
+
+def test_a_difference_after_the_locked_motion_is_no_excuse(locked: Lockfile) -> None:
+    held = {scene: fakes.simulate(PLAN.variants[0].scene) for scene in locked.traces}
+    frames = {**locked.frames, next(k for k in locked.frames if k[2] == "rgb"): "0" * 64}
+    engines = replace(fakes.ENGINES, simulate=_moved)
+    report = check(replace(locked, **OTHER_PYTHON, frames=frames), engines=engines, traces=held)
+    assert report.verdict == "FAIL"
+    assert [d.stage for d in report.differences] == ["trace", "shading"]
+
+
+def test_where_this_host_must_agree_the_locked_motion_is_not_used(locked: Lockfile) -> None:
+    held = {scene: fakes.simulate(PLAN.variants[0].scene) for scene in locked.traces}
+    report = check(locked, engines=replace(fakes.ENGINES, simulate=_moved), traces=held)
+    assert (report.verdict, report.stage, report.bound.checked) == ("FAIL", "trace", 0)
 
 
 @pytest.mark.parametrize(("renderer", "stage"), [(_NoisyShader, "shading"), (_NoisyObserver, "observation")])

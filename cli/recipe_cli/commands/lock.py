@@ -13,17 +13,24 @@ from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
+    from recipe_runtime.trace import Trace
 
 
 @click.command("lock")
 @click.argument("recipes", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--update", is_flag=True, help="Replace a lockfile that says something else.")
+@click.option(
+    "--with-traces",
+    is_flag=True,
+    help="Write lockfiles/<recipe>.traces too: hosts that simulate otherwise start from it.",
+)
 @WORKERS
 @ALLOW_LARGE
-def command(recipes: tuple[Path, ...], update: bool, workers: int | None, allow_large: bool) -> None:
+def command(recipes: tuple[Path, ...], update: bool, with_traces: bool, workers: int | None, allow_large: bool) -> None:
     """Render every frame of RECIPES and write its digest into lockfiles/<recipe>.lock; nothing else is kept."""
     from recipe_compiler import lockfile
     from recipe_compiler.errors import InputError
+    from recipe_runtime import traces
     from recipe_runtime.locking import lock
 
     compiled = [compile_quietly(recipe, allow_large=allow_large) for recipe in recipes]
@@ -32,11 +39,14 @@ def command(recipes: tuple[Path, ...], update: bool, workers: int | None, allow_
         _check_before(recipe, one, path, update)
     for recipe, one, path in zip(recipes, compiled, places, strict=True):
         source = source_of(recipe, path)
+        motion: dict[str, Trace] = {}
         with Progress() as progress:
-            made = lock(one.plan, source, one.files, workers=worker_count(workers), progress=progress)
+            made = lock(one.plan, source, one.files, workers=worker_count(workers), progress=progress, traces=motion)
         if path.exists() and not update and not lockfile.read(path).says_the_same(made):
             raise InputError(_otherwise(path, recipe))
         written = made.write(path)
+        if with_traces or traces.beside(path).exists():  # a file that is there must not fall behind
+            written |= traces.write(traces.beside(path), motion)
         click.echo(f"{path} {'written' if written else 'is up to date'}\n{lockfile.read(path).identity}")
 
 

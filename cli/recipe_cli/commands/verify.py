@@ -94,7 +94,7 @@ def _all_lockfiles() -> list[Path]:
 def _verify(target: Path, options: Options, allow_large: bool) -> Report:
     from recipe_compiler import lockfile
     from recipe_compiler.compile import compile_recipe
-    from recipe_runtime import dataset
+    from recipe_runtime import dataset, traces
     from recipe_runtime.verify import verify
 
     with Progress() as progress:
@@ -108,7 +108,8 @@ def _verify(target: Path, options: Options, allow_large: bool) -> Report:
             compiled = compile_recipe(target, allow_large=allow_large)
             path = lockfile_path(target, compiled.plan.recipe)
             lock = lockfile.read(path)
-        return verify(compiled.plan, lock, options, progress, files=compiled.files)
+        held_traces = traces.read(traces.beside(path), lock.traces)
+        return verify(compiled.plan, lock, options, progress, files=compiled.files, traces=held_traces)
 
 
 def _say(target: Path, report: Report) -> None:

@@ -1,0 +1,97 @@
+"""Traces beside a lockfile: motion that a host can start from where its own simulation would be another.
+
+    lockfiles/<recipe>.traces
+        recipe-traces 1
+        SCENE-DIGEST TRACE-DIGEST COMPRESSED-BYTES RAW-BYTES     a line a trace, then its bytes, zlib-compressed
+        ...
+
+A Trace is believed for its digest's sake alone: the lockfile says which it must have. The file is a stranger's until
+then, so sizes are bounded before anything is unpacked.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from recipe_compiler.errors import InputError
+from recipe_compiler.files import read_regular
+
+from recipe_runtime.store import host_errors, write_atomic
+from recipe_runtime.trace import Trace
+
+SUFFIX = ".traces"
+MOST_BYTES = 1 << 30  # of the file, and of a Trace
+_HEAD = b"recipe-traces 1\n"
+_MOST_LINE = 400
+
+
+def beside(lockfile: Path) -> Path:
+    """Where the traces of a lockfile lie."""
+    return lockfile.with_suffix(SUFFIX)
+
+
+def dumps(traces: Mapping[str, Trace]) -> bytes:
+    """Traces by scene digest, as one file's bytes."""
+    pieces = [_HEAD]
+    for scene, trace in sorted(traces.items()):
+        raw = trace.to_bytes()
+        packed = zlib.compress(raw, 9)
+        pieces += [f"{scene} {trace.digest} {len(packed)} {len(raw)}\n".encode(), packed]
+    return b"".join(pieces)
+
+
+def write(path: Path, traces: Mapping[str, Trace]) -> bool:
+    """Write them unless the file says the same already; whether it was written."""
+    body = dumps(traces)
+    if path.is_file() and path.read_bytes() == body:
+        return False
+    with host_errors(str(path), "free some space or allow writing"):
+        write_atomic(path, body)
+    return True
+
+
+def read(path: Path, locked: Mapping[str, str]) -> dict[str, Trace]:
+    """The traces that a lockfile's `trace` rows vouch for, by scene; none if there is no file.
+
+    InputError if the file is damaged, or holds a Trace that is not the locked one.
+    """
+    if not path.exists():
+        return {}
+    try:
+        body = read_regular(path, MOST_BYTES)
+        if len(body) > MOST_BYTES or not body.startswith(_HEAD):
+            raise ValueError("it is not a file of traces, or too large")
+        return dict(_entries(body, locked))
+    except (OSError, ValueError, KeyError, zlib.error, TypeError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or error
+        raise InputError(
+            f"{path}: cannot be used: {reason}; `recipe lock --update --with-traces` writes it again"
+        ) from None
+
+
+def _entries(body: bytes, locked: Mapping[str, str]) -> list[tuple[str, Trace]]:
+    found, at = [], len(_HEAD)
+    while at < len(body):
+        end = body.index(b"\n", at, at + _MOST_LINE)
+        scene, digest, packed, raw = body[at:end].decode("ascii").split(" ")
+        at = end + 1 + int(packed)
+        if locked.get(scene) != digest:
+            raise ValueError(f"it holds a Trace of scene {scene[:16]} that is not the lockfile's")
+        trace = Trace.from_bytes(_unpacked(body[end + 1 : at], int(raw)))
+        if trace.digest != digest:
+            raise ValueError(f"the Trace of scene {scene[:16]} is not what its digest says")
+        found.append((scene, trace))
+    return found
+
+
+def _unpacked(packed: bytes, size: int) -> bytes:
+    """So many bytes and no more: what unpacks to another size is refused before it fills the memory."""
+    if not 0 < size <= MOST_BYTES:
+        raise ValueError(f"a Trace of {size} bytes is none")
+    unpacker = zlib.decompressobj()
+    raw = unpacker.decompress(packed, size)
+    if len(raw) != size or not unpacker.eof or unpacker.unused_data:
+        raise ValueError("a Trace does not have the size that is told")
+    return raw

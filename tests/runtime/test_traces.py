@@ -1,0 +1,74 @@
+"""Traces beside a lockfile come back whole, and only those that the lockfile vouches for."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from recipe_compiler.errors import InputError
+from recipe_runtime import traces
+from recipe_runtime.trace import Trace
+
+from tests.runtime.fakes import scene_plan, simulate
+
+SCENES = [scene_plan(frames) for frames in (3, 5)]
+TRACES = {scene.digest: simulate(scene) for scene in SCENES}
+LOCKED = {scene: trace.digest for scene, trace in TRACES.items()}
+
+
+def test_traces_come_back_whole(tmp_path: Path) -> None:
+    path = traces.beside(tmp_path / "street.lock")
+    assert path.name == "street.traces"
+    assert traces.write(path, TRACES)
+    assert not traces.write(path, TRACES)
+    assert {s: t.digest for s, t in traces.read(path, LOCKED).items()} == LOCKED
+
+
+def test_no_file_is_no_trace(tmp_path: Path) -> None:
+    assert traces.read(tmp_path / "street.traces", LOCKED) == {}
+
+
+def test_a_trace_that_the_lockfile_does_not_name_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.traces").write_bytes(traces.dumps(TRACES))
+    with pytest.raises(InputError, match=r"not the lockfile's; `recipe lock --update --with-traces`"):
+        traces.read(tmp_path / "a.traces", {**LOCKED, SCENES[0].digest: "0" * 64})
+
+
+def test_a_trace_under_anothers_digest_is_refused(tmp_path: Path) -> None:
+    forged: dict[str, Trace] = {}
+    for scene, trace in TRACES.items():
+        forged[scene] = replace(trace, positions=trace.positions + 1)
+    body = traces.dumps(forged)
+    for scene, trace in forged.items():
+        body = body.replace(trace.digest.encode(), LOCKED[scene].encode())
+    (tmp_path / "a.traces").write_bytes(body)
+    with pytest.raises(InputError, match="is not what its digest says"):
+        traces.read(tmp_path / "a.traces", LOCKED)
+
+
+def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
+    packed = zlib.compress(b"\0" * (1 << 24), 9)
+    scene = SCENES[0].digest
+    for told in (1000, 1 << 40, -1):
+        head = f"{scene} {LOCKED[scene]} {len(packed)} {told}\n".encode()
+        (tmp_path / "a.traces").write_bytes(b"recipe-traces 1\n" + head + packed)
+        with pytest.raises(InputError, match=r"size that is told|bytes is none"):
+            traces.read(tmp_path / "a.traces", LOCKED)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(at=st.integers(0, len(traces.dumps(TRACES)) - 1), value=st.integers(0, 255), cut=st.booleans())
+def test_any_damage_is_the_locked_motion_or_a_clear_refusal(tmp_path: Path, at: int, value: int, cut: bool) -> None:
+    body = bytearray(traces.dumps(TRACES))
+    body[at] = value
+    path = tmp_path / "a.traces"
+    path.write_bytes(body[:at] if cut else body)
+    try:
+        found = traces.read(path, LOCKED)
+    except InputError:
+        return
+    assert all(LOCKED[scene] == trace.digest for scene, trace in found.items())
