@@ -26,6 +26,7 @@ _AEROSOL = np.array([0.8, 1.0, 1.35])  # haze takes more of the blue: Angstrom's
 _STREET_LIGHT = 1.0e-3  # what lamps give the eye to adapt to
 _LAMPLIGHT = np.array([1.0, 0.8, 0.58])  # the colour of lamps' light, thrown about
 _DUST = np.array([1.0, 0.66, 0.36])
+_SWAY, _SWINGS = 0.16, 0.7  # of leaves in a storm: metres to either side, and swings a second
 _CLEAR_AIR = 0.0004  # extinction of air without fog, 1/m
 
 
@@ -100,6 +101,7 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
     air.wet = fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.75 * w.precipitation_deposits / 100.0))
     air.puddles = fixed(w.precipitation_deposits / 100.0)
     air.night = fixed(s.night)
+    air.flutter = fixed(min(1.0, w.wind_intensity / 60.0))
     air.seed = appearance.seed & 0xFFFFFFFF
     _fill_tables(air, s, device)
     exposure = _exposure(s, sunlight, falling.overhead)
@@ -107,8 +109,12 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
 
 
 def drift(light: Light, time: float) -> None:
-    """Move the clouds to where the wind has them at a time in seconds."""
-    light.air.drift = wp.vec2f(fixed(0.004 * time * light.wind), fixed(0.002 * time * light.wind))
+    """Move clouds and leaves to where the wind has them at a time in seconds."""
+    wind = light.wind
+    light.air.drift = wp.vec2f(fixed(0.004 * time * wind), fixed(0.002 * time * wind))
+    sine, cosine = exact.sin_cos_deg(360.0 * _SWINGS * time)
+    reach = _SWAY * wind
+    light.air.sway = wp.vec3f(fixed(reach * sine), fixed(reach * cosine), fixed(0.9 * wind * time))
 
 
 def transmittance(altitude: float, mie: float = MIE, rayleigh: float = RAYLEIGH) -> Colour:

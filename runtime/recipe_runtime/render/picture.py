@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler import exact
-from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
+from recipe_compiler.plan import AppearancePlan, CameraResponse
 
 from recipe_runtime.render import camera, glow, nearby, rain, reflection, samples, shade
 from recipe_runtime.render.atmosphere import Light, drift, light_of
@@ -28,8 +28,9 @@ from recipe_runtime.render.view import lens_of, view_from_parts, world_from_part
 from recipe_runtime.transforms import Array
 
 _EXPOSURE_TIME = 1.0 / 45.0  # seconds during which a drop leaves its streak
-_DROPS = 12000  # at precipitation 100, within the depth below
-_RAIN_DEPTH = 16.0
+_DROPS = 32000  # at precipitation 100, in a cube
+_RAIN_CUBE = 26.0  # metres along its side
+_RAIN_DEPTH = 15.0  # metres from the camera within which drops are drawn
 _LIGHTS_KEPT = 64
 _POSES_KEPT = 4  # 45 MB each at 800 x 600
 _SAMPLES_KEPT = 12_000_000  # whose light is remembered, at 21 bytes each
@@ -84,7 +85,7 @@ class Painter:
         light = self._light_of(appearance, time)
         linear = self._shade(obs, points, appearance, light)
         with self._timings("rain"):
-            drops = self._rain(obs, appearance.seed, light, frame)
+            drops = self._rain(obs, appearance.seed, light, time)
         with self._timings("develop"):
             r = camera.Response()
             r.exposure = light.exposure * exact.power(2.0, response.exposure)
@@ -280,16 +281,13 @@ class Painter:
             self._looks = {name: looks_of(self._g, appearance.looks.root, self._device)}
         return self._looks[name]
 
-    def _rain(self, obs: Observation, seed: int, light: Light, frame: int) -> Any:
+    def _rain(self, obs: Observation, seed: int, light: Light, time: float) -> Any:
         cover = wp.zeros(obs.camera.width * obs.camera.height, dtype=wp.int32, device=self._device)
         if light.rain > 0.0:
-            shower = rain.Shower()
-            shower.key = _key(seed, "rain", frame)
-            shower.count = int(_DROPS * light.rain)
-            shower.fall = wp.vec3f(*_fall(obs.camera, obs.world_from_sensor, light.wind))
-            shower.depth = _RAIN_DEPTH
-            shower.cover = 0.85
-            inputs = [shower, obs.keys, lens_of(obs.camera, 1), cover]
+            shower = _shower(obs.world_from_sensor, light, time)
+            shower.key = _key(seed, "rain", 0)
+            view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
+            inputs = [record(shower, self._device), obs.keys, view, lens_of(obs.camera, 1), cover]
             launch(rain.streaks, shower.count, inputs, self._device)
         return cover
 
@@ -306,11 +304,20 @@ def _data(obs: Observation, known: Any, tiles: Any) -> Any:
     return data
 
 
-def _fall(plan: CameraPlan, world_from_sensor: Array, wind: float) -> list[float]:
-    """A drop's way during the exposure in the camera's frame: 7 m/s down, with the wind along world y and x."""
-    world = [3.0 * wind * _EXPOSURE_TIME, 5.0 * wind * _EXPOSURE_TIME, -7.0 * _EXPOSURE_TIME]
+def _shower(world_from_sensor: Array, light: Light, time: float) -> Any:
+    """The rain about a camera: drops fall at 7 m/s, and the wind carries them along the world's x and y."""
+    eye, ahead = world_from_sensor[:, 3], world_from_sensor[:, 0]
+    fall = [3.0 * light.wind, 5.0 * light.wind, -7.0]
     rows = world_from_view(world_from_sensor)
-    return [sum(float(rows[r, c]) * world[r] for r in range(3)) for c in range(3)]
+    streak = [sum(float(rows[r, c]) * fall[r] for r in range(3)) * _EXPOSURE_TIME for c in range(3)]
+    shower = rain.Shower()
+    shower.count, shower.cube, shower.depth = int(_DROPS * light.rain), _RAIN_CUBE, _RAIN_DEPTH
+    shower.low = wp.vec3d(
+        *(float(e + 0.36 * _RAIN_CUBE * a - 0.5 * _RAIN_CUBE) for e, a in zip(eye, ahead, strict=True))
+    )
+    shower.eye, shower.fall, shower.streak = wp.vec3d(*map(float, eye)), wp.vec3d(*fall), wp.vec3f(*streak)
+    shower.time, shower.cover = time, 0.85
+    return shower
 
 
 def _key(seed: int, name: str, frame: int) -> int:

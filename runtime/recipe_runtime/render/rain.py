@@ -1,7 +1,8 @@
-"""Rain: drops about the camera, streaked over the exposure, slanted by the wind, other ones every frame.
+"""Rain: drops that fall through the world, streaked over the exposure, slanted by the wind.
 
-A drop is a segment of the world. It adds its cover to the pixels along it that lie before what is seen there; covers
-are whole numbers, so their sum does not depend on the order of drops.
+The drops of a cube fill space over and over; each falls at its own speed, and where it is follows from the time alone,
+so a drop that a frame shows is further down in the next. It adds its cover to the pixels along its streak that lie
+before what is seen there; covers are whole numbers, so their sum does not depend on the order of drops.
 """
 
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
@@ -17,41 +18,68 @@ wp.set_module_options(OPTIONS)
 
 @wp.struct
 class Shower:
-    """How it rains in one frame."""
+    """How it rains at one moment."""
 
-    key: wp.uint32  # of seed and frame
-    count: wp.int32
-    fall: wp.vec3f  # a drop's way during the exposure, in the camera's frame
+    key: wp.uint32  # of the seed
+    count: wp.int32  # drops in the cube
+    cube: wp.float32  # metres along its side
+    low: wp.vec3d  # the corner of the cube about the view, in the world
+    eye: wp.vec3d
+    time: wp.float64  # seconds
+    fall: wp.vec3d  # metres a second, in the world, of a drop of middle size
+    streak: wp.vec3f  # its way during the exposure, in the camera's frame
     depth: wp.float32  # metres from the camera within which drops are drawn
     cover: wp.float32
 
 
+@wp.func
+def wrapped(start: wp.uint32, moved: wp.float64, low: wp.float64, cube: wp.float32) -> wp.float64:
+    """A coordinate within the cube from `low` on of a drop that has moved from its start, a hash."""
+    side = wp.float64(cube)
+    t = (wp.float64(unit(start)) * side + moved - low) / side
+    i = wp.float64(wp.int64(t))
+    if i > t:
+        i = i - wp.float64(1.0)
+    return low + (t - i) * side
+
+
 @wp.kernel
-def streaks(shower: Shower, keys: wp.array[wp.uint64], lens: Lens, rain: wp.array[wp.int32]):
+def streaks(
+    shower: wp.array[Shower],
+    keys: wp.array[wp.uint64],
+    view: wp.array2d[wp.float32],
+    lens: Lens,
+    rain: wp.array[wp.int32],
+):
     """Draw one drop."""
     i = wp.tid()
-    h = scramble(wp.uint32(i) * wp.uint32(0x9E3779B) ^ shower.key)
-    a = unit(h)
-    h = scramble(h + wp.uint32(0x6D2B79))
-    b = unit(h)
-    h = scramble(h + wp.uint32(0x6D2B79))
-    c = unit(h)
-    h = scramble(h + wp.uint32(0x6D2B79))
+    h = scramble(wp.uint32(i) * wp.uint32(0x9E3779B) ^ shower[0].key)
     size = 0.6 + 0.8 * unit(h)
-    # Spread evenly through the view's pyramid: the cube root of a cube's share, by its own volume's draw.
-    z = 0.9 + (shower.depth - 0.9) * wp.max(a, wp.max(b, c))
+    speed = 0.8 + 0.2 * size  # large drops fall faster
+    passed = shower[0].time * wp.float64(speed)
+    low = shower[0].low
+    cube = shower[0].cube
     h = scramble(h + wp.uint32(0x6D2B79))
-    u = unit(h) * 1.2 - 0.1
+    x = wp.float32(wrapped(h, shower[0].fall[0] * passed, low[0], cube) - shower[0].eye[0])
     h = scramble(h + wp.uint32(0x6D2B79))
-    v = unit(h) * 1.3 - 0.2
+    y = wp.float32(wrapped(h, shower[0].fall[1] * passed, low[1], cube) - shower[0].eye[1])
+    h = scramble(h + wp.uint32(0x6D2B79))
+    w = wp.float32(wrapped(h, shower[0].fall[2] * passed, low[2], cube) - shower[0].eye[2])
+    z = (view[0, 8] * x + view[0, 9] * y) + view[0, 10] * w
+    if z < 0.8 or z > shower[0].depth:
+        return
     focal = wp.float32(lens.focal)
-    x0 = u * wp.float32(lens.width)
-    y0 = v * wp.float32(lens.height)
-    z1 = wp.max(z + shower.fall[2], 0.5)
-    wx = (x0 - wp.float32(lens.cx)) / focal * z + shower.fall[0]
-    wy = (y0 - wp.float32(lens.cy)) / focal * z + shower.fall[1]
-    x1 = wx / z1 * focal + wp.float32(lens.cx)
-    y1 = wy / z1 * focal + wp.float32(lens.cy)
+    vx = (view[0, 0] * x + view[0, 1] * y) + view[0, 2] * w
+    vy = (view[0, 4] * x + view[0, 5] * y) + view[0, 6] * w
+    x0 = vx / z * focal + wp.float32(lens.cx)
+    y0 = vy / z * focal + wp.float32(lens.cy)
+    z1 = wp.max(z + shower[0].streak[2] * speed, 0.5)
+    x1 = (vx + shower[0].streak[0] * speed) / z1 * focal + wp.float32(lens.cx)
+    y1 = (vy + shower[0].streak[1] * speed) / z1 * focal + wp.float32(lens.cy)
+    if wp.max(x0, x1) < -3.0 or wp.min(x0, x1) > wp.float32(lens.width):
+        return
+    if wp.max(y0, y1) < -1.0 or wp.min(y0, y1) > wp.float32(lens.height):
+        return
     dx = x1 - x0
     dy = y1 - y0
     reach = wp.max(wp.max(dx, -dx), wp.max(dy, -dy))
@@ -59,7 +87,7 @@ def streaks(shower: Shower, keys: wp.array[wp.uint64], lens: Lens, rain: wp.arra
     width = 0.003 * size * focal / z  # pixels
     share = wp.min(width, 1.0)
     broad = wp.min(whole(width) + 1, 3)
-    cover = wp.int32(65536.0 * shower.cover * share)
+    cover = wp.int32(65536.0 * shower[0].cover * share)
     for s in range(steps):
         t = (wp.float32(s) + 0.5) / wp.float32(steps)
         px = whole(x0 + dx * t)

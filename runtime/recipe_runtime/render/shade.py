@@ -13,7 +13,7 @@ from recipe_runtime.render.air import Air, ambient, fog_share, reflected_sky, sk
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.glow import lamp_glow
 from recipe_runtime.render.nearby import Bodies, Lamps, contact, lamp_light
-from recipe_runtime.render.noise import clamp01, step_between, unit
+from recipe_runtime.render.noise import clamp01, noise2, noise3, step_between, unit
 from recipe_runtime.render.shadow import Sunbeam, holds, lit
 from recipe_runtime.render.vectors import direction, inner, mix, times
 
@@ -256,6 +256,19 @@ def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], detail: wp.vec4f) 
 
 
 @wp.func
+def fluttered(m: Matter, air: wp.array[Air], p: wp.vec3f) -> Matter:
+    """Leaves and blades in the wind: their light and shade move to and fro, more so where a gust passes."""
+    gust = noise2(p[0] * 0.25 - air[0].sway[2], p[1] * 0.25 + 0.3 * p[2], wp.uint32(41))
+    swing = air[0].sway[0] * (1.0 - gust) + air[0].sway[1] * gust
+    leaf = noise3(p[0] * 7.0 + swing * 7.0, p[1] * 7.0 + swing * 5.0, p[2] * 7.0 - swing * 4.0, wp.uint32(42)) - 0.5
+    amount = air[0].flutter * (0.4 + 0.6 * gust)
+    m.albedo = m.albedo * (1.0 + 0.9 * amount * leaf)
+    lean = 0.7 * amount * leaf
+    m.normal = direction(wp.vec3f(m.normal[0] + lean, m.normal[1] - 0.6 * lean, m.normal[2] + 0.4 * lean))
+    return m
+
+
+@wp.func
 def mirror(air: wp.array[Air], m: Matter, sight: wp.vec3f, facing: wp.float32, open_sky: wp.float32) -> wp.vec3f:
     """What a glossy surface reflects of the sky; rough ones see it from a little higher, and less of it at grazing."""
     n = m.normal
@@ -371,12 +384,18 @@ def shade(
         return
     n = samples[0].normals[i]
     to_point = p - samples[0].eye
+    pattern = looks[0].pattern[surface]
+    swaying = air[0].flutter > 0.0 and (pattern == patterns.FOLIAGE or pattern == patterns.GRASS)
     # (A normal that turns away is bent first, below: too few to ask for.)
-    if earlier >= 0 and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, earlier, tile, p, n):
+    if (
+        not swaying
+        and earlier >= 0
+        and inner(n, to_point) <= 0.0
+        and unchanged(before, air, beams, earlier, tile, p, n)
+    ):
         out[i] = before[0].out[earlier]
         gleam[i] = before[0].gleam[earlier]
         return
-    pattern = looks[0].pattern[surface]
     detail = samples[0].details[i]
     distance = wp.sqrt(inner(to_point, to_point))
     sight = to_point * (1.0 / wp.max(distance, 1.0e-4))
@@ -389,6 +408,8 @@ def shade(
     second = looks[0].second[surface]
     m = matter_of(pattern, air, first, second, detail, n, samples[0].codes[i], looks[0].awake[surface])
     m = moisten(m, pattern, air, detail)
+    if swaying:
+        m = fluttered(m, air, p)
     sky_left = open_sky(bodies, body_lists, tile, p, n)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
     light, shine, past = sun_on(air, beams, m, p, back, ambient(air, n) * sky_left)
