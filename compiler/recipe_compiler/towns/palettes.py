@@ -42,6 +42,7 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
         "wall": ("#94604c", "#a37a5e", "#c9c0ae", "#d6d2c8", "#b8bfc0", "#a9b0a0", "#c8b48e", "#8f9aa4"),
         "trim": ("#e4e1d8", "#d8d2c4", "#c9c4b8"),
         "window": ("#3d4a54", "#46525a"),
+        "frame": ("#e6e3dc", "#dcd8ce", "#4a4743"),
         "base": ("#8a857c", "#77736c", "#8f7464"),
         "door": ("#5b2c2a", "#2f4038", "#2e4257", "#4a3326"),
         "garage": ("#d9d6ce", "#b7b2a6", "#8b8a86"),

@@ -19,9 +19,12 @@ _FALLBACK = {
     Pattern.BARK: "#5a4634", Pattern.METAL: "#50565a", Pattern.SKIN: "#c49074", Pattern.CLOTH: "#5a6070",
     Pattern.RUBBER: "#1c1c1e", Pattern.ROAD_PAINT: "#e4e4de", Pattern.CAR_PAINT: "#8c9298", Pattern.GLASS: "#20262a",
     Pattern.WINDOW: "#d8d6d0", Pattern.LAMP: "#ffdca8", Pattern.HEADLIGHT: "#fff4e0", Pattern.TAILLIGHT: "#c01818",
-    Pattern.HAIR: "#3a2a1e", Pattern.PLAIN: "#909090",
+    Pattern.HAIR: "#3a2a1e", Pattern.PLAIN: "#909090", Pattern.CLAPBOARD: "#c4c0b6", Pattern.STONE: "#a8a196",
+    Pattern.WOOD: "#7a5a3e", Pattern.WATER: "#4a6468", Pattern.NICHE: "#b0aaa0", Pattern.CURTAIN_WALL: "#56646c",
+    Pattern.SHOP_WINDOW: "#8c8270", Pattern.POSTER: "#3f6d8c",
 }  # fmt: skip
 
+_PANES = (Pattern.WINDOW, Pattern.CURTAIN_WALL, Pattern.SHOP_WINDOW)  # their second colour is their frame's
 _SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at night
 
 
@@ -31,7 +34,8 @@ def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], device: str) 
     for key in geometry.surfaces:
         first = linear(looks.get(key.body, {}).get(key.slot) or _FALLBACK[key.pattern])
         firsts.append(first)
-        seconds.append(_second(key, first))
+        frame = looks.get(key.body, {}).get("frame")
+        seconds.append(linear(frame) if frame and key.pattern in _PANES else _second(key, first))
     out = Looks()
     out.first = wp.array(np.array(firsts, np.float32), dtype=wp.vec3f, device=device)
     out.second = wp.array(np.array(seconds, np.float32), dtype=wp.vec3f, device=device)
@@ -56,13 +60,15 @@ def _second(key: SurfaceKey, first: Any) -> Any:
     """The colour of what a pattern is mixed with: mortar, joints, sunlit leaves, the road under worn paint, a frame."""
     if key.pattern in (Pattern.BRICK,):
         return 0.35 * first + 0.65 * np.array([0.36, 0.34, 0.31])
-    if key.pattern in (Pattern.SLABS, Pattern.ROOF):
+    if key.pattern in (Pattern.SLABS, Pattern.ROOF, Pattern.STONE, Pattern.CLAPBOARD, Pattern.WOOD):
         return 0.35 * first
+    if key.pattern == Pattern.POSTER:
+        return np.array([0.72, 0.69, 0.62])
     if key.pattern in (Pattern.FOLIAGE, Pattern.GRASS):
         return first * np.array([1.75, 1.4, 0.8])
     if key.pattern == Pattern.ROAD_PAINT:
         return np.array([0.07, 0.07, 0.072])
-    if key.pattern == Pattern.WINDOW:
+    if key.pattern in _PANES:
         return np.array([0.55, 0.53, 0.5])
     return first
 

@@ -235,9 +235,9 @@ def weights_along(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f) -> wp
 
 
 @wp.func
-def footprint_of(face: wp.vec3f, turned: wp.vec3f, across: wp.float32) -> wp.vec2f:
+def footprint_of(face: wp.vec3f, sight: wp.vec3f, across: wp.float32) -> wp.vec2f:
     """Metres of a surface that a pixel holds, across the sight and along it: the more, the nearer to grazing."""
-    return wp.vec2f(across, across / wp.max(-inner(face, direction(turned)), 0.04))
+    return wp.vec2f(across, across / wp.max(-inner(face, sight), 0.04))
 
 
 @wp.kernel
@@ -293,8 +293,10 @@ def survey(
     part = scene[0].vertex_part[t[0]]
     face = rotate(scene[0].world_from_part, part, scene[0].face_normals[triangle])
     normal = direction(rotate(scene[0].world_from_part, part, local))
-    footprint = footprint_of(face, turned, z / wp.float32(lens.focal))
-    detail = detail_of(scene[0].surface_pattern[surface], uv, positions[i], normal, footprint, wp.uint32(surface))
+    sight = direction(turned)
+    footprint = footprint_of(face, sight, z / wp.float32(lens.focal))
+    pattern = scene[0].surface_pattern[surface]
+    detail = detail_of(pattern, uv, positions[i], normal, sight, footprint, wp.uint32(surface))
     normals[i] = detail.normal
     details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.height)
     codes[i] = detail.code

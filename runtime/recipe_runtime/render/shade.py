@@ -146,8 +146,20 @@ def glint(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.fl
 
 
 @wp.func
+def awake_share(air: wp.array[Air], code: wp.uint32, awake: wp.float32) -> wp.float32:
+    """A number in [0, 1) for a window that is lit at night, below 0 for one that is dark."""
+    h = (code ^ air[0].seed) * wp.uint32(0x9E3779B)
+    h = (h ^ (h >> wp.uint32(13))) * wp.uint32(0x85EBCA7)
+    chance = unit(h ^ (h >> wp.uint32(16)))
+    if air[0].night <= 0.0 or chance >= awake:
+        return -1.0
+    return chance / awake
+
+
+@wp.func
 def pane(
     m: Matter,
+    pattern: wp.int32,
     air: wp.array[Air],
     first: wp.vec3f,
     second: wp.vec3f,
@@ -155,18 +167,35 @@ def pane(
     code: wp.uint32,
     awake: wp.float32,
 ) -> Matter:
-    """A window: its frame, and behind the glass a dark or a lit room and a curtain."""
-    room = mix(wp.vec3f(0.022, 0.025, 0.03), wp.vec3f(0.42, 0.4, 0.36), detail[2] * 0.8)
-    m.albedo = mix(room, second, detail[1])
-    m.coat = 0.09 * (1.0 - detail[1])
+    """A window: its frame, and behind the glass a dark or a lit room, with a curtain, goods or a floor slab."""
+    glass = 1.0 - detail[1]
+    inside = wp.vec3f(0.034, 0.037, 0.042)
+    veil = wp.vec3f(0.4, 0.38, 0.34)
+    warm = wp.float32(1.0)
+    m.coat = 0.09
+    if pattern == patterns.CURTAIN_WALL:
+        veil = first * 0.55
+        inside = mix(inside, first * 0.3, 0.5)
+        m.coat = 0.16
+        warm = 0.25
+    elif pattern == patterns.SHOP_WINDOW:
+        inside = wp.vec3f(0.11, 0.1, 0.09)
+        veil = mix(first, wp.vec3f(0.5, 0.16, 0.1), unit(code * wp.uint32(747796405)))
+        warm = 0.6
+    behind = mix(inside, veil, detail[2] * 0.85) * detail[0]
+    m.albedo = mix(behind, second, detail[1])
+    m.coat = m.coat * glass
     m.gloss = 0.98
-    h = (code ^ air[0].seed) * wp.uint32(0x9E3779B)
-    h = (h ^ (h >> wp.uint32(13))) * wp.uint32(0x85EBCA7)
-    chance = unit(h ^ (h >> wp.uint32(16)))
-    if air[0].night > 0.0 and chance < awake:
-        warm = mix(wp.vec3f(1.0, 0.52, 0.19), wp.vec3f(1.0, 0.78, 0.5), chance / awake)
-        depth = 0.55 + 0.45 * detail[3] - 0.3 * detail[2]
-        m.glow = warm * (air[0].night * 1.9e-3 * depth * (1.0 - detail[1]) * (0.5 + 0.6 * chance / awake))
+    lit_by = awake_share(air, code, awake)
+    if lit_by >= 0.0:
+        colour = mix(wp.vec3f(1.0, 0.86, 0.66), mix(wp.vec3f(1.0, 0.52, 0.19), wp.vec3f(1.0, 0.78, 0.5), lit_by), warm)
+        through = glass * (1.0 - 0.45 * detail[2])
+        if pattern == patterns.CURTAIN_WALL:
+            through = glass * (1.0 - detail[2])
+        elif pattern == patterns.SHOP_WINDOW:
+            colour = mix(colour, times(colour, veil) * 2.5, detail[2])
+            through = glass * 1.2
+        m.glow = colour * (air[0].night * 1.25e-3 * detail[0] * through * (0.6 + 0.7 * lit_by))
     return m
 
 
@@ -185,8 +214,8 @@ def matter_of(
     m = Matter()
     m.normal = n
     m.albedo = mix(first, second, detail[1]) * wp.max(detail[0], 0.05)
-    if pattern == patterns.WINDOW:
-        m = pane(m, air, first, second, detail, code, awake)
+    if pattern == patterns.WINDOW or pattern == patterns.CURTAIN_WALL or pattern == patterns.SHOP_WINDOW:
+        m = pane(m, pattern, air, first, second, detail, code, awake)
     elif pattern == CAR_PAINT:
         m.coat = 0.05
         m.gloss = 0.94
@@ -211,6 +240,9 @@ def matter_of(
         m.soft = SOFTEST
     elif pattern == patterns.SKIN or pattern == patterns.CLOTH or pattern == patterns.HAIR:
         m.soft = 0.15
+    elif pattern == patterns.WATER:
+        m.coat = 0.03
+        m.gloss = 0.985
     elif pattern == RUBBER:
         m.coat = 0.03
         m.gloss = 0.4
@@ -246,6 +278,9 @@ def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], detail: wp.vec4f) 
         or pattern == patterns.PLASTER
         or pattern == patterns.BARK
         or pattern == patterns.CLOTH
+        or pattern == patterns.STONE
+        or pattern == patterns.WOOD
+        or pattern == patterns.CLAPBOARD
     ):
         m.albedo = m.albedo * (1.0 - 0.28 * air[0].wet)
     elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS or pattern == patterns.ROOF:
