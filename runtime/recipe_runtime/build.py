@@ -1,6 +1,7 @@
 """A plan to a dataset in a folder.
 
     simulate   every scene once, kept by digest
+    take over  what the dataset that is being replaced has in common with this one
     render     shards of frames, by worker processes: observe, annotate, shade, encode, hash, write
     annotate   the files over all frames: kwcoco, COCO, MOTS, tracks; and a second look at them
     finish     plans, pictures, card, manifest; then one rename
@@ -12,7 +13,7 @@ stopped and taken up again.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,6 +27,7 @@ from recipe_runtime.engines import Engines, Progress, real_engines
 from recipe_runtime.finish import Finisher
 from recipe_runtime.harvest import Harvest
 from recipe_runtime.manifest import head, is_whole
+from recipe_runtime.reuse import Reuse, earlier, missing_shards, reasons, remember
 from recipe_runtime.schedule import SHARD_FRAMES, Shard, all_shards, simulations, views
 from recipe_runtime.store import Store, default_cache
 from recipe_runtime.trace import Trace
@@ -58,12 +60,15 @@ def build(
     device: str = "cpu",
     engines: Engines | None = None,
     shard_frames: int = SHARD_FRAMES,
+    explain: Callable[[list[str]], None] | None = None,
 ) -> BuildResult:
     """Make the dataset in `out`, with so many worker processes (0: in this one).
 
-    Returns at once if it is there, whole. Replaces another dataset of ours; InputError if `out` holds anything else.
+    Returns at once if it is there, whole. Replaces another dataset of ours, and takes over from it what is the same;
+    InputError if `out` holds anything else. `explain` is told, before frames are made, why each stage runs.
     RunError if the host fails: what is done is kept, and the next build goes on from there.
     """
+    explain = explain or (lambda lines: None)
     start, out = time.perf_counter(), out.absolute()
     check_plan(dataset)
     Workspace.settle(out)
@@ -73,10 +78,14 @@ def build(
     check_out(out)
     studio = _Studio(dataset, engines or real_engines(), device, cache or default_cache(), progress or _silence)
     with Workspace(out, {**head(dataset), "builder": builder()}) as work:
+        new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
         harvest = studio.simulate()
-        resumed, shards = studio.render(work, harvest, workers, shard_frames)
+        covered = studio.take_over(work, harvest, out)
+        explain(list(reasons(studio.reuse, [scene.digest for scene in new], covered)))
+        resumed, shards = studio.render(work, harvest, covered, workers, shard_frames)
         files = Finisher(dataset, harvest, work, studio.progress, studio.watch).finish(studio.trace)
         work.publish(files)
+    remember(Store(studio.cache), out)
     manifest = read_manifest(out)
     assert manifest is not None
     seconds, wall = studio.watch.seconds, time.perf_counter() - start
@@ -93,6 +102,7 @@ class _Studio:
     cache: Path
     progress: Progress
     watch: Stopwatch = field(default_factory=Stopwatch)
+    reuse: Reuse = field(init=False)
 
     def simulate(self) -> Harvest:
         """Simulate every scene; their traces are in the store then."""
@@ -122,9 +132,29 @@ class _Studio:
         """A scene's Trace, from the store if it is there."""
         return Store(self.cache).trace(scene, lambda: self.engines.simulate(scene))
 
-    def render(self, work: Workspace, harvest: Harvest, workers: int, size: int) -> tuple[int, int]:
+    def take_over(self, work: Workspace, harvest: Harvest, out: Path) -> dict[int, tuple[int, ...]]:
+        """Link what the dataset that stands at `out` has of this one: the variants that are whole so, by view."""
+        self.reuse = Reuse(self.dataset, earlier(Store(self.cache), out))
+        found, seen = {}, views(self.dataset)
+        for number, view in enumerate(seen):
+            variants = self.reuse.covered(view)
+            if not variants:
+                continue
+            self.progress("take over", number, len(seen))
+            with self.watch("write"):
+                records = self.reuse.take(work, view, variants)
+            if records is not None:
+                found[number] = variants
+                harvest.add(Shard(number, tuple(range(len(records))), variants), records)
+        if found:
+            self.progress("take over", len(seen), len(seen))
+        return found
+
+    def render(
+        self, work: Workspace, harvest: Harvest, covered: dict[int, tuple[int, ...]], workers: int, size: int
+    ) -> tuple[int, int]:
         """Do the shards that no earlier build has finished: how many were, and how many there are."""
-        shards, seen = all_shards(self.dataset, size), views(self.dataset)
+        shards, seen = missing_shards(all_shards(self.dataset, size), covered), views(self.dataset)
         todo = []
         for shard in shards:
             records = work.finished(shard, seen[shard.view])

@@ -37,8 +37,17 @@ class Harvest:
     records: dict[tuple[int, int], FrameRecord] = field(default_factory=dict)
 
     def add(self, shard: Shard, records: Sequence[FrameRecord]) -> None:
-        """Take in a finished shard."""
-        self.records.update({(shard.view, record["frame"]): record for record in records})
+        """Take in a finished shard. A frame's variants may come in several: what they share is equal."""
+        for record in records:
+            place = shard.view, record["frame"]
+            there = self.records.get(place)
+            if there is not None:
+                record = {
+                    **record,
+                    "rgb": {**there["rgb"], **record["rgb"]},
+                    "files": {**there["files"], **record["files"]},
+                }
+            self.records[place] = record
 
     def videos(self) -> list[Video]:
         """Every video, variants and sensors in the plan's order."""

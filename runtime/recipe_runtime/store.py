@@ -75,6 +75,10 @@ class Store:
         self.keep_trace(scene, trace)
         return trace
 
+    def has_trace(self, scene: ScenePlan) -> bool:
+        """Whether a scene's Trace is there and whole."""
+        return self.get("traces", _trace_key(scene)) is not None
+
     def keep_trace(self, scene: ScenePlan, trace: Trace) -> None:
         """Keep a scene's Trace, in place of any that is there."""
         self.put("traces", _trace_key(scene), trace.to_bytes())

@@ -92,6 +92,11 @@ class Workspace:
         with host_errors(f"{self._partial}: {other}", _REMEDY):
             link_or_copy(self.dataset / path, self.dataset / other)
 
+    def take(self, source: Path, path: str) -> None:
+        """Give a file from elsewhere a name among the dataset's."""
+        with host_errors(f"{self._partial}: {path}", _REMEDY):
+            link_or_copy(source, self.dataset / path)
+
     @classmethod
     def settle(cls, out: Path) -> None:
         """Finish what a build that ended within `publish` left: put the old dataset back, or clear it away."""

@@ -25,19 +25,23 @@ if TYPE_CHECKING:
     metavar="DIR",
     help="Where to put it; datasets/<recipe> by default.",
 )
+@click.option("--explain", is_flag=True, help="Say why each stage runs, or does not.")
 @WORKERS
 @ALLOW_LARGE
 @JSON
-def command(recipe: Path, out: Path | None, workers: int | None, allow_large: bool, as_json: bool) -> None:
+def command(
+    recipe: Path, out: Path | None, explain: bool, workers: int | None, allow_large: bool, as_json: bool
+) -> None:
     """Build RECIPE's dataset, and check it against its lockfile if there is one."""
     compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(out or Path()))
     out = out or Path("datasets") / compiled.plan.recipe
     locked = _lockfile(recipe, compiled)
     from recipe_runtime.build import build
 
+    reasons: list[str] = []
     try:
         with Progress() as progress:
-            result = build(compiled.plan, out, workers=worker_count(workers), progress=progress)
+            result = build(compiled.plan, out, workers=worker_count(workers), progress=progress, explain=reasons.extend)
     except KeyboardInterrupt:
         click.echo("interrupted; what is finished is kept, and the same command goes on from there", err=True)
         raise click.exceptions.Exit(130) from None
@@ -46,9 +50,12 @@ def command(recipe: Path, out: Path | None, workers: int | None, allow_large: bo
         print_json(
             {"path": str(out), "identity": result.identity, "built": result.built, "wall": round(result.wall, 3)}
             | {"seconds": {stage: round(s, 3) for stage, s in sorted(result.seconds.items())}}
+            | ({"explain": reasons} if explain else {})
             | {"resumed_shards": result.resumed, "shards": result.shards, "lockfile_differences": differences}
         )
     else:
+        for reason in reasons if explain else ():
+            click.echo(reason)
         _say(compiled, out, result)
     if differences:
         for difference in differences:

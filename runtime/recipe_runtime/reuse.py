@@ -1,0 +1,190 @@
+"""What an earlier build of another plan made and this one wants too: linked into place, not made again.
+
+A view (scene and sensor) that is in both has the same labels; a view and an appearance that are in both have the same
+pictures. The dataset that stands where the new one will be is taken from if this very program on this host built it,
+which the cache remembers, and every file is read and held against its digest before it gets its second name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from recipe_compiler.canonical import digest
+from recipe_compiler.errors import InputError
+from recipe_compiler.lockfile import VariantRow
+from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
+
+from recipe_runtime import dataset as datasets
+from recipe_runtime import layout
+from recipe_runtime.annotate.objects import Record
+from recipe_runtime.dataset import Dataset
+from recipe_runtime.manifest import DAMAGE
+from recipe_runtime.schedule import Shard, View, views
+from recipe_runtime.store import Store, file_sha256, regular_file
+from recipe_runtime.texts import labels_of
+from recipe_runtime.versions import builder
+from recipe_runtime.worker import FrameRecord
+from recipe_runtime.workspace import Workspace
+
+
+def remember(store: Store, out: Path) -> None:
+    """Note that this program built the dataset that stands there."""
+    store.put("built", _name(out), b"")
+
+
+def earlier(store: Store, out: Path) -> Dataset | None:
+    """The dataset that stands there, if this program built it."""
+    if regular_file(out, layout.MANIFEST) is None or store.get("built", _name(out)) is None:
+        return None
+    try:
+        return datasets.read(out)
+    except InputError:
+        return None
+
+
+def _name(out: Path) -> str:
+    manifest = hashlib.sha256((out / layout.MANIFEST).read_bytes()).hexdigest()
+    return digest("store/built/1", [manifest, builder()])
+
+
+@dataclass
+class Reuse:
+    """What of a plan's views an earlier dataset holds. `before` None: nothing."""
+
+    plan: DatasetPlan
+    before: Dataset | None
+    _labels: dict[str, tuple[ScenarioPlan, SensorPlan]] = field(default_factory=dict)  # by view
+    _pictures: dict[tuple[str, str], str] = field(default_factory=dict)  # view, appearance -> a variant
+    _objects: dict[str, list[list[Record]]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.before is None or _forms(self.plan) != _forms(self.before.plan):
+            return
+        for view in views(self.before.plan):
+            for index in view.variants:
+                variant = self.before.plan.variants[index]
+                self._labels.setdefault(view.key, (variant, view.sensor))
+                self._pictures.setdefault((view.key, variant.appearance.digest), variant.variant)
+
+    def knows(self, view: View) -> bool:
+        """Whether the earlier dataset saw the same through that sensor."""
+        return view.key in self._labels
+
+    def covered(self, view: View) -> tuple[int, ...]:
+        """The view's variants whose pictures and labels are all there."""
+        if not self.knows(view):
+            return ()
+        plain = "rgb" not in view.sensor.capture
+        return tuple(n for n in view.variants if plain or self._picture(view, n) is not None)
+
+    def take(self, work: Workspace, view: View, variants: Sequence[int]) -> list[FrameRecord] | None:
+        """Link all frames of a view for these variants into a workspace; None if a file is not what it must be."""
+        try:
+            return [self._frame(work, view, frame, variants) for frame in range(view.scene.clock.frames)]
+        except (OSError, *DAMAGE):
+            return None
+
+    def _picture(self, view: View, index: int) -> str | None:
+        return self._pictures.get((view.key, self.plan.variants[index].appearance.digest))
+
+    def _frame(self, work: Workspace, view: View, frame: int, variants: Sequence[int]) -> FrameRecord:
+        assert self.before is not None
+        old, sensor = self._labels[view.key]
+        names = [self.plan.variants[n].variant for n in variants]
+        files: dict[str, list[int | str]] = {}
+        for modality in (m for m in view.sensor.capture if m != "rgb"):
+            source = layout.frame_file(old.variant, sensor.name, modality, frame, self.plan.depth)
+            paths = [layout.frame_file(n, view.sensor.name, modality, frame, self.plan.depth) for n in names]
+            files |= self._linked(work, source, paths)
+        if "mots_png" in self.plan.annotations:
+            source = layout.mots_png_file(old.variant, sensor.name, frame)
+            files |= self._linked(work, source, [layout.mots_png_file(n, view.sensor.name, frame) for n in names])
+        rgb: dict[str, str] = {}
+        for index, name in zip(variants, names, strict=True):
+            picture = self._picture(view, index)
+            if "rgb" in view.sensor.capture and picture is not None:
+                source = layout.frame_file(picture, sensor.name, "rgb", frame, self.plan.depth)
+                path = layout.frame_file(name, view.sensor.name, "rgb", frame, self.plan.depth)
+                files |= self._linked(work, source, [path])
+                rgb[name] = self._digest(picture, sensor, "rgb", frame)
+        labels = [m for m in view.sensor.capture if m != "rgb"] + ["labels"]
+        digests = {m: self._digest(old.variant, sensor, m, frame) for m in labels}
+        return {"frame": frame, "objects": self._seen(view)[frame], "digests": digests, "rgb": rgb, "files": files}
+
+    def _linked(self, work: Workspace, source: str, paths: list[str]) -> dict[str, list[int | str]]:
+        """Give a verified file of the earlier dataset its names in this one."""
+        assert self.before is not None
+        size, sha256 = self.before.files[source]
+        found = regular_file(self.before.root, source)
+        if found is None or found.st_size != size or file_sha256(self.before.root / source) != sha256:
+            raise ValueError(f"{source} is not what the manifest says")
+        work.take(self.before.root / source, paths[0])
+        for path in paths[1:]:
+            work.link(paths[0], path)
+        return {path: [size, sha256] for path in paths}
+
+    def _digest(self, variant: str, sensor: SensorPlan, modality: str, frame: int) -> str:
+        assert self.before is not None
+        row: VariantRow = self.before.lock.variants[variant]
+        return self.before.lock.frames[row.frame_key(modality), sensor.name, modality, frame]
+
+    def _seen(self, view: View) -> list[list[Record]]:
+        """What is seen in each frame of a view, as it was written."""
+        assert self.before is not None
+        if view.key not in self._objects:
+            old, sensor = self._labels[view.key]
+            path = self.before.root / layout.labels_file(old.variant, sensor.name)
+            lines = path.read_bytes().splitlines(keepends=True)
+            values = (self._digest(old.variant, sensor, "labels", k) for k in range(view.scene.clock.frames))
+            self._objects = {view.key: [labels_of(li, v, sensor) for li, v in zip(lines, values, strict=True)]}
+        return self._objects[view.key]
+
+
+def missing_shards(shards: Sequence[Shard], covered: dict[int, tuple[int, ...]]) -> list[Shard]:
+    """The shards without the variants that are there already, by view; those of which nothing is left are dropped."""
+    found = []
+    for shard in shards:
+        variants = tuple(n for n in shard.variants if n not in covered.get(shard.view, ()))
+        if variants:
+            found.append(Shard(shard.view, shard.frames, variants))
+    return found
+
+
+def reasons(reuse: Reuse, simulated: Sequence[str], covered: dict[int, tuple[int, ...]]) -> Iterator[str]:
+    """Why each stage runs, or does not, a line each. `simulated` names the scenes that are not in the cache."""
+    plan = reuse.plan
+    scenes = len({v.scene.digest for v in plan.variants})
+    if simulated:
+        yield f"simulate {len(simulated)} of {scenes} scenes: their motion is not in the cache"
+    else:
+        yield f"simulate nothing: the motion of {scenes} scenes is in the cache"
+    for number, view in enumerate(views(plan)):
+        there = covered.get(number, ())
+        names = [plan.variants[n].variant for n in view.variants if n not in there]
+        where = f"{view.sensor.name}, {view.scene.clock.frames} frames"
+        if there:
+            yield f"take over {where} of {_some([plan.variants[n].variant for n in there])}: nothing of them changed"
+        if names and reuse.knows(view):
+            yield f"shade {where} of {_some(names)}: an appearance that the earlier dataset has not"
+        elif names:
+            yield f"observe, label and shade {where} of {_some(names)}: {_why(reuse)}"
+
+
+def _why(reuse: Reuse) -> str:
+    if reuse.before is None:
+        return "there is no earlier dataset that this program built"
+    if _forms(reuse.plan) != _forms(reuse.before.plan):
+        return "the earlier dataset has other outputs"
+    return "a scene or sensor that the earlier dataset has not"
+
+
+def _forms(plan: DatasetPlan) -> tuple[str, bool]:
+    """What the files of a frame depend on besides its pixels."""
+    return plan.depth, "mots_png" in plan.annotations
+
+
+def _some(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{len(names)} variants ({names[0]}, ...)"

@@ -1,0 +1,141 @@
+"""A changed recipe builds only what changed, and ends with the bytes of a build from nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recipe_compiler.plan import DatasetPlan, RigPlan
+from recipe_runtime import reuse as reuse_module
+from recipe_runtime.build import BuildResult, build
+from recipe_runtime.engines import Engines
+
+from tests.runtime.fakes import ENGINES, Renderer, dataset_plan, sensor_plan, tree
+
+Calls = list[tuple[str, Any]]
+
+
+def _counting(calls: Calls) -> Engines:
+    """Engines that note what they are asked for; in this process only."""
+
+    class Counted(Renderer):
+        def observe(self, camera: Any, world_from_sensor: Any, parts: Any) -> Any:
+            calls.append(("observe", None))
+            return super().observe(camera, world_from_sensor, parts)
+
+        def shade(self, obs: Any, appearance: Any, sensor_name: str, frame: int, time: float) -> Any:
+            calls.append(("shade", appearance.weather.cloudiness))
+            return super().shade(obs, appearance, sensor_name, frame, time)
+
+    return replace(ENGINES, renderer=lambda scene, device: Counted(scene))
+
+
+def _build(folder: Path, plan: DatasetPlan, calls: Calls | None = None, **more: Any) -> BuildResult:
+    calls = calls if calls is not None else []
+    calls.clear()
+    return build(plan, folder / "tiny", workers=0, cache=folder / "cache", engines=_counting(calls), **more)
+
+
+def _fresh(folder: Path, plan: DatasetPlan) -> dict[str, bytes]:
+    return tree(_build(folder, plan).path)
+
+
+def _changed(plan: DatasetPlan, **update: Any) -> DatasetPlan:
+    """The plan with other values, and no digest remembered from before."""
+    return DatasetPlan.model_validate_json(plan.model_copy(update=update).model_dump_json())
+
+
+def test_one_changed_weather_is_one_appearance(tmp_path: Path) -> None:
+    calls: Calls = []
+    first, second = dataset_plan(frames=6, weathers=2), dataset_plan(frames=6, weathers=3)
+    _build(tmp_path / "a", first, calls)
+    assert {c for what, c in calls if what == "shade"} == {0.0, 10.0}
+    changed = _build(tmp_path / "a", second, calls)
+    assert {c for what, c in calls if what == "shade"} == {20.0}
+    assert sum(what == "shade" for what, _ in calls) == 3 * 6  # street still, street shaky, side
+    assert tree(changed.path) == _fresh(tmp_path / "b", second)
+
+
+def test_a_removed_value_renders_nothing(tmp_path: Path) -> None:
+    calls: Calls = []
+    _build(tmp_path / "a", dataset_plan(frames=6, weathers=3))
+    smaller = _build(tmp_path / "a", dataset_plan(frames=6, weathers=1), calls)
+    assert calls == []
+    assert tree(smaller.path) == _fresh(tmp_path / "b", dataset_plan(frames=6, weathers=1))
+
+
+def test_another_sensor_leaves_the_others_alone(tmp_path: Path) -> None:
+    calls: Calls = []
+    plan = dataset_plan(frames=6, weathers=1)
+    _build(tmp_path / "a", plan)
+    side = sensor_plan("side", capture=("rgb",), frames=6)
+    moved = []
+    for variant in plan.variants:
+        kept = next(s for s in variant.rig.sensors if s.name == "street")
+        moved.append(variant.model_copy(update={"rig": RigPlan(sensors=(kept, side))}))
+    changed_plan = _changed(plan, variants=tuple(moved))
+    changed = _build(tmp_path / "a", changed_plan, calls)
+    assert sum(what == "observe" for what, _ in calls) == 6  # the new one, once for both rigs
+    assert tree(changed.path) == _fresh(tmp_path / "b", changed_plan)
+
+
+def test_a_renamed_variant_is_the_same_content(tmp_path: Path) -> None:
+    calls: Calls = []
+    plan = dataset_plan(frames=6, weathers=1)
+    _build(tmp_path / "a", plan)
+    renamed = tuple(v.model_copy(update={"variant": v.variant.replace("w0", "dry")}) for v in plan.variants)
+    changed_plan = _changed(plan, variants=renamed)
+    changed = _build(tmp_path / "a", changed_plan, calls)
+    assert calls == []
+    assert tree(changed.path) == _fresh(tmp_path / "b", changed_plan)
+
+
+@pytest.mark.parametrize("path", ["street/rgb/000003.png", "street/depth/000002.png", "side/labels.jsonl"])
+def test_a_damaged_file_is_not_taken_over(tmp_path: Path, path: str) -> None:
+    first, second = dataset_plan(frames=6, weathers=1), dataset_plan(frames=6, weathers=2)
+    old = _build(tmp_path / "a", first).path / "weather=w0,jitter=still" / path
+    body = old.read_bytes()
+    old.unlink()  # it may have other names
+    old.write_bytes(body[:-9] + bytes([body[-9] ^ 1]) + body[-8:])
+    assert tree(_build(tmp_path / "a", second).path) == _fresh(tmp_path / "b", second)
+
+
+def test_a_strangers_dataset_is_not_taken_from(tmp_path: Path) -> None:
+    calls: Calls = []
+    _build(tmp_path / "a", dataset_plan(frames=6, weathers=1))
+    (tmp_path / "a" / "cache").rename(tmp_path / "a" / "gone")  # nothing tells that this program built it
+    _build(tmp_path / "a", dataset_plan(frames=6, weathers=2), calls)
+    assert {c for what, c in calls if what == "shade"} == {0.0, 10.0}
+
+
+def test_what_other_code_built_is_not_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: Calls = []
+    _build(tmp_path / "a", dataset_plan(frames=6, weathers=1))
+    monkeypatch.setattr(reuse_module, "builder", lambda: "another")
+    _build(tmp_path / "a", dataset_plan(frames=6, weathers=2), calls)
+    assert {c for what, c in calls if what == "shade"} == {0.0, 10.0}
+
+
+def test_other_outputs_are_made_anew(tmp_path: Path) -> None:
+    plan = dataset_plan(frames=6, weathers=1)
+    _build(tmp_path / "a", plan)
+    changed_plan = _changed(plan, depth="npy")
+    assert tree(_build(tmp_path / "a", changed_plan).path) == _fresh(tmp_path / "b", changed_plan)
+
+
+def test_each_stage_says_why_it_runs(tmp_path: Path) -> None:
+    told: list[str] = []
+    _build(tmp_path, dataset_plan(frames=6, weathers=1), explain=told.extend)
+    assert told[0] == "simulate 1 of 1 scenes: their motion is not in the cache"
+    assert told[1].startswith(
+        "observe, label and shade street, 6 frames of weather=w0,jitter=still: there is no earlier"
+    )
+    told.clear()
+    _build(tmp_path, dataset_plan(frames=6, weathers=2), explain=told.extend)
+    assert told[0] == "simulate nothing: the motion of 1 scenes is in the cache"
+    assert told[1] == "take over street, 6 frames of weather=w0,jitter=still: nothing of them changed"
+    assert told[2] == (
+        "shade street, 6 frames of weather=w1,jitter=still: an appearance that the earlier dataset has not"
+    )
