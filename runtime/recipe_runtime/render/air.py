@@ -31,9 +31,7 @@ class Air:
     drift: wp.vec2f  # how far the wind has moved the clouds
     stars: wp.float32
     flutter: wp.float32  # how much leaves move in the wind, 0 to 1
-    sway: (
-        wp.vec3f
-    )  # metres by which their pattern is moved, twice a quarter of a swing apart, and how far gusts have come
+    sway: wp.vec3f  # metres their pattern has moved, at two points of a swing; how far gusts have come
     fog: wp.float32  # extinction, 1/m, from fog_start on
     haze: wp.float32  # extinction of rain's mist, dust and air, 1/m, everywhere
     fog_start: wp.float32  # metres

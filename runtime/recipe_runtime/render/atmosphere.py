@@ -191,7 +191,7 @@ def _fill_fog(air: Any, s: _State, falling: _Falling, sunlight: Colour) -> None:
     """Fog begins at its distance and thins with height; rain's mist, dust and the air itself are everywhere."""
     w = s.weather
     grains, mist = 0.05 * s.dust * s.dust, 0.009 * s.rain
-    fog, clear = extinction(w.fog_density), _CLEAR_AIR + 0.004 * max(s.haze.mie - 0.107, 0.0)
+    fog, clear = extinction(w.fog_density), _CLEAR_AIR + 0.0006 * max(s.haze.mie - 0.107, 0.0)
     haze = grains + mist + clear
     air.fog, air.haze = fixed(fog), fixed(haze)
     air.fog_start, air.fog_thin = fixed(min(w.fog_distance, 1000.0)), fixed(0.1 * w.fog_falloff)
@@ -202,16 +202,22 @@ def _fill_fog(air: Any, s: _State, falling: _Falling, sunlight: Colour) -> None:
     brown = 0.9 * (falling.veil + 0.10 * sunlight) * _DUST
     air.fog_colour = _vector(_mix(plain, brown, grains / (grains + fog + mist + 0.002)))
     scattering = exact.power(w.scattering_intensity, 0.35)  # 1 at CARLA's usual 1, 5 at 100
-    air.fog_sun = _vector((0.08 + 0.32 * thick) * scattering * sunlight)
+    about_sun = (0.08 + 0.32 * thick) * sunlight
+    about_sun = about_sun + 0.9 * (1.0 - exact.exp(-0.5 * max(s.haze.mie - 0.107, 0.0))) * _unhazed(s)
+    air.fog_sun = _vector(scattering * about_sun)
     air.glow = fixed(0.25 * scattering * s.night)
 
 
 def _fill_tables(air: Any, s: _State, device: str) -> None:
     decay = np.array([exact.exp(-i / 64.0) for i in range(DECAY_STEPS)])
-    unlost = 5.6 * s.shine * _past(s.altitude, _MOLECULES * s.haze.rayleigh) * _ease(-1.2, 0.8, s.altitude)
     air.decay = wp.array(decay.astype(np.float32), dtype=wp.float32, device=device)
     air.gradient = wp.array(_round(skylight.gradient(s.altitude, s.haze)), dtype=wp.vec3f, device=device)
-    air.halo = wp.array(_round(skylight.halo(s.haze, unlost)), dtype=wp.vec3f, device=device)
+    air.halo = wp.array(_round(skylight.halo(s.haze, _unhazed(s))), dtype=wp.vec3f, device=device)
+
+
+def _unhazed(s: _State) -> Colour:
+    """The sunlight that haze finds to scatter; the light that more molecules took stays in the sky."""
+    return 5.6 * s.shine * _past(s.altitude, _MOLECULES * min(s.haze.rayleigh, 1.0)) * _ease(-1.2, 0.8, s.altitude)
 
 
 def _exposure(s: _State, sunlight: Colour, overhead: Colour) -> float:
@@ -221,7 +227,7 @@ def _exposure(s: _State, sunlight: Colour, overhead: Colour) -> float:
     seen = sunlight * (max(float(s.sun[2]), 0.3) * open_street * _ease(-1.0, 1.0, s.altitude)) + 1.25 * overhead
     luminance = 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2]) + _STREET_LIGHT * s.night
     dim = 1.0 - 0.3 * _ease(9.0, -3.0, s.altitude) + 0.95 * _ease(-4.0, -10.0, s.altitude)
-    dim = dim - 0.1 * s.rain * (1.0 - s.night) - 0.06 * s.fog + 0.3 * s.night * max(s.rain, s.fog)
+    dim = dim - 0.2 * s.rain * (1.0 - s.night) - 0.06 * s.fog + 0.3 * s.night * max(s.rain, s.fog)
     return fixed((dim - 0.25 * s.dust) * exact.power(luminance, -0.86))
 
 

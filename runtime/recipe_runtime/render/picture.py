@@ -312,9 +312,7 @@ def _shower(world_from_sensor: Array, light: Light, time: float) -> Any:
     streak = [sum(float(rows[r, c]) * fall[r] for r in range(3)) * _EXPOSURE_TIME for c in range(3)]
     shower = rain.Shower()
     shower.count, shower.cube, shower.depth = int(_DROPS * light.rain), _RAIN_CUBE, _RAIN_DEPTH
-    shower.low = wp.vec3d(
-        *(float(e + 0.36 * _RAIN_CUBE * a - 0.5 * _RAIN_CUBE) for e, a in zip(eye, ahead, strict=True))
-    )
+    shower.low = wp.vec3d(*(float(e + (0.36 * a - 0.5) * _RAIN_CUBE) for e, a in zip(eye, ahead, strict=True)))
     shower.eye, shower.fall, shower.streak = wp.vec3d(*map(float, eye)), wp.vec3d(*fall), wp.vec3f(*streak)
     shower.time, shower.cover = time, 0.85
     return shower

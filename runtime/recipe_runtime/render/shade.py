@@ -266,7 +266,7 @@ def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], detail: wp.vec4f) 
             darker = 0.78
         m.albedo = m.albedo * (1.0 - (1.0 - darker) * air[0].wet)
         m.coat = 0.022 * air[0].wet
-        m.gloss = 0.8
+        m.gloss = 0.55 + 0.25 * air[0].wet  # a thin film follows the grain of what it wets
         if up > 0.95:
             level = 0.88 - 0.5 * air[0].puddles
             pool = step_between(level - 0.03, level + 0.05, 1.0 - detail[3]) * step_between(0.02, 0.2, air[0].puddles)
@@ -421,13 +421,10 @@ def shade(
     to_point = p - samples[0].eye
     pattern = looks[0].pattern[surface]
     swaying = air[0].flutter > 0.0 and (pattern == patterns.FOLIAGE or pattern == patterns.GRASS)
+    if swaying:
+        earlier = wp.int32(-1)
     # (A normal that turns away is bent first, below: too few to ask for.)
-    if (
-        not swaying
-        and earlier >= 0
-        and inner(n, to_point) <= 0.0
-        and unchanged(before, air, beams, earlier, tile, p, n)
-    ):
+    if earlier >= 0 and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, earlier, tile, p, n):
         out[i] = before[0].out[earlier]
         gleam[i] = before[0].gleam[earlier]
         return

@@ -62,7 +62,8 @@ def gradient(altitude: float, haze: Haze) -> NDArray[np.float64]:
     s = haze.rayleigh
     if s > 1.0:
         zenith = zenith * np.array([exact.power(s, e) for e in (-0.4, -0.12, 0.16)])
-        horizon = horizon * np.array([exact.power(s, e) for e in (-0.16, -0.06, 0.03)])
+        low = min(max(1.0 - altitude / 20.0, 0.0), 1.0)  # then the light has crossed more air than it can bear
+        horizon = horizon * np.array([exact.power(s, e) for e in (-0.16 + 0.4 * low, -0.06, 0.03 - 0.35 * low)])
     else:  # without molecules the sky is black but for haze
         dark = 0.10 + 0.90 * s
         zenith = zenith * dark + 0.05 * (1.0 - s) * zenith[2]
@@ -85,18 +86,19 @@ def halo(haze: Haze, shining: Colour) -> NDArray[np.float64]:
     g = 0.84
     x = 1.0 + g * g - 2.0 * g * cosine
     narrow = (1.0 - g * g) / (x * np.sqrt(x))
-    scattered = 0.06 * (1.0 - exact.exp(-haze.mie))
+    scattered = 0.06 * (1.0 - exact.exp(-haze.mie)) * _redder(haze)
     table: NDArray[np.float64] = scattered * narrow[:, None] * shining
     return table
 
 
 def warmth(altitude: float, haze: Haze) -> Colour:
     """What lies over the horizon below a low sun: the redder, the more molecules have taken the blue."""
-    if haze.rayleigh <= 0.0:
-        return np.zeros(3)
-    redder = np.array([exact.power(haze.rayleigh, e) for e in (0.25, 0.0, -0.25)])
-    colour: Colour = _colours(altitude)[2] * (brightness(altitude) * min(haze.rayleigh, 1.0)) * redder
+    colour: Colour = _colours(altitude)[2] * (brightness(altitude) * min(haze.rayleigh, 1.0)) * _redder(haze)
     return colour
+
+
+def _redder(haze: Haze) -> Colour:
+    return np.array([exact.power(max(haze.rayleigh, 1.0), e) for e in (0.5, 0.2, -0.2)])
 
 
 def _colours(altitude: float) -> tuple[Colour, Colour, Colour]:
