@@ -38,7 +38,7 @@ def kind(name: str, size: tuple[float, float, float], tags: set[int], most: int,
 
 def building(style: int, roof: int) -> Kind:
     shape = {**_BUILDING, "style": style, "roof": roof, "key": 9}
-    return Kind("building", (12, 13, 13), frozenset({3}), 1600, shape, (1.3, 0.2, 6), front=True)
+    return Kind("building", (12, 13, 13), frozenset({3}), 1600, shape, (1.3, 0.5, 6), front=True)
 
 
 def house(style: int, roof: int) -> Kind:

@@ -41,6 +41,8 @@ class Pattern(IntEnum):
     NICHE = 34  # what lies in a wall's depth: v is 0 at its mouth and 1 at its end, which sees little of the sky
     CURTAIN_WALL = 35  # named like WINDOW; the pane's lower part hides a floor slab
     SHOP_WINDOW = 36  # named like WINDOW; a display behind one large pane
+    LETTER = 38  # a letter of 4 x 6 dots, see `lettering`; the second colour writes
+    FACADE = 39  # named like WINDOW; a window in its piece of wall, for buildings seen from afar
     POSTER = 37  # floor(u) names the picture, fract(uv) is the place in it
 
 

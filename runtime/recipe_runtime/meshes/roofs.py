@@ -1,4 +1,4 @@
-"""Roofs: gables, hips and mansards with tiles, chimneys, and parapets with what stands behind them.
+"""Roofs: gables and hips with tiles, chimneys, dormers, and parapets with what stands behind them.
 
 All cover a block that reaches from x = 0 back to -depth, its size (depth, width, height of the eaves).
 """
@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from recipe_runtime.meshes.builder import Builder, Vec, cross, noise, unit
+from recipe_runtime.meshes.facades import Facade, Quad, pane_uv
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.tags import Tag
 
@@ -18,7 +20,12 @@ _TILES = Surface("roof", Pattern.ROOF, Tag.BUILDINGS)
 _EDGE = Surface("trim", Pattern.PLAIN, Tag.BUILDINGS)
 _SOFFIT = Surface("trim", Pattern.NICHE, Tag.BUILDINGS)
 _STACK = Surface("base", Pattern.BRICK, Tag.BUILDINGS)
+_FLAT = Surface("roof", Pattern.CONCRETE, Tag.BUILDINGS)
+_PLANT = Surface("metal", Pattern.CLAPBOARD, Tag.BUILDINGS)
+_HEAD = Surface("base", Pattern.PLASTER, Tag.BUILDINGS)
+_PANE = Surface("window", Pattern.WINDOW, Tag.BUILDINGS)
 _THICK = 0.14
+_PARAPET = 0.85
 
 Size = tuple[float, float, float]
 
@@ -105,3 +112,77 @@ def chimney(b: Builder, size: Size, pitch: float, key: int) -> None:
     b.box(_EDGE, (x - 0.42, y - 0.52, top), (x + 0.42, y + 0.52, top + 0.1))
     for s in (1, -1):
         b.box(_STACK, (x - 0.12, y + s * 0.22 - 0.12, top + 0.1), (x + 0.12, y + s * 0.22 + 0.12, top + 0.45), "-z")
+
+
+@dataclass(frozen=True)
+class Top:
+    """Where a building ends: its size, its key, its four facades, those that stand free, and their wall."""
+
+    size: Size
+    key: int
+    facades: tuple[Facade, Facade, Facade, Facade]
+    free: tuple[Facade, ...]
+    wall: Surface
+
+
+def flat_roof(b: Builder, top: Top) -> None:
+    """A parapet with a coping behind a cornice, and what stands on the roof."""
+    (depth, _, height), half = top.size, top.size[1] / 2
+    rim = height + _PARAPET
+    for f in top.facades:
+        b.quads(top.wall, [f.face(0, f.width, height, rim), f.face(0.3, f.width - 0.3, height, rim, -0.3)[::-1]])
+        b.quads(_EDGE, f.block((-0.06, f.width + 0.06), (-0.36, 0.08), (rim, rim + 0.1)))
+    _cornice(b, top, height)
+    b.quads(_FLAT, [((-depth, -half, height), (0, -half, height), (0, half, height), (-depth, half, height))])
+    if noise(top.key, 7) > -0.3:
+        aside = noise(top.key, 8) * (half - 2.5)
+        b.box(_HEAD, (-depth + 1.5, aside - 1.5, height), (-depth + 4.5, aside + 1.5, height + 2.5), "-z")
+        b.box(_EDGE, (-depth + 1.4, aside - 1.6, height + 2.5), (-depth + 4.6, aside + 1.6, height + 2.62))
+    for n in range(2):
+        if noise(top.key, 60 + n) > 0.1:
+            x, y = -depth * (0.4 + 0.1 * noise(top.key, 62 + n)), (half - 2.0) * noise(top.key, 64 + n)
+            wide = 0.7 + 0.3 * noise(top.key, 66 + n)
+            b.box(_PLANT, (x - wide, y - 1.0, height + 0.2), (x + wide, y + 1.0, height + 1.5))
+
+
+def _cornice(b: Builder, top: Top, height: float) -> None:
+    """Mouldings that step outwards below the parapet of every free facade."""
+    reach = 0.32 + 0.12 * noise(top.key, 9)
+    front = top.facades[0]
+    quads: list[Quad] = []
+    for f in top.free:
+        ends = (-reach * (top.facades[2] in top.free), f.width + reach * (top.facades[1] in top.free))
+        u0, u1 = ends if f is front else (0.0, f.width)
+        for low, high, d in ((-0.38, -0.14, 0.35), (-0.14, 0.04, 0.7), (0.04, 0.18, 1.0)):
+            quads += f.block((u0, u1), (0.0, d * reach), (height + low, height + high), top=d == 1.0)
+    b.quads(_EDGE, quads)
+
+
+def pitched_roof(b: Builder, top: Top, pitch: float) -> None:
+    """Two tiled slopes over the front and the back, dormers in the front one, and chimneys."""
+    _, width, height = top.size
+    _cornice(b, top, height)
+    gable(b, top.size, pitch, 0.3, top.wall, along_y=True, ends=0.06)
+    chimney(b, top.size, pitch, top.key)
+    f, count = top.facades[0], max(1, int(width / 4.5))
+    for k in range(count):
+        _dormer(b, f, (k + 0.5) * width / count, height, pitch, (f.key + k, 90))
+
+
+def _dormer(b: Builder, f: Facade, u: float, eaves: float, pitch: float, name: tuple[int, int]) -> None:
+    """A window that stands up out of a front slope, under a little roof of its own."""
+    back, low = -1.1, eaves + pitch * 1.1 + _THICK
+    z0, z1, w = low + 0.1, low + 1.35, 0.62
+    deep = back - (z1 + 0.1 - low) / pitch
+    b.quads(_EDGE, [f.face(u - w - 0.12, u + w + 0.12, low - 0.1, z1 + 0.1, back)])
+    b.quads(_PANE, [f.face(u - w, u + w, z0, z1, back + 0.01)], pane_uv([name]))
+    b.quads(_EDGE, [f.side(u + s * (w + 0.12), (deep, back), (low - 0.1, z1 + 0.1), s) for s in (1, -1)])
+    rise = z1 + 0.1
+    for s in (1, -1):
+        eave = [f.at(u + s * (w + 0.25), back + 0.15, rise), f.at(u + s * (w + 0.25), deep, rise)]
+        ridge = [f.at(u, deep - 0.4, rise + 0.42), f.at(u, back + 0.15, rise + 0.42)]
+        corners = [*eave, *ridge] if s > 0 else [eave[1], eave[0], ridge[1], ridge[0]]
+        slope(b, _TILES, corners)
+        b.quads(_SOFFIT, [corners[::-1]], np.array([[(0.0, 0.9)] * 4]))
+    peak = [f.at(u - w - 0.12, back, rise), f.at(u + w + 0.12, back, rise), f.at(u, back, rise + 0.36)]
+    b.fan(_EDGE, peak)

@@ -22,9 +22,11 @@ _FALLBACK = {
     Pattern.HAIR: "#3a2a1e", Pattern.PLAIN: "#909090", Pattern.CLAPBOARD: "#c4c0b6", Pattern.STONE: "#a8a196",
     Pattern.WOOD: "#7a5a3e", Pattern.WATER: "#4a6468", Pattern.NICHE: "#b0aaa0", Pattern.CURTAIN_WALL: "#56646c",
     Pattern.SHOP_WINDOW: "#8c8270", Pattern.POSTER: "#3f6d8c",
+    Pattern.LETTER: "#2b4a6b", Pattern.FACADE: "#4b5660",
 }  # fmt: skip
 
-_PANES = (Pattern.WINDOW, Pattern.CURTAIN_WALL, Pattern.SHOP_WINDOW)  # their second colour is their frame's
+_PANES = (Pattern.WINDOW, Pattern.CURTAIN_WALL, Pattern.SHOP_WINDOW)
+_AROUND = {**dict.fromkeys(_PANES, "frame"), Pattern.FACADE: "wall"}  # the slot that gives their second colour
 _SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at night
 
 
@@ -34,8 +36,8 @@ def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], device: str) 
     for key in geometry.surfaces:
         first = linear(looks.get(key.body, {}).get(key.slot) or _FALLBACK[key.pattern])
         firsts.append(first)
-        frame = looks.get(key.body, {}).get("frame")
-        seconds.append(linear(frame) if frame and key.pattern in _PANES else _second(key, first))
+        around = looks.get(key.body, {}).get(_AROUND.get(key.pattern, ""))
+        seconds.append(linear(around) if around else _second(key, first))
     out = Looks()
     out.first = wp.array(np.array(firsts, np.float32), dtype=wp.vec3f, device=device)
     out.second = wp.array(np.array(seconds, np.float32), dtype=wp.vec3f, device=device)
@@ -64,6 +66,8 @@ def _second(key: SurfaceKey, first: Any) -> Any:
         return 0.35 * first
     if key.pattern == Pattern.POSTER:
         return np.array([0.72, 0.69, 0.62])
+    if key.pattern == Pattern.LETTER:
+        return np.array([0.03, 0.03, 0.03]) if float(first[1]) > 0.25 else np.array([0.75, 0.71, 0.6])
     if key.pattern in (Pattern.FOLIAGE, Pattern.GRASS):
         return first * np.array([1.75, 1.4, 0.8])
     if key.pattern == Pattern.ROAD_PAINT:

@@ -39,6 +39,8 @@ NICHE = wp.constant(int(Pattern.NICHE))
 CURTAIN_WALL = wp.constant(int(Pattern.CURTAIN_WALL))
 SHOP_WINDOW = wp.constant(int(Pattern.SHOP_WINDOW))
 POSTER = wp.constant(int(Pattern.POSTER))
+LETTER = wp.constant(int(Pattern.LETTER))
+FACADE = wp.constant(int(Pattern.FACADE))
 
 
 @wp.struct
@@ -279,13 +281,21 @@ def curtain_wall(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> 
     if near > 0.0:
         seen = room((fu + wp.float32(i % 3)) * 0.4, (fv - 0.25) * 0.6, behind(sight, d.normal), d.code)
         d.tone = 0.6 + (seen - 0.6) * near
-    d.tone = d.tone + 0.16 * (unit(pane) - 0.5)
+    d.tone = d.tone + 0.2 * (unit(pane) - 0.5)
+    # No pane is quite in its neighbours' plane.
+    lean = 0.03 * fade(1.5, foot)
+    d.normal = direction(
+        d.normal + wp.vec3f(lean * (unit(pane) - 0.5), lean * (unit(pane * wp.uint32(747796405)) - 0.5), 0.0)
+    )
     return d
 
 
 @wp.func
 def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail:
-    """One large pane before a display: goods on two shelves, the shop behind; `wear` is their colour's share."""
+    """One large pane before a display: goods on two shelves, the shop behind; `wear` is their colour's share.
+
+    `height` says which colour.
+    """
     i = whole(uv[0])
     j = whole(uv[1])
     fu = uv[0] - wp.float32(i)
@@ -309,9 +319,14 @@ def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> D
             tall = 0.08 + 0.26 * unit(goods)
             wide = 0.28 + 0.2 * unit(scramble(goods))
             at = wp.abs(x - wp.float32(whole(x)) - 0.5)
-            if y > 0.0 and y < tall and at < wide * (1.0 - 0.5 * y / tall) and d.wear == 0.0:
-                seen = 0.35 + 0.75 * unit(goods * wp.uint32(747796405))
-                d.wear = 0.25 + 0.75 * unit(goods * wp.uint32(2891336453))
+            if (goods & wp.uint32(3)) == wp.uint32(0) and y > 0.55 * tall:
+                wide = 0.4 * wide  # a bottle's neck
+            elif (goods & wp.uint32(3)) == wp.uint32(1):
+                wide = wide * (1.1 - 0.8 * y / tall)
+            if y > 0.0 and y < tall and at < wide and d.wear == 0.0:
+                seen = (0.45 + 0.6 * unit(goods * wp.uint32(747796405))) * (1.15 - at)
+                d.wear = 0.35 + 0.65 * unit(goods * wp.uint32(1403630843))
+                d.height = unit(scramble(goods + wp.uint32(9)))
             elif y <= 0.0 and y > -0.05 and d.wear == 0.0:
                 seen = 0.5
         d.tone = 0.65 + (seen - 0.65) * near
@@ -354,6 +369,60 @@ def poster(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     margin = either(joint(uv[0], 0.02, w), joint(uv[1], 0.02, w))
     d.second = d.second + (1.0 - d.second) * margin
     d.tone = d.tone + (1.0 - d.tone) * margin
+    return d
+
+
+@wp.func
+def dot(high: wp.int32, low: wp.int32, column: wp.int32, row: wp.int32) -> wp.float32:
+    """1 where a letter's dot is inked; rows count from its foot, and nothing is outside."""
+    if column < 0 or column > 3 or row < 0 or row > 5:
+        return 0.0
+    half = high
+    place = 4 * (row - 3) + 3 - column
+    if row < 3:
+        half = low
+        place = 4 * row + 3 - column
+    return wp.float32((half >> place) & 1)
+
+
+@wp.func
+def letter(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
+    """A letter's strokes: its dots, blended into each other, and cut where the blend is half."""
+    high = whole(uv[0])
+    low = whole(uv[1])
+    x = (uv[0] - wp.float32(high)) * 4.0 - 0.5
+    y = (uv[1] - wp.float32(low)) * 6.0 - 0.5
+    i = whole(x)
+    j = whole(y)
+    fx = x - wp.float32(i)
+    fy = y - wp.float32(j)
+    below = dot(high, low, i, j) * (1.0 - fx) + dot(high, low, i + 1, j) * fx
+    above = dot(high, low, i, j + 1) * (1.0 - fx) + dot(high, low, i + 1, j + 1) * fx
+    ink = below + (above - below) * fy
+    sharp = 1.0 / wp.max(foot * 22.0, 0.12)
+    d.second = clamp01((ink - 0.42) * wp.max(sharp, 1.0) + 0.42)
+    return d
+
+
+@wp.func
+def facade(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """A bay of a distant wall: its window, and as `second` the wall around it. Buildings differ."""
+    i = whole(uv[0])
+    j = whole(uv[1])
+    w = wp.max(foot * 0.33, 0.003)
+    kind = hash2(i >> 6, 6, wp.uint32(72))
+    beside = 0.1 + 0.2 * unit(kind)
+    between = 0.16 + 0.1 * unit(scramble(kind))
+    if (kind & wp.uint32(3)) == wp.uint32(0):
+        beside = 0.02
+    elif (kind & wp.uint32(3)) == wp.uint32(1):
+        between = 0.06
+    d.second = either(joint(uv[0], beside, w), joint(uv[1] - 0.04, between, w))
+    d.code = hash2(i, j, d.code)
+    d.wear = 0.5 * unit(d.code * wp.uint32(747796405))
+    d.height = uv[1] - wp.float32(j)
+    stain = noise2((p[0] + p[1]) * 0.4, p[2] * 0.1, wp.uint32(27)) - 0.5
+    d.tone = 0.75 + 0.25 * d.second * (1.0 + 0.5 * stain)
     return d
 
 
@@ -523,6 +592,10 @@ def detail_of(
         d = curtain_wall(d, uv, sight, foot)
     elif pattern == SHOP_WINDOW:
         d = shop_window(d, uv, sight, foot)
+    elif pattern == FACADE:
+        d = facade(d, uv, p, foot)
+    elif pattern == LETTER:
+        d = letter(d, uv, foot)
     elif pattern == POSTER:
         d = poster(d, uv, foot)
     elif pattern == WATER:

@@ -174,13 +174,14 @@ def pane(
     warm = wp.float32(1.0)
     m.coat = 0.09
     if pattern == patterns.CURTAIN_WALL:
-        veil = first * 0.55
+        veil = first * 0.8
         inside = mix(inside, first * 0.3, 0.5)
-        m.coat = 0.16
+        m.coat = 0.15 * (1.0 - 0.6 * detail[2])
         warm = 0.25
     elif pattern == patterns.SHOP_WINDOW:
         inside = wp.vec3f(0.11, 0.1, 0.09)
-        veil = mix(first, wp.vec3f(0.5, 0.16, 0.1), unit(code * wp.uint32(747796405)))
+        veil = mix(wp.vec3f(0.42, 0.12, 0.08), wp.vec3f(0.5, 0.42, 0.3), clamp01(2.0 * detail[3]))
+        veil = mix(veil, wp.vec3f(0.1, 0.2, 0.24), clamp01(2.0 * detail[3] - 1.0))
         warm = 0.6
     behind = mix(inside, veil, detail[2] * 0.85) * detail[0]
     m.albedo = mix(behind, second, detail[1])
@@ -195,7 +196,7 @@ def pane(
         elif pattern == patterns.SHOP_WINDOW:
             colour = mix(colour, times(colour, veil) * 2.5, detail[2])
             through = glass * 1.2
-        m.glow = colour * (air[0].night * 1.25e-3 * detail[0] * through * (0.6 + 0.7 * lit_by))
+        m.glow = colour * (air[0].night * 0.8e-3 * detail[0] * through * (0.6 + 0.7 * lit_by))
     return m
 
 
@@ -214,7 +215,12 @@ def matter_of(
     m = Matter()
     m.normal = n
     m.albedo = mix(first, second, detail[1]) * wp.max(detail[0], 0.05)
-    if pattern == patterns.WINDOW or pattern == patterns.CURTAIN_WALL or pattern == patterns.SHOP_WINDOW:
+    if (
+        pattern == patterns.WINDOW
+        or pattern == patterns.CURTAIN_WALL
+        or pattern == patterns.SHOP_WINDOW
+        or pattern == patterns.FACADE
+    ):
         m = pane(m, pattern, air, first, second, detail, code, awake)
     elif pattern == CAR_PAINT:
         m.coat = 0.05
@@ -304,13 +310,19 @@ def fluttered(m: Matter, air: wp.array[Air], p: wp.vec3f) -> Matter:
 
 
 @wp.func
-def mirror(air: wp.array[Air], m: Matter, sight: wp.vec3f, facing: wp.float32, open_sky: wp.float32) -> wp.vec3f:
+def mirror(
+    air: wp.array[Air], m: Matter, p: wp.vec3f, sight: wp.vec3f, facing: wp.float32, open_sky: wp.float32
+) -> wp.vec3f:
     """What a glossy surface reflects of the sky; rough ones see it from a little higher, and less of it at grazing."""
     n = m.normal
     r = sight + n * (2.0 * facing)
     rough = 1.0 - m.gloss
     d = direction(wp.vec3f(r[0], r[1], r[2] + rough * 0.6))
     seen = reflected_sky(air, d)
+    if m.coat > 0.0 and n[2] * n[2] < 0.04 and m.gloss > 0.975:
+        # An upright pane sees the houses over the way below the sky.
+        roofs = 0.2 + 0.25 * noise2(d[0] * 5.0 + p[0] * 0.04, d[1] * 5.0 + p[1] * 0.04, wp.uint32(43))
+        seen = seen * (0.3 + 0.7 * step_between(roofs - 0.02, roofs + 0.02, d[2]))
     share = fresnel(m.coat, m.gloss, facing) * (1.0 - 0.5 * rough)
     return seen * (share * open_sky)
 
@@ -454,7 +466,7 @@ def shade(
     if air[0].wet > 0.0 and n[2] > 0.95 and m.coat > 0.0:
         gleam[i] = wp.vec2f(fresnel(m.coat, m.gloss, facing) * sky_left * left, m.gloss)
     elif m.coat > 0.0:
-        radiance = radiance + mirror(air, m, sight, facing, sky_left)
+        radiance = radiance + mirror(air, m, p, sight, facing, sky_left)
     radiance = veiled(air, radiance, sight, left)
     if air[0].glow > 0.0:
         radiance = radiance + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, sight, distance)

@@ -1,0 +1,144 @@
+"""Ground floors: shop fronts with signs and awnings, and plinths with windows and a door."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from recipe_compiler.plan import Element
+
+from recipe_runtime.meshes.builder import Builder, noise
+from recipe_runtime.meshes.facades import Facade, Hole, Quad, niches, pane_uv, pierced
+from recipe_runtime.meshes.lettering import WORDS, length, write
+from recipe_runtime.meshes.mesh import Pattern, Surface
+from recipe_runtime.meshes.tags import Tag
+
+
+def _surface(slot: str, pattern: Pattern) -> Surface:
+    return Surface(slot, pattern, Tag.BUILDINGS)
+
+
+_TRIM = _surface("trim", Pattern.PLASTER)
+_FRAME = _surface("frame", Pattern.PLAIN)
+_WINDOW = _surface("window", Pattern.WINDOW)
+_BASE = _surface("base", Pattern.STONE)
+_FRONT = _surface("base", Pattern.PLASTER)
+_NICHE = _surface("base", Pattern.NICHE)
+_SHOP = _surface("shop", Pattern.SHOP_WINDOW)
+_SIGN = _surface("sign", Pattern.PLAIN)
+_LETTERS = _surface("sign", Pattern.LETTER)
+_AWNING = _surface("awning", Pattern.CLOTH)
+_UNDER = _surface("awning", Pattern.NICHE)
+_DOOR = _surface("door", Pattern.PLAIN)
+_STEP = _surface("base", Pattern.CONCRETE)
+_DEEP = 0.3  # of shop windows and doors
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A ground floor's measures: its height, its bays, whether it is a shop, and the wall around its openings."""
+
+    height: float
+    bays: int
+    shop: bool
+    awning: bool
+    wall: Surface
+    niche: Surface
+
+    @classmethod
+    def of(cls, e: Element, bays: int, wall: Surface, niche: Surface) -> Ground:
+        """The ground floor of a building; a shop has a front of its own."""
+        shop = bool(e.shape["shop"])
+        return cls(
+            e.shape["ground"], bays, shop, bool(e.shape["awning"]), _FRONT if shop else wall, _NICHE if shop else niche
+        )
+
+
+def ground_floor(b: Builder, f: Facade, g: Ground, entrance: bool) -> None:
+    """The ground floor of one facade; only a front has an entrance, a sign and awnings."""
+    bay = f.width / g.bays
+    door = int((noise(f.key, 3) + 1) / 2 * g.bays) if entrance else -1
+    low, high, part = (0.5, min(3.05, g.height - 0.95), 0.86) if g.shop else (1.2, min(2.95, g.height - 0.6), 0.42)
+    holes = []
+    for k in range(g.bays):
+        wide = min(bay * part, 1.25) if k == door else bay * part
+        middle = (k + 0.5) * bay
+        holes.append(Hole(middle - wide / 2, middle + wide / 2, 0.0 if k == door else low, high))
+    windows = [(k, h) for k, h in enumerate(holes) if k != door]
+    b.quads(g.wall, pierced(f, 0.0, g.height, holes))
+    b.quads(g.niche, *niches(f, [h for _, h in windows], _DEEP, floor=False))
+    panes = [f.face(h.u0, h.u1, h.z0, h.z1, -_DEEP) for _, h in windows]
+    b.quads(_SHOP if g.shop else _WINDOW, panes, pane_uv([(f.key + k, 0) for k, _ in windows]))
+    sills: list[Quad] = []
+    for _, h in windows:
+        sills += f.block((h.u0 - 0.05, h.u1 + 0.05), (-_DEEP, 0.07), (h.z0 - 0.09, h.z0), sides=False)
+    b.quads(_TRIM, sills)
+    if door >= 0:
+        _entrance(b, f, g, holes[door], door)
+    _plinth(b, f, holes[door] if door >= 0 else None)
+    if g.shop:
+        _shop(b, f, g, holes, door, high)
+
+
+def _entrance(b: Builder, f: Facade, g: Ground, h: Hole, name: int) -> None:
+    """A door in a deep recess, a light over it, a frame of stone around it, and a step before it."""
+    top = 2.25
+    b.quads(g.niche, *niches(f, [h], _DEEP, floor=False))
+    b.quads(_DOOR, [f.face(h.u0, h.u1, 0.0, top, -_DEEP)])
+    middle, inner = (h.u0 + h.u1) / 2, (h.u1 - h.u0) / 2 - 0.16
+    panel = [f.face(middle - inner, middle + inner, 1.0, top - 0.18, -_DEEP + 0.02)]
+    b.quads(_SHOP if g.shop else _DOOR, panel, pane_uv([(f.key + name, 2)]) if g.shop else None)
+    b.quads(_FRAME, f.block((h.u0, h.u1), (-_DEEP, -_DEEP + 0.08), (top, top + 0.1), sides=False))
+    handle = [f.face(h.u1 - 0.14, h.u1 - 0.11, 0.95, 1.2, -_DEEP + 0.05)]
+    b.quads(_FRAME, handle)
+    b.quads(_WINDOW, [f.face(h.u0, h.u1, top + 0.1, h.z1, -_DEEP)], pane_uv([(f.key + name, 0)]))
+    if not g.shop:
+        jambs = [q for u in (h.u0 - 0.2, h.u1) for q in f.block((u, u + 0.2), (0.0, 0.07), (0.0, h.z1), top=False)]
+        b.quads(_TRIM, jambs + f.block((h.u0 - 0.3, h.u1 + 0.3), (0.0, 0.16), (h.z1, h.z1 + 0.22)))
+    b.quads(_STEP, f.block((h.u0 - 0.05, h.u1 + 0.05), (-_DEEP, 0.12), (0.0, 0.07)))
+
+
+def _plinth(b: Builder, f: Facade, door: Hole | None) -> None:
+    spans = [(0.0, f.width)] if door is None else [(0.0, door.u0 - 0.2), (door.u1 + 0.2, f.width)]
+    quads: list[Quad] = []
+    for u0, u1 in spans:
+        if u1 - u0 > 0.1:
+            quads += f.block((u0, u1), (0.0, 0.05), (0.0, 0.38))
+    b.quads(_BASE, quads)
+
+
+def _shop(b: Builder, f: Facade, g: Ground, holes: list[Hole], door: int, high: float) -> None:
+    """Pilasters between the windows, a fascia with a cornice over it, and on a front the sign and awnings."""
+    bay, quads = f.width / g.bays, []
+    for k in range(g.bays + 1):
+        u0, u1 = max(0.0, k * bay - 0.13), min(f.width, k * bay + 0.13)
+        quads += f.block((u0, u1), (0.0, 0.09), (0.0, high + 0.1), top=False)
+    b.quads(_FRONT, quads)
+    b.quads(_TRIM, f.block((0.0, f.width), (0.0, 0.16), (high + 0.1, high + 0.18), sides=False))
+    if door < 0:
+        return
+    u0, u1, z0, z1 = 0.3, f.width - 0.3, high + 0.2, high + 0.2 + 0.5
+    b.quads(_SIGN, f.block((u0, u1), (0.0, 0.12), (z0, z1)))
+    word = WORDS[int((noise(f.key, 17) + 1) / 2 * len(WORDS))]
+    for height in (0.34, 0.26):
+        if length(word, height) < u1 - u0 - 0.4:
+            left = f.width > 12 and noise(f.key, 18) > 0
+            middle = u0 + 0.4 + length(word, height) / 2 if left else f.width / 2
+            write(b, _LETTERS, f, word, middle, (z0 + z1 - height) / 2, height, 0.124)
+            break
+    if g.awning:
+        for k, _ in enumerate(holes):
+            if k != door:
+                _awning(b, f, (k * bay + 0.16, (k + 1) * bay - 0.16), high + 0.08)
+
+
+def _awning(b: Builder, f: Facade, u: tuple[float, float], high: float) -> None:
+    """A stretched cloth with a valance, seen from both sides."""
+    (u0, u1), low, reach = u, high - 0.5, 1.1
+    top = (f.at(u0, reach, low), f.at(u1, reach, low), f.at(u1, 0.1, high), f.at(u0, 0.1, high))
+    valance = f.face(u0, u1, low - 0.2, low, reach)
+    left = (f.at(u0, 0.1, low), f.at(u0, reach, low), f.at(u0, 0.1, high), f.at(u0, 0.1, high))
+    right = (f.at(u1, reach, low), f.at(u1, 0.1, low), f.at(u1, 0.1, high), f.at(u1, 0.1, high))
+    b.quads(_AWNING, [top, valance, left, right])
+    shade = [[(0.0, 0.8)] * 4] * 4
+    b.quads(_UNDER, [top[::-1], valance[::-1], left[::-1], right[::-1]], np.array(shade))
