@@ -1,14 +1,15 @@
 """The one door to PyBullet: a fresh world, its bodies made in plan order, stepped and read.
 
 Every engine parameter is set explicitly, nothing sleeps, nothing is removed or restored, and each island of touching
-bodies is solved by itself. Pedestrians and vehicles are multibodies whose limbs and wheels are placed, and whose
-base is given a velocity before each step; contacts then have the last word. Importing this module prints PyBullet's
-build line, so it is imported in processes whose standard output is taken (see `simulate`).
+bodies is solved by itself. A pedestrian is a capsule and a vehicle a box on four balls; each is given a velocity
+before each step, and contacts then have the last word. Limbs and wheels touch nothing: `posture` places them. Importing
+this module prints PyBullet's build line, so it is imported in processes whose standard output is taken (see
+`simulate`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import pybullet
 from recipe_compiler import exact
@@ -16,15 +17,14 @@ from recipe_compiler.plan import ActorPlan, Element, Pose, TownPlan
 
 from recipe_runtime.ground import Ground
 from recipe_runtime.meshes.roads import outline
-from recipe_runtime.meshes.skeleton import Figure, Joint, wheel_joints
+from recipe_runtime.meshes.skeleton import wheel_joints
+from recipe_runtime.posture import Quaternion, Vector
 
 GRAVITY = 9.81
 # Elements that fill a box about their base centre; a billboard's picture hangs above everyone's head.
 _SOLID = {"bench", "bin", "bollard", "bus_stop", "bush", "fence", "fountain"}
 _SOLID |= {"hedge", "hydrant", "kiosk", "lamp", "planter", "statue", "tower"}
 _GROUND, _OBSTACLE, _ACTOR, _WHEEL = 1, 2, 4, 8  # collision groups
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
 
 
 def _quaternion(pose: Pose) -> Quaternion:
@@ -103,21 +103,11 @@ class World:
         """Give a body's base part a velocity."""
         pybullet.resetBaseVelocity(body, linear, angular, physicsClientId=self._client)
 
-    def set_joints(self, body: int, links: Sequence[int], angles: Sequence[float]) -> None:
-        """Place joints at angles in radians, at rest."""
-        values, still = [[angle] for angle in angles], [[0.0]] * len(links)
-        pybullet.resetJointStatesMultiDof(body, links, values, still, physicsClientId=self._client)
-
-    def links(self, body: int, links: Sequence[int]) -> list[tuple[Vector, Quaternion]]:
-        """Position and orientation of some of a body's parts."""
-        states = pybullet.getLinkStates(body, links, computeForwardKinematics=1, physicsClientId=self._client)
-        return [(state[4], state[5]) for state in states]
-
-    def add_pedestrian(self, actor: ActorPlan) -> tuple[int, tuple[int, ...]]:
-        """A pedestrian: a capsule from the shins up, with limbs that touch nothing. Returns body and links."""
-        figure = Figure.of(actor.shape)
-        radius, low = 0.13 * figure.height, 0.22 * figure.height
-        length = figure.height - low - 2 * radius
+    def add_pedestrian(self, actor: ActorPlan) -> int:
+        """A pedestrian: a capsule from the shins up. Returns the body."""
+        height = actor.shape["height"]
+        radius, low = 0.13 * height, 0.22 * height
+        length = height - low - 2 * radius
         capsule = pybullet.createCollisionShape(
             pybullet.GEOM_CAPSULE,
             radius=radius,
@@ -125,15 +115,13 @@ class World:
             collisionFramePosition=(0.0, 0.0, low + radius + length / 2),
             physicsClientId=self._client,
         )
-        body = self._multibody(actor.start, 70.0, capsule, figure.joints, {})
+        body = self._multibody(actor.start, 70.0, capsule, (), -1)
         self._filter(body, -1, _ACTOR, _OBSTACLE | _ACTOR)
-        for link in range(len(figure.joints)):
-            self._filter(body, link, 0, 0)
         pybullet.changeDynamics(body, -1, localInertiaDiagonal=(60.0, 60.0, 20.0), physicsClientId=self._client)
-        return body, tuple(range(len(figure.joints)))
+        return body
 
-    def add_vehicle(self, actor: ActorPlan) -> tuple[int, tuple[int, ...]]:
-        """A vehicle: a box on four balls. Returns body and links: steering left and right, then the four wheels."""
+    def add_vehicle(self, actor: ActorPlan) -> int:
+        """A vehicle: a box on four balls, which only the ground meets. Returns the body."""
         shape = actor.shape
         low, high = shape["clearance"] + 0.1, min(shape["height"], 3.2)
         box = pybullet.createCollisionShape(
@@ -143,43 +131,32 @@ class World:
             physicsClientId=self._client,
         )
         ball = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=shape["wheel"], physicsClientId=self._client)
-        joints: list[Joint] = []
-        for wheel in wheel_joints(shape):
-            if wheel.axis == "zy":
-                joints.append(Joint(f"{wheel.part}_steering", "chassis", wheel.offset, "z"))
-                joints.append(Joint(wheel.part, joints[-1].part, (0.0, 0.0, 0.0), "y"))
-            else:
-                joints.append(wheel)
-        index = {joint.part: n for n, joint in enumerate(joints)}
-        wheels = tuple(index[wheel.part] for wheel in wheel_joints(shape))
-        body = self._multibody(actor.start, 1500.0, box, joints, dict.fromkeys(wheels, ball))
+        places = [joint.offset for joint in wheel_joints(shape)]
+        body = self._multibody(actor.start, 1500.0, box, places, ball)
         self._filter(body, -1, _ACTOR, _OBSTACLE | _ACTOR)
-        for link in range(len(joints)):
-            self._filter(body, link, *((_WHEEL, _GROUND) if link in wheels else (0, 0)))
+        for link in range(len(places)):
+            self._filter(body, link, _WHEEL, _GROUND)
         pybullet.changeDynamics(body, -1, localInertiaDiagonal=(800.0, 2500.0, 2500.0), physicsClientId=self._client)
-        return body, (0, 2, *wheels)
+        return body
 
-    def _multibody(
-        self, start: Pose, mass: float, shape: int, joints: Sequence[Joint], shapes: Mapping[int, int]
-    ) -> int:
-        """A base and its links; every frame's origin is its centre of mass, the base's on the ground."""
-        index = {joint.part: n + 1 for n, joint in enumerate(joints)}
-        count = len(joints)
+    def _multibody(self, start: Pose, mass: float, shape: int, places: Sequence[Vector], foot: int) -> int:
+        """A base and what is fixed to it; every frame's origin is its centre of mass, the base's on the ground."""
+        count = len(places)
         body: int = pybullet.createMultiBody(
             baseMass=mass,
             baseCollisionShapeIndex=shape,
             basePosition=(start.x, start.y, start.z),
             baseOrientation=_quaternion(start),
             linkMasses=[0.05] * count,
-            linkCollisionShapeIndices=[shapes.get(n, -1) for n in range(count)],
+            linkCollisionShapeIndices=[foot] * count,
             linkVisualShapeIndices=[-1] * count,
-            linkPositions=[joint.offset for joint in joints],
+            linkPositions=list(places),
             linkOrientations=[(0.0, 0.0, 0.0, 1.0)] * count,
             linkInertialFramePositions=[(0.0, 0.0, 0.0)] * count,
             linkInertialFrameOrientations=[(0.0, 0.0, 0.0, 1.0)] * count,
-            linkParentIndices=[index.get(joint.parent, 0) for joint in joints],
-            linkJointTypes=[pybullet.JOINT_REVOLUTE] * count,
-            linkJointAxis=[(0, 1, 0) if joint.axis == "y" else (0, 0, 1) for joint in joints],
+            linkParentIndices=[0] * count,
+            linkJointTypes=[pybullet.JOINT_FIXED] * count,
+            linkJointAxis=[(0, 0, 1)] * count,
             physicsClientId=self._client,
         )
         for link in range(-1, count):
@@ -199,9 +176,6 @@ class World:
             if link >= 0:
                 pybullet.changeDynamics(
                     body, link, localInertiaDiagonal=(0.001, 0.001, 0.001), physicsClientId=self._client
-                )
-                pybullet.setJointMotorControl2(
-                    body, link, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=0.0, physicsClientId=self._client
                 )
         return body
 

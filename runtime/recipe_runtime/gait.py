@@ -8,45 +8,51 @@ when the legs are spread, as it must. Proportions after D. A. Winter, Biomechani
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from recipe_compiler import exact
 
 from recipe_runtime.meshes.skeleton import Figure
+from recipe_runtime.posture import Quaternion, about, then
 
 _DUTY = 0.61  # part of a stride during which a foot is on the ground
-_DEGREE = math.pi / 180.0
-
-
-@dataclass(frozen=True)
-class GaitPose:
-    """Angles in radians, in the order of `Figure.joints`, about each joint's axis; and how far the pelvis sinks."""
-
-    angles: tuple[float, ...]
-    sink: float  # metres
 
 
 def stride(figure: Figure, speed: float) -> float:
-    """Length of a stride (two steps) in metres at a speed in m/s."""
-    return figure.hip * min(0.75 + 0.62 * speed, 2.3)
+    """Length of a stride (two steps) in metres at a speed in m/s.
+
+    People of all sizes walk alike at one Froude number, so short legs step quicker (R. McN. Alexander, 1976).
+    """
+    pace = speed / math.sqrt(9.81 * figure.hip)
+    return figure.hip * min(0.75 + 1.85 * pace, 2.3)
 
 
-def pose(figure: Figure, phase: float, speed: float) -> GaitPose:
-    """The pose at a phase; at speed 0 it stands."""
-    walking = min(1.0, speed / 0.5)
-    length = stride(figure, speed)
+def sink(figure: Figure, phase: float, speed: float) -> float:
+    """How far the pelvis sinks, in metres: most when the legs are spread."""
     _, twice = exact.sin_cos_deg(720.0 * (phase - 0.05))
-    sink = walking * (0.003 * figure.height + min(0.029 * length, 0.029 * figure.height) * 0.5 * (1.0 + twice))
+    deepest = min(0.029 * stride(figure, speed), 0.029 * figure.height)
+    return _walking(speed) * (0.003 * figure.height + deepest * 0.5 * (1.0 + twice))
+
+
+def pose(figure: Figure, phase: float, speed: float) -> tuple[Quaternion, ...]:
+    """The turns of `Figure.joints`, in their order, at a phase; at speed 0 it stands."""
     swing = min(1.25, speed / 1.4)
     _, cosine = exact.sin_cos_deg(360.0 * phase)
-    turn = 5.0 * swing * cosine
-    angles = [turn, -turn]
+    turn, lean = 5.0 * swing * cosine, min(5.0, 1.6 * speed)
+    turns = [then(about("z", turn), about("y", lean)), then(about("y", -0.8 * lean), about("z", -turn))]
+    out = 4.0 + 22.0 * max(0.0, figure.girth - 1.0)
     for side in (1.0, -1.0):
         back = side * cosine * swing
-        angles += [24.0 * back - 1.0 * swing, -(8.0 + 9.0 * swing - 8.0 * back)]
+        turns.append(then(about("x", side * out), about("y", 24.0 * back - swing - 0.8 * lean)))
+        turns.append(then(about("x", -0.5 * side * out), about("y", -(9.0 + 10.0 * swing - 9.0 * back))))
+    low, length = sink(figure, phase, speed), stride(figure, speed)
     for k in range(2):
-        angles += _leg(figure, phase + 0.5 * k, length, sink, walking)
-    return GaitPose(tuple(angle * _DEGREE for angle in angles), sink)
+        turns += [about("y", angle) for angle in _leg(figure, phase + 0.5 * k, length, low, _walking(speed))]
+    return tuple(turns)
+
+
+def _walking(speed: float) -> float:
+    """0 for who stands, 1 from half a metre a second on."""
+    return min(1.0, speed / 0.5)
 
 
 def _smooth(u: float) -> float:

@@ -22,11 +22,12 @@ from recipe_compiler.errors import RunError
 from recipe_compiler.plan import ScenePlan
 
 from recipe_runtime import children
+from recipe_runtime.meshes.skeleton import part_names
 from recipe_runtime.trace import METRE, UNIT, Trace
 
 if TYPE_CHECKING:
     from recipe_runtime.bullet import World
-    from recipe_runtime.motion import Mover
+    from recipe_runtime.mover import Mover
 
 PINNED = {
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4",
@@ -117,7 +118,7 @@ def _run(scene: ScenePlan, report: Progress) -> Trace:
         world.step()
         for m in cast:
             m.sense()
-            m.place_limbs()
+            m.advance()
     world.close()
     return record.trace()
 
@@ -126,9 +127,7 @@ class _Record:
     """The Trace while it is written."""
 
     def __init__(self, scene: ScenePlan) -> None:
-        from recipe_runtime.motion import part_names
-
-        self._names = [(actor.name, part_names(actor)) for actor in scene.actors]
+        self._names = [(actor.name, part_names(actor.shape)) for actor in scene.actors]
         frames, parts = scene.clock.frames, sum(len(names) for _, names in self._names)
         self._positions = np.zeros((frames, parts, 3))
         self._rotations = np.zeros((frames, parts, 4))

@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from recipe_compiler.blueprints import BUS, CAR, LIBRARY, PEDESTRIAN, TRUCK, match
+from recipe_compiler.blueprints import BICYCLE, BUS, CAR, LIBRARY, MOTORCYCLE, PEDESTRIAN, TRUCK, match
 
 
 def test_the_library_is_sorted_and_unique() -> None:
@@ -13,14 +13,14 @@ def test_the_library_is_sorted_and_unique() -> None:
 
 @pytest.mark.parametrize(
     ("glob", "count"),
-    [("walker.pedestrian.*", 12), ("vehicle.*", 9), ("vehicle.bus.*", 1), ("VEHICLE.*", 0), ("*", 21)],
+    [("walker.pedestrian.*", 20), ("vehicle.*", 19), ("vehicle.bus.*", 2), ("VEHICLE.*", 0), ("*", 39)],
 )
 def test_globs(glob: str, count: int) -> None:
     assert len(match(glob)) == count
 
 
 def test_tags_are_carlas() -> None:
-    assert (PEDESTRIAN, CAR, TRUCK, BUS) == (12, 14, 15, 16)
+    assert (PEDESTRIAN, CAR, TRUCK, BUS, MOTORCYCLE, BICYCLE) == (12, 14, 15, 16, 18, 19)
     for blueprint in LIBRARY:
         assert (blueprint.tag == PEDESTRIAN) == (blueprint.category == "pedestrian")
 
@@ -29,3 +29,12 @@ def test_palettes_are_colours() -> None:
     for blueprint in LIBRARY:
         for colours in blueprint.palette.values():
             assert all(re.fullmatch("#[0-9a-f]{6}", colour) for colour in colours)
+
+
+def test_generations_and_wheels_are_told() -> None:
+    children = [b for b in LIBRARY if b.attributes.get("generation") == "child"]
+    assert len(children) >= 4
+    assert all(b.shape["height"] < 1.55 and b.shape["head"] > 1.0 for b in children)
+    for blueprint in LIBRARY:
+        wheels = blueprint.attributes.get("number_of_wheels")
+        assert wheels == (None if blueprint.tag == PEDESTRIAN else "2" if blueprint.tag in (18, 19) else "4")

@@ -13,7 +13,8 @@ from recipe_compiler.plan import ActorPlan, Pose
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.meshes.builder import Builder, icosphere, noise
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
-from recipe_runtime.meshes.skeleton import Figure, wheel_joints
+from recipe_runtime.meshes.skeleton import part_names
+from recipe_runtime.studio import matrices, stance
 
 TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
 BODIES = town_bodies(TOWN.plan)
@@ -64,30 +65,38 @@ def test_actors(blueprint: Blueprint) -> None:
     body = actor_body(plan(blueprint))
     assert body.instance == blueprint.tag * 1000 + 3
     assert digest((body,)) == digest((actor_body(plan(blueprint)),))
-    joints = Figure.of(blueprint.shape).joints if blueprint.category == "pedestrian" else wheel_joints(blueprint.shape)
-    assert [name for name, _ in body.parts][1:] == [joint.part for joint in joints]
+    assert tuple(name for name, _ in body.parts) == part_names(blueprint.shape)
+    ridden = blueprint.attributes.get("number_of_wheels") == "2"
     for _, mesh in body.parts:
         check(mesh)
-        assert {s.tag for s in mesh.surfaces} == {blueprint.tag}
         assert {s.slot for s in mesh.surfaces} <= set(blueprint.palette)
         flipped = (face_normals(mesh) * mesh.normals[mesh.triangles[:, 0]]).sum(1) < 0
         assert flipped.mean() < 0.02
+    tags = {s.tag for _, mesh in body.parts for s in mesh.surfaces}
+    assert tags == ({blueprint.tag, 13} if ridden else {blueprint.tag})
 
 
 @pytest.mark.parametrize("blueprint", LIBRARY, ids=lambda b: b.id)
-def test_actors_have_their_size(blueprint: Blueprint) -> None:
-    body = actor_body(plan(blueprint))
-    joints = Figure.of(blueprint.shape).joints if blueprint.category == "pedestrian" else wheel_joints(blueprint.shape)
-    at = {body.parts[0][0]: np.zeros(3)}
-    for joint in joints:
-        at[joint.part] = at[joint.parent] + joint.offset
-    points = np.concatenate([mesh.vertices + at[name] for name, mesh in body.parts])
-    low, high = points.min(0), points.max(0)
+def test_actors_stay_within_a_budget_of_triangles(blueprint: Blueprint) -> None:
+    triangles = sum(len(mesh.triangles) for _, mesh in actor_body(plan(blueprint)).parts)
+    wheels = blueprint.attributes.get("number_of_wheels", "0")
+    assert triangles < {"0": 4000, "4": 6000, "2": 7000}[wheels]
+
+
+@pytest.mark.parametrize("blueprint", LIBRARY, ids=lambda b: b.id)
+def test_actors_have_their_size_and_stand_on_the_ground(blueprint: Blueprint) -> None:
+    actor = plan(blueprint).model_copy(update={"speed": 0.0})
+    parts = matrices(stance(actor))
+    points = [
+        mesh.vertices.astype(np.float64) @ t[:, :3].T + t[:, 3]
+        for (_, mesh), t in zip(actor_body(actor).parts, parts, strict=True)
+    ]
+    low, high = np.concatenate(points).min(0), np.concatenate(points).max(0)
     assert abs(low[2]) < 0.01
-    assert high[2] == pytest.approx(blueprint.shape["height"], rel=0.03)
+    assert high[2] == pytest.approx(blueprint.shape["height"], abs=0.03)
     if blueprint.category == "vehicle":
-        assert high[0] - low[0] == pytest.approx(blueprint.shape["length"], abs=0.1)
-        assert high[1] - low[1] == pytest.approx(blueprint.shape["width"], abs=0.35)  # mirrors
+        assert high[0] - low[0] == pytest.approx(blueprint.shape["length"], abs=0.13)  # bumpers and number plates
+        assert high[1] - low[1] == pytest.approx(blueprint.shape["width"], abs=0.45)  # mirrors
 
 
 def test_vehicles_carry_headlights() -> None:

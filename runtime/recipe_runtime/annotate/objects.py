@@ -21,7 +21,6 @@ Numbers that are not whole have six places and come from exact arithmetic.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -33,6 +32,7 @@ from recipe_compiler.plan import CameraPlan, ScenePlan, fixed
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.engines import Observed
 from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.posture import of_rotation
 from recipe_runtime.trace import METRE, Trace
 from recipe_runtime.transforms import Array, compose, invert, part_transforms
 
@@ -97,24 +97,8 @@ class Annotator:
 
 
 def quaternion(transform: Array) -> tuple[float, float, float, float]:
-    """The rotation of a rigid transform [3, 4] as a unit quaternion w, x, y, z; the first that is not 0 is positive.
-
-    By Shepperd's method (Journal of Guidance and Control 1, 1978): the largest component first, by a square root.
-    """
-    r = [[float(transform[i, j]) for j in range(3)] for i in range(3)]
-    squares = (  # four times each component's square
-        1.0 + r[0][0] + r[1][1] + r[2][2],
-        1.0 + r[0][0] - r[1][1] - r[2][2],
-        1.0 - r[0][0] + r[1][1] - r[2][2],
-        1.0 - r[0][0] - r[1][1] + r[2][2],
-    )
-    a, b, c = r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]
-    d, e, f = r[1][0] + r[0][1], r[0][2] + r[2][0], r[2][1] + r[1][2]
-    products = ((squares[0], a, b, c), (a, squares[1], d, e), (b, d, squares[2], f), (c, e, f, squares[3]))
-    w, x, y, z = products[squares.index(max(squares))]  # four times that component, times each
-    length = math.sqrt(w * w + x * x + y * y + z * z)
-    sign = -1.0 if next(v for v in (w, x, y, z) if v != 0.0) < 0.0 else 1.0
-    return sign * w / length, sign * x / length, sign * y / length, sign * z / length
+    """The rotation of a rigid transform [3, 4] as a unit quaternion w, x, y, z; the first that is not 0 is positive."""
+    return of_rotation([[float(transform[i, j]) for j in range(3)] for i in range(3)])
 
 
 def truncation(projected: Sequence[float], camera: CameraPlan) -> float:

@@ -1,6 +1,6 @@
-"""The joints of pedestrians and vehicles: which part hangs on which, where, and how it turns.
+"""The joints of pedestrians, vehicles and riders: which part hangs on which, and where.
 
-Meshes and simulation share it. At rest all parts have the actor's orientation: x forward, y left, z up.
+Meshes and simulation share it. At rest all parts have the actor's orientation: x forward, y left, z up; limbs hang.
 """
 
 from __future__ import annotations
@@ -9,42 +9,47 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 Offset = tuple[float, float, float]
+SIDES = (("left", 1.0), ("right", -1.0))
+
+BODIES = ("sedan", "hatchback", "suv", "van", "pickup", "bus", "truck", "motorcycle", "bicycle")
+"""Kinds of vehicle: `shape["body"]` counts them from 0, as the compiler's library does."""
+PICKUP, BUS, TRUCK, MOTORCYCLE, BICYCLE = 4, 5, 6, 7, 8
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A part that turns about an axis ("y": revolute, "z": revolute, "zy": steered and rolling) of its parent."""
+    """A part, and the place of its origin from its parent's in metres."""
 
     part: str
     parent: str
-    offset: Offset  # of its origin from its parent's, metres
-    axis: str
+    offset: Offset
 
 
 def _at(*offset: float) -> Offset:
-    x, y, z = (round(v, 6) for v in offset)
+    x, y, z = (round(v, 6) + 0.0 for v in offset)
     return x, y, z
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A pedestrian's measures in metres, from its blueprint's shape."""
+    """A person's measures in metres, from its blueprint's shape."""
 
     height: float
     shoulder: float  # half the distance between the shoulder joints
     girth: float
     head: float  # scale of the head
+    limb: float  # scale of the legs' length: children's are shorter for their height
 
     @classmethod
     def of(cls, shape: Mapping[str, float]) -> Figure:
-        """The figure of a shape."""
-        height = shape["height"]
-        return cls(height, 0.1 * height * shape["shoulder"], shape["girth"], shape["head"])
+        """The figure of a pedestrian's shape, or of a rider's, whose height is `rider`."""
+        height = shape.get("rider", shape["height"])
+        return cls(height, 0.1 * height * shape["shoulder"], shape["girth"], shape["head"], shape["limb"])
 
     @property
     def hip(self) -> float:
         """Height of the hip joints."""
-        return 0.52 * self.height
+        return self.ankle + self.thigh + self.shin
 
     @property
     def ankle(self) -> float:
@@ -54,52 +59,168 @@ class Figure:
     @property
     def thigh(self) -> float:
         """From hip to knee."""
-        return 0.24 * self.height
+        return 0.24 * self.height * self.limb
 
     @property
     def shin(self) -> float:
         """From knee to ankle."""
-        return 0.235 * self.height
+        return 0.235 * self.height * self.limb
+
+    @property
+    def upper_arm(self) -> float:
+        """From shoulder to elbow."""
+        return 0.172 * self.height
 
     @property
     def chest(self) -> float:
         """Height at which the torso turns on the pelvis."""
-        return 0.58 * self.height
+        return self.hip + 0.06 * self.height
+
+    @property
+    def neck(self) -> float:
+        """Height at which the head turns."""
+        return (0.978 - 0.142 * self.head) * self.height
+
+    @property
+    def shoulders(self) -> float:
+        """Height of the shoulder joints."""
+        return self.neck - 0.038 * self.height
 
     @property
     def joints(self) -> tuple[Joint, ...]:
         """All joints, parents first; the base part is `pelvis`, its origin on the ground."""
-        h = self.height
+        return (
+            Joint("torso", "pelvis", _at(0, 0, self.chest)),
+            Joint("head", "torso", _at(0.004 * self.height, 0, self.neck - self.chest)),
+            *self._arms(),
+            *self._legs(self.hip),
+        )
+
+    def seated(self, seat: Offset) -> tuple[Joint, ...]:
+        """The joints of a rider whose hips are at a place of the chassis: its `pelvis` has its origin between them."""
+        return (
+            Joint("pelvis", "chassis", _at(*seat)),
+            Joint("torso", "pelvis", _at(0, 0, self.chest - self.hip)),
+            Joint("head", "torso", _at(0.004 * self.height, 0, self.neck - self.chest)),
+            *self._arms(),
+            *self._legs(0.0),
+        )
+
+    def _arms(self) -> list[Joint]:
+        found = []
+        for side, s in SIDES:
+            found += [
+                Joint(f"upper_arm_{side}", "torso", _at(0, s * self.shoulder, self.shoulders - self.chest)),
+                Joint(f"forearm_{side}", f"upper_arm_{side}", _at(0, 0, -self.upper_arm)),
+            ]
+        return found
+
+    def _legs(self, hip: float) -> list[Joint]:
+        found = []
+        for side, s in SIDES:
+            found += [
+                Joint(f"thigh_{side}", "pelvis", _at(0, s * 0.05 * self.height, hip)),
+                Joint(f"shin_{side}", f"thigh_{side}", _at(0, 0, -self.thigh)),
+                Joint(f"foot_{side}", f"shin_{side}", _at(0, 0, -self.shin)),
+            ]
+        return found
+
+
+def is_person(shape: Mapping[str, float]) -> bool:
+    """Whether a shape is a pedestrian's."""
+    return "body" not in shape
+
+
+def has_rider(shape: Mapping[str, float]) -> bool:
+    """Whether a shape is a two-wheeler's, with somebody on it."""
+    return "rider" in shape
+
+
+@dataclass(frozen=True)
+class Bike:
+    """A two-wheeler's measures in metres, in its chassis' frame: its origin on the ground between the wheels."""
+
+    motor: bool
+    wheel: float  # radius
+    wheelbase: float
+    figure: Figure
+
+    @classmethod
+    def of(cls, shape: Mapping[str, float]) -> Bike:
+        """The measures of a shape with a rider."""
+        return cls(int(shape["body"]) == MOTORCYCLE, shape["wheel"], shape["wheelbase"], Figure.of(shape))
+
+    @property
+    def tyre(self) -> float:
+        """Half a tyre's thickness."""
+        return 0.055 if self.motor else 0.02
+
+    @property
+    def hips(self) -> Offset:
+        """Where the rider's hips are."""
+        h = self.figure.height
+        if self.motor:
+            return _at(-0.19 * self.wheelbase, 0, self.wheel + 0.285 * h)
+        return _at(-0.25 * self.wheelbase, 0, 0.575 * h + 0.02)
+
+    @property
+    def crank(self) -> Offset:
+        """The bottom bracket of a bicycle."""
+        return _at(-0.10 * self.wheelbase, 0, 0.285)
+
+    @property
+    def pedals(self) -> float:
+        """Radius of a bicycle's cranks."""
+        return 0.17 * self.figure.height / 1.75
+
+    @property
+    def steering(self) -> Offset:
+        """The lower end of the steering axis, above the front hub and behind it."""
+        return _at(self.wheelbase / 2 - 0.09, 0, self.wheel + 0.32)
+
+    @property
+    def grips(self) -> Offset:
+        """The left handlebar grip, from the steering's origin."""
+        if self.motor:
+            return _at(-0.22, 0.34, 0.40)
+        return _at(-0.19, 0.28, 0.44)
+
+    def joints(self) -> tuple[Joint, ...]:
+        """Fork, wheels, cranks if it has any, and the rider."""
+        half, (sx, _, sz) = self.wheelbase / 2, self.steering
         found = [
-            Joint("torso", "pelvis", _at(0, 0, self.chest), "z"),
-            Joint("head", "torso", _at(0.004 * h, 0, 0.835 * h - self.chest), "z"),
+            Joint("fork", "chassis", self.steering),
+            Joint("wheel_front", "fork", _at(half - sx, 0, self.wheel - sz)),
+            Joint("wheel_rear", "chassis", _at(-half, 0, self.wheel)),
         ]
-        for side, s in (("left", 1.0), ("right", -1.0)):
-            found += [
-                Joint(f"upper_arm_{side}", "torso", _at(0, s * self.shoulder, 0.797 * h - self.chest), "y"),
-                Joint(f"forearm_{side}", f"upper_arm_{side}", _at(0, s * 0.008 * h, -0.172 * h), "y"),
-            ]
-        for side, s in (("left", 1.0), ("right", -1.0)):
-            found += [
-                Joint(f"thigh_{side}", "pelvis", _at(0, s * 0.05 * h, self.hip), "y"),
-                Joint(f"shin_{side}", f"thigh_{side}", _at(0, 0, -self.thigh), "y"),
-                Joint(f"foot_{side}", f"shin_{side}", _at(0, 0, -self.shin), "y"),
-            ]
-        return tuple(found)
+        if not self.motor:
+            found.append(Joint("crank", "chassis", self.crank))
+        return (*found, *self.figure.seated(self.hips))
 
 
 def wheel_joints(shape: Mapping[str, float]) -> tuple[Joint, ...]:
-    """A vehicle's wheels on its base part `chassis`: front left, front right, rear left, rear right."""
+    """A car's wheels on its base part `chassis`: front left, front right, rear left, rear right."""
     track = shape["width"] / 2 - 0.13 - 0.03 * (shape["width"] > 2.1)
     found = []
     for end, x in (("front", 0.5), ("rear", -0.5)):
         axle = x * shape["wheelbase"] + axle_shift(shape)
-        for side, s in (("left", 1.0), ("right", -1.0)):
-            axis = "zy" if end == "front" else "y"
-            found.append(Joint(f"wheel_{end}_{side}", "chassis", _at(axle, s * track, shape["wheel"]), axis))
+        found += [Joint(f"wheel_{end}_{side}", "chassis", _at(axle, s * track, shape["wheel"])) for side, s in SIDES]
     return tuple(found)
 
 
 def axle_shift(shape: Mapping[str, float]) -> float:
     """How far the middle of the wheelbase lies before the middle of the vehicle."""
-    return {5: 0.35, 6: 0.25}.get(int(shape["body"]), 0.04)
+    return {BUS: 0.2, TRUCK: 0.25, MOTORCYCLE: 0.0, BICYCLE: 0.0}.get(int(shape["body"]), 0.04)
+
+
+def joints_of(shape: Mapping[str, float]) -> tuple[Joint, ...]:
+    """All joints of an actor, parents first; the base part is the first one's parent."""
+    if is_person(shape):
+        return Figure.of(shape).joints
+    return Bike.of(shape).joints() if has_rider(shape) else wheel_joints(shape)
+
+
+def part_names(shape: Mapping[str, float]) -> tuple[str, ...]:
+    """Names of an actor's parts in the Trace's order, its base first."""
+    joints = joints_of(shape)
+    return (joints[0].parent, *(joint.part for joint in joints))

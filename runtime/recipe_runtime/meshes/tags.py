@@ -14,6 +14,7 @@ class Tag(IntEnum):
     POLES = 6
     VEGETATION = 9
     TERRAIN = 10
+    RIDER = 13
     STATIC = 20
     WATER = 23
     ROAD_LINES = 24

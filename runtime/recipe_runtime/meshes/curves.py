@@ -1,0 +1,50 @@
+"""Smooth outlines through a few points, with exact arithmetic only."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+Curve = Sequence[tuple[float, float]]  # places, ascending, and values
+
+
+def smooth(curve: Curve, u: float) -> float:
+    """The curve at a place, by cubics that never overshoot a point (Fritsch and Butland, 1984); level outside."""
+    if u <= curve[0][0]:
+        return curve[0][1]
+    for n in range(len(curve) - 1):
+        (u0, v0), (u1, v1) = curve[n], curve[n + 1]
+        if u <= u1:
+            step, t = u1 - u0, (u - u0) / (u1 - u0)
+            a, b = _slope(curve, n), _slope(curve, n + 1)
+            s = 1.0 - t
+            return s * s * (v0 * (1.0 + 2.0 * t) + step * a * t) + t * t * (v1 * (3.0 - 2.0 * t) - step * b * s)
+    return curve[-1][1]
+
+
+def _slope(curve: Curve, n: int) -> float:
+    """The slope at a point: the harmonic mean of both sides', 0 at a summit; at an end the side's own."""
+    sides = [
+        (curve[k + 1][1] - curve[k][1]) / (curve[k + 1][0] - curve[k][0]) for k in (n - 1, n) if 0 <= k < len(curve) - 1
+    ]
+    if len(sides) == 1:
+        return sides[0]
+    before, after = sides
+    return 2.0 * before * after / (before + after) if before * after > 0.0 else 0.0
+
+
+def straight(curve: Curve, u: float) -> float:
+    """The curve at a place, by straight lines; level outside."""
+    if u <= curve[0][0]:
+        return curve[0][1]
+    for n in range(len(curve) - 1):
+        (u0, v0), (u1, v1) = curve[n], curve[n + 1]
+        if u <= u1:
+            return v0 + (v1 - v0) * (u - u0) / (u1 - u0)
+    return curve[-1][1]
+
+
+def quarter(t: float) -> float:
+    """How far out a quarter circle has come at t of its depth: 0 at 0, 1 from 1 on."""
+    t = max(0.0, min(1.0, t))
+    return math.sqrt(t * (2.0 - t))

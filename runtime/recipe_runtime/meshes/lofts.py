@@ -1,0 +1,65 @@
+"""Round shapes through cross-sections: limbs, torsos, tubes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from recipe_runtime.meshes.builder import Array, Builder, Vec, circle, cross, unit
+from recipe_runtime.meshes.mesh import Surface
+
+Section = tuple[float, float, float, float]  # z, half depth (x), half width (y), x of its centre
+
+
+def rings(sections: Sequence[Section], y: float = 0.0, square: float = 0.0, sides: int = 10) -> Array:
+    """Rings of a loft, lowest first; `square` > 0 makes the ovals fuller."""
+    rows = []
+    for z, rx, ry, cx in sections:
+        row = []
+        for c, s in circle(sides):
+            k = 1.0 + square * 4.0 * c * c * s * s
+            row.append((cx + rx * c * k, y + ry * s * k, z))
+        rows.append(row)
+    return np.array(rows)
+
+
+def loft(
+    b: Builder,
+    surface: Surface,
+    sections: Sequence[Section],
+    y: float = 0.0,
+    square: float = 0.0,
+    sides: int = 10,
+    domes: int = 2,
+) -> None:
+    """A smooth shape through sections listed from below to above, closed by round ends beyond the first and last.
+
+    Two limbs that end at one joint with one radius make one smooth knee or elbow, however it bends. `domes` is how
+    many rings each end has: 0 leaves it flat.
+    """
+    out = ((), (0.8,), (0.97, 0.72))[domes]
+    low = [_dome(sections[0], k, -1.0) for k in out]
+    high = [_dome(sections[-1], k, 1.0) for k in out[::-1]]
+    b.grid(surface, rings([*low, *sections, *high], y, square, sides), crease=-1.0, caps=(surface, surface))
+
+
+def _dome(section: Section, out: float, sign: float) -> Section:
+    z, rx, ry, cx = section
+    k = float(np.sqrt(1.0 - out * out))
+    return (z + sign * out * min(rx, ry), rx * k, ry * k, cx)
+
+
+def tube(b: Builder, surface: Surface, path: Sequence[Vec], radius: float | Sequence[float], sides: int = 8) -> None:
+    """A round bar along a path in space, its ends closed."""
+    p = np.array(path, np.float64)
+    ahead = unit(np.concatenate([p[1:2] - p[0:1], p[2:] - p[:-2], p[-1:] - p[-2:-1]]))
+    aside = np.where(np.abs(ahead[:, 1:2]) < 0.8, [[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]])
+    u = unit(cross(aside, ahead))
+    v = cross(ahead, u)
+    radii = np.broadcast_to(np.array(radius, np.float64), (len(p),))
+    rows = [
+        [[o + r * (c * a + s * e) for o, a, e in zip(q, x, y, strict=True)] for c, s in circle(sides)]
+        for q, x, y, r in zip(p.tolist(), u.tolist(), v.tolist(), radii.tolist(), strict=True)
+    ]
+    b.grid(surface, rows, crease=0.3, caps=(surface, surface))
