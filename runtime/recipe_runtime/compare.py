@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from recipe_compiler.lockfile import Lockfile
 from recipe_compiler.plan import DatasetPlan
 
@@ -84,6 +86,18 @@ def _uneven(kind: str, missing: list[str], surplus: list[str]) -> list[str]:
 def compare_locks(plan: DatasetPlan, lock: Lockfile, made: Lockfile) -> list[Difference]:
     """What a finished build differs in from a lockfile, stage by stage."""
     found = compare_rows(plan, lock) + compare_files(lock, made.files) + compare_plans(plan, lock)
+    return sorted(found + _digests(lock, made), key=lambda difference: ORDER.index(difference.stage))
+
+
+def compare_datasets(plan: DatasetPlan, lock: Lockfile, held: Lockfile, name: str) -> list[Difference]:
+    """What a dataset of that name says otherwise than a recipe's plan and its lockfile, whoever made it."""
+    found = compare_plans(plan, held) + _digests(lock, held)
+    return [replace(difference, message=f"{name}: {difference.message}") for difference in found]
+
+
+def _digests(lock: Lockfile, made: Lockfile) -> list[Difference]:
+    """Motion and frames that both tell of, and that differ."""
+    found = []
     for scene, trace in made.traces.items():
         if scene in lock.traces and lock.traces[scene] != trace:
             found.append(Difference("trace", f"scene {scene[:16]} moves otherwise", excuse_of("trace", lock)))
@@ -94,7 +108,7 @@ def compare_locks(plan: DatasetPlan, lock: Lockfile, made: Lockfile) -> list[Dif
             stage, name = stage_of(modality), names[key]
             message = f"{name}, {sensor}, frame {frame}: {modality} differs"
             found.append(Difference(stage, message, excuse_of(stage, lock), name, sensor, frame, modality))
-    return sorted(found, key=lambda difference: ORDER.index(difference.stage))
+    return found
 
 
 def excuse_of(stage: str, lock: Lockfile) -> str | None:

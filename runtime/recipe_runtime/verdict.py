@@ -43,6 +43,7 @@ class Report:
     bound: Bound
     differences: list[Difference] = field(default_factory=list)
     pictures: list[str] = field(default_factory=list)
+    files: int | None = None  # hashed, where nothing was rendered
 
     @property
     def stage(self) -> str | None:
@@ -59,6 +60,8 @@ class Report:
     @property
     def extent(self) -> str:
         """How much was compared, and what that shows; a bound is shown only where nothing differs."""
+        if self.files is not None:
+            return f"{self.files} files hashed, no frame rendered"
         if self.verdict == "PASS":
             return str(self.bound)
         frames = {(d.variant, d.sensor, d.frame) for d in self.differences if d.frame is not None}
@@ -67,7 +70,7 @@ class Report:
     def document(self) -> dict[str, Any]:
         """The report as plain JSON values."""
         bound = {"checked": self.bound.checked, "total": self.bound.total, "confidence": self.bound.confidence}
-        below = round(self.bound.differing, 6) if self.verdict == "PASS" else None
+        below = round(self.bound.differing, 6) if self.verdict == "PASS" and self.files is None else None
         return {
             "name": self.name,
             "identity": self.identity,

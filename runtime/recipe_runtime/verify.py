@@ -18,7 +18,7 @@ from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime import host, layout, locking
-from recipe_runtime.compare import compare_files, compare_plans, compare_rows, excuse_of, stage_of
+from recipe_runtime.compare import compare_datasets, compare_files, compare_plans, compare_rows, excuse_of, stage_of
 from recipe_runtime.dataset import Dataset, damaged_files, regular_file, text_differences
 from recipe_runtime.engines import Engines, Progress, real_engines
 from recipe_runtime.report.difference import differing_pixels, write_difference
@@ -71,6 +71,8 @@ def verify(
     if files is not None:
         differences += compare_files(lock, files)
     differences += compare_plans(plan, lock)
+    if dataset is not None and dataset.lock is not lock:
+        differences += compare_datasets(plan, lock, dataset.lock, str(dataset.root))
     other = {d.variant for d in differences if d.stage == "plan"}
     chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
     pictures: list[str] = []
@@ -86,6 +88,16 @@ def verify(
             pictures = check.draw(differences, options.pictures)
     bound = Bound(compared, len(choices), options.confidence)
     return Report(plan.recipe, lock.identity, options.nonce, bound, differences, pictures)
+
+
+def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Report:
+    """Compare a dataset's files with its manifest, and that with its plan; nothing is simulated or rendered."""
+    differences = compare_rows(dataset.plan, dataset.lock)
+    differences += [Difference("file", message) for message in damaged_files(dataset, progress)]
+    bound = Bound(0, len(all_choices(dataset.plan)), options.confidence)
+    return Report(
+        dataset.plan.recipe, dataset.lock.identity, options.nonce, bound, differences, files=len(dataset.files)
+    )
 
 
 def all_choices(plan: DatasetPlan) -> list[Choice]:

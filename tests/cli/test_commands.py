@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -329,3 +330,61 @@ def test_traces_lie_beside_the_lockfile_if_asked_for(folder: Path, tmp_path: Pat
     assert (refused.returncode, "small.traces: cannot be used" in refused.stderr) == (2, True)
     assert run("lock", "small.yaml", "--update", cwd=tmp_path).returncode == 0  # what is there does not fall behind
     assert run("verify", "small.yaml", cwd=tmp_path).returncode == 0
+
+
+def _project(folder: Path, root: Path, *names: str) -> Path:
+    """A copy of some files of a project."""
+    for name in names:
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        if (folder / name).is_dir():
+            shutil.copytree(folder / name, root / name)
+        else:
+            shutil.copy(folder / name, root / name)
+    return root
+
+
+def test_a_locked_build_refuses_a_recipe_that_moved_on(folder: Path, tmp_path: Path) -> None:
+    root = _project(folder, tmp_path, "small.yaml", "lockfiles")
+    (root / "small.yaml").write_text(RECIPE.replace("wet: {", "misty: {weather: {fog_density: 20}}, wet: {"))
+    refused = run("build", "small.yaml", "--locked", cwd=root)
+    assert refused.returncode == 2 and not (root / "datasets").exists()
+    assert "the lockfile has no variant weather=misty" in refused.stderr
+    frozen = run("build", "small.yaml", "--frozen", "--workers", "1", cwd=root)
+    assert frozen.returncode == 0, frozen.stderr
+    assert "2 of 3 variants; 4 frames" in frozen.stdout
+    assert not (root / "datasets" / "small" / "weather=misty").exists()
+    (root / "small.yaml").write_text(RECIPE.replace("wet: {weather: HardRainNoon}", "wet: {weather: WetNoon}"))
+    for option in ("--locked", "--frozen"):
+        refused = run("build", "small.yaml", option, cwd=root)
+        assert refused.returncode == 2 and "weather=wet: another appearance plan" in refused.stderr
+
+
+def test_a_locked_build_needs_a_lockfile(folder: Path, tmp_path: Path) -> None:
+    root = _project(folder, tmp_path, "small.yaml")
+    refused = run("build", "small.yaml", "--locked", cwd=root)
+    assert (refused.returncode, refused.stderr.endswith("there is no lockfile; `recipe lock` writes it\n")) == (2, True)
+
+
+def test_integrity_hashes_files_and_renders_nothing(folder: Path, tmp_path: Path) -> None:
+    root = _project(folder, tmp_path, "datasets")
+    dataset = root / "datasets" / "small"
+    clean = run("verify", "datasets/small", "--integrity", cwd=root)
+    assert (clean.returncode, "files hashed, no frame rendered" in clean.stdout) == (0, True)
+    picture = dataset / "weather=dry" / "street" / "rgb" / "000001.png"
+    picture.write_bytes(picture.read_bytes()[:-1] + b"!")
+    spoiled = run("verify", "datasets/small", "--integrity", cwd=root)
+    assert (spoiled.returncode, "000001.png" in spoiled.stdout) == (1, True)
+    assert run("verify", "small.yaml", "--integrity", cwd=folder).returncode == 2
+
+
+def test_a_dataset_from_elsewhere_is_held_against_a_recipe(folder: Path, tmp_path: Path) -> None:
+    root = _project(folder, tmp_path, "small.yaml", "datasets", "lockfiles")
+    there = root / "downloaded"
+    (root / "datasets" / "small").rename(there)
+    same = run("verify", "small.yaml", "--against", "downloaded", "--all", cwd=root)
+    assert (same.returncode, same.stdout.splitlines()[0]) == (0, "PASS  small.yaml"), same.stdout
+    (root / "other.yaml").write_text(RECIPE.replace("y: 1, yaw", "y: 2, yaw").replace("recipe: small", "recipe: other"))
+    other = run("verify", "other.yaml", "--against", "downloaded", cwd=root)
+    assert other.returncode == 1
+    assert "plan: weather=dry: another scene plan" in other.stdout
+    assert run("verify", "small.yaml", "other.yaml", "--against", "downloaded", cwd=root).returncode == 2

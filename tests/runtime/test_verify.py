@@ -370,3 +370,14 @@ def test_a_text_of_another_release_is_inconclusive(built: Path, tmp_path: Path) 
     report = check_folder(root)
     assert (report.verdict, report.stage) == ("INCONCLUSIVE", "file")
     assert "made with dataset-recipe 0.0.9" in str(report.differences[0])
+
+
+def test_a_dataset_is_held_against_another_lockfile(locked: Lockfile, built: Path) -> None:
+    held = datasets.read(built)
+    options = Options(nonce=1, count=1, workers=0)
+    assert verify(PLAN, locked, options, quiet, files=FILES, dataset=held, engines=fakes.ENGINES).verdict == "PASS"
+    row = next(k for k in held.lock.frames if k[2] == "depth")
+    wrong = replace(held, lock=replace(held.lock, frames={**held.lock.frames, row: "0" * 64}))
+    report = verify(PLAN, locked, options, quiet, files=FILES, dataset=wrong, engines=fakes.ENGINES)
+    assert (report.verdict, report.stage) == ("FAIL", "observation")
+    assert report.differences[0].message.startswith(f"{built}: ")

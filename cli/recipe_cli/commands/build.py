@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from recipe_cli.progress import Progress
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.lockfile import Lockfile
+    from recipe_compiler.plan import DatasetPlan
     from recipe_runtime.build import BuildResult
 
 
@@ -25,17 +27,29 @@ if TYPE_CHECKING:
     metavar="DIR",
     help="Where to put it; datasets/<recipe> by default.",
 )
+@click.option("--locked", is_flag=True, help="Build nothing unless the recipe still compiles to its lockfile.")
+@click.option("--frozen", is_flag=True, help="Build the variants of the lockfile, and none that came later.")
 @click.option("--explain", is_flag=True, help="Say why each stage runs, or does not.")
 @WORKERS
 @ALLOW_LARGE
 @JSON
 def command(
-    recipe: Path, out: Path | None, explain: bool, workers: int | None, allow_large: bool, as_json: bool
+    recipe: Path,
+    out: Path | None,
+    locked: bool,
+    frozen: bool,
+    explain: bool,
+    workers: int | None,
+    allow_large: bool,
+    as_json: bool,
 ) -> None:
     """Build RECIPE's dataset, and check it against its lockfile if there is one."""
     compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(out or Path()))
     out = out or Path("datasets") / compiled.plan.recipe
-    locked = _lockfile(recipe, compiled)
+    lock = _lockfile(recipe, compiled)
+    if locked or frozen:
+        plan = _agreed(recipe, compiled, lock, frozen)
+        compiled = replace(compiled, plan=plan, files=compiled.files if locked or lock is None else lock[1].files)
     from recipe_runtime.build import build
 
     reasons: list[str] = []
@@ -45,7 +59,7 @@ def command(
     except KeyboardInterrupt:
         click.echo("interrupted; what is finished is kept, and the same command goes on from there", err=True)
         raise click.exceptions.Exit(130) from None
-    differences = _against(locked, recipe, compiled, result)
+    differences = _against(lock, recipe, compiled, result)
     if as_json:
         print_json(
             {"path": str(out), "identity": result.identity, "built": result.built, "wall": round(result.wall, 3)}
@@ -71,6 +85,31 @@ def _lockfile(recipe: Path, compiled: Compiled) -> tuple[Path, Lockfile] | None:
     return (path, lockfile.read(path)) if path.exists() else None
 
 
+def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None, frozen: bool) -> DatasetPlan:
+    """The plan as far as the lockfile knows it; InputError if a locked variant is another now, or there is no lockfile.
+
+    Unless `frozen`, the whole plan must be the lockfile's.
+    """
+    from recipe_compiler.errors import InputError, Problem
+    from recipe_compiler.plan import DatasetPlan
+    from recipe_runtime.compare import compare_files, compare_plans
+
+    if lock is None:
+        raise InputError(
+            f"{lockfile_path(recipe, compiled.plan.recipe)}: there is no lockfile; `recipe lock` writes it"
+        )
+    path, known = lock
+    plan, differences = compiled.plan, [] if frozen else compare_files(known, compiled.files)
+    if frozen:
+        by_name = {v.variant: v for v in plan.variants}
+        variants = tuple(by_name[name] for name in known.variants if name in by_name)
+        plan = DatasetPlan.model_validate({**dict(plan), "variants": variants})
+    differences += compare_plans(plan, known)
+    if differences:
+        raise InputError([Problem(f"{path}: {difference}") for difference in differences])
+    return plan
+
+
 def _against(
     locked: tuple[Path, Lockfile] | None, recipe: Path, compiled: Compiled, result: BuildResult
 ) -> list[str] | None:
@@ -87,8 +126,12 @@ def _against(
 
 def _say(compiled: Compiled, out: Path, result: BuildResult) -> None:
     if result.built:
-        frames, rate = compiled.cost.frames, compiled.cost.frames / max(result.wall, 1e-9)
-        click.echo(f"{out}: {compiled.cost}; {frames} frames in {result.wall:.1f} s, {rate:.1f} a second")
+        plan = compiled.plan
+        frames = sum(v.scene.clock.frames * len(v.rig.sensors) for v in plan.variants)
+        rate = frames / max(result.wall, 1e-9)
+        whole = len(plan.variants) == compiled.cost.variants  # a frozen build may leave some out
+        what = str(compiled.cost) if whole else f"{len(plan.variants)} of {compiled.cost.variants} variants"
+        click.echo(f"{out}: {what}; {frames} frames in {result.wall:.1f} s, {rate:.1f} a second")
     else:
         click.echo(f"{out}: there already (sizes checked; `recipe verify {out}` checks bytes)")
     click.echo(f"look at {out / 'preview' / 'contact_sheet.png'}")

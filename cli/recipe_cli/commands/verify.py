@@ -32,6 +32,13 @@ _MOST_SHOWN = 20
 )
 @click.option("--frames", type=click.IntRange(1), help="Check this many frames, whatever the bound.")
 @click.option("--all", "everything", is_flag=True, help="Check every frame.")
+@click.option("--integrity", is_flag=True, help="Hash the files of dataset folders, and render nothing.")
+@click.option(
+    "--against",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DATASET",
+    help="Hold this dataset folder, from wherever it is, against the recipe named.",
+)
 @click.option(
     "--pictures",
     type=click.Path(path_type=Path, file_okay=False),
@@ -49,6 +56,8 @@ def command(
     bound: float,
     frames: int | None,
     everything: bool,
+    integrity: bool,
+    against: Path | None,
     pictures: Path,
     allow_large: bool,
     workers: int | None,
@@ -57,8 +66,10 @@ def command(
     """Re-render sample frames of TARGETS and compare bytes.
 
     A target is a recipe (with its lockfile), a lockfile (with its recipe), or a dataset folder; without any, all
-    lockfiles. Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE.
+    lockfiles. With --against, the dataset is held against the recipe and its lockfile (its own digests, without one).
+    Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE.
     """
+    from recipe_compiler.errors import InputError
     from recipe_runtime.entropy import fresh_nonce
     from recipe_runtime.verify import Options
 
@@ -72,8 +83,10 @@ def command(
         pictures=pictures,
     )
     reports = []
+    if against is not None and (len(targets) != 1 or targets[0].is_dir() or integrity):
+        raise InputError("--against holds a dataset against one recipe or lockfile; name that one")
     for target in targets or _all_lockfiles():
-        report = _verify(target, options, allow_large)
+        report = _integrity(target, options) if integrity else _verify(target, options, allow_large, against)
         reports.append(report)
         if not as_json:
             _say(target, report)
@@ -91,7 +104,19 @@ def _all_lockfiles() -> list[Path]:
     return found
 
 
-def _verify(target: Path, options: Options, allow_large: bool) -> Report:
+def _integrity(target: Path, options: Options) -> Report:
+    """Whether a dataset's files are those that its manifest lists."""
+    from recipe_compiler.errors import InputError
+    from recipe_runtime import dataset
+    from recipe_runtime.verify import verify_files
+
+    if not target.is_dir():
+        raise InputError(f"{target}: --integrity hashes the files of a dataset folder; this is none")
+    with Progress() as progress:
+        return verify_files(dataset.read(target), options, progress)
+
+
+def _verify(target: Path, options: Options, allow_large: bool, against: Path | None) -> Report:
     from recipe_compiler import lockfile
     from recipe_compiler.compile import compile_recipe
     from recipe_runtime import dataset, traces
@@ -99,17 +124,18 @@ def _verify(target: Path, options: Options, allow_large: bool) -> Report:
 
     with Progress() as progress:
         if target.is_dir():
-            held = dataset.read(target)
-            return verify(held.plan, held.lock, options, progress, dataset=held)
+            folder = dataset.read(target)
+            return verify(folder.plan, folder.lock, options, progress, dataset=folder)
+        held = dataset.read(against) if against is not None else None
         if target.suffix == ".lock":
             path, lock = target, lockfile.read(target)
             compiled = compile_recipe(recipe_of(path, lock), allow_large=allow_large)
         else:
             compiled = compile_recipe(target, allow_large=allow_large)
             path = lockfile_path(target, compiled.plan.recipe)
-            lock = lockfile.read(path)
+            lock = held.lock if held is not None and not path.exists() else lockfile.read(path)
         held_traces = traces.read(traces.beside(path), lock.traces)
-        return verify(compiled.plan, lock, options, progress, files=compiled.files, traces=held_traces)
+        return verify(compiled.plan, lock, options, progress, files=compiled.files, dataset=held, traces=held_traces)
 
 
 def _say(target: Path, report: Report) -> None:
