@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-torch bench presets lock verify golden requirements clean
+.PHONY: help demo test check install install-dev test-quick test-cpus test-torch test-gpu bench presets lock verify golden requirements clean
 
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -52,6 +52,9 @@ test-quick: install-dev  ## the tests that take under ten seconds each
 
 test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)
 	$(BIN)/python -m pytest -q -m cpus --durations=0
+
+test-gpu: install-dev  ## the same bytes on a CUDA GPU; skipped, with the reason, where there is none
+	$(BIN)/python -m pytest -q -m gpu -rs
 
 test-torch: install-dev  ## the PyTorch dataset, with PyTorch installed for it (CPU build where there is one)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0'

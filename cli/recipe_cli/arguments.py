@@ -17,6 +17,12 @@ if TYPE_CHECKING:
 RECIPE = click.argument("recipe", type=click.Path(path_type=Path))
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document for a program to read.")
 ALLOW_LARGE = click.option("--allow-large", is_flag=True, help="Go on though the recipe is over the size limit.")
+DEVICE = click.option(
+    "--device",
+    default="cpu",
+    show_default=True,
+    help="Where frames are rendered: cpu, cuda (every GPU here) or cuda:N.",
+)
 WORKERS = click.option(
     "--workers", type=click.IntRange(1, 256), default=None, help="Worker processes; one a CPU core by default."
 )
@@ -58,8 +64,16 @@ def print_json(value: Any) -> None:
     click.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
-def worker_count(asked: int | None) -> int:
-    """The number of workers asked for, else the number of CPU cores that this process may use."""
+def worker_count(asked: int | None, device: str = "cpu") -> int:
+    """The number of workers asked for, else the number of CPU cores that this process may use.
+
+    Workers on a GPU share it: while one encodes, another renders; more than eight a GPU only fill its memory.
+    """
     import os
 
-    return asked or max(1, len(os.sched_getaffinity(0)))
+    cores = max(1, len(os.sched_getaffinity(0)))
+    if asked or device == "cpu":
+        return asked or cores
+    from recipe_runtime.engines import devices
+
+    return min(cores, 8 * len(devices(device)))

@@ -23,7 +23,7 @@ from recipe_compiler.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime import pool
 from recipe_runtime.admission import check_plan
-from recipe_runtime.engines import Engines, Progress, real_engines
+from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.finish import Finisher
 from recipe_runtime.harvest import Harvest
 from recipe_runtime.manifest import head, is_whole
@@ -76,7 +76,9 @@ def build(
     if manifest is not None and is_whole(manifest, dataset, out):
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out)
-    studio = _Studio(dataset, engines or real_engines(), device, cache or default_cache(), progress or _silence)
+    studio = _Studio(
+        dataset, engines or real_engines(), devices(device), cache or default_cache(), progress or _silence
+    )
     with Workspace(out, {**head(dataset), "builder": builder()}) as work:
         new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
         harvest = studio.simulate()
@@ -98,7 +100,7 @@ class _Studio:
 
     dataset: DatasetPlan
     engines: Engines
-    device: str
+    devices: tuple[str, ...]
     cache: Path
     progress: Progress
     watch: Stopwatch = field(default_factory=Stopwatch)
@@ -175,7 +177,7 @@ class _Studio:
             self.progress("render", so_far, total)
 
         self.progress("render", 0, total)
-        job = Job(self.dataset, self.engines, self.device, self.cache, work.dataset, resumes=True)
+        job = Job(self.dataset, self.engines, self.devices, self.cache, work.dataset, resumes=True)
         for stage, seconds in pool.run(job, todo, workers, done, tick).items():
             self.watch.add(stage, seconds)
         return len(shards) - len(todo), len(shards)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.errors import RunError
+from recipe_compiler.errors import InputError, RunError
 from recipe_compiler.plan import AppearancePlan, CameraPlan, ScenePlan
 
 from recipe_runtime import host
@@ -72,6 +73,30 @@ class Engines:
 def real_engines() -> Engines:
     """PyBullet's simulation, the library's meshes, and the Warp renderer; each imported when first used."""
     return Engines(simulate=_simulate, actors=_actors, renderer=_renderer)
+
+
+def devices(name: str) -> tuple[str, ...]:
+    """The devices that a name stands for: `cpu`; `cuda`, all of this host's; `cuda:1`, that one.
+
+    InputError for any other name, and for what this host has not.
+    """
+    if name == "cpu":
+        return ("cpu",)
+    if re.fullmatch(r"cuda(:\d{1,3})?", name) is None:
+        raise InputError(f"--device {name!r} is none; write cpu, cuda (every GPU here), or cuda:N for one of them")
+    reason = host.cannot_render()
+    if reason:
+        raise RunError(reason)
+    from recipe_runtime.render.device import cuda_devices
+
+    there = cuda_devices()
+    if not there:
+        raise InputError(
+            f"--device {name}: there is no CUDA GPU here, or no driver for it; --device cpu gives equal bytes"
+        )
+    if name != "cuda" and name not in there:
+        raise InputError(f"--device {name}: this host has {', '.join(there)}")
+    return tuple(there) if name == "cuda" else (name,)
 
 
 def _simulate(scene: ScenePlan) -> Trace:

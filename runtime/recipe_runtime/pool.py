@@ -67,9 +67,9 @@ class _Pool:
             with _interrupts_blocked():
                 for _ in range(workers):
                     self._start(watched)
-            for pipe in self._processes:
+            for number, pipe in enumerate(self._processes):
                 with _as_loss(self, pipe):
-                    pipe.send(job)
+                    pipe.send((job, number))
         except BaseException:
             self._stop()
             raise
@@ -151,13 +151,13 @@ def _as_loss(pool: _Pool, pipe: End) -> Iterator[None]:
 
 
 def serve() -> None:
-    """A worker's life: take the job, then shards until the pipe closes. Its arguments are the two pipes' numbers."""
+    """A worker's life: take the job and a number, then shards until the pipe closes. Its arguments: two pipes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     work, watched = map(int, sys.argv[1:])
     threading.Thread(target=_end_with_parent, args=(watched,), daemon=True).start()
     pipe: End = Connection(work)
     try:
-        worker = Worker(pipe.recv())
+        worker = Worker(*pipe.recv())
         while True:
             pipe.send(_answer(worker, pipe.recv(), lambda count: pipe.send(("tick", count))))
             worker.watch.seconds.clear()

@@ -22,7 +22,7 @@ from recipe_compiler.plan import ScenarioPlan, ScenePlan, SensorPlan
 
 from recipe_runtime import encode
 from recipe_runtime.annotate.objects import Record
-from recipe_runtime.engines import Engines, Observed, real_engines
+from recipe_runtime.engines import Engines, Observed, devices, real_engines
 from recipe_runtime.frames import SceneSource, label_array
 from recipe_runtime.store import Store
 from recipe_runtime.versions import builder
@@ -35,7 +35,7 @@ class Scenes:
     """The scenes that this process has at hand, the last used first to stay; those of another process are not ours."""
 
     def __init__(self, device: str = "cpu", engines: Engines | None = None, store: Store | None = None) -> None:
-        self.device = device
+        self.device = devices(device)[0]
         self._engines = engines or real_engines()
         self._store = store or Store()
         self._process = os.getpid()

@@ -12,7 +12,7 @@ from recipe_compiler.errors import InputError
 from recipe_compiler.plan import ScenarioPlan, SensorPlan
 
 from recipe_runtime import encode
-from recipe_runtime.engines import Engines, real_engines
+from recipe_runtime.engines import Engines, devices, real_engines
 from recipe_runtime.frames import FrameSource, pixel_digest
 from recipe_runtime.report.colours import depth_picture, instance_picture, semantic_picture
 from recipe_runtime.store import Store, host_errors, write_atomic
@@ -53,6 +53,7 @@ def shot(
     *,
     engines: Engines | None = None,
     store: Store | None = None,
+    device: str = "cpu",
 ) -> Shot:
     """Render one frame; by default the first sensor's, the middle one, in colour. InputError for what is not there."""
     engines, store = engines or real_engines(), store or Store()
@@ -66,7 +67,7 @@ def shot(
     if modality not in plan.capture:
         raise InputError(f"the sensor {plan.name} captures {', '.join(plan.capture)}, not {modality!r}")
     trace = store.trace(scenario.scene, lambda: engines.simulate(scenario.scene))
-    pixels = FrameSource(scenario, trace, engines=engines).render(plan.name, frame)[modality]
+    pixels = FrameSource(scenario, trace, devices(device)[0], engines=engines).render(plan.name, frame)[modality]
     return Shot(plan.name, frame, modality, pixels)
 
 

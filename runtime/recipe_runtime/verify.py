@@ -20,7 +20,7 @@ from recipe_compiler.plan import DatasetPlan, ScenePlan
 from recipe_runtime import host, layout, locking
 from recipe_runtime.compare import compare_datasets, compare_files, compare_plans, compare_rows, excuse_of, stage_of
 from recipe_runtime.dataset import Dataset, damaged_files, regular_file, text_differences
-from recipe_runtime.engines import Engines, Progress, real_engines
+from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.report.difference import differing_pixels, write_difference
 from recipe_runtime.sample import Bound, draw, sample_size
 from recipe_runtime.schedule import chosen_shards
@@ -179,7 +179,7 @@ class _Check:
     def _frames(self, chosen: list[Choice]) -> list[Difference]:
         root = self.folder / "made" if self.dataset else None
         shards, options = chosen_shards(self.plan, chosen), self.options
-        job = Job(self.plan, self.engines, options.device, self.folder, root)
+        job = Job(self.plan, self.engines, devices(options.device), self.folder, root)
         rows = locking.render_rows(job, shards, options.workers, self.progress)
         keys = locking.bare(self.plan, "", {}).variants
         found = [self._frame(choice, keys[choice[0]], rows) for choice in chosen]
@@ -240,7 +240,13 @@ class _Check:
             assert case.variant is not None and case.sensor is not None
             scenario = next(v for v in self.plan.variants if v.variant == case.variant)
             made = shot(
-                scenario, case.sensor, case.frame, case.modality, engines=self.engines, store=Store(self.folder)
+                scenario,
+                case.sensor,
+                case.frame,
+                case.modality,
+                engines=self.engines,
+                store=Store(self.folder),
+                device=self.options.device,
             )
             there = None
             if self.dataset:

@@ -31,14 +31,14 @@ FrameRecord = dict[str, Any]
 
 @dataclass(frozen=True)
 class Job:
-    """What every worker knows. `root` is the folder to write in; None: digests only.
+    """What every worker knows. `root` is the folder to write in; None: digests only. Workers share out the `devices`.
 
     `resumes`: a build, which takes up what was done before it failed.
     """
 
     dataset: DatasetPlan
     engines: Engines
-    device: str
+    devices: tuple[str, ...]
     cache: Path
     root: Path | None
     resumes: bool = False
@@ -72,8 +72,9 @@ class Stopwatch:
 class Worker:
     """Does shards, one after the other, and keeps the renderer of the scene that it is at."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: Job, number: int = 0) -> None:
         self._job = job
+        self._device = job.devices[number % len(job.devices)]
         self._views = views(job.dataset)
         self._source: SceneSource | None = None
         self.watch = Stopwatch()
@@ -102,7 +103,7 @@ class Worker:
             self._source = None  # let go of one renderer before the next is made
             with self.watch("load"):
                 trace = Store(job.cache).trace(scene, lambda: job.engines.simulate(scene))
-                self._source = SceneSource(scene, trace, device=job.device, engines=job.engines)
+                self._source = SceneSource(scene, trace, device=self._device, engines=job.engines)
                 _ = self._source.renderer, self._source.annotator
         return self._source
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, WORKERS, compile_quietly, print_json, worker_count
+from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, RECIPE, WORKERS, compile_quietly, print_json, worker_count
 from recipe_cli.places import free_disk, lockfile_path, source_of
 from recipe_cli.progress import Progress
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 @click.option("--locked", is_flag=True, help="Build nothing unless the recipe still compiles to its lockfile.")
 @click.option("--frozen", is_flag=True, help="Build the variants of the lockfile, and none that came later.")
 @click.option("--explain", is_flag=True, help="Say why each stage runs, or does not.")
+@DEVICE
 @WORKERS
 @ALLOW_LARGE
 @JSON
@@ -39,6 +40,7 @@ def command(
     locked: bool,
     frozen: bool,
     explain: bool,
+    device: str,
     workers: int | None,
     allow_large: bool,
     as_json: bool,
@@ -53,9 +55,10 @@ def command(
     from recipe_runtime.build import build
 
     reasons: list[str] = []
+    count = worker_count(workers, device)  # says before the work if there is no such device
     try:
         with Progress() as progress:
-            result = build(compiled.plan, out, workers=worker_count(workers), progress=progress, explain=reasons.extend)
+            result = build(compiled.plan, out, workers=count, progress=progress, device=device, explain=reasons.extend)
     except KeyboardInterrupt:
         click.echo("interrupted; what is finished is kept, and the same command goes on from there", err=True)
         raise click.exceptions.Exit(130) from None

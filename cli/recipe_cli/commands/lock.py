@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, WORKERS, compile_quietly, worker_count
+from recipe_cli.arguments import ALLOW_LARGE, DEVICE, WORKERS, compile_quietly, worker_count
 from recipe_cli.places import lockfile_path, source_of
 from recipe_cli.progress import Progress
 
@@ -24,15 +24,19 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Write lockfiles/<recipe>.traces too: hosts that simulate otherwise start from it.",
 )
+@DEVICE
 @WORKERS
 @ALLOW_LARGE
-def command(recipes: tuple[Path, ...], update: bool, with_traces: bool, workers: int | None, allow_large: bool) -> None:
+def command(
+    recipes: tuple[Path, ...], update: bool, with_traces: bool, device: str, workers: int | None, allow_large: bool
+) -> None:
     """Render every frame of RECIPES and write its digest into lockfiles/<recipe>.lock; nothing else is kept."""
     from recipe_compiler import lockfile
     from recipe_compiler.errors import InputError
     from recipe_runtime import traces
     from recipe_runtime.locking import lock
 
+    count = worker_count(workers, device)
     compiled = [compile_quietly(recipe, allow_large=allow_large) for recipe in recipes]
     places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]
     for recipe, one, path in zip(recipes, compiled, places, strict=True):
@@ -41,7 +45,7 @@ def command(recipes: tuple[Path, ...], update: bool, with_traces: bool, workers:
         source = source_of(recipe, path)
         motion: dict[str, Trace] = {}
         with Progress() as progress:
-            made = lock(one.plan, source, one.files, workers=worker_count(workers), progress=progress, traces=motion)
+            made = lock(one.plan, source, one.files, workers=count, progress=progress, device=device, traces=motion)
         if path.exists() and not update and not lockfile.read(path).says_the_same(made):
             raise InputError(_otherwise(path, recipe))
         written = made.write(path)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, writing
+from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, RECIPE, compile_quietly, print_json, writing
 
 
 @click.command("shot")
@@ -16,6 +16,7 @@ from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, pri
 @click.option("--frame", type=click.IntRange(0), help="The frame; the middle one by default.")
 @click.option("--modality", metavar="NAME", help="rgb, depth, instance or semantic; rgb if it is captured.")
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="The PNG; by default its name.")
+@DEVICE
 @ALLOW_LARGE
 @JSON
 def command(
@@ -25,6 +26,7 @@ def command(
     frame: int | None,
     modality: str | None,
     output: Path | None,
+    device: str,
     allow_large: bool,
     as_json: bool,
 ) -> None:
@@ -38,7 +40,7 @@ def command(
     from recipe_runtime.shot import shot
 
     with writing(output or Path("shot.png")):  # a folder that is not there is said before the work
-        made = shot(scenario, sensor, frame, modality)
+        made = shot(scenario, sensor, frame, modality, device=device)
         name = f"{plan.recipe}-{scenario.variant.replace('.', '_')}-{made.sensor}-{made.modality}-{made.frame:06d}.png"
         path = output or Path(name)
         made.write(path)

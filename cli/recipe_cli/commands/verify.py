@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, WORKERS, print_json, worker_count
+from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, WORKERS, print_json, worker_count
 from recipe_cli.places import FOLDER, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 
@@ -46,6 +46,7 @@ _MOST_SHOWN = 20
     show_default=True,
     help="Where pictures of differing frames go.",
 )
+@DEVICE
 @WORKERS
 @ALLOW_LARGE
 @JSON
@@ -59,6 +60,7 @@ def command(
     integrity: bool,
     against: Path | None,
     pictures: Path,
+    device: str,
     allow_large: bool,
     workers: int | None,
     as_json: bool,
@@ -79,7 +81,8 @@ def command(
         bound=bound,
         count=frames,
         everything=everything,
-        workers=worker_count(workers),
+        workers=worker_count(workers, device),
+        device=device,
         pictures=pictures,
     )
     reports = []

@@ -65,6 +65,12 @@ def _silence() -> Iterator[None]:
             os.close(descriptor)
 
 
+def cuda_devices() -> list[str]:
+    """The CUDA devices that Warp can use here, by name."""
+    with _silence():
+        return [f"cuda:{n}" for n in range(wp.get_cuda_device_count())] if wp.is_cuda_available() else []
+
+
 def launch(kernel: Any, dim: int | tuple[int, ...], inputs: list[Any], device: str) -> None:
     """Run a kernel over a grid; arrays among the inputs are read and written in place."""
     wp.launch(kernel, dim=dim, inputs=inputs, device=device)

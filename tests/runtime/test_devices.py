@@ -1,0 +1,75 @@
+"""Where frames are rendered: names are checked before work, and on a CUDA GPU the bytes are those of a CPU."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from recipe_compiler.errors import InputError
+from recipe_compiler.lockfile import read
+from recipe_runtime.engines import devices, real_engines
+from recipe_runtime.frames import FrameSource, SceneSource, label_digest, pixel_digest
+from recipe_runtime.opening import compiled
+from recipe_runtime.render import device as device_module
+from recipe_runtime.store import Store
+from recipe_runtime.verify import Options, verify
+from recipe_runtime.worker import Job, Worker
+
+from tests.runtime.fakes import ENGINES, dataset_plan
+from tests.sources import ROOT
+
+GOLDEN = ROOT / "tests" / "golden"
+HAS_GPU = bool(device_module.cuda_devices())
+needs_gpu = pytest.mark.skipif(not HAS_GPU, reason="there is no CUDA GPU here")
+
+
+def test_the_processor_is_always_there() -> None:
+    assert devices("cpu") == ("cpu",)
+
+
+@pytest.mark.parametrize("name", ["gpu", "cuda:", "cuda:x", "CUDA", "cuda:-1", "", "cuda:0;rm"])
+def test_what_is_no_device_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match="is none; write cpu, cuda"):
+        devices(name)
+
+
+def test_gpus_that_are_not_there_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(device_module, "cuda_devices", lambda: [])
+    with pytest.raises(InputError, match="--device cuda:0: there is no CUDA GPU here"):
+        devices("cuda:0")
+    monkeypatch.setattr(device_module, "cuda_devices", lambda: ["cuda:0", "cuda:1"])
+    assert (devices("cuda"), devices("cuda:1")) == (("cuda:0", "cuda:1"), ("cuda:1",))
+    with pytest.raises(InputError, match="this host has cuda:0, cuda:1"):
+        devices("cuda:2")
+
+
+def test_workers_share_out_the_devices(tmp_path: Path) -> None:
+    job = Job(dataset_plan(), ENGINES, ("cuda:0", "cuda:1"), tmp_path, None)
+    assert [Worker(job, number)._device for number in range(5)] == ["cuda:0", "cuda:1", "cuda:0", "cuda:1", "cuda:0"]
+
+
+@pytest.mark.gpu
+@needs_gpu
+def test_a_gpu_renders_the_processors_bytes() -> None:
+    """Every frame of the golden recipe: every variant, sensor and modality, and the labels."""
+    plan, store = compiled(GOLDEN / "tiny.yaml"), Store()
+    for variant in plan.variants:
+        trace = store.trace(variant.scene, lambda scene=variant.scene: real_engines().simulate(scene))  # type: ignore[misc]
+        sources = [SceneSource(variant.scene, trace, device=name) for name in ("cpu", "cuda:0")]
+        for sensor in variant.rig.sensors:
+            for frame in range(variant.scene.clock.frames):
+                made = [FrameSource(variant, trace, source=s).render_labelled(sensor.name, frame) for s in sources]
+                found = [
+                    {"labels": label_digest(labels), **{m: pixel_digest(m, a) for m, a in arrays.items()}}
+                    for arrays, labels in made
+                ]
+                assert found[0] == found[1], f"{variant.variant}, {sensor.name}, frame {frame}"
+
+
+@pytest.mark.gpu
+@needs_gpu
+def test_a_lockfile_of_a_processor_verifies_on_a_gpu() -> None:
+    plan, lock = compiled(GOLDEN / "tiny.yaml"), read(GOLDEN / "lockfiles" / "tiny.lock")
+    options = Options(nonce=1, everything=True, workers=0, device="cuda:0")
+    report = verify(plan, lock, options, lambda *_: None, files=lock.files)
+    assert report.verdict == "PASS", report.differences
