@@ -30,7 +30,7 @@ def looked(renderer: Renderer, pose: Pose, weather: Any, camera: CameraPlan = CA
     return renderer.radiance(renderer.observe(camera, from_pose(pose), NOBODY), weather)
 
 
-@pytest.mark.parametrize("altitude", [90.0, 60.0, 30.0, 12.0])
+@pytest.mark.parametrize("altitude", [90.0, 60.0, 45.0, 30.0, 12.0])
 def test_flat_ground_shines_by_lamberts_cosine(altitude: float) -> None:
     weather = appearance(altitude, looks=LOOKS, cloudiness=0, fog_density=0)
     light = light_of(weather, "cpu")

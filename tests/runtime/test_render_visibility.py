@@ -62,6 +62,23 @@ def test_a_balls_silhouette_is_a_discs() -> None:
     assert max(abs(p - b) for p, b in zip(view.projected, view.amodal_box, strict=True)) < 1.0
 
 
+@pytest.mark.parametrize("place", [(5.0, 0.0, 0.0), (6.0, 1.0, -2.0)])
+def test_a_balls_outline_is_the_conic_that_its_cone_of_sights_cuts(place: tuple[float, float, float]) -> None:
+    renderer = Renderer(actors(ball(1.0, SHIRT, rings=96)))
+    x, y, z = place
+    camera = CameraPlan(width=400, height=400, fov=90)
+    seen = renderer.observe(camera, HERE, from_pose(Pose(x=x, y=y, z=z))[None])
+    step = (np.arange(400) + 0.5 - 200.0) / 200.0
+    # A pixel's sight is (1, -right, -down); it meets the ball if its distance from the middle is below the radius.
+    right, down = np.meshgrid(step, step)
+    size = 1.0 + right * right + down * down
+    along = x - right * y - down * z
+    distance = np.sqrt(x * x + y * y + z * z - along * along / size)
+    pixel = x / 200.0  # metres
+    assert (seen.instance[distance < 1.0 - 0.75 * pixel] == 12001).all()
+    assert (seen.instance[distance > 1.0 + 0.75 * pixel] != 12001).all()
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_triangles_that_share_an_edge_leave_no_gap_and_take_no_pixel_twice(seed: int) -> None:
     random = np.random.Generator(np.random.Philox(seed))

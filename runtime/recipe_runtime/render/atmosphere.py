@@ -25,8 +25,9 @@ _MOLECULES = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass of
 _AEROSOL = np.array([0.8, 1.0, 1.35])  # haze takes more of the blue: Angstrom's law with an exponent of 1.3
 _STREET_LIGHT = 1.0e-3  # what lamps give the eye to adapt to
 _LAMPLIGHT = np.array([1.0, 0.8, 0.58])  # the colour of lamps' light, thrown about
-_DUST = np.array([1.0, 0.66, 0.36])
+_DUST = np.array([1.0, 0.60, 0.30])
 _SWAY, _SWINGS = 0.16, 0.7  # of leaves in a storm: metres to either side, and swings a second
+_GLOW_ENDS, _GLOW_SEEN = 70.0, 0.001  # metres of air, and its extinction, about lamps that are seen to glow
 _CLEAR_AIR = 0.0004  # extinction of air without fog, 1/m
 
 
@@ -91,14 +92,14 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
     air.sun, air.sunlight, air.disc = _vector(s.sun), _vector(sunlight), _vector(sunlight * 60.0)
     air.overhead, air.sideways, air.below = map(_vector, (falling.overhead, falling.sideways, falling.below))
     warm = skylight.warmth(s.altitude, s.haze)
-    bright = falling.overcast + 0.14 * sunlight + 0.3 * warm
-    air.cloud_bright = _vector(_mix(bright, falling.overcast * 0.92 + 0.1 * warm, s.grey))
-    air.cloud_dark = _vector(falling.overcast * (0.6 - 0.12 * s.rain))
+    bright = 0.82 * falling.overcast + 0.12 * sunlight + 0.7 * warm
+    air.cloud_bright = _vector(_mix(bright, falling.overcast * 0.80 + 0.4 * warm, s.grey))
+    air.cloud_dark = _vector(falling.overcast * (0.42 - 0.04 * s.rain))
     air.cover = fixed(s.cover)
     air.stars = fixed(_ease(-6.0, -14.0, s.altitude) * (1.0 - s.cover)) * 2.0e-3
     air.warm = _vector(warm * (1.0 - 0.9 * s.grey))
     _fill_fog(air, s, falling, sunlight)
-    air.wet = fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.75 * w.precipitation_deposits / 100.0))
+    air.wet = fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.9 * w.precipitation_deposits / 100.0))
     air.puddles = fixed(w.precipitation_deposits / 100.0)
     air.night = fixed(s.night)
     air.flutter = fixed(min(1.0, w.wind_intensity / 60.0))
@@ -121,7 +122,9 @@ def transmittance(altitude: float, mie: float = MIE, rayleigh: float = RAYLEIGH)
     """The share of sunlight that reaches the ground, by colour; fades to 0 as the disc sets."""
     haze = haze_of(mie, rayleigh)
     white = np.array([1.0, 1.03, 1.1])
-    return white * _past(altitude, _MOLECULES * haze.rayleigh + haze.mie * _AEROSOL) * _ease(-1.2, 0.8, altitude)
+    golden = _mix(np.ones(3), np.array([1.08, 0.86, 0.58]), _ease(28.0, 8.0, altitude))  # evening air is full of dust
+    left: Colour = golden * white * _past(altitude, _MOLECULES * haze.rayleigh + haze.mie * _AEROSOL)
+    return left * _ease(-1.2, 0.8, altitude)
 
 
 def extinction(fog_density: float) -> float:
@@ -162,7 +165,7 @@ def _falling(s: _State, clear_sun: Colour) -> _Falling:
     zenith, horizon = _ambient_colours(s.altitude, s.day)
     evening = _ease(24.0, 8.0, s.altitude) * _ease(-4.0, 4.0, s.altitude)
     tint = _mix(np.array([0.82, 0.9, 1.0]), np.array([0.62, 0.78, 1.12]), _ease(8.0, -2.0, s.altitude))
-    tint = _mix(tint, np.array([1.04, 0.88, 0.76]), evening)
+    tint = _mix(tint, np.array([1.02, 0.80, 0.60]), evening)
     overcast = tint * (s.day * (0.95 - 0.35 * s.rain) * (1.0 - 0.3 * s.dust))
     overcast = overcast + clear_sun * (up * (1.0 - s.shine) * 0.32)
     overhead = _mix(_pale(0.54 * zenith + 0.33 * horizon, 0.5), overcast, s.grey)
@@ -205,7 +208,8 @@ def _fill_fog(air: Any, s: _State, falling: _Falling, sunlight: Colour) -> None:
     about_sun = (0.08 + 0.32 * thick) * sunlight
     about_sun = about_sun + 0.9 * (1.0 - exact.exp(-0.5 * max(s.haze.mie - 0.107, 0.0))) * _unhazed(s)
     air.fog_sun = _vector(scattering * about_sun)
-    air.glow = fixed(0.25 * scattering * s.night)
+    murk = haze + (fog if w.fog_distance < _GLOW_ENDS else 0.0)
+    air.glow = fixed(0.25 * scattering * s.night) if murk * scattering > _GLOW_SEEN else 0.0
 
 
 def _fill_tables(air: Any, s: _State, device: str) -> None:
@@ -226,9 +230,14 @@ def _exposure(s: _State, sunlight: Colour, overhead: Colour) -> float:
     open_street = 0.33 + 0.67 * _ease(4.0, 40.0, s.altitude)
     seen = sunlight * (max(float(s.sun[2]), 0.3) * open_street * _ease(-1.0, 1.0, s.altitude)) + 1.25 * overhead
     luminance = 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2]) + _STREET_LIGHT * s.night
-    dim = 1.0 - 0.3 * _ease(9.0, -3.0, s.altitude) + 0.95 * _ease(-4.0, -10.0, s.altitude)
-    dim = dim - 0.2 * s.rain * (1.0 - s.night) - 0.06 * s.fog + 0.3 * s.night * max(s.rain, s.fog)
-    return fixed((dim - 0.25 * s.dust) * exact.power(luminance, -0.86))
+    dim = (
+        1.0
+        - 0.12 * _ease(30.0, 12.0, s.altitude)
+        - 0.2 * _ease(9.0, -3.0, s.altitude)
+        + 0.95 * _ease(-4.0, -10.0, s.altitude)
+    )
+    dim = dim - 0.2 * s.rain * (1.0 - s.night) - 0.06 * s.fog + 0.5 * s.night * max(s.rain, s.fog)
+    return fixed((dim - 0.36 * s.dust) * exact.power(luminance, -0.86))
 
 
 def _ease(start: float, end: float, x: float) -> float:

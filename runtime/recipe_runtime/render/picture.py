@@ -94,7 +94,7 @@ class Painter:
             r.width, r.height = obs.camera.width, obs.camera.height
             pixels = r.width * r.height
             out = wp.empty((pixels, 3), dtype=wp.uint8, device=self._device)
-            streak = light.air.fog_colour * 1.15 + light.air.overhead * 0.25
+            streak = light.air.fog_colour * 1.15 + light.air.overhead * (0.25 + 0.8 * light.night)
             inputs = [linear, points.starts, points.groups, points.weights, drops, streak, r, self._srgb, out]
             launch(camera.develop, pixels, inputs, self._device)
             picture: NDArray[np.uint8] = out.numpy().reshape(r.height, r.width, 3)

@@ -24,6 +24,7 @@ GLASS = wp.constant(int(Pattern.GLASS))
 RUBBER = wp.constant(int(Pattern.RUBBER))
 LAMP = wp.constant(int(Pattern.LAMP))
 SOFTEST = wp.constant(wp.float32(0.35))  # the furthest that light wraps around anything
+UNSEEN = wp.constant(wp.float32(40.0))  # metres, beyond which no leaf is seen to move
 HEADLIGHT = wp.constant(int(Pattern.HEADLIGHT))
 TAILLIGHT = wp.constant(int(Pattern.TAILLIGHT))
 
@@ -274,7 +275,7 @@ def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], detail: wp.vec4f) 
         m.coat = 0.022 * air[0].wet
         m.gloss = 0.55 + 0.25 * air[0].wet  # a thin film follows the grain of what it wets
         if up > 0.95:
-            level = 0.88 - 0.5 * air[0].puddles
+            level = 0.88 - 0.6 * air[0].puddles
             pool = step_between(level - 0.03, level + 0.05, 1.0 - detail[3]) * step_between(0.02, 0.2, air[0].puddles)
             m.albedo = m.albedo * (1.0 - 0.45 * pool)
             m.coat = m.coat + (0.028 - m.coat) * pool
@@ -297,12 +298,12 @@ def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], detail: wp.vec4f) 
 
 
 @wp.func
-def fluttered(m: Matter, air: wp.array[Air], p: wp.vec3f) -> Matter:
+def fluttered(m: Matter, air: wp.array[Air], p: wp.vec3f, near: wp.float32) -> Matter:
     """Leaves and blades in the wind: their light and shade move to and fro, more so where a gust passes."""
     gust = noise2(p[0] * 0.25 - air[0].sway[2], p[1] * 0.25 + 0.3 * p[2], wp.uint32(41))
     swing = air[0].sway[0] * (1.0 - gust) + air[0].sway[1] * gust
     leaf = noise3(p[0] * 7.0 + swing * 7.0, p[1] * 7.0 + swing * 5.0, p[2] * 7.0 - swing * 4.0, wp.uint32(42)) - 0.5
-    amount = air[0].flutter * (0.4 + 0.6 * gust)
+    amount = air[0].flutter * (0.4 + 0.6 * gust) * wp.min(2.0 * near, 1.0)
     m.albedo = m.albedo * (1.0 + 0.9 * amount * leaf)
     lean = 0.7 * amount * leaf
     m.normal = direction(wp.vec3f(m.normal[0] + lean, m.normal[1] - 0.6 * lean, m.normal[2] + 0.4 * lean))
@@ -434,6 +435,8 @@ def shade(
     pattern = looks[0].pattern[surface]
     swaying = air[0].flutter > 0.0 and (pattern == patterns.FOLIAGE or pattern == patterns.GRASS)
     if swaying:
+        swaying = inner(to_point, to_point) < UNSEEN * UNSEEN
+    if swaying:
         earlier = wp.int32(-1)
     # (A normal that turns away is bent first, below: too few to ask for.)
     if earlier >= 0 and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, earlier, tile, p, n):
@@ -453,7 +456,7 @@ def shade(
     m = matter_of(pattern, air, first, second, detail, n, samples[0].codes[i], looks[0].awake[surface])
     m = moisten(m, pattern, air, detail)
     if swaying:
-        m = fluttered(m, air, p)
+        m = fluttered(m, air, p, 1.0 - distance / UNSEEN)
     sky_left = open_sky(bodies, body_lists, tile, p, n)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
     light, shine, past = sun_on(air, beams, m, p, back, ambient(air, n) * sky_left)
