@@ -69,7 +69,7 @@ KINDS = [
     Kind("kiosk", (2.5, 3, 2.8), frozenset({20}), 150, {"key": 4}, (0.0, 0.02, 0.0)),
     kind("bus_stop", (1.6, 4, 2.6), {20}, 250),
     kind("billboard", (0.5, 6, 6), {6, 20}, 100, key=4),
-    Kind("tower", (20, 30, 45), frozenset({3}), 400, {"key": 4}, (0.06, 0.06, 0.0)),
+    *(kind("tower", (20, 30, 45), {3}, 100, key=k) for k in (4, 5, 6, 7)),
 ]  # fmt: skip
 
 

@@ -2,10 +2,12 @@
 
 from recipe_compiler.streams import Stream
 
+# Muted, as the tone curve of a camera makes colours stronger.
 _BRICK_TO_PLASTER = (
-    "#8d5a48", "#9c6b52", "#7a4f42", "#b08d6e", "#c9b79b", "#d8cdb8", "#b9b4a8", "#a8a29a",
-    "#c2a487", "#94867a", "#d3bfa0", "#8e9296", "#b5a2a0", "#a99f7f",
+    "#86665a", "#957868", "#77625a", "#a38f7c", "#c2b8a6", "#d2cbbe", "#b7b4ac", "#a8a49e",
+    "#b8a892", "#918a82", "#c8bca8", "#8f9396", "#b3a6a4", "#a39e8c", "#8a6f62", "#d8d4cb",
 )  # fmt: skip
+_LEAVES = ("#51603a", "#586840", "#4b5a38", "#616b44", "#686c48")
 
 PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
     "ground": {"ground": ("#6f7466",)},
@@ -28,25 +30,25 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
     "wall": {"wall": ("#a39380", "#9a7662", "#b0a695"), "coping": ("#bdb7ab", "#a9a59c")},
     "tree": {
         "bark": ("#5b4a3b", "#665546", "#4f443a"),
-        "leaves": ("#45552f", "#4c5d33", "#3f4f2c", "#566338", "#5d6339"),
+        "leaves": _LEAVES,
         "pit": ("#4d4339",),
     },
-    "bush": {"leaves": ("#45552f", "#4c5d33", "#566338")},
-    "hedge": {"leaves": ("#3f5230", "#46592f", "#4b5c36")},
+    "bush": {"leaves": _LEAVES},
+    "hedge": {"leaves": ("#4a5b3a", "#51623c", "#566640")},
     "planter": {
         "pot": ("#9a958c", "#b3a893", "#7f7a73"),
         "soil": ("#3f352b",),
-        "leaves": ("#4c5d33", "#566338", "#5f6a3a"),
+        "leaves": _LEAVES,
     },
     "house": {
-        "wall": ("#94604c", "#a37a5e", "#c9c0ae", "#d6d2c8", "#b8bfc0", "#a9b0a0", "#c8b48e", "#8f9aa4"),
+        "wall": ("#8d6c5f", "#9c8270", "#c4beb0", "#d4d1c9", "#b6bbbc", "#a8ada2", "#c0b298", "#939ba2"),
         "trim": ("#e4e1d8", "#d8d2c4", "#c9c4b8"),
         "window": ("#3d4a54", "#46525a"),
         "frame": ("#e6e3dc", "#dcd8ce", "#4a4743"),
         "base": ("#8a857c", "#77736c", "#8f7464"),
         "door": ("#5b2c2a", "#2f4038", "#2e4257", "#4a3326"),
         "garage": ("#d9d6ce", "#b7b2a6", "#8b8a86"),
-        "roof": ("#6d4438", "#7a5141", "#57504c", "#494b4f", "#5f4a40"),
+        "roof": ("#70544a", "#7a6054", "#5c5652", "#505255", "#665750"),
     },
     "fence": {"fence": ("#d6d2c6", "#3b3d40", "#8a6b4e", "#6f5a45")},
     "hydrant": {"metal": ("#a83228", "#c29a2e"), "cap": ("#c9c4b8", "#8d2a22")},
@@ -74,7 +76,10 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
     "lamp": {"metal": ("#3e4346",), "lamp": ("#ffe2b0",)},
     "bench": {"wood": ("#7c5a3c", "#6d5138"), "metal": ("#3b3d40",)},
     "bin": {"metal": ("#3f5a48", "#46494c", "#3d4f63")},
-    "tower": {"wall": ("#8d8f90", "#a29c92", "#7f858b", "#9a8f84", "#b0aca4"), "window": ("#4b5660", "#56616a")},
+    "tower": {
+        "wall": ("#8d8f90", "#a29c92", "#7f858b", "#9a8f84", "#b0aca4", "#8a7468", "#a3978a"),
+        "window": ("#4b5660", "#56616a", "#46545a", "#5f676a"),
+    },
 }
 
 

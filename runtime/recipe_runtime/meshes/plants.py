@@ -1,8 +1,8 @@
 """Plants: trees of three habits, hedges, bushes and planters.
 
-A crown is a few smooth clumps under a coat of leafy sprays that break its outline. All its normals lean outwards
-from the crown's middle, so that light rolls over the whole and no facet shows. The uv of leaves says how much of the
-sky reaches them: v is 1 at the crown's outer top and falls towards its middle and its underside.
+A crown is the smooth hull of a few clumps under a coat of leafy sprays that break its outline. All its normals lean
+outwards from the crown's middle, so that light rolls over the whole and no facet shows. The uv of leaves says how
+much of the sky reaches them: v is 1 at the crown's outer top and falls towards its middle and its underside.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ _SOIL = Surface("soil", Pattern.BARK, Tag.TERRAIN)
 _POT = Surface("pot", Pattern.CONCRETE, Tag.STATIC)
 _BROADLEAF, _CONIFER, _POPLAR = 0, 1, 2
 
-Clump = tuple[float, float, float, float, float]  # centre x, y, z; radius on the plan and upright; tree of size 1
+Clump = tuple[float, float, float, float, float]  # centre x, y, z; radius on the plan and upright; plant of size 1
+Leaves = tuple[Array, Array, Array, Index]  # vertices, normals, uv, triangles
 
 
 def tree(b: Builder, e: Element) -> None:
@@ -33,13 +34,13 @@ def tree(b: Builder, e: Element) -> None:
     spread, _, height = e.size
     key, r, species = int(e.shape["key"]), e.shape["trunk"], int(e.shape.get("species", _BROADLEAF))
     b.quads(_PIT, [((-0.6, -0.6, 0.004), (0.6, -0.6, 0.004), (0.6, 0.6, 0.004), (-0.6, 0.6, 0.004))])
-    lean = np.array([0.12 * noise(key, 1), 0.12 * noise(key, 2), 0.0])
+    lean: Array = np.zeros(3)
     if species == _BROADLEAF:
+        lean = np.array([0.12 * noise(key, 1), 0.12 * noise(key, 2), 0.0])
         _forked(b, key, r, spread, height, lean)
     else:
         path = [(0.0, 0.0, t * height) for t in (-0.01, 0.02, 0.08, 0.5)]
         b.grid(_BARK, tube(path, [1.7 * r, 1.3 * r, r, 0.5 * r], 8), crease=0.0)
-        lean = lean * 0.0
     points, normals, uvs, triangles = _crown(species, key % 12)
     scale = np.array([spread, spread, height])
     b.add(_LEAVES, points * scale + lean, unit(normals / scale), uvs, triangles)
@@ -50,142 +51,192 @@ def _forked(b: Builder, key: int, r: float, spread: float, height: float, lean: 
     fork, (lx, ly, _) = 0.40 * height, lean.tolist()
     path = [(lx * t, ly * t, fork * t) for t in (-0.01, 0.02, 0.12, 0.5, 1.0)]
     b.grid(_BARK, tube(path, [2.0 * r, 1.6 * r, 1.05 * r, 0.9 * r, 0.7 * r], 8), crease=0.0)
-    for k in range(4):
-        s, c = exact.sin_cos_deg(90.0 * k + 40.0 * noise(key, 3 + k))
+    for k in range(3):
+        s, c = exact.sin_cos_deg(120.0 * k + 40.0 * noise(key, 3 + k))
         reach = spread * (0.2 + 0.05 * noise(key, 9 + k))
         branch = [(lx, ly, fork - 0.15), (lx + reach * c, ly + reach * s, fork + 0.24 * height)]
         b.grid(_BARK, tube(branch, [0.5 * r, 0.22 * r], 5), crease=0.0)
 
 
 @cache
-def _crown(species: int, kind: int) -> tuple[Array, Array, Array, Index]:
-    """One of twelve crowns of a species for a tree of height and spread 1: vertices, normals, uv, triangles."""
-    clumps = {_BROADLEAF: _broadleaf, _CONIFER: _conifer, _POPLAR: _poplar}[species](kind)
-    middle = np.array([0.0, 0.0, {_BROADLEAF: 0.6, _CONIFER: 0.3, _POPLAR: 0.45}[species]])
-    sprays = {_BROADLEAF: 20, _CONIFER: 14, _POPLAR: 30}[species]
-    points, normals, uvs, faces = _foliage(clumps, kind + 53 * species, middle, sprays)
-    low = np.array([-0.5, -0.5, points[:, 2].min()])
-    return _fitted(points, low, np.array([0.5, 0.5, 1.0])), normals, uvs, faces
+def _crown(species: int, kind: int) -> Leaves:
+    """One of twelve crowns of a species for a tree of height and spread 1."""
+    low = np.array([-0.5, -0.5, {_BROADLEAF: 0.27, _CONIFER: 0.1, _POPLAR: 0.12}[species]])
+    high = np.array([0.5, 0.5, 1.0])
+    if species == _CONIFER:
+        return _fitted(_leafy(*_tiers(kind), kind + 29, 150, 0.09, np.array([0.0, 0.0, 0.4])), low, high)
+    middle = np.array([0.0, 0.0, {_BROADLEAF: 0.6, _POPLAR: 0.45}[species]])
+    points, faces = icosphere(1)
+    hull = _hull({_BROADLEAF: _broadleaf, _POPLAR: _poplar}[species](kind), points, middle)
+    return _fitted(_leafy(hull, faces, kind + 53 * species, 250, 0.13, middle), low, high)
 
 
 def _broadleaf(kind: int) -> list[Clump]:
-    found: list[Clump] = [(0.0, 0.0, 0.79, 0.33, 0.18)]
-    for k in range(4):
-        s, c = exact.sin_cos_deg(90.0 * k + 30.0 * noise(kind, 10 + k))
-        out = 0.26 * (1 + 0.2 * noise(kind, 20 + k))
-        found.append((out * c, out * s, 0.6 + 0.08 * noise(kind, 30 + k), 0.22 + 0.03 * noise(kind, 40 + k), 0.135))
+    found: list[Clump] = [(0.05 * noise(kind, 1), 0.05 * noise(kind, 2), 0.78, 0.22, 0.13)]
+    for k in range(5):
+        s, c = exact.sin_cos_deg(72.0 * k + 30.0 * noise(kind, 10 + k))
+        out = 0.3 * (1 + 0.2 * noise(kind, 20 + k))
+        found.append((out * c, out * s, 0.56 + 0.12 * noise(kind, 30 + k), 0.17 + 0.04 * noise(kind, 40 + k), 0.1))
     return found
 
 
-def _conifer(kind: int) -> list[Clump]:
-    tiers = 6
-    return [
-        (0.015 * noise(kind, k), 0.015 * noise(kind, 9 + k), 0.2 + 0.13 * k, 0.46 * (1 - k / (tiers + 0.6)), 0.13)
-        for k in range(tiers)
-    ]
-
-
 def _poplar(kind: int) -> list[Clump]:
-    widths = (0.3, 0.42, 0.4, 0.27)
-    return [(0.04 * noise(kind, k), 0.04 * noise(kind, 9 + k), 0.27 + 0.19 * k, w, 0.16) for k, w in enumerate(widths)]
+    widths = (0.26, 0.36, 0.34, 0.22)
+    return [(0.08 * noise(kind, k), 0.08 * noise(kind, 9 + k), 0.25 + 0.18 * k, w, 0.15) for k, w in enumerate(widths)]
 
 
-def _foliage(clumps: Sequence[Clump], key: int, middle: Array, sprays: int) -> tuple[Array, Array, Array, Index]:
-    """Smooth clumps and the sprays on them, as one mesh; normals lean away from the middle and from each clump's."""
-    points, faces = icosphere(1)
-    all_points, all_outs, all_faces = [], [], []
-    count = 0
-    for n, (x, y, z, wide, tall) in enumerate(clumps):
-        centre, radii = np.array([x, y, z]), np.array([wide, wide, tall])
-        ragged = np.array([0.9 + 0.1 * noise(key + 977 * n, k) for k in range(len(points))])
-        spots, outs, quads = _sprays(points, key + 977 * n, sprays)
-        all_points += [points * ragged[:, None] * radii + centre, spots * radii + centre]
-        all_outs += [points, outs]
-        all_faces += [faces + count, quads + count + len(points)]
-        count += len(points) + len(spots)
-    p, out = np.concatenate(all_points), np.concatenate(all_outs)
-    away = unit(p - middle)
-    normals = unit(0.55 * out + 0.45 * away + np.array([0.0, 0.0, 0.12]))
-    low, high = p.min(0), p.max(0)
-    reach = (p - middle) / np.maximum(high - middle, middle - low)
-    shell = np.minimum(1.0, np.sqrt(reach[:, 0] * reach[:, 0] + reach[:, 1] * reach[:, 1] + reach[:, 2] * reach[:, 2]))
-    under = np.clip(0.5 + 0.6 * out[:, 2], 0.0, 1.0)
-    sky = np.clip(0.25 + 0.45 * shell * shell + 0.4 * under, 0.0, 1.0)
-    uvs = np.stack([shell, sky], axis=1)
-    return p, normals, uvs, np.concatenate(all_faces)
+def _hull(clumps: Sequence[Clump], directions: Array, middle: Array) -> Array:
+    """Where rays from the middle leave the clumps, which melt into one another: a closed skin, [N, 3]."""
+    squash = np.array([1.0, 1.0, clumps[0][3] / clumps[0][4]])
+    low: Array = np.zeros(len(directions))
+    high: Array = np.full(len(directions), 2.0)
+    for _ in range(24):
+        reach = (low + high) / 2
+        field: Array = np.zeros(len(directions))
+        for x, y, z, radius, _ in clumps:
+            gap = directions * reach[:, None] - (np.array([x, y, z]) - middle) * squash
+            near = radius * radius / (gap[:, 0] * gap[:, 0] + gap[:, 1] * gap[:, 1] + gap[:, 2] * gap[:, 2] + 1e-9)
+            field = field + near * near
+        inside = field > 1.0
+        low, high = np.where(inside, reach, low), np.where(inside, high, reach)
+    hull: Array = middle + directions * low[:, None] / squash
+    return hull
 
 
-def _sprays(points: Array, key: int, count: int) -> tuple[Array, Array, Index]:
-    """Leafy kites that stand out of a unit ball at every angle: corners [4 count, 3], outward directions, faces."""
-    spots, outs = [], []
+def _tiers(kind: int) -> tuple[Array, Index]:
+    """A conifer's boughs: skirts that droop one over the other, their edges cut into points."""
+    tiers, columns = 7, 14
+    rings = []
+    for k in range(tiers):
+        t = k / tiers
+        wide = 0.5 * (1.0 - t) + 0.03
+        for share, z in ((1.0, 0.1 + 0.88 * t), (0.42, 0.1 + 0.88 * t + 0.11)):
+            ring = []
+            for n in range(columns):
+                s, c = exact.sin_cos_deg(360.0 * n / columns + 13.0 * k)
+                r = wide * share * (1.0 + share * (0.14 * (-1) ** n + 0.12 * noise(kind, 31 * k + n)))
+                ring.append((r * c, r * s, z - 0.03 * share * (-1) ** n * (1.0 - t)))
+            rings.append(ring)
+    rings.append([(0.0, 0.0, 1.0)] * columns)
+    points = np.array(rings).reshape(-1, 3)
+    return points, _between(2 * tiers + 1, columns)
+
+
+def _between(rings: int, columns: int) -> Index:
+    """Triangles of a skin over closed rings of points, one after the other."""
+    i, j = (g.reshape(-1) for g in np.meshgrid(np.arange(rings - 1), np.arange(columns), indexing="ij"))
+    n = (j + 1) % columns
+    flat = np.stack([i * columns + j, i * columns + n, (i + 1) * columns + n, (i + 1) * columns + j], axis=1)
+    return np.concatenate([flat[:, [0, 1, 2]], flat[:, [0, 2, 3]]])
+
+
+def _leafy(hull: Array, faces: Index, key: int, sprays: int, size: float, middle: Array) -> Leaves:
+    """A hull and the sprays on it; normals lean away from the middle, and the sky fades inwards and below."""
+    outs = _outwards(hull, faces)
+    spots, leaning, quads = _sprays(hull, outs, faces, key, sprays, size)
+    p, out = np.concatenate([hull, spots]), np.concatenate([outs, leaning])
+    away = unit((p - middle) * np.array([1.0, 1.0, 0.6]))
+    normals = unit(0.45 * out + 0.55 * away + np.array([0.0, 0.0, 0.1]))
+    reach = (p - middle) / np.maximum(p.max(0) - middle, middle - p.min(0))
+    shell = np.minimum(1.0, reach[:, 0] * reach[:, 0] + reach[:, 1] * reach[:, 1] + reach[:, 2] * reach[:, 2])
+    sky = np.clip(0.36 + 0.24 * shell + 0.4 * np.clip(0.5 + 0.6 * normals[:, 2], 0.0, 1.0), 0.0, 1.0)
+    return p, normals, np.stack([shell, sky], axis=1), np.concatenate([faces, quads + len(hull)])
+
+
+def _outwards(points: Array, faces: Index) -> Array:
+    """Unit normals of a closed skin's points: the mean of the faces around each, weighed by their areas."""
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    face = cross(b - a, c - a)
+    total = np.zeros_like(points)
+    for k in range(3):
+        np.add.at(total, faces[:, k], face)
+    return unit(total)
+
+
+def _sprays(hull: Array, outs: Array, faces: Index, key: int, count: int, size: float) -> tuple[Array, Array, Index]:
+    """Leafy kites that stand out of a hull at every angle: corners [4 count, 3], outward directions, faces."""
+    spots, leaning = [], []
     for k in range(count):
-        place = unit(np.array([[noise(key, 100 + 3 * k + axis) for axis in range(3)]]))[0]
-        tilt = unit((place + [0.75 * noise(key, 400 + 3 * k + axis) for axis in range(3)])[None])[0]
-        side = unit(cross(tilt, np.array([0.3 * noise(key, 700 + k), 0.2, 1.0]))[None])[0]
-        up, size = cross(tilt, side), 0.34 + 0.12 * noise(key, 800 + k)
-        at = place * (0.96 + 0.12 * noise(key, 900 + k))
+        face = faces[int((k + 0.5 + 0.49 * noise(key, k)) * len(faces) / count)]
+        share = np.array([1.02 + noise(key, 8 * k + 1000 + n) for n in range(3)])
+        share = share / (share[0] + share[1] + share[2])
+        at = hull[face[0]] * share[0] + hull[face[1]] * share[1] + hull[face[2]] * share[2]
+        out = unit((outs[face[0]] * share[0] + outs[face[1]] * share[1] + outs[face[2]] * share[2])[None])[0]
+        tip, turn = (np.array([noise(key, 8 * k + 1003 + 3 * m + n) for n in range(3)]) for m in range(2))
+        tip = unit((0.75 * out + 0.8 * tip)[None])[0]
+        side = unit(cross(tip, out + 0.9 * turn)[None])[0]
+        long = size * (1.0 + 0.3 * noise(key, 9000 + k))
+        wide = 0.52 * long * side
+        at = at - 0.2 * long * tip
         spots += [
-            at - size * up,
-            at + size * (0.7 * side + 0.1 * up),
-            at + 1.25 * size * up,
-            at - size * (0.7 * side - 0.2 * up),
+            at - 0.4 * long * tip,
+            at + wide + 0.3 * long * tip,
+            at + 0.8 * long * tip,
+            at - wide + 0.45 * long * tip,
         ]
-        outs += [place] * 4
+        leaning += [out, out, out, out]
     first = 4 * np.arange(count, dtype=np.int64)[:, None]
-    faces = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
-    return np.array(spots), np.array(outs), faces
+    quads = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
+    return np.array(spots), unit(np.array(leaning)), quads
+
+
+def _fitted(leaves: Leaves, low: Array, high: Array) -> Leaves:
+    """Leaves moved and scaled along each axis so that they fill the box."""
+    points, normals, uvs, faces = leaves
+    a, z = points.min(0), points.max(0)
+    scale = (high - low) / (z - a)
+    return (points - a) * scale + low, unit(normals / scale), uvs, faces
 
 
 def bush(b: Builder, e: Element) -> None:
     """A round bush on its base centre."""
-    x, y, z = e.size
-    _shrub(b, int(e.shape["key"]), np.array([0.0, 0.0, 0.0]), np.array([x, y, z]))
+    _shrub(b, int(e.shape["key"]), np.zeros(3), np.array(e.size))
 
 
 def _shrub(b: Builder, key: int, foot: Array, size: Array) -> None:
-    """Three clumps within a box that stands on `foot`."""
+    """A shrub that fills a box which stands on `foot`."""
     points, normals, uvs, faces = _shrub_shape(key % 6)
     b.add(_LEAVES, points * size + foot, unit(normals / size), uvs, faces)
 
 
 @cache
-def _shrub_shape(kind: int) -> tuple[Array, Array, Array, Index]:
+def _shrub_shape(kind: int) -> Leaves:
     clumps: list[Clump] = []
-    for k in range(3):
-        s, c = exact.sin_cos_deg(120.0 * k + 50.0 * noise(kind, k))
-        clumps.append((0.17 * c, 0.17 * s, 0.42 + 0.1 * noise(kind, 5 + k), 0.26, 0.38))
-    points, normals, uvs, faces = _foliage(clumps, kind + 311, np.array([0.0, 0.0, 0.3]), 20)
-    points = points * np.array([1.0, 1.0, 1.0])
-    points[:, 2] = np.maximum(points[:, 2], 0.0)
-    return _fitted(points, np.array([-0.5, -0.5, 0.0]), np.array([0.5, 0.5, 1.0])), normals, uvs, faces
-
-
-def _fitted(points: Array, low: Array, high: Array) -> Array:
-    """Points scaled along each axis so that they fill the box."""
-    a, z = points.min(0), points.max(0)
-    fitted: Array = (points - a) / (z - a) * (high - low) + low
-    return fitted
+    for k in range(4):
+        s, c = exact.sin_cos_deg(90.0 * k + 40.0 * noise(kind, k))
+        clumps.append((0.2 * c, 0.2 * s, 0.42 + 0.12 * noise(kind, 5 + k), 0.24, 0.34))
+    points, faces = icosphere(1)
+    middle = np.array([0.0, 0.0, 0.35])
+    leaves = _leafy(_hull(clumps, points, middle), faces, kind + 311, 60, 0.16, middle)
+    return _fitted(leaves, np.array([-0.5, -0.5, 0.0]), np.array([0.5, 0.5, 1.0]))
 
 
 def hedge(b: Builder, e: Element) -> None:
-    """A clipped hedge along y: a rounded bar of leaves."""
+    """A clipped hedge along y: a rounded bar of leaves, with twigs that were missed."""
     thick, length, height = e.size
-    key, count = int(e.shape["key"]), max(2, int(length / 0.8 + 0.5))
-    profile = [(1.0, 0.0), (1.0, 0.12), (1.04, 0.5), (1.0, 0.86), (0.8, 0.97), (0.0, 1.0)]
-    profile += [(-x, z) for x, z in profile[-2::-1]]
-    rings, sky = [], []
-    for k in range(count + 1):
-        y, end = length * (k / count - 0.5), 0.9 if k in (0, count) else 1.0
+    key, count = int(e.shape["key"]), max(2, int(length / 1.2 + 0.5))
+    profile = [(1.0, 0.0), (1.03, 0.45), (1.0, 0.86), (0.8, 0.97), (0.0, 1.0)]
+    profile = [*profile, *((-x, z) for x, z in profile[-2::-1])]
+    columns = len(profile) + 1  # and back along the ground
+    rings = []
+    for k in range(count + 3):
+        inner = min(max(k - 1, 0), count)
+        narrow = 0.02 if k in (0, count + 2) else 1.0
+        y = 0.96 * length * (inner / count - 0.5)
         ring = []
-        for n, (x, z) in enumerate(profile):
-            rough = 0.04 * noise(key, 40 * k + n)
-            ring.append((0.45 * thick * x * (end + rough), y, 0.96 * height * z * (1.0 + 0.5 * rough)))
-            sky.append((0.0, 0.35 + 0.65 * z))
+        for n, (x, z) in enumerate([*profile, (0.0, 0.0)]):
+            rough = 1.0 + 0.03 * noise(key, 40 * k + n)
+            ring.append((0.45 * thick * x * rough * narrow, y, height * (0.5 + (0.95 * z * rough - 0.5) * narrow)))
         rings.append(ring)
-    p = np.array(rings)
-    b.grid(_LEAVES, p[:, ::-1], closed=False, crease=0.0)
-    for ring, sign in ((p[0], 1), (p[-1], -1)):
-        b.fan(_LEAVES, [tuple(q) for q in ring[::sign]])
+    points = np.array(rings)[::-1].reshape(-1, 3)
+    faces = _between(count + 3, columns)
+    outs = _outwards(points, faces)
+    spots, leaning, quads = _sprays(points, outs, faces, key, int(8 * length), 0.1)
+    spots = np.clip(spots, [-thick / 2, -length / 2, 0.0], [thick / 2, length / 2, height])
+    p, out = np.concatenate([points, spots]), np.concatenate([outs, leaning])
+    sky = 0.4 + 0.6 * p[:, 2] / height
+    uvs = np.stack([sky, sky], axis=1)
+    b.add(_LEAVES, p, out, uvs, np.concatenate([faces, quads + len(points)]))
 
 
 def planter(b: Builder, e: Element) -> None:

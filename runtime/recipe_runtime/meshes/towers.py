@@ -1,34 +1,69 @@
-"""Distant buildings: plain walls and rows of windows on all sides."""
+"""Tall buildings of a sky line: few triangles, their windows drawn by patterns, in four shapes.
+
+A tower stands over its base centre and fills its size; the key chooses slab, steps, glass or crown.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from recipe_compiler.plan import Element
 
-from recipe_runtime.meshes.builder import Builder
+from recipe_runtime.meshes.builder import Builder, Vec, noise
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.tags import Tag
 
-_TOWER = Surface("wall", Pattern.CONCRETE, Tag.BUILDINGS)
-_PANES = Surface("window", Pattern.WINDOW, Tag.BUILDINGS)
+_WALL = Surface("wall", Pattern.CONCRETE, Tag.BUILDINGS)
+_FACADE = Surface("window", Pattern.FACADE, Tag.BUILDINGS)
+_GLASS = Surface("window", Pattern.CURTAIN_WALL, Tag.BUILDINGS)
+_STOREY, _BAY = 3.5, 3.2
+_SLAB, _STEPS, _SHAFT, _CROWN = range(4)
 
 
 def tower(b: Builder, e: Element) -> None:
-    """A distant building: plain walls and rows of windows on all sides."""
+    """A distant building: rows of windows on all sides, and a roof with what stands on it."""
     depth, width, height = e.size
-    x, y, key = depth / 2, width / 2, int(e.shape["key"]) * 16
-    b.box(_TOWER, (-x, -y, 0.0), (x, y, height), "-z")
-    floors, gap = int(height / 3.5), 0.05
-    strips, uvs = [], []
-    for ax, ay, bx, by in ((x, -y, x, y), (-x, y, -x, -y), (x, y, -x, y), (-x, -y, x, -y)):
-        ox, oy = (gap if ax == bx else 0.0) * (1 if ax > 0 else -1), (gap if ay == by else 0.0) * (1 if ay > 0 else -1)
-        across = int((abs(bx - ax) + abs(by - ay)) / 3.0)
-        for floor in range(1, floors):
-            z0, z1 = floor * 3.5, floor * 3.5 + 1.9
-            lo, hi = 0.03, 0.97
-            p = (ax + (bx - ax) * lo + ox, ay + (by - ay) * lo + oy)
-            q = (ax + (bx - ax) * hi + ox, ay + (by - ay) * hi + oy)
-            strips.append(((p[0], p[1], z0), (q[0], q[1], z0), (q[0], q[1], z1), (p[0], p[1], z1)))
-            u0, u1 = float(key), key + across - 0.001
-            uvs.append(((u0, floor + 0.001), (u1, floor + 0.001), (u1, floor + 0.999), (u0, floor + 0.999)))
-    b.quads(_PANES, np.array(strips), np.array(uvs))
+    key = int(e.shape["key"])
+    shape = key % 4
+    x, y = depth / 2, width / 2
+    plant = 0.05 * height + 1.5
+    body = height - plant
+    skin = _GLASS if shape == _SHAFT or noise(key, 5) > 0.6 else _FACADE
+    if shape == _SLAB:
+        tiers = [(1.0, 0.0, body)]
+    elif shape == _STEPS:
+        tiers = [(1.0, 0.0, 0.55 * body), (0.78, 0.55 * body, 0.82 * body), (0.56, 0.82 * body, body)]
+    elif shape == _SHAFT:
+        tiers = [(1.0, 0.0, min(9.0, 0.3 * body)), (0.86, min(9.0, 0.3 * body), body)]
+    else:
+        tiers = [(1.0, 0.0, 0.86 * body), (0.82, 0.86 * body, body)]
+    for share, low, high in tiers:
+        _tier(b, skin, (share * x, share * y), (low, high), key)
+    share = tiers[-1][0]
+    _box(b, (0.55 * share * x, 0.5 * share * y), (body, height - 0.35 * plant))
+    if shape in (_STEPS, _SHAFT):
+        _box(b, (0.12 * share * x, 0.1 * share * y), (height - 0.35 * plant, height))
+    else:
+        _box(b, (0.3 * share * x, 0.2 * share * y), (height - 0.35 * plant, height))
+
+
+def _tier(b: Builder, skin: Surface, half: tuple[float, float], span: tuple[float, float], key: int) -> None:
+    """Four walls of whole bays and storeys, under a parapet and a flat roof."""
+    (x, y), (low, high) = half, span
+    top = high - 1.1
+    floors = max(1, int((top - low) / _STOREY + 0.5))
+    first = int(low / _STOREY) + 1
+    quads, uvs, rims = [], [], []
+    for n, (ax, ay, cx, cy) in enumerate(((x, -y, x, y), (x, y, -x, y), (-x, y, -x, -y), (-x, -y, x, -y))):
+        bays = max(1, int((abs(cx - ax) + abs(cy - ay)) / _BAY + 0.5))
+        u, v = 64 * key + 16 * n + 0.001, first + 0.001
+        quads.append(((ax, ay, low), (cx, cy, low), (cx, cy, top), (ax, ay, top)))
+        uvs.append(((u, v), (u + bays - 0.002, v), (u + bays - 0.002, v + floors - 0.002), (u, v + floors - 0.002)))
+        rims.append(((ax, ay, top), (cx, cy, top), (cx, cy, high), (ax, ay, high)))
+    b.quads(skin, np.array(quads), np.array(uvs))
+    roof: tuple[Vec, ...] = ((-x, -y, high), (x, -y, high), (x, y, high), (-x, y, high))
+    b.quads(_WALL, [*rims, roof])
+
+
+def _box(b: Builder, half: tuple[float, float], span: tuple[float, float]) -> None:
+    (x, y), (low, high) = half, span
+    b.box(_WALL, (-x, -y, low), (x, y, high), "-z")

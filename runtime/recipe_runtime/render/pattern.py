@@ -160,15 +160,15 @@ def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     bough = noise3(p[0] * 1.3, p[1] * 1.3, p[2] * 1.6, wp.uint32(8)) - 0.5
     twig = noise3(p[0] * 5.3, p[1] * 5.3, p[2] * 6.1, wp.uint32(10)) - 0.5
     near = fade(0.3, foot)
-    tone = 1.0 + 0.5 * bough + (0.9 * twig - 0.5 * hole(twig)) * near
+    tone = 1.05 + 0.4 * bough + (0.5 * twig - 0.25 * hole(twig)) * near
     lean = 0.55 * near
     d.normal = direction(d.normal + wp.vec3f(twig * lean, bough * lean, -0.5 * twig * lean))
     near = fade(0.1, foot)
     if near > 0.0:
-        leaf = noise3(p[0] * 15.0 + 4.0 * twig, p[1] * 15.0, p[2] * 13.0 - 4.0 * twig, wp.uint32(9)) - 0.5
-        tone = tone + (0.9 * leaf - 0.45 * hole(leaf)) * near
+        leaf = noise3(p[0] * 14.0, p[1] * 14.0, p[2] * 17.0, wp.uint32(9)) - 0.5
+        tone = tone + (0.8 * leaf - 0.35 * hole(leaf)) * near
         d.normal = direction(d.normal + wp.vec3f(0.5 * leaf * near, -0.4 * leaf * near, 0.7 * leaf * near))
-    d.tone = wp.max(tone, 0.16) * (0.28 + 0.72 * uv[1])
+    d.tone = wp.max(tone, 0.2) * (0.3 + 0.7 * uv[1])
     d.second = clamp01(0.35 + 1.4 * bough + 0.9 * twig * near)
     return d
 
@@ -313,10 +313,10 @@ def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> D
         for row in range(2):
             # goods a little behind the pane, and more of them farther in
             deep = 0.14 + 0.5 * wp.float32(row)
-            x = (fu + ray[0] * deep + wp.float32(i)) * (7.0 - 2.0 * wp.float32(row))
+            x = (fu + ray[0] * deep + wp.float32(i)) * (11.0 - 3.0 * wp.float32(row))
             y = fv + ray[1] * deep - 0.04 - 0.3 * wp.float32(row)
             goods = hash2(whole(x), row, d.code)
-            tall = 0.08 + 0.26 * unit(goods)
+            tall = 0.07 + 0.2 * unit(goods)
             wide = 0.28 + 0.2 * unit(scramble(goods))
             at = wp.abs(x - wp.float32(whole(x)) - 0.5)
             if (goods & wp.uint32(3)) == wp.uint32(0) and y > 0.55 * tall:
@@ -410,7 +410,7 @@ def facade(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     i = whole(uv[0])
     j = whole(uv[1])
     w = wp.max(foot * 0.33, 0.003)
-    kind = hash2(i >> 6, 6, wp.uint32(72))
+    kind = hash2(i >> 6, 6, wp.uint32(72))  # a building's key: 64 bays go by its name
     beside = 0.1 + 0.2 * unit(kind)
     between = 0.16 + 0.1 * unit(scramble(kind))
     if (kind & wp.uint32(3)) == wp.uint32(0):
