@@ -20,6 +20,7 @@ COMMANDS = {
     "lock": "Write the lockfile: a digest for every frame.",
     "verify": "Re-render sample frames and compare them, byte for byte.",
     "diff": "Say what differs between two recipes, lockfiles or datasets.",
+    "doctor": "Say what this host is, and whether it makes the bytes that it should.",
     "cache": "Show what is kept between runs, or make it smaller.",
     "schema": "Print the JSON Schema of recipes, for editors.",
 }

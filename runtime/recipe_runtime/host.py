@@ -20,6 +20,14 @@ def unfit(stage: str) -> str | None:
     return None
 
 
+def features() -> list[str]:
+    """Those of this CPU's features that have been seen to change other programs' bytes, as numpy detects them."""
+    from numpy._core._multiarray_umath import __cpu_features__ as found
+
+    names = ("SSE41", "SSE42", "AVX", "F16C", "FMA3", "AVX2", "AVX512F", "AVX512_SKX", "NEON", "ASIMD")
+    return [name for name in names if found.get(name)]
+
+
 def cannot_render() -> str | None:
     """Why kernels cannot run on this CPU at all; None if they can."""
     if platform.machine() != "x86_64":

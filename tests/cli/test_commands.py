@@ -56,7 +56,7 @@ def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
     start = time.perf_counter()
     shown = run("--help", cwd=tmp_path)
     assert time.perf_counter() - start < 3.0  # 0.1 s on an idle machine; an import of an engine takes longer than this
-    for name in ("init", "check", "plan", "shot", "build", "lock", "verify", "diff", "cache", "schema"):
+    for name in ("init", "check", "plan", "shot", "build", "lock", "verify", "diff", "doctor", "cache", "schema"):
         assert f"  {name} " in shown.stdout
     imported = subprocess.run(
         [sys.executable, "-X", "importtime", "-m", "recipe_cli", "--help"], capture_output=True, text=True

@@ -1,0 +1,41 @@
+"""`recipe doctor`: what this host is, and whether it makes the bytes that it should."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import click
+
+from recipe_cli.arguments import JSON, print_json
+from recipe_cli.progress import Progress
+
+_MARKS = {"equal": "ok", "differs": "DIFFERS", "may differ": "may differ", "not reached": "-"}
+
+
+@click.command("doctor")
+@JSON
+def command(as_json: bool) -> None:
+    """Tell this host's fingerprint, build a golden recipe, and say which promises hold here.
+
+    Exit code 0: nothing differs that must not; 1: something does.
+    """
+    from recipe_runtime.doctor import STAGES, examine
+
+    with Progress() as progress:
+        found = examine(progress)
+    if as_json:
+        print_json(
+            {"fingerprint": found.fingerprint, "checks": [asdict(c) for c in found.checks]}
+            | {"gpu": [asdict(c) for c in found.gpu], "tiers": found.tiers}
+        )
+    else:
+        told = found.fingerprint
+        click.echo(f"{told['processor']}, {told['cores']} cores, {' '.join(told['features'])}")
+        click.echo(f"{told['system']}; {', '.join(f'{name} {value}' for name, value in told['versions'].items())}")
+        for title, checks in (("processor", found.checks), (", ".join(told["gpus"]), found.gpu)):
+            for check in checks:
+                reason = f"  {check.reason}" if check.reason else ""
+                click.echo(f"  {title:9}  {check.stage:12} {STAGES[check.stage]:30} {_MARKS[check.state]}{reason}")
+        for tier, answer in found.tiers.items():
+            click.echo(f"tier {tier}: {answer}")
+    raise click.exceptions.Exit(0 if found.healthy else 1)

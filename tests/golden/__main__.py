@@ -1,0 +1,39 @@
+"""Renew every golden digest, after bytes changed on purpose: `make golden`. Say in the commit what moved them."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from recipe_compiler.compile import compile_recipe
+from recipe_runtime import doctor
+from recipe_runtime.build import build
+from recipe_runtime.locking import lock
+
+from tests.golden import renew_render
+
+TINY = Path(__file__).with_name("tiny.yaml")
+
+
+def _silent(stage: str, done: int, total: int) -> None:
+    pass
+
+
+def _lock(recipe: Path, path: Path, source: str) -> None:
+    compiled = compile_recipe(recipe)
+    lock(compiled.plan, source, compiled.files, workers=1, progress=_silent).write(path)
+
+
+def main() -> None:
+    """Renew the pictures' digests, the tests' lockfile, and what `recipe doctor` compares with."""
+    renew_render.main()
+    _lock(TINY, TINY.with_name("lockfiles") / "tiny.lock", "../tiny.yaml")
+    _lock(doctor.RECIPE, doctor.LOCK, doctor.RECIPE.name)
+    with tempfile.TemporaryDirectory() as folder:
+        made = build(compile_recipe(doctor.RECIPE).plan, Path(folder) / "made", cache=Path(folder) / "cache")
+    rows = doctor.file_rows(made.manifest["files"])
+    doctor.FILES.write_text("".join(f"{value}  {path}\n" for path, value in rows.items()))
+
+
+if __name__ == "__main__":
+    main()

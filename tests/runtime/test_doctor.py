@@ -1,0 +1,115 @@
+"""The self-test finds the stage that differs, says why it may if it may, and a sound host is told so."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recipe_compiler import lockfile
+from recipe_compiler.errors import RunError
+from recipe_compiler.lockfile import Lockfile
+from recipe_runtime import doctor
+from recipe_runtime.build import build
+from recipe_runtime.locking import lock
+
+from tests.runtime.fakes import ENGINES, dataset_plan
+
+PLAN = dataset_plan(frames=3, weathers=1)
+
+
+def quiet(*_: Any) -> None:
+    pass
+
+
+@pytest.fixture
+def golden(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Golden digests of the light engines, in place of those that ship."""
+    made = build(PLAN, tmp_path / "made", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    lock(PLAN, "x.yaml", {"x.yaml": "aa"}, workers=0, progress=quiet, engines=ENGINES).write(tmp_path / "golden.lock")
+    rows = doctor.file_rows(made.manifest["files"])
+    (tmp_path / "golden.files").write_text("".join(f"{v}  {p}\n" for p, v in rows.items()))
+    monkeypatch.setattr(doctor, "LOCK", tmp_path / "golden.lock")
+    monkeypatch.setattr(doctor, "FILES", tmp_path / "golden.files")
+    return tmp_path
+
+
+def _states() -> dict[str, str]:
+    return {check.stage: check.state for check in doctor.self_test(PLAN, quiet, engines=ENGINES)}
+
+
+def _frame(modality: str) -> Callable[[Lockfile], dict[str, Any]]:
+    def change(held: Lockfile) -> dict[str, Any]:
+        row = next(k for k in held.frames if k[2] == modality)
+        return {"frames": {**held.frames, row: "0" * 64}}
+
+    return change
+
+
+CHANGES: dict[str, Callable[[Lockfile], dict[str, Any]]] = {
+    "plan": lambda held: {"plan": "0" * 64},
+    "trace": lambda held: {"traces": dict.fromkeys(held.traces, "0" * 64)},
+    "observation": _frame("depth"),
+    "labels": _frame("labels"),
+    "shading": _frame("rgb"),
+}
+
+
+def test_what_is_equal_is_told_so(golden: Path) -> None:
+    assert set(_states().values()) == {"equal"}
+
+
+@pytest.mark.parametrize("stage", CHANGES)
+def test_the_first_stage_that_differs_is_named(golden: Path, stage: str) -> None:
+    held = lockfile.read(golden / "golden.lock")
+    replace(held, **CHANGES[stage](held)).write(golden / "golden.lock")
+    states = _states()
+    order = list(doctor.STAGES)
+    at = order.index(stage)
+    assert [states[s] for s in order[:at]] == ["equal"] * at
+    assert states[stage] == "differs"
+    assert {states[s] for s in order[at + 1 :]} == {"not reached"}
+
+
+@pytest.mark.parametrize(("ending", "stage"), [("rgb/000001.png", "encoding"), ("kwcoco.json", "annotate")])
+def test_a_file_that_differs_is_its_stage(golden: Path, ending: str, stage: str) -> None:
+    lines = (golden / "golden.files").read_text().splitlines()
+    lines = [("0" * 64 + line[64:]) if line.endswith(ending) else line for line in lines]
+    (golden / "golden.files").write_text("\n".join(lines) + "\n")
+    assert _states()[stage] == "differs"
+
+
+def test_another_tool_is_a_reason_and_no_promise(golden: Path) -> None:
+    held = lockfile.read(golden / "golden.lock")
+    changed = replace(held, **CHANGES["shading"](held), tools={**held.tools, "warp-lang": "0.1"})
+    changed.write(golden / "golden.lock")
+    found = doctor.Examination({}, doctor.self_test(PLAN, quiet, engines=ENGINES))
+    assert found.healthy
+    assert found.tiers["A"].startswith("not promised here: ")
+    assert "warp-lang 0.1" in found.tiers["A"]
+
+
+def test_a_host_that_cannot_is_told_why(golden: Path) -> None:
+    def barred(scene: Any) -> Any:
+        raise RunError("there is no PyBullet here")
+
+    checks = doctor.self_test(PLAN, quiet, engines=replace(ENGINES, simulate=barred))
+    assert {(c.state, c.reason) for c in checks} == {("not reached", "there is no PyBullet here")}
+    assert doctor.Examination({}, checks).tiers["A"] == "no"
+
+
+def test_the_fingerprint_names_no_host_user_or_place() -> None:
+    told = json.dumps(doctor.fingerprint(["cuda:0"]))
+    for private in (socket.gethostname(), str(Path.home()), str(Path.cwd()), os.environ.get("USER", "\0")):
+        assert len(private) < 3 or private not in told
+
+
+def test_this_host_makes_the_bytes_that_ship() -> None:
+    found = doctor.examine(quiet, gpus=[])
+    assert [(c.stage, c.state, c.reason) for c in found.checks] == [(s, "equal", "") for s in doctor.STAGES]
+    assert found.tiers == {"A": "yes", "B": "no CUDA GPU here"}
