@@ -32,7 +32,7 @@ _GARAGE = _surface("garage", Pattern.CLAPBOARD)
 _STEP = _surface("base", Pattern.CONCRETE)
 _ROOF = _surface("roof", Pattern.METAL)
 _REVEAL, _PLINTH = 0.14, 0.4
-_HIP = 2
+_RIDGE_ALONG, _HIP = 0, 2
 
 
 def house(b: Builder, e: Element) -> None:
@@ -44,11 +44,13 @@ def house(b: Builder, e: Element) -> None:
     door = _front(b, e, facades[0], wall)
     for facade in facades[1:]:
         _walls(b, e, facade, wall, _windows(e, facade, 0.0, facade.width))
+    size, pitch, along_y = (depth, width, height), s["pitch"], int(s["roof"]) == _RIDGE_ALONG
     if int(s["roof"]) == _HIP:
-        hip(b, (depth, width, height), s["pitch"], EAVES)
+        along_y = width > depth
+        hip(b, size, pitch, EAVES)
     else:
-        gable(b, (depth, width, height), s["pitch"], EAVES, wall, along_y=int(s["roof"]) == 0)
-    chimney(b, (depth, width, height), s["pitch"], key)
+        gable(b, size, pitch, EAVES, wall, along_y=along_y)
+    chimney(b, size, pitch, key, along_y)
     if s["porch"]:
         _porch(b, facades[0], door, height if s["floors"] == 1 else s["storey"])
 

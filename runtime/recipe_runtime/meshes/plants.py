@@ -208,7 +208,9 @@ def _shrub_shape(kind: int) -> Leaves:
     points, faces = icosphere(1)
     middle = np.array([0.0, 0.0, 0.35])
     leaves = _leafy(_hull(clumps, points, middle), faces, kind + 311, 60, 0.16, middle)
-    return _fitted(leaves, np.array([-0.5, -0.5, 0.0]), np.array([0.5, 0.5, 1.0]))
+    points, normals, uvs, faces = _fitted(leaves, np.array([-0.5, -0.5, -0.28]), np.array([0.5, 0.5, 1.0]))
+    points[:, 2] = np.maximum(points[:, 2], 0.0)  # it sits on the ground, and does not stand on a point
+    return points, normals, uvs, faces
 
 
 def hedge(b: Builder, e: Element) -> None:

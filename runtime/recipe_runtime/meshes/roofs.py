@@ -103,11 +103,13 @@ def hip(b: Builder, size: Size, pitch: float, eaves: float) -> None:
     b.quads(_SOFFIT, [soffit], np.array([[(0, 1)] * 4]))
 
 
-def chimney(b: Builder, size: Size, pitch: float, key: int) -> None:
-    """A stack near the ridge, with a cap and two pots."""
+def chimney(b: Builder, size: Size, pitch: float, key: int, along_y: bool = True) -> None:
+    """A stack near the ridge, which runs along y or along x, with a cap and two pots."""
     depth, width, height = size
-    top = height + pitch * min(depth, width) / 2 + 0.7
-    x, y = -depth / 2 + 0.16 * depth * noise(key, 11), 0.3 * width * (1 if noise(key, 12) > 0 else -1)
+    top = height + pitch * (depth if along_y else width) / 2 + 0.7
+    beside, along = 0.12 * noise(key, 11), 0.28 if noise(key, 12) > 0 else -0.28
+    x, y = (beside * depth, along * width) if along_y else (along * depth, beside * width)
+    x -= depth / 2
     b.box(_STACK, (x - 0.35, y - 0.45, height), (x + 0.35, y + 0.45, top), "-z +z")
     b.box(_EDGE, (x - 0.42, y - 0.52, top), (x + 0.42, y + 0.52, top + 0.1))
     for s in (1, -1):

@@ -158,17 +158,17 @@ def hole(t: wp.float32) -> wp.float32:
 def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """A tree's leaves: dark gaps between them, boughs of their own green, and less sky within and below."""
     bough = noise3(p[0] * 1.3, p[1] * 1.3, p[2] * 1.6, wp.uint32(8)) - 0.5
-    twig = noise3(p[0] * 5.3, p[1] * 5.3, p[2] * 6.1, wp.uint32(10)) - 0.5
-    near = fade(0.3, foot)
-    tone = 1.05 + 0.4 * bough + (0.5 * twig - 0.25 * hole(twig)) * near
-    lean = 0.55 * near
+    twig = noise3(p[0] * 6.3, p[1] * 6.3, p[2] * 7.1, wp.uint32(10)) - 0.5
+    near = fade(0.22, foot)
+    tone = 1.04 + 0.35 * bough + 0.5 * twig * near
+    lean = 0.5 * near
     d.normal = direction(d.normal + wp.vec3f(twig * lean, bough * lean, -0.5 * twig * lean))
-    near = fade(0.1, foot)
+    near = fade(0.07, foot)
     if near > 0.0:
-        leaf = noise3(p[0] * 14.0, p[1] * 14.0, p[2] * 17.0, wp.uint32(9)) - 0.5
-        tone = tone + (0.8 * leaf - 0.35 * hole(leaf)) * near
-        d.normal = direction(d.normal + wp.vec3f(0.5 * leaf * near, -0.4 * leaf * near, 0.7 * leaf * near))
-    d.tone = wp.max(tone, 0.2) * (0.3 + 0.7 * uv[1])
+        leaf = noise3(p[0] * 19.0, p[1] * 19.0, p[2] * 23.0, wp.uint32(9)) - 0.5
+        tone = tone + (0.95 * leaf - 0.3 * hole(leaf + 0.3 * twig)) * near
+        d.normal = direction(d.normal + wp.vec3f(0.6 * leaf * near, -0.5 * leaf * near, 0.8 * leaf * near))
+    d.tone = wp.max(tone, 0.2) * (0.34 + 0.66 * uv[1])
     d.second = clamp01(0.35 + 1.4 * bough + 0.9 * twig * near)
     return d
 
