@@ -106,7 +106,7 @@ def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     """The whole sky in a direction: gradient, halo, disc, clouds, stars."""
     clear = clear_sky(air, d)
     c = inner(d, air[0].sun)
-    sharp = step_between(0.99985, 0.99995, c)
+    sharp = step_between(0.99992, 0.99997, c)
     clear = clear + air[0].disc * sharp
     if air[0].stars > 0.0 and d[2] > 0.05:
         i = whole(d[0] / (d[2] + 0.6) * 620.0)

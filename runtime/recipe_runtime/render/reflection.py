@@ -48,7 +48,7 @@ def pixel_at(q: wp.vec3f, lens: Lens) -> wp.int32:
 def mirrored(p: wp.vec3f, to_point: wp.vec3f, gloss: wp.float32) -> wp.vec3f:
     """The unit direction in which wet ground at p sends the sight on: upward, and a little astray."""
     # Ripples and grain turn the mirror a little, most of all along the sight, as on any wet road.
-    ripple = (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(31)) - 0.5) * (0.006 + 0.5 * (1.0 - gloss))
+    ripple = (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(31)) - 0.5) * (0.006 + 0.3 * (1.0 - gloss))
     one = 1.0 / wp.sqrt(wp.max(inner(to_point, to_point), 1.0e-8))
     sight = to_point * one
     n = wp.vec3f(sight[0] * ripple, sight[1] * ripple, 1.0)
@@ -162,7 +162,11 @@ def reflect(
         if q[2] > 0.2:
             at = pixel_at(q, lens)
         if at >= 0:
-            out[i] = light + radiance[starts[at]] * share
+            # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
+            most = air[0].sideways * (4.0 + 500.0 * wp.max(gleam[i][1] - 0.82, 0.0))
+            r = radiance[starts[at]]
+            r = wp.vec3f(wp.min(r[0], most[0]), wp.min(r[1], most[1]), wp.min(r[2], most[2]))
+            out[i] = light + r * share
             return
     street = clamp01(step_between(0.34, 0.12, d[2]))
     beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
