@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from recipe_compiler.plan import Element, Pose, TownPlan
 from recipe_compiler.towns.palettes import PALETTES
 from recipe_runtime.meshes import town_bodies
@@ -119,3 +120,43 @@ def test_a_kind_is_seen_from_outside(k: Kind) -> None:
     solid = ~leaves & ((face**2).sum(1) > 1e-12)
     facing = (face * mesh.normals[mesh.triangles[:, 0]].astype(np.float64)).sum(1)
     assert (facing[solid] > 0).all()
+
+
+@pytest.mark.parametrize("k", KINDS, ids=str)
+def test_nobody_sees_the_inside_of_a_kind(k: Kind) -> None:
+    """Of rays from outside, level or from above, the first face met looks back; slits beside thin mouldings aside."""
+    mesh = mesh_of(k)
+    leaves = np.array([s.pattern == Pattern.FOLIAGE for s in mesh.surfaces])[mesh.surface]
+    corners = mesh.vertices.astype(np.float64)[mesh.triangles[~leaves]]
+    if not len(corners):
+        return
+    random = np.random.Generator(np.random.Philox(5))
+    low, high = (f(mesh.vertices.astype(np.float64), axis=0) for f in (np.min, np.max))
+    met = [_first_face(corners, low + (high - low) * random.random(3), _downward(random)) for _ in range(150)]
+    seen = [facing for facing in met if facing is not None]
+    assert len(seen) > 0
+    assert seen.count(False) <= 0.02 * len(seen)
+
+
+def _downward(random: np.random.Generator) -> NDArray[np.float64]:
+    angle, up = random.random() * 2 * np.pi, random.random() * 0.9
+    flat = np.sqrt(1 - up * up)
+    return np.array([-np.cos(angle) * flat, -np.sin(angle) * flat, -up])
+
+
+def _first_face(corners: NDArray[np.float64], target: NDArray[np.float64], way: NDArray[np.float64]) -> bool | None:
+    """Whether the first triangle on the way to the target looks back at the eye; None if there is none."""
+    eye = target - 200.0 * way
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = np.cross(way, v)
+    volume = (u * p).sum(1)
+    solid = np.abs(volume) > 1e-12
+    inverse = np.where(solid, 1.0, 0.0) / np.where(solid, volume, 1.0)
+    s = eye - corners[:, 0]
+    q = np.cross(s, u)
+    a, b, far = (s * p).sum(1) * inverse, (way * q).sum(1) * inverse, (v * q).sum(1) * inverse
+    hit = solid & (a >= 0) & (b >= 0) & (a + b <= 1)
+    if not hit.any():
+        return None
+    first = hit & (far < far[hit].min() + 1e-4)
+    return bool((volume[first] > 0).any())

@@ -38,19 +38,18 @@ def _posts(b: Builder, surface: Surface, thick: float, length: float, height: fl
 
 def _pickets(b: Builder, thick: float, length: float, height: float) -> None:
     """Pointed slats before two rails."""
-    half, count = thick / 2, max(2, int(length / 0.16 + 0.5))
+    half, count = thick / 2, max(2, int(length / 0.18 + 0.5))
     _posts(b, _BOARDS, thick * 0.6, length, height * 0.92, 2.4)
     for z in (0.25 * height, 0.7 * height):
         b.box(_BOARDS, (-0.2 * thick, -length / 2, z), (0.1 * thick, length / 2, z + 0.08), "-y +y")
+    back = 0.1 * thick
     for k in range(count):
-        y, w = length * ((k + 0.5) / count - 0.5), 0.28 * length / count
-        front = [(half, y - w, 0.08), (half, y + w, 0.08), (half, y + w, height - w), (half, y, height)]
-        front.append((half, y - w, height - w))
-        b.fan(_BOARDS, front)
-        b.fan(_BOARDS, [(0.1 * thick, py, pz) for _, py, pz in front[::-1]])
-        for s in (1, -1):
-            edge = [(half, 0.08), (0.1 * thick, 0.08), (0.1 * thick, height - w), (half, height - w)]
-            b.quads(_BOARDS, [[(x, y + s * w, z) for x, z in edge[::s]]])
+        y, w = length * ((k + 0.5) / count - 0.5), 0.3 * length / count
+        outline = [(y - w, 0.08), (y + w, 0.08), (y + w, height - w), (y, height), (y - w, height - w)]
+        b.fan(_BOARDS, [(half, py, z) for py, z in outline])
+        b.fan(_BOARDS, [(back, py, z) for py, z in outline[::-1]])
+        for (y0, z0), (y1, z1) in zip(outline[1:], [*outline[2:], outline[0]], strict=True):
+            b.quads(_BOARDS, [[(half, y0, z0), (back, y0, z0), (back, y1, z1), (half, y1, z1)]])
 
 
 def _railing(b: Builder, thick: float, length: float, height: float) -> None:

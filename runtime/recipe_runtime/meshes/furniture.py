@@ -106,7 +106,7 @@ def bollard(b: Builder, e: Element) -> None:
     across, _, height = e.size
     r = across / 2
     b.grid(_POLE, upright([(0.0, r), (0.05, r), (0.07, 0.72 * r), (0.78 * height, 0.66 * r)], 10), crease=0.6)
-    b.grid(_BAND, upright([(0.78 * height, 0.68 * r), (0.88 * height, 0.68 * r)], 10))
+    b.grid(_BAND, upright([(0.78 * height, 0.66 * r), (0.88 * height, 0.66 * r)], 10))
     top = [(0.88 * height, 0.66 * r), (0.95 * height, 0.6 * r), (height, 0.25 * r)]
     b.grid(_POLE, upright(top, 10), crease=0.5, caps=(None, _POLE))
 
@@ -184,7 +184,7 @@ def billboard(b: Builder, e: Element) -> None:
     x, y, key = depth / 2, width / 2, int(e.shape["key"])
     low = height * (0.42 + 0.04 * noise(key, 1))
     for py in (-0.3 * width, 0.3 * width):
-        b.grid(_POLE, tube([(-0.1, py, 0.0), (-0.1, py, height - 0.2)], [0.11, 0.11], 8))
+        b.grid(_POLE, tube([(-0.1, py, 0.0), (-0.1, py, height - 0.2)], [0.11, 0.11], 8), caps=(None, _POLE))
     b.box(_METAL, (-0.04, -y, low), (0.06, y, height))
     m = 0.12
     b.quads(_POSTER, [_front(0.066, -y + m, y - m, low + m, height - m)], picture(key))

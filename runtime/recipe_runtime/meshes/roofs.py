@@ -134,6 +134,7 @@ def flat_roof(b: Builder, top: Top) -> None:
     for f in top.facades:
         b.quads(top.wall, [f.face(0, f.width, height, rim), f.face(0.3, f.width - 0.3, height, rim, -0.3)[::-1]])
         b.quads(_EDGE, f.block((-0.06, f.width + 0.06), (-0.36, 0.08), (rim, rim + 0.1)))
+        b.quads(_EDGE, [f.face(-0.06, f.width + 0.06, rim, rim + 0.1, -0.36)[::-1]])
     _cornice(b, top, height)
     b.quads(_FLAT, [((-depth, -half, height), (0, -half, height), (0, half, height), (-depth, half, height))])
     if noise(top.key, 7) > -0.3:
