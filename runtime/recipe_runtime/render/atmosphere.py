@@ -236,7 +236,7 @@ def _exposure(s: _State, sunlight: Colour, overhead: Colour) -> float:
         - 0.2 * _ease(9.0, -3.0, s.altitude)
         + 0.95 * _ease(-4.0, -10.0, s.altitude)
     )
-    dim = dim - 0.2 * s.rain * (1.0 - s.night) - 0.06 * s.fog + 0.5 * s.night * max(s.rain, s.fog)
+    dim = dim - 0.2 * s.rain * (1.0 - s.night) - 0.06 * s.fog + 0.65 * s.night * max(s.rain, s.fog)
     return fixed((dim - 0.36 * s.dust) * exact.power(luminance, -0.86))
 
 
