@@ -13,7 +13,7 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
     "ground": {"ground": ("#6f7466",)},
     "road": {"asphalt": ("#626366",), "paint": ("#dcdcd6",), "centre": ("#d9b94a",)},
     "junction": {"asphalt": ("#626366",), "paint": ("#dcdcd6",)},
-    "sidewalk": {"kerb": ("#a6a39c",), "slabs": ("#98948c", "#9d978d", "#938f89"), "yard": ("#6c7a55", "#8a877f")},
+    "sidewalk": {"kerb": ("#a6a39c",), "slabs": ("#98948c", "#9d978d", "#938f89"), "yard": ("#6a7359", "#8a877f")},
     "building": {
         "wall": _BRICK_TO_PLASTER,
         "trim": ("#d9d4c8", "#c8c2b4", "#b4aea2", "#e2ded4"),

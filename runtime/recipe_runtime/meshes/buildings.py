@@ -72,6 +72,9 @@ def building(b: Builder, e: Element) -> None:
     plain = [f for f, there in ends if not there]
     b.quads(family.wall, [f.face(0, f.width, 0, height) for f in [*plain, back]])
     _mouldings(b, e, family, [f for f, _ in free])
+    if family in (_BRICK, _PLASTER, _BALCONIED):
+        u = 0.12 if noise(key, 33) > 0 else width - 0.24
+        b.quads(_METAL, front.block((u, u + 0.12), (0.0, 0.13), (s["ground"], height - 0.4), top=False))  # a drain pipe
     top = Top(e.size, key, facades, tuple(f for f, _ in free), family.wall)
     if s.get("roof", 0):
         pitched_roof(b, top, 0.75 + 0.15 * noise(key, 31))

@@ -99,19 +99,43 @@ def ground_noise(p: wp.vec3f, foot: wp.float32) -> wp.float32:
 
 
 @wp.func
+def mended(p: wp.vec3f, foot: wp.float32) -> wp.float32:
+    """What a road's repairs do to its tone: here and there a rectangle of newer, darker asphalt with a tarred seam."""
+    x = p[0] / 4.7
+    y = p[1] / 7.3
+    i = whole(x)
+    j = whole(y)
+    code = hash2(i, j, wp.uint32(28))
+    tone = wp.float32(0.0)
+    if unit(code) < 0.16:
+        half = 0.14 + 0.24 * unit(scramble(code))
+        beside = (half - wp.abs(x - wp.float32(i) - 0.5)) * 4.7
+        ends = (0.36 - wp.abs(y - wp.float32(j) - 0.5)) * 7.3
+        inner = wp.min(beside, ends)
+        w = wp.max(foot, 0.01)
+        seam = clamp01((0.03 - wp.abs(inner)) / w + 0.5) * clamp01(0.06 / w)
+        tone = -0.1 * clamp01(inner / w + 0.5) - 0.3 * seam
+    return tone
+
+
+@wp.func
 def asphalt(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """Grains of stone in tar, patches that have aged differently, and a few seams."""
-    d.tone = 1.0 + 0.3 * (noise2(p[0] * 0.23, p[1] * 0.23, wp.uint32(1)) - 0.5)
+    """Grains of stone in tar, patches that have aged differently, repairs, and fine cracks."""
+    age = noise2(p[0] * 0.23, p[1] * 0.23, wp.uint32(1)) - 0.5
+    d.tone = 1.0 + 0.3 * age
     near = fade(0.5, foot)
     if near > 0.0:
-        d.tone = d.tone + 0.22 * near * (noise2(p[0] * 2.1, p[1] * 2.1, wp.uint32(2)) - 0.5)
+        patch = noise2(p[0] * 2.1, p[1] * 2.1, wp.uint32(2)) - 0.5
+        d.tone = d.tone + near * (0.2 * patch + mended(p, foot))
+        crack = 1.0 - wp.abs(age + 0.09 * patch - 0.06) / (0.0035 + 0.2 * foot)
+        d.tone = d.tone - 0.3 * near * clamp01(crack) * clamp01(0.012 / wp.max(foot, 0.004))
     near = fade(0.06, foot)
     if near > 0.0:
-        d.tone = d.tone + 0.35 * near * (noise2(p[0] * 17.0, p[1] * 17.0, wp.uint32(4)) - 0.5)
+        d.tone = d.tone + 0.3 * near * (noise2(p[0] * 17.0, p[1] * 17.0, wp.uint32(4)) - 0.5)
     near = fade(0.018, foot)
     if near > 0.0:
         stone = unit(hash2(whole(p[0] * 55.0), whole(p[1] * 55.0), wp.uint32(3))) - 0.5
-        d.tone = d.tone + 0.55 * near * stone
+        d.tone = d.tone + 0.5 * near * stone
     d.height = ground_noise(p, foot)
     return d
 
@@ -132,19 +156,22 @@ def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
 
 
 @wp.func
-def leaves(d: Detail, p: wp.vec3f, foot: wp.float32, size: wp.float32) -> Detail:
-    """Leaves or blades: clumps of light and shade, and a normal for each that leans its own way."""
-    s = 1.0 / size
-    clump = noise3(p[0] * 1.7, p[1] * 1.7, p[2] * 1.7, wp.uint32(8))
-    near = fade(size, foot)
-    leaf = wp.float32(0.0)
+def blades(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """Grass: broad changes of colour, tufts, and blades close by."""
+    field = noise2(p[0] * 0.13, p[1] * 0.13, wp.uint32(29)) - 0.5
+    d.tone = 0.95 + 0.25 * field
+    d.second = clamp01(0.3 + 0.5 * field)
+    near = fade(0.5, foot)
     if near > 0.0:
-        leaf = noise3(p[0] * s + 3.0 * clump, p[1] * s, p[2] * s - 3.0 * clump, wp.uint32(9)) - 0.5
-    twig = noise3(p[0] * 5.0, p[1] * 5.0, p[2] * 5.0, wp.uint32(10)) - 0.5
-    d.tone = 0.72 + 0.5 * clump + 0.7 * twig * fade(0.2, foot) + 1.1 * leaf * near
-    d.second = clamp01(clump * 1.2 - 0.35)
-    lean = 0.9 * fade(0.2, foot)
-    d.normal = direction(d.normal + wp.vec3f(twig * lean, (clump - 0.5) * lean, leaf * lean * near))
+        tuft = noise2(p[0] * 2.3, p[1] * 2.3, wp.uint32(8)) - 0.5
+        d.tone = d.tone + 0.22 * tuft * near
+        d.second = clamp01(d.second + 0.35 * tuft * near)
+    near = fade(0.09, foot)
+    if near > 0.0:
+        d.tone = d.tone + 0.45 * near * (noise2(p[0] * 13.0, p[1] * 13.0, wp.uint32(9)) - 0.5)
+    near = fade(0.025, foot)
+    if near > 0.0:
+        d.tone = d.tone + 0.8 * near * (noise2(p[0] * 70.0, p[1] * 44.0, wp.uint32(10)) - 0.5)
     return d
 
 
@@ -435,7 +462,7 @@ def weathered(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
         near = fade(0.5, foot)
         if near > 0.0:
             run = noise2(uv[0] * 2.7, uv[1] * 0.28, wp.uint32(19)) - 0.5
-            dirt = dirt * (1.0 + 1.4 * run * near) + 0.16 * near * run
+            dirt = dirt * (1.0 + 0.9 * run * near) + 0.11 * near * run
         d.tone = d.tone * (1.0 - dirt)
     return d
 
@@ -565,8 +592,7 @@ def detail_of(
     elif pattern == FOLIAGE:
         d = crown(d, uv, p, foot)
     elif pattern == GRASS:
-        d = leaves(d, p, foot, 0.03)
-        d.normal = normal
+        d = blades(d, p, foot)
         d.height = ground_noise(p, foot) + 0.15
     elif pattern == WINDOW:
         d = window(d, uv, sight, foot)
