@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,32 @@ DEVICE = click.option(
 WORKERS = click.option(
     "--workers", type=click.IntRange(1, 256), default=None, help="Worker processes; one a CPU core by default."
 )
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Path]:
+    """A recipe by its path; that of a pack is unpacked for as long as it is used."""
+    if path.suffix != ".recipe":
+        yield path
+        return
+    from recipe_runtime import pack
+
+    with pack.unpacked(path) as recipe:
+        yield recipe
+
+
+def unpacks(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A command whose arguments of these names may be packs: it is given the recipes in them."""
+
+    def around(command: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(command)
+        def opening(**values: Any) -> None:
+            with ExitStack() as stack:
+                command(**{k: stack.enter_context(opened(v)) if k in names else v for k, v in values.items()})
+
+        return opening
+
+    return around
 
 
 def compile_quietly(path: Path, *, allow_large: bool = False, free_disk: int | None = None) -> Compiled:

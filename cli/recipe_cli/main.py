@@ -21,6 +21,7 @@ COMMANDS = {
     "verify": "Re-render sample frames and compare them, byte for byte.",
     "diff": "Say what differs between two recipes, lockfiles or datasets.",
     "doctor": "Say what this host is, and whether it makes the bytes that it should.",
+    "pack": "Put a recipe and all that it needs into one file to share.",
     "cache": "Show what is kept between runs, or make it smaller.",
     "schema": "Print the JSON Schema of recipes, for editors.",
 }

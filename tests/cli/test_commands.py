@@ -56,7 +56,20 @@ def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
     start = time.perf_counter()
     shown = run("--help", cwd=tmp_path)
     assert time.perf_counter() - start < 3.0  # 0.1 s on an idle machine; an import of an engine takes longer than this
-    for name in ("init", "check", "plan", "shot", "build", "lock", "verify", "diff", "doctor", "cache", "schema"):
+    for name in (
+        "init",
+        "check",
+        "plan",
+        "shot",
+        "build",
+        "lock",
+        "verify",
+        "diff",
+        "doctor",
+        "pack",
+        "cache",
+        "schema",
+    ):
         assert f"  {name} " in shown.stdout
     imported = subprocess.run(
         [sys.executable, "-X", "importtime", "-m", "recipe_cli", "--help"], capture_output=True, text=True
@@ -388,3 +401,29 @@ def test_a_dataset_from_elsewhere_is_held_against_a_recipe(folder: Path, tmp_pat
     assert other.returncode == 1
     assert "plan: weather=dry: another scene plan" in other.stdout
     assert run("verify", "small.yaml", "other.yaml", "--against", "downloaded", cwd=root).returncode == 2
+
+
+def test_a_pack_stands_for_its_recipe(folder: Path, tmp_path: Path) -> None:
+    packed = run("pack", "small.yaml", "-o", tmp_path / "small.recipe", cwd=folder)
+    assert packed.returncode == 0, packed.stderr
+    again = run("pack", "small.yaml", "-o", tmp_path / "again.recipe", cwd=folder)
+    assert again.stdout.split()[-1] == packed.stdout.split()[-1]
+    assert run("check", "small.recipe", cwd=tmp_path).stdout == "small.recipe: in order, 2 variants\n"
+    verified = run("verify", "small.recipe", "--all", cwd=tmp_path)
+    assert (verified.returncode, verified.stdout.splitlines()[0]) == (0, "PASS  small.recipe")
+    built = run("build", "small.recipe", "--workers", "1", cwd=tmp_path)
+    assert built.stdout.splitlines()[-1] == verified.stdout.splitlines()[1].strip()
+    shown = run("diff", "small.recipe", folder / "lockfiles" / "small.lock", cwd=tmp_path)
+    assert (shown.returncode, shown.stdout) == (0, "nothing differs\n"), shown.stdout
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["again.recipe", "datasets", "small.recipe"]
+
+
+def test_a_pack_is_made_of_what_agrees(folder: Path, tmp_path: Path) -> None:
+    root = _project(folder, tmp_path, "small.yaml", "lockfiles")
+    assert run("pack", "small.yaml", "--with-traces", cwd=root).returncode == 2
+    (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
+    refused = run("pack", "small.yaml", cwd=root)
+    assert (refused.returncode, "`recipe lock --update` first" in refused.stderr) == (2, True)
+    (root / "bad.recipe").write_bytes(b"PK")
+    for command in ("build", "verify", "plan", "check", "shot"):
+        assert run(command, "bad.recipe", cwd=root).returncode == 2

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, RECIPE, WORKERS, compile_quietly, print_json, worker_count
+from recipe_cli.arguments import (
+    ALLOW_LARGE,
+    DEVICE,
+    JSON,
+    RECIPE,
+    WORKERS,
+    compile_quietly,
+    print_json,
+    unpacks,
+    worker_count,
+)
 from recipe_cli.places import free_disk, lockfile_path, source_of
 from recipe_cli.progress import Progress
 
@@ -34,6 +44,7 @@ if TYPE_CHECKING:
 @WORKERS
 @ALLOW_LARGE
 @JSON
+@unpacks("recipe")
 def command(
     recipe: Path,
     out: Path | None,
@@ -124,7 +135,7 @@ def _against(
         return None
     path, lock = locked
     made = lock_of(result.manifest, source_of(recipe, path), compiled.files)
-    return [f"{path}: {difference}" for difference in compare_locks(compiled.plan, lock, made)]
+    return [f"{path.name}: {difference}" for difference in compare_locks(compiled.plan, lock, made)]
 
 
 def _say(compiled: Compiled, out: Path, result: BuildResult) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import JSON, print_json, print_warning
+from recipe_cli.arguments import JSON, opened, print_json, print_warning
 
 if TYPE_CHECKING:
     from recipe_compiler.errors import Problem
@@ -24,7 +24,8 @@ def command(recipes: tuple[Path, ...], as_json: bool) -> None:
     warnings: list[tuple[Path, Problem]] = []
     for path in recipes:
         try:
-            count, found = _checked(path)
+            with opened(path) as recipe:
+                count, found = _checked(recipe)
         except InputError as error:
             problems += [(path, problem) for problem in error.problems]
             continue

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, print_json
+from recipe_cli.arguments import ALLOW_LARGE, JSON, compile_quietly, opened, print_json
+from recipe_cli.places import lockfile_path
 
 if TYPE_CHECKING:
     from recipe_runtime.diff import Side
@@ -23,8 +24,8 @@ _MOST_SHOWN = 40
 def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None:
     """Say what differs between FIRST and SECOND, the first cause first; nothing is rendered.
 
-    Each is a recipe, a lockfile, a dataset folder, or an expanded plan (`recipe plan --variant`, plans/*.json of a
-    dataset). Exit code 0: nothing differs, 1: something does.
+    Each is a recipe, a pack, a lockfile, a dataset folder, or an expanded plan (`recipe plan --variant`,
+    plans/*.json of a dataset). Exit code 0: nothing differs, 1: something does.
     """
     from recipe_runtime.diff import differences, left_out
 
@@ -60,7 +61,9 @@ def _side(path: Path, allow_large: bool) -> Side:
     if path.suffix == ".json":
         plan = dataset.plan_alone(path)
         return Side(str(path), bare(plan, "", {}), plan)
-    from recipe_cli.arguments import compile_quietly
-
-    compiled = compile_quietly(path, allow_large=allow_large)
-    return Side(str(path), bare(compiled.plan, "", compiled.files), compiled.plan)
+    with opened(path) as recipe:
+        compiled = compile_quietly(recipe, allow_large=allow_large)
+        locked = lockfile_path(recipe, compiled.plan.recipe) if recipe != path else None
+        if locked is not None and locked.exists():  # a pack tells of motion and pixels too
+            return Side(str(path), lockfile.read(locked), compiled.plan)
+        return Side(str(path), bare(compiled.plan, "", compiled.files), compiled.plan)

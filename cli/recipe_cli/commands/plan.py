@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, unpacks
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 @ALLOW_LARGE
 @click.option("--variant", metavar="NAME", help="Print this variant's expanded plan as JSON.")
 @JSON
+@unpacks("recipe")
 def command(recipe: Path, allow_large: bool, variant: str | None, as_json: bool) -> None:
     """Show RECIPE's variants, what they share, and the frames, bytes and minutes of building it."""
     compiled = compile_quietly(recipe, allow_large=allow_large)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, RECIPE, compile_quietly, print_json, writing
+from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, RECIPE, compile_quietly, print_json, unpacks, writing
 
 
 @click.command("shot")
@@ -19,6 +19,7 @@ from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, RECIPE, compile_quie
 @DEVICE
 @ALLOW_LARGE
 @JSON
+@unpacks("recipe")
 def command(
     recipe: Path,
     variant: str | None,

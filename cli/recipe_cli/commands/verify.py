@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, WORKERS, print_json, worker_count
+from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, WORKERS, opened, print_json, worker_count
 from recipe_cli.places import FOLDER, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 
@@ -67,9 +67,9 @@ def command(
 ) -> None:
     """Re-render sample frames of TARGETS and compare bytes.
 
-    A target is a recipe (with its lockfile), a lockfile (with its recipe), or a dataset folder; without any, all
-    lockfiles. With --against, the dataset is held against the recipe and its lockfile (its own digests, without one).
-    Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE.
+    A target is a recipe (with its lockfile), a pack, a lockfile (with its recipe), or a dataset folder; without any,
+    all lockfiles. With --against, the dataset is held against the recipe and its lockfile (its own
+    digests, without one). Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE.
     """
     from recipe_compiler.errors import InputError
     from recipe_runtime.entropy import fresh_nonce
@@ -89,7 +89,11 @@ def command(
     if against is not None and (len(targets) != 1 or targets[0].is_dir() or integrity):
         raise InputError("--against holds a dataset against one recipe or lockfile; name that one")
     for target in targets or _all_lockfiles():
-        report = _integrity(target, options) if integrity else _verify(target, options, allow_large, against)
+        if integrity:
+            report = _integrity(target, options)
+        else:
+            with opened(target) as place:
+                report = _verify(place, options, allow_large, against)
         reports.append(report)
         if not as_json:
             _say(target, report)

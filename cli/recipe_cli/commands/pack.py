@@ -1,0 +1,87 @@
+"""`recipe pack`: a recipe with all that it needs, in one file to share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, writing
+from recipe_cli.places import FOLDER, lockfile_path
+
+if TYPE_CHECKING:
+    from recipe_compiler.compile import Compiled
+
+
+@click.command("pack")
+@RECIPE
+@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="<recipe>.recipe by default.")
+@click.option(
+    "--with-traces", is_flag=True, help="Insist on the traces beside the lockfile; they go in if they are there."
+)
+@ALLOW_LARGE
+@JSON
+def command(recipe: Path, output: Path | None, with_traces: bool, allow_large: bool, as_json: bool) -> None:
+    """Put RECIPE, every file that it uses, its lockfile and traces into one file, and print its identity.
+
+    `plan`, `check`, `shot`, `build`, `verify` and `diff` take such a file in place of a recipe.
+    """
+    from recipe_compiler.errors import InputError
+    from recipe_runtime import pack
+    from recipe_runtime.store import write_atomic
+
+    compiled = compile_quietly(recipe, allow_large=allow_large)
+    output = output or Path(f"{compiled.plan.recipe}{pack.SUFFIX}")
+    if not pack.is_pack(output):
+        raise InputError(f"{output}: give --output a name that ends in {pack.SUFFIX}")
+    files = {**_sources(recipe, compiled), **_locked(recipe, compiled, with_traces)}
+    body = pack.Pack(recipe.name, files).dumps()
+    with writing(output):
+        write_atomic(output, body)
+    if as_json:
+        rows = {path: len(content) for path, content in sorted(files.items())}
+        print_json({"file": str(output), "bytes": len(body), "identity": pack.identity(body), "files": rows})
+        return
+    for path, content in sorted(files.items()):
+        click.echo(f"  {path}  {len(content)} bytes")
+    click.echo(f"{output}  {pack.identity(body)}")
+
+
+def _sources(recipe: Path, compiled: Compiled) -> dict[str, bytes]:
+    """The recipe and all that it includes, the very bytes that were compiled."""
+    import hashlib
+
+    from recipe_compiler.errors import RunError
+
+    found = {}
+    for path, value in compiled.files.items():
+        body = (recipe.parent / path).read_bytes()
+        if hashlib.sha256(body).hexdigest() != value:
+            raise RunError(f"{recipe.parent / path} changed while it was packed; pack it again")
+        found[path] = body
+    return found
+
+
+def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, bytes]:
+    """The lockfile and the traces beside it, as they lie in a pack; none if the recipe has no lockfile."""
+    from dataclasses import replace
+
+    from recipe_compiler import lockfile
+    from recipe_compiler.errors import InputError
+    from recipe_runtime import traces
+
+    path = lockfile_path(recipe, compiled.plan.recipe)
+    motion = traces.beside(path)
+    if with_traces and not motion.exists():
+        raise InputError(f"{motion}: there are no traces; `recipe lock --update --with-traces` writes them")
+    if not path.exists():
+        return {}
+    lock = lockfile.read(path)
+    if not lock.sealed or lock.plan != compiled.plan.digest or lock.files != compiled.files:
+        raise InputError(f"{path} says something else than {recipe} makes now; `recipe lock --update` first")
+    name = f"{FOLDER}/{compiled.plan.recipe}"
+    found = {f"{name}.lock": replace(lock, source=f"../{recipe.name}").dumps().encode()}
+    if motion.exists():
+        found[f"{name}{traces.SUFFIX}"] = traces.dumps(traces.read(motion, lock.traces))
+    return found

@@ -1,0 +1,153 @@
+"""A pack comes back whole, has one byte form, and a hostile one is refused before anything is written."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from recipe_compiler.errors import InputError, Place, Problem
+from recipe_runtime.pack import Pack, identity, read, unpacked
+
+FILES = {"street.yaml": b"recipe: street\n", "common/base.yaml": b"town: downtown\n", "lockfiles/street.lock": b"x\n"}
+PACK = Pack("street.yaml", FILES)
+
+
+def _written(folder: Path, body: bytes) -> Path:
+    path = folder / "street.recipe"
+    path.write_bytes(body)
+    return path
+
+
+def test_a_pack_comes_back_whole(tmp_path: Path) -> None:
+    found = read(_written(tmp_path, PACK.dumps()))
+    assert (found.recipe, dict(found.files)) == ("street.yaml", FILES)
+
+
+def test_order_of_files_does_not_matter() -> None:
+    assert Pack("street.yaml", dict(reversed(FILES.items()))).dumps() == PACK.dumps()
+
+
+def test_the_form_is_pinned() -> None:
+    """What a paper prints must be the same for ever: another form is another format."""
+    assert identity(PACK.dumps()) == "sha256:008f3497e21f09d32a3345723991878cc534ea61ae021830c0831357e4cd203a"
+
+
+def test_any_unzip_reads_it() -> None:
+    with zipfile.ZipFile(io.BytesIO(PACK.dumps())) as archive:
+        assert archive.testzip() is None
+        assert {n: archive.read(n) for n in archive.namelist() if n != "pack.json"} == FILES
+
+
+def test_it_is_unpacked_and_cleared_away(tmp_path: Path) -> None:
+    with unpacked(_written(tmp_path, PACK.dumps())) as recipe:
+        root = recipe.parent
+        assert recipe.read_bytes() == FILES["street.yaml"]
+        assert (root / "common" / "base.yaml").read_bytes() == FILES["common/base.yaml"]
+    assert not root.exists()
+
+
+def test_mistakes_point_into_the_pack(tmp_path: Path) -> None:
+    path = _written(tmp_path, PACK.dumps())
+    with pytest.raises(InputError) as caught, unpacked(path) as recipe:
+        raise InputError(Problem("the town is gone", Place(str(recipe), 3, 5)))
+    assert str(caught.value) == f"{path}/street.yaml:3:5: the town is gone"
+
+
+def _zip(entries: list[tuple[zipfile.ZipInfo | str, bytes]], kind: int = zipfile.ZIP_STORED) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", kind) as archive:
+        for entry, body in entries:
+            archive.writestr(entry, body)
+    return out.getvalue()
+
+
+def _index(files: dict[str, bytes], recipe: str = "street.yaml") -> tuple[str, bytes]:
+    return "pack.json", json.dumps({"format": "recipe/pack/1", "recipe": recipe, "files": {}}).encode()
+
+
+def _link() -> zipfile.ZipInfo:
+    entry = zipfile.ZipInfo("common")
+    entry.create_system, entry.external_attr = 3, 0o120777 << 16
+    return entry
+
+
+def _escape(name: str) -> bytes:
+    return _zip([_index({}), ("street.yaml", b"a"), (name, b"evil")])
+
+
+HOSTILE: dict[str, Callable[[], bytes]] = {
+    "nothing": lambda: b"",
+    "no zip": lambda: b"recipe: street\n" * 100,
+    "an empty zip": lambda: _zip([]),
+    "no index": lambda: _zip([("street.yaml", b"a")]),
+    "an index that is no map": lambda: _zip([("pack.json", b"[]"), ("street.yaml", b"a")]),
+    "a deep index": lambda: _zip([("pack.json", b"[" * 100_000)]),
+    "another format": lambda: _zip([("pack.json", b'{"format": "recipe/pack/9"}')]),
+    "a recipe that is not there": lambda: _zip([_index({}, "gone.yaml"), ("street.yaml", b"a")]),
+    "a way up": lambda: _escape("../evil.yaml"),
+    "a way up inside": lambda: _escape("common/../../evil.yaml"),
+    "an absolute path": lambda: _escape("/etc/evil"),
+    "a windows path": lambda: _escape("..\\evil"),
+    "a hidden file": lambda: _escape(".bashrc"),
+    "a name of control characters": lambda: _escape("a\x1b[2J"),
+    "a link": lambda: _zip([_index({}), ("street.yaml", b"a"), (_link(), b"/etc")]),
+    "a compressed entry": lambda: _zip([_index({}), ("street.yaml", b"a" * 10_000)], zipfile.ZIP_DEFLATED),
+    "a bomb": lambda: _zip([_index({}), ("street.yaml", b"\0" * (1 << 22))], zipfile.ZIP_DEFLATED),
+    "bytes before it": lambda: b"#!/bin/sh\n" + PACK.dumps(),
+    "bytes after it": lambda: PACK.dumps() + b"\n",
+    "a date": lambda: PACK.dumps().replace(b"\x00\x00\x21\x00", b"\x01\x00\x21\x00"),
+    "another digest": lambda: PACK.dumps().replace(b"recipe: street", b"recipe: strett"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_a_hostile_pack_is_refused(tmp_path: Path, name: str) -> None:
+    path = _written(tmp_path, HOSTILE[name]())
+    with pytest.raises(InputError, match=r"is not a pack that can be used: .+") as caught:
+        read(path)
+    assert len(str(caught.value).splitlines()) == 1
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_a_name_twice_is_refused(tmp_path: Path) -> None:
+    body = _zip([_index({}), ("street.yaml", b"a"), ("street.yaml", b"b")])
+    with pytest.raises(InputError, match="is not a pack"):
+        read(_written(tmp_path, body))
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"a.yaml": b"", "A.yaml": b""},
+        {"a": b"", "a/b": b""},
+        {"Common/a": b"", "common/b": b""},
+        {"a.yaml": b"", "pack.json": b""},
+        {"a.yaml": b"", "x" * 201: b""},
+        {"a.yaml": b"", "ümlaut": b""},
+    ],
+)
+def test_names_that_some_file_system_cannot_keep_apart_are_refused(files: dict[str, bytes]) -> None:
+    with pytest.raises(InputError, match="pack"):
+        Pack(next(iter(files)), files).dumps()
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(at=st.integers(0, len(PACK.dumps()) - 1), value=st.integers(0, 255), cut=st.booleans())
+def test_any_change_of_a_byte_is_seen(tmp_path: Path, at: int, value: int, cut: bool) -> None:
+    body = bytearray(PACK.dumps())
+    same = body[at] == value and not cut
+    body[at] = value
+    path = _written(tmp_path, bytes(body[:at] if cut else body))
+    if same:
+        assert dict(read(path).files) == FILES
+    else:
+        with pytest.raises(InputError):
+            read(path)
