@@ -112,7 +112,8 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
 def drift(light: Light, time: float) -> None:
     """Move clouds and leaves to where the wind has them at a time in seconds."""
     wind = light.wind
-    light.air.drift = wp.vec2f(fixed(0.004 * time * wind), fixed(0.002 * time * wind))
+    moved = wind * int(2.0 * time) / 2.0  # in steps too small to see: between them, a camera at rest keeps its sky
+    light.air.drift = wp.vec2f(fixed(0.004 * moved), fixed(0.002 * moved))
     sine, cosine = exact.sin_cos_deg(360.0 * _SWINGS * time)
     reach = _SWAY * wind
     light.air.sway = wp.vec3f(fixed(reach * sine), fixed(reach * cosine), fixed(0.9 * wind * time))
