@@ -34,7 +34,7 @@ MOST_FILES = 2000
 _INDEX = "pack.json"
 _FORMAT = "recipe/pack/1"
 _PART = re.compile(r"[A-Za-z0-9_+=,@ -][A-Za-z0-9._+=,@ -]*")
-_DAMAGE = (ValueError, KeyError, TypeError, AttributeError, RecursionError, NotImplementedError, RuntimeError)
+_DAMAGE = (ValueError, EOFError, KeyError, TypeError, AttributeError, RecursionError, NotImplementedError, RuntimeError)
 
 
 @dataclass(frozen=True)
