@@ -87,16 +87,24 @@ def streaks(
     width = 0.003 * size * focal / z  # pixels
     share = wp.min(width, 1.0)
     broad = wp.min(whole(width) + 1, 3)
-    cover = wp.int32(65536.0 * shower[0].cover * share)
+    cover = 65536.0 * shower[0].cover * share
     for s in range(steps):
         t = (wp.float32(s) + 0.5) / wp.float32(steps)
-        px = whole(x0 + dx * t)
+        left = x0 + dx * t - 0.5
+        px = whole(left)
         py = whole(y0 + dy * t)
+        past = left - wp.float32(px)
         if py >= 0 and py < lens.height:
-            for k in range(broad):
+            # Its two sides fill pixels in part, so that a slanted streak has no steps.
+            for k in range(broad + 1):
                 qx = px + k
+                part = wp.float32(1.0)
+                if k == 0:
+                    part = 1.0 - past
+                if k == broad:
+                    part = past
                 if qx >= 0 and qx < lens.width:
                     pixel = py * lens.width + qx
                     key = keys[pixel]
                     if key == wp.uint64(0) or wp.float32(depth_of(key, lens.near)) > z:
-                        wp.atomic_add(rain, pixel, cover)
+                        wp.atomic_add(rain, pixel, wp.int32(cover * part))
