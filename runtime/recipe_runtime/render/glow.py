@@ -9,8 +9,9 @@ under which the lamp sees the way, over h. That closed form takes one sum a lamp
 
 from recipe_runtime.render.air import Air, decay
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.nearby import MOST, TILE, Lamps
+from recipe_runtime.render.nearby import MOST, Lamps
 from recipe_runtime.render.noise import clamp01, step_between
+from recipe_runtime.render.observation import TILE
 from recipe_runtime.render.vectors import inner
 from recipe_runtime.render.visibility import Lens
 

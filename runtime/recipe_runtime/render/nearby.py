@@ -9,13 +9,12 @@ reach does not meet the box is left out. Tiles keep the things in the order of t
 
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import clamp01, step_between
-from recipe_runtime.render.observation import depth_of
+from recipe_runtime.render.observation import TILE, depth_of
 from recipe_runtime.render.vectors import inner
 from recipe_runtime.render.visibility import Lens
 
 wp.set_module_options(OPTIONS)
 
-TILE = wp.constant(16)
 MOST = wp.constant(24)  # things a tile can hold; the list's first ones are kept
 
 

@@ -4,11 +4,23 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.visibility import NEARNESS, Lens, snap
+from recipe_runtime.render.visibility import NEARNESS, Lens, cut, snap
 
 wp.set_module_options(OPTIONS)
 
 SKY = wp.constant(wp.uint8(11))  # CARLA's tag
+TILE = wp.constant(16)  # pixels along a tile's side; frames are worked on by tiles
+TILE_PIXELS = wp.constant(256)
+
+
+@wp.func
+def pixel_at(corners: wp.array[wp.int32], place: wp.int32):
+    """Column and row of a place in a list of tiles, 256 places a tile; they may lie beyond the picture's right and end.
+
+    A tile is told by its first pixel's column, and its row in the bits from 16 on.
+    """
+    corner = corners[place >> 8]
+    return (corner & 65535) + (place & 15), (corner >> 16) + ((place >> 4) & 15)
 
 
 @wp.func
@@ -25,29 +37,33 @@ def depth_of(key: wp.uint64, near: wp.float64) -> wp.float64:
 
 @wp.kernel
 def label(
+    corners: wp.array[wp.int32],
     keys: wp.array[wp.uint64],
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
     surface_instance: wp.array[wp.int32],
     surface_tag: wp.array[wp.int32],
     lens: Lens,
-    depth: wp.array2d[wp.float32],
-    instance: wp.array2d[wp.uint16],
-    semantic: wp.array2d[wp.uint8],
+    depth: wp.array[wp.float32],
+    instance: wp.array[wp.uint16],
+    semantic: wp.array[wp.uint8],
     extents: wp.array2d[wp.int32],
 ):
-    """Depth, instance and tag of a pixel, and its actor's visible count and box (count, x0, y0, x1, y1)."""
-    y, x = wp.tid()
-    key = keys[y * lens.width + x]
+    """Depth, instance and tag of the tiles' pixels, and their actors' visible count and box (count, x0, y0, x1, y1)."""
+    x, y = pixel_at(corners, wp.tid())
+    if x >= lens.width or y >= lens.height:
+        return
+    i = y * lens.width + x
+    key = keys[i]
     if key == wp.uint64(0):
-        depth[y, x] = wp.float32(lens.far)
-        instance[y, x] = wp.uint16(0)
-        semantic[y, x] = SKY
+        depth[i] = wp.float32(lens.far)
+        instance[i] = wp.uint16(0)
+        semantic[i] = SKY
         return
     surface = triangle_surface[triangle_of(key)]
-    depth[y, x] = wp.float32(depth_of(key, lens.near))
-    instance[y, x] = wp.uint16(surface_instance[surface])
-    semantic[y, x] = wp.uint8(surface_tag[surface])
+    depth[i] = wp.float32(depth_of(key, lens.near))
+    instance[i] = wp.uint16(surface_instance[surface])
+    semantic[i] = wp.uint8(surface_tag[surface])
     actor = surface_actor[surface]
     if actor >= 0:
         extend(extents, actor, x, y)
@@ -65,16 +81,34 @@ def extend(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.in
 
 @wp.kernel
 def amodal(
-    bits: wp.array[wp.uint64], width: wp.int32, first_actor: wp.int32, actors: wp.int32, extents: wp.array2d[wp.int32]
+    corners: wp.array[wp.int32],
+    bits: wp.array[wp.uint64],
+    lens: Lens,
+    first_actor: wp.int32,
+    actors: wp.int32,
+    extents: wp.array2d[wp.int32],
 ):
-    """Count a pixel into the extent of every actor whose bit it carries."""
-    i = wp.tid()
+    """Count the tiles' pixels into the extent of every actor whose bit they carry."""
+    x, y = pixel_at(corners, wp.tid())
+    if x >= lens.width or y >= lens.height:
+        return
+    i = y * lens.width + x
     rest = bits[i]
     if rest == wp.uint64(0):
         return
     for a in range(actors):
         if ((rest >> wp.uint64(a)) & wp.uint64(1)) != wp.uint64(0):
-            extend(extents, first_actor + a, i % width, i / width)
+            extend(extents, first_actor + a, x, y)
+
+
+@wp.func
+def widen(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32):
+    """Widen an actor's box by a point."""
+    wp.atomic_add(extents, actor, 0, 1)
+    wp.atomic_min(extents, actor, 1, x)
+    wp.atomic_min(extents, actor, 2, y)
+    wp.atomic_max(extents, actor, 3, x)
+    wp.atomic_max(extents, actor, 4, y)
 
 
 @wp.kernel
@@ -86,8 +120,12 @@ def project_box(
     first: wp.int32,
     lens: Lens,
     extents: wp.array2d[wp.int32],
+    reach: wp.array2d[wp.int32],
 ):
-    """Widen an actor's unclipped box (1/256 pixels) by a triangle's corners in front of the near plane."""
+    """Widen an actor's unclipped box (1/256 pixels) by a triangle's corners in front of the near plane.
+
+    `reach` is widened by the points too where the triangle is cut there: what it draws lies within both boxes.
+    """
     i = first + wp.tid()
     actor = surface_actor[triangle_surface[i]]
     t = triangles[i]
@@ -97,8 +135,9 @@ def project_box(
         if z >= lens.near:
             x = wp.int32(snap(lens.cx + wp.float64(v[0]) * lens.focal / z))
             y = wp.int32(snap(lens.cy + wp.float64(v[1]) * lens.focal / z))
-            wp.atomic_add(extents, actor, 0, 1)
-            wp.atomic_min(extents, actor, 1, x)
-            wp.atomic_min(extents, actor, 2, y)
-            wp.atomic_max(extents, actor, 3, x)
-            wp.atomic_max(extents, actor, 4, y)
+            widen(extents, actor, x, y)
+            for m in range(3):
+                behind = view[t[m]]
+                if wp.float64(behind[2]) < lens.near:
+                    c = cut(v, behind, lens)
+                    widen(reach, actor, wp.int32(c.x), wp.int32(c.y))

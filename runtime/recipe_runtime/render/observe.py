@@ -1,9 +1,11 @@
 """From a pose to an Observation: the host's side of visibility and labels, and the pipeline's first half.
 
 Vertices are moved into the camera's frame, drawn into one buffer of keys, and every label is read off that. What
-stands still is drawn once for a camera that stands still; no appearance has a part in any of it.
+stands still is drawn and labelled once for a camera that stands still, and then again only in the tiles that something
+moving may touch; no appearance has a part in any of it.
 """
 
+from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,6 +22,7 @@ from recipe_runtime.transforms import Array
 
 Box = tuple[int, int, int, int]
 _BATCH = 64  # actors whose lone silhouettes fit a 64-bit word
+_POSES_KEPT = 4  # 10 MB each at 800 x 600
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,10 @@ class Observation:
     parts: Array  # [P, 3, 4]
     keys: Any = field(repr=False)  # uint64 [H * W] visibility at pixel centres
     vertices: Any = field(repr=False)  # vec3f [V] in the camera's frame
+    pose: bytes = field(repr=False)  # equal for one camera in one place
+    touched: NDArray[np.int32] = field(
+        repr=False
+    )  # tiles outside of which nothing moving is seen, as kernels take them
     derived: dict[str, Any] = field(default_factory=dict, repr=False)  # what appearances share, made when first asked
 
 
@@ -60,49 +67,98 @@ def device_rows(transforms: Array, device: str) -> Any:
     return wp.array(transforms.reshape(-1, 12).astype(np.float32), dtype=wp.float32, device=device)
 
 
+@dataclass(frozen=True)
+class _Still:
+    """What stands still, seen from one pose as if nothing else were there."""
+
+    vertices: Any
+    keys: Any
+    labels: tuple[Any, Any, Any]  # depth, instance, semantic, row by row
+
+
+def all_tiles(camera: CameraPlan) -> NDArray[np.int32]:
+    """Every tile of a picture, as kernels take them: the first pixel's column, and its row in the bits from 16 on."""
+    tile = int(observation.TILE)
+    rows, columns = np.arange(0, camera.height, tile, dtype=np.int32), np.arange(0, camera.width, tile, dtype=np.int32)
+    corners: NDArray[np.int32] = ((rows[:, None] << 16) | columns[None, :]).reshape(-1)
+    return corners
+
+
 class Observer:
     """Sees one scene's geometry. A camera that stands still draws what does not move once."""
 
     def __init__(self, geometry: Geometry, device: str, timings: Timings, keep_static: bool = True) -> None:
         self._g, self._device, self._timings = geometry, device, timings
         self._keep_static = keep_static
-        self._static: dict[int, tuple[bytes, Any]] = {}  # samples a side -> pose and keys of the static geometry
+        self._poses: OrderedDict[bytes, _Still | None] = OrderedDict()  # None: seen once, and so perhaps moving
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
         """The observation of one frame; `parts` [P, 3, 4] are the actors' parts in the world."""
         if len(parts) != self._g.parts:
             raise ValueError(f"{len(parts)} transforms were given for {self._g.parts} moving parts")
+        pose = world_from_sensor.tobytes() + camera.model_dump_json().encode()
+        still = self._still(pose, camera, world_from_sensor, parts)
         with self._timings("transform"):
-            vertices = self._transform(world_from_sensor, parts)
-        keys = self.visibility(camera, world_from_sensor, vertices, side=1)
+            vertices = self._transform(world_from_sensor, parts, still)
+            projected, reach = self._projected(camera, vertices)
+            touched = _tiles_within(camera, projected, reach)
+        if still is None:
+            keys, labels = self.visibility(camera, vertices, side=1), self._no_labels(camera)
+        else:
+            keys, labels = wp.clone(still.keys), tuple(wp.clone(a) for a in still.labels)
+            self.draw_moving(camera, vertices, 1, keys)
         with self._timings("label"):
-            depth, instance, semantic, visible = self._label(camera, keys)
+            visible = self._label(camera, keys, all_tiles(camera) if still is None else touched, labels)
+            shape = camera.height, camera.width
+            depth, instance, semantic = (a.numpy().reshape(shape) for a in labels)
         with self._timings("amodal"):
-            amodal = self._amodal(camera, vertices)
-            projected = self._projected(camera, vertices)
+            amodal = self._amodal(camera, vertices, touched)
         objects = _objects(self._g, visible, amodal, projected)
-        return Observation(depth, instance, semantic, objects, camera, world_from_sensor, parts, keys, vertices)
+        seen = camera, world_from_sensor, parts, keys, vertices, pose, touched
+        return Observation(depth, instance, semantic, objects, *seen)
 
-    def visibility(self, camera: CameraPlan, world_from_sensor: Array, vertices: Any, side: int) -> Any:
-        """Keys of side x side samples a pixel, row by row."""
+    def visibility(self, camera: CameraPlan, vertices: Any, side: int, *, still: bool = False) -> Any:
+        """Keys of side x side samples a pixel, row by row; of what stands still alone, if `still`."""
         with self._timings(f"visibility x{side}"):
-            lens, g = lens_of(camera, side), self._g
-            pose = world_from_sensor.tobytes() + camera.model_dump_json().encode()
-            held = self._static.get(side)
-            if held is None or held[0] != pose or not self._keep_static:
-                keys = wp.zeros(camera.width * camera.height * side * side, dtype=wp.uint64, device=self._device)
-                self._raster(vertices, 0, g.static_triangles, lens, keys)
-                held = self._static[side] = (pose, keys)
-            keys = wp.clone(held[1])
-            self._raster(vertices, g.static_triangles, g.triangle_count - g.static_triangles, lens, keys)
+            keys = wp.zeros(camera.width * camera.height * side * side, dtype=wp.uint64, device=self._device)
+            count = self._g.static_triangles if still else self._g.triangle_count
+            self._raster(vertices, 0, count, lens_of(camera, side), keys)
             return keys
 
-    def _transform(self, world_from_sensor: Array, parts: Array) -> Any:
+    def draw_moving(self, camera: CameraPlan, vertices: Any, side: int, keys: Any) -> None:
+        """Draw what moves into the keys of what stands still."""
+        with self._timings(f"visibility x{side}"):
+            first = self._g.static_triangles
+            self._raster(vertices, first, self._g.triangle_count - first, lens_of(camera, side), keys)
+
+    def _still(self, pose: bytes, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> _Still | None:
+        """What stands still from a pose; None for a pose not seen before, which may not come again."""
+        if not self._keep_static:
+            return None
+        known = pose in self._poses
+        still = self._poses.pop(pose, None)
+        if known and still is None:
+            vertices, labels = self._transform(world_from_sensor, parts, None), self._no_labels(camera)
+            keys = self.visibility(camera, vertices, side=1, still=True)
+            with self._timings("label"):
+                self._label(camera, keys, all_tiles(camera), labels)
+            still = _Still(vertices, keys, labels)
+        self._poses[pose] = still
+        if len(self._poses) > _POSES_KEPT:
+            self._poses.popitem(last=False)
+        return still
+
+    def _transform(self, world_from_sensor: Array, parts: Array, still: _Still | None) -> Any:
         g = self._g
         matrices = device_rows(view_from_parts(world_from_sensor, parts), self._device)
         out = wp.empty(g.vertex_count, dtype=wp.vec3f, device=self._device)
-        inputs = [g.vertices, g.vertex_part, matrices, 0, out]
-        launch(visibility.transform, g.vertex_count, inputs, self._device)
+        first = 0
+        if still is not None and g.static_vertices:
+            first = g.static_vertices
+            wp.copy(out, still.vertices, count=first)
+        if g.vertex_count > first:
+            inputs = [g.vertices, g.vertex_part, matrices, first, out]
+            launch(visibility.transform, g.vertex_count - first, inputs, self._device)
         return out
 
     def _raster(self, vertices: Any, first: int, count: int, lens: Any, keys: Any) -> None:
@@ -114,46 +170,60 @@ class Observer:
         rows[:, 1:3], rows[:, 3:5] = 1 << 30, -(1 << 30)
         return wp.array(rows, dtype=wp.int32, device=self._device)
 
-    def _label(self, camera: CameraPlan, keys: Any) -> tuple[Any, Any, Any, NDArray[np.int32]]:
-        g, shape = self._g, (camera.height, camera.width)
-        depth = wp.empty(shape, dtype=wp.float32, device=self._device)
-        instance = wp.empty(shape, dtype=wp.uint16, device=self._device)
-        semantic = wp.empty(shape, dtype=wp.uint8, device=self._device)
-        extents = self._extents()
-        tables = [g.triangle_surface, g.surface_actor, g.surface_instance, g.surface_tag]
-        inputs = [keys, *tables, lens_of(camera, 1), depth, instance, semantic, extents]
-        launch(observation.label, shape, inputs, self._device)
-        return depth.numpy(), instance.numpy(), semantic.numpy(), extents.numpy()
+    def _no_labels(self, camera: CameraPlan) -> tuple[Any, ...]:
+        """Room for depth, instance and semantic."""
+        kinds = (wp.float32, wp.uint16, wp.uint8)
+        return tuple(wp.empty(camera.width * camera.height, dtype=kind, device=self._device) for kind in kinds)
 
-    def _amodal(self, camera: CameraPlan, vertices: Any) -> NDArray[np.int32]:
-        g, pixels = self._g, camera.width * camera.height
-        extents, first = self._extents(), g.static_triangles
-        for start in range(0, len(g.actors), _BATCH):
-            bits = wp.zeros(pixels, dtype=wp.uint64, device=self._device)
-            inputs = [
-                vertices,
-                g.triangles,
-                g.triangle_surface,
-                g.surface_actor,
-                first,
-                start,
-                lens_of(camera, 1),
-                bits,
-            ]
-            launch(visibility.cover, g.triangle_count - first, inputs, self._device)
-            count = min(_BATCH, len(g.actors) - start)
-            launch(observation.amodal, pixels, [bits, camera.width, start, count, extents], self._device)
+    def _label(
+        self, camera: CameraPlan, keys: Any, tiles: NDArray[np.int32], labels: tuple[Any, ...]
+    ) -> NDArray[np.int32]:
+        """Label the tiles' pixels; the actors' visible extents within them."""
+        g, extents = self._g, self._extents()
+        if len(tiles):
+            tables = [g.triangle_surface, g.surface_actor, g.surface_instance, g.surface_tag]
+            inputs = [self._tiles(tiles), keys, *tables, lens_of(camera, 1), *labels, extents]
+            launch(observation.label, len(tiles) * int(observation.TILE_PIXELS), inputs, self._device)
         rows: NDArray[np.int32] = extents.numpy()
         return rows
 
-    def _projected(self, camera: CameraPlan, vertices: Any) -> NDArray[np.int32]:
-        g, extents = self._g, self._extents()
+    def _amodal(self, camera: CameraPlan, vertices: Any, tiles: NDArray[np.int32]) -> NDArray[np.int32]:
+        g, pixels, lens = self._g, camera.width * camera.height, lens_of(camera, 1)
+        extents, first = self._extents(), g.static_triangles
+        for start in range(0, len(g.actors) if len(tiles) else 0, _BATCH):
+            bits = wp.zeros(pixels, dtype=wp.uint64, device=self._device)
+            tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor]
+            launch(visibility.cover, g.triangle_count - first, [*tables, first, start, lens, bits], self._device)
+            inputs = [self._tiles(tiles), bits, lens, start, min(_BATCH, len(g.actors) - start), extents]
+            launch(observation.amodal, len(tiles) * int(observation.TILE_PIXELS), inputs, self._device)
+        rows: NDArray[np.int32] = extents.numpy()
+        return rows
+
+    def _projected(self, camera: CameraPlan, vertices: Any) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """The actors' unclipped boxes, and those of the points where the near plane cuts them."""
+        g, extents, reach = self._g, self._extents(), self._extents()
         first = g.static_triangles
         if g.triangle_count > first:
-            tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor, first, lens_of(camera, 1), extents]
-            launch(observation.project_box, g.triangle_count - first, tables, self._device)
-        rows: NDArray[np.int32] = extents.numpy()
-        return rows
+            tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor, first, lens_of(camera, 1)]
+            launch(observation.project_box, g.triangle_count - first, [*tables, extents, reach], self._device)
+        return extents.numpy(), reach.numpy()
+
+    def _tiles(self, tiles: NDArray[np.int32]) -> Any:
+        return wp.array(tiles, dtype=wp.int32, device=self._device)
+
+
+def _tiles_within(camera: CameraPlan, *boxes: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The tiles that the actors' boxes (1/256 pixels; both together, a pixel wider) meet, as kernels take them."""
+    low = np.minimum(boxes[0][:, 1:3], boxes[1][:, 1:3]) // 256 - 1
+    high = np.maximum(boxes[0][:, 3:5], boxes[1][:, 3:5]) // 256 + 1
+    tile = int(observation.TILE)
+    mask = np.zeros((-(-camera.height // tile), -(-camera.width // tile)), bool)
+    end = np.array([camera.width, camera.height])
+    for (x0, y0), (x1, y1) in zip(np.maximum(low, 0), np.minimum(high, end - 1), strict=True):
+        if x0 <= x1 and y0 <= y1:
+            mask[y0 // tile : y1 // tile + 1, x0 // tile : x1 // tile + 1] = True
+    corners: NDArray[np.int32] = all_tiles(camera)[mask.reshape(-1)]
+    return corners
 
 
 def _objects(

@@ -1,12 +1,11 @@
 """From an Observation and an appearance to a picture: the host's side of shading, and the pipeline's second half.
 
 Samples are placed and surveyed once for all appearances of a frame; then come shadows, nearby lamps and bodies,
-shading, reflection on wet ground, rain and the camera. What an earlier frame of the same pose found is copied where
-it must be equal, so that remembering saves time and changes no byte.
+shading, reflection on wet ground, rain and the camera. The light of an earlier frame of the same pose is left as it is
+where it must be equal, so that remembering saves time and changes no byte.
 """
 
 import hashlib
-from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,13 +14,15 @@ from numpy.typing import NDArray
 from recipe_compiler import exact
 from recipe_compiler.plan import AppearancePlan, CameraResponse
 
-from recipe_runtime.render import camera, glow, nearby, rain, reflection, samples, shade
+from recipe_runtime.render import camera, glow, nearby, rain, reflection, shade
 from recipe_runtime.render.atmosphere import Light, drift, light_of
 from recipe_runtime.render.colours import looks_of, srgb_table
 from recipe_runtime.render.device import launch, record, records, wp
 from recipe_runtime.render.geometry import Geometry
 from recipe_runtime.render.lamps import bodies_at, lamps_at
+from recipe_runtime.render.observation import TILE
 from recipe_runtime.render.observe import Observation, Observer, device_rows
+from recipe_runtime.render.points import Points, Surveyor
 from recipe_runtime.render.sunlight import Shadows, world_vertices
 from recipe_runtime.render.timing import Timings
 from recipe_runtime.render.view import lens_of, view_from_parts, world_from_parts, world_from_view
@@ -32,30 +33,13 @@ _DROPS = 32000  # at precipitation 100, in a cube
 _RAIN_CUBE = 26.0  # metres along its side
 _RAIN_DEPTH = 15.0  # metres from the camera within which drops are drawn
 _LIGHTS_KEPT = 64
-_POSES_KEPT = 4  # 45 MB each at 800 x 600
-_SAMPLES_KEPT = 12_000_000  # whose light is remembered, at 21 bytes each
-
-
-@dataclass(frozen=True)
-class Points:
-    """The samples of a frame: what each sees, and which pixel it belongs to."""
-
-    data: Any  # shade.Samples
-    groups: Any  # int32 [H * W], count in the low bits
-    starts: Any  # int32 [H * W]
-    weights: Any  # float32 [N]
-    count: int
-    origins: Any  # int32 [N], the sample of `known` that each was copied from, or -1
-    known: Any  # samples.Known, for a frame to come from the same pose
-    earlier: Any  # the samples.Known that origins point into; of count 0 if there is none
-    pose: tuple[bytes, str]
+_LIGHTS_KEPT_BY_POSE = 8  # 12 MB each at 800 x 600
 
 
 @dataclass(frozen=True)
 class Shaded:
-    """One appearance's light in the last frame from a pose."""
+    """One appearance's light on a base's samples."""
 
-    known: Any  # the samples.Known that it belongs to
     light: tuple[Any, Any, Any]  # out, gleam and steady, as `shade.shade` writes them
     lists: tuple[Any, ...]  # lamps, bodies and glows by tile
     clouds: tuple[float, float]
@@ -67,13 +51,11 @@ class Painter:
     def __init__(
         self, geometry: Geometry, observer: Observer, device: str, timings: Timings, keep_static: bool
     ) -> None:
-        self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
+        self._g, self._device, self._timings = geometry, device, timings
         self._shadows = Shadows(geometry, device)
         self._lights: dict[str, Light] = {}  # by the appearance's digest
         self._looks: dict[str, Any] = {}  # by the looks' own text
-        self._keep_static = keep_static
-        self._held: OrderedDict[tuple[bytes, str], Any] = OrderedDict()  # the last frame's Known by pose and kind
-        self._shaded: dict[tuple[tuple[bytes, str], str], Shaded] = {}  # by pose and appearance
+        self._surveyor = Surveyor(geometry, observer, device, timings, keep_static)
         self._srgb = wp.array(srgb_table(), dtype=wp.uint8, device=device)
 
     def develop(
@@ -81,7 +63,7 @@ class Painter:
     ) -> NDArray[np.uint8]:
         """8-bit sRGB [H, W, 3]."""
         response = appearance.responses.get(sensor) or CameraResponse()
-        points = self._points(obs, response.antialias)
+        points = self._surveyor.points(obs, response.antialias)
         light = self._light_of(appearance, time)
         linear = self._shade(obs, points, appearance, light)
         with self._timings("rain"):
@@ -102,81 +84,10 @@ class Painter:
 
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float) -> NDArray[np.float32]:
         """Linear radiance at pixel centres, float32 [H, W, 3]."""
-        points = self._points(obs, antialias=False)
+        points = self._surveyor.points(obs, antialias=False)
         linear = self._shade(obs, points, appearance, self._light_of(appearance, time))
         values: NDArray[np.float32] = linear.numpy().reshape(obs.camera.height, obs.camera.width, 3)
         return values
-
-    def _points(self, obs: Observation, antialias: bool) -> Points:
-        name = "smooth" if antialias else "plain"
-        if name not in obs.derived:
-            obs.derived[name] = self._survey(obs, antialias)
-        points: Points = obs.derived[name]
-        return points
-
-    def _survey(self, obs: Observation, antialias: bool) -> Points:
-        """What every sample of a frame sees: worked out, or copied from an earlier frame of the same pose."""
-        told = record(self._scene(obs), self._device)
-        known, groups, weights, tiles = self._placed(obs, told, antialias)
-        pose = obs.world_from_sensor.tobytes() + obs.camera.model_dump_json().encode(), str(antialias)
-        earlier = self._held.pop(pose, None) or samples.Known()
-        with self._timings("survey"):
-            count = known.count
-            known.surfaces, known.codes = self._empty(count, wp.int32), self._empty(count, wp.uint32)
-            known.positions, known.normals = self._empty(count, wp.vec3f), self._empty(count, wp.vec3f)
-            known.details, origins = self._empty(count, wp.vec4f), self._empty(count, wp.int32)
-            found = [known.surfaces, known.positions, known.normals, known.details, known.codes, origins]
-            places = [known.keys, known.pixels, known.places, known.starts]
-            inputs = [*places, lens_of(obs.camera, 1), told, record(earlier, self._device), *found]
-            launch(samples.survey, count, inputs, self._device)
-        self._hold(pose, known)
-        return Points(_data(obs, known, tiles), groups, known.starts, weights, count, origins, known, earlier, pose)
-
-    def _scene(self, obs: Observation) -> Any:
-        """The geometry as a frame has it, for samples to look into."""
-        g, scene = self._g, samples.Scene()
-        scene.view, scene.normals, scene.uvs = obs.vertices, g.normals, g.uvs
-        scene.vertex_part, scene.triangles, scene.face_normals = g.vertex_part, g.triangles, g.face_normals
-        scene.triangle_surface, scene.surface_pattern = g.triangle_surface, g.surface_pattern
-        scene.world_from_part = device_rows(world_from_parts(obs.parts), self._device)
-        scene.world_from_view = device_rows(world_from_view(obs.world_from_sensor), self._device)
-        return scene
-
-    def _placed(self, obs: Observation, scene: Any, antialias: bool) -> tuple[Any, Any, Any, Any]:
-        """Where the samples of a frame are: their Known, as yet without what they see, groups, weights and tiles."""
-        lens, pixels = lens_of(obs.camera, 1), obs.camera.width * obs.camera.height
-        if antialias:
-            fine = self._observer.visibility(obs.camera, obs.world_from_sensor, obs.vertices, side=2)
-            with self._timings("group"):
-                groups = self._empty(pixels, wp.int32)
-                launch(samples.count, pixels, [fine, lens, scene, groups], self._device)
-                ends = np.cumsum(groups.numpy() & 7, dtype=np.int32)
-        else:
-            groups = wp.array(np.ones(pixels, np.int32), dtype=wp.int32, device=self._device)
-            ends = np.arange(1, pixels + 1, dtype=np.int32)
-        count, known = int(ends[-1]), samples.Known()
-        first = np.concatenate([np.zeros(1, np.int32), ends[:-1]])
-        known.starts = wp.array(first, dtype=wp.int32, device=self._device)
-        known.count, known.still = count, self._g.static_triangles
-        known.keys, known.pixels = self._empty(count, wp.uint64), self._empty(count, wp.int32)
-        known.places, weights = self._empty(count, wp.int32), self._empty(count, wp.float32)
-        tiles = self._empty(count, wp.int32)
-        out = [known.keys, known.pixels, known.places, weights, tiles]
-        with self._timings("place"):
-            if antialias:
-                inputs = [obs.keys, fine, groups, known.starts, lens, scene, *out]
-                launch(samples.place, pixels, inputs, self._device)
-            else:
-                launch(samples.place_centres, pixels, [obs.keys, *out, lens], self._device)
-        return known, groups, weights, tiles
-
-    def _hold(self, pose: tuple[bytes, str], known: Any) -> None:
-        """Remember a pose's samples for its next frame, and forget the pose unseen for longest with all its light."""
-        if self._keep_static:
-            self._held[pose] = known
-            if len(self._held) > _POSES_KEPT:
-                gone, _ = self._held.popitem(last=False)
-                self._shaded = {name: held for name, held in self._shaded.items() if name[0] != gone}
 
     def _shade(self, obs: Observation, points: Points, appearance: AppearancePlan, light: Light) -> Any:
         with self._timings("shadows"):
@@ -184,19 +95,12 @@ class Painter:
         with self._timings("nearby"):
             lamps, bodies, *found = self._nearby(obs)
         with self._timings("shade"):
-            out = self._empty(points.count, wp.vec3f)
             looks = self._looks_of(appearance)
             told = [record(v, self._device) for v in (points.data, looks, light.air, lamps, bodies)]
-            gleam, steady = self._empty(points.count, wp.vec2f), self._empty(points.count, wp.uint8)
             lists, clouds = tuple(found), (float(light.air.drift[0]), float(light.air.drift[1]))
-            name = points.pose, appearance.digest
-            before = self._before(points, self._shaded.pop(name, None), told[3], lists, clouds)
-            inputs = [*told[:3], beams, *told[3:], *lists, out, gleam, points.origins, record(before, self._device)]
-            launch(shade.shade, points.count, [*inputs, steady], self._device)
-            held = sum(other.known.count for other in self._shaded.values())
-            # Only a pose that comes back is worth remembering: a moving camera's never does.
-            if points.earlier.count and held + points.count <= _SAMPLES_KEPT:
-                self._shaded[name] = Shaded(points.known, (out, gleam, steady), lists, clouds)
+            out, gleam, steady, before = self._begun(points, appearance.digest, told[3], lists, clouds)
+            inputs = [*told[:3], beams, *told[3:], *lists, record(before, self._device), out, gleam, steady]
+            launch(shade.shade, points.count, inputs, self._device)
         return out if light.air.wet <= 0.0 else self._reflect(obs, points, told[0], told[2], gleam, out)
 
     def _reflect(self, obs: Observation, points: Points, data: Any, air: Any, gleam: Any, out: Any) -> Any:
@@ -212,18 +116,24 @@ class Painter:
             launch(reflection.reflect, points.count, inputs, self._device)
         return shown
 
-    def _before(
-        self, points: Points, held: Shaded | None, lamps: Any, lists: tuple[Any, ...], clouds: tuple[float, float]
-    ) -> Any:
-        """The light of the frame before as the kernel wants it, if it is of the samples that these were copied from."""
-        before = shade.Before()
-        if held is not None and held.known is points.earlier:
+    def _begun(
+        self, points: Points, name: str, lamps: Any, lists: tuple[Any, ...], clouds: tuple[float, float]
+    ) -> tuple[Any, ...]:
+        """Where the light of all samples goes; as far as it is that of an earlier frame, it is there already."""
+        before, base = shade.Before(), points.base
+        held: Shaded | None = base.lights.get(name) if base else None
+        if held is not None and base is not None:
             tiles = lists[0].shape[0]
-            before.out, before.gleam, before.steady = held.light
             before.tiles = self._empty(tiles, wp.int32)
-            before.sky, before.known = int(held.clouds == clouds), 1
+            before.sky, before.known = int(held.clouds == clouds), base.count
             launch(nearby.compare, tiles, [lamps, *held.lists, *lists, before.tiles], self._device)
-        return before
+            light = held.light
+        else:
+            room = base.columns.room if base else points.count
+            light = self._empty(room, wp.vec3f), self._empty(room, wp.vec2f), self._empty(room, wp.uint8)
+        if base is not None and (held is not None or len(base.lights) < _LIGHTS_KEPT_BY_POSE):
+            base.lights[name] = Shaded(light, lists, clouds)
+        return *light, before
 
     def _depth(self, obs: Observation) -> Any:
         """The observation's depth, on the device and row by row."""
@@ -253,7 +163,7 @@ class Painter:
             world = world_from_parts(obs.parts)
             lamps = lamps_at(self._g, world, obs.world_from_sensor[:, 3], self._device)
             bodies = bodies_at(self._g, obs.parts, self._device)
-            tile, most = int(nearby.TILE), int(nearby.MOST)
+            tile, most = int(TILE), int(nearby.MOST)
             tiles = -(-obs.camera.width // tile) * -(-obs.camera.height // tile)
             lists = [wp.zeros((tiles, most + 1), dtype=wp.int32, device=self._device) for _ in range(3)]
             view = device_rows(world_from_view(obs.world_from_sensor), self._device)
@@ -293,15 +203,6 @@ class Painter:
 
     def _empty(self, count: int, kind: Any) -> Any:
         return wp.empty(count, dtype=kind, device=self._device)
-
-
-def _data(obs: Observation, known: Any, tiles: Any) -> Any:
-    """What a frame's samples see, as shading wants it."""
-    data = shade.Samples()
-    data.surfaces, data.positions, data.normals = known.surfaces, known.positions, known.normals
-    data.details, data.codes, data.pixels, data.tiles = known.details, known.codes, known.pixels, tiles
-    data.eye = wp.vec3f(*(float(v) for v in obs.world_from_sensor[:, 3]))
-    return data
 
 
 def _shower(world_from_sensor: Array, light: Light, time: float) -> Any:

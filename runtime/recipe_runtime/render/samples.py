@@ -2,14 +2,14 @@
 
 A pixel whose four sub-samples see one smooth surface is shaded once, at its centre. At an edge every surface seen is
 shaded once, weighed by the quarters it fills. What is found here depends on no appearance, so all weathers share it.
+For a camera that stands still, so do all frames: only a pixel that something moving changed gets samples of its own.
 """
 
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.nearby import TILE
-from recipe_runtime.render.observation import depth_of, triangle_of
+from recipe_runtime.render.observation import TILE, depth_of, pixel_at, triangle_of
 from recipe_runtime.render.pattern import detail_of
 from recipe_runtime.render.vectors import direction, inner, outer, rotate
 from recipe_runtime.render.visibility import Lens
@@ -58,26 +58,46 @@ def alike(a: wp.uint64, b: wp.uint64, scene: wp.array[Scene]) -> bool:
     return u < v * wp.float64(1.03) and v < u * wp.float64(1.03)
 
 
-@wp.kernel
-def count(fine: wp.array[wp.uint64], lens: Lens, scene: wp.array[Scene], groups: wp.array[wp.int32]):
+@wp.struct
+class Still:
+    """What stands still, seen from a pose, and its samples; `known` 0: there is no such thing."""
+
+    coarse: wp.array[wp.uint64]
+    fine: wp.array[wp.uint64]
+    groups: wp.array[wp.int32]
+    starts: wp.array[wp.int32]
+    known: wp.int32
+
+
+@wp.func
+def as_before(
+    still: wp.array[Still],
+    coarse: wp.array[wp.uint64],
+    fine: wp.array[wp.uint64],
+    i: wp.int32,
+    base: wp.int32,
+    row: wp.int32,
+) -> bool:
+    """Whether a pixel and its quarters, the first of them at `base`, see what stands still and nothing else."""
+    if coarse[i] != still[0].coarse[i]:
+        return False
+    if row == 0:
+        return True
+    if fine[base] != still[0].fine[base] or fine[base + 1] != still[0].fine[base + 1]:
+        return False
+    return fine[base + row] == still[0].fine[base + row] and fine[base + row + 1] == still[0].fine[base + row + 1]
+
+
+@wp.func
+def grouped(k0: wp.uint64, k1: wp.uint64, k2: wp.uint64, k3: wp.uint64, scene: wp.array[Scene]) -> wp.int32:
     """How many different surfaces a pixel's quarters see, with the quarters' groups in the bits above.
 
     Bits 0-2 hold the count, bits 4 + 2q, 5 + 2q the group of quarter q.
     """
-    i = wp.tid()
-    x = i % lens.width
-    y = i / lens.width
-    row = lens.width * 2
-    base = y * 2 * row + x * 2
-    k0 = fine[base]
-    k1 = fine[base + 1]
-    k2 = fine[base + row]
-    k3 = fine[base + row + 1]
     t = triangle_of(k0)
     seen = k0 != wp.uint64(0) and k1 != wp.uint64(0) and k2 != wp.uint64(0) and k3 != wp.uint64(0)
     if seen and triangle_of(k1) == t and triangle_of(k2) == t and triangle_of(k3) == t:
-        groups[i] = 1
-        return
+        return 1
     n = wp.int32(1)
     g1 = wp.int32(0)
     g2 = wp.int32(0)
@@ -99,44 +119,110 @@ def count(fine: wp.array[wp.uint64], lens: Lens, scene: wp.array[Scene], groups:
         else:
             g3 = n
             n = n + 1
-    groups[i] = n | (g1 << 6) | (g2 << 8) | (g3 << 10)
+    return n | (g1 << 6) | (g2 << 8) | (g3 << 10)
+
+
+@wp.kernel
+def restore(corners: wp.array[wp.int32], still: wp.array[wp.uint64], lens: Lens, fine: wp.array[wp.uint64]):
+    """Make the tiles' quarters see what stands still."""
+    x, y = pixel_at(corners, wp.tid())
+    if x >= lens.width or y >= lens.height:
+        return
+    row = lens.width * 2
+    base = y * 2 * row + x * 2
+    fine[base] = still[base]
+    fine[base + 1] = still[base + 1]
+    fine[base + row] = still[base + row]
+    fine[base + row + 1] = still[base + row + 1]
+
+
+@wp.kernel
+def count(
+    corners: wp.array[wp.int32],
+    coarse: wp.array[wp.uint64],
+    fine: wp.array[wp.uint64],
+    lens: Lens,
+    scene: wp.array[Scene],
+    still: wp.array[Still],
+    groups: wp.array[wp.int32],
+    starts: wp.array[wp.int32],
+    counts: wp.array[wp.int32],
+):
+    """How many new samples a pixel of the tiles needs, and how its quarters are grouped.
+
+    None, if it looks as it did without anything moving: then it has the samples that it had. Without antialiasing
+    (a side of 1) there is one sample a pixel.
+    """
+    place = wp.tid()
+    x, y = pixel_at(corners, place)
+    counts[place] = 0
+    if x >= lens.width or y >= lens.height:
+        return
+    i = y * lens.width + x
+    row = wp.int32(0)
+    base = wp.int32(0)
+    if lens.side == 2:
+        row = lens.width * 2
+        base = y * 2 * row + x * 2
+    if still[0].known != 0 and as_before(still, coarse, fine, i, base, row):
+        groups[i] = still[0].groups[i]
+        starts[i] = still[0].starts[i]
+        return
+    g = wp.int32(1)
+    if row != 0:
+        g = grouped(fine[base], fine[base + 1], fine[base + row], fine[base + row + 1], scene)
+    groups[i] = g
+    counts[place] = g & 7
 
 
 @wp.kernel
 def place(
+    corners: wp.array[wp.int32],
     coarse: wp.array[wp.uint64],
     fine: wp.array[wp.uint64],
-    groups: wp.array[wp.int32],
-    starts: wp.array[wp.int32],
+    counts: wp.array[wp.int32],
+    firsts: wp.array[wp.int32],
     lens: Lens,
     scene: wp.array[Scene],
+    groups: wp.array[wp.int32],
+    starts: wp.array[wp.int32],
     keys: wp.array[wp.uint64],
     pixels: wp.array[wp.int32],
     places: wp.array[wp.int32],
     weights: wp.array[wp.float32],
     tiles: wp.array[wp.int32],
 ):
-    """Write a pixel's samples from starts on: key, pixel, place within it, share, and tile."""
-    i = wp.tid()
+    """Write a pixel's new samples from its first on: key, pixel, place within it, share, and tile."""
+    at = wp.tid()
+    if counts[at] == 0:
+        return
+    x, y = pixel_at(corners, at)
+    i = y * lens.width + x
     g = groups[i]
     n = g & 7
-    first = starts[i]
+    first = firsts[at]
+    starts[i] = first
+    tile = (y >> 4) * ((lens.width + TILE - 1) >> 4) + (x >> 4)
+    if lens.side == 1:
+        tiles[first] = tile
+        pixels[first] = i
+        weights[first] = 1.0
+        keys[first] = coarse[i]
+        places[first] = CENTRE
+        return
     row = lens.width * 2
-    y = i / lens.width
-    x = i - y * lens.width
     base = y * 2 * row + x * 2
-    tile = y / TILE * ((lens.width + TILE - 1) / TILE) + x / TILE
     if n == 1:
         tiles[first] = tile
         pixels[first] = i
         weights[first] = 1.0
         key = fine[base]
-        at = wp.int32(0)
+        spot = wp.int32(0)
         if alike(key, coarse[i], scene):
             key = coarse[i]
-            at = CENTRE
+            spot = CENTRE
         keys[first] = key
-        places[first] = at
+        places[first] = spot
         return
     for s in range(n):
         tiles[first + s] = tile
@@ -148,57 +234,6 @@ def place(
         keys[s] = fine[base + (quarter >> 1) * row + (quarter & 1)]
         places[s] = quarter
         weights[s] = weights[s] + 0.25
-
-
-@wp.kernel
-def place_centres(
-    coarse: wp.array[wp.uint64],
-    keys: wp.array[wp.uint64],
-    pixels: wp.array[wp.int32],
-    places: wp.array[wp.int32],
-    weights: wp.array[wp.float32],
-    tiles: wp.array[wp.int32],
-    lens: Lens,
-):
-    """Without antialiasing: one sample a pixel, at its centre."""
-    i = wp.tid()
-    keys[i] = coarse[i]
-    pixels[i] = i
-    places[i] = CENTRE
-    weights[i] = 1.0
-    tiles[i] = i / lens.width / TILE * ((lens.width + TILE - 1) / TILE) + i % lens.width / TILE
-
-
-@wp.struct
-class Known:
-    """The samples of an earlier frame from the same pose: what stands still looks in this frame as it did in that."""
-
-    keys: wp.array[wp.uint64]
-    pixels: wp.array[wp.int32]
-    places: wp.array[wp.int32]
-    starts: wp.array[wp.int32]
-    surfaces: wp.array[wp.int32]
-    positions: wp.array[wp.vec3f]
-    normals: wp.array[wp.vec3f]
-    details: wp.array[wp.vec4f]
-    codes: wp.array[wp.uint32]
-    count: wp.int32  # 0: nothing is known
-    still: wp.int32  # triangles below this number never move
-
-
-@wp.func
-def known_as(known: wp.array[Known], key: wp.uint64, pixel: wp.int32, spot: wp.int32, offset: wp.int32) -> wp.int32:
-    """The earlier sample that saw the very same; -1 if there is none, or if it saw what moves."""
-    if known[0].count == 0:
-        return -1
-    if key != wp.uint64(0) and triangle_of(key) >= known[0].still:
-        return -1
-    j = known[0].starts[pixel] + offset
-    if j >= known[0].count:
-        return -1
-    if known[0].keys[j] != key or known[0].pixels[j] != pixel or known[0].places[j] != spot:
-        return -1
-    return j
 
 
 @wp.func
@@ -242,38 +277,23 @@ def footprint_of(face: wp.vec3f, sight: wp.vec3f, across: wp.float32) -> wp.vec2
 
 @wp.kernel
 def survey(
+    first: wp.int32,
     keys: wp.array[wp.uint64],
     pixels: wp.array[wp.int32],
     places: wp.array[wp.int32],
-    starts: wp.array[wp.int32],
     lens: Lens,
     scene: wp.array[Scene],
-    known: wp.array[Known],
     surfaces: wp.array[wp.int32],
     positions: wp.array[wp.vec3f],
     normals: wp.array[wp.vec3f],
     details: wp.array[wp.vec4f],
     codes: wp.array[wp.uint32],
-    origins: wp.array[wp.int32],
 ):
-    """The surface, world position, unit normal and pattern at a sample; for the sky, -1 and the view direction.
-
-    `origins` tells which sample of the earlier frame it was copied from, or -1.
-    """
-    i = wp.tid()
+    """The surface, world position, unit normal and pattern at the samples first..; for the sky, -1 and a direction."""
+    i = first + wp.tid()
     key = keys[i]
     pixel = pixels[i]
     spot = places[i]
-    j = known_as(known, key, pixel, spot, i - starts[pixel])
-    origins[i] = j
-    if j >= 0:
-        surfaces[i] = known[0].surfaces[j]
-        positions[i] = known[0].positions[j]
-        if key != wp.uint64(0):
-            normals[i] = known[0].normals[j]
-            details[i] = known[0].details[j]
-            codes[i] = known[0].codes[j]
-        return
     ray = ray_of(pixel, spot, lens)
     turned = rotate(scene[0].world_from_view, 0, ray)
     if key == wp.uint64(0):

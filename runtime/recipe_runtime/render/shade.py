@@ -55,14 +55,11 @@ class Looks:
 
 @wp.struct
 class Before:
-    """The light of the frame before, for samples that nothing moving lights or shades in either frame."""
+    """What is known of an earlier frame's light, which is where this frame's goes."""
 
-    out: wp.array[wp.vec3f]
-    gleam: wp.array[wp.vec2f]
-    steady: wp.array[wp.uint8]
     tiles: wp.array[wp.int32]  # what `compare` found
     sky: wp.int32  # 1: the clouds are where they were
-    known: wp.int32  # 0: there is no frame before
+    known: wp.int32  # samples below this number are the earlier frame's too
 
 
 @wp.struct
@@ -107,13 +104,13 @@ def unchanged(
     before: wp.array[Before],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
-    j: wp.int32,
+    was_steady: wp.uint8,
     tile: wp.int32,
     p: wp.vec3f,
     n: wp.vec3f,
 ) -> bool:
     """Whether the frame before's light on what stands still is this frame's: nothing that moves has a part in it."""
-    if before[0].steady[j] == wp.uint8(0):
+    if was_steady == wp.uint8(0):
         return False
     bits = before[0].tiles[tile]
     if (bits & 1) == 0:
@@ -403,10 +400,9 @@ def shade(
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
     glow_lists: wp.array2d[wp.int32],
+    before: wp.array[Before],
     out: wp.array[wp.vec3f],
     gleam: wp.array[wp.vec2f],
-    origins: wp.array[wp.int32],
-    before: wp.array[Before],
     steady: wp.array[wp.uint8],
 ):
     """Linear radiance of every sample; wet ground's reflection is left to `reflect`, its share and gloss in gleam.
@@ -414,18 +410,15 @@ def shade(
     `steady` is 1 where nothing that moves took the sun away: `unchanged` asks for it a frame later.
     """
     i = wp.tid()
-    steady[i] = wp.uint8(1)
-    gleam[i] = wp.vec2f(0.0, 0.0)
-    earlier = wp.int32(-1)
-    if before[0].known != 0:
-        earlier = origins[i]
+    earlier = i < before[0].known
     p = samples[0].positions[i]
     surface = samples[0].surfaces[i]
     tile = samples[0].tiles[i]
     if surface < 0:
-        if earlier >= 0 and before[0].sky != 0 and (air[0].glow <= 0.0 or (before[0].tiles[tile] & 4) != 0):
-            out[i] = before[0].out[earlier]
+        if earlier and before[0].sky != 0 and (air[0].glow <= 0.0 or (before[0].tiles[tile] & 4) != 0):
             return
+        steady[i] = wp.uint8(1)
+        gleam[i] = wp.vec2f(0.0, 0.0)
         out[i] = far_sky(air, samples[0].eye, p)
         if air[0].glow > 0.0:
             out[i] = out[i] + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, p, 1000.0)
@@ -437,12 +430,12 @@ def shade(
     if swaying:
         swaying = inner(to_point, to_point) < UNSEEN * UNSEEN
     if swaying:
-        earlier = wp.int32(-1)
+        earlier = False
     # (A normal that turns away is bent first, below: too few to ask for.)
-    if earlier >= 0 and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, earlier, tile, p, n):
-        out[i] = before[0].out[earlier]
-        gleam[i] = before[0].gleam[earlier]
+    if earlier and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, steady[i], tile, p, n):
         return
+    steady[i] = wp.uint8(1)
+    gleam[i] = wp.vec2f(0.0, 0.0)
     detail = samples[0].details[i]
     distance = wp.sqrt(inner(to_point, to_point))
     sight = to_point * (1.0 / wp.max(distance, 1.0e-4))
