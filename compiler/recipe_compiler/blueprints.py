@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Literal
+
+from recipe_compiler.plan import ActorPlan, Pose
+from recipe_compiler.streams import Stream
 
 PEDESTRIAN, CAR, TRUCK, BUS, MOTORCYCLE, BICYCLE = 12, 14, 15, 16, 18, 19  # CARLA 0.9.14+ semantic tags
 Palette = dict[str, tuple[str, ...]]
@@ -69,15 +73,16 @@ def _person(
     return {key: float(value) for key, value in (shape | {"head": head, "limb": limb, "bag": bag}).items()}
 
 
-def _clothing(shirts: tuple[str, ...], hats: tuple[str, ...]) -> Palette:
-    return {
+def _clothing(shirts: tuple[str, ...], hats: tuple[str, ...], person: Mapping[str, float]) -> Palette:
+    worn: Palette = {"bag": _BAGS} if person["bag"] else {}
+    if person["hair"] >= CAP:
+        worn["hat"] = hats
+    return worn | {
         "skin": _SKIN,
         "hair": _HAIR,
         "shirt": shirts,
         "trousers": _TROUSERS,
         "shoes": _SHOES,
-        "bag": _BAGS,
-        "hat": hats,
         "lips": ("#a8625a", "#8f4f48"),
         "eye": ("#e9e5df",),
         "pupil": ("#2a1d16", "#1c1512", "#33414d"),
@@ -87,12 +92,13 @@ def _clothing(shirts: tuple[str, ...], hats: tuple[str, ...]) -> Palette:
 def _walker(number: int, height: float, speed: float = 1.4, **person: float) -> Blueprint:
     """A pedestrian of that height; shorter than 1.55 m, a child."""
     child = height < 1.55
+    shape = _person(**person)  # type: ignore[arg-type]
     return Blueprint(
         f"walker.pedestrian.{number:04d}",
         "pedestrian",
         PEDESTRIAN,
-        {"height": height} | _person(**person),  # type: ignore[arg-type]
-        _clothing(_BRIGHT if child else _SHIRTS, _HATS),
+        {"height": height} | shape,
+        _clothing(_BRIGHT if child else _SHIRTS, _HATS, shape),
         speed,
         {"generation": "child" if child else "adult"},
     )
@@ -151,7 +157,9 @@ def _twowheeler(
     shape = {"body": _BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
     shape |= {"wheelbase": wheelbase, "wheel": wheel, "clearance": 0.15, "rider": rider}
     numbers = {key: float(value) for key, value in shape.items()} | _person(**person)  # type: ignore[arg-type]
-    palette = _clothing(_SHIRTS, _HELMETS) | _coloured(paint)
+    palette = _clothing(_SHIRTS, _HELMETS, numbers) | _coloured(paint)
+    for absent in ("glass",) if tag == MOTORCYCLE else ("glass", "plate"):
+        del palette[absent]
     attributes = {"base_type": kind, "number_of_wheels": "2"}
     return Blueprint(f"vehicle.{name}", "vehicle", tag, numbers, palette, speed, attributes)
 
@@ -236,6 +244,39 @@ _RIDDEN = (
 
 LIBRARY: tuple[Blueprint, ...] = tuple(sorted((*_PEOPLE, *_CARS, *_RIDDEN), key=lambda blueprint: blueprint.id))
 """All blueprints, sorted by id."""
+
+
+TAG_NAMES = {
+    PEDESTRIAN: "Pedestrian",
+    CAR: "Car",
+    TRUCK: "Truck",
+    BUS: "Bus",
+    MOTORCYCLE: "Motorcycle",
+    BICYCLE: "Bicycle",
+}
+
+
+def specimen(blueprint: Blueprint) -> tuple[ActorPlan, dict[str, str]]:
+    """One actor of a blueprint, at the origin and bound nowhere, and colours drawn for it by the blueprint's id."""
+    actor = ActorPlan(
+        name=blueprint.id,
+        blueprint=blueprint.id,
+        category=blueprint.category,
+        tag=blueprint.tag,
+        instance=1,
+        shape=blueprint.shape,
+        start=Pose(),
+        route=(),
+        speed=blueprint.default_speed,
+    )
+    colours = {slot: Stream(0, "specimen", blueprint.id, slot).choice(c) for slot, c in blueprint.palette.items()}
+    return actor, colours
+
+
+def names() -> list[str]:
+    """What a recipe may write as a blueprint: a glob for each family, then every id."""
+    ids = [blueprint.id for blueprint in LIBRARY]
+    return [*sorted({f"{name.rsplit('.', 1)[0]}.*" for name in ids}), *ids]
 
 
 @functools.lru_cache(maxsize=256)

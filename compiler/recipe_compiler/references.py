@@ -51,13 +51,11 @@ def unknown_town(base: Value) -> Iterator[Problem]:
 
 def unknown_blueprint(base: Value) -> Iterator[Problem]:
     """A blueprint or glob that matches nothing in the library."""
-    ids = [blueprint.id for blueprint in blueprints.LIBRARY]
-    families = sorted({f"{name.rsplit('.', 1)[0]}.*" for name in ids})
     actors = base.get("actors")
     for name in actors.map if actors else ():
         glob = _text(base, "actors", name, "blueprint")
         if glob is not None and re.search(BLUEPRINT, glob) and len(glob) <= 64 and not blueprints.match(glob):
-            message = f"actors.{name}.blueprint: {show(glob)} matches nothing; {nearest(glob, [*families, *ids])}"
+            message = f"actors.{name}.blueprint: {show(glob)} matches nothing; {nearest(glob, blueprints.names())}"
             yield Problem(message, base.place_of("actors", name, "blueprint"))
 
 

@@ -13,11 +13,14 @@ from recipe_runtime.bullet import World
 from recipe_runtime.meshes.skeleton import Bike, axle_shift, has_rider, is_person
 from recipe_runtime.mover import Mover, towards
 from recipe_runtime.posture import Placed, Quaternion, about, then
+from recipe_runtime.way import Way
 
 _ACCELERATION, _BRAKING, _SIDEWAYS = 2.0, 3.0, 2.2  # m/s2
 _STEERING = 90.0  # degrees a second that the front wheels turn
 _LOCK = 0.27  # 1/m, the tightest curve of whatever drives, and ...
 _SLOPE = 1.3  # ... the tangent of the steepest angle of its front wheels
+_NEAREST = 1.7  # metres ahead of the rear axle that it steers for at least
+_BEHIND, _PREPARE = 1.5, 6.0  # metres from the rear axle back, from the front axle on, where bends matter
 _TIP = 50.0  # degrees a second that a two-wheeler leans over
 
 
@@ -63,6 +66,7 @@ class Driver(Mover):
         self._rear = shape["wheelbase"] / 2 - axle_shift(shape)  # the rear axle lies this far behind the origin
         self._tightest = min(_LOCK, _SLOPE / self._base)
         self._route.insert(0, (self.x, self.y))
+        self._way, self._front_way = Way(self._route), Way(self._route)
         self._limits = _speed_limits(self._route, actor.speed)
         self._wish = self._speed = self._curvature = self._gone = self._steer = 0.0
         self._aimed = 0.0  # degrees that the front wheels are to be turned to
@@ -84,35 +88,61 @@ class Driver(Mover):
         if self.arrived:
             self._wish = 0.0
             return
-        along, aim = self._look_ahead()
-        rx, ry = self.x - self._rear * self.heading[0], self.y - self._rear * self.heading[1]
-        dx, dy = aim[0] - rx, aim[1] - ry
-        square = dx * dx + dy * dy
-        lateral = self.heading[0] * dy - self.heading[1] * dx
-        curvature = max(-self._tightest, min(self._tightest, 2.0 * lateral / max(square, 1.0)))
-        self._aimed = exact.atan2_deg(self._base * curvature, 1.0)
-        self._wish = min(self._limit(along), self._clear(others), math.sqrt(4.0 * min(way, 1e6)))
+        self._aimed = self._steering()
+        self._wish = min(self._limit(self._left_of_leg()), self._clear(others), math.sqrt(4.0 * min(way, 1e6)))
 
-    def _look_ahead(self) -> tuple[float, tuple[float, float]]:
-        """Metres to the end of the current leg, and the route's point to steer for."""
+    def _steering(self) -> float:
+        """Degrees to turn the front wheels to.
+
+        In a bend the rear wheels run inside of the front ones. To the left, where there is road inside, the front
+        axle keeps to the lane and the rear cuts in; to the right, where the kerb is, the front swings out.
+        """
+        hx, hy = self.heading
+        x, y = self.x - self._rear * hx, self.y - self._rear * hy
+        here = self._way.reached(x, y)
+        steer = self._by_front(x + self._base * hx, y + self._base * hy)
+        if self._next_bend(here) < 0.0:
+            steer = self._by_rear(x, y, here)
+        lock = exact.atan2_deg(self._base * self._tightest, 1.0)
+        return max(-lock, min(lock, steer))
+
+    def _next_bend(self, here: float) -> float:
+        """Curvature of the first bend from the rear axle on, as far as a turn must be prepared; 0 if there is none."""
+        ahead = -_BEHIND
+        while ahead < self._base + _PREPARE:
+            bend, _ = self._way.bend(here + ahead)
+            if abs(bend) > 0.03:
+                return bend
+            ahead += 1.0
+        return 0.0
+
+    def _by_front(self, x: float, y: float) -> float:
+        """Steer the front axle along the way, after S. Thrun et al., Stanley (Journal of Field Robotics, 2006)."""
+        here = self._front_way.reached(x, y)
+        _, left = self._way.bend(here + 0.3)
+        px, py = self._way.at(here)
+        aside = (px - x) * left[0] + (py - y) * left[1]
+        tx, ty = left[1], -left[0]
+        hx, hy = self.heading
+        return exact.atan2_deg(hx * ty - hy * tx, hx * tx + hy * ty) + exact.atan2_deg(1.5 * aside, self._speed + 1.0)
+
+    def _by_rear(self, x: float, y: float, here: float) -> float:
+        """Steer the rear axle to a point of the way ahead: pure pursuit (R. C. Coulter, 1992)."""
+        ahead = here + max(_NEAREST, 0.45 * self._speed)
+        px, py = self._way.at(ahead)
+        dx, dy = px - x, py - y
+        lateral = self.heading[0] * dy - self.heading[1] * dx
+        return exact.atan2_deg(self._base * 2.0 * lateral, max(dx * dx + dy * dy, 1.0))
+
+    def _left_of_leg(self) -> float:
+        """Metres to the end of the route's leg that it is on."""
         while True:
             (ax, ay), (bx, by) = self._route[self._next], self._route[self._next + 1]
             length = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
             done = ((self.x - ax) * (bx - ax) + (self.y - ay) * (by - ay)) / max(length, 1e-9)
             if done < length or self._next >= len(self._route) - 2:
-                break
+                return length - done
             self._next += 1
-        left, n = max(1.6, 0.45 * self._speed) - (length - done), self._next + 1
-        while left > 0 and n < len(self._route) - 1:
-            (ax, ay), (bx, by) = self._route[n], self._route[n + 1]
-            length_n = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
-            if left <= length_n:
-                t = left / length_n
-                return length - done, (ax + (bx - ax) * t, ay + (by - ay) * t)
-            left, n = left - length_n, n + 1
-        (ax, ay), (bx, by) = self._route[n - 1], self._route[n]
-        size = max(math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay)), 1e-9)
-        return length - done, (bx + left * (bx - ax) / size, by + left * (by - ay) / size)
 
     def _limit(self, along: float) -> float:
         """Speed that still allows every slower place ahead to be reached slowly enough."""

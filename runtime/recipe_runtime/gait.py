@@ -89,9 +89,9 @@ def _about(x: float, dx: float, dz: float, pitch: float) -> tuple[float, float]:
 
 def _ankle(f: Figure, p: float, length: float) -> tuple[float, float, float]:
     """Ankle before the hip and above the ground, and the foot's pitch (toes down, degrees), at a leg's own phase."""
-    ball, heel = 0.085 * f.height, 0.03 * f.height
+    ball, heel = 0.112 * f.height, 0.036 * f.height
     strike = 0.205 * length
-    lift, land = 52.0, -17.0
+    lift, land = 44.0, -16.0
     if p < _DUTY:
         t = p / _DUTY
         x = strike - p * length

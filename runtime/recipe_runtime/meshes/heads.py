@@ -110,7 +110,7 @@ def _face(b: Builder, s: Features, size: float, base: float) -> None:
         y = side * 0.145
         patch(s.eye, y, 0.49, 0.062, 0.028, 0.012)
         patch(s.pupil, y * 0.98, 0.49, 0.027, 0.029, 0.018)
-        patch(s.hair, y * 1.02, 0.575, 0.085, 0.014, 0.022, -0.12 * side)
+        patch(s.hair, y * 1.02, 0.575, 0.085, 0.014, 0.022, 0.03 * side)
         ear = [
             (base + z * size, 0.05 * size * k, 0.03 * size, -0.03 * size)
             for z, k in ((0.36, 0.6), (0.44, 1.0), (0.54, 1.1))
@@ -160,7 +160,7 @@ def _shell(b: Builder, surface: Surface, outer: Array, size: float) -> None:
 def _hair(b: Builder, s: Features, hair: int, size: float, base: float) -> None:
     """A shell with the face left open; long hair falls over the neck."""
     grow, rim = {
-        CROPPED: (0.012, (56.0, 92.0, 118.0)),
+        CROPPED: (0.038, (54.0, 92.0, 118.0)),
         LONG: (0.07, (52.0, 112.0, 128.0)),
         TIED: (0.03, (50.0, 94.0, 122.0)),
     }.get(hair, (0.055, (50.0, 96.0, 122.0)))

@@ -104,7 +104,7 @@ def _pelvis(f: Figure, c: Clothes, shape: Mapping[str, float], down: float) -> M
         hem = (hip - (0.52 - _HEM) * h, _FLARE * h, 0.118 * h * max(g, 1.0), 0.0)
         _skirt(b, c.trousers, [hem, (hip - 0.07 * h, 0.098 * h * g, 0.109 * h * g, 0.0)], h, g, hip)
     if coat > 0.0:
-        tail = (hip - coat, 0.080 * h * g + 0.15 * coat, 0.108 * h * g + 0.06 * coat, 0.0)
+        tail = (hip - coat, 0.080 * h * g + 0.24 * coat, 0.108 * h * g + 0.06 * coat, 0.0)
         _skirt(b, c.shirt, [tail], h, g * 1.07, hip)
     return b.mesh()
 
@@ -152,7 +152,7 @@ def _torso(b: Builder, f: Figure, c: Clothes, shape: Mapping[str, float]) -> Non
         ]
         loft(b, c.bag, [(z * h + shoulders, rx * h, ry * h, -0.094 * h * g) for z, rx, ry in sack], square=0.12)
         for s in (1.0, -1.0):
-            front = [(0.0, 0.028), (0.052, -0.02), (0.068 * g, -0.09), (0.05 * g, -0.17)]
+            front = [(-0.05, 0.02), (-0.004, 0.034), (0.054, -0.012), (0.070 * g, -0.08), (0.052 * g, -0.17)]
             tube(b, c.bag, [(x * h, s * 0.055 * h, z * h + shoulders) for x, z in front], 0.008 * h, 6)
     elif bag == _SATCHEL:
         sack = [(-0.31, 0.048, 0.016), (-0.29, 0.055, 0.024), (-0.22, 0.053, 0.024), (-0.20, 0.046, 0.016)]
@@ -172,7 +172,7 @@ def _upper_arm(b: Builder, f: Figure, c: Clothes, long: bool) -> None:
         (-0.008, 0.0250, 0.0215, 0.0),
     ]
     wide = 1.12 if long else 1.0
-    loft(b, c.shirt if long else c.skin, _scaled(arm, h, g * wide))
+    loft(b, c.shirt if long else c.skin, _scaled(arm if long else arm[:-2], h, g * wide))
     if not long:
         sleeve = [(-0.095, 0.036, 0.035, 0.0), (-0.035, 0.0335, 0.031, 0.0), (-0.008, 0.027, 0.023, 0.0)]
         loft(b, c.shirt, _scaled(sleeve, h, g), domes=1)

@@ -1,0 +1,98 @@
+"""`recipe blueprints`: the library of actors, as a table, as JSON, and in pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from recipe_cli.arguments import JSON, print_json, writing
+
+if TYPE_CHECKING:
+    from recipe_compiler.blueprints import Blueprint
+
+
+@click.command("blueprints")
+@click.argument("pattern", default="*")
+@click.option(
+    "--pictures",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Also render each into FOLDER, as a PNG, and all of them on one sheet, blueprints.jpg.",
+)
+@JSON
+def command(pattern: str, pictures: Path | None, as_json: bool) -> None:
+    """List the blueprints whose id matches PATTERN, a glob such as `vehicle.*`; all of them by default."""
+    found = _matching(pattern)
+    if as_json:
+        print_json([_row(blueprint) for blueprint in found])
+    else:
+        _print_table(found)
+    if pictures is not None:
+        _draw(found, pictures)
+
+
+def _matching(pattern: str) -> tuple[Blueprint, ...]:
+    from recipe_compiler import blueprints
+    from recipe_compiler.errors import InputError
+    from recipe_compiler.schema.messages import nearest
+    from recipe_compiler.source import show
+
+    found = blueprints.match(pattern) if len(pattern) <= 64 else ()
+    if not found:
+        raise InputError(f"{show(pattern)} matches no blueprint; {nearest(pattern, blueprints.names())}")
+    return found
+
+
+def _row(blueprint: Blueprint) -> dict[str, object]:
+    from recipe_compiler.blueprints import TAG_NAMES
+
+    shape = blueprint.shape
+    return {
+        "id": blueprint.id,
+        "category": blueprint.category,
+        "tag": blueprint.tag,
+        "class": TAG_NAMES[blueprint.tag],
+        "attributes": blueprint.attributes,
+        "size": {key: shape[key] for key in ("length", "width", "height") if key in shape},
+        "speed": blueprint.default_speed,
+        "look": {slot: list(colours) for slot, colours in sorted(blueprint.palette.items())},
+    }
+
+
+def _print_table(found: tuple[Blueprint, ...]) -> None:
+    from recipe_compiler.blueprints import TAG_NAMES
+
+    rows = [("blueprint", "kind", "size, m", "tag", "m/s", "colours")]
+    for blueprint in found:
+        kind = blueprint.attributes.get("base_type") or blueprint.attributes["generation"]
+        size = " x ".join(f"{blueprint.shape[k]:.2f}" for k in ("length", "width", "height") if k in blueprint.shape)
+        tag = f"{blueprint.tag} {TAG_NAMES[blueprint.tag]}"
+        slots = ", ".join(sorted(blueprint.palette))
+        rows.append((blueprint.id, kind, size, tag, f"{blueprint.default_speed:g}", slots))
+    widths = [max(len(row[n]) for row in rows) for n in range(5)]
+    for row in rows:
+        click.echo("  ".join([*(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=False)), row[5]]))
+
+
+def _draw(found: tuple[Blueprint, ...], folder: Path) -> None:
+    from recipe_compiler.blueprints import specimen
+    from recipe_runtime import encode
+    from recipe_runtime.report.catalogue import sheet
+    from recipe_runtime.store import write_atomic
+    from recipe_runtime.studio import portrait
+
+    from recipe_cli.progress import Progress
+
+    drawn = []
+    with writing(folder), Progress() as progress:
+        folder.mkdir(exist_ok=True)
+        for number, blueprint in enumerate(found):
+            progress("pictures", number, len(found))
+            pixels = portrait(*specimen(blueprint))
+            write_atomic(folder / f"{blueprint.id}.png", encode.png(pixels))
+            drawn.append((blueprint.id, pixels))
+        progress("pictures", len(found), len(found))
+        write_atomic(folder / "blueprints.jpg", sheet(drawn))
+    click.echo(f"{folder}: {len(found)} pictures, and blueprints.jpg", err=True)

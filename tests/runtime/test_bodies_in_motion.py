@@ -1,0 +1,220 @@
+"""Bodies in motion: wheels roll and steer as they drive, feet stay where they tread, riders sit, lean and pedal."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from recipe_compiler import blueprints, towns
+from recipe_compiler.plan import ActorPlan, Clock, Point, Pose, ScenePlan
+from recipe_runtime import gait, riding
+from recipe_runtime.ground import Ground
+from recipe_runtime.meshes import actor_body
+from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.meshes.skeleton import Bike, Figure
+from recipe_runtime.posture import STILL, about, limb, place, turned
+from recipe_runtime.simulate import simulate
+from recipe_runtime.studio import matrices
+from recipe_runtime.trace import METRE, Trace
+from recipe_runtime.transforms import invert, part_transforms
+
+TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
+GROUND = Ground(TOWN.plan)
+STREETS = TOWN.streets
+PEOPLE = [b for b in blueprints.LIBRARY if b.category == "pedestrian"]
+BIKES = [b for b in blueprints.LIBRARY if b.attributes.get("number_of_wheels") == "2"]
+
+
+def turning(blueprint: str, way: str) -> ActorPlan:
+    """A vehicle that comes from the south to the middle junction and turns there."""
+    found = blueprints.match(blueprint)[0]
+    junction = (len(STREETS.xs) // 2, len(STREETS.ys) // 2)
+    new = {"right": (1, 0), "left": (-1, 0)}[way]
+    through = STREETS._through(STREETS.centre(junction), (0, 1), new)
+    end = (through[-1][0] + 18.0 * new[0], through[-1][1] + 18.0 * new[1])
+    return ActorPlan(
+        name="it",
+        blueprint=found.id,
+        category="vehicle",
+        tag=found.tag,
+        instance=1,
+        shape=found.shape,
+        start=Pose(x=through[0][0], y=through[0][1] - 12.0, yaw=90),
+        route=tuple(Point(x=x, y=y) for x, y in [*through, end]),
+        speed=found.default_speed,
+    )
+
+
+@cache
+def turn(blueprint: str, way: str) -> tuple[ActorPlan, Trace]:
+    actor = turning(blueprint, way)
+    return actor, simulate(ScenePlan(clock=Clock(fps=20, frames=200, physics=240), town=TOWN.plan, actors=(actor,)))
+
+
+def row(trace: Trace, part: str) -> int:
+    return trace.parts.index(f"it/{part}")
+
+
+def lowest(body: Body, poses: NDArray[np.float64]) -> float:
+    return min(
+        float((mesh.vertices.astype(np.float64) @ t[2, :3] + t[2, 3]).min())
+        for (_, mesh), t in zip(body.parts, poses, strict=True)
+    )
+
+
+@pytest.mark.parametrize("way", ["right", "left"])
+@pytest.mark.parametrize("blueprint", ["vehicle.bus.city", "vehicle.truck.box", "vehicle.van.cargo"])
+def test_long_vehicles_keep_off_the_kerb(blueprint: str, way: str) -> None:
+    actor, trace = turn(blueprint, way)
+    reach = 0.15  # from a hub to its tyre's outer side
+    for frame in range(0, trace.frames, 2):
+        for part in (p for p in trace.parts if "wheel" in p):
+            pose = part_transforms(trace, frame)[trace.parts.index(part)]
+            for side in (-1.0, 1.0):
+                x, y = pose[:2, 3] + side * reach * pose[:2, 1]
+                assert GROUND.height(x, y) == 0.0, f"{part} at frame {frame}"
+    base = trace.positions[:, 0] / METRE
+    assert np.abs(base[:, 2]).max() < 0.005
+    goal = actor.route[-1]
+    assert np.hypot(base[-1, 0] - goal.x, base[-1, 1] - goal.y) < 1.0
+
+
+@pytest.mark.parametrize(
+    "blueprint", ["vehicle.sedan.a", "vehicle.bus.city", "vehicle.motorcycle.a", "vehicle.bicycle.a"]
+)
+def test_front_wheels_point_where_the_vehicle_turns(blueprint: str) -> None:
+    """Steer angle = atan(wheelbase * curvature), with the curvature taken from the Trace's own path."""
+    actor, trace = turn(blueprint, "right")
+    base, part = trace.base_part("it"), "fork" if "rider" in actor.shape else "wheel_front_left"
+    half = 0.0 if "rider" in actor.shape else actor.shape["width"] / 2 - 0.13
+    judged = 0
+    for frame in range(20, 140, 4):
+        speed, turning = trace.linear[frame, 0, :2] / METRE, trace.angular[frame, 0, 2] / METRE
+        poses = part_transforms(trace, frame)
+        forward = poses[base][:2, 0] / np.hypot(*poses[base][:2, 0])
+        along = float(speed @ forward)
+        if along < 1.0:
+            continue
+        curvature = turning / along
+        axle = poses[row(trace, part)][:2, 1]  # a wheel's y does not roll
+        ahead = np.array([axle[1], -axle[0]]) / np.hypot(*axle)
+        steer = np.degrees(np.arcsin(forward[0] * ahead[1] - forward[1] * ahead[0]))
+        expected = np.degrees(np.arctan2(actor.shape["wheelbase"] * curvature, 1.0 - half * curvature))
+        assert steer == pytest.approx(expected, abs=1.5)
+        judged += abs(expected) > 10
+    assert judged >= 3
+
+
+@pytest.mark.parametrize("blueprint", ["vehicle.hatchback.b", "vehicle.bicycle.child", "vehicle.motorcycle.b"])
+def test_wheels_turn_at_speed_over_radius(blueprint: str) -> None:
+    actor, trace = turn(blueprint, "left")
+    base, wheel = trace.base_part("it"), row(trace, "wheel_rear" + ("" if "rider" in actor.shape else "_left"))
+    for frame in range(10, 40, 3):
+        angles = []
+        for k in (frame, frame + 1):
+            poses = part_transforms(trace, k)
+            local = invert(poses[base])[:, :3] @ poses[wheel][:, :3]
+            angles.append(np.degrees(np.arctan2(local[0, 2], local[2, 2])))
+        step = np.hypot(*(trace.positions[frame + 1, 0, :2] - trace.positions[frame, 0, :2])) / METRE
+        rolled = np.radians((angles[1] - angles[0]) % 360.0) * actor.shape["wheel"]
+        assert rolled == pytest.approx(step % (2 * np.pi * actor.shape["wheel"]), rel=0.02, abs=0.003)
+
+
+@pytest.mark.parametrize("blueprint", BIKES, ids=lambda b: b.id)
+def test_two_wheelers_stay_upright_and_on_the_ground(blueprint: blueprints.Blueprint) -> None:
+    actor, trace = turn(blueprint.id, "right")
+    body, leans = actor_body(actor), []
+    for frame in range(0, trace.frames, 5):
+        poses = part_transforms(trace, frame)
+        assert abs(lowest(body, poses)) < 0.01
+        leans.append(-np.degrees(np.arcsin(poses[0][2, 1])))
+    assert 3.0 < max(np.abs(leans)) < 35.0
+    assert min(leans) > -2.0 or max(leans) < 2.0  # it leans to one side only, into its one bend
+    assert abs(leans[0]) < 0.1 and abs(leans[-1]) < 1.0
+
+
+def test_a_lean_balances_weight_and_centrifugal_force() -> None:
+    _, trace = turn("vehicle.motorcycle.a", "left")
+    judged = 0
+    for frame in range(40, 120, 2):
+        speed, turning = float(np.hypot(*trace.linear[frame, 0, :2])) / METRE, trace.angular[frame, 0, 2] / METRE
+        lean = -np.degrees(np.arcsin(part_transforms(trace, frame)[0][2, 1]))
+        force = np.degrees(np.arctan(speed * turning / 9.81))
+        if abs(force) > 5.0:
+            assert lean == pytest.approx(force, abs=6.0)  # it takes a moment to lean over
+            judged += 1
+    assert judged > 3
+
+
+@pytest.mark.parametrize("blueprint", BIKES, ids=lambda b: b.id)
+@pytest.mark.parametrize("gone", [0.0, 0.6, 1.3, 2.9])
+def test_riders_hold_the_grips_and_tread_the_pedals(blueprint: blueprints.Blueprint, gone: float) -> None:
+    bike = Bike.of(blueprint.shape)
+    steer = 8.0
+    parts = dict(
+        zip(
+            ["chassis", *(joint.part for joint in bike.joints())],
+            place(((0.0, 0.0, 0.0), STILL), bike.joints(), riding.pose(bike, steer=steer, gone=gone)),
+            strict=True,
+        )
+    )
+    for side, s in (("left", 1.0), ("right", -1.0)):
+        at, turn_ = parts[f"forearm_{side}"]
+        palm = np.array(at) + turned(turn_, (0.0, 0.0, -0.19 * bike.figure.height))
+        x, y, z = bike.grips
+        grip = np.array(bike.steering) + turned(about("z", steer), (x, s * y, z + 0.02))
+        assert np.abs(palm - grip).max() < 0.025
+        at, turn_ = parts[f"foot_{side}"]
+        sole = np.array(at) + turned(turn_, (0.085 * bike.figure.height, 0.0, -bike.figure.ankle))
+        pedal, _ = riding.pedal_of(bike, s, 360.0 * gone / 4.2)
+        assert np.abs(sole - pedal).max() < 0.03
+
+
+def test_a_limb_reaches_its_target_and_keeps_its_length() -> None:
+    thigh, shin = limb((0.2, 0.1, -0.6), 0.4, 0.4, (1.0, 0.0, 0.0), knee=True)
+    knee = turned(thigh, (0.0, 0.0, -0.4))
+    foot = np.array(knee) + turned(thigh, turned(shin, (0.0, 0.0, -0.4)))
+    assert np.abs(foot - (0.2, 0.1, -0.6)).max() < 1e-12
+    assert knee[0] > 0.1  # the knee is in front
+
+
+@pytest.mark.parametrize("blueprint", PEOPLE, ids=lambda b: b.id)
+def test_somebody_always_treads_the_ground(blueprint: blueprints.Blueprint) -> None:
+    """Over a whole stride the lowest point of the body is within a centimetre of the ground."""
+    figure, speed = Figure.of(blueprint.shape), blueprint.default_speed
+    actor = turning("vehicle.sedan.a", "left").model_copy(update={"shape": blueprint.shape, "category": "pedestrian"})
+    body = actor_body(actor)
+    for n in range(12):
+        low = gait.sink(figure, n / 12, speed)
+        poses = matrices(place(((0.0, 0.0, -low), STILL), figure.joints, gait.pose(figure, n / 12, speed)))
+        assert abs(lowest(body, poses)) < 0.01
+
+
+@pytest.mark.parametrize("blueprint", PEOPLE[::4], ids=lambda b: b.id)
+def test_a_planted_foot_goes_back_as_fast_as_the_body_goes_on(blueprint: blueprints.Blueprint) -> None:
+    """Stride length * strides a second = speed; so while a foot is flat it moves by -stride for each phase."""
+    figure, speed = Figure.of(blueprint.shape), blueprint.default_speed
+    at = []
+    for phase in (0.15, 0.18, 0.21):
+        low = gait.sink(figure, phase, speed)
+        parts = place(((0.0, 0.0, -low), STILL), figure.joints, gait.pose(figure, phase, speed))
+        names = ["pelvis", *(joint.part for joint in figure.joints)]
+        at.append(parts[names.index("foot_left")][0])
+    assert np.diff([x for x, _, _ in at]) == pytest.approx([-0.03 * gait.stride(figure, speed)] * 2, abs=1e-3)
+    assert [z for _, _, z in at] == pytest.approx([figure.ankle] * 3, abs=2e-3)
+
+
+def test_children_step_quicker() -> None:
+    adult, child = (Figure.of(blueprints.match(f"walker.pedestrian.{n}")[0].shape) for n in ("0001", "0013"))
+    assert 1.2 / gait.stride(child, 1.2) > 1.25 * 1.2 / gait.stride(adult, 1.2)
+
+
+def test_arms_swing_against_the_legs() -> None:
+    figure = Figure.of(PEOPLE[0].shape)
+    names = [joint.part for joint in figure.joints]
+    turns = gait.pose(figure, 0.0, 1.4)  # the left heel strikes
+    thigh, arm = turns[names.index("thigh_left")], turns[names.index("upper_arm_left")]
+    assert turned(thigh, (0.0, 0.0, -1.0))[0] > 0.2  # the left leg is in front, the left arm behind
+    assert turned(arm, (0.0, 0.0, -1.0))[0] < -0.2
