@@ -86,8 +86,8 @@ class Painter:
         """Linear radiance at pixel centres, float32 [H, W, 3]."""
         points = self._surveyor.points(obs, antialias=False)
         linear = self._shade(obs, points, appearance, self._light_of(appearance, time))
-        values: NDArray[np.float32] = linear.numpy().reshape(obs.camera.height, obs.camera.width, 3)
-        return values
+        values: NDArray[np.float32] = linear.numpy()[points.starts.numpy()]
+        return values.reshape(obs.camera.height, obs.camera.width, 3)
 
     def _shade(self, obs: Observation, points: Points, appearance: AppearancePlan, light: Light) -> Any:
         with self._timings("shadows"):
