@@ -184,7 +184,7 @@ def hole(t: wp.float32) -> wp.float32:
 @wp.func
 def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """A tree's leaves: dark gaps between them, boughs of their own green, and less sky within and below."""
-    bough = noise3(p[0] * 1.3, p[1] * 1.3, p[2] * 1.6, wp.uint32(8)) - 0.5
+    bough = (noise3(p[0] * 1.3, p[1] * 1.3, p[2] * 1.6, wp.uint32(8)) - 0.5) * fade(1.5, foot)
     twig = noise3(p[0] * 6.3, p[1] * 6.3, p[2] * 7.1, wp.uint32(10)) - 0.5
     near = fade(0.22, foot)
     tone = 1.04 + 0.35 * bough + 0.5 * twig * near
@@ -251,7 +251,8 @@ def room(fu: wp.float32, fv: wp.float32, ray: wp.vec3f, code: wp.uint32) -> wp.f
 def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail:
     """A pane: `second` is its frame's share, `wear` the curtain's, `tone` how bright the room behind it is.
 
-    `code` names the window, `height` is the place from its foot up. A building's windows are divided alike.
+    `code` names the window, `height` is how far it is seen by itself and not as one of many. A building's windows
+    are divided alike.
     """
     i = whole(uv[0])
     j = whole(uv[1])
@@ -275,17 +276,18 @@ def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail
         edge = -1.0
     elif style == wp.uint32(2):
         edge = fv - (1.0 - 2.0 * drawn)  # a blind, let down
-    d.wear = clamp01(edge / wp.max(w, 0.02) + 0.5)
-    d.height = fv
-    d.tone = 0.6
-    near = fade(1.2, foot)
+    near = fade(1.3, foot)
+    d.wear = 0.27 + (clamp01(edge / wp.max(w, 0.02) + 0.5) - 0.27) * near
+    d.height = near
+    d.tone = 0.66
+    near = fade(0.5, foot)
     if near > 0.0:
         fold = 0.12 * fade(0.12, foot) * (wp.abs(fu * 11.0 - wp.float32(whole(fu * 11.0)) - 0.5) - 0.25)
         seen = room(fu, fv, behind(sight, d.normal), d.code)
         seen = seen + (0.9 + 3.0 * fold - seen) * d.wear
-        d.tone = 0.6 + (seen - 0.6) * near
+        d.tone = 0.66 + (seen - 0.66) * near
     # The lintel and the jambs keep the sky from the pane's edges.
-    d.tone = d.tone * (0.72 + 0.28 * clamp01((1.0 - fv) * 5.0) * clamp01(0.4 + side * 5.0))
+    d.tone = d.tone * (0.94 + near * (0.28 * clamp01((1.0 - fv) * 5.0) * clamp01(0.4 + side * 5.0) - 0.22))
     return d
 
 
@@ -302,15 +304,15 @@ def curtain_wall(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> 
     d.second = either(d.second, joint(uv[1] - 0.25, 0.012, w))
     pane = hash2(i, j, d.code)
     d.code = hash2(i / 3, j, d.code)  # an office is three panes wide
-    d.height = fv
-    d.tone = 0.6
-    near = fade(1.2, foot)
+    d.height = fade(3.0, foot)
+    d.tone = 0.48
+    near = fade(0.6, foot)
     if near > 0.0:
         seen = room((fu + wp.float32(i % 3)) * 0.4, (fv - 0.25) * 0.6, behind(sight, d.normal), d.code)
-        d.tone = 0.6 + (seen - 0.6) * near
-    d.tone = d.tone + 0.2 * (unit(pane) - 0.5)
+        d.tone = 0.48 + (seen - 0.48) * near
+    d.tone = d.tone + 0.2 * near * (unit(pane) - 0.5)
     # No pane is quite in its neighbours' plane.
-    lean = 0.03 * fade(1.5, foot)
+    lean = 0.03 * near
     d.normal = direction(
         d.normal + wp.vec3f(lean * (unit(pane) - 0.5), lean * (unit(pane * wp.uint32(747796405)) - 0.5), 0.0)
     )
@@ -331,9 +333,9 @@ def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> D
     d.second = either(joint(uv[0], 0.022, w), joint(uv[1], 0.022, w))
     d.second = either(d.second, joint(uv[1] + 0.22, 0.012, w))
     d.code = hash2(i >> 4, j, d.code)
-    d.height = fv
-    d.tone = 0.65
-    near = fade(0.5, foot)
+    d.height = 0.4
+    d.tone = 0.62
+    near = fade(0.2, foot)
     if near > 0.0:
         ray = behind(sight, d.normal)
         seen = room(0.5 + (fu - 0.5) * 1.4, fv * 1.1, ray, d.code)
@@ -356,9 +358,9 @@ def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> D
                 d.height = unit(scramble(goods + wp.uint32(9)))
             elif y <= 0.0 and y > -0.05 and d.wear == 0.0:
                 seen = 0.5
-        d.tone = 0.65 + (seen - 0.65) * near
-        d.wear = d.wear * near
-    d.tone = d.tone * (0.8 + 0.2 * clamp01((1.0 - fv) * 4.0))
+        d.tone = 0.62 + (seen - 0.62) * near
+    d.wear = 0.15 + (d.wear - 0.15) * near
+    d.tone = d.tone * (0.97 + near * (0.2 * clamp01((1.0 - fv) * 4.0) - 0.17))
     return d
 
 
@@ -396,6 +398,9 @@ def poster(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     margin = either(joint(uv[0], 0.02, w), joint(uv[1], 0.02, w))
     d.second = d.second + (1.0 - d.second) * margin
     d.tone = d.tone + (1.0 - d.tone) * margin
+    near = fade(2.0, foot)
+    d.second = 0.22 + (d.second - 0.22) * near
+    d.tone = 0.84 + (d.tone - 0.84) * near
     return d
 
 
@@ -446,8 +451,8 @@ def facade(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
         between = 0.06
     d.second = either(joint(uv[0], beside, w), joint(uv[1] - 0.04, between, w))
     d.code = hash2(i, j, d.code)
-    d.wear = 0.5 * unit(d.code * wp.uint32(747796405))
-    d.height = uv[1] - wp.float32(j)
+    d.height = fade(2.5, foot)
+    d.wear = 0.25 + 0.5 * d.height * (unit(d.code * wp.uint32(747796405)) - 0.5)
     stain = noise2((p[0] + p[1]) * 0.4, p[2] * 0.1, wp.uint32(27)) - 0.5
     d.tone = 0.75 + 0.25 * d.second * (1.0 + 0.5 * stain)
     return d
@@ -579,8 +584,11 @@ def detail_of(
         d = slabs(d, uv, p, foot)
     elif pattern == ROAD_PAINT:
         d = asphalt(d, uv, p, foot)
-        worn = noise2(p[0] * 3.1, p[1] * 3.1, wp.uint32(15)) + 0.5 * (d.tone - 1.0)
-        d.second = clamp01((worn - 0.62) * 3.0) * 0.75
+        d.second = 0.13
+        near = fade(0.32, foot)
+        if near > 0.0:
+            worn = noise2(p[0] * 3.1, p[1] * 3.1, wp.uint32(15)) + 0.5 * (d.tone - 1.0)
+            d.second = 0.13 + near * (clamp01((worn - 0.62) * 3.0) * 0.75 - 0.13)
         d.tone = 1.0 + 0.25 * (d.tone - 1.0)
     elif pattern == BRICK:
         d = bricks(d, uv, p, foot)

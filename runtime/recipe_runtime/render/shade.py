@@ -144,12 +144,12 @@ def glint(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.fl
 
 
 @wp.func
-def awake_share(air: wp.array[Air], code: wp.uint32, awake: wp.float32) -> wp.float32:
+def woken(air: wp.array[Air], code: wp.uint32, awake: wp.float32) -> wp.float32:
     """A number in [0, 1) for a window that is lit at night, below 0 for one that is dark."""
     h = (code ^ air[0].seed) * wp.uint32(0x9E3779B)
     h = (h ^ (h >> wp.uint32(13))) * wp.uint32(0x85EBCA7)
     chance = unit(h ^ (h >> wp.uint32(16)))
-    if air[0].night <= 0.0 or chance >= awake:
+    if chance >= awake:
         return -1.0
     return chance / awake
 
@@ -185,8 +185,15 @@ def pane(
     m.albedo = mix(behind, second, detail[1])
     m.coat = m.coat * glass
     m.gloss = 0.98
-    lit_by = awake_share(air, code, awake)
+    lit_by = woken(air, code, awake)
+    bright = wp.float32(0.0)
     if lit_by >= 0.0:
+        bright = 0.6 + 0.7 * lit_by
+    if pattern != patterns.SHOP_WINDOW:
+        # Where many windows share a pixel, their mean is seen.
+        bright = 0.95 * awake + (bright - 0.95 * awake) * detail[3]
+        lit_by = 0.5 + (lit_by - 0.5) * detail[3]
+    if air[0].night > 0.0 and bright > 0.0:
         colour = mix(wp.vec3f(1.0, 0.86, 0.66), mix(wp.vec3f(1.0, 0.52, 0.19), wp.vec3f(1.0, 0.78, 0.5), lit_by), warm)
         through = glass * (1.0 - 0.45 * detail[2])
         if pattern == patterns.CURTAIN_WALL:
@@ -194,7 +201,7 @@ def pane(
         elif pattern == patterns.SHOP_WINDOW:
             colour = mix(colour, times(colour, veil) * 2.5, detail[2])
             through = glass * 1.2
-        m.glow = colour * (air[0].night * 0.8e-3 * detail[0] * through * (0.6 + 0.7 * lit_by))
+        m.glow = colour * (air[0].night * 0.8e-3 * detail[0] * through * bright)
     return m
 
 
