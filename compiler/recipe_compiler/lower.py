@@ -171,8 +171,19 @@ def _built(name: str, seed: int, parameters: str) -> Town:
     return towns.build(name, seed, json.loads(parameters))
 
 
+_EFFECTS = (
+    "noise",
+    "vignette_intensity",
+    "lens_circle_multiplier",
+    "chromatic_aberration_intensity",
+    "bloom_intensity",
+    "motion_blur_intensity",
+)
+
+
 def _response(camera: models.Camera) -> CameraResponse:
-    return CameraResponse(exposure=camera.exposure, noise=camera.noise, antialias=camera.antialias)
+    response = CameraResponse(**{field: getattr(camera, field) for field in CameraResponse.model_fields})
+    return response if camera.enable_postprocess_effects else response.model_copy(update=dict.fromkeys(_EFFECTS, 0.0))
 
 
 class _Cast:

@@ -124,13 +124,15 @@ class ScenePlan(Plan):
 
 
 class CameraPlan(Plan):
-    """A pinhole camera's intrinsics. `fov` is horizontal, in degrees; pixel (0, 0) is the top-left corner."""
+    """A camera's intrinsics. `fov` is horizontal, in degrees, and a pinhole's; pixel (0, 0) is the top-left corner."""
 
     width: int
     height: int
     fov: Number
     near: Number = 0.1  # metres along the optical axis
     far: Number = 1000.0
+    lens_k: Number = 0.0  # distortion, as `optics` has it
+    lens_kcube: Number = 0.0
 
 
 class SensorPlan(Plan):
@@ -184,11 +186,27 @@ class Sun(Plan):
 
 
 class CameraResponse(Plan):
-    """How a sensor turns light into 8-bit sRGB."""
+    """How a sensor turns light into 8-bit sRGB. Names are CARLA's where it has one."""
 
-    exposure: Number = 0.0  # stops on top of the automatic exposure
-    noise: Number = 1.0  # read and shot noise, 0 off, 1 a good street camera
+    exposure_mode: Literal["auto", "manual"] = "auto"
+    exposure_compensation: Number = 0.0  # stops
+    shutter_speed: Number = 200.0  # 1 / seconds
+    iso: Number = 100.0
+    fstop: Number = 1.4
+    gamma: Number = 2.2
+    temp: Number = 6500.0  # kelvin
+    tint: Number = 0.0
+    noise: Number = 1.0  # read and shot noise, 0 off, 1 a good street camera at ISO 100
+    vignette_intensity: Number = 0.4
+    lens_circle_multiplier: Number = 0.0
+    lens_circle_falloff: Number = 5.0
+    chromatic_aberration_intensity: Number = 0.0
+    chromatic_aberration_offset: Number = 0.0
+    bloom_intensity: Number = 0.0
+    motion_blur_intensity: Number = 0.0
+    motion_blur_max_distortion: Number = 0.35  # of the picture's width
     antialias: bool = True
+    supersample: int = 1  # samples along a pixel's side
 
 
 class Looks(RootModel[dict[str, dict[str, Colour]]]):

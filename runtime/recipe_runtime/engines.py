@@ -56,9 +56,9 @@ class SceneRenderer(Protocol):
         """The observation of one frame."""
 
     def shade(
-        self, obs: Any, appearance: AppearancePlan, sensor_name: str, frame: int, time: float
+        self, obs: Any, appearance: AppearancePlan, sensor_name: str, frame: int, time: float, *, moment: Any = None
     ) -> NDArray[np.uint8]:
-        """Its picture, 8-bit sRGB [H, W, 3]."""
+        """Its picture, 8-bit sRGB [H, W, 3]; `moment` is a neighbouring frame, for motion blur."""
 
 
 @dataclass(frozen=True)

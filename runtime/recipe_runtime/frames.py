@@ -66,7 +66,18 @@ class SceneSource:
 
     def shade(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> NDArray[Any]:
         """The colour picture of an observation."""
-        return self.renderer.shade(seen, appearance, sensor.name, frame, frame / self.scene.clock.fps)
+        time, response = frame / self.scene.clock.fps, appearance.responses.get(sensor.name)
+        if response is None or response.motion_blur_intensity == 0.0 or self.scene.clock.frames < 2:
+            return self.renderer.shade(seen, appearance, sensor.name, frame, time)
+        return self.renderer.shade(seen, appearance, sensor.name, frame, time, moment=self._moment(sensor, frame))
+
+    def _moment(self, sensor: SensorPlan, frame: int) -> Any:
+        """The frame before, or after the first: a blur is as long both ways."""
+        from recipe_runtime.render.blur import Moment
+
+        other = frame - 1 if frame > 0 else 1
+        pose = sensor_transform(sensor, self.trace, other)
+        return Moment(pose, part_transforms(self.trace, other), 1.0 / self.scene.clock.fps)
 
 
 class FrameSource:

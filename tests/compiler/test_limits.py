@@ -23,7 +23,7 @@ def test_shared_work_is_counted_once() -> None:
     deltas = {
         "weather": {"sunny": {}, "rainy": {"weather": "MidRainyNoon"}, "foggy": {"weather": {"fog_density": 90}}},
         "jitter": {"still": {"sensors": {"street": {"motion": None}}}, "shaky": {}},
-        "exposure": {"dark": {"sensors": {"street": {"camera": {"exposure": -1}}}}, "light": {}},
+        "exposure": {"dark": {"sensors": {"street": {"camera": {"exposure_compensation": -1}}}}, "light": {}},
     }
     cost = compiled(small() | {"deltas": deltas}).cost
     assert str(cost) == "12 variants: 1 simulation, 2 observations, 12 appearances"

@@ -113,6 +113,8 @@ def _message(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wr
     where = dotted(path)
     if kind == "extra_forbidden":
         inside = f" in {dotted(path[:-1])}" if len(path) > 1 else ""
+        if path[-2:] == ("camera", "exposure"):
+            return f'unknown key "exposure"{inside}; as in CARLA, it is "exposure_compensation"'
         keys = fields_at(model, _without_markers(detail["loc"][:-1]))
         return f"unknown key {show(str(path[-1]))}{inside}; {nearest(str(path[-1]), keys)}"
     if kind == "missing":

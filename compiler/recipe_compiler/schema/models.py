@@ -11,6 +11,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 from pydantic_core import PydanticCustomError
 
+from recipe_compiler import optics
+
 MAX_FRAMES = 100_000
 MAX_VARIANTS = 10_000
 MAX_DRAWS = 100_000  # of all variants together
@@ -208,7 +210,7 @@ class Mount(Model):
 
 
 class Camera(Model):
-    """A pinhole camera and what it makes of light."""
+    """A camera and what it makes of light; names are CARLA's where it has one."""
 
     width: Annotated[int, Field(ge=16, le=4096, description="Pixels.")] = 800
     height: Annotated[int, Field(ge=16, le=4096, description="Pixels.")] = 600
@@ -217,13 +219,74 @@ class Camera(Model):
     ] = 90.0
     near: Annotated[float, Field(ge=0.01, le=10, allow_inf_nan=False, description="Nearest depth, metres.")] = 0.1
     far: Annotated[float, Field(ge=20, le=10_000, allow_inf_nan=False, description="Farthest depth, metres.")] = 1000.0
-    exposure: Annotated[
-        float, Field(ge=-10, le=10, allow_inf_nan=False, description="Stops on top of the automatic exposure.")
+    lens_k: Annotated[
+        float, Field(ge=-1, le=1, allow_inf_nan=False, description="Distortion: above 0 barrel, below pincushion.")
     ] = 0.0
+    lens_kcube: Annotated[
+        float, Field(ge=-1, le=1, allow_inf_nan=False, description="Distortion that grows faster to the corners.")
+    ] = 0.0
+    exposure_mode: Annotated[
+        Literal["auto", "manual"], Field(description="auto: by sun and weather; manual: by shutter, iso and fstop.")
+    ] = "auto"
+    exposure_compensation: Annotated[
+        float, Field(ge=-15, le=15, allow_inf_nan=False, description="Stops on top of the exposure.")
+    ] = 0.0
+    shutter_speed: Annotated[
+        float, Field(ge=1, le=10_000, allow_inf_nan=False, description="1/s: 200 is open for 1/200 s.")
+    ] = 200.0
+    iso: Annotated[
+        float, Field(ge=25, le=102_400, allow_inf_nan=False, description="Sensitivity; noise grows as its root.")
+    ] = 100.0
+    fstop: Annotated[
+        float, Field(ge=0.7, le=32, allow_inf_nan=False, description="f-number; for the manual exposure.")
+    ] = 1.4
+    gamma: Annotated[float, Field(ge=0.5, le=5, allow_inf_nan=False, description="2.2: sRGB; above: brighter.")] = 2.2
+    temp: Annotated[
+        float, Field(ge=1500, le=15_000, allow_inf_nan=False, description="Kelvin of the light taken for white.")
+    ] = 6500.0
+    tint: Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False, description="-1 green to 1 magenta.")] = 0.0
     noise: Annotated[
         float, Field(ge=0, le=10, allow_inf_nan=False, description="0: none; 1: a good street camera's.")
     ] = 1.0
+    vignette_intensity: Annotated[
+        float, Field(ge=0, le=1, allow_inf_nan=False, description="How much darker corners are; 0: none.")
+    ] = 0.4
+    lens_circle_multiplier: Annotated[
+        float, Field(ge=0, le=10, allow_inf_nan=False, description="How dark the lens's rim is; 0: none.")
+    ] = 0.0
+    lens_circle_falloff: Annotated[
+        float, Field(ge=0, le=10, allow_inf_nan=False, description="How near to the corners the rim stays.")
+    ] = 5.0
+    chromatic_aberration_intensity: Annotated[
+        float, Field(ge=0, le=10, allow_inf_nan=False, description="Percent by which red and blue part at corners.")
+    ] = 0.0
+    chromatic_aberration_offset: Annotated[
+        float, Field(ge=0, le=0.99, allow_inf_nan=False, description="Radius from which they part; 1: the corners.")
+    ] = 0.0
+    bloom_intensity: Annotated[
+        float, Field(ge=0, le=5, allow_inf_nan=False, description="Light that bright places shed about them.")
+    ] = 0.0
+    motion_blur_intensity: Annotated[
+        float, Field(ge=0, le=10, allow_inf_nan=False, description="0: none; 1: as long as the shutter is open.")
+    ] = 0.0
+    motion_blur_max_distortion: Annotated[
+        float, Field(ge=0, le=1, allow_inf_nan=False, description="Longest blur, as a share of the width.")
+    ] = 0.35
     antialias: Annotated[bool, Field(description="Smooth edges in RGB; labels never are.")] = True
+    supersample: Annotated[int, Field(ge=1, le=4, description="RGB samples along a pixel's side.")] = 1
+    enable_postprocess_effects: Annotated[
+        bool, Field(description="false: no noise, vignette, rim, aberration, bloom or motion blur.")
+    ] = True
+
+    @model_validator(mode="after")
+    def _can_be_drawn(self) -> Camera:
+        wrong = optics.fault(self, self.supersample)
+        if wrong is not None:
+            key = "supersample" if "samples a frame" in wrong else "lens_k" if self.lens_k else "lens_kcube"
+            raise PydanticCustomError(
+                "optics", "{value} {wrong}", {"key": key, "value": f"{getattr(self, key):g}", "wrong": wrong}
+            )
+        return self
 
 
 class Target(Model):

@@ -13,6 +13,7 @@ from recipe_runtime.render.noise import scramble
 wp.set_module_options(OPTIONS)
 
 LEVELS = wp.constant(4096)
+RIM_STEPS = wp.constant(1024)
 
 
 @wp.struct
@@ -20,7 +21,10 @@ class Response:
     """How light becomes numbers."""
 
     exposure: wp.float32
+    white: wp.vec3f  # gains that make the light's colour white
     noise: wp.float32
+    vignette: wp.float32  # darkening at one width from the centre
+    rim: wp.int32  # whether there is a lens circle
     key: wp.uint32  # of seed, sensor and frame
     width: wp.int32
     height: wp.int32
@@ -32,6 +36,33 @@ def tone(x: wp.float32) -> wp.float32:
     x = wp.max(x, 0.0)
     y = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)
     return wp.min(y, 1.0)
+
+
+@wp.func
+def untone(y: wp.float32) -> wp.float32:
+    """The light, up to 7.2, that `tone` makes y of: the root of its quadratic."""
+    a = 2.51 - 2.43 * y
+    b = 0.03 - 0.59 * y
+    return (wp.sqrt(b * b + 0.56 * a * y) - b) / (2.0 * a)
+
+
+@wp.func
+def rim_at(rims: wp.array[wp.float32], square: wp.float32) -> wp.float32:
+    """The lens circle's gain at a squared distance from the centre, 1 at the corners; a line between two steps."""
+    t = wp.min(square, 1.0) * wp.float32(RIM_STEPS)
+    i = wp.min(wp.int32(t), RIM_STEPS - 1)
+    return rims[i] + (rims[i + 1] - rims[i]) * (t - wp.float32(i))
+
+
+@wp.func
+def shading_at(x: wp.float32, y: wp.float32, r: Response, rims: wp.array[wp.float32]) -> wp.float32:
+    """The share of light that a lens lets through to a place, in widths from the picture's centre."""
+    square = x * x + y * y
+    gain = 1.0 - r.vignette * square
+    if r.rim != 0:
+        tall = wp.float32(r.height) / wp.float32(r.width)
+        gain = gain * rim_at(rims, square * 4.0 / (1.0 + tall * tall))
+    return gain
 
 
 @wp.func
@@ -52,6 +83,19 @@ def level(x: wp.float32, deviate: wp.float32, noise: wp.float32) -> wp.int32:
     return wp.int32(wp.min(wp.max(t, 0.0), wp.float32(LEVELS - 1)))
 
 
+@wp.func
+def record_levels(
+    out: wp.array2d[wp.uint8], i: wp.int32, colour: wp.vec3f, r: Response, srgb: wp.array[wp.uint8]
+):
+    """Write a pixel's bytes: noise with a key of its own for each channel, and the tone table."""
+    h = scramble(wp.uint32(i) ^ r.key)
+    out[i, 0] = srgb[level(colour[0], bell(h), r.noise)]
+    h = scramble(h + wp.uint32(1))
+    out[i, 1] = srgb[level(colour[1], bell(h), r.noise)]
+    h = scramble(h + wp.uint32(1))
+    out[i, 2] = srgb[level(colour[2], bell(h), r.noise)]
+
+
 @wp.kernel
 def develop(
     radiance: wp.array[wp.vec3f],
@@ -61,6 +105,7 @@ def develop(
     rain: wp.array[wp.int32],
     streak: wp.vec3f,
     r: Response,
+    rims: wp.array[wp.float32],
     srgb: wp.array[wp.uint8],
     out: wp.array2d[wp.uint8],
 ):
@@ -68,7 +113,7 @@ def develop(
     i = wp.tid()
     x = (wp.float32(i % r.width) + 0.5) / wp.float32(r.width) - 0.5
     y = (wp.float32(i / r.width) + 0.5 - 0.5 * wp.float32(r.height)) / wp.float32(r.width)
-    gain = r.exposure * (1.0 - 0.32 * (x * x + y * y))
+    gain = r.exposure * shading_at(x, y, r, rims)
     drops = wp.min(wp.float32(rain[i]) * (1.0 / 65536.0), 0.8)
     red = wp.float32(0.0)
     green = wp.float32(0.0)
@@ -77,12 +122,34 @@ def develop(
     for s in range(groups[i] & 7):
         c = radiance[first + s]
         w = weights[first + s]
-        red = red + w * tone((c[0] + (streak[0] - c[0]) * drops) * gain)
-        green = green + w * tone((c[1] + (streak[1] - c[1]) * drops) * gain)
-        blue = blue + w * tone((c[2] + (streak[2] - c[2]) * drops) * gain)
-    h = scramble(wp.uint32(i) ^ r.key)
-    out[i, 0] = srgb[level(red, bell(h), r.noise)]
-    h = scramble(h + wp.uint32(1))
-    out[i, 1] = srgb[level(green, bell(h), r.noise)]
-    h = scramble(h + wp.uint32(1))
-    out[i, 2] = srgb[level(blue, bell(h), r.noise)]
+        red = red + w * tone((c[0] + (streak[0] - c[0]) * drops) * gain * r.white[0])
+        green = green + w * tone((c[1] + (streak[1] - c[1]) * drops) * gain * r.white[1])
+        blue = blue + w * tone((c[2] + (streak[2] - c[2]) * drops) * gain * r.white[2])
+    record_levels(out, i, wp.vec3f(red, green, blue), r, srgb)
+
+
+@wp.kernel
+def expose(
+    radiance: wp.array[wp.vec3f],
+    starts: wp.array[wp.int32],
+    groups: wp.array[wp.int32],
+    weights: wp.array[wp.float32],
+    rain: wp.array[wp.int32],
+    streak: wp.vec3f,
+    r: Response,
+    plate: wp.array[wp.vec3f],
+):
+    """One plate pixel's light, exposed and balanced, its samples averaged as `develop` does; what blurs acts on it."""
+    i = wp.tid()
+    drops = wp.min(wp.float32(rain[i]) * (1.0 / 65536.0), 0.8)
+    red = wp.float32(0.0)
+    green = wp.float32(0.0)
+    blue = wp.float32(0.0)
+    first = starts[i]
+    for s in range(groups[i] & 7):
+        c = radiance[first + s]
+        w = weights[first + s]
+        red = red + w * tone((c[0] + (streak[0] - c[0]) * drops) * r.exposure * r.white[0])
+        green = green + w * tone((c[1] + (streak[1] - c[1]) * drops) * r.exposure * r.white[1])
+        blue = blue + w * tone((c[2] + (streak[2] - c[2]) * drops) * r.exposure * r.white[2])
+    plate[i] = wp.vec3f(untone(red), untone(green), untone(blue))

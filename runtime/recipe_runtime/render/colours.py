@@ -1,4 +1,4 @@
-"""Colours: from sRGB text to linear albedo and back to 8 bits, by exact arithmetic."""
+"""Colours: from sRGB text to linear albedo, by exact arithmetic."""
 
 from typing import Any
 
@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from recipe_compiler import exact
 
 from recipe_runtime.meshes.mesh import Pattern
-from recipe_runtime.render.camera import LEVELS
 from recipe_runtime.render.device import wp
 from recipe_runtime.render.geometry import Geometry, SurfaceKey
 from recipe_runtime.render.shade import Looks
@@ -52,12 +51,6 @@ def linear(text: str) -> NDArray[np.float64]:
     return np.array([_decode(int(text[i : i + 2], 16) / 255.0) for i in (1, 3, 5)])
 
 
-def srgb_table() -> NDArray[np.uint8]:
-    """The 8-bit sRGB level of each of the linear levels."""
-    top = int(LEVELS) - 1
-    return np.array([int(255.0 * _encode(i / top) + 0.5) for i in range(top + 1)], np.uint8)
-
-
 def _second(key: SurfaceKey, first: Any) -> Any:
     """The colour of what a pattern is mixed with: mortar, joints, sunlit leaves, the road under worn paint, a frame."""
     if key.pattern in (Pattern.BRICK,):
@@ -79,7 +72,3 @@ def _second(key: SurfaceKey, first: Any) -> Any:
 
 def _decode(v: float) -> float:
     return v / 12.92 if v <= 0.04045 else exact.power((v + 0.055) / 1.055, 2.4)
-
-
-def _encode(v: float) -> float:
-    return 12.92 * v if v <= 0.0031308 else 1.055 * exact.power(v, 1.0 / 2.4) - 0.055

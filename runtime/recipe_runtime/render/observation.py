@@ -4,6 +4,7 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device import OPTIONS, wp
+from recipe_runtime.render.lens import Curve, bent
 from recipe_runtime.render.visibility import NEARNESS, Lens, cut, snap
 
 wp.set_module_options(OPTIONS)
@@ -119,6 +120,7 @@ def project_box(
     surface_actor: wp.array[wp.int32],
     first: wp.int32,
     lens: Lens,
+    curve: Curve,
     extents: wp.array2d[wp.int32],
     reach: wp.array2d[wp.int32],
 ):
@@ -133,8 +135,9 @@ def project_box(
         v = view[t[n]]
         z = wp.float64(v[2])
         if z >= lens.near:
-            x = wp.int32(snap(lens.cx + wp.float64(v[0]) * lens.focal / z))
-            y = wp.int32(snap(lens.cy + wp.float64(v[1]) * lens.focal / z))
+            at = bent(lens.cx + wp.float64(v[0]) * lens.focal / z, lens.cy + wp.float64(v[1]) * lens.focal / z, curve)
+            x = wp.int32(snap(at[0]))
+            y = wp.int32(snap(at[1]))
             widen(extents, actor, x, y)
             for m in range(3):
                 behind = view[t[m]]

@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from recipe_compiler.optics import bends
 from recipe_compiler.plan import CameraPlan
 
 from recipe_runtime.render import observation, visibility
 from recipe_runtime.render.device import launch, wp
 from recipe_runtime.render.geometry import Geometry
+from recipe_runtime.render.lens import curve_of, plate_of, through_lens
 from recipe_runtime.render.timing import Timings
 from recipe_runtime.render.view import lens_of, view_from_parts
 from recipe_runtime.transforms import Array
@@ -101,9 +103,11 @@ class Observer:
         with self._timings("transform"):
             vertices = self._transform(world_from_sensor, parts, still)
             projected, reach = self._projected(camera, vertices)
-            touched = _tiles_within(camera, projected, reach)
+            # A lens bows edges out of the box of their ends, so the short cut is a pinhole's.
+            touched = all_tiles(camera) if bends(camera) else _tiles_within(camera, projected, reach)
         if still is None:
-            keys, labels = self.visibility(camera, vertices, side=1), self._no_labels(camera)
+            straight = self.visibility(plate_of(camera), vertices, side=1)
+            keys, labels = through_lens(straight, camera, self._device), self._no_labels(camera)
         else:
             keys, labels = wp.clone(still.keys), tuple(wp.clone(a) for a in still.labels)
             self.draw_moving(camera, vertices, 1, keys)
@@ -133,7 +137,7 @@ class Observer:
 
     def _still(self, pose: bytes, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> _Still | None:
         """What stands still from a pose; None for a pose not seen before, which may not come again."""
-        if not self._keep_static:
+        if not self._keep_static or bends(camera):
             return None
         known = pose in self._poses
         still = self._poses.pop(pose, None)
@@ -188,12 +192,13 @@ class Observer:
         return rows
 
     def _amodal(self, camera: CameraPlan, vertices: Any, tiles: NDArray[np.int32]) -> NDArray[np.int32]:
-        g, pixels, lens = self._g, camera.width * camera.height, lens_of(camera, 1)
+        g, plate, lens = self._g, plate_of(camera), lens_of(camera, 1)
         extents, first = self._extents(), g.static_triangles
         for start in range(0, len(g.actors) if len(tiles) else 0, _BATCH):
-            bits = wp.zeros(pixels, dtype=wp.uint64, device=self._device)
-            tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor]
-            launch(visibility.cover, g.triangle_count - first, [*tables, first, start, lens, bits], self._device)
+            bits = wp.zeros(plate.width * plate.height, dtype=wp.uint64, device=self._device)
+            tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor, first, start, lens_of(plate, 1)]
+            launch(visibility.cover, g.triangle_count - first, [*tables, bits], self._device)
+            bits = through_lens(bits, camera, self._device)
             inputs = [self._tiles(tiles), bits, lens, start, min(_BATCH, len(g.actors) - start), extents]
             launch(observation.amodal, len(tiles) * int(observation.TILE_PIXELS), inputs, self._device)
         rows: NDArray[np.int32] = extents.numpy()
@@ -205,7 +210,8 @@ class Observer:
         first = g.static_triangles
         if g.triangle_count > first:
             tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor, first, lens_of(camera, 1)]
-            launch(observation.project_box, g.triangle_count - first, [*tables, extents, reach], self._device)
+            tables += [curve_of(camera), extents, reach]
+            launch(observation.project_box, g.triangle_count - first, tables, self._device)
         return extents.numpy(), reach.numpy()
 
     def _tiles(self, tiles: NDArray[np.int32]) -> Any:

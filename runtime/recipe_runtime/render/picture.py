@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler import exact
 from recipe_compiler.plan import AppearancePlan, CameraResponse
 
-from recipe_runtime.render import camera, glow, nearby, rain, reflection, shade
+from recipe_runtime.render import camera, film, glow, nearby, rain, reflection, shade
 from recipe_runtime.render.atmosphere import Light, drift, light_of
-from recipe_runtime.render.colours import looks_of, srgb_table
+from recipe_runtime.render.blur import Moment
+from recipe_runtime.render.colours import looks_of
 from recipe_runtime.render.device import launch, record, records, wp
 from recipe_runtime.render.geometry import Geometry
 from recipe_runtime.render.lamps import bodies_at, lamps_at
@@ -56,29 +56,38 @@ class Painter:
         self._lights: dict[str, Light] = {}  # by the appearance's digest
         self._looks: dict[str, Any] = {}  # by the looks' own text
         self._surveyor = Surveyor(geometry, observer, device, timings, keep_static)
-        self._srgb = wp.array(srgb_table(), dtype=wp.uint8, device=device)
+        self._tables = film.Tables(device)
 
     def develop(
-        self, obs: Observation, appearance: AppearancePlan, sensor: str, frame: int, time: float
+        self,
+        obs: Observation,
+        appearance: AppearancePlan,
+        sensor: str,
+        frame: int,
+        time: float,
+        moment: Moment | None = None,
     ) -> NDArray[np.uint8]:
-        """8-bit sRGB [H, W, 3]."""
+        """8-bit sRGB [H, W, 3]; `moment` is a neighbouring frame, which motion blur takes."""
         response = appearance.responses.get(sensor) or CameraResponse()
-        points = self._surveyor.points(obs, response.antialias)
+        plate = film.plate_of(self._observer, obs, response.supersample)
+        points = self._surveyor.points(plate, response.antialias)
         light = self._light_of(appearance, time)
-        linear = self._shade(obs, points, appearance, light)
+        linear = self._shade(plate, points, appearance, light)
         with self._timings("rain"):
-            drops = self._rain(obs, appearance.seed, light, time)
+            drops = self._rain(plate, appearance.seed, light, time)
         with self._timings("develop"):
-            r = camera.Response()
-            r.exposure = light.exposure * exact.power(2.0, response.exposure)
-            r.noise = response.noise
-            r.key = _key(appearance.seed, sensor, frame)
-            r.width, r.height = obs.camera.width, obs.camera.height
-            pixels = r.width * r.height
-            out = wp.empty((pixels, 3), dtype=wp.uint8, device=self._device)
+            r = film.response_of(response, light.exposure, _key(appearance.seed, sensor, frame), obs)
             streak = light.air.fog_colour * 1.15 + light.air.overhead * (0.25 + 0.8 * light.night)
-            inputs = [linear, points.starts, points.groups, points.weights, drops, streak, r, self._srgb, out]
-            launch(camera.develop, pixels, inputs, self._device)
+            inputs = [linear, points.starts, points.groups, points.weights, drops, streak, r]
+            told = list(self._tables.of(response))
+            if film.needs_plate(obs, response, moment):
+                exposed = self._empty(plate.camera.width * plate.camera.height, wp.vec3f)
+                launch(camera.expose, exposed.shape[0], [*inputs, exposed], self._device)
+                told = [r, *told]
+                out = film.finish(exposed, plate, obs, response, told, self._g, moment, self._device)
+            else:
+                out = wp.empty((r.width * r.height, 3), dtype=wp.uint8, device=self._device)
+                launch(camera.develop, r.width * r.height, [*inputs, *told, out], self._device)
             picture: NDArray[np.uint8] = out.numpy().reshape(r.height, r.width, 3)
         return picture
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan
 
 from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.render.blur import Moment
 from recipe_runtime.render.geometry import upload
 from recipe_runtime.render.observe import Observation, Observer
 from recipe_runtime.render.picture import Painter
@@ -31,10 +32,20 @@ class Renderer:
         return self._observer.observe(camera, world_from_sensor, parts)
 
     def shade(
-        self, obs: Observation, appearance: AppearancePlan, sensor_name: str, frame: int, time: float
+        self,
+        obs: Observation,
+        appearance: AppearancePlan,
+        sensor_name: str,
+        frame: int,
+        time: float,
+        *,
+        moment: Moment | None = None,
     ) -> NDArray[np.uint8]:
-        """The picture of an observation, 8-bit sRGB [H, W, 3]; `time` of the frame in seconds."""
-        return self._painter.develop(obs, appearance, sensor_name, frame, time)
+        """The picture of an observation, 8-bit sRGB [H, W, 3]; `time` of the frame in seconds.
+
+        Without a `moment`, a neighbouring frame, nothing blurs by motion.
+        """
+        return self._painter.develop(obs, appearance, sensor_name, frame, time, moment)
 
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float = 0.0) -> NDArray[np.float32]:
         """Linear relative radiance at pixel centres before the camera, [H, W, 3]; for tests and tools."""

@@ -1,0 +1,96 @@
+"""From exposed samples to a picture, for a camera that does more than see through a pinhole: the host's side.
+
+A plain camera's samples become bytes in one kernel. Any other's become a plate first: a straight picture of light,
+wider and finer as its lens and its supersampling ask. There motion blur and bloom act; the picture is cut from it.
+"""
+
+from typing import Any
+
+from recipe_compiler import optics
+from recipe_compiler.plan import CameraResponse
+
+from recipe_runtime.render import bloom, blur, camera, exposure, lens
+from recipe_runtime.render.device import launch, wp
+from recipe_runtime.render.geometry import Geometry
+from recipe_runtime.render.observe import Observation, Observer, device_rows
+
+
+class Tables:
+    """The tables of the responses met, on the device."""
+
+    def __init__(self, device: str) -> None:
+        self._device = device
+        self._held: dict[Any, tuple[Any, Any]] = {}
+
+    def of(self, response: CameraResponse) -> tuple[Any, Any]:
+        """The rim's gains and the levels."""
+        key = response.lens_circle_multiplier, response.lens_circle_falloff, response.gamma
+        if key not in self._held:
+            levels = exposure.tone_table(int(camera.LEVELS), response.gamma)
+            self._held[key] = (
+                wp.array(exposure.rim(response), dtype=wp.float32, device=self._device),
+                wp.array(levels, dtype=wp.uint8, device=self._device),
+            )
+        return self._held[key]
+
+
+def response_of(response: CameraResponse, automatic: float, key: int, obs: Observation) -> Any:
+    """A response as kernels want it; `automatic` is the exposure for sun and weather."""
+    r = camera.Response()
+    r.exposure, r.noise = exposure.gain(response, automatic), exposure.grain(response)
+    r.white = wp.vec3f(*exposure.white(response))
+    r.vignette, r.rim = 0.8 * response.vignette_intensity, int(response.lens_circle_multiplier > 0.0)
+    r.key, r.width, r.height = key, obs.camera.width, obs.camera.height
+    return r
+
+
+def needs_plate(obs: Observation, response: CameraResponse, moment: blur.Moment | None) -> bool:
+    """Whether a picture takes more than one kernel."""
+    return (
+        optics.bends(obs.camera)
+        or response.supersample > 1
+        or response.chromatic_aberration_intensity > 0.0
+        or response.bloom_intensity > 0.0
+        or (moment is not None and response.motion_blur_intensity > 0.0)
+    )
+
+
+def plate_of(observer: Observer, obs: Observation, supersample: int) -> Observation:
+    """What the plate of an observation sees; the observation itself if that is its own plate."""
+    straight = lens.plate_of(obs.camera, supersample)
+    if straight == obs.camera:
+        return obs
+    name = f"plate {supersample}"
+    if name not in obs.derived:
+        obs.derived[name] = observer.observe(straight, obs.world_from_sensor, obs.parts)
+    plate: Observation = obs.derived[name]
+    return plate
+
+
+def finish(
+    plate: Any,
+    seen: Observation,
+    obs: Observation,
+    response: CameraResponse,
+    told: list[Any],
+    geometry: Geometry,
+    moment: blur.Moment | None,
+    device: str,
+) -> Any:
+    """The bytes of a picture, uint8 [H * W, 3], from the light of its plate, which `seen` is the observation of."""
+    if moment is not None and response.motion_blur_intensity > 0.0:
+        rows = device_rows(blur.then_from_now(seen.world_from_sensor, seen.parts, moment), device)
+        frames = blur.frames_open(response, moment)
+        most = response.motion_blur_max_distortion
+        plate = blur.blurred(plate, seen.camera, seen.keys, geometry, rows, frames, most, device)
+    end = lens.Finish()
+    end.fringe = 0.01 * response.chromatic_aberration_intensity
+    end.clear = response.chromatic_aberration_offset
+    end.bloom = bloom.SHARE * response.bloom_intensity
+    end.coarse = bloom.side_of(seen.camera)
+    shed = bloom.spread(plate, seen.camera, device) if response.bloom_intensity > 0.0 else plate
+    out = wp.empty((obs.camera.width * obs.camera.height, 3), dtype=wp.uint8, device=device)
+    curve = lens.curve_of(obs.camera, response.supersample)
+    inputs = [plate, shed, curve, end, *told, out]
+    launch(lens.finish, obs.camera.width * obs.camera.height, inputs, device)
+    return out
