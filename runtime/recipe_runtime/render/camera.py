@@ -84,9 +84,7 @@ def level(x: wp.float32, deviate: wp.float32, noise: wp.float32) -> wp.int32:
 
 
 @wp.func
-def record_levels(
-    out: wp.array2d[wp.uint8], i: wp.int32, colour: wp.vec3f, r: Response, srgb: wp.array[wp.uint8]
-):
+def record_levels(out: wp.array2d[wp.uint8], i: wp.int32, colour: wp.vec3f, r: Response, srgb: wp.array[wp.uint8]):
     """Write a pixel's bytes: noise with a key of its own for each channel, and the tone table."""
     h = scramble(wp.uint32(i) ^ r.key)
     out[i, 0] = srgb[level(colour[0], bell(h), r.noise)]

@@ -83,9 +83,7 @@ def place_on_plate(x: wp.float64, y: wp.float64, c: Curve) -> wp.vec2d:
 def cut_words(plate: wp.array[wp.uint64], c: Curve, out: wp.array[wp.uint64]):
     """A pixel's word: that of the plate's sample nearest to what its centre shows."""
     i = wp.tid()
-    p = place_on_plate(
-        wp.float64(i % c.width) + wp.float64(0.5), wp.float64(i / c.width) + wp.float64(0.5), c
-    )
+    p = place_on_plate(wp.float64(i % c.width) + wp.float64(0.5), wp.float64(i / c.width) + wp.float64(0.5), c)
     x = wp.min(wp.max(wp.int32(p[0]), 0), c.wide - 1)
     y = wp.min(wp.max(wp.int32(p[1]), 0), c.high - 1)
     out[i] = plate[y * c.wide + x]
@@ -150,9 +148,7 @@ def between(plate: wp.array[wp.vec3f], px: wp.float64, py: wp.float64, wide: wp.
 
 
 @wp.func
-def light_at(
-    plate: wp.array[wp.vec3f], spread: wp.array[wp.vec3f], p: wp.vec2d, c: Curve, f: Finish
-) -> wp.vec3f:
+def light_at(plate: wp.array[wp.vec3f], spread: wp.array[wp.vec3f], p: wp.vec2d, c: Curve, f: Finish) -> wp.vec3f:
     """The light at a place of the plate, with its share of what bright places shed."""
     light = between(plate, p[0], p[1], c.wide, c.high)
     if f.bloom > 0.0:
