@@ -51,7 +51,7 @@ class Painter:
     def __init__(
         self, geometry: Geometry, observer: Observer, device: str, timings: Timings, keep_static: bool
     ) -> None:
-        self._g, self._device, self._timings = geometry, device, timings
+        self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
         self._shadows = Shadows(geometry, device)
         self._lights: dict[str, Light] = {}  # by the appearance's digest
         self._looks: dict[str, Any] = {}  # by the looks' own text
