@@ -113,5 +113,5 @@ def _daylight(looks: dict[str, dict[str, str]], view: View) -> AppearancePlan:
         weather=weather,
         sun=Sun(azimuth=view.side + 50.0, altitude=view.sun_altitude),
         looks=Looks(looks),
-        responses={"studio": CameraResponse(exposure=-0.7, noise=0.0)},
+        responses={"studio": CameraResponse(exposure_compensation=-0.7, noise=0.0)},
     )
