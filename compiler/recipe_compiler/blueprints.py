@@ -33,7 +33,9 @@ class Blueprint:
 
 
 _SKIN = ("#f1c7a5", "#e0ac86", "#c98f67", "#a86f4b", "#7d4f35", "#5a3826")
-_HAIR = ("#1e1814", "#2e221b", "#4a3222", "#6d4a2e", "#a57c4a", "#8e8a86", "#5b2f1d")
+_YOUNG_HAIR = ("#1e1814", "#2e221b", "#4a3222", "#6d4a2e", "#a57c4a", "#5b2f1d")
+_HAIR = (*_YOUNG_HAIR, "#8e8a86")
+_GROWN = 1.55  # metres; who is shorter is a child
 _SHIRTS = (
     "#b43a35", "#2f5e8c", "#e3ded3", "#37704f", "#d9a63a", "#3b3f4a", "#7a4c7e", "#c96f3c",
     "#5f8fa8", "#8c8f94", "#d7c3a1", "#22334d",
@@ -73,14 +75,14 @@ def _person(
     return {key: float(value) for key, value in (shape | {"head": head, "limb": limb, "bag": bag}).items()}
 
 
-def _clothing(shirts: tuple[str, ...], hats: tuple[str, ...], person: Mapping[str, float]) -> Palette:
+def _clothing(child: bool, hats: tuple[str, ...], person: Mapping[str, float]) -> Palette:
     worn: Palette = {"bag": _BAGS} if person["bag"] else {}
     if person["hair"] >= CAP:
         worn["hat"] = hats
     return worn | {
         "skin": _SKIN,
-        "hair": _HAIR,
-        "shirt": shirts,
+        "hair": _YOUNG_HAIR if child else _HAIR,
+        "shirt": _BRIGHT if child else _SHIRTS,
         "trousers": _TROUSERS,
         "shoes": _SHOES,
         "lips": ("#a8625a", "#8f4f48"),
@@ -90,15 +92,15 @@ def _clothing(shirts: tuple[str, ...], hats: tuple[str, ...], person: Mapping[st
 
 
 def _walker(number: int, height: float, speed: float = 1.4, **person: float) -> Blueprint:
-    """A pedestrian of that height; shorter than 1.55 m, a child."""
-    child = height < 1.55
+    """A pedestrian of that height; shorter than `_GROWN`, a child."""
+    child = height < _GROWN
     shape = _person(**person)  # type: ignore[arg-type]
     return Blueprint(
         f"walker.pedestrian.{number:04d}",
         "pedestrian",
         PEDESTRIAN,
         {"height": height} | shape,
-        _clothing(_BRIGHT if child else _SHIRTS, _HATS, shape),
+        _clothing(child, _HATS, shape),
         speed,
         {"generation": "child" if child else "adult"},
     )
@@ -157,7 +159,7 @@ def _twowheeler(
     shape = {"body": _BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
     shape |= {"wheelbase": wheelbase, "wheel": wheel, "clearance": 0.15, "rider": rider}
     numbers = {key: float(value) for key, value in shape.items()} | _person(**person)  # type: ignore[arg-type]
-    palette = _clothing(_SHIRTS, _HELMETS, numbers) | _coloured(paint)
+    palette = _clothing(rider < _GROWN, _HELMETS, numbers) | _coloured(paint)
     for absent in ("glass",) if tag == MOTORCYCLE else ("glass", "plate"):
         del palette[absent]
     attributes = {"base_type": kind, "number_of_wheels": "2"}

@@ -217,13 +217,16 @@ class Rider(Driver):
     def __init__(self, world: World, actor: ActorPlan, dt: float, crossroads: Crossroads) -> None:
         super().__init__(world, actor, dt, crossroads)
         self._bike = Bike.of(actor.shape)
-        self._lean = 0.0  # degrees to the left
+        self._halt = riding.halting(0.0)
+        self._lean = riding.resting_lean(self._bike, self._halt)  # degrees to the left
 
     def advance(self) -> None:
         """Count the distance rolled, and lean until weight and centrifugal force balance."""
         super().advance()
         force = self._speed * self._speed * self._curvature / 9.81
-        self._lean = towards(self._lean, exact.atan2_deg(force, 1.0), _TIP * self._dt)
+        self._halt = towards(self._halt, riding.halting(self._speed), 2.0 * self._dt)
+        lean = exact.atan2_deg(force, 1.0) + riding.resting_lean(self._bike, self._halt)
+        self._lean = towards(self._lean, lean, _TIP * self._dt)
 
     def _stance(self) -> Placed:
         """Leaning about its tyres, which stay on the ground."""
@@ -232,7 +235,7 @@ class Rider(Driver):
         return (x, y, z + lift), then(orientation, about("x", -self._lean))
 
     def _turns(self) -> Sequence[Quaternion]:
-        return riding.pose(self._bike, steer=self._steer, gone=self._gone)
+        return riding.pose(self._bike, steer=self._steer, gone=self._gone, halt=self._halt)
 
 
 def driver(world: World, actor: ActorPlan, dt: float, crossroads: Crossroads) -> Driver:

@@ -161,7 +161,7 @@ class Bike:
         h = self.figure.height
         if self.motor:
             return _at(-0.19 * self.wheelbase + 0.7 * (1.78 - h), 0, self.wheel + 0.285 * h)
-        return _at(-0.25 * self.wheelbase, 0, 0.575 * h + 0.02)
+        return _at(-0.25 * self.wheelbase, 0, self.figure.hip + 0.05 * h + 0.02)
 
     @property
     def crank(self) -> Offset:
