@@ -26,6 +26,7 @@ _AEROSOL = np.array([0.8, 1.0, 1.35])  # haze takes more of the blue: Angstrom's
 _STREET_LIGHT = 1.0e-3  # what lamps give the eye to adapt to
 _LAMPLIGHT = np.array([1.0, 0.8, 0.58])  # the colour of lamps' light, thrown about
 _DUST = np.array([1.0, 0.60, 0.30])
+_RINGS = 12.0  # patterns of them a second
 _SWAY, _SWINGS = 0.16, 0.7  # of leaves in a storm: metres to either side, and swings a second
 _GLOW_ENDS, _GLOW_SEEN = 70.0, 0.001  # metres of air, and its extinction, about lamps that are seen to glow
 _CLEAR_AIR = 0.0004  # extinction of air without fog, 1/m
@@ -102,6 +103,7 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
     air.wet = fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.9 * w.precipitation_deposits / 100.0))
     air.puddles = fixed(w.precipitation_deposits / 100.0)
     air.night = fixed(s.night)
+    air.pelting = fixed(0.06 * s.rain)
     air.flutter = fixed(min(1.0, w.wind_intensity / 60.0))
     air.seed = appearance.seed & 0xFFFFFFFF
     _fill_tables(air, s, device)
@@ -110,10 +112,11 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
 
 
 def drift(light: Light, time: float) -> None:
-    """Move clouds and leaves to where the wind has them at a time in seconds."""
+    """Move clouds and leaves to where the wind has them at a time in seconds, and let other drops strike the water."""
     wind = light.wind
     moved = wind * int(2.0 * time) / 2.0  # in steps too small to see: between them, a camera at rest keeps its sky
     light.air.drift = wp.vec2f(fixed(0.004 * moved), fixed(0.002 * moved))
+    light.air.moment = int(_RINGS * time) if light.rain > 0.0 else 0
     sine, cosine = exact.sin_cos_deg(360.0 * _SWINGS * time)
     reach = _SWAY * wind
     light.air.sway = wp.vec3f(fixed(reach * sine), fixed(reach * cosine), fixed(0.9 * wind * time))

@@ -45,10 +45,14 @@ def pixel_at(q: wp.vec3f, lens: Lens) -> wp.int32:
 
 
 @wp.func
-def mirrored(p: wp.vec3f, to_point: wp.vec3f, gloss: wp.float32) -> wp.vec3f:
-    """The unit direction in which wet ground at p sends the sight on: upward, and a little astray."""
-    # Ripples and grain turn the mirror a little, most of all along the sight, as on any wet road.
-    ripple = (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(31)) - 0.5) * (0.006 + 0.3 * (1.0 - gloss))
+def rippled(air: wp.array[Air], p: wp.vec3f, gloss: wp.float32) -> wp.float32:
+    """How far ripples, grain and falling drops tilt wet ground at p along the sight, as on any wet road."""
+    return (noise2(p[0] * 23.0, p[1] * 23.0, air[0].moment) - 0.5) * (0.006 + 0.3 * (1.0 - gloss) + air[0].pelting)
+
+
+@wp.func
+def mirrored(to_point: wp.vec3f, ripple: wp.float32) -> wp.vec3f:
+    """The unit direction in which wet ground sends the sight on: upward, and a little astray."""
     one = 1.0 / wp.sqrt(wp.max(inner(to_point, to_point), 1.0e-8))
     sight = to_point * one
     n = wp.vec3f(sight[0] * ripple, sight[1] * ripple, 1.0)
@@ -110,7 +114,7 @@ def march(
         return
     to_point = samples[0].positions[i] - samples[0].eye
     start = seen_from(view, to_point)
-    way = seen_from(view, mirrored(samples[0].positions[i], to_point, gleam[i][1]))
+    way = seen_from(view, mirrored(to_point, 0.0))
     hit = wp.int32(0)
     before = wp.float32(0.05)
     t = wp.float32(0.2)
@@ -153,7 +157,7 @@ def reflect(
         return
     p = samples[0].positions[i]
     to_point = p - samples[0].eye
-    d = mirrored(p, to_point, gleam[i][1])
+    d = mirrored(to_point, rippled(air, p, gleam[i][1]))
     pixel = samples[0].pixels[i]
     t = reach[(pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2]
     if t > 0.0:
