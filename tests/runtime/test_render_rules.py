@@ -16,7 +16,7 @@ ALLOWED = {
     "abs", "min", "max", "sqrt", "tid", "clone", "launch", "constant", "struct", "func", "kernel", "init",
     "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float32", "float64",
     "vec2d", "vec2f", "vec3f", "vec4f", "vec3i", "vec3d", "array", "array2d", "zeros", "empty", "copy",
-    "set_module_options",
+    "set_module_options", "is_cuda_available", "get_cuda_device_count",
     "atomic_add", "atomic_min", "atomic_max", "atomic_or",
 }  # fmt: skip
 FLOATING = {"float32", "float64", "float"}
