@@ -131,11 +131,21 @@ def _vehicle(
     paint: tuple[str, ...] = _PAINT,
     spokes: int = 5,
     blind: bool = False,
+    sign: float = 0.0,
 ) -> Blueprint:
-    """A vehicle of that length, width and height; `wheel` is a radius, a `blind` van has no windows in its rear."""
+    """A vehicle of that length, width and height; `wheel` is a radius, a `blind` van has no windows in its rear, and a
+    taxi's lit `sign` is so many of its metres high.
+    """
     kind, _, _ = name.partition(".")
     shape = {"body": _BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
-    shape |= {"wheelbase": wheelbase, "wheel": wheel, "clearance": clearance, "spokes": spokes, "blind": blind}
+    shape |= {
+        "wheelbase": wheelbase,
+        "wheel": wheel,
+        "clearance": clearance,
+        "spokes": spokes,
+        "blind": blind,
+        "sign": sign,
+    }
     numbers = {key: float(value) for key, value in shape.items()}
     base = kind if kind in ("van", "truck", "bus") else "car"
     attributes = {"base_type": base, "number_of_wheels": "4"}
@@ -192,8 +202,8 @@ _PEOPLE = (
 _CARS = (
     _vehicle("sedan.a", (4.68, 1.82, 1.45), wheelbase=2.75, wheel=0.325, clearance=0.17),
     _vehicle("sedan.b", (4.92, 1.87, 1.47), wheelbase=2.92, wheel=0.34, clearance=0.16, spokes=10),
-    _vehicle("sedan.taxi", (4.80, 1.84, 1.50), wheelbase=2.82, wheel=0.33, clearance=0.17,
-             paint=("#e0b11f", "#d9d6c8")),
+    _vehicle("sedan.taxi", (4.80, 1.84, 1.62), wheelbase=2.82, wheel=0.33, clearance=0.17,
+             sign=0.12, paint=("#e0b11f", "#d9d6c8")),
     _vehicle("hatchback.a", (4.08, 1.76, 1.49), wheelbase=2.55, wheel=0.315, clearance=0.17),
     _vehicle("hatchback.b", (3.62, 1.66, 1.52), wheelbase=2.36, wheel=0.295, clearance=0.16, spokes=7),
     _vehicle("suv.a", (4.62, 1.88, 1.68), wheelbase=2.70, wheel=0.365, clearance=0.22),

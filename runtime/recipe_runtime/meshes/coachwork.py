@@ -183,18 +183,20 @@ class Shell:
     def _row(self, f: Finish, u: float, wide: float) -> list[Surface | None]:
         """The patches between two stations, from the left sill over the roof to the right."""
         style = self.style
-        ends = min(u - style.start, 1.0 - u) * self.length
+        ends = (1.0 - u if u > 0.5 else u) * self.length
         cabin = style.roof[0][0] < u < style.roof[-1][0]
         arch = any(abs(self.x(u) - a) < self.arch for a in self.axles)
         seam = wide < 0.0121 and any(abs(u - s) * self.length < 0.006 for s in style.seams)
         pillar = any(abs(u - p) * self.length < 0.035 for p in style.pillars)
         lamp, band, deep = (f.headlight, style.lamps, 0.34) if u > 0.5 else (f.taillight, style.tail, 0.2)
+        free = self.length / 2 - (self.axles[1] if u > 0.5 else -self.axles[0]) - self.arch
+        deep = min(deep, free - 0.02)  # the sill rises at an arch, and all rows with it
         left: list[Surface | None] = []
         for (f0, _), (f1, _) in pairwise(_FLANK):
             middle = (f0 + f1) / 2
             if seam and f0 > 0.0:
                 left.append(f.trim)
-            elif ends < deep and band[0] < middle < band[1] and (u > 0.5 or style.start == 0.0):
+            elif ends < deep and band[0] < middle < band[1]:
                 left.append(lamp)
             elif f0 == 0.0 and (style.clad or not arch):
                 left.append(f.trim)

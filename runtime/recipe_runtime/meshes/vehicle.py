@@ -8,7 +8,7 @@ from recipe_compiler.plan import ActorPlan
 
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.coachwork import Finish, Shell
-from recipe_runtime.meshes.mesh import Light, Mesh, Surface
+from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
 from recipe_runtime.meshes.skeleton import BODIES, BUS, PICKUP, TRUCK, wheel_joints
 from recipe_runtime.meshes.styles import STYLES
 from recipe_runtime.meshes.wheels import car_wheel
@@ -31,7 +31,8 @@ def _chassis(f: Finish, actor: ActorPlan) -> Mesh:
     style = STYLES[BODIES[body]]
     if actor.shape["blind"]:
         style = replace(style, windows=(0.63, style.windows[1]), pillars=())
-    shell = Shell(style, actor.shape)
+    sign = actor.shape["sign"]
+    shell = Shell(style, {**actor.shape, "height": actor.shape["height"] - sign})
     shell.add(b, f)
     _underside(b, f, shell, body)
     _plates_and_lights(b, f, shell, body)
@@ -40,7 +41,9 @@ def _chassis(f: Finish, actor: ActorPlan) -> Mesh:
     elif body == PICKUP:
         _bed(b, f, shell)
     elif body == BUS:
-        _sign(b, f, shell)
+        _destination(b, f, shell)
+    elif sign > 0.0:
+        _roof_sign(b, f, shell, sign)
     _mirrors(b, f, shell, body)
     _handles(b, f, shell, body)
     return b.mesh()
@@ -83,10 +86,18 @@ def _panel(b: Builder, surface: Surface, x: float, sign: float, y0: float, y1: f
     b.quads(surface, [quad if sign > 0 else quad[::-1]])
 
 
-def _sign(b: Builder, f: Finish, shell: Shell) -> None:
+def _destination(b: Builder, f: Finish, shell: Shell) -> None:
     """A bus' destination, above its windscreen."""
     x, w = shell.length / 2, 0.6 * shell.half
     b.box(f.trim, (x - 0.3, -w, 0.87 * shell.height), (x - 0.02, w, 0.955 * shell.height))
+
+
+def _roof_sign(b: Builder, f: Finish, shell: Shell, tall: float) -> None:
+    """A taxi's sign, lit at night."""
+    lit = Surface("plate", Pattern.LAMP, f.plate.tag)
+    x, z = shell.x(0.46), shell.height
+    b.box(f.trim, (x - 0.09, -0.28, z - 0.02), (x + 0.09, 0.28, z + 0.02))
+    b.box(lit, (x - 0.07, -0.25, z + 0.02), (x + 0.07, 0.25, z + tall))
 
 
 def _cargo(b: Builder, f: Finish, shell: Shell) -> None:
