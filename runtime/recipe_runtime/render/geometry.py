@@ -15,6 +15,7 @@ from recipe_runtime.render.device import wp
 
 # Flat ground never shadows anything; left out of the shadow maps it can neither shadow itself by rounding.
 _GROUND_TAGS = frozenset({1, 2, 10, 23, 24, 25})  # road, sidewalk, terrain, water, road line, ground
+CHUNK = 64  # triangles that are tested together for whether any of them may be seen
 MAX_TRIANGLES = 1 << 24  # a visibility key has 24 bits for the triangle
 
 
@@ -60,6 +61,9 @@ class Geometry:
     face_normals: Any  # vec3f [T], in the part's frame
     triangle_surface: Any  # int32 [T]
     casts: Any  # int32 [T], 1 if it throws a shadow
+    chunks: Any  # vec3i [C], first triangle, count up to CHUNK, part
+    chunk_centres: Any  # vec3f [C], of the chunk's box in the part's frame
+    chunk_halves: Any  # vec3f [C], half its size
     surface_actor: Any  # int32 [S]
     surface_instance: Any  # int32 [S]
     surface_tag: Any  # int32 [S]
@@ -71,6 +75,8 @@ class Geometry:
     bounds: NDArray[np.float64]  # [2, 3], the static geometry's box in the world
     static_vertices: int
     static_triangles: int
+    static_chunks: int
+    chunk_count: int
     vertex_count: int
     triangle_count: int
 
@@ -93,7 +99,7 @@ def upload(bodies: Sequence[Body], device: str) -> Geometry:
     for body in town:
         for _, mesh in body.parts:
             packer.add(body, mesh, part=0, actor=-1)
-    static_vertices, static_triangles = packer.vertex_count, packer.triangle_count
+    still = packer.vertex_count, packer.triangle_count, packer.chunk_count
     actors: list[Actor] = []
     bounds: list[NDArray[np.float64]] = []
     for index, body in enumerate(moving):
@@ -101,7 +107,7 @@ def upload(bodies: Sequence[Body], device: str) -> Geometry:
         for _, mesh in body.parts:
             bounds.append(_box(mesh.vertices))
             packer.add(body, mesh, part=len(bounds), actor=index)
-    return packer.finish(device, tuple(actors), bounds, static_vertices, static_triangles)
+    return packer.finish(device, tuple(actors), bounds, still)
 
 
 class _Packer:
@@ -110,6 +116,7 @@ class _Packer:
     def __init__(self) -> None:
         self.vertex_count = 0
         self.triangle_count = 0
+        self.chunk_count = 0
         self._chunks: dict[str, list[NDArray[Any]]] = {}
         self._surfaces: dict[SurfaceKey, int] = {}
         self._lights: list[MountedLight] = []
@@ -127,19 +134,19 @@ class _Packer:
         self._put("face_normals", _face_normals(mesh))
         self._put("triangle_surface", np.array(numbers, np.int32)[surface])
         self._put("casts", casts[surface])
+        self._chunk(mesh, part)
         self._lights += [MountedLight(part, light) for light in mesh.lights]
         self.vertex_count += len(mesh.vertices)
         self.triangle_count += len(mesh.triangles)
 
-    def finish(
-        self, device: str, actors: tuple[Actor, ...], boxes: list[Any], static_vertices: int, static_triangles: int
-    ) -> Geometry:
+    def finish(self, device: str, actors: tuple[Actor, ...], boxes: list[Any], still: tuple[int, int, int]) -> Geometry:
         """All chunks on the device."""
         if self.triangle_count >= MAX_TRIANGLES:
             raise ValueError(f"{self.triangle_count} triangles are more than a scene can hold ({MAX_TRIANGLES})")
+        static_vertices, static_triangles, static_chunks = still
         columns = {name: np.concatenate(chunks) for name, chunks in self._chunks.items()}
         kinds = {"vertices": wp.vec3f, "normals": wp.vec3f, "face_normals": wp.vec3f, "uvs": wp.vec2f}
-        kinds |= {"triangles": wp.vec3i}
+        kinds |= {"triangles": wp.vec3i, "chunks": wp.vec3i, "chunk_centres": wp.vec3f, "chunk_halves": wp.vec3f}
         arrays = {k: wp.array(v, dtype=kinds.get(k, wp.int32), device=device) for k, v in columns.items()}
         keys = tuple(self._surfaces)
 
@@ -159,9 +166,25 @@ class _Packer:
             bounds=_box(columns["vertices"][:static_vertices] if static_vertices else columns["vertices"]),
             static_vertices=static_vertices,
             static_triangles=static_triangles,
+            static_chunks=static_chunks,
+            chunk_count=self.chunk_count,
             vertex_count=self.vertex_count,
             triangle_count=self.triangle_count,
         )
+
+    def _chunk(self, mesh: Mesh, part: int) -> None:
+        """Append the boxes of the mesh's triangles, CHUNK by CHUNK in their order."""
+        count = len(mesh.triangles)
+        starts = np.arange(0, count, CHUNK, dtype=np.int32)
+        corners = mesh.vertices.astype(np.float32)[mesh.triangles]
+        low = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
+        high = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
+        sizes = np.minimum(CHUNK, count - starts).astype(np.int32)
+        rows = np.stack([starts + self.triangle_count, sizes, np.full_like(starts, part)], axis=1)
+        self._put("chunks", rows)
+        self._put("chunk_centres", (low + high) * np.float32(0.5))
+        self._put("chunk_halves", (high - low) * np.float32(0.5))
+        self.chunk_count += len(starts)
 
     def _put(self, column: str, values: NDArray[Any]) -> None:
         self._chunks.setdefault(column, []).append(np.ascontiguousarray(values))

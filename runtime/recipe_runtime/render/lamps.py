@@ -38,27 +38,34 @@ def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: st
     return lamps
 
 
+def no_lamps(device: str) -> Any:
+    """What burns by day."""
+    lamps = Lamps()
+    lamps.position, lamps.direction, lamps.power = (_upload(np.zeros((1, 3)), wp.vec3f, device) for _ in range(3))
+    lamps.cone, lamps.reach = _upload(np.zeros((1, 2)), wp.vec2f, device), _upload(np.zeros(1), wp.float32, device)
+    lamps.moves, lamps.count = wp.zeros(1, dtype=wp.int32, device=device), 0
+    return lamps
+
+
 def bodies_at(geometry: Geometry, parts: Array, device: str) -> Any:
     """The moving parts that come within half a metre of their actor's foot."""
-    rows: list[list[float]] = []
-    for actor in geometry.actors:
-        span = range(actor.first_part, actor.first_part + actor.parts)
-        boxes = [_footprint(parts[p], geometry.part_bounds[p]) for p in span]
-        foot = min(box[2] for box in boxes)
-        for box in boxes:
-            height = box[2] - foot
-            if height < _LOWEST:
-                # What a disc of the part's breadth hides of the sky, seen from the ground below its middle.
-                lift = height / (min(box[5], box[6]) + 0.04)
-                rows.append([box[0], box[1], foot, *box[3:7], height, _UNDER / (1.0 + lift * lift)])
-    table = np.array(rows, np.float64).reshape(-1, 9) if rows else np.zeros((1, 9))
+    table = np.zeros((1, 9))
+    if geometry.actors:
+        boxes = _footprints(parts, geometry.part_bounds)
+        foot = np.minimum.reduceat(boxes[:, 2], [actor.first_part for actor in geometry.actors])
+        foot = np.repeat(foot, [actor.parts for actor in geometry.actors])
+        height = boxes[:, 2] - foot
+        # What a disc of the part's breadth hides of the sky, seen from the ground below its middle.
+        lift = height / (np.minimum(boxes[:, 5], boxes[:, 6]) + 0.04)
+        strength = _UNDER / (1.0 + lift * lift)
+        table = np.column_stack([boxes[:, :2], foot, boxes[:, 3:7], height, strength])[height < _LOWEST]
     bodies = Bodies()
     bodies.centre = _upload(table[:, 0:3], wp.vec3f, device)
     bodies.axis = _upload(table[:, 3:5], wp.vec2f, device)
     bodies.half = _upload(table[:, 5:7], wp.vec2f, device)
     bodies.spread = _upload(0.05 + 0.35 * np.minimum(table[:, 5], table[:, 6]) + 0.4 * table[:, 7], wp.float32, device)
     bodies.strength = _upload(table[:, 8], wp.float32, device)
-    bodies.count = len(rows)
+    bodies.count = len(table) if geometry.actors else 0
     return bodies
 
 
@@ -74,32 +81,31 @@ def _lamp(mounted: Any, world: Array) -> list[float]:
     return [*at, *to, *power, light.cone, full, 3.0 + 0.6 * float(np.sqrt(light.intensity))]
 
 
-def _footprint(world: Array, box: NDArray[np.float64]) -> list[float]:
-    """Centre x, y, lowest z, level axis and half sizes of a part's box."""
-    low, high = box
-    centre, half = (low + high) / 2.0, (high - low) / 2.0
-    at = [
-        float(world[r, 0] * centre[0] + world[r, 1] * centre[1] + world[r, 2] * centre[2] + world[r, 3])
-        for r in (0, 1, 2)
-    ]
+def _footprints(world: Array, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of every part: centre x, y, lowest z, level axis and half sizes of its box. [P, 7]"""
+    centre, half = (boxes[:, 0] + boxes[:, 1]) / 2.0, (boxes[:, 1] - boxes[:, 0]) / 2.0
+    m = world[:, :, :3]
+    at = m[:, :, 0] * centre[:, None, 0] + m[:, :, 1] * centre[:, None, 1] + m[:, :, 2] * centre[:, None, 2]
+    at = at + world[:, :, 3]
+    reach = np.abs(m[:, :, 0]) * half[:, None, 0] + np.abs(m[:, :, 1]) * half[:, None, 1]
+    reach = reach + np.abs(m[:, :, 2]) * half[:, None, 2]
     # The first axis that lies level enough gives the direction; a limb's box is nearly round anyway.
-    axis = np.array([float(world[0, 0]), float(world[1, 0])])
-    size = float(np.sqrt(axis[0] * axis[0] + axis[1] * axis[1]))
-    axis = axis / size if size > 0.3 else np.array([1.0, 0.0])
-    reach = [
-        float(abs(world[r, 0]) * half[0] + abs(world[r, 1]) * half[1] + abs(world[r, 2]) * half[2]) for r in (0, 1, 2)
-    ]
-    if size > 0.3:
-        across = [-axis[1], axis[0]]
-        h0 = _extent(world, half, float(axis[0]), float(axis[1]))
-        h1 = _extent(world, half, float(across[0]), float(across[1]))
-    else:
-        h0, h1 = reach[0], reach[1]
-    return [at[0], at[1], at[2] - reach[2], float(axis[0]), float(axis[1]), h0, h1]
+    size = np.sqrt(m[:, 0, 0] * m[:, 0, 0] + m[:, 1, 0] * m[:, 1, 0])
+    level = size > 0.3
+    x = np.where(level, m[:, 0, 0] / np.maximum(size, 0.3), 1.0)
+    y = np.where(level, m[:, 1, 0] / np.maximum(size, 0.3), 0.0)
+    h0 = np.where(level, _extents(m, half, x, y), reach[:, 0])
+    h1 = np.where(level, _extents(m, half, -y, x), reach[:, 1])
+    return np.column_stack([at[:, :2], at[:, 2] - reach[:, 2], x, y, h0, h1])
 
 
-def _extent(world: Array, half: NDArray[np.float64], x: float, y: float) -> float:
-    return sum(abs(float(world[0, c]) * x + float(world[1, c]) * y) * float(half[c]) for c in range(3))
+def _extents(
+    m: Array, half: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Half the breadth of every part's box along a level direction."""
+    along = [np.abs(m[:, 0, c] * x + m[:, 1, c] * y) * half[:, c] for c in range(3)]
+    total: NDArray[np.float64] = along[0] + along[1] + along[2]
+    return total
 
 
 def _upload(values: NDArray[np.float64], kind: Any, device: str) -> Any:

@@ -16,7 +16,7 @@ from recipe_compiler.plan import CameraPlan
 
 from recipe_runtime.render import observation, visibility
 from recipe_runtime.render.device import launch, wp
-from recipe_runtime.render.geometry import Geometry
+from recipe_runtime.render.geometry import CHUNK, Geometry
 from recipe_runtime.render.lens import curve_of, plate_of, through_lens
 from recipe_runtime.render.timing import Timings
 from recipe_runtime.render.view import lens_of, view_from_parts
@@ -57,6 +57,7 @@ class Observation:
     parts: Array  # [P, 3, 4]
     keys: Any = field(repr=False)  # uint64 [H * W] visibility at pixel centres
     vertices: Any = field(repr=False)  # vec3f [V] in the camera's frame
+    seen: Any = field(repr=False)  # int32 [C], 1 for every chunk of triangles that may be in the view
     pose: bytes = field(repr=False)  # equal for one camera in one place
     touched: NDArray[np.int32] = field(
         repr=False
@@ -101,39 +102,40 @@ class Observer:
         pose = world_from_sensor.tobytes() + camera.model_dump_json().encode()
         still = self._still(pose, camera, world_from_sensor, parts)
         with self._timings("transform"):
-            vertices = self._transform(world_from_sensor, parts, still)
+            matrices = device_rows(view_from_parts(world_from_sensor, parts), self._device)
+            vertices, chunks = self._transform(matrices, still), self._chunks(plate_of(camera), matrices)
             projected, reach = self._projected(camera, vertices)
             # A lens bows edges out of the box of their ends, so the short cut is a pinhole's.
             touched = all_tiles(camera) if bends(camera) else _tiles_within(camera, projected, reach)
         if still is None:
-            straight = self.visibility(plate_of(camera), vertices, side=1)
+            straight = self.visibility(plate_of(camera), vertices, chunks, side=1)
             keys, labels = through_lens(straight, camera, self._device), self._no_labels(camera)
         else:
             keys, labels = wp.clone(still.keys), tuple(wp.clone(a) for a in still.labels)
-            self.draw_moving(camera, vertices, 1, keys)
+            self.draw_moving(camera, vertices, chunks, 1, keys)
         with self._timings("label"):
             visible = self._label(camera, keys, all_tiles(camera) if still is None else touched, labels)
             shape = camera.height, camera.width
             depth, instance, semantic = (a.numpy().reshape(shape) for a in labels)
         with self._timings("amodal"):
-            amodal = self._amodal(camera, vertices, touched)
+            amodal = self._amodal(camera, vertices, chunks, touched)
         objects = _objects(self._g, visible, amodal, projected)
-        seen = camera, world_from_sensor, parts, keys, vertices, pose, touched
+        seen = camera, world_from_sensor, parts, keys, vertices, chunks, pose, touched
         return Observation(depth, instance, semantic, objects, *seen)
 
-    def visibility(self, camera: CameraPlan, vertices: Any, side: int, *, still: bool = False) -> Any:
+    def visibility(self, camera: CameraPlan, vertices: Any, seen: Any, *, side: int, still: bool = False) -> Any:
         """Keys of side x side samples a pixel, row by row; of what stands still alone, if `still`."""
         with self._timings(f"visibility x{side}"):
             keys = wp.zeros(camera.width * camera.height * side * side, dtype=wp.uint64, device=self._device)
-            count = self._g.static_triangles if still else self._g.triangle_count
-            self._raster(vertices, 0, count, lens_of(camera, side), keys)
+            count = self._g.static_chunks if still else self._g.chunk_count
+            self._raster(vertices, seen, 0, count, lens_of(camera, side), keys)
             return keys
 
-    def draw_moving(self, camera: CameraPlan, vertices: Any, side: int, keys: Any) -> None:
+    def draw_moving(self, camera: CameraPlan, vertices: Any, seen: Any, side: int, keys: Any) -> None:
         """Draw what moves into the keys of what stands still."""
         with self._timings(f"visibility x{side}"):
-            first = self._g.static_triangles
-            self._raster(vertices, first, self._g.triangle_count - first, lens_of(camera, side), keys)
+            first = self._g.static_chunks
+            self._raster(vertices, seen, first, self._g.chunk_count - first, lens_of(camera, side), keys)
 
     def _still(self, pose: bytes, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> _Still | None:
         """What stands still from a pose; None for a pose not seen before, which may not come again."""
@@ -142,8 +144,9 @@ class Observer:
         known = pose in self._poses
         still = self._poses.pop(pose, None)
         if known and still is None:
-            vertices, labels = self._transform(world_from_sensor, parts, None), self._no_labels(camera)
-            keys = self.visibility(camera, vertices, side=1, still=True)
+            matrices = device_rows(view_from_parts(world_from_sensor, parts), self._device)
+            vertices, labels = self._transform(matrices, None), self._no_labels(camera)
+            keys = self.visibility(camera, vertices, self._chunks(plate_of(camera), matrices), side=1, still=True)
             with self._timings("label"):
                 self._label(camera, keys, all_tiles(camera), labels)
             still = _Still(vertices, keys, labels)
@@ -152,9 +155,16 @@ class Observer:
             self._poses.popitem(last=False)
         return still
 
-    def _transform(self, world_from_sensor: Array, parts: Array, still: _Still | None) -> Any:
+    def _chunks(self, camera: CameraPlan, matrices: Any) -> Any:
+        """Which chunks of triangles may be in the view."""
+        g, seen = self._g, wp.empty(max(self._g.chunk_count, 1), dtype=wp.int32, device=self._device)
+        if g.chunk_count:
+            boxes = [g.chunks, g.chunk_centres, g.chunk_halves]
+            launch(visibility.cull, g.chunk_count, [*boxes, matrices, lens_of(camera, 1), seen], self._device)
+        return seen
+
+    def _transform(self, matrices: Any, still: _Still | None) -> Any:
         g = self._g
-        matrices = device_rows(view_from_parts(world_from_sensor, parts), self._device)
         out = wp.empty(g.vertex_count, dtype=wp.vec3f, device=self._device)
         first = 0
         if still is not None and g.static_vertices:
@@ -165,9 +175,10 @@ class Observer:
             launch(visibility.transform, g.vertex_count - first, inputs, self._device)
         return out
 
-    def _raster(self, vertices: Any, first: int, count: int, lens: Any, keys: Any) -> None:
+    def _raster(self, vertices: Any, seen: Any, first: int, count: int, lens: Any, keys: Any) -> None:
         if count:
-            launch(visibility.raster, count, [vertices, self._g.triangles, first, lens, keys], self._device)
+            inputs = [vertices, self._g.triangles, self._g.chunks, seen, first, lens, keys]
+            launch(visibility.raster, count * CHUNK, inputs, self._device)
 
     def _extents(self) -> Any:
         rows = np.zeros((max(len(self._g.actors), 1), 5), np.int32)
@@ -191,13 +202,14 @@ class Observer:
         rows: NDArray[np.int32] = extents.numpy()
         return rows
 
-    def _amodal(self, camera: CameraPlan, vertices: Any, tiles: NDArray[np.int32]) -> NDArray[np.int32]:
+    def _amodal(self, camera: CameraPlan, vertices: Any, seen: Any, tiles: NDArray[np.int32]) -> NDArray[np.int32]:
         g, plate, lens = self._g, plate_of(camera), lens_of(camera, 1)
-        extents, first = self._extents(), g.static_triangles
+        extents, first = self._extents(), g.static_chunks
         for start in range(0, len(g.actors) if len(tiles) else 0, _BATCH):
             bits = wp.zeros(plate.width * plate.height, dtype=wp.uint64, device=self._device)
-            tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor, first, start, lens_of(plate, 1)]
-            launch(visibility.cover, g.triangle_count - first, [*tables, bits], self._device)
+            tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor, g.chunks, seen]
+            count = (g.chunk_count - first) * CHUNK
+            launch(visibility.cover, count, [*tables, first, start, lens_of(plate, 1), bits], self._device)
             bits = through_lens(bits, camera, self._device)
             inputs = [self._tiles(tiles), bits, lens, start, min(_BATCH, len(g.actors) - start), extents]
             launch(observation.amodal, len(tiles) * int(observation.TILE_PIXELS), inputs, self._device)

@@ -19,7 +19,7 @@ from recipe_runtime.render.blur import Moment
 from recipe_runtime.render.colours import looks_of
 from recipe_runtime.render.device import launch, record, records, wp
 from recipe_runtime.render.geometry import Geometry
-from recipe_runtime.render.lamps import bodies_at, lamps_at
+from recipe_runtime.render.lamps import bodies_at, lamps_at, no_lamps
 from recipe_runtime.render.observation import TILE
 from recipe_runtime.render.observe import Observation, Observer, device_rows
 from recipe_runtime.render.points import Points, Surveyor
@@ -102,7 +102,7 @@ class Painter:
         with self._timings("shadows"):
             beams = self._sunlit(obs, light)
         with self._timings("nearby"):
-            lamps, bodies, *found = self._nearby(obs)
+            lamps, bodies, *found = self._nearby(obs, light.air.night > 0.0 or light.air.glow > 0.0)
         with self._timings("shade"):
             looks = self._looks_of(appearance)
             told = [record(v, self._device) for v in (points.data, looks, light.air, lamps, bodies)]
@@ -160,17 +160,19 @@ class Painter:
             if name not in obs.derived:
                 world = device_rows(world_from_parts(obs.parts), self._device)
                 vertices = world_vertices(self._g, world, self._device)
-                obs.derived[name] = self._shadows.moving(light.sun, vertices, eye, ahead)
+                obs.derived[name] = self._shadows.moving(light.sun, vertices, world, eye, ahead)
             beams = [*still, *obs.derived[name]]
         else:
             beams = [self._shadows.none()] * 4
         return records(beams, self._device)
 
-    def _nearby(self, obs: Observation) -> tuple[Any, ...]:
-        """Lamps and bodies, and their lists by tile; the same for every appearance."""
-        if "nearby" not in obs.derived:
+    def _nearby(self, obs: Observation, lit: bool) -> tuple[Any, ...]:
+        """Lamps, if `lit`, and bodies, and their lists by tile; the same for all appearances that are lit alike."""
+        name = "nearby by night" if lit else "nearby by day"
+        if name not in obs.derived:
             world = world_from_parts(obs.parts)
-            lamps = lamps_at(self._g, world, obs.world_from_sensor[:, 3], self._device)
+            eye = obs.world_from_sensor[:, 3]
+            lamps = lamps_at(self._g, world, eye, self._device) if lit else no_lamps(self._device)
             bodies = bodies_at(self._g, obs.parts, self._device)
             tile, most = int(TILE), int(nearby.MOST)
             tiles = -(-obs.camera.width // tile) * -(-obs.camera.height // tile)
@@ -181,8 +183,8 @@ class Painter:
             launch(nearby.gather, tiles, inputs, self._device)
             view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
             launch(glow.gather, tiles, [lens_of(obs.camera, 1), view, told[0], lists[2]], self._device)
-            obs.derived["nearby"] = (lamps, bodies, *lists)
-        found: tuple[Any, ...] = obs.derived["nearby"]
+            obs.derived[name] = (lamps, bodies, *lists)
+        found: tuple[Any, ...] = obs.derived[name]
         return found
 
     def _light_of(self, appearance: AppearancePlan, time: float) -> Light:

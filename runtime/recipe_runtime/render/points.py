@@ -101,7 +101,7 @@ class Surveyor:
         return base
 
     def _fresh(self, obs: Observation, antialias: bool) -> Points:
-        fine = self._observer.visibility(obs.camera, obs.vertices, side=2) if antialias else obs.keys
+        fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2) if antialias else obs.keys
         groups, starts = self._pixels(obs), self._pixels(obs)
         inputs = obs.keys, fine, record(samples.Still(), self._device), groups, starts
         columns, count = self._placed(obs, antialias, all_tiles(obs.camera), *inputs)
@@ -111,10 +111,10 @@ class Surveyor:
     def _still(self, obs: Observation, antialias: bool, room: int) -> Base:
         """The samples of what stands still."""
         still = samples.Still()
-        still.coarse = self._observer.visibility(obs.camera, obs.vertices, side=1, still=True)
+        still.coarse = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=1, still=True)
         still.fine = still.coarse
         if antialias:
-            still.fine = self._observer.visibility(obs.camera, obs.vertices, side=2, still=True)
+            still.fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2, still=True)
         still.groups, still.starts = self._pixels(obs), self._pixels(obs)
         inputs = still.coarse, still.fine, record(samples.Still(), self._device), still.groups, still.starts
         columns, count = self._placed(obs, antialias, all_tiles(obs.camera), *inputs, room=room)
@@ -131,7 +131,7 @@ class Surveyor:
                 if len(before):
                     inputs = [self._tiles(before), base.still.fine, lens, base.fine]
                     launch(samples.restore, len(before) * int(observation.TILE_PIXELS), inputs, self._device)
-            self._observer.draw_moving(obs.camera, obs.vertices, 2, base.fine)
+            self._observer.draw_moving(obs.camera, obs.vertices, obs.seen, 2, base.fine)
         fine = base.fine if antialias else obs.keys
         tiles = np.union1d(before, obs.touched).astype(np.int32)
         arrays = obs.keys, fine, record(base.still, self._device), base.groups, base.starts

@@ -9,7 +9,7 @@ coarse, whose texels are fixed in the world. Flat ground casts nothing, so it ca
 # mypy: ignore-errors
 
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.visibility import Corner, Lens, draw, edge, snap
+from recipe_runtime.render.visibility import Corner, Lens, breadth, draw, edge, moved, snap
 
 wp.set_module_options(OPTIONS)
 
@@ -46,10 +46,41 @@ def corner(beams: wp.array[Sunbeam], p: wp.vec3f) -> Corner:
     return c
 
 
+@wp.func
+def reached(
+    axis: wp.vec4f, m: wp.array2d[wp.float32], part: wp.int32, c: wp.vec3f, half: wp.vec3f, size: wp.int32
+) -> bool:
+    """Whether a box about c may lie within the map, or a filter's width outside, along one of its axes."""
+    r = breadth(m, part, half, wp.vec3f(axis[0], axis[1], axis[2])) + 8.0
+    at = along(axis, c)
+    return at + r > 0.0 and at - r < wp.float32(size)
+
+
+@wp.kernel
+def cull(
+    chunks: wp.array[wp.vec3i],
+    centres: wp.array[wp.vec3f],
+    halves: wp.array[wp.vec3f],
+    matrices: wp.array2d[wp.float32],
+    beams: wp.array[Sunbeam],
+    first: wp.int32,
+    seen: wp.array[wp.int32],
+):
+    """1 for every chunk first.. whose box may meet the map; `matrices` lead from the parts to the world."""
+    i = first + wp.tid()
+    part = chunks[i][2]
+    c = moved(matrices, part, centres[i])
+    size = beams[0].size
+    across = reached(beams[0].u, matrices, part, c, halves[i], size)
+    seen[i] = int(across and reached(beams[0].v, matrices, part, c, halves[i], size))
+
+
 @wp.kernel
 def cast(
     vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
+    chunks: wp.array[wp.vec3i],
+    seen: wp.array[wp.int32],
     casts: wp.array[wp.int32],
     first: wp.int32,
     beams: wp.array[Sunbeam],
@@ -57,8 +88,15 @@ def cast(
     keys: wp.array[wp.uint64],
     used: wp.array[wp.int32],
 ):
-    """Draw the triangles first.. of world-space vertices into the map, whichever way they face."""
-    i = first + wp.tid()
+    """Draw the chunks first.. that the map may hold, of world-space vertices, whichever way they face."""
+    place = wp.tid()
+    n = first + (place >> 6)
+    if seen[n] == 0:
+        return
+    chunk = chunks[n]
+    if (place & 63) >= chunk[1]:
+        return
+    i = chunk[0] + (place & 63)
     if casts[i] == 0:
         return
     t = triangles[i]

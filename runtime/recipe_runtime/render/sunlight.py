@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from recipe_runtime.render import shadow, visibility
 from recipe_runtime.render.device import launch, record, wp
-from recipe_runtime.render.geometry import Geometry
+from recipe_runtime.render.geometry import CHUNK, Geometry
+from recipe_runtime.render.observe import device_rows
 from recipe_runtime.render.shadow import TILE, Sunbeam
+from recipe_runtime.render.view import world_from_parts
 from recipe_runtime.render.visibility import Lens
 from recipe_runtime.transforms import Array
 
@@ -44,7 +46,8 @@ class Shadows:
                 held.popitem(last=False)
             centre = np.array([cell[0] * grid, cell[1] * grid, 0.0])
             beam = _beam_about(sun, centre, texel, size)
-            held[name] = self._draw(beam, self._g.vertices, 0, self._g.static_triangles)
+            world = device_rows(world_from_parts(np.zeros((0, 3, 4))), self._device)
+            held[name] = self._draw(beam, self._g.vertices, world, 0, self._g.static_chunks)
         held.move_to_end(name)
         return held[name]
 
@@ -56,25 +59,28 @@ class Shadows:
         beam.bounds = wp.zeros(1, dtype=wp.vec2f, device=self._device)
         return beam
 
-    def moving(self, sun: NDArray[np.float64], world: Any, eye: Array, ahead: Array) -> tuple[Any, Any]:
-        """The fine and the coarse map of the moving parts; `world` holds all vertices in the world frame."""
+    def moving(self, sun: NDArray[np.float64], vertices: Any, world: Any, eye: Array, ahead: Array) -> tuple[Any, Any]:
+        """The fine and the coarse map of the moving parts, from their vertices in the world, moved there by `world`."""
         maps = []
         for texel in _MOVING_TEXELS:
             centre = eye + ahead * (texel * _MOVING_SIZE * 0.42)
             beam = _beam_about(sun, centre, texel, _MOVING_SIZE)
-            first = self._g.static_triangles
-            maps.append(self._draw(beam, world, first, self._g.triangle_count - first))
+            first = self._g.static_chunks
+            maps.append(self._draw(beam, vertices, world, first, self._g.chunk_count - first))
         return maps[0], maps[1]
 
-    def _draw(self, beam: Any, vertices: Any, first: int, count: int) -> Any:
-        size = beam.size
+    def _draw(self, beam: Any, vertices: Any, world: Any, first: int, count: int) -> Any:
+        g, size = self._g, beam.size
         keys = wp.zeros(size * size, dtype=wp.uint64, device=self._device)
         used = wp.zeros((size // TILE) * (size // TILE), dtype=wp.int32, device=self._device)
         lens = Lens()
         lens.near, lens.far, lens.width, lens.height, lens.side = 1.0, 1.0e9, size, size, 1
         if count:
-            inputs = [vertices, self._g.triangles, self._g.casts, first, record(beam, self._device), lens, keys, used]
-            launch(shadow.cast, count, inputs, self._device)
+            told, seen = record(beam, self._device), wp.empty(g.chunk_count, dtype=wp.int32, device=self._device)
+            inputs = [g.chunks, g.chunk_centres, g.chunk_halves, world, told, first, seen]
+            launch(shadow.cull, count, inputs, self._device)
+            inputs = [vertices, g.triangles, g.chunks, seen, g.casts, first, told, lens, keys, used]
+            launch(shadow.cast, count * CHUNK, inputs, self._device)
         depths = wp.zeros(size * size, dtype=wp.float32, device=self._device)
         launch(shadow.nearness, (size // TILE) * (size // TILE), [keys, used, size, depths], self._device)
         bounds = wp.empty((size // TILE) * (size // TILE), dtype=wp.vec2f, device=self._device)

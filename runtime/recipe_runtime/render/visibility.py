@@ -59,6 +59,61 @@ def transform(
 
 
 @wp.func
+def breadth(m: wp.array2d[wp.float32], part: wp.int32, half: wp.vec3f, n: wp.vec3f) -> wp.float32:
+    """How far a box of the part's frame reaches from its centre along n, a vector of the frame that m leads to."""
+    a = n[0] * m[part, 0] + n[1] * m[part, 4] + n[2] * m[part, 8]
+    b = n[0] * m[part, 1] + n[1] * m[part, 5] + n[2] * m[part, 9]
+    c = n[0] * m[part, 2] + n[1] * m[part, 6] + n[2] * m[part, 10]
+    return wp.abs(a) * half[0] + wp.abs(b) * half[1] + wp.abs(c) * half[2]
+
+
+@wp.func
+def moved(m: wp.array2d[wp.float32], part: wp.int32, v: wp.vec3f) -> wp.vec3f:
+    """A point of the part's frame, in the frame that m leads to."""
+    return wp.vec3f(
+        m[part, 0] * v[0] + m[part, 1] * v[1] + m[part, 2] * v[2] + m[part, 3],
+        m[part, 4] * v[0] + m[part, 5] * v[1] + m[part, 6] * v[2] + m[part, 7],
+        m[part, 8] * v[0] + m[part, 9] * v[1] + m[part, 10] * v[2] + m[part, 11],
+    )
+
+
+@wp.func
+def before_plane(c: wp.vec3f, n: wp.vec3f, r: wp.float32, slack: wp.float32) -> bool:
+    """Whether a box about c, which reaches r along n, may lie on the inner side of the plane n through the origin."""
+    return n[0] * c[0] + n[1] * c[1] + n[2] * c[2] + r > -slack
+
+
+@wp.kernel
+def cull(
+    chunks: wp.array[wp.vec3i],
+    centres: wp.array[wp.vec3f],
+    halves: wp.array[wp.vec3f],
+    matrices: wp.array2d[wp.float32],
+    lens: Lens,
+    seen: wp.array[wp.int32],
+):
+    """1 for every chunk whose box may meet the view's pyramid, 0 for the others: nothing of them could be drawn."""
+    i = wp.tid()
+    part = chunks[i][2]
+    half = halves[i]
+    c = moved(matrices, part, centres[i])
+    f = wp.float32(lens.focal)
+    deep = breadth(matrices, part, half, wp.vec3f(0.0, 0.0, 1.0))
+    # A centimetre and a pixel's hundredth to spare, for what is rounded on the way.
+    slack = 0.01 * f + 0.01 * (wp.abs(c[2]) + deep)
+    left = wp.vec3f(f, 0.0, wp.float32(lens.cx))
+    right = wp.vec3f(-f, 0.0, wp.float32(lens.width) - wp.float32(lens.cx))
+    top = wp.vec3f(0.0, f, wp.float32(lens.cy))
+    bottom = wp.vec3f(0.0, -f, wp.float32(lens.height) - wp.float32(lens.cy))
+    ahead = c[2] + deep > 0.99 * wp.float32(lens.near) and c[2] - deep < 1.01 * wp.float32(lens.far)
+    across = before_plane(c, left, breadth(matrices, part, half, left), slack)
+    across = across and before_plane(c, right, breadth(matrices, part, half, right), slack)
+    across = across and before_plane(c, top, breadth(matrices, part, half, top), slack)
+    across = across and before_plane(c, bottom, breadth(matrices, part, half, bottom), slack)
+    seen[i] = int(ahead and across)
+
+
+@wp.func
 def snap(v: wp.float64) -> wp.int64:
     """The nearest 1/256 pixel, halves up; guarded against overflow."""
     s = wp.max(wp.min(v * wp.float64(256.0) + wp.float64(0.5), GUARD), -GUARD)
@@ -288,12 +343,24 @@ def clip_and_draw(
 def raster(
     view: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
+    chunks: wp.array[wp.vec3i],
+    seen: wp.array[wp.int32],
     first: wp.int32,
     lens: Lens,
     keys: wp.array[wp.uint64],
 ):
-    """Draw the triangles first.. of camera-space vertices (x right, y down, z forward) into the keys."""
-    i = first + wp.tid()
+    """Draw the chunks first.. that may be seen, 64 places each, of camera-space vertices into the keys.
+
+    In that space x is right, y down, z forward.
+    """
+    place = wp.tid()
+    n = first + (place >> 6)
+    if seen[n] == 0:
+        return
+    chunk = chunks[n]
+    if (place & 63) >= chunk[1]:
+        return
+    i = chunk[0] + (place & 63)
     t = triangles[i]
     clip_and_draw(keys, lens, view[t[0]], view[t[1]], view[t[2]], wp.uint64(i), wp.uint64(0))
 
@@ -304,13 +371,22 @@ def cover(
     triangles: wp.array[wp.vec3i],
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
+    chunks: wp.array[wp.vec3i],
+    seen: wp.array[wp.int32],
     first: wp.int32,
     first_actor: wp.int32,
     lens: Lens,
     bits: wp.array[wp.uint64],
 ):
     """Set bit a - first_actor of every pixel that actor a would cover if it were alone; 64 actors a run."""
-    i = first + wp.tid()
+    place = wp.tid()
+    n = first + (place >> 6)
+    if seen[n] == 0:
+        return
+    chunk = chunks[n]
+    if (place & 63) >= chunk[1]:
+        return
+    i = chunk[0] + (place & 63)
     actor = surface_actor[triangle_surface[i]] - first_actor
     if actor < 0 or actor >= 64:
         return
