@@ -51,6 +51,7 @@ _NICHE = _surface("wall", Pattern.NICHE)
 _TRIM = _surface("trim", Pattern.PLASTER)
 _UNDER = _surface("trim", Pattern.NICHE)
 _WINDOW = _surface("window", Pattern.WINDOW)
+_REAR = _surface("window", Pattern.FACADE)
 _CURTAIN = _surface("window", Pattern.CURTAIN_WALL)
 _METAL = _surface("metal", Pattern.METAL)
 
@@ -70,7 +71,8 @@ def building(b: Builder, e: Element) -> None:
         else:
             _floors(b, e, f, family, bays)
     plain = [f for f, there in ends if not there]
-    b.quads(family.wall, [f.face(0, f.width, 0, height) for f in [*plain, back]])
+    b.quads(family.wall, [f.face(0, f.width, 0, height) for f in plain])
+    _back(b, e, back, family)
     _mouldings(b, e, family, [f for f, _ in free])
     if family in (_BRICK, _PLASTER, _BALCONIED):
         u = 0.12 if noise(key, 33) > 0 else width - 0.24
@@ -149,6 +151,18 @@ def _balconies(b: Builder, f: Facade, bays: int, floors: int, ground: float, sto
                 ]
     b.quads(_TRIM, slabs)
     b.quads(_METAL, rails)
+
+
+def _back(b: Builder, e: Element, f: Facade, family: _Family) -> None:
+    """The rear, which few see: its windows are drawn and not built."""
+    s, key = e.shape, int(e.shape["key"])
+    low, high = s["ground"], s["ground"] + (s["floors"] - 1) * s["storey"]
+    u0, v0 = 64 * key + 0.001, 1.001
+    u1, v1 = 64 * key + max(1, int(f.width / 3.0)) - 0.001, int(s["floors"]) - 0.001
+    b.quads(family.wall, [f.face(0, f.width, 0, low)])
+    b.quads(_REAR, [f.face(0, f.width, low, high)], np.array([[(u0, v0), (u1, v0), (u1, v1), (u0, v1)]]))
+    if e.size[2] > high + 1e-6:
+        b.quads(family.wall, [f.face(0, f.width, high, e.size[2])])
 
 
 def _mouldings(b: Builder, e: Element, family: _Family, facades: list[Facade]) -> None:

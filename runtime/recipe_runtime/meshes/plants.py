@@ -72,11 +72,11 @@ def _crown(species: int, kind: int) -> Leaves:
 
 
 def _broadleaf(kind: int) -> list[Clump]:
-    found: list[Clump] = [(0.05 * noise(kind, 1), 0.05 * noise(kind, 2), 0.78, 0.22, 0.13)]
+    found: list[Clump] = [(0.05 * noise(kind, 1), 0.05 * noise(kind, 2), 0.74, 0.25, 0.15)]
     for k in range(5):
         s, c = exact.sin_cos_deg(72.0 * k + 30.0 * noise(kind, 10 + k))
-        out = 0.3 * (1 + 0.2 * noise(kind, 20 + k))
-        found.append((out * c, out * s, 0.56 + 0.12 * noise(kind, 30 + k), 0.17 + 0.04 * noise(kind, 40 + k), 0.1))
+        out = 0.27 * (1 + 0.2 * noise(kind, 20 + k))
+        found.append((out * c, out * s, 0.57 + 0.09 * noise(kind, 30 + k), 0.18 + 0.03 * noise(kind, 40 + k), 0.11))
     return found
 
 
