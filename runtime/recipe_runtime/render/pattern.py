@@ -450,6 +450,7 @@ def facade(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     elif (kind & wp.uint32(3)) == wp.uint32(1):
         between = 0.06
     d.second = either(joint(uv[0], beside, w), joint(uv[1] - 0.04, between, w))
+    d.second = either(d.second, joint(uv[0] + 0.5, 0.012, w))
     d.code = hash2(i, j, d.code)
     d.height = fade(2.5, foot)
     d.wear = 0.25 + 0.5 * d.height * (unit(d.code * wp.uint32(747796405)) - 0.5)

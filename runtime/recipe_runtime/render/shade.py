@@ -72,6 +72,7 @@ class Matter:
     gloss: wp.float32  # 1 a mirror, 0 matt
     normal: wp.vec3f
     soft: wp.float32  # how far light wraps around: leaves, cloth, skin
+    street: wp.float32  # 1: it mirrors the houses over the way below the sky
 
 
 @wp.func
@@ -184,7 +185,9 @@ def pane(
     behind = mix(inside, veil, detail[2] * 0.85) * detail[0]
     m.albedo = mix(behind, second, detail[1])
     m.coat = m.coat * glass
-    m.gloss = 0.98
+    # What a sight along the wall sees mirrored goes by the gloss: it falls with the share of the glass.
+    m.gloss = 0.98 * wp.sqrt(glass)
+    m.street = 1.0
     lit_by = woken(air, code, awake)
     bright = wp.float32(0.0)
     if lit_by >= 0.0:
@@ -324,8 +327,7 @@ def mirror(
     rough = 1.0 - m.gloss
     d = direction(wp.vec3f(r[0], r[1], r[2] + rough * 0.6))
     seen = reflected_sky(air, d)
-    if m.coat > 0.0 and n[2] * n[2] < 0.04 and m.gloss > 0.975:
-        # An upright pane sees the houses over the way below the sky.
+    if m.street > 0.0:
         roofs = 0.2 + 0.25 * noise2(d[0] * 5.0 + p[0] * 0.04, d[1] * 5.0 + p[1] * 0.04, wp.uint32(43))
         seen = seen * (0.3 + 0.7 * step_between(roofs - 0.02, roofs + 0.02, d[2]))
     share = fresnel(m.coat, m.gloss, facing) * (1.0 - 0.5 * rough)
