@@ -170,6 +170,12 @@ def lit(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.f
         return 1.0
     texel = beams[k].texel
     lift = 0.6 * texel + 0.004
+    if p[2] > 0.3:
+        # The filter reaches two texels aside: the more a surface turns from the sun, the more depth lies between
+        # them, and it would shade itself. The ground throws no shadow, so it keeps the exact ends of those on it.
+        axis = beams[k].q
+        facing = (axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]) * beams[k].depth
+        lift = lift + 1.1 * texel * wp.sqrt(wp.max(1.0 - facing * facing, 0.0))
     r = wp.vec3f(p[0] + n[0] * lift, p[1] + n[1] * lift, p[2] + n[2] * lift)
     u = along(beams[k].u, r) - 0.5
     v = along(beams[k].v, r) - 0.5
