@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from recipe_runtime.meshes.lettering import FONT, WORDS, bits
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device import OPTIONS, launch, wp
 from recipe_runtime.render.pattern import detail_of
@@ -78,3 +79,16 @@ def test_a_pattern_fades_to_its_mean(pattern: Pattern) -> None:
     near = details(pattern, *grid(400, 0.173), foot=0.002).mean((0, 1))
     far = details(pattern, *grid(8, 8.65), foot=30.0).mean((0, 1))
     assert np.abs(near - far).max() < 0.06
+
+
+def test_a_letter_shows_its_dots() -> None:
+    """At the middle of each dot the letter is inked where the font says so, row by row from its top."""
+    for letter, rows in FONT.items():
+        high, low = bits(letter)
+        y, z = np.meshgrid(high + (np.arange(4) + 0.5) / 4, low + (np.arange(6)[::-1] + 0.5) / 6, indexing="xy")
+        inked = details(Pattern.LETTER, y, z, 0.001)[..., 1] > 0.5
+        assert ["".join("1" if dot else "0" for dot in row) for row in inked] == rows.split(), letter
+
+
+def test_shops_can_spell_their_words() -> None:
+    assert {letter for word in (*WORDS, "BUS", "NEWS") for letter in word} <= set(FONT)

@@ -7,6 +7,8 @@ from recipe_compiler import exact
 from recipe_compiler.plan import Element
 
 from recipe_runtime.meshes.builder import Array, Builder, Vec, noise, tube
+from recipe_runtime.meshes.facades import Facade
+from recipe_runtime.meshes.lettering import write
 from recipe_runtime.meshes.mesh import Light, Pattern, Surface
 from recipe_runtime.meshes.tags import Tag
 
@@ -24,9 +26,11 @@ _CAP = _static("cap", Pattern.METAL)
 _GLASS = _static("glass", Pattern.GLASS)
 _ROOF = _static("roof", Pattern.METAL)
 _SIGN = _static("sign", Pattern.PLAIN)
+_LETTERS = _static("sign", Pattern.LETTER)
 _POSTER = _static("board", Pattern.POSTER)
 _PANEL = _static("wall", Pattern.CLAPBOARD)
 _TRIM = _static("trim", Pattern.PLAIN)
+_FRONTAL = Facade((0.0, 0.0), (0, 1), (1, 0), 0.0, 0)  # u along y, d along x
 _DISPLAY = _static("shop", Pattern.SHOP_WINDOW)
 _AWNING = _static("awning", Pattern.CLOTH)
 
@@ -123,7 +127,8 @@ def bus_stop(b: Builder, e: Element) -> None:
     for z in (0.2, height - 0.5):
         b.box(_METAL, (-x + 0.03, -y + 0.05, z), (-x + 0.09, y - 0.05, z + 0.06), "-y +y")
     b.box(_GLASS, (-x + 0.05, -y + 0.05, 0.26), (-x + 0.07, y - 0.05, 1.1), "-y +y")
-    b.box(_SIGN, (x - 0.03, -y + 0.2, height - 0.36), (x - 0.01, -y + 1.6, height - 0.14))
+    b.box(_SIGN, (x - 0.03, -y + 0.2, height - 0.42), (x - 0.01, -y + 1.6, height - 0.14))
+    write(b, _LETTERS, _FRONTAL, "BUS", -y + 0.9, height - 0.38, 0.2, x - 0.006)
     b.box(_WOOD, (-x + 0.16, -y + 0.5, 0.42), (-x + 0.56, y - 1.3, 0.48))
     for py in (-y + 0.7, y - 1.5):
         b.box(_METAL, (-x + 0.3, py - 0.03, 0.0), (-x + 0.36, py + 0.03, 0.42), "-z +z")
@@ -154,6 +159,7 @@ def kiosk(b: Builder, e: Element) -> None:
     b.box(_TRIM, (front, -y + 0.15, 0.88), (front + 0.3, y - 0.15, 0.95), "-x")
     b.box(_ROOF, (-x - 0.0, -y, top), (front, y, top + 0.08), "-z")
     b.box(_SIGN, (front - 0.12, -y + 0.3, top + 0.08), (front - 0.04, y - 0.3, height))
+    write(b, _LETTERS, _FRONTAL, "NEWS", 0.0, top + 0.11, height - top - 0.14, front - 0.036)
     low, high, reach = 2.05, 2.35, x
     slope = [(reach, -y, low), (reach, y, low), (front, y, high), (front, -y, high)]
     b.quads(

@@ -17,7 +17,7 @@ WORDS = (
     "HOTEL", "BISTRO", "MUSIC", "TAILOR", "RADIO", "GALLERY", "TEA", "FISH", "WINE", "POST", "DELI", "CLOCKS",
 )  # fmt: skip
 
-_FONT = {
+FONT = {
     "A": "0110 1001 1001 1111 1001 1001", "B": "1110 1001 1110 1001 1001 1110", "C": "0111 1000 1000 1000 1000 0111",
     "D": "1110 1001 1001 1001 1001 1110", "E": "1111 1000 1110 1000 1000 1111", "F": "1111 1000 1110 1000 1000 1000",
     "G": "0111 1000 1011 1001 1001 0111", "H": "1001 1001 1111 1001 1001 1001", "I": "0110 0110 0110 0110 0110 0110",
@@ -31,7 +31,7 @@ _FONT = {
 
 def bits(letter: str) -> tuple[int, int]:
     """The dots of a letter's upper and of its lower half: 12 bits each, the first dot's the highest."""
-    rows = _FONT[letter].replace(" ", "")
+    rows = FONT[letter].replace(" ", "")
     return int(rows[:12], 2), int(rows[12:], 2)
 
 

@@ -36,7 +36,7 @@ class Pattern(IntEnum):
     HAIR = 21
     CLAPBOARD = 30  # level boards that overlap, uv in metres
     STONE = 31  # dressed blocks, uv in metres
-    WOOD = 32  # planks along u, uv in metres
+    WOOD = 32  # planks along v, uv in metres
     WATER = 33
     NICHE = 34  # what lies in a wall's depth: v is 0 at its mouth and 1 at its end, which sees little of the sky
     CURTAIN_WALL = 35  # named like WINDOW; the pane's lower part hides a floor slab
