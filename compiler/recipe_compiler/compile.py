@@ -16,7 +16,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from recipe_compiler import compose, expand, limits, placing, towns
+from recipe_compiler import compose, expand, limits, optics, placing, towns
 from recipe_compiler.check import Checker, check_deltas, check_removals
 from recipe_compiler.errors import InputError, Place, Problem
 from recipe_compiler.expand import Axes, Variant
@@ -216,6 +216,7 @@ def _load(variant: Variant, base: Base, changes: int) -> limits.Load:
         limits.View(
             base.clock.frames,
             s.camera.width * s.camera.height,
+            _samples(s.camera, s.camera.supersample),
             s.capture,
             base.clock.frames if s.motion != Motion() else 1,
         )
@@ -239,11 +240,24 @@ def _load(variant: Variant, base: Base, changes: int) -> limits.Load:
     )
 
 
+def _samples(camera: optics.Lens, supersample: int) -> int:
+    width, height, _ = optics.plate_size(camera, supersample)
+    return width * height
+
+
 def _measured(plan: ScenarioPlan) -> limits.Load:
     """A variant's work after it is lowered: plans with the same digest are shared."""
     clock = plan.scene.clock
+    responses = plan.appearance.responses
     views = tuple(
-        limits.View(clock.frames, s.camera.width * s.camera.height, s.capture, len(s.poses)) for s in plan.rig.sensors
+        limits.View(
+            clock.frames,
+            s.camera.width * s.camera.height,
+            _samples(s.camera, responses[s.name].supersample),
+            s.capture,
+            len(s.poses),
+        )
+        for s in plan.rig.sensors
     )
     return limits.Load(
         scene=plan.scene.digest,

@@ -38,6 +38,7 @@ class View:
 
     frames: int
     pixels: int
+    samples: int  # that it is drawn with: more than pixels behind a lens or supersampled
     capture: tuple[str, ...]
     poses: int = 1
 
@@ -136,13 +137,13 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
             labels = [m for m in view.capture if m != "rgb"]
             kinds = ["depth-npy" if (m, depth) == ("depth", "npy") else m for m in labels]
             bytes_ += view.frames * view.pixels * sum(_BYTES[kind] for kind in kinds)
-            seconds += view.frames * view.pixels / 1e6 * (_OBSERVE + ("rgb" in view.capture) * (_FIRST_SHADE - _SHADE))
+            seconds += view.frames * view.samples / 1e6 * (_OBSERVE + ("rgb" in view.capture) * (_FIRST_SHADE - _SHADE))
             seconds += view.frames * len(labels) * (_FILE + view.pixels / 1e6 * _ENCODE / 2)
     for load in loads:
         for view in load.views:
             if "rgb" in view.capture:
                 bytes_ += view.frames * view.pixels * _BYTES["rgb"]
-                seconds += view.frames * (_FILE + view.pixels / 1e6 * (_SHADE + _ENCODE))
+                seconds += view.frames * (_FILE + (view.samples * _SHADE + view.pixels * _ENCODE) / 1e6)
     compile_seconds, compile_bytes = _compiling(loads, list(scenes.values()))
     return Cost(
         variants=len(loads),

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from pydantic import ValidationError
+from recipe_compiler import optics
 from recipe_compiler.errors import InputError, Problem
 from recipe_compiler.plan import DatasetPlan, RigPlan, ScenarioPlan, ScenePlan, SensorPlan
+from recipe_compiler.schema import models
 
 from recipe_runtime import layout
 from recipe_runtime.annotate.categories import CATEGORIES
@@ -79,6 +82,8 @@ def _rig(rig: RigPlan, variant: ScenarioPlan) -> Iterator[str]:
         yield from (f"sensor {sensor.name}: {what}" for what in _sensor(sensor, actors, frames))
         if sensor.name not in variant.appearance.responses:
             yield f"sensor {sensor.name}: no camera response in {variant.variant}"
+            continue
+        yield from (f"sensor {sensor.name}: {what}" for what in _response(sensor, variant))
 
 
 def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
@@ -93,6 +98,21 @@ def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
         yield "its poses are neither one nor one a frame, or out of bounds"
     if not sensor.capture or len(set(sensor.capture)) < len(sensor.capture):
         yield "it captures nothing, or something twice"
+
+
+def _response(sensor: SensorPlan, variant: ScenarioPlan) -> Iterator[str]:
+    """The ranges are the language's own."""
+    response, camera = variant.appearance.responses[sensor.name], sensor.camera
+    told = {**response.model_dump(), "lens_k": camera.lens_k, "lens_kcube": camera.lens_kcube}
+    try:
+        models.Camera.model_validate(told)
+    except ValidationError as error:
+        yield f"its camera response is none: {error.errors()[0]['msg']}"
+    else:
+        sound = camera.width > 0 and camera.height > 0 and 0.0 < camera.fov < 180.0
+        wrong = optics.fault(camera, response.supersample) if sound else None
+        if wrong is not None:
+            yield f"its lens {wrong}"
 
 
 def _beyond(metres: list[float]) -> bool:

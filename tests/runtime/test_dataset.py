@@ -170,6 +170,8 @@ def street(**values: Any) -> SensorPlan:
         (street(width=100_000), "100000x48 is over"),
         (street(height=0), "64x0 is over"),
         (street(fov=180), "a camera of 180"),
+        (street(lens_k=0.9, fov=170), "its lens needs a sight beyond"),
+        (street(lens_k=50.0), "its camera response is none"),
         (street(on="nobody"), "on 'nobody'"),
         (street(poses=()), "poses are neither"),
     ],
@@ -179,6 +181,17 @@ def test_a_plan_out_of_bounds_is_refused(sensor: SensorPlan, message: str) -> No
     rig = variant.rig.model_copy(update={"sensors": (sensor,)})
     with pytest.raises(InputError, match=message):
         check_bounds(PLAN.model_copy(update={"variants": (variant.model_copy(update={"rig": rig}),)}))
+
+
+@pytest.mark.parametrize(
+    "changes", [{"supersample": 5}, {"shutter_speed": 0.0}, {"fstop": 0.0}, {"gamma": 0.0}, {"iso": -1.0}]
+)
+def test_a_camera_response_out_of_bounds_is_refused(changes: dict[str, float]) -> None:
+    variant = PLAN.variants[0]
+    responses = {n: r.model_copy(update=changes) for n, r in variant.appearance.responses.items()}
+    appearance = variant.appearance.model_copy(update={"responses": responses})
+    with pytest.raises(InputError, match="its camera response is none"):
+        check_bounds(PLAN.model_copy(update={"variants": (variant.model_copy(update={"appearance": appearance}),)}))
 
 
 @pytest.mark.parametrize(("frames", "fps"), [(10**9, 10), (0, 10), (4, 0), (4, 7)])

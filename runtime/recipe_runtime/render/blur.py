@@ -133,10 +133,21 @@ def place_at(x: wp.float32, y: wp.float32, s: Shutter) -> wp.int32:
 
 @wp.func
 def lands(at: wp.int32, way: wp.vec2f, t: wp.float32, x: wp.float32, y: wp.float32, s: Shutter) -> bool:
-    """Whether what a sample sees lies on (x, y) at moment t of the exposure, from -1/2 to 1/2."""
+    """Whether what a sample sees lies on (x, y) at moment t of the exposure, from -1/2 to 1/2.
+
+    Its place was rounded to a sample, and neighbours on one surface differ in their ways, as when a camera drives.
+    """
     dx = wp.float32(at % s.wide) + way[0] * t - x
     dy = wp.float32(at / s.wide) + way[1] * t - y
-    return dx * dx + dy * dy <= 1.0
+    slack = 0.75 + 0.05 * wp.abs(t) * wp.sqrt(way[0] * way[0] + way[1] * way[1])
+    return dx * dx + dy * dy <= slack * slack
+
+
+@wp.func
+def before(a: wp.uint64, b: wp.uint64) -> bool:
+    """Whether a is well before b: two samples of one surface hardly ever are."""
+    nearness = wp.float64(wp.int64(b >> wp.uint64(24)))  # keys grow with it
+    return wp.float64(wp.int64(a >> wp.uint64(24))) > nearness * wp.float64(1.02)
 
 
 @wp.kernel
@@ -161,20 +172,23 @@ def smear(
     y = wp.float32(row)
     own = ways[i]
     moments = wp.min(wp.int32(length) + 2, MOMENTS)
-    total = wp.vec3f(0.0, 0.0, 0.0)
+    here = plate[i]
+    total = wp.vec3f(0.0, 0.0, 0.0)  # of differences, so that what does not change stays the same to the bit
     for n in range(moments):
         t = (wp.float32(n) + 0.5) / wp.float32(moments) - 0.5
+        # Where something comes from is guessed from one way along, and then found by the way of what is there.
         a = place_at(x - there[0] * t, y - there[1] * t, s)
-        b = place_at(x - own[0] * t, y - own[1] * t, s)
+        a = place_at(x - ways[a][0] * t, y - ways[a][1] * t, s)
+        behind = place_at(x - own[0] * t, y - own[1] * t, s)
+        b = place_at(x - ways[behind][0] * t, y - ways[behind][1] * t, s)
         stays = lands(b, ways[b], t, x, y, s)
-        # Keys grow with nearness.
-        if lands(a, ways[a], t, x, y, s) and (not stays or keys[a] >= keys[b]):
-            total = total + plate[a]
-        elif stays or keys[b] < keys[i]:
-            total = total + plate[b]
-        else:
-            total = total + plate[i]  # what hides the way does not belong to it
-    out[i] = total * (1.0 / wp.float32(moments))
+        if lands(a, ways[a], t, x, y, s) and (not stays or before(keys[a], keys[b])):
+            total = total + (plate[a] - here)
+        elif stays:
+            total = total + (plate[b] - here)
+        elif before(keys[i], keys[behind]):  # (what is nearer hides the way, and does not belong to it)
+            total = total + (plate[behind] - here)
+    out[i] = here + total * (1.0 / wp.float32(moments))
 
 
 def frames_open(response: CameraResponse, moment: Moment) -> float:
