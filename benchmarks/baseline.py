@@ -44,7 +44,7 @@ def main() -> None:
     parts, walkers = load(stage, arguments.stage)
     picture = camera(stage, arguments.renderer, arguments.shadow)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    picture()  # the first one also uploads meshes
+    picture(0)  # the first one also uploads meshes
     seconds["load"] = clock() - start
 
     total = len(stage["parts"][0]["positions"])
@@ -53,7 +53,7 @@ def main() -> None:
         a = clock()
         step(stage, parts, walkers, frame)
         b = clock()
-        rgba, depth, segments = picture()
+        rgba, depth, segments = picture(frame)
         c = clock()
         save(arguments.out, frame, rgba, depth, segments, stage["camera"])
         d = clock()
@@ -108,16 +108,17 @@ def step(stage: dict[str, Any], parts: list[list[int]], walkers: list[int], fram
             p.resetBasePositionAndOrientation(body, part["positions"][frame], part["rotations"][frame])
 
 
-def camera(stage: dict[str, Any], renderer: str, shadow: str) -> Callable[[], tuple[Any, Any, Any]]:
-    """A function that takes the picture."""
-    plan, eye = stage["camera"], stage["eye"]
-    target = [e + f for e, f in zip(eye, stage["forward"], strict=True)]
-    view = p.computeViewMatrix(eye, target, stage["up"])
+def camera(stage: dict[str, Any], renderer: str, shadow: str) -> Callable[[int], tuple[Any, Any, Any]]:
+    """A function that takes a frame's picture."""
+    plan = stage["camera"]
     projection = p.computeProjectionMatrixFOV(plan["fov"], plan["width"] / plan["height"], plan["near"], plan["far"])
     options = {"shadow": 1, "lightDirection": (-3, -4, 2)} if shadow == "1" else {}
     kind = p.ER_TINY_RENDERER if renderer == "tiny" else p.ER_BULLET_HARDWARE_OPENGL
 
-    def picture() -> tuple[Any, Any, Any]:
+    def picture(frame: int) -> tuple[Any, Any, Any]:
+        eye = stage["eyes"][frame]
+        target = [e + f for e, f in zip(eye["at"], eye["forward"], strict=True)]
+        view = p.computeViewMatrix(eye["at"], target, eye["up"])
         width, height, rgba, depth, segments = p.getCameraImage(
             plan["width"], plan["height"], view, projection, renderer=kind, **options
         )

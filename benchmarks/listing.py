@@ -1,4 +1,4 @@
-"""`make bench`: frames a second for the paper's listing, beside a plain PyBullet + Pillow script, in one run.
+"""`make bench`: frames a second for the paper's listing and for a town, beside a plain PyBullet + Pillow script.
 
 Each contestant runs in a process of its own, one after the other, and is told start-up and steady work apart.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 from recipe_runtime.engines import real_engines
 from recipe_runtime.frames import FrameSource
 from recipe_runtime.trace import Trace
@@ -26,12 +26,14 @@ from benchmarks.table import text_of
 
 ROOT = Path(__file__).resolve().parent.parent
 RECIPE = ROOT / "recipes" / "paper" / "two_pedestrians.yaml"
+TOWN, TOWN_VARIANT = ROOT / "benchmarks" / "town.yaml", "weather=clear"
 FIRST, FURTHER = "weather=sunny", ("weather=rainy", "weather=foggy")
 BASELINES = {
     "TinyRenderer, shadows": ("tiny", "1"),
     "TinyRenderer, default": ("tiny", "default"),
     "EGL on llvmpipe": ("egl", "default"),
 }
+STAGED = {"listing": (RECIPE, FIRST), "listing, rainy": (RECIPE, FURTHER[0]), "town": (TOWN, TOWN_VARIANT)}
 Result = dict[str, Any]
 
 
@@ -41,7 +43,8 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document")
     parser.add_argument("--frames", type=int, default=200, help="of our builds of one weather (default: 200)")
     parser.add_argument("--weather-frames", type=int, default=60, help="of our builds of two weathers (default: 60)")
-    parser.add_argument("--slow-frames", type=int, default=15, help="of the plain script (default: 15)")
+    parser.add_argument("--town-frames", type=int, default=60, help="of our builds of the town (default: 60)")
+    parser.add_argument("--slow-frames", type=int, default=12, help="of the plain script (default: 12)")
     parser.add_argument(
         "--cold", action="store_true", help="also compile the kernels afresh, and say how long it takes"
     )
@@ -63,22 +66,23 @@ def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -
     warm_up(dataset, trace)
     for workers in (1, 2):
         found["ours"][f"{workers} worker{'s' * (workers > 1)}"] = ours(
-            folder / f"w{workers}", [FIRST], arguments.frames, workers
+            RECIPE, folder / f"w{workers}", [FIRST], arguments.frames, workers
         )
-    first = ours(folder / "first", [FIRST], arguments.weather_frames, 1)
+    first = ours(RECIPE, folder / "first", [FIRST], arguments.weather_frames, 1)
     found["first"] = first
     for name in FURTHER:
-        both = ours(folder / name, [FIRST, name], arguments.weather_frames, 1)
+        both = ours(RECIPE, folder / name, [FIRST, name], arguments.weather_frames, 1)
         found["further"][name] = {**both, "share": (both["steady"] - first["steady"]) / first["steady"]}
-    stage = folder / "stage"
-    stage.mkdir()
-    write_stage(scenario, trace, stage)
-    for name, (renderer, shadow) in BASELINES.items():
-        plain = baseline(stage, folder / renderer, renderer, shadow, arguments.slow_frames)
-        if plain is None:
-            found["skipped"].append(f"{name}: it does not run here (it needs libegl1 and libgl1-mesa-dri)")
-        else:
-            found["plain"][name] = plain
+    found["plain"], found["skipped"] = plain(folder / "listing", scenario, trace, arguments.slow_frames)
+    town = compile_recipe(TOWN).plan.variants[0]
+    found["town"] = {}
+    for workers in (1, 2):
+        frames = arguments.town_frames // (3 - workers)
+        name = f"{workers} worker{'s' * (workers > 1)}"
+        found["town"][name] = ours(TOWN, folder / f"town{workers}", [TOWN_VARIANT], frames, workers)
+    trace = real_engines().simulate(town.scene)
+    found["town plain"], _ = plain(folder / "town", town, trace, arguments.slow_frames // 2)
+    found["kernels"] = {name: kernels(recipe, variant) for name, (recipe, variant) in STAGED.items()}
     found["load after"] = [round(x, 2) for x in os.getloadavg()]
     return found
 
@@ -100,10 +104,30 @@ def cold_start(folder: Path) -> float:
     return float(run([sys.executable, "-c", code, str(RECIPE)], environment).splitlines()[-1])
 
 
-def ours(folder: Path, variants: list[str], frames: int, workers: int) -> Result:
+def kernels(recipe: Path, variant: str) -> Result:
+    """Milliseconds of a frame by the renderer's stages."""
+    return last_line(run([sys.executable, "-m", "benchmarks.kernels", str(recipe), variant]))
+
+
+def plain(folder: Path, scenario: ScenarioPlan, trace: Trace, frames: int) -> tuple[Result, list[str]]:
+    """The plain script with every renderer, and what does not run here."""
+    folder.mkdir()
+    write_stage(scenario, trace, folder)
+    found: Result = {}
+    skipped = []
+    for name, (renderer, shadow) in BASELINES.items():
+        result = baseline(folder, folder / f"{renderer}-{shadow}", renderer, shadow, frames)
+        if result is None:
+            skipped.append(f"{name}: it does not run here (it needs libegl1 and libgl1-mesa-dri)")
+        else:
+            found[name] = result
+    return found, skipped
+
+
+def ours(recipe: Path, folder: Path, variants: list[str], frames: int, workers: int) -> Result:
     """A real build; `steady` is its time on the wall without start-up."""
     folder.mkdir()
-    command = [sys.executable, "-m", "benchmarks.ours", str(RECIPE), str(folder), "--variants", *variants]
+    command = [sys.executable, "-m", "benchmarks.ours", str(recipe), str(folder), "--variants", *variants]
     found = last_line(run([*command, "--frames", str(frames), "--workers", str(workers)]))
     found["steady"] = found["wall"] - found["start_up"]
     found["fps"] = found["frames"] / found["steady"]

@@ -3,13 +3,15 @@
     python -m benchmarks.ours RECIPE FOLDER --variants weather=sunny --frames 300 --workers 1
 
 Its last line is a JSON object: seconds by stage, summed over workers, and seconds by a clock on the wall. Start-up is
-told apart: from the first worker's start to its first frame, less the time of a frame.
+told apart: from the first worker's start to its first frame, less the time of a frame. `peak` is the most memory that
+any one of its processes held, in MiB.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import resource
 import time
 from pathlib import Path
 
@@ -39,6 +41,7 @@ def main() -> None:
     (begin, _), (first, pictures) = ticks[0], ticks[1]
     last, total = ticks[-1]
     start_up = first - begin - (last - first) / (total - pictures) * pictures / max(arguments.workers, 1)
+    peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1024
     print(
         json.dumps(
             {
@@ -47,6 +50,7 @@ def main() -> None:
                 "wall": result.wall,
                 "start_up": start_up,
                 "seconds": result.seconds,
+                "peak": peak,
                 "bytes": sum(row["size"] for row in result.manifest["files"].values()),
             }
         )
@@ -54,7 +58,7 @@ def main() -> None:
 
 
 def part_of(dataset: DatasetPlan, variants: list[str], frames: int) -> DatasetPlan:
-    """The dataset with those variants alone, and the first frames of its clock; its sensors stand still."""
+    """The dataset with those variants alone, and the first frames of its clock."""
     document = dataset.document()
     document["variants"] = [v for v in document["variants"] if v["variant"] in variants]
     for variant in document["variants"]:

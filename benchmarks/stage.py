@@ -1,4 +1,4 @@
-"""The listing's scene as files that any PyBullet script could load: OBJ meshes by colour, and where they are.
+"""A scene as files that any PyBullet script could load: OBJ meshes by colour, and where they are.
 
 The town is merged into one mesh a colour, as somebody who minds speed would do; every rigid part of an actor is one
 mesh a colour, in its own frame.
@@ -24,7 +24,7 @@ Corners = NDArray[np.float32]  # [3 T, 6] positions and normals, three rows a tr
 
 
 def write_stage(scenario: ScenarioPlan, trace: Trace, folder: Path) -> None:
-    """Write `stage.json` and its meshes: the town, the parts with a pose for every frame, walkers, clock, camera."""
+    """Write `stage.json` and its meshes: the town, the parts with a pose for every frame, walkers, the camera's way."""
     looks, scene = scenario.appearance.looks.root, scenario.scene
     sensor = scenario.rig.sensors[0]
     town = _write_meshes(folder, "town", ((b.parts[0][1], looks.get(b.name, {})) for b in town_bodies(scene.town)))
@@ -39,12 +39,13 @@ def write_stage(scenario: ScenarioPlan, trace: Trace, folder: Path) -> None:
                     "rotations": (trace.rotations[:, row] / UNIT).tolist(),
                 }
             )
-    eye = sensor_transform(sensor, trace, 0)
+    eyes = [sensor_transform(sensor, trace, frame) for frame in range(len(trace.positions))]
     camera = {"width": sensor.camera.width, "height": sensor.camera.height, "near": 0.1, "far": 1000.0}
     tall = math.tan(math.radians(sensor.camera.fov) / 2) * camera["height"] / camera["width"]
     camera["fov"] = 2 * math.degrees(math.atan(tall))  # vertical, as PyBullet has it
     walkers = [
-        {"start": a.start.model_dump(), "goal": a.route[-1].model_dump(), "speed": a.speed} for a in scene.actors
+        {"start": a.start.model_dump(), "goal": (a.route[-1] if a.route else a.start).model_dump(), "speed": a.speed}
+        for a in scene.actors
     ]
     stage = {
         "town": town,
@@ -52,9 +53,7 @@ def write_stage(scenario: ScenarioPlan, trace: Trace, folder: Path) -> None:
         "walkers": walkers,
         "steps": scene.clock.steps_per_frame,
         "physics": scene.clock.physics,
-        "eye": eye[:, 3].tolist(),
-        "forward": eye[:, 0].tolist(),
-        "up": eye[:, 2].tolist(),
+        "eyes": [{"at": e[:, 3].tolist(), "forward": e[:, 0].tolist(), "up": e[:, 2].tolist()} for e in eyes],
         "camera": camera,
     }
     (folder / "stage.json").write_text(json.dumps(stage))

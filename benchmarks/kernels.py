@@ -1,0 +1,48 @@
+"""Where a frame's time goes in the renderer: milliseconds of one thread by stage, in the middle of a clip.
+
+    python -m benchmarks.kernels RECIPE VARIANT --frames 16
+
+Time is the thread's own, so that other processes on the machine do not tell. Its last line is a JSON object.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+from recipe_compiler.compile import compile_recipe
+from recipe_runtime.engines import real_engines
+from recipe_runtime.frames import SceneSource
+from recipe_runtime.render import Renderer
+
+WARM = 3  # frames: what a camera that stands still remembers is there after two
+
+
+def main() -> None:
+    """Render consecutive frames, and say where the time went."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("recipe", type=Path)
+    parser.add_argument("variant")
+    parser.add_argument("--frames", type=int, default=16)
+    arguments = parser.parse_args()
+    variant = next(v for v in compile_recipe(arguments.recipe).plan.variants if v.variant == arguments.variant)
+    trace = real_engines().simulate(variant.scene)
+    source, sensor = SceneSource(variant.scene, trace), variant.rig.sensors[0]
+    timings = source.renderer.timings if isinstance(source.renderer, Renderer) else None
+    if timings is None:
+        raise SystemExit("the renderer keeps no times")
+    timings.clock = time.thread_time
+    begin = variant.scene.clock.frames // 3
+    for frame in range(begin, begin + WARM + arguments.frames):
+        if frame == begin + WARM:
+            timings.clear()
+        source.shade(source.observe(sensor, frame), variant.appearance, sensor, frame)
+    if "static shadows" in timings.seconds:  # they are drawn within the other's time
+        timings.seconds["shadows"] -= timings.seconds["static shadows"]
+    print(json.dumps({stage: 1000 * s / arguments.frames for stage, s in timings.seconds.items()}))
+
+
+if __name__ == "__main__":
+    main()
