@@ -8,11 +8,12 @@ when the legs are spread, as it must. Proportions after D. A. Winter, Biomechani
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from recipe_compiler import exact
 
 from recipe_runtime.meshes.skeleton import Figure
-from recipe_runtime.posture import Quaternion, about, then
+from recipe_runtime.posture import STILL, Quaternion, about, place, then, turned
 
 _DUTY = 0.61  # part of a stride during which a foot is on the ground
 
@@ -48,6 +49,14 @@ def pose(figure: Figure, phase: float, speed: float) -> tuple[Quaternion, ...]:
     for k in range(2):
         turns += [about("y", angle) for angle in _leg(figure, phase + 0.5 * k, length, low, _walking(speed))]
     return tuple(turns)
+
+
+def tread(figure: Figure, turns: Sequence[Quaternion]) -> float:
+    """Height of the lowest point of both soles above the base's origin, in a pose."""
+    heel, toes = (-0.036 * figure.height, 0.0, -figure.ankle), (0.115 * figure.height, 0.0, -figure.ankle)
+    parts = place(((0.0, 0.0, 0.0), STILL), figure.joints, turns)
+    feet = [placed for joint, placed in zip(figure.joints, parts[1:], strict=True) if joint.part.startswith("foot")]
+    return min(origin[2] + turned(turn, point)[2] for origin, turn in feet for point in (heel, toes))
 
 
 def _walking(speed: float) -> float:

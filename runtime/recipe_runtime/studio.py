@@ -57,8 +57,8 @@ def stance(actor: ActorPlan) -> list[Placed]:
     shape, joints = actor.shape, joints_of(actor.shape)
     if is_person(shape):
         figure = Figure.of(shape)
-        low = gait.sink(figure, _PHASE, actor.speed)
-        return place(((0.0, 0.0, -low), STILL), joints, gait.pose(figure, _PHASE, actor.speed))
+        turns = gait.pose(figure, _PHASE, actor.speed)
+        return place(((0.0, 0.0, -gait.tread(figure, turns)), STILL), joints, turns)
     if has_rider(shape):
         return place(((0.0, 0.0, 0.0), STILL), joints, riding.pose(Bike.of(shape), steer=0.0, gone=0.7))
     return place(((0.0, 0.0, 0.0), STILL), joints, [STILL] * len(joints))

@@ -12,7 +12,7 @@ from recipe_runtime import gait
 from recipe_runtime.bullet import GRAVITY, World
 from recipe_runtime.meshes.skeleton import Figure, is_person
 from recipe_runtime.mover import Mover, towards
-from recipe_runtime.posture import Quaternion
+from recipe_runtime.posture import Placed, Quaternion
 
 _WALK_ACCELERATION, _TURN_RATE, _STEP_RATE = 3.5, 6.0, 0.9  # m/s2, rad/s, m/s up and down kerbs
 _SIDESTEP, _ROOM, _FORESIGHT = 0.55, 0.78, 2.5  # m/s, metres between two walkers' middles, seconds
@@ -122,6 +122,12 @@ class Walker(Mover):
         """Advance the gait by the distance covered."""
         self._pace = math.sqrt(self.velocity[0] * self.velocity[0] + self.velocity[1] * self.velocity[1])
         self._phase += self._pace * self._dt / gait.stride(self._figure, self._pace)
+
+    def _stance(self) -> Placed:
+        """Where the base is, set up or down by the millimetres that put the lower sole on the ground."""
+        (x, y, z), orientation = super()._stance()
+        low = gait.sink(self._figure, self._phase, self._pace)
+        return (x, y, z + low - gait.tread(self._figure, self._turns())), orientation
 
     def _turns(self) -> Sequence[Quaternion]:
         return gait.pose(self._figure, self._phase, self._pace)

@@ -201,9 +201,55 @@ def test_somebody_always_treads_the_ground(blueprint: blueprints.Blueprint) -> N
     actor = turning("vehicle.sedan.a", "left").model_copy(update={"shape": blueprint.shape, "category": "pedestrian"})
     body = actor_body(actor)
     for n in range(12):
-        low = gait.sink(figure, n / 12, speed)
-        poses = matrices(place(((0.0, 0.0, -low), STILL), figure.joints, gait.pose(figure, n / 12, speed)))
-        assert abs(lowest(body, poses)) < 0.01
+        turns = gait.pose(figure, n / 12, speed)
+        base = (0.0, 0.0, -gait.tread(figure, turns))
+        assert abs(lowest(body, matrices(place((base, STILL), figure.joints, turns)))) < 0.005
+        assert base[2] == pytest.approx(-gait.sink(figure, n / 12, speed), abs=0.012)  # where the engine has it
+
+
+@cache
+def stroll() -> tuple[tuple[ActorPlan, ...], Trace]:
+    """An adult and two children walk along a sidewalk, from standing to standing."""
+    actors = []
+    for n, number in enumerate(("0009", "0013", "0012")):
+        found, x = blueprints.match(f"walker.pedestrian.{number}")[0], -4.2 - 1.1 * n
+        actors.append(
+            ActorPlan(
+                name=found.id,
+                blueprint=found.id,
+                category="pedestrian",
+                tag=found.tag,
+                instance=n + 1,
+                shape=found.shape,
+                start=Pose(x=x, y=3.0, z=0.15, yaw=-90),
+                route=(Point(x=x, y=-3.0),),
+                speed=found.default_speed,
+            )
+        )
+    clock = Clock(fps=30, frames=240, physics=240)
+    return tuple(actors), simulate(ScenePlan(clock=clock, town=TOWN.plan, actors=tuple(actors)))
+
+
+@pytest.mark.parametrize("n", range(3))
+def test_feet_touch_the_ground_and_do_not_slide(n: int) -> None:
+    actors, trace = stroll()
+    actor = actors[n]
+    assert GROUND.height(actor.start.x, 0.0) == 0.15
+    rows, body = trace.actor_parts(actor.name), actor_body(actor)
+    poses = [part_transforms(trace, frame)[rows] for frame in range(trace.frames)]
+    for pose in poses[::4]:
+        assert abs(lowest(body, pose) - 0.15) < 0.005
+    for side in ("left", "right"):
+        foot = [pose[[name for name, _ in body.parts].index(f"foot_{side}")] for pose in poses]
+        pace = np.hypot(*(trace.linear[:, n, :2] / METRE).T)  # while starting and stopping a stride is not one length
+        flat = [abs(t[2, 0]) < 0.01 and v > 0.98 * actor.speed for t, v in zip(foot, pace, strict=True)]
+        slides = [
+            float(np.hypot(*(after[:2, 3] - before[:2, 3])))
+            for before, after, a, b in zip(foot, foot[1:], flat, flat[1:], strict=False)
+            if a and b
+        ]
+        assert len(slides) > 10
+        assert max(slides) < 0.003  # a frame, in which the body goes 33 mm and more
 
 
 @pytest.mark.parametrize("blueprint", PEOPLE[::4], ids=lambda b: b.id)
