@@ -13,7 +13,7 @@ The pipeline in order. Modules marked * are kernels; each is launched by the hos
 
     picture        from an Observation and an appearance to a picture
     samples*       the points that are shaded, and the geometry at each
-    pattern*       what a surface looks like close by
+    pattern*       what a surface looks like close by: detail*, grounds*, walls*, panes*, prints*
     skylight       the clear sky by the sun's altitude, on the host
     atmosphere     weather and sun as numbers of light, on the host
     colours        a look as every surface's colours, and the sRGB table, on the host
