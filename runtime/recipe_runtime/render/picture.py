@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraResponse
 
-from recipe_runtime.render import camera, film, glow, nearby, rain, reflection, shade
+from recipe_runtime.render import camera, film, glow, nearby, rain, reflection, shade, shadow
 from recipe_runtime.render.atmosphere import Light, drift, light_of
 from recipe_runtime.render.blur import Moment
 from recipe_runtime.render.colours import looks_of
@@ -106,8 +106,8 @@ class Painter:
         with self._timings("shade"):
             looks = self._looks_of(appearance)
             told = [record(v, self._device) for v in (points.data, looks, light.air, lamps, bodies)]
-            lists, clouds = tuple(found), (float(light.air.drift[0]), float(light.air.drift[1]))
-            out, gleam, steady, before = self._begun(points, appearance.digest, told[3], lists, clouds)
+            lists = tuple(found)
+            out, gleam, steady, before = self._begun(points, appearance.digest, light, beams, told[3], lists)
             inputs = [*told[:3], beams, *told[3:], *lists, record(before, self._device), out, gleam, steady]
             launch(shade.shade, points.count, inputs, self._device)
         return out if light.air.wet <= 0.0 else self._reflect(obs, points, told[0], told[2], gleam, out)
@@ -126,23 +126,26 @@ class Painter:
         return shown
 
     def _begun(
-        self, points: Points, name: str, lamps: Any, lists: tuple[Any, ...], clouds: tuple[float, float]
+        self, points: Points, name: str, light: Light, beams: Any, lamps: Any, lists: tuple[Any, ...]
     ) -> tuple[Any, ...]:
         """Where the light of all samples goes; as far as it is that of an earlier frame, it is there already."""
         before, base = shade.Before(), points.base
+        clouds = float(light.air.drift[0]), float(light.air.drift[1])
         held: Shaded | None = base.lights.get(name) if base else None
         if held is not None and base is not None:
             tiles = lists[0].shape[0]
             before.tiles = self._empty(tiles, wp.int32)
             before.sky, before.known = int(held.clouds == clouds), base.count
             launch(nearby.compare, tiles, [lamps, *held.lists, *lists, before.tiles], self._device)
-            light = held.light
+            needed = 1 + 2 * int(light.air.night > 0.0) + 4 * int(light.air.glow > 0.0)
+            launch(shadow.calm, tiles, [*base.boxes, beams, needed, before.tiles], self._device)
+            found = held.light
         else:
             room = base.columns.room if base else points.count
-            light = self._empty(room, wp.vec3f), self._empty(room, wp.vec2f), self._empty(room, wp.uint8)
+            found = self._empty(room, wp.vec3f), self._empty(room, wp.vec2f), self._empty(room, wp.uint8)
         if base is not None and (held is not None or len(base.lights) < _LIGHTS_KEPT_BY_POSE):
-            base.lights[name] = Shaded(light, lists, clouds)
-        return *light, before
+            base.lights[name] = Shaded(found, lists, clouds)
+        return *found, before
 
     def _depth(self, obs: Observation) -> Any:
         """The observation's depth, on the device and row by row."""

@@ -47,6 +47,7 @@ class Base:
     starts: Any
     columns: _Columns
     count: int  # samples of what stands still
+    boxes: tuple[Any, Any]  # vec3f by tile, the low and the high corners of the world's boxes about them
     tenant: Points | None = None
     touched: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))  # the tenant's tiles
     lights: dict[str, Any] = field(default_factory=dict)  # the picture's, by appearance
@@ -121,7 +122,15 @@ class Surveyor:
         self._survey(obs, columns, 0, count)
         still.known = 1
         fine, groups, starts = (wp.clone(a) for a in (still.fine, still.groups, still.starts))
-        return Base(still, fine, groups, starts, columns, count)
+        return Base(still, fine, groups, starts, columns, count, self._boxes(obs, still.starts, columns, count))
+
+    def _boxes(self, obs: Observation, starts: Any, columns: _Columns, count: int) -> tuple[Any, Any]:
+        """The world's boxes about the samples of every tile."""
+        corners = all_tiles(obs.camera)
+        lows, highs = (wp.empty(len(corners), dtype=wp.vec3f, device=self._device) for _ in range(2))
+        inputs = [self._tiles(corners), lens_of(obs.camera, 1), starts, count]
+        launch(samples.enclose, len(corners), [*inputs, columns.surfaces, columns.positions, lows, highs], self._device)
+        return lows, highs
 
     def _upon(self, base: Base, obs: Observation, antialias: bool) -> Points:
         """A frame's samples: those of the base, and its own where something moving is seen."""

@@ -320,3 +320,36 @@ def survey(
     normals[i] = detail.normal
     details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.height)
     codes[i] = detail.code
+
+
+@wp.kernel
+def enclose(
+    corners: wp.array[wp.int32],
+    lens: Lens,
+    starts: wp.array[wp.int32],
+    count: wp.int32,
+    surfaces: wp.array[wp.int32],
+    positions: wp.array[wp.vec3f],
+    lows: wp.array[wp.vec3f],
+    highs: wp.array[wp.vec3f],
+):
+    """The world's box about the samples of a tile, which lie one after the other; the sky's are left out."""
+    tile = wp.tid()
+    x, y = pixel_at(corners, tile * TILE * TILE)
+    begin = starts[y * lens.width + x]
+    end = count
+    if tile + 1 < lows.shape[0]:
+        x, y = pixel_at(corners, (tile + 1) * TILE * TILE)
+        end = starts[y * lens.width + x]
+    low = wp.vec3f(1.0e9, 1.0e9, 1.0e9)
+    high = wp.vec3f(-1.0e9, -1.0e9, -1.0e9)
+    for i in range(begin, end):
+        if surfaces[i] >= 0:
+            p = positions[i]
+            low = wp.vec3f(wp.min(low[0], p[0]), wp.min(low[1], p[1]), wp.min(low[2], p[2]))
+            high = wp.vec3f(wp.max(high[0], p[0]), wp.max(high[1], p[1]), wp.max(high[2], p[2]))
+    if high[0] < low[0]:
+        low = wp.vec3f(0.0, 0.0, 0.0)
+        high = low
+    lows[tile] = low
+    highs[tile] = high

@@ -19,6 +19,8 @@ from recipe_runtime.render.vectors import direction, inner, mix, times
 
 wp.set_module_options(OPTIONS)
 
+STEADY = wp.constant(wp.uint8(1))  # nothing that moves takes the sun away from a sample
+AT_REST = wp.constant(wp.uint8(2))  # nor does anything of its own move
 CAR_PAINT = wp.constant(int(Pattern.CAR_PAINT))
 GLASS = wp.constant(int(Pattern.GLASS))
 RUBBER = wp.constant(int(Pattern.RUBBER))
@@ -416,17 +418,19 @@ def shade(
 ):
     """Linear radiance of every sample; wet ground's reflection is left to `reflect`, its share and gloss in gleam.
 
-    `steady` is 1 where nothing that moves took the sun away: `unchanged` asks for it a frame later.
+    `steady` is not 0 where nothing that moves took the sun away: `unchanged` asks for it a frame later.
     """
     i = wp.tid()
     earlier = i < before[0].known
+    tile = samples[0].tiles[i]
+    if earlier and steady[i] == AT_REST and (before[0].tiles[tile] & 8) != 0:
+        return
     p = samples[0].positions[i]
     surface = samples[0].surfaces[i]
-    tile = samples[0].tiles[i]
     if surface < 0:
         if earlier and before[0].sky != 0 and (air[0].glow <= 0.0 or (before[0].tiles[tile] & 4) != 0):
             return
-        steady[i] = wp.uint8(1)
+        steady[i] = STEADY
         gleam[i] = wp.vec2f(0.0, 0.0)
         out[i] = far_sky(air, samples[0].eye, p)
         if air[0].glow > 0.0:
@@ -443,7 +447,9 @@ def shade(
     # (A normal that turns away is bent first, below: too few to ask for.)
     if earlier and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, steady[i], tile, p, n):
         return
-    steady[i] = wp.uint8(1)
+    steady[i] = AT_REST
+    if swaying:
+        steady[i] = STEADY
     gleam[i] = wp.vec2f(0.0, 0.0)
     detail = samples[0].details[i]
     distance = wp.sqrt(inner(to_point, to_point))

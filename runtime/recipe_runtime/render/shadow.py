@@ -163,6 +163,59 @@ def holds(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f) -> bool:
 
 
 @wp.func
+def clear(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
+    """Whether map k takes no light from any point of a box; False also where it would take long to tell."""
+    size = beams[k].size
+    if size == 0:
+        return True
+    middle = (low + high) * 0.5
+    half = (high - low) * 0.5
+    lift = 2.0 * (0.6 * beams[k].texel + 0.004)
+    u = along(beams[k].u, middle)
+    v = along(beams[k].v, middle)
+    q = along(beams[k].q, middle)
+    a = beams[k].u
+    du = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + lift / beams[k].texel + 2.0
+    a = beams[k].v
+    dv = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + lift / beams[k].texel + 2.0
+    a = beams[k].q
+    dq = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + lift / beams[k].depth
+    end = wp.float32(size - 1)
+    if u + du < 0.0 or v + dv < 0.0 or u - du > end or v - dv > end:
+        return True
+    if q - dq <= 0.0:
+        return False
+    side = size / TILE
+    left = int(wp.max(u - du, 0.0)) / TILE
+    right = int(wp.min(u + du, end)) / TILE
+    top = int(wp.max(v - dv, 0.0)) / TILE
+    bottom = int(wp.min(v + dv, end)) / TILE
+    if (right - left + 1) * (bottom - top + 1) > 1024:
+        return False
+    for y in range(top, bottom + 1):
+        for x in range(left, right + 1):
+            if beams[k].bounds[y * side + x][1] > 0.0:
+                return False
+    return True
+
+
+@wp.kernel
+def calm(
+    lows: wp.array[wp.vec3f],
+    highs: wp.array[wp.vec3f],
+    beams: wp.array[Sunbeam],
+    needed: wp.int32,
+    same: wp.array[wp.int32],
+):
+    """Set bit 3 of a tile that has all `needed` bits, and whose box no shadow of what moves (maps 2, 3) can reach."""
+    tile = wp.tid()
+    if (same[tile] & needed) != needed:
+        return
+    if clear(beams, 2, lows[tile], highs[tile]) and clear(beams, 3, lows[tile], highs[tile]):
+        same[tile] = same[tile] | 8
+
+
+@wp.func
 def lit(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """The share of the sun seen from a point with normal n: nine bilinear taps, so that edges are soft and still."""
     size = beams[k].size
