@@ -22,6 +22,7 @@ from recipe_runtime.render.timing import Timings
 from recipe_runtime.render.view import lens_of, world_from_parts, world_from_view
 
 _POSES_KEPT = 4  # 90 MB each at 800 x 600
+_SAMPLES_KEPT = 16_000_000  # of all of them, but for the last: a supersampled picture has many
 _LEAST_ROOM = 1 << 16  # samples
 
 
@@ -97,9 +98,12 @@ class Surveyor:
         if known and base is None:
             base = self._still(obs, antialias, _LEAST_ROOM)
         self._bases[name] = base
-        if len(self._bases) > _POSES_KEPT:
+        while len(self._bases) > _POSES_KEPT or (len(self._bases) > 1 and self._kept() > _SAMPLES_KEPT):
             self._bases.popitem(last=False)
         return base
+
+    def _kept(self) -> int:
+        return sum(base.columns.room for base in self._bases.values() if base is not None)
 
     def _fresh(self, obs: Observation, antialias: bool) -> Points:
         fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2) if antialias else obs.keys
