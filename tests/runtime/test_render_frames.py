@@ -68,6 +68,15 @@ def test_one_frames_weathers_share_what_is_remembered() -> None:
     assert shots == {n: picture(Renderer(street()), 3, n) for n in WEATHERS}
 
 
+def test_an_older_frame_may_be_shaded_after_a_newer_one() -> None:
+    """They share what stands still, and its arrays serve one of them at a time."""
+    renderer, weather = Renderer(street()), WEATHERS["rainy"]
+    seen = {frame: renderer.observe(CAMERA, EYE, parts_at(frame)) for frame in (0, 1, 9, 30)}
+    for frame in (9, 30, 1, 30, 0, 9):
+        shot = renderer.shade(seen[frame], weather, "street", frame, frame / 30).tobytes()
+        assert shot == picture(Renderer(street()), frame)
+
+
 def test_labels_are_the_same_whatever_the_weather() -> None:
     renderer = Renderer(street())
     seen = renderer.observe(CAMERA, EYE, parts_at())

@@ -9,6 +9,7 @@ import pytest
 from recipe_compiler.plan import CameraPlan, Pose
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.render import Renderer
+from recipe_runtime.render.device import wp
 from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render_scene import CAMERA, EYE, ball, box, ground, parts_at, street
@@ -146,3 +147,21 @@ def test_a_standing_camera_sees_what_a_fresh_one_sees() -> None:
 def test_parts_are_counted() -> None:
     with pytest.raises(ValueError, match="1 transforms were given for 2 moving parts"):
         Renderer(street()).observe(CAMERA, EYE, parts_at()[:1])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_left_out_as_beyond_the_view_would_not_have_been_seen(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    random = np.random.Generator(np.random.Philox(seed))
+    x, y, yaw, pitch = random.uniform([-6, -6, -180, -60], [6, 6, 180, 60])
+    eye = from_pose(Pose(x=float(x), y=float(y), z=1.5, yaw=float(yaw), pitch=float(pitch)))
+    culling, drawing_all = Renderer(street()), Renderer(street())
+    chunks = drawing_all._geometry.chunk_count
+    monkeypatch.setattr(
+        drawing_all._observer, "_chunks", lambda *_: wp.array(np.ones(chunks, np.int32), dtype=wp.int32, device="cpu")
+    )
+    a, b = (r.observe(CAMERA, eye, parts_at(seed)) for r in (culling, drawing_all))
+    assert (a.seen.numpy() == 0).any()
+    assert a.keys.numpy().tobytes() == b.keys.numpy().tobytes()
+    assert a.objects == b.objects
