@@ -12,7 +12,7 @@ ABOVE = {
 # What the runtime may know of the compiler: values and arithmetic, never the language.
 # Only the door through which Python opens a recipe's file may compile one.
 COMPILES = "recipe_runtime/opening.py"
-SHARED = {"canonical", "errors", "exact", "files", "lockfile", "plan", "streams"}
+SHARED = {"canonical", "errors", "exact", "files", "lockfile", "optics", "plan", "streams"}
 DOORS = {
     "pybullet": {"recipe_runtime/bullet.py"},
     "warp": {"recipe_runtime/render/"},

@@ -16,7 +16,7 @@ The pipeline in order. Modules marked * are kernels; each is launched by the hos
     pattern*       what a surface looks like close by: detail*, grounds*, walls*, panes*, prints*
     skylight       the clear sky by the sun's altitude, on the host
     atmosphere     weather and sun as numbers of light, on the host
-    colours        a look as every surface's colours, and the sRGB table, on the host
+    colours        a look as every surface's colours, on the host
     sunlight       when shadow maps are made, and about what
     shadow*        what stands between a point and the sun
     lamps          which lamps burn and which bodies stand near the ground, on the host
@@ -27,6 +27,11 @@ The pipeline in order. Modules marked * are kernels; each is launched by the hos
     reflection*    what wet ground mirrors of it
     rain*          drops before the camera
     camera*        samples into pixels, exposure, tone, noise, 8 bits
+    exposure       a camera's settings as gains and tables, on the host
+    film           what of a picture takes more than that, on the host: by way of a plate of light
+    blur*          what moves while the shutter is open
+    bloom*         light that bright places shed
+    lens*          which place of the plate each pixel shows, in labels and in colour
 
 Everywhere: vectors* and noise*, arithmetic in an order that is ours; timing, seconds by stage.
 """
