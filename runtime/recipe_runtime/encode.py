@@ -46,9 +46,16 @@ def carla_depth(metres: NDArray[np.float32]) -> NDArray[np.uint8]:
 
     What is farther than 1000 m, sky included, is 1000 m.
     """
-    near = np.minimum(np.maximum(metres.astype(np.float64), 0.0), CARLA_FAR)
-    steps = np.rint(near / CARLA_FAR * _STEPS).astype("<u4")
-    return np.ascontiguousarray(steps.view(np.uint8).reshape(*metres.shape, 4)[:, :, :3])
+    steps = metres.astype(np.float64)  # one array throughout: at this size fresh memory costs as much as arithmetic
+    np.clip(steps, 0.0, CARLA_FAR, out=steps)
+    np.divide(steps, CARLA_FAR, out=steps)
+    np.multiply(steps, _STEPS, out=steps)
+    np.rint(steps, out=steps)
+    parts = steps.astype("<u4").view(np.uint8).reshape(*metres.shape, 4)
+    pixels = np.empty((*metres.shape, 3), np.uint8)
+    for channel in range(3):
+        pixels[..., channel] = parts[..., channel]
+    return pixels
 
 
 def metres_from_carla(pixels: NDArray[np.uint8]) -> NDArray[np.float64]:
