@@ -215,7 +215,7 @@ _CARS = (
     ),
     _vehicle("pickup.a", (5.25, 1.92, 1.80), wheelbase=3.22, wheel=0.385, clearance=0.25),
     _vehicle(
-        "bus.city", (8.95, 2.4, 2.95), wheelbase=4.3, wheel=0.46, clearance=0.26, tag=BUS, speed=7.0,
+        "bus.city", (8.3, 2.35, 2.95), wheelbase=3.95, wheel=0.46, clearance=0.26, tag=BUS, speed=7.0,
         paint=("#b5382f", "#2f6fa3", "#d8a531", "#e4e2da", "#3f7d55"),
     ),
     _vehicle(

@@ -28,7 +28,7 @@ class Crossroads:
     """Right of way: a junction belongs to one vehicle at a time, to whoever comes near enough first."""
 
     def __init__(self, town: TownPlan) -> None:
-        reach = 3.0  # from a junction's edge to the stop lines
+        reach = 4.5  # from a junction's edge to where one waits: behind the stop line, clear of a bus that turns in
         self._places = [(e.pose.x, e.pose.y, e.size[0] / 2 + reach) for e in town.elements if e.kind == "junction"]
         self._owners: dict[int, Driver] = {}
 

@@ -23,7 +23,7 @@ def test_the_table_has_a_row_for_each() -> None:
     assert lines[0].split() == ["blueprint", "kind", "size,", "m", "tag", "m/s", "colours"]
     assert [line.split()[0] for line in lines[1:]] == [blueprint.id for blueprint in LIBRARY]
     (bus,) = run("vehicle.bus.city").stdout.splitlines()[1:]
-    assert bus.startswith("vehicle.bus.city  bus   8.95 x 2.40 x 2.95  16 Bus  7    glass, headlight, paint")
+    assert bus.startswith("vehicle.bus.city  bus   8.30 x 2.35 x 2.95  16 Bus  7    glass, headlight, paint")
 
 
 def test_json_tells_what_a_program_needs() -> None:

@@ -210,7 +210,7 @@ def wheel_joints(shape: Mapping[str, float]) -> tuple[Joint, ...]:
 
 def axle_shift(shape: Mapping[str, float]) -> float:
     """How far the middle of the wheelbase lies before the middle of the vehicle."""
-    return {BUS: 0.2, TRUCK: 0.25, MOTORCYCLE: 0.0, BICYCLE: 0.0}.get(int(shape["body"]), 0.04)
+    return {BUS: 0.45, TRUCK: 0.25, MOTORCYCLE: 0.0, BICYCLE: 0.0}.get(int(shape["body"]), 0.04)
 
 
 def joints_of(shape: Mapping[str, float]) -> tuple[Joint, ...]:
