@@ -68,6 +68,7 @@ def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
         "doctor",
         "pack",
         "cache",
+        "blueprints",
         "schema",
     ):
         assert f"  {name} " in shown.stdout
@@ -78,7 +79,9 @@ def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
         assert f" {heavy}\n" not in imported, f"--help imports {heavy}"
 
 
-@pytest.mark.parametrize("command", ["init", "check", "plan", "shot", "build", "lock", "verify", "schema"])
+@pytest.mark.parametrize(
+    "command", ["init", "check", "plan", "shot", "build", "lock", "verify", "blueprints", "schema"]
+)
 def test_every_command_explains_itself(command: str, tmp_path: Path) -> None:
     shown = run(command, "--help", cwd=tmp_path)
     assert shown.returncode == 0
