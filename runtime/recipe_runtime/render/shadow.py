@@ -121,7 +121,7 @@ def cast(
 
 @wp.kernel
 def nearness(keys: wp.array[wp.uint64], used: wp.array[wp.int32], size: wp.int32, out: wp.array[wp.float32]):
-    """One used tile's keys as nearness in 0..1, half as large to keep; `out` comes zeroed."""
+    """One used tile's keys as nearness in 0..1, half as large to keep, and the keys cleared; `out` comes zeroed."""
     tile = wp.tid()
     if used[tile] == 0:
         return
@@ -131,6 +131,7 @@ def nearness(keys: wp.array[wp.uint64], used: wp.array[wp.int32], size: wp.int32
         for x in range(TILE):
             i = first + y * size + x
             out[i] = wp.float32(wp.float64(wp.int64(keys[i] >> wp.uint64(24))) / wp.float64(1099511627775.0))
+            keys[i] = wp.uint64(0)
 
 
 @wp.kernel

@@ -27,6 +27,7 @@ class Shadows:
 
     def __init__(self, geometry: Geometry, device: str) -> None:
         self._g, self._device = geometry, device
+        self._keys: Any = None
         self._static: list[OrderedDict[tuple[bytes, int, int], Any]] = [OrderedDict() for _ in _STATIC_MAPS]
 
     def static(self, sun: NDArray[np.float64], eye: Array) -> tuple[Any, Any]:
@@ -69,9 +70,17 @@ class Shadows:
             maps.append(self._draw(beam, vertices, world, first, self._g.chunk_count - first))
         return maps[0], maps[1]
 
+    def _cleared(self, size: int) -> Any:
+        """A map of keys, all 0, as `shadow.nearness` leaves it; that of what moves is kept from frame to frame."""
+        if size != _MOVING_SIZE:
+            return wp.zeros(size * size, dtype=wp.uint64, device=self._device)
+        if self._keys is None:
+            self._keys = wp.zeros(size * size, dtype=wp.uint64, device=self._device)
+        return self._keys
+
     def _draw(self, beam: Any, vertices: Any, world: Any, first: int, count: int) -> Any:
         g, size = self._g, beam.size
-        keys = wp.zeros(size * size, dtype=wp.uint64, device=self._device)
+        keys = self._cleared(size)
         used = wp.zeros((size // TILE) * (size // TILE), dtype=wp.int32, device=self._device)
         lens = Lens()
         lens.near, lens.far, lens.width, lens.height, lens.side = 1.0, 1.0e9, size, size, 1
