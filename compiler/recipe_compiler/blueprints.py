@@ -291,6 +291,11 @@ def names() -> list[str]:
     return [*sorted({f"{name.rsplit('.', 1)[0]}.*" for name in ids}), *ids]
 
 
+def parks(blueprint: Blueprint) -> bool:
+    """Whether such a vehicle fits into a parking bay, and can be left there."""
+    return blueprint.attributes.get("number_of_wheels") == "4" and blueprint.shape["length"] <= 5.6
+
+
 @functools.lru_cache(maxsize=256)
 def match(glob: str) -> tuple[Blueprint, ...]:
     """The blueprints whose id matches a case-sensitive glob such as `walker.pedestrian.*`, sorted by id."""

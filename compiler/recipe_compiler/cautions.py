@@ -19,13 +19,13 @@ Disc = tuple[float, float, float]  # x, y, radius
 
 def of_starts(base: Value, actors: Sequence[ActorPlan], town: Town) -> Iterator[Problem]:
     """Warnings of starts that the recipe gives: one that overlaps an earlier one, one far from the town."""
-    xs, ys, edge = town.streets.xs, town.streets.ys, town.streets.edge
+    (x0, x1), (y0, y1) = town.streets.bounds
     before: list[tuple[str, list[Disc]]] = []
     for actor in actors:
         place = base.place_of("actors", actor.name, "start")
         x, y = actor.start.x, actor.start.y
-        if max(xs[0] - x, x - xs[-1], ys[0] - y, y - ys[-1]) > edge + FAR:
-            spans = f"x {xs[0] - edge:g} to {xs[-1] + edge:g} and y {ys[0] - edge:g} to {ys[-1] + edge:g}"
+        if max(x0 - x, x - x1, y0 - y, y - y1) > FAR:
+            spans = f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g}"
             yield Problem(f"actors.{actor.name}.start: far outside the town, which spans {spans}", place)
         discs = _discs(actor)
         other = next((name for name, theirs in before if _touch(discs, theirs)), None)

@@ -231,7 +231,7 @@ def _load(variant: Variant, base: Base, changes: int) -> limits.Load:
         rig=rig,
         appearance=variant.name,
         steps=clock.frames * clock.physics // clock.fps,
-        actors=len(base.actors) + crowd,
+        actors=len(base.actors) + crowd + base.traffic.parked,
         views=views,
         town=(base.town.name, base.town.seed, json.dumps(parameters, sort_keys=True)),
         elements=towns.elements(base.town.name, parameters),

@@ -193,6 +193,7 @@ class _Cast:
         self.looks: dict[str, dict[str, str]] = {}
         self._lowering, self._variant, self._base, self._town = lowering, variant, base, town
         self._spots = placing.Spots(town.spots)
+        self._parking = placing.Parking(town.parking)
         self._numbers = lowering._instances
 
     def _stream(self, name: str, *purpose: str) -> Stream:
@@ -205,10 +206,12 @@ class _Cast:
         for name, actor in self._base.actors.items():
             if actor.start is not None:
                 self._spots.occupy(chosen[name].category, actor.start.x, actor.start.y)
+                self._parking.occupy(actor.start.x, actor.start.y)
         traffic = [
             *(self._traffic("vehicle", index) for index in range(self._base.traffic.vehicles)),
             *(self._traffic("pedestrian", index) for index in range(self._base.traffic.pedestrians)),
         ]
+        traffic += [self._parked(index) for index in range(self._base.traffic.parked)]
         named = [self._named(name, actor, chosen[name]) for name, actor in self._base.actors.items()]
         plans = [*named, *traffic]
         if len(self._lowering.problems) > before:
@@ -260,15 +263,32 @@ class _Cast:
             if not any(f"traffic.{key}" in problem.message for problem in self._lowering.problems):
                 self._lowering._report(self._variant.base, ("traffic", key), f"traffic.{key}: {self._full(category)}")
             return None
-        blueprint = self._stream(name, "blueprint").choice(blueprints.match(_TRAFFIC[category]))
+        allowed = [b for b in blueprints.match(_TRAFFIC[category]) if not b.id.startswith(self._town.barred)]
+        blueprint = self._stream(name, "blueprint").choice(allowed)
         speed = blueprint.default_speed * self._stream(name, "speed").uniform(0.85, 1.15)
+        speed *= self._town.pace if category == "vehicle" else 1.0
         self._dress(name, blueprint, {})
         block = placing.VEHICLE_NUMBERS if category == "vehicle" else placing.PEDESTRIAN_NUMBERS
         return self._plan(name, block + index, blueprint, start, self._wander(name, blueprint, start, speed), speed)
 
+    def _parked(self, index: int) -> ActorPlan | None:
+        """A car that stands in a parking place, and goes nowhere."""
+        name = f"traffic.parked.{index}"
+        place = self._parking.take(self._stream(name, "start"))
+        if place is None:
+            if not any("traffic.parked" in problem.message for problem in self._lowering.problems):
+                places = len(self._town.parking)
+                message = f"traffic.parked: no free place left to park, of the {places} that the town has; lower it"
+                self._lowering._report(self._variant.base, ("traffic", "parked"), message)
+            return None
+        fitting = [b for b in blueprints.match(_TRAFFIC["vehicle"]) if blueprints.parks(b)]
+        blueprint = self._stream(name, "blueprint").choice(fitting)
+        self._dress(name, blueprint, {})
+        return self._plan(name, placing.PARKED_NUMBERS + index, blueprint, place, (), 0.0)
+
     def _full(self, category: Category) -> str:
         places = len(self._town.spots[category])
-        remedy = "lower `traffic`, give a start, or more `blocks`"
+        remedy = "lower `traffic`, give a start, or ask for a larger town"
         return f"no free spot left for a {category}, of the {places} that the town has; {remedy}"
 
     def _wander(self, name: str, blueprint: Blueprint, start: Pose, speed: float) -> tuple[Point, ...]:

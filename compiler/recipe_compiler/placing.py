@@ -14,17 +14,20 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from recipe_compiler import exact
 from recipe_compiler.plan import Pose
 from recipe_compiler.streams import Stream
 from recipe_compiler.towns.town import Category
 
 BASE_NUMBERS = (1, 299)  # actors of the base, in file order
-DELTA_NUMBERS = (300, 499)  # actors that only deltas have, by a hash of the name
+DELTA_NUMBERS = (300, 399)  # actors that only deltas have, by a hash of the name
+PARKED_NUMBERS = 400  # traffic.parked.0 and on, 100 of them
 PEDESTRIAN_NUMBERS = 500  # traffic.pedestrian.0 and on, 250 of them
 VEHICLE_NUMBERS = 750
 _CLEARANCE: dict[Category, float] = {"pedestrian": 0.6, "vehicle": 4.0}  # metres around a body
 _CELL = 2 * max(_CLEARANCE.values())
 _TRIES = 64
+_PLACE = (5.0, 2.3)  # metres along and across a parking place within which a body is in it
 
 
 def instance_numbers(base: Sequence[str], deltas: Sequence[str]) -> dict[str, int]:
@@ -91,3 +94,34 @@ class Spots:
             return False
         self.occupy(category, pose.x, pose.y)
         return True
+
+
+@dataclass
+class Parking:
+    """A town's places for parked cars, and which are taken.
+
+    They are apart from the lanes, so that cars that stand and cars that drive never take one another's place; only
+    bodies that the recipe itself puts into a place keep it free.
+    """
+
+    places: Sequence[Pose]
+    _taken: set[int] = field(default_factory=set)
+
+    def occupy(self, x: float, y: float) -> None:
+        """Note that a body stands here."""
+        for index, place in enumerate(self.places):
+            s, c = exact.sin_cos_deg(place.yaw)
+            dx, dy = x - place.x, y - place.y
+            if abs(c * dx + s * dy) < _PLACE[0] and abs(c * dy - s * dx) < _PLACE[1]:
+                self._taken.add(index)
+
+    def take(self, stream: Stream) -> Pose | None:
+        """The first free place in the stream's order, now taken; None if none is left."""
+        for attempt in range(_TRIES + len(self.places)):
+            if not self.places:
+                break
+            first = stream.integer(0, len(self.places) - 1) if attempt < _TRIES else attempt - _TRIES
+            if first not in self._taken:
+                self._taken.add(first)
+                return self.places[first]
+        return None

@@ -45,7 +45,7 @@ def unknown_town(base: Value) -> Iterator[Problem]:
             declared[key].check(key, value.plain)
         except ValueError:
             limit = declared[key]
-            wanted = f"a list of {limit.length} whole numbers from {limit.low} to {limit.high}: {limit.description}"
+            wanted = f"{limit.wanted}: {limit.description}"
             yield Problem(f"town.{key}: must be {wanted}", base.place_of("town", key))
 
 
@@ -63,8 +63,8 @@ def unknown_carrier(base: Value) -> Iterator[Problem]:
     """A sensor mounted on an actor that the variant does not have."""
     actors, sensors = base.get("actors"), base.get("sensors")
     names = list(actors.map) if actors else []
-    for kind in ("vehicle", "pedestrian"):
-        number = base.get("traffic", f"{kind}s")
+    for kind, key in (("vehicle", "vehicles"), ("pedestrian", "pedestrians"), ("parked", "parked")):
+        number = base.get("traffic", key)
         if number is not None and isinstance(number.data, int):
             names += [f"traffic.{kind}.{index}" for index in range(min(number.data, 1000))]
     for name in sensors.map if sensors else ():

@@ -23,7 +23,7 @@ from recipe_runtime.posture import Quaternion, Vector
 GRAVITY = 9.81
 # Elements that fill a box about their base centre; a billboard's picture hangs above everyone's head.
 _SOLID = {"bench", "bin", "bollard", "bus_stop", "bush", "fence", "fountain"}
-_SOLID |= {"hedge", "hydrant", "kiosk", "lamp", "planter", "statue", "tower"}
+_SOLID |= {"guardrail", "hedge", "hydrant", "kiosk", "lamp", "planter", "statue", "tower", "traffic_light"}
 _GROUND, _OBSTACLE, _ACTOR, _WHEEL = 1, 2, 4, 8  # collision groups
 
 
@@ -120,8 +120,8 @@ class World:
         pybullet.changeDynamics(body, -1, localInertiaDiagonal=(60.0, 60.0, 20.0), physicsClientId=self._client)
         return body
 
-    def add_vehicle(self, actor: ActorPlan) -> int:
-        """A vehicle: a box on four balls, which only the ground meets. Returns the body."""
+    def add_vehicle(self, actor: ActorPlan, *, fixed: bool = False) -> int:
+        """A vehicle: a box on four balls, which only the ground meets, or `fixed` for good. Returns the body."""
         shape = actor.shape
         low, high = shape["clearance"] + 0.1, min(shape["height"], 3.2)
         box = pybullet.createCollisionShape(
@@ -132,6 +132,10 @@ class World:
         )
         ball = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=shape["wheel"], physicsClientId=self._client)
         places = [joint.offset for joint in wheel_joints(shape)]
+        if fixed:
+            body = self._multibody(actor.start, 0.0, box, (), -1)
+            self._filter(body, -1, _ACTOR, _ACTOR)
+            return body
         body = self._multibody(actor.start, 1500.0, box, places, ball)
         self._filter(body, -1, _ACTOR, _OBSTACLE | _ACTOR)
         for link in range(len(places)):

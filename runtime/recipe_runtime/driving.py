@@ -24,27 +24,37 @@ _BEHIND, _PREPARE = 1.5, 6.0  # metres from the rear axle back, from the front a
 _TIP = 50.0  # degrees a second that a two-wheeler leans over
 
 
+def is_parked(actor: ActorPlan) -> bool:
+    """Whether a vehicle has no way to go and no speed to go it with, and can stand without a rider's feet."""
+    return not actor.route and actor.speed == 0.0 and not has_rider(actor.shape)
+
+
 class Crossroads:
     """Right of way: a junction belongs to one vehicle at a time, to whoever comes near enough first."""
 
     def __init__(self, town: TownPlan) -> None:
         reach = 4.5  # from a junction's edge to where one waits: behind the stop line, clear of a bus that turns in
-        self._places = [(e.pose.x, e.pose.y, e.size[0] / 2 + reach) for e in town.elements if e.kind == "junction"]
+        self._places = [
+            (e.pose.x, e.pose.y, e.size[0] / 2 + reach, e.size[1] / 2 + reach)
+            for e in town.elements
+            if e.kind == "junction"
+        ]
         self._owners: dict[int, Driver] = {}
 
     def free_way(self, driver: Driver) -> float:
         """Metres that a vehicle may go before it must wait; it takes what it is near enough to take."""
         way = math.inf
-        for n, (x, y, half) in enumerate(self._places):
+        for n, (x, y, half_x, half_y) in enumerate(self._places):
             dx, dy = x - driver.x, y - driver.y
             mine = self._owners.get(n) is driver
-            if abs(dx) > half + 60.0 or abs(dy) > half + 60.0:
+            if abs(dx) > half_x + 60.0 or abs(dy) > half_y + 60.0:
                 continue
             ahead = dx * driver.heading[0] + dy * driver.heading[1]
             aside = abs(dx * driver.heading[1] - dy * driver.heading[0])
+            half = half_x if abs(driver.heading[0]) > abs(driver.heading[1]) else half_y
             line = ahead - half - driver.reach
-            inside = abs(dx) < half and abs(dy) < half
-            leaving = max(abs(dx), abs(dy)) > half + driver.reach - 1.0 and ahead < 0.0
+            inside = abs(dx) < half_x and abs(dy) < half_y
+            leaving = max(abs(dx) - half_x, abs(dy) - half_y) > driver.reach - 1.0 and ahead < 0.0
             if mine and (leaving or driver.arrived):
                 del self._owners[n]
             elif inside and not driver.arrived:
@@ -59,7 +69,7 @@ class Driver(Mover):
     """A vehicle, steered as a bicycle towards a point of its route ahead."""
 
     def __init__(self, world: World, actor: ActorPlan, dt: float, crossroads: Crossroads) -> None:
-        super().__init__(world, actor, world.add_vehicle(actor), dt)
+        super().__init__(world, actor, world.add_vehicle(actor, fixed=is_parked(actor)), dt)
         self._crossroads = crossroads
         shape = actor.shape
         self._base = shape["wheelbase"]
@@ -211,6 +221,16 @@ class Driver(Mover):
         return [then(steered[0], spin), then(steered[1], spin), spin, spin]
 
 
+class Parked(Driver):
+    """A vehicle that nobody drives: it stands where it was put, whatever touches it."""
+
+    def decide(self, others: Sequence[Mover]) -> None:
+        """Nobody decides."""
+
+    def act(self) -> None:
+        """Nothing moves it."""
+
+
 class Rider(Driver):
     """A two-wheeler and who rides it: steered like a car, and leaning into its curves."""
 
@@ -240,7 +260,7 @@ class Rider(Driver):
 
 def driver(world: World, actor: ActorPlan, dt: float, crossroads: Crossroads) -> Driver:
     """Who drives a vehicle."""
-    kind = Rider if has_rider(actor.shape) else Driver
+    kind = Rider if has_rider(actor.shape) else Parked if is_parked(actor) else Driver
     return kind(world, actor, dt, crossroads)
 
 

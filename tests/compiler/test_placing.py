@@ -46,13 +46,13 @@ def test_an_actor_has_the_same_number_in_every_variant() -> None:
             numbers.setdefault(actor.name, set()).add(actor.instance)
     assert all(len(seen) == 1 for seen in numbers.values())
     assert (numbers["hero1"], numbers["hero2"]) == ({1}, {2})
-    assert 300 <= min(numbers["guest"]) <= 499
+    assert 300 <= min(numbers["guest"]) <= 399
     assert (numbers["traffic.pedestrian.1"], numbers["traffic.vehicle.1"]) == ({501}, {751})
 
 
 def test_numbers_are_unique_up_to_the_last() -> None:
-    numbers = instance_numbers([f"a{n}" for n in range(299)], [f"d{n}" for n in range(200)])
-    assert sorted(numbers.values()) == list(range(1, 500))
+    numbers = instance_numbers([f"a{n}" for n in range(299)], [f"d{n}" for n in range(100)])
+    assert sorted(numbers.values()) == list(range(1, 400))
     with pytest.raises(ValueError, match="300 actors are more than the most allowed, 299"):
         instance_numbers([f"a{n}" for n in range(300)], [])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import cast
 
 import pytest
 from recipe_compiler import towns
@@ -11,8 +12,10 @@ from recipe_compiler.canonical import digest
 from recipe_compiler.plan import Point, Pose
 from recipe_compiler.streams import Stream
 from recipe_compiler.towns import Town
+from recipe_compiler.towns.streets import StreetGrid
 
 TOWN = towns.build("downtown", 7, {})
+GRID = cast(StreetGrid, TOWN.streets)
 
 
 def rows(town: Town) -> dict[str, object]:
@@ -59,7 +62,7 @@ def test_wall_0_closes_the_gap_opposite_the_street_camera() -> None:
 
 def test_nothing_stands_where_people_walk_mid_block() -> None:
     for e in TOWN.plan.elements:
-        if e.kind in ("tree", "lamp", "bench", "bin") and abs(e.pose.y) < 11:
+        if e.kind in ("tree", "lamp", "bench", "bin", "bus_stop", "planter", "hydrant", "sign") and abs(e.pose.y) < 11:
             assert not 3.7 < abs(e.pose.x) < 9
 
 
@@ -104,8 +107,8 @@ def test_routes_keep_to_roads_and_sidewalks() -> None:
         else:
             assert sum(h > 0 for h in heights) > 0.6 * len(heights)
             on_road = [(x, y) for (x, y), h in zip(track, heights, strict=True) if h == 0.0]
-            assert all(min(abs(x - s) for s in TOWN.streets.xs) < 8.5 for x, _ in on_road)
-            assert all(min(abs(y - s) for s in TOWN.streets.ys) < 8.5 for _, y in on_road)
+            assert all(min(abs(x - s) for s in GRID.xs) < 11 for x, _ in on_road)
+            assert all(min(abs(y - s) for s in GRID.ys) < 11 for _, y in on_road)
 
 
 def test_vehicles_keep_right() -> None:
@@ -123,11 +126,11 @@ def test_a_route_depends_on_its_stream_alone() -> None:
 @pytest.mark.parametrize(
     ("params", "message"),
     [
-        ({"blocks": [0, 3]}, r"blocks is \[0, 3\]; it must be 2 whole numbers from 1 to 9"),
+        ({"blocks": [0, 3]}, r"blocks is \[0, 3\]; it must be a list of 2 whole numbers from 1 to 9"),
         ({"blocks": [1.5, 3]}, "2 whole numbers"),
         ({"blocks": [True, 3]}, "2 whole numbers"),
         ({"blocks": 3}, "2 whole numbers"),
-        ({"block": [1, 1]}, "no parameter 'block'; it has: blocks"),
+        ({"block": [1, 1]}, "no parameter 'block'; it has: blocks, storeys"),
     ],
 )
 def test_wrong_parameters_are_refused(params: dict[str, object], message: str) -> None:
@@ -136,5 +139,5 @@ def test_wrong_parameters_are_refused(params: dict[str, object], message: str) -
 
 
 def test_an_unknown_town_is_refused() -> None:
-    with pytest.raises(ValueError, match="no town 'uptown'; there are: downtown"):
+    with pytest.raises(ValueError, match="no town 'uptown'; there are: downtown, highway, plaza, suburb"):
         towns.build("uptown", 0, {})

@@ -15,6 +15,7 @@ from recipe_runtime.meshes.mesh import Mesh, Pattern
 
 _BUILDING = {"floors": 4, "storey": 3.0, "ground": 4.0, "bays": 4, "shop": 1, "awning": 1, "left": 1, "right": 0}
 _HOUSE = {"floors": 2, "storey": 2.7, "pitch": 0.7, "garage": 1, "porch": 1}
+_GANTRY = {"lanes": 3, "lane": 3.6, "first": -4.0, "key": 5}
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,18 @@ KINDS = [
     Kind("kiosk", (2.5, 3, 2.8), frozenset({20}), 150, {"key": 4}, (0.0, 0.02, 0.0)),
     kind("bus_stop", (1.6, 4, 2.6), {20}, 250),
     kind("billboard", (0.5, 6, 6), {6, 20}, 100, key=4),
+    *(
+        Kind("sign", (0.1, 0.6, 2.6), frozenset({6, 8}), 260, {"face": f, "value": 80}, (0.02, 0, 0)) for f in range(7)
+    ),
+    *(
+        Kind("traffic_light", (0.26, 0.26, 5.6), frozenset({6, 7}), 280, {"arm": a, "go": g}, (0.35, a + 0.3, 0.4))
+        for a, g in ((0.0, 1), (2.0, 0))
+    ),
+    *(
+        Kind("gantry", (0.9, 14.0, 7.4), frozenset({6, 8}), 900, {**_GANTRY, "exit": x}, (0.3, 0.3, 0.5))
+        for x in (0, 1)
+    ),
+    kind("guardrail", (0.4, 48.0, 0.8), {28}, 500, double=1),
     *(kind("tower", (20, 30, 45), {3}, 100, key=k) for k in (4, 5, 6, 7)),
 ]  # fmt: skip
 

@@ -133,7 +133,7 @@ def test_streets_look_up_and_lamps_shine_down() -> None:
 def test_windows_have_names() -> None:
     """Within one pane the whole part of uv is one number, and panes of a building differ."""
     for element, body in zip(TOWN.plan.elements, BODIES, strict=True):
-        if element.kind != "building":
+        if element.kind != "building" or element.shape["style"] == 4:  # glass all over
             continue
         mesh = body.mesh("static")
         panes = [n for n, s in enumerate(mesh.surfaces) if s.pattern == Pattern.WINDOW and s.slot == "window"]

@@ -239,3 +239,40 @@ def test_a_kerb_is_climbed_and_left() -> None:
 def test_what_is_no_number_is_an_error_and_no_trace(value: float) -> None:
     with pytest.raises(RunError, match="a body left the world"):
         _snap(np.array([0.0, value]), METRE)
+
+
+def test_a_parked_car_never_moves_and_traffic_passes_it() -> None:
+    """Two cars stand in the bays on either side of a lane; a third drives by between them and the centre line."""
+    street = next(e for e in TOWN.plan.elements if e.kind == "road" and e.shape["bays"] > 0 and e.pose.yaw == 0)
+    bays = sorted((p for p in TOWN.parking if abs(p.y - street.pose.y) < 6), key=lambda p: (p.y, p.x))
+    van = blueprints.match("vehicle.van.cargo")[0]
+    parked = [
+        CAR.model_copy(
+            update={
+                "name": f"parked{n}",
+                "blueprint": van.id,
+                "shape": van.shape,
+                "start": pose,
+                "route": (),
+                "speed": 0.0,
+            }
+        )
+        for n, pose in enumerate((bays[0], bays[1], bays[-1]))
+    ]
+    y, x = street.pose.y - 1.5, street.pose.x
+    bus = blueprints.match("vehicle.bus.city")[0]
+    driver = CAR.model_copy(
+        update={
+            "blueprint": bus.id,
+            "shape": bus.shape,
+            "start": Pose(x=x - 20, y=y, yaw=0),
+            "route": (Point(x=x + 20, y=y),),
+        }
+    )
+    trace = simulate(scene(driver, *parked, frames=280))
+    for n, car in enumerate(parked):
+        track = base(trace, f"parked{n}")
+        assert (track == track[0]).all()
+        assert track[0].tolist() == pytest.approx([car.start.x, car.start.y, 0.0], abs=1e-5)
+    assert base(trace, "car")[-1, 0] == pytest.approx(x + 20, abs=0.5)
+    assert np.abs(base(trace, "car")[:, 1] - y).max() < 0.1

@@ -21,7 +21,7 @@ MAX_DRAWN = 1e15  # bounds of a draw: far beyond any number of the language, and
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # names become folders; a dot in one would break consumers of file stems
 BLUEPRINT = r"^[A-Za-z0-9_.?*-]+$"
 NAME_LENGTH = 64
-TRAFFIC_LIMIT = 250  # instance numbers are three digits, shared out in lower.py
+TRAFFIC_LIMIT, PARKED_LIMIT = 250, 100  # instance numbers are three digits, shared out in placing.py
 
 Name = Annotated[str, StringConstraints(pattern=NAME, max_length=NAME_LENGTH)]
 ActorName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=NAME_LENGTH)]
@@ -191,10 +191,11 @@ class Actor(Model):
 
 
 class Traffic(Model):
-    """Seeded others, named traffic.vehicle.0 and so on."""
+    """Seeded others, named traffic.vehicle.0, traffic.parked.0 and so on."""
 
     vehicles: Annotated[int, Field(ge=0, le=TRAFFIC_LIMIT, description="How many vehicles drive about.")] = 0
     pedestrians: Annotated[int, Field(ge=0, le=TRAFFIC_LIMIT, description="How many pedestrians walk about.")] = 0
+    parked: Annotated[int, Field(ge=0, le=PARKED_LIMIT, description="How many cars stand at the kerbs.")] = 0
 
 
 class Mount(Model):

@@ -7,18 +7,19 @@ collision shapes from, the colours of everything in it, where actors may appear,
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from recipe_compiler.towns import downtown
+from recipe_compiler.towns import downtown, highway, plaza, suburb
 from recipe_compiler.towns.town import Parameter, SpawnPoint, Town
 
 __all__ = ["NAMES", "PARAMETERS", "Parameter", "SpawnPoint", "Town", "build", "elements"]
 
-_BUILDERS: dict[str, Callable[..., Town]] = {"downtown": downtown.build}
-_SIZES: dict[str, Callable[..., int]] = {"downtown": downtown.elements}
+_MODULES = {"downtown": downtown, "highway": highway, "plaza": plaza, "suburb": suburb}
+_BUILDERS: dict[str, Callable[..., Town]] = {name: module.build for name, module in _MODULES.items()}
+_SIZES: dict[str, Callable[..., int]] = {name: module.elements for name, module in _MODULES.items()}
 
-NAMES: tuple[str, ...] = tuple(sorted(_BUILDERS))
+NAMES: tuple[str, ...] = tuple(sorted(_MODULES))
 """The towns that there are."""
 
-PARAMETERS: dict[str, dict[str, Parameter]] = {"downtown": downtown.PARAMETERS}
+PARAMETERS: dict[str, dict[str, Parameter]] = {name: module.PARAMETERS for name, module in _MODULES.items()}
 """Town name -> parameter name -> what it may be."""
 
 

@@ -8,12 +8,43 @@ _BRICK_TO_PLASTER = (
     "#b8a892", "#918a82", "#c8bca8", "#8f9396", "#b3a6a4", "#a39e8c", "#8a6f62", "#d8d4cb",
 )  # fmt: skip
 _LEAVES = ("#51603a", "#586840", "#4b5a38", "#616b44", "#686c48")
+_ASPHALTS = ("#626366", "#5d5e61", "#686867")
+_PATCHES = ("#55565a", "#6f6f6e", "#505154")
+_TAR, _IRON, _PAINT = ("#3a3b3d",), ("#5a5552",), ("#dcdcd6",)
+_SIGN = {"red": ("#b3201f",), "white": ("#e6e6e2",), "blue": ("#1f4f93",), "black": ("#161616",)}
 
 PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
     "ground": {"ground": ("#6f7466",)},
-    "road": {"asphalt": ("#626366",), "paint": ("#dcdcd6",), "centre": ("#d9b94a",)},
-    "junction": {"asphalt": ("#626366",), "paint": ("#dcdcd6",)},
-    "sidewalk": {"kerb": ("#a6a39c",), "slabs": ("#98948c", "#9d978d", "#938f89"), "yard": ("#6a7359", "#8a877f")},
+    "road": {
+        "asphalt": _ASPHALTS,
+        "patch": _PATCHES,
+        "tar": _TAR,
+        "iron": _IRON,
+        "paint": _PAINT,
+        "centre": ("#d9b94a",),
+    },
+    "junction": {"asphalt": _ASPHALTS, "patch": _PATCHES, "tar": _TAR, "iron": _IRON, "paint": _PAINT},
+    "carriageway": {"asphalt": ("#6a6b6d",), "patch": ("#626365", "#5e5f62"), "tar": ("#46474a",), "paint": _PAINT},
+    "path": {"path": ("#8d8780", "#938d84", "#86827c")},
+    "traffic_light": {
+        "metal": ("#4a4e50",),
+        "housing": ("#1d1f20",),
+        "red": ("#3a1512",),
+        "amber": ("#3b2a10",),
+        "green": ("#10301f",),
+        "red_lit": ("#ff2a1a",),
+        "green_lit": ("#1fe08a",),
+    },
+    "sign": {"metal": ("#8d9194",), **_SIGN},
+    "gantry": {"metal": ("#8b9093",), "blue": _SIGN["blue"], "white": _SIGN["white"], "green": ("#1f6b43",)},
+    "guardrail": {"rail": ("#9a9ea0", "#8f9395")},
+    "sidewalk": {
+        "kerb": ("#a6a39c",),
+        "slabs": ("#98948c", "#9d978d", "#938f89"),
+        "yard": ("#6a7359", "#717a5d"),
+        "verge": ("#6a7359",),
+        "paving": ("#a79f92", "#a3a09a", "#b0a593"),
+    },
     "building": {
         "wall": _BRICK_TO_PLASTER,
         "trim": ("#d9d4c8", "#c8c2b4", "#b4aea2", "#e2ded4"),

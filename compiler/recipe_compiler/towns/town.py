@@ -4,31 +4,42 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from recipe_compiler.plan import Point, Pose, TownPlan
 from recipe_compiler.streams import Stream
-from recipe_compiler.towns.streets import StreetGrid
 
 Category = Literal["vehicle", "pedestrian"]
+Span = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A list of `length` whole numbers, each between `low` and `high`."""
+    """A whole number between `low` and `high`, or, where `length` is given, a list of so many."""
 
     low: int
     high: int
-    length: int
-    default: tuple[int, ...]
+    default: int | tuple[int, ...]
     description: str
+    length: int | None = None
+    rising: bool = False  # none is below the one before it
+
+    @property
+    def wanted(self) -> str:
+        """What a value must be, in words."""
+        if self.length is None:
+            return f"a whole number from {self.low} to {self.high}"
+        order = ", none below the one before it" if self.rising else ""
+        return f"a list of {self.length} whole numbers from {self.low} to {self.high}{order}"
 
     def check(self, name: str, value: Any) -> None:
         """ValueError unless `value` is allowed."""
-        whole = isinstance(value, list | tuple) and all(type(v) is int for v in value)
-        if not whole or len(value) != self.length or not all(self.low <= v <= self.high for v in value):
-            limits = f"{self.length} whole numbers from {self.low} to {self.high}"
-            raise ValueError(f"{name} is {value!r}; it must be {limits}")
+        values = [value] if self.length is None else value
+        whole = isinstance(values, list | tuple) and all(type(v) is int for v in values)
+        if whole and self.rising and list(values) != sorted(values):
+            whole = False
+        if not whole or len(values) != (self.length or 1) or not all(self.low <= v <= self.high for v in values):
+            raise ValueError(f"{name} is {value!r}; it must be {self.wanted}")
 
 
 @dataclass(frozen=True)
@@ -39,14 +50,38 @@ class SpawnPoint:
     pose: Pose
 
 
+class Ways(Protocol):
+    """A town's ground, and the ways over it."""
+
+    @property
+    def bounds(self) -> tuple[Span, Span]:
+        """What the town spans along x and along y."""
+
+    def ground(self, x: float, y: float) -> float:
+        """Height of the ground in metres."""
+
+    def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
+        """A way along the lanes."""
+
+    def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
+        """A way for somebody on foot."""
+
+
 @dataclass(frozen=True)
 class Town:
-    """A town as numbers, and the questions that placing actors asks of it."""
+    """A town as numbers, and the questions that placing actors asks of it.
+
+    Its traffic drives `pace` times as fast as its vehicles do of their own accord; bicycles are `barred` from a
+    motorway. `parking` holds the places where cars stand, each with the yaw of a car in it.
+    """
 
     plan: TownPlan
     looks: dict[str, dict[str, str]]  # element -> slot -> "#rrggbb"
     spawn_points: tuple[SpawnPoint, ...]
-    streets: StreetGrid
+    streets: Ways
+    parking: tuple[Pose, ...] = ()
+    pace: float = 1.0
+    barred: tuple[str, ...] = ()  # blueprints whose ids begin so
 
     @cached_property
     def spots(self) -> dict[Category, tuple[Pose, ...]]:

@@ -43,6 +43,7 @@ class Pattern(IntEnum):
     SHOP_WINDOW = 36  # named like WINDOW; a display behind one large pane
     LETTER = 38  # a letter of 4 x 6 dots, see `lettering`; the second colour writes
     FACADE = 39  # named like WINDOW; a window in its piece of wall, for buildings seen from afar
+    SIGNAL = 40  # a lit lens: it glows by day and by night
     POSTER = 37  # floor(u) names the picture, fract(uv) is the place in it
 
 

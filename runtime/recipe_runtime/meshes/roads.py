@@ -1,23 +1,33 @@
-"""What one walks and drives on: asphalt with its marks, sidewalks with kerbs, and the ground beyond."""
+"""What one walks and drives on: asphalt with its marks and mends, sidewalks with kerbs, and the ground beyond."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 from recipe_compiler import exact
 from recipe_compiler.plan import Element
 
-from recipe_runtime.meshes.builder import Builder, Vec
+from recipe_runtime.meshes.builder import Builder, Vec, circle, noise
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.tags import Tag
 
 _ASPHALT = Surface("asphalt", Pattern.ASPHALT, Tag.ROADS)
+_PATCH = Surface("patch", Pattern.ASPHALT, Tag.ROADS)
+_TAR = Surface("tar", Pattern.PLAIN, Tag.ROADS)
+_IRON = Surface("iron", Pattern.METAL, Tag.ROADS)
 _PAINT = Surface("paint", Pattern.ROAD_PAINT, Tag.ROAD_LINES)
 _CENTRE = Surface("centre", Pattern.ROAD_PAINT, Tag.ROAD_LINES)
 _SLABS = Surface("slabs", Pattern.SLABS, Tag.SIDEWALKS)
 _KERB = Surface("kerb", Pattern.CONCRETE, Tag.SIDEWALKS)
 _YARD = Surface("yard", Pattern.GRASS, Tag.TERRAIN)
+_PAVING = Surface("paving", Pattern.STONE, Tag.SIDEWALKS)
+_BAND = Surface("slabs", Pattern.STONE, Tag.SIDEWALKS)
+_VERGE = Surface("verge", Pattern.GRASS, Tag.TERRAIN)
+_PATH = Surface("path", Pattern.ASPHALT, Tag.SIDEWALKS)
+_DRIVE = Surface("path", Pattern.CONCRETE, Tag.SIDEWALKS)
 _GROUND = Surface("ground", Pattern.GRASS, Tag.GROUND)
 
-_MARK = 0.006  # height of paint over the asphalt
+_MEND, _MARK = 0.003, 0.007  # heights over the asphalt of what it is mended with, and of paint
 
 
 def _sheet(x0: float, x1: float, y0: float, y1: float, z: float) -> tuple[Vec, ...]:
@@ -35,42 +45,179 @@ def ground(b: Builder, e: Element) -> None:
 
 
 def road(b: Builder, e: Element) -> None:
-    """A stretch of street along x between two junctions: asphalt, centre and edge lines, stop lines."""
+    """A stretch of street along x between two junctions: two lanes, with its marks and mends.
+
+    `shape`: `stop_a` and `stop_b`, metres from the ends at -x and +x to their stop lines, 0 where there is none;
+    `bay`, width of the parking along each kerb, 0 for none; `bays` on either side, the first from x = `bay_from`, each
+    `bay_length` long; `key`, which chooses the mends.
+    """
     length, width, _ = e.size
-    half, side, stop = length / 2, width / 2, e.shape["stop"]
-    b.quads(_ASPHALT, [_sheet(x, x + length / 6, -side, side, 0.0) for x in (half * (k / 3 - 1) for k in range(6))])
-    dashes = int((length - 2 * stop - 2.0) / 4.5)
-    first = -(dashes * 4.5 - 2.5) / 2
-    b.quads(_CENTRE, [_sheet(x, x + 2.0, -0.06, 0.06, _MARK) for x in (first + 4.5 * k for k in range(dashes))])
-    inner = half - stop
-    edges = [_sheet(-inner, inner, y - 0.05, y + 0.05, _MARK) for y in (-side + 0.25, side - 0.25)]
-    stops = [
-        _sheet(-inner - 0.0, -inner + 0.35, 0.1, side - 0.3, _MARK),  # traffic towards -x keeps to +y
-        _sheet(inner - 0.35, inner, -side + 0.3, -0.1, _MARK),
+    s, half, side = e.shape, length / 2, width / 2
+    a, c = -half + s["stop_a"], half - s["stop_b"]
+    lane, bay = side - s["bay"], s["bay"]
+    _asphalt(b, half, side, int(s["key"]))
+    _dashes(b, a + (4.6 if s["stop_a"] else 0.8), c - (4.6 if s["stop_b"] else 0.8))
+    if not bay:
+        b.quads(_PAINT, [_sheet(a, c, y - 0.05, y + 0.05, _MARK) for y in (-side + 0.25, side - 0.25)])
+    if s["stop_a"]:  # traffic towards -x keeps to +y
+        _stop(b, a, 1.0, lane)
+    if s["stop_b"]:
+        _stop(b, c, -1.0, lane)
+    if s["bays"]:
+        _bays(b, e, lane, side)
+    _drains(b, (a, c), side)
+
+
+def _dashes(b: Builder, start: float, end: float) -> None:
+    """The line between the lanes."""
+    count = int((end - start - 1.0) / 4.5)
+    first = (start + end) / 2 - (count * 4.5 - 2.5) / 2
+    b.quads(_CENTRE, [_sheet(x, x + 2.0, -0.06, 0.06, _MARK) for x in (first + 4.5 * k for k in range(count))])
+
+
+def _stop(b: Builder, x: float, inward: float, lane: float) -> None:
+    """A stop line, the unbroken line before it, and an arrow in its lane; `inward` leads away from the junction."""
+
+    def strip(u: float, v: float, y0: float, y1: float) -> tuple[Vec, ...]:
+        p, q = sorted((x + inward * u, x + inward * v))
+        r, t = sorted((inward * y0, inward * y1))
+        return _sheet(p, q, r, t, _MARK)
+
+    b.quads(_PAINT, [strip(0.0, 0.4, 0.1, lane - 0.25)])
+    b.quads(_CENTRE, [strip(0.5, 3.7, -0.06, 0.06)])
+    mid = lane / 2
+    b.quads(_PAINT, [strip(2.4, 5.6, mid - 0.07, mid + 0.07), strip(4.1, 4.24, mid - 0.6, mid + 0.6)])
+    heads = [((1.5, mid), (2.5, mid - 0.26), (2.5, mid + 0.26))]
+    for k in (1.0, -1.0):
+        heads.append(((4.17, mid + k * 1.05), (4.17 - 0.26 * k, mid + k * 0.55), (4.17 + 0.26 * k, mid + k * 0.55)))
+    for head in heads:
+        b.fan(_PAINT, [(x + inward * u, inward * v, _MARK) for u, v in head])
+
+
+def _bays(b: Builder, e: Element, lane: float, side: float) -> None:
+    """Parking bays between lane and kerb: a line along them and one across between two."""
+    low, count, long = e.shape["bay_from"], int(e.shape["bays"]), e.shape["bay_length"]
+    high = low + count * long
+    for sign in (1, -1):
+        y0, y1 = sorted((sign * lane, sign * (side - 0.05)))
+        cross = [_sheet(x - 0.05, x + 0.05, y0, y1, _MARK) for x in (low + k * long for k in range(count + 1))]
+        edge = _sheet(low, high, sign * lane - 0.05, sign * lane + 0.05, _MARK)
+        b.quads(_PAINT, [edge, *cross])
+
+
+def _asphalt(b: Builder, half: float, side: float, key: int) -> None:
+    """The surface, and what years have done to it: patches, tarred cracks, manholes."""
+    pieces = max(1, int(half / 5))
+    step = 2 * half / pieces
+    b.quads(_ASPHALT, [_sheet(-half + k * step, -half + (k + 1) * step, -side, side, 0.0) for k in range(pieces)])
+    for k in range(int(half / 10)):
+        x, y = 0.86 * half * noise(key, 10 * k), (side - 1.1) * noise(key, 10 * k + 1)
+        long, wide = 1.6 + 1.2 * noise(key, 10 * k + 2), 0.8 + 0.4 * noise(key, 10 * k + 3)
+        b.quads(_PATCH, [_sheet(x - long, x + long, y - wide, y + wide, _MEND)])
+    if key % 3 == 0:  # a trench, long filled
+        y = (side - 1.0) * noise(key, 90)
+        b.quads(_PATCH, [_sheet(-0.7 * half, 0.8 * half, y - 0.35, y + 0.35, _MEND)])
+    for k in range(int(half / 9)):
+        _crack(b, 0.9 * half * noise(key, 200 + k), side, key + k)
+    for k in range(max(1, int(half / 14))):
+        _manhole(b, 0.8 * half * noise(key, 300 + k), 1.4 * (1 if noise(key, 320 + k) > 0 else -1))
+
+
+def _crack(b: Builder, x: float, side: float, key: int) -> None:
+    """A crack across the road, sealed with tar."""
+    steps, points = 7, []
+    low, high = (-side, 0.2) if key % 2 else (-0.1, side)
+    for k in range(steps + 1):
+        points.append((x + 0.3 * noise(key, 400 + k), low + (high - low) * k / steps))
+    w = 0.022
+    b.quads(
+        _TAR,
+        [((ax - w, ay, _MEND), (ax + w, ay, _MEND), (cx + w, cy, _MEND), (cx - w, cy, _MEND))
+         for (ax, ay), (cx, cy) in pairwise(points)],
+    )  # fmt: skip
+
+
+def _manhole(b: Builder, x: float, y: float) -> None:
+    """An iron cover in a ring of newer asphalt."""
+    b.fan(_PATCH, [(x + 0.52 * c, y + 0.52 * s, 2 * _MEND) for c, s in circle(12)])
+    b.fan(_IRON, [(x + 0.34 * c, y + 0.34 * s, 3 * _MEND) for c, s in circle(12)])
+
+
+def _drains(b: Builder, along: tuple[float, float], side: float) -> None:
+    """Gratings at the kerbs."""
+    a, c = along
+    for n in range(max(1, int((c - a) / 22))):
+        x = a + (n + 0.62) * (c - a) / max(1, int((c - a) / 22))
+        for sign in (1, -1):
+            y0, y1 = sorted((sign * (side - 0.42), sign * (side - 0.04)))
+            b.quads(_IRON, [_sheet(x - 0.3, x + 0.3, y0, y1, _MEND)])
+            bars = [_sheet(x - 0.24 + 0.12 * k, x - 0.18 + 0.12 * k, y0 + 0.06, y1 - 0.06, 2 * _MEND) for k in range(5)]
+            b.quads(_TAR, bars)
+
+
+def carriageway(b: Builder, e: Element) -> None:
+    """A stretch of a motorway's one direction, towards +x: lanes, a hard shoulder at -y, a narrow strip at +y.
+
+    `shape`: `lanes` of width `lane`; `shoulder`, the hard shoulder's width; `key`. Dashes are 6 m of every 12, so a
+    stretch is a multiple of 12 m long. Its own y = 0 is the middle of the whole asphalt.
+    """
+    length, width, _ = e.size
+    s, half, side = e.shape, length / 2, width / 2
+    lanes, lane, key = int(s["lanes"]), s["lane"], int(s["key"])
+    right = -side + s["shoulder"]
+    _asphalt_strips(b, half, side, right, lanes, lane, key)
+    solid = [_sheet(-half, half, y - 0.1, y + 0.1, _MARK) for y in (right, right + lanes * lane)]
+    dashes = [
+        _sheet(x, x + 6.0, right + n * lane - 0.075, right + n * lane + 0.075, _MARK)
+        for n in range(1, lanes)
+        for x in (-half + 3.0 + 12.0 * k for k in range(int(length / 12.0)))
     ]
-    solid = [_sheet(x, x + 3.2, -0.06, 0.06, _MARK) for x in (-inner + 0.5, inner - 3.7)]
-    b.quads(_PAINT, edges + stops)
-    b.quads(_CENTRE, solid)
+    b.quads(_PAINT, solid + dashes)
+
+
+def _asphalt_strips(b: Builder, half: float, side: float, right: float, lanes: int, lane: float, key: int) -> None:
+    """A motorway's surface: darker where tyres run and the shoulder rougher, with joints and mended lengths."""
+    pieces = max(1, int(half / 6))
+    step = 2 * half / pieces
+    b.quads(_ASPHALT, [_sheet(-half + k * step, -half + (k + 1) * step, -side, side, 0.0) for k in range(pieces)])
+    tracks = [right + (n + 0.5) * lane + w for n in range(lanes) for w in (-0.8, 0.8)]
+    b.quads(_PATCH, [_sheet(-half, half, y - 0.28, y + 0.28, _MEND) for y in tracks])
+    b.quads(_TAR, [_sheet(-half, -half + 0.05, -side, side, _MEND)])
+    for k in range(2):
+        n, x = int((0.5 + 0.5 * noise(key, k)) * lanes), 0.7 * half * noise(key, 10 + k)
+        long = min(4.0 + 3.0 * noise(key, 20 + k), half - abs(x))
+        y0 = right + n * lane + 0.12
+        b.quads(_PATCH, [_sheet(x - long, x + long, y0, y0 + lane - 0.24, 0.0045)])
+    for k in range(2):
+        _crack(b, 0.9 * half * noise(key, 30 + k), side, key + k)
 
 
 def junction(b: Builder, e: Element) -> None:
-    """Where two streets meet: asphalt under the rounded corners, and a zebra over each arm."""
-    half, lane = e.size[0] / 2, e.shape["lane"]
-    b.quads(_ASPHALT, [_sheet(-half, half, -half, half, 0.0)])
-    near, far = e.shape["zebra_from"], e.shape["zebra_to"]
-    far = min(far, half + 3.0)
-    count, stripe = 6, 0.5
-    for k in range(count):
-        u = -lane + 2 * lane * (k + 0.5) / count
-        for sign in (1, -1):
-            a, c = sorted((sign * near, sign * far))
-            b.quads(
-                _PAINT,
-                [
-                    _sheet(u - stripe / 2, u + stripe / 2, a, c, _MARK),
-                    _sheet(a, c, u - stripe / 2, u + stripe / 2, _MARK),
-                ],
-            )
+    """Where two streets meet: asphalt under the rounded corners, and a zebra over each arm.
+
+    `shape`: `over_x`, the |x| of the zebras over the street along x, and `wide_x`, half that street's width; the same
+    of y; `key`, which chooses the mends.
+    """
+    half_x, half_y, s = e.size[0] / 2, e.size[1] / 2, e.shape
+    key = int(s["key"])
+    b.quads(_ASPHALT, [_sheet(-half_x, half_x, -half_y, half_y, 0.0)])
+    x, y = 1.6 * noise(key, 1), 1.6 * noise(key, 2)
+    b.quads(_PATCH, [_sheet(x - 1.6, x + 1.4, y - 1.0, y + 1.2, _MEND)])
+    _manhole(b, -1.8 * (1 if x > 0 else -1), 1.7 * noise(key, 3))
+    _crack(b, 1.5 * noise(key, 4), half_y - 1.0, key)
+    stripes = []
+    for sign in (1, -1):
+        a, c = sorted((sign * (s["over_x"] - 1.5), sign * (s["over_x"] + 1.5)))
+        stripes += [_sheet(a, c, u - 0.25, u + 0.25, _MARK) for u in _stripes(s["wide_x"])]
+        a, c = sorted((sign * (s["over_y"] - 1.5), sign * (s["over_y"] + 1.5)))
+        stripes += [_sheet(u - 0.25, u + 0.25, a, c, _MARK) for u in _stripes(s["wide_y"])]
+    b.quads(_PAINT, stripes)
+
+
+def _stripes(half: float) -> list[float]:
+    """Middles of a zebra's stripes over a street of that half width, a metre apart."""
+    count = int(2 * half)
+    return [-half + 2 * half * (k + 0.5) / count for k in range(count)]
 
 
 def outline(x: float, y: float, radius: float, inset: float) -> list[tuple[float, float]]:
@@ -86,9 +233,13 @@ def outline(x: float, y: float, radius: float, inset: float) -> list[tuple[float
 
 
 def sidewalk(b: Builder, e: Element) -> None:
-    """A block's raised ground: a kerb stone round it, paving `walk` metres wide, and the yards inside."""
+    """A block's raised ground: a kerb stone round it, paving `walk` metres wide, and what is inside.
+
+    `shape` also: `radius` of the corners; `verge`, width of a strip of grass between kerb and paving; `paved`, 1
+    where the inside is a square of stone and not a yard of grass.
+    """
     x, y, top = e.size
-    radius, walk, kerb = e.shape["radius"], e.shape["walk"], 0.18
+    radius, walk, verge, kerb = e.shape["radius"], e.shape["walk"], e.shape["verge"], 0.18
     outer, stone = outline(x, y, radius, 0.0), outline(x, y, radius, kerb)
     rounded = 0.025
     b.grid(
@@ -101,7 +252,52 @@ def sidewalk(b: Builder, e: Element) -> None:
         ],
         crease=0.6,
     )
+    edge = stone
+    if verge:
+        edge = _drawn_in(stone, x / 2 - verge, y / 2 - verge)
+        b.grid(_VERGE, [[(px, py, top) for px, py in ring] for ring in (stone, edge)], crease=0.6)
+        _ramps(b, (x / 2, y / 2), kerb, verge, walk, top)
     ix, iy = x / 2 - walk - 0.5, y / 2 - walk - 0.5
-    inner = [(max(-ix, min(ix, px)), max(-iy, min(iy, py)), top) for px, py in stone]
-    b.grid(_SLABS, [[(px, py, top) for px, py in stone], inner], crease=0.6)
-    b.quads(_YARD, [_sheet(-ix, ix, -iy, iy, top)])
+    b.grid(_SLABS, [[(px, py, top) for px, py in ring] for ring in (edge, _drawn_in(edge, ix, iy))], crease=0.6)
+    if e.shape["paved"]:
+        _square(b, ix, iy, top)
+    else:
+        b.quads(_YARD, [_sheet(-ix, ix, -iy, iy, top)])
+
+
+def _drawn_in(ring: list[tuple[float, float]], x: float, y: float) -> list[tuple[float, float]]:
+    return [(max(-x, min(x, px)), max(-y, min(y, py))) for px, py in ring]
+
+
+def _ramps(b: Builder, half: tuple[float, float], kerb: float, verge: float, walk: float, top: float) -> None:
+    """Paving over the verge where the zebras begin: 3.5 m in from the corners' kerbs."""
+    (x, y), middle = half, 3.5
+    for sx in (1, -1):
+        for sy in (1, -1):
+            a, c = sorted((sx * (x - middle - 1.5), sx * (x - middle + 1.5)))
+            p, q = sorted((sy * (y - verge), sy * (y - kerb)))
+            b.quads(_SLABS, [_sheet(a, c, p, q, top + 0.004)])
+            a, c = sorted((sx * (x - verge), sx * (x - kerb)))
+            p, q = sorted((sy * (y - middle - 1.5), sy * (y - middle + 1.5)))
+            b.quads(_SLABS, [_sheet(a, c, p, q, top + 0.004)])
+
+
+def _square(b: Builder, x: float, y: float, top: float) -> None:
+    """A square's paving: fields of stone between bands of another."""
+    nx, ny, band = max(1, int(x / 4 + 0.5)), max(1, int(y / 4 + 0.5)), 0.3
+    wide, high = 2 * x / nx, 2 * y / ny
+    for i in range(nx):
+        for j in range(ny):
+            x0, y0 = -x + i * wide, -y + j * high
+            b.quads(_PAVING, [_sheet(x0 + band, x0 + wide, y0 + band, y0 + high, top)])
+            b.quads(
+                _BAND, [_sheet(x0, x0 + band, y0, y0 + high, top), _sheet(x0 + band, x0 + wide, y0, y0 + band, top)]
+            )
+
+
+def path(b: Builder, e: Element) -> None:
+    """A way along x, flat on the ground: a foot path, or where `shape` says `drive`, a driveway of concrete."""
+    length, width, thick = e.size
+    half, side, pieces = length / 2, width / 2, max(1, int(length / 12))
+    step, surface = length / pieces, _DRIVE if e.shape["drive"] else _PATH
+    b.quads(surface, [_sheet(-half + k * step, -half + (k + 1) * step, -side, side, thick) for k in range(pieces)])

@@ -12,6 +12,8 @@ class Tag(IntEnum):
     WALLS = 4
     FENCES = 5
     POLES = 6
+    TRAFFIC_LIGHT = 7
+    TRAFFIC_SIGNS = 8
     VEGETATION = 9
     TERRAIN = 10
     RIDER = 13
@@ -19,3 +21,4 @@ class Tag(IntEnum):
     WATER = 23
     ROAD_LINES = 24
     GROUND = 25
+    GUARD_RAIL = 28

@@ -15,7 +15,8 @@ from recipe_runtime.meshes.houses import house
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.meshes.monuments import fountain, statue
 from recipe_runtime.meshes.plants import bush, hedge, planter, tree
-from recipe_runtime.meshes.roads import ground, junction, road, sidewalk
+from recipe_runtime.meshes.roads import carriageway, ground, junction, path, road, sidewalk
+from recipe_runtime.meshes.signs import gantry, guardrail, sign, traffic_light
 from recipe_runtime.meshes.towers import tower
 from recipe_runtime.transforms import from_pose
 
@@ -27,20 +28,26 @@ _KINDS: dict[str, Callable[[Builder, Element], None]] = {
     "building": building,
     "bus_stop": bus_stop,
     "bush": bush,
+    "carriageway": carriageway,
     "fence": fence,
     "fountain": fountain,
+    "gantry": gantry,
     "ground": ground,
+    "guardrail": guardrail,
     "hedge": hedge,
     "house": house,
     "hydrant": hydrant,
     "junction": junction,
     "kiosk": kiosk,
     "lamp": lamp,
+    "path": path,
     "planter": planter,
     "road": road,
     "sidewalk": sidewalk,
+    "sign": sign,
     "statue": statue,
     "tower": tower,
+    "traffic_light": traffic_light,
     "tree": tree,
     "wall": wall,
 }

@@ -46,6 +46,7 @@ SHOP_WINDOW = wp.constant(int(Pattern.SHOP_WINDOW))
 POSTER = wp.constant(int(Pattern.POSTER))
 LETTER = wp.constant(int(Pattern.LETTER))
 FACADE = wp.constant(int(Pattern.FACADE))
+SIGNAL = wp.constant(int(Pattern.SIGNAL))
 
 
 @wp.func

@@ -244,6 +244,8 @@ def matter_of(
         m.gloss = 0.6
     elif pattern == LAMP:
         m.glow = first * (air[0].night * 3.0e-2)
+    elif pattern == patterns.SIGNAL:
+        m.glow = first * (0.35 - 0.335 * air[0].night)
     elif pattern == HEADLIGHT:
         m.glow = first * (air[0].night * 5.0e-2)
         m.coat = 0.2

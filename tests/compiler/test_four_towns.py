@@ -1,0 +1,189 @@
+"""All towns: nothing stands in a lane or where people walk, spawn points are on their ground, routes keep to the ways,
+parked cars leave the lanes free, and what a town's seed and size change and do not change."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from recipe_compiler import exact, towns
+from recipe_compiler.canonical import digest
+from recipe_compiler.plan import Element, Pose
+from recipe_compiler.streams import Stream
+from recipe_compiler.towns import Town
+from recipe_compiler.towns.streets import KERB, LANE, StreetGrid
+
+CASES: list[tuple[str, dict[str, object]]] = [
+    ("downtown", {}),
+    ("downtown", {"blocks": [1, 1], "storeys": [2, 2]}),
+    ("suburb", {}),
+    ("suburb", {"blocks": [1, 2], "lot": 40, "trees": 100}),
+    ("plaza", {}),
+    ("plaza", {"size": [40, 40], "storeys": 2, "trees": 0}),
+    ("plaza", {"size": [120, 80], "trees": 100}),
+    ("highway", {}),
+    ("highway", {"lanes": 5, "length": 2, "gantries": 150}),
+]
+FRONTED = {"building", "house", "wall"}  # the origin is at their front
+LYING = {"ground", "road", "junction", "sidewalk", "path", "carriageway", "gantry"}
+BUILT = {str(case): towns.build(case[0], 3, case[1]) for case in CASES}
+all_towns = pytest.mark.parametrize("town", BUILT.values(), ids=BUILT)
+
+
+def corners(e: Element) -> list[tuple[float, float]]:
+    """Points around and within what stands on the ground: a trunk of a tree, a pole of a lamp."""
+    x, y, _ = e.size
+    x, y = (2 * e.shape["trunk"],) * 2 if e.kind == "tree" else (0.1, 0.1) if e.kind == "sign" else (x, y)
+    shift = -x / 2 if e.kind in FRONTED else 0.0
+    s, c = exact.sin_cos_deg(e.pose.yaw)
+    n = max(2, int(max(x, y) / 1.5))
+    local = [(x * (i / n - 0.5) + shift, y * (j / n - 0.5)) for i in range(n + 1) for j in range(n + 1)]
+    return [(e.pose.x + c * u - s * v, e.pose.y + s * u + c * v) for u, v in local]
+
+
+def standing(town: Town) -> list[Element]:
+    return [e for e in town.plan.elements if e.kind not in LYING]
+
+
+def in_lane(town: Town, x: float, y: float) -> bool:
+    if isinstance(town.streets, StreetGrid):
+        grid = town.streets
+        (x0, x1), (y0, y1) = grid.bounds
+        inside = x0 + 1.0 < x < x1 - 1.0 and y0 + 1.0 < y < y1 - 1.0  # dead ends have a rail across
+        return inside and (min(abs(x - s) for s in grid.xs) < LANE or min(abs(y - s) for s in grid.ys) < LANE)
+    return any(
+        e.kind == "carriageway" and abs(x - e.pose.x) < e.size[1] / 2 and abs(y - e.pose.y) <= e.size[0] / 2
+        for e in town.plan.elements
+    )
+
+
+class Obstacles:
+    """Points of what stands in a town, found by their place."""
+
+    def __init__(self, town: Town) -> None:
+        self._cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
+        for e in standing(town):
+            for x, y in corners(e):
+                self._cells.setdefault((math.floor(x / 4), math.floor(y / 4)), []).append((x, y))
+
+    def near(self, x: float, y: float) -> list[tuple[float, float]]:
+        """Those within four metres, and a few more."""
+        i, j = math.floor(x / 4), math.floor(y / 4)
+        return [q for a in (i - 1, i, i + 1) for b in (j - 1, j, j + 1) for q in self._cells.get((a, b), ())]
+
+
+@all_towns
+def test_nothing_stands_in_a_lane(town: Town) -> None:
+    for e in standing(town):
+        assert not any(in_lane(town, x, y) for x, y in corners(e)), e.name
+
+
+@all_towns
+def test_what_stands_on_a_block_stands_on_its_ground(town: Town) -> None:
+    for e in standing(town):
+        if e.pose.z > 0.0:
+            assert e.pose.z == KERB
+            assert all(town.ground(x, y) == KERB for x, y in corners(e)), e.name
+
+
+@all_towns
+def test_spawn_points_are_on_the_right_ground(town: Town) -> None:
+    assert len(town.spots["vehicle"]) >= 16 and len(town.spots["pedestrian"]) >= 16
+    for point in town.spawn_points:
+        assert point.pose.z == town.ground(point.pose.x, point.pose.y)
+        assert in_lane(town, point.pose.x, point.pose.y) == (point.category == "vehicle")
+    solid = Obstacles(town)
+    for p in town.spots["pedestrian"]:
+        assert all(math.dist(q, (p.x, p.y)) > 0.4 for q in solid.near(p.x, p.y)), p
+
+
+@all_towns
+def test_routes_meet_nothing_that_stands(town: Town) -> None:
+    """No one is sent into what stands beside their way: wheels keep a metre, walkers a shoulder's width."""
+    solid = Obstacles(town)
+    for n in range(40):
+        category, room = (("vehicle", 1.0), ("pedestrian", 0.3))[n % 2]
+        spots = town.spots[category]  # type: ignore[index]
+        start = spots[Stream(n, "start").integer(0, len(spots) - 1)]
+        at, length = (start.x, start.y), 0.0
+        for p in town.route(category, start, 120.0, Stream(n, "route")):  # type: ignore[arg-type]
+            steps = max(1, int(2 * math.dist(at, (p.x, p.y))))
+            for k in range(steps):
+                x, y = at[0] + (p.x - at[0]) * k / steps, at[1] + (p.y - at[1]) * k / steps
+                assert all(math.dist(q, (x, y)) > room for q in solid.near(x, y)), (category, x, y)
+                assert category == "pedestrian" or in_lane(town, x, y) or town.ground(x, y) == 0.0
+            length += math.dist(at, (p.x, p.y))
+            at = (p.x, p.y)
+        assert length > 100.0
+
+
+@all_towns
+def test_parked_cars_stand_clear_of_lanes_and_of_each_other(town: Town) -> None:
+    places, obstacles = town.parking, Obstacles(town)
+    assert bool(places) == (town.plan.name != "highway")
+    for n, p in enumerate(places):
+        s, c = exact.sin_cos_deg(p.yaw)
+        for u in (-2.7, 0.0, 2.7):
+            for v in (-1.0, 1.0):
+                assert not in_lane(town, p.x + c * u - s * v, p.y + s * u + c * v)
+        assert all(math.dist((p.x, p.y), (q.x, q.y)) > 4.0 for q in places[:n])
+        for x, y in obstacles.near(p.x, p.y):
+            dx, dy = x - p.x, y - p.y
+            assert abs(c * dx + s * dy) > 2.75 or abs(c * dy - s * dx) > 1.0, (x, y)
+
+
+@all_towns
+def test_its_name_is_its_own_and_its_colours_are_there(town: Town) -> None:
+    names = [e.name for e in town.plan.elements]
+    assert len(set(names)) == len(names)
+    assert set(names) == set(town.looks)
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_the_number_of_elements_is_known_beforehand(case: tuple[str, dict[str, object]]) -> None:
+    there = len(BUILT[str(case)].plan.elements)
+    assert 0.7 * there < towns.elements(*case) < 1.6 * there
+
+
+@pytest.mark.parametrize("name", towns.NAMES)
+def test_a_seed_makes_another_town_and_the_same_one_again(name: str) -> None:
+    one, again, other = (digest("t", towns.build(name, seed, {}).plan.document()) for seed in (1, 1, 2))
+    assert one == again != other
+
+
+def test_more_gardens_shift_no_other() -> None:
+    """Another row of blocks adds to the suburb: what bears the same name keeps its draws."""
+    small, large = (towns.build("suburb", 5, {"blocks": [2, n]}) for n in (1, 2))
+    before, after = ({e.name: e for e in town.plan.elements} for town in (small, large))
+    houses = [n for n in before if n.startswith(("house.0.0.", "house.-1.0.", "tree.0.0."))]
+    assert len(houses) > 12
+    assert all(before[n].shape == after[n].shape and small.looks[n] == large.looks[n] for n in houses)
+
+
+@pytest.mark.parametrize(
+    ("name", "params", "message"),
+    [
+        ("suburb", {"lot": 12}, "lot is 12; it must be a whole number from 16 to 40"),
+        ("suburb", {"lot": [20]}, r"lot is \[20\]; it must be a whole number"),
+        ("plaza", {"size": [40, 121]}, "a list of 2 whole numbers from 40 to 120"),
+        ("highway", {"lanes": 1}, "lanes is 1; it must be a whole number from 2 to 5"),
+        ("highway", {"blocks": [2, 2]}, "no parameter 'blocks'; it has: lanes, length, gantries"),
+        ("downtown", {"storeys": [5, 4]}, "none below the one before it"),
+    ],
+)
+def test_wrong_parameters_are_refused(name: str, params: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        towns.build(name, 0, params)
+
+
+def test_the_suburbs_grid_has_no_parking_in_its_streets() -> None:
+    assert all(towns.build("suburb", 0, {}).ground(p.x, p.y) == KERB for p in towns.build("suburb", 0, {}).parking)
+
+
+def test_a_path_over_the_square_stays_on_it() -> None:
+    town = BUILT[str(("plaza", {}))]
+    start = next(p for p in town.spots["pedestrian"] if abs(p.x) < 20 and abs(p.y) < 20)
+    for n in range(20):
+        way = town.route("pedestrian", start, 200.0, Stream(n))
+        assert all(abs(p.x) < 32 and abs(p.y) < 26 for p in way)
+    assert town.ground(0.0, 0.0) == KERB and town.route("vehicle", Pose(x=-38.8, y=0, yaw=90), 20.0, Stream(0))
