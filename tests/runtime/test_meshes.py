@@ -14,6 +14,7 @@ from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.meshes.builder import Builder, icosphere, noise
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.meshes.skeleton import part_names
+from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.studio import matrices, stance
 
 TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
@@ -119,6 +120,19 @@ def test_town() -> None:
 def test_town_stays_within_a_budget_of_triangles() -> None:
     full = town_bodies(towns.build("downtown", 0, {"blocks": [3, 3]}).plan)
     assert 40_000 < sum(len(body.mesh("static").triangles) for body in full) < 260_000
+
+
+@pytest.mark.parametrize(
+    ("name", "most"), [("downtown", 260_000), ("suburb", 300_000), ("plaza", 110_000), ("highway", 190_000)]
+)
+def test_every_town_has_valid_tags_colours_and_a_budget(name: str, most: int) -> None:
+    town = towns.build(name, 0, {})
+    bodies = town_bodies(town.plan)
+    assert sum(len(body.mesh("static").triangles) for body in bodies) < most
+    for body in bodies:
+        surfaces = body.mesh("static").surfaces
+        assert {s.tag for s in surfaces} <= set(Tag)
+        assert {s.slot for s in surfaces} <= set(town.looks[body.name])
 
 
 def test_streets_look_up_and_lamps_shine_down() -> None:
