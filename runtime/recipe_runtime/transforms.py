@@ -44,16 +44,16 @@ def from_pose(pose: Pose) -> Array:
     )
 
 
-def part_transforms(trace: Trace, frame: int) -> Array:
-    """World-from-part of every part of the Trace at a frame. Shape [P, 3, 4]."""
+def part_transforms(trace: Trace, frame: int | NDArray[np.intp]) -> Array:
+    """World-from-part of every part of the Trace at a frame, or at many. Shape [P, 3, 4] or [F, P, 3, 4]."""
     p = trace.positions[frame].astype(np.float64) / METRE
     q = trace.rotations[frame].astype(np.float64) / UNIT
-    x, y, z, w = q[:, 0], q[:, 1], q[:, 2], q[:, 3]
+    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     s = 2.0 / (x * x + y * y + z * z + w * w)
     rows = [
-        [1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w), p[:, 0]],
-        [s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w), p[:, 1]],
-        [s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y), p[:, 2]],
+        [1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w), p[..., 0]],
+        [s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w), p[..., 1]],
+        [s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y), p[..., 2]],
     ]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 

@@ -102,13 +102,14 @@ def develop(
     weights: wp.array[wp.float32],
     rain: wp.array[wp.int32],
     streak: wp.vec3f,
-    r: Response,
+    responses: wp.array[Response],
     rims: wp.array[wp.float32],
     srgb: wp.array[wp.uint8],
     out: wp.array2d[wp.uint8],
 ):
     """One pixel's three bytes."""
     i = wp.tid()
+    r = responses[0]
     x = (wp.float32(i % r.width) + 0.5) / wp.float32(r.width) - 0.5
     y = (wp.float32(i / r.width) + 0.5 - 0.5 * wp.float32(r.height)) / wp.float32(r.width)
     gain = r.exposure * shading_at(x, y, r, rims)

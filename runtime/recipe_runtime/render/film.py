@@ -7,7 +7,7 @@ wider and finer as its lens and its supersampling ask. There motion blur and blo
 from typing import Any
 
 from recipe_compiler import optics
-from recipe_compiler.plan import CameraResponse
+from recipe_compiler.plan import CameraPlan, CameraResponse
 
 from recipe_runtime.render import bloom, blur, camera, exposure, lens
 from recipe_runtime.render.device import launch, wp
@@ -34,20 +34,20 @@ class Tables:
         return self._held[key]
 
 
-def response_of(response: CameraResponse, automatic: float, key: int, obs: Observation) -> Any:
+def response_of(response: CameraResponse, automatic: float, key: int, plan: CameraPlan) -> Any:
     """A response as kernels want it; `automatic` is the exposure for sun and weather."""
     r = camera.Response()
     r.exposure, r.noise = exposure.gain(response, automatic), exposure.grain(response)
     r.white = wp.vec3f(*exposure.white(response))
     r.vignette, r.rim = 0.8 * response.vignette_intensity, int(response.lens_circle_multiplier > 0.0)
-    r.key, r.width, r.height = key, obs.camera.width, obs.camera.height
+    r.key, r.width, r.height = key, plan.width, plan.height
     return r
 
 
-def needs_plate(obs: Observation, response: CameraResponse, moment: blur.Moment | None) -> bool:
+def needs_plate(plan: CameraPlan, response: CameraResponse, moment: blur.Moment | None) -> bool:
     """Whether a picture takes more than one kernel."""
     return (
-        optics.bends(obs.camera)
+        optics.bends(plan)
         or response.supersample > 1
         or response.chromatic_aberration_intensity > 0.0
         or response.bloom_intensity > 0.0

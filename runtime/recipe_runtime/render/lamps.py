@@ -1,10 +1,12 @@
-"""The lamps that burn and the bodies that stand near the ground, gathered on the host for a frame."""
+"""The lamps that burn and the bodies that stand near the ground, gathered on the host for a frame, or for many at once."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recipe_runtime.meshes.mesh import Light
 from recipe_runtime.render.device import wp
 from recipe_runtime.render.geometry import Geometry
 from recipe_runtime.render.nearby import Bodies, Lamps
@@ -15,27 +17,49 @@ _SPILL = 1400.0  # candela above which a lamp's light near by grows by the squar
 _MOST_LAMPS = 256
 _LOWEST = 0.4  # metres above its actor's foot at which a part no longer darkens the ground
 _UNDER = 0.72  # share of the sky's light that a wide body flat on the ground keeps from it
+_NOWHERE = 1.0e9  # metres
+LAMP_NAMES = ("position", "direction", "power", "cone", "reach")
+LAMP_KINDS = (wp.vec3f, wp.vec3f, wp.vec3f, wp.vec2f, wp.float32)
+BODY_NAMES = ("centre", "axis", "half", "spread", "strength")
+BODY_KINDS = (wp.vec3f, wp.vec2f, wp.vec2f, wp.float32, wp.float32)
 
 
 def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: str) -> Any:
     """The lamps nearest to the eye, in the geometry's order."""
-    rows = [_lamp(mounted, world_from_parts[mounted.part]) for mounted in geometry.lights]
-    if len(rows) > _MOST_LAMPS:
-        gaps = [float(sum((p - e) * (p - e) for p, e in zip(row[:3], eye, strict=True))) for row in rows]
-        kept = sorted(sorted(range(len(rows)), key=lambda i: (gaps[i], i))[:_MOST_LAMPS])
-        rows = [rows[i] for i in kept]
-    table = np.array(rows, np.float64).reshape(-1, 12) if rows else np.zeros((1, 12))
+    columns = lamp_columns(geometry, world_from_parts, eye)
+    return lamps_of(geometry, [_upload(c, kind, device) for c, kind in zip(columns, LAMP_KINDS, strict=True)], device)
+
+
+def lamps_of(geometry: Geometry, columns: Sequence[Any], device: str) -> Any:
+    """The record of lamps whose columns are on the device."""
     lamps = Lamps()
-    lamps.position = _upload(table[:, 0:3], wp.vec3f, device)
-    lamps.direction = _upload(table[:, 3:6], wp.vec3f, device)
-    lamps.power = _upload(table[:, 6:9], wp.vec3f, device)
-    lamps.cone = _upload(table[:, 9:11], wp.vec2f, device)
-    lamps.reach = _upload(table[:, 11], wp.float32, device)
+    lamps.position, lamps.direction, lamps.power, lamps.cone, lamps.reach = columns
     crowded = len(geometry.lights) > _MOST_LAMPS  # then which lamps are here may change from frame to frame
     moves = [int(crowded or mounted.part != 0) for mounted in geometry.lights[:_MOST_LAMPS]] or [1]
     lamps.moves = wp.array(np.array(moves, np.int32), dtype=wp.int32, device=device)
-    lamps.count = len(rows)
+    lamps.count = min(len(geometry.lights), _MOST_LAMPS)
     return lamps
+
+
+def lamp_columns(geometry: Geometry, world: Array, eye: Array) -> tuple[Array, ...]:
+    """Position, direction, power, cone and reach of the lamps nearest to the eye; one of no power if there is none.
+
+    `world` [..., 1 + P, 3, 4], `eye` [..., 3]; columns [..., L, 3], or 2 for the cone, or none for the reach.
+    """
+    if not geometry.lights:
+        none = np.zeros((*eye.shape[:-1], 1, 3))
+        return none, none, none, none[..., :2], none[..., 0]
+    still = np.array([_lamp(mounted.light) for mounted in geometry.lights])
+    carrier = world[..., [mounted.part for mounted in geometry.lights], :, :]
+    to = _turned(carrier, still[:, 3:6])
+    rest = np.broadcast_to(still[:, 6:], (*to.shape[:-1], 6))
+    rows = np.concatenate([_turned(carrier, still[:, 0:3]) + carrier[..., 3], to, rest], axis=-1)
+    if len(geometry.lights) > _MOST_LAMPS:
+        away = rows[..., 0:3] - eye[..., None, :]
+        gaps = (away[..., 0] * away[..., 0] + away[..., 1] * away[..., 1]) + away[..., 2] * away[..., 2]
+        kept = np.sort(np.argsort(gaps, axis=-1, kind="stable")[..., :_MOST_LAMPS], axis=-1)
+        rows = np.take_along_axis(rows, kept[..., None], axis=-2)
+    return rows[..., 0:3], rows[..., 3:6], rows[..., 6:9], rows[..., 9:11], rows[..., 11]
 
 
 def no_lamps(device: str) -> Any:
@@ -49,64 +73,78 @@ def no_lamps(device: str) -> Any:
 
 def bodies_at(geometry: Geometry, parts: Array, device: str) -> Any:
     """The moving parts that come within half a metre of their actor's foot."""
-    table = np.zeros((1, 9))
-    if geometry.actors:
-        boxes = _footprints(parts, geometry.part_bounds)
-        foot = np.minimum.reduceat(boxes[:, 2], [actor.first_part for actor in geometry.actors])
-        foot = np.repeat(foot, [actor.parts for actor in geometry.actors])
-        height = boxes[:, 2] - foot
-        # What a disc of the part's breadth hides of the sky, seen from the ground below its middle.
-        lift = height / (np.minimum(boxes[:, 5], boxes[:, 6]) + 0.04)
-        strength = _UNDER / (1.0 + lift * lift)
-        table = np.column_stack([boxes[:, :2], foot, boxes[:, 3:7], height, strength])[height < _LOWEST]
+    columns = body_columns(geometry, parts)
+    near = columns[0][:, 2] < _NOWHERE
+    uploaded = [_upload(c[near] if near.any() else c[:1], k, device) for c, k in zip(columns, BODY_KINDS, strict=True)]
+    return bodies_of(uploaded, int(near.sum()))
+
+
+def bodies_of(columns: Sequence[Any], count: int) -> Any:
+    """The record of bodies whose columns are on the device."""
     bodies = Bodies()
-    bodies.centre = _upload(table[:, 0:3], wp.vec3f, device)
-    bodies.axis = _upload(table[:, 3:5], wp.vec2f, device)
-    bodies.half = _upload(table[:, 5:7], wp.vec2f, device)
-    bodies.spread = _upload(0.05 + 0.35 * np.minimum(table[:, 5], table[:, 6]) + 0.4 * table[:, 7], wp.float32, device)
-    bodies.strength = _upload(table[:, 8], wp.float32, device)
-    bodies.count = len(table) if geometry.actors else 0
+    bodies.centre, bodies.axis, bodies.half, bodies.spread, bodies.strength = columns
+    bodies.count = count
     return bodies
 
 
-def _lamp(mounted: Any, world: Array) -> list[float]:
-    light = mounted.light
-    position, direction = light.position, light.direction
-    at = [sum(float(world[r, c]) * position[c] for c in range(3)) + float(world[r, 3]) for r in range(3)]
-    to = [sum(float(world[r, c]) * direction[c] for c in range(3)) for r in range(3)]
+def body_columns(geometry: Geometry, parts: Array) -> tuple[Array, ...]:
+    """Centre, axis, half sizes, spread and strength of every moving part's foot, in the Trace's order.
+
+    `parts` [..., P, 3, 4]. A part that is not near its actor's foot stands nowhere: beyond anything's reach.
+    """
+    if not geometry.parts:
+        none = np.zeros((*parts.shape[:-3], 1, 3))
+        return none + _NOWHERE, none[..., :2], none[..., :2], none[..., 0] + 1.0, none[..., 0]
+    box = _footprint(parts, geometry.part_bounds)
+    firsts = [actor.first_part for actor in geometry.actors]
+    lowest = np.minimum.reduceat(box[..., 2], firsts, axis=-1)
+    foot = np.repeat(lowest, [actor.parts for actor in geometry.actors], axis=-1)
+    height, small = box[..., 2] - foot, np.minimum(box[..., 5], box[..., 6])
+    # What a disc of the part's breadth hides of the sky, seen from the ground below its middle.
+    lift = height / (small + 0.04)
+    centre = np.stack([box[..., 0], box[..., 1], foot], axis=-1)
+    centre = np.where((height < _LOWEST)[..., None], centre, _NOWHERE)
+    spread = 0.05 + 0.35 * small + 0.4 * height
+    return centre, box[..., 3:5], box[..., 5:7], spread, _UNDER / (1.0 + lift * lift)
+
+
+def _lamp(light: Light) -> list[float]:
+    """Position and direction on its carrier, power, cone and reach."""
     # What falls near a strong lamp is the spill of a beam that is aimed far ahead.
     spill = min(1.0, float(np.sqrt(_SPILL / light.intensity)))
     power = [light.intensity * spill * _CANDELA * c for c in light.colour]
     full = light.cone + (1.0 - light.cone) * 0.75
-    return [*at, *to, *power, light.cone, full, 3.0 + 0.6 * float(np.sqrt(light.intensity))]
+    return [*light.position, *light.direction, *power, light.cone, full, 3.0 + 0.6 * float(np.sqrt(light.intensity))]
 
 
-def _footprints(world: Array, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of every part: centre x, y, lowest z, level axis and half sizes of its box. [P, 7]"""
-    centre, half = (boxes[:, 0] + boxes[:, 1]) / 2.0, (boxes[:, 1] - boxes[:, 0]) / 2.0
-    m = world[:, :, :3]
-    at = m[:, :, 0] * centre[:, None, 0] + m[:, :, 1] * centre[:, None, 1] + m[:, :, 2] * centre[:, None, 2]
-    at = at + world[:, :, 3]
-    reach = np.abs(m[:, :, 0]) * half[:, None, 0] + np.abs(m[:, :, 1]) * half[:, None, 1]
-    reach = reach + np.abs(m[:, :, 2]) * half[:, None, 2]
+def _turned(world: Array, v: Array) -> Array:
+    """Vectors [L, 3] turned by transforms [..., L, 3, 4]."""
+    turned: Array = (world[..., 0] * v[:, 0:1] + world[..., 1] * v[:, 1:2]) + world[..., 2] * v[:, 2:3]
+    return turned
+
+
+def _footprint(world: Array, boxes: NDArray[np.float64]) -> Array:
+    """Centre x, y, lowest z, level axis and half sizes of the parts' boxes [P, 2, 3]. [..., P, 7]."""
+    low, high = boxes[:, 0], boxes[:, 1]
+    half = (high - low) / 2.0
+    at = _turned(world, (low + high) / 2.0) + world[..., 3]
     # The first axis that lies level enough gives the direction; a limb's box is nearly round anyway.
-    size = np.sqrt(m[:, 0, 0] * m[:, 0, 0] + m[:, 1, 0] * m[:, 1, 0])
+    x, y = world[..., 0, 0], world[..., 1, 0]
+    size = np.sqrt(x * x + y * y)
     level = size > 0.3
-    x = np.where(level, m[:, 0, 0] / np.maximum(size, 0.3), 1.0)
-    y = np.where(level, m[:, 1, 0] / np.maximum(size, 0.3), 0.0)
-    h0 = np.where(level, _extents(m, half, x, y), reach[:, 0])
-    h1 = np.where(level, _extents(m, half, -y, x), reach[:, 1])
-    return np.column_stack([at[:, :2], at[:, 2] - reach[:, 2], x, y, h0, h1])
+    one = np.where(level, size, 1.0)
+    x, y = np.where(level, x / one, 1.0), np.where(level, y / one, 0.0)
+    reach = _turned(np.abs(world), half)
+    h0 = np.where(level, _extent(world, half, x, y), reach[..., 0])
+    h1 = np.where(level, _extent(world, half, -y, x), reach[..., 1])
+    return np.stack([at[..., 0], at[..., 1], at[..., 2] - reach[..., 2], x, y, h0, h1], axis=-1)
 
 
-def _extents(
-    m: Array, half: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Half the breadth of every part's box along a level direction."""
-    along = [np.abs(m[:, 0, c] * x + m[:, 1, c] * y) * half[:, c] for c in range(3)]
-    total: NDArray[np.float64] = along[0] + along[1] + along[2]
-    return total
+def _extent(world: Array, half: NDArray[np.float64], x: Array, y: Array) -> Array:
+    sides = [np.abs(world[..., 0, c] * x + world[..., 1, c] * y) * half[:, c] for c in range(3)]
+    extent: Array = (sides[0] + sides[1]) + sides[2]
+    return extent
 
 
-def _upload(values: NDArray[np.float64], kind: Any, device: str) -> Any:
+def _upload(values: Array, kind: Any, device: str) -> Any:
     return wp.array(np.ascontiguousarray(values).astype(np.float32), dtype=kind, device=device)

@@ -119,7 +119,7 @@ class Observer:
             depth, instance, semantic = (a.numpy().reshape(shape) for a in labels)
         with self._timings("amodal"):
             amodal = self._amodal(camera, vertices, chunks, touched)
-        objects = _objects(self._g, visible, amodal, projected)
+        objects = objects_of(self._g, visible, amodal, projected)
         seen = camera, world_from_sensor, parts, keys, vertices, chunks, pose, touched
         return Observation(depth, instance, semantic, objects, *seen)
 
@@ -244,9 +244,10 @@ def _tiles_within(camera: CameraPlan, *boxes: NDArray[np.int32]) -> NDArray[np.i
     return corners
 
 
-def _objects(
+def objects_of(
     geometry: Geometry, visible: NDArray[np.int32], amodal: NDArray[np.int32], projected: NDArray[np.int32]
 ) -> tuple[ObjectView, ...]:
+    """The actors that would be seen if nothing stood before them, from their extents [A, 5]."""
     views = []
     for index, actor in enumerate(geometry.actors):
         if amodal[index, 0]:

@@ -76,17 +76,18 @@ class Painter:
         with self._timings("rain"):
             drops = self._rain(plate, appearance.seed, light, time)
         with self._timings("develop"):
-            r = film.response_of(response, light.exposure, _key(appearance.seed, sensor, frame), obs)
-            streak = light.air.fog_colour * 1.15 + light.air.overhead * (0.25 + 0.8 * light.night)
+            r = film.response_of(response, light.exposure, keyed(appearance.seed, sensor, frame), obs.camera)
+            streak = streak_of(light)
             inputs = [linear, points.starts, points.groups, points.weights, drops, streak, r]
             told = list(self._tables.of(response))
-            if film.needs_plate(obs, response, moment):
+            if film.needs_plate(obs.camera, response, moment):
                 exposed = self._empty(plate.camera.width * plate.camera.height, wp.vec3f)
                 launch(camera.expose, exposed.shape[0], [*inputs, exposed], self._device)
                 told = [r, *told]
                 out = film.finish(exposed, plate, obs, response, told, self._g, moment, self._device)
             else:
                 out = wp.empty((r.width * r.height, 3), dtype=wp.uint8, device=self._device)
+                inputs[-1] = record(r, self._device)
                 launch(camera.develop, r.width * r.height, [*inputs, *told, out], self._device)
             picture: NDArray[np.uint8] = out.numpy().reshape(r.height, r.width, 3)
         return picture
@@ -208,8 +209,8 @@ class Painter:
     def _rain(self, obs: Observation, seed: int, light: Light, time: float) -> Any:
         cover = wp.zeros(obs.camera.width * obs.camera.height, dtype=wp.int32, device=self._device)
         if light.rain > 0.0:
-            shower = _shower(obs.world_from_sensor, light, time)
-            shower.key = _key(seed, "rain", 0)
+            shower = shower_of(obs.world_from_sensor, light, time)
+            shower.key = keyed(seed, "rain", 0)
             view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
             inputs = [record(shower, self._device), obs.keys, view, lens_of(obs.camera, 1), cover]
             launch(rain.streaks, shower.count, inputs, self._device)
@@ -219,7 +220,7 @@ class Painter:
         return wp.empty(count, dtype=kind, device=self._device)
 
 
-def _shower(world_from_sensor: Array, light: Light, time: float) -> Any:
+def shower_of(world_from_sensor: Array, light: Light, time: float) -> Any:
     """The rain about a camera: drops fall at 7 m/s, and the wind carries them along the world's x and y."""
     eye, ahead = world_from_sensor[:, 3], world_from_sensor[:, 0]
     fall = [3.0 * light.wind, 5.0 * light.wind, -7.0]
@@ -233,7 +234,12 @@ def _shower(world_from_sensor: Array, light: Light, time: float) -> Any:
     return shower
 
 
-def _key(seed: int, name: str, frame: int) -> int:
+def streak_of(light: Light) -> Any:
+    """The radiance of a drop's streak."""
+    return light.air.fog_colour * 1.15 + light.air.overhead * (0.25 + 0.8 * light.night)
+
+
+def keyed(seed: int, name: str, frame: int) -> int:
     """A 32-bit key of a seed, a name and a frame."""
     digest = hashlib.sha256(f"{seed}/{name}/{frame}".encode()).digest()
     return int.from_bytes(digest[:4], "little")

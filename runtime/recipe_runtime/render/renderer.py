@@ -14,6 +14,8 @@ from recipe_runtime.render.blur import Moment
 from recipe_runtime.render.geometry import upload
 from recipe_runtime.render.observe import Observation, Observer
 from recipe_runtime.render.picture import Painter
+from recipe_runtime.render.reel import Reel
+from recipe_runtime.render.sunlight import Shadows
 from recipe_runtime.render.timing import Timings
 from recipe_runtime.transforms import Array
 
@@ -22,7 +24,7 @@ class Renderer:
     """Draws one scene: the town's bodies (instance 0) first, then the actors', parts in the Trace's order."""
 
     def __init__(self, bodies: Sequence[Body], device: str = "cpu", *, keep_static: bool = True) -> None:
-        self.timings = Timings()
+        self.timings, self._device = Timings(), device
         self._geometry = upload(bodies, device)
         self._observer = Observer(self._geometry, device, self.timings, keep_static)
         self._painter = Painter(self._geometry, self._observer, device, self.timings, keep_static)
@@ -50,3 +52,10 @@ class Renderer:
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float = 0.0) -> NDArray[np.float32]:
         """Linear relative radiance at pixel centres before the camera, [H, W, 3]; for tests and tools."""
         return self._painter.radiance(obs, appearance, time)
+
+    def reel(
+        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 6
+    ) -> Reel:
+        """What draws many frames of one plain camera (`reel.fits`) fast on a GPU, with the bytes of the calls above."""
+        shadows = Shadows(self._geometry, self._device)
+        return Reel(self._geometry, shadows, self._device, camera, sensor_name, appearances, lanes)

@@ -291,8 +291,10 @@ def survey(
 ):
     """The surface, world position, unit normal and pattern at the samples first..; for the sky, -1 and a direction."""
     i = first + wp.tid()
-    key = keys[i]
     pixel = pixels[i]
+    if pixel < 0:  # a slot that no sample took
+        return
+    key = keys[i]
     spot = places[i]
     ray = ray_of(pixel, spot, lens)
     turned = rotate(scene[0].world_from_view, 0, ray)

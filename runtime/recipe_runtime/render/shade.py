@@ -425,6 +425,8 @@ def shade(
     i = wp.tid()
     earlier = i < before[0].known
     tile = samples[0].tiles[i]
+    if tile < 0:  # a slot that no sample took
+        return
     if earlier and steady[i] == AT_REST and (before[0].tiles[tile] & 8) != 0:
         return
     p = samples[0].positions[i]

@@ -62,13 +62,10 @@ class Shadows:
 
     def moving(self, sun: NDArray[np.float64], vertices: Any, world: Any, eye: Array, ahead: Array) -> tuple[Any, Any]:
         """The fine and the coarse map of the moving parts, from their vertices in the world, moved there by `world`."""
-        maps = []
-        for texel in _MOVING_TEXELS:
-            centre = eye + ahead * (texel * _MOVING_SIZE * 0.42)
-            beam = _beam_about(sun, centre, texel, _MOVING_SIZE)
-            first = self._g.static_chunks
-            maps.append(self._draw(beam, vertices, world, first, self._g.chunk_count - first))
-        return maps[0], maps[1]
+        first = self._g.static_chunks
+        count = self._g.chunk_count - first
+        fine, coarse = (self._draw(beam, vertices, world, first, count) for beam in about(sun, eye, ahead))
+        return fine, coarse
 
     def _cleared(self, size: int) -> Any:
         """A map of keys, all 0, as `shadow.nearness` leaves it; that of what moves is kept from frame to frame."""
@@ -79,23 +76,47 @@ class Shadows:
         return self._keys
 
     def _draw(self, beam: Any, vertices: Any, world: Any, first: int, count: int) -> Any:
-        g, size = self._g, beam.size
-        keys = self._cleared(size)
-        used = wp.zeros((size // TILE) * (size // TILE), dtype=wp.int32, device=self._device)
+        sheet = Sheet(beam, self._g, self._device, self._cleared(beam.size))
+        sheet.draw(record(beam, self._device), vertices, world, first, count)
+        return beam
+
+
+class Sheet:
+    """A map's memory; `beam` is given its place there."""
+
+    def __init__(self, beam: Any, geometry: Geometry, device: str, keys: Any) -> None:
+        self.beam, self._g, self._device = beam, geometry, device
+        tiles = (beam.size // TILE) * (beam.size // TILE)
+        self._keys = keys  # all 0, as `shadow.nearness` leaves them
+        self._used = wp.zeros(tiles, dtype=wp.int32, device=device)
+        self._seen = wp.empty(max(geometry.chunk_count, 1), dtype=wp.int32, device=device)
+        beam.depths = wp.zeros(beam.size * beam.size, dtype=wp.float32, device=device)
+        beam.bounds = wp.empty(tiles, dtype=wp.vec2f, device=device)
+
+    def clear(self) -> None:
+        """Make it empty again."""
+        for array in (self._used, self.beam.depths):
+            array.zero_()
+
+    def draw(self, told: Any, vertices: Any, world: Any, first: int, count: int) -> None:
+        """Draw chunks into an empty map, whose frame is the record `told`."""
+        g, size = self._g, int(self.beam.size)
         lens = Lens()
         lens.near, lens.far, lens.width, lens.height, lens.side = 1.0, 1.0e9, size, size, 1
         if count:
-            told, seen = record(beam, self._device), wp.empty(g.chunk_count, dtype=wp.int32, device=self._device)
-            inputs = [g.chunks, g.chunk_centres, g.chunk_halves, world, told, first, seen]
+            inputs = [g.chunks, g.chunk_centres, g.chunk_halves, world, told, first, self._seen]
             launch(shadow.cull, count, inputs, self._device)
-            inputs = [vertices, g.triangles, g.chunks, seen, g.casts, first, told, lens, keys, used]
-            launch(shadow.cast, count * CHUNK, inputs, self._device)
-        depths = wp.zeros(size * size, dtype=wp.float32, device=self._device)
-        launch(shadow.nearness, (size // TILE) * (size // TILE), [keys, used, size, depths], self._device)
-        bounds = wp.empty((size // TILE) * (size // TILE), dtype=wp.vec2f, device=self._device)
-        launch(shadow.bound, (size // TILE) * (size // TILE), [depths, used, size, bounds], self._device)
-        beam.depths, beam.bounds = depths, bounds
-        return beam
+            tables = [vertices, g.triangles, g.chunks, self._seen, g.casts, first]
+            launch(shadow.cast, count * CHUNK, [*tables, told, lens, self._keys, self._used], self._device)
+        tiles, depths = self._used.size, self.beam.depths
+        launch(shadow.nearness, tiles, [self._keys, self._used, size, depths], self._device)
+        launch(shadow.bound, tiles, [depths, self._used, size, self.beam.bounds], self._device)
+
+
+def about(sun: NDArray[np.float64], eye: Array, ahead: Array) -> list[Any]:
+    """The frames of the fine and the coarse map of what moves about a camera."""
+    places = [(texel, eye + ahead * (texel * _MOVING_SIZE * 0.42)) for texel in _MOVING_TEXELS]
+    return [_beam_about(sun, centre, texel, _MOVING_SIZE) for texel, centre in places]
 
 
 def world_vertices(geometry: Geometry, world_from_part: Any, device: str) -> Any:

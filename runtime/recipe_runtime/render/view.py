@@ -27,15 +27,17 @@ def lens_of(camera: CameraPlan, side: int) -> Any:
 
 
 def world_from_parts(parts: Array) -> Array:
-    """The world itself as part 0, then the moving parts. [1 + P, 3, 4]."""
-    return np.concatenate([_HERE[None], parts.reshape(-1, 3, 4)])
+    """The world itself as part 0, then the moving parts [..., P, 3, 4]. [..., 1 + P, 3, 4]."""
+    here = np.broadcast_to(_HERE, (*parts.shape[:-3], 1, 3, 4))
+    return np.concatenate([here, parts], axis=-3)
 
 
 def view_from_parts(world_from_sensor: Array, parts: Array) -> Array:
-    """Camera-from-part transforms of the world and of the moving parts. [1 + P, 3, 4]."""
-    return compose(compose(_VIEW_FROM_SENSOR, invert(world_from_sensor)), world_from_parts(parts))
+    """Camera-from-part transforms of the world and of the moving parts. [..., 1 + P, 3, 4]."""
+    view = compose(_VIEW_FROM_SENSOR, invert(world_from_sensor))
+    return compose(view[..., None, :, :], world_from_parts(parts))
 
 
 def world_from_view(world_from_sensor: Array) -> Array:
-    """World-from-camera, the camera with x right, y down, z forward. [3, 4]."""
+    """World-from-camera, the camera with x right, y down, z forward. [..., 3, 4]."""
     return compose(world_from_sensor, _SENSOR_FROM_VIEW)
