@@ -151,7 +151,7 @@ def draw_band(
         w1 = edge(c.x, c.y, a.x, a.y, px, py)
         w2 = edge(a.x, a.y, b.x, b.y, px, py)
         base = y * lens.width * lens.side
-        for x in range(int(left) + first, int(right) + 1, CREW):
+        for x in range(int(left) + first, int(right) + 1, wp.int32(CREW)):
             if (w0 + bias0) >= wp.int64(0) and (w1 + bias1) >= wp.int64(0) and (w2 + bias2) >= wp.int64(0):
                 q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
                 offer(keys, base + x, q, limit, triangle, bit)
@@ -226,7 +226,7 @@ def fill(
 ):
     """Draw the listed bands; CREWS x CREW threads."""
     thread = wp.tid()
-    for at in range(thread / CREW, wp.min(taken[0], bands.shape[0]), CREWS):
+    for at in range(thread / CREW, wp.min(taken[0], bands.shape[0]), wp.int32(CREWS)):
         entry = bands[at]
         if entry != wp.uint64(0):
             i = wp.int32(entry & wp.uint64(0xFFFFFF))

@@ -54,7 +54,7 @@ class Block:
         """The arrays of the host's memory; only of plain numbers."""
         found = {}
         for name, f in self._fields.items():
-            kind = wp.types.warp_type_to_np_dtype[f.kind]
+            kind = wp.dtype_to_numpy(f.kind)
             found[name] = memory[f.offset : f.offset + f.size].view(kind).reshape(f.shape)
         return found
 

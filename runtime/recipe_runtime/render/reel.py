@@ -140,12 +140,10 @@ class Reel:
     def _ready(self, take: Take, lane: Lane, index: int) -> Print:
         """A lane's frame, once it is done; with more room, if it had too little."""
         lane.wait()
-        while lane.wanted > self.room:
-            self.room = max(lane.wanted + lane.wanted // 8, self.room)
+        if lane.wanted > lane.room:
+            self.room = max(self.room, lane.wanted + lane.wanted // 8)
             lane.rebuild()
             lane.wait()
-        if lane.room < self.room:
-            lane.stale = True  # it has room enough for this frame, but the next may want more
         return lane.print(take.numbers[index], take.poses[index], take.parts[index])
 
     def _look(self, plan: AppearancePlan) -> _Look:
@@ -232,7 +230,7 @@ class Lane:
     """Room for one frame, and the kernels that fill it."""
 
     def __init__(self, reel: Reel) -> None:
-        self.reel, self.device, self.stale, self.room = reel, reel.device, False, reel.room
+        self.reel, self.device, self.room = reel, reel.device, reel.room
         self._cuda = reel.device != "cpu"
         self._stream = wp.Stream(reel.device) if self._cuda else None
         self._done = wp.Event(reel.device) if self._cuda else None
@@ -245,7 +243,7 @@ class Lane:
 
     def start(self, row: NDArray[np.uint8]) -> None:
         """Draw the frame of a block."""
-        if self.stale:
+        if self.room < self.reel.room:
             self._allocate()
         self._row = row
         self._run()
@@ -287,7 +285,7 @@ class Lane:
         reel, device = self.reel, self.device
         if self._cuda:
             wp.synchronize_stream(self._stream)
-        self.stale, self.room, actors = False, reel.room, max(len(reel.g.actors), 1)
+        self.room, actors = reel.room, max(len(reel.g.actors), 1)
         self._pinned = wp.zeros(reel.block.size, dtype=wp.uint8, device="cpu", pinned=self._cuda)
         self._numbers: NDArray[np.uint8] = self._pinned.numpy()
         self._block = wp.zeros(reel.block.size, dtype=wp.uint8, device=device)

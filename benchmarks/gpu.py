@@ -1,0 +1,102 @@
+"""Frames a second of a reel on a GPU: rgb, depth and instance, as the renderer draws them, before any encoding.
+
+`python -m benchmarks.gpu [--device cuda:0] [--recipe recipes/weather_sweep.yaml] [--frames 600] [--lanes 6]`
+
+It prints, for a camera that stands still and for one that moves, the rate with the pixels in the host's memory, and
+first holds some frames to those that the renderer draws one by one on the CPU.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from recipe_compiler.plan import DatasetPlan, ScenarioPlan
+from recipe_runtime.meshes import actor_body, town_bodies
+from recipe_runtime.render import Renderer
+from recipe_runtime.render.reel import Reel, Take
+from recipe_runtime.trace import Trace
+from recipe_runtime.transforms import Array, part_transforms, sensor_transform
+
+_SHIFT = 0.01  # metres a frame that the moving camera goes ahead
+
+
+def take_of(variant: ScenarioPlan, trace: Trace, count: int, moving: bool) -> Take:
+    """So many frames of the first sensor, to and fro over the clip; its camera creeping ahead, if it is to move."""
+    clock, sensor = variant.scene.clock, variant.rig.sensors[0]
+    numbers = np.arange(count) % (2 * clock.frames)
+    numbers = np.where(numbers < clock.frames, numbers, 2 * clock.frames - 1 - numbers)
+    known = np.stack([sensor_transform(sensor, trace, frame) for frame in range(clock.frames)])
+    poses: Array = known[numbers]
+    if moving:
+        poses[:, :, 3] += poses[:, :, 0] * (_SHIFT * numbers)[:, None]
+    return Take(numbers.tolist(), (numbers / clock.fps).tolist(), poses, part_transforms(trace, numbers))
+
+
+def compare(variant: ScenarioPlan, renderer: Renderer, reel: Reel, take: Take) -> int:
+    """How many pixels of the frames differ from those that a renderer on the CPU draws."""
+    sensor, differing = variant.rig.sensors[0], 0
+    for at, made in enumerate(reel.frames(take)):
+        seen = renderer.observe(sensor.camera, take.poses[at], take.parts[at])
+        picture = renderer.shade(seen, variant.appearance, sensor.name, made.number, take.times[at])
+        ours, theirs = made.observation, seen
+        differing += int((ours.depth != theirs.depth).sum() + (ours.instance != theirs.instance).sum())
+        differing += int((made.pictures[0] != picture).any(axis=-1).sum()) + int(ours.objects != theirs.objects)
+    return differing
+
+
+def measure(dataset: DatasetPlan, trace_of: Callable[[ScenarioPlan], Trace], options: argparse.Namespace) -> None:
+    """Print the rates of the variants asked for."""
+    for variant in dataset.variants[: options.variants]:
+        trace, sensor = trace_of(variant), variant.rig.sensors[0]
+        bodies = [*town_bodies(variant.scene.town), *[actor_body(actor) for actor in variant.scene.actors]]
+        gpu, cpu = Renderer(bodies, options.device), Renderer(bodies)
+        for moving in (False, True):
+            reel = gpu.reel(sensor.camera, sensor.name, [variant.appearance], options.lanes)
+            few = take_of(variant, trace, options.compare, moving)
+            differing = compare(variant, cpu, reel, few)
+            many = take_of(variant, trace, options.frames, moving)
+            for _ in reel.frames(many):  # once for the shadow maps and the clocks
+                pass
+            start, busy = time.perf_counter(), time.process_time()
+            for _ in reel.frames(many):
+                pass
+            wall, busy = time.perf_counter() - start, time.process_time() - busy
+            camera = "moving" if moving else "still"
+            size = f"{sensor.camera.width}x{sensor.camera.height}"
+            print(
+                f"{variant.variant}, {size}, {camera} camera: {options.frames / wall:.0f} frames/s, "
+                f"{1e3 * wall / options.frames:.2f} ms a frame, of it {1e3 * busy / options.frames:.2f} ms of one core; "
+                f"{differing} pixels of {options.compare} frames differ from the CPU's",
+                flush=True,
+            )
+
+
+def arguments() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cuda:0")
+    parser.add_argument("--recipe", type=Path, default=Path("recipes/weather_sweep.yaml"))
+    parser.add_argument("--frames", type=int, default=600)
+    parser.add_argument("--compare", type=int, default=4)
+    parser.add_argument("--lanes", type=int, default=6)
+    parser.add_argument("--variants", type=int, default=1)
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Simulate what is needed, and measure."""
+    from recipe_runtime.engines import real_engines
+    from recipe_runtime.opening import compiled
+    from recipe_runtime.store import Store
+
+    options = arguments()
+    dataset, store = compiled(options.recipe), Store()
+    measure(dataset, lambda v: store.trace(v.scene, lambda: real_engines().simulate(v.scene)), options)
+
+
+if __name__ == "__main__":
+    main()
