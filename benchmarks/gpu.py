@@ -69,7 +69,7 @@ def measure(dataset: DatasetPlan, trace_of: Callable[[ScenarioPlan], Trace], opt
             size = f"{sensor.camera.width}x{sensor.camera.height}"
             print(
                 f"{variant.variant}, {size}, {camera} camera: {options.frames / wall:.0f} frames/s, "
-                f"{1e3 * wall / options.frames:.2f} ms a frame, of it {1e3 * busy / options.frames:.2f} ms of one core; "
+                f"{1e3 * wall / options.frames:.2f} ms a frame ({1e3 * busy / options.frames:.2f} ms of a core); "
                 f"{differing} pixels of {options.compare} frames differ from the CPU's",
                 flush=True,
             )

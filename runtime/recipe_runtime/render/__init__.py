@@ -33,6 +33,12 @@ The pipeline in order. Modules marked * are kernels; each is launched by the hos
     bloom*         light that bright places shed
     lens*          which place of the plate each pixel shows, in labels and in colour
 
+For many frames of one camera on a GPU:
+
+    reel           all of the above, recorded and replayed; its numbers in a block
+    bands*         large triangles shared out
+    slots*         places for samples that nobody counts
+
 Everywhere: vectors* and noise*, arithmetic in an order that is ours; timing, seconds by stage.
 """
 

@@ -30,6 +30,12 @@ class _Field:
         return self.stride * int(np.prod(self.shape, dtype=np.int64))
 
 
+def span_of(kind: Any, name: str) -> tuple[int, int]:
+    """Where a struct's field begins, and its size, in bytes."""
+    field = getattr(kind.ctype, name)
+    return field.offset, field.size
+
+
 class Block:
     """The layout of such a piece of memory."""
 

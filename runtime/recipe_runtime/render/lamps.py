@@ -1,4 +1,4 @@
-"""The lamps that burn and the bodies that stand near the ground, gathered on the host for a frame, or for many at once."""
+"""The lamps that burn and the bodies that stand near the ground, gathered on the host for one frame or many."""
 
 from collections.abc import Sequence
 from typing import Any

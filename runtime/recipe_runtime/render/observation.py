@@ -71,13 +71,23 @@ def label(
 
 
 @wp.func
+def widen(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32, size: wp.int32):
+    """Widen an actor's box by a point, or a pixel of size 1; only if it lies outside, for atomics make threads wait."""
+    if x < extents[actor, 1]:
+        wp.atomic_min(extents, actor, 1, x)
+    if y < extents[actor, 2]:
+        wp.atomic_min(extents, actor, 2, y)
+    if x + size > extents[actor, 3]:
+        wp.atomic_max(extents, actor, 3, x + size)
+    if y + size > extents[actor, 4]:
+        wp.atomic_max(extents, actor, 4, y + size)
+
+
+@wp.func
 def extend(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32):
     """Count a pixel into an actor's extent."""
     wp.atomic_add(extents, actor, 0, 1)
-    wp.atomic_min(extents, actor, 1, x)
-    wp.atomic_min(extents, actor, 2, y)
-    wp.atomic_max(extents, actor, 3, x + 1)
-    wp.atomic_max(extents, actor, 4, y + 1)
+    widen(extents, actor, x, y, 1)
 
 
 @wp.kernel
@@ -100,16 +110,6 @@ def amodal(
     for a in range(actors):
         if ((rest >> wp.uint64(a)) & wp.uint64(1)) != wp.uint64(0):
             extend(extents, first_actor + a, x, y)
-
-
-@wp.func
-def widen(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32):
-    """Widen an actor's box by a point."""
-    wp.atomic_add(extents, actor, 0, 1)
-    wp.atomic_min(extents, actor, 1, x)
-    wp.atomic_min(extents, actor, 2, y)
-    wp.atomic_max(extents, actor, 3, x)
-    wp.atomic_max(extents, actor, 4, y)
 
 
 @wp.kernel
@@ -138,9 +138,9 @@ def project_box(
             at = bent(lens.cx + wp.float64(v[0]) * lens.focal / z, lens.cy + wp.float64(v[1]) * lens.focal / z, curve)
             x = wp.int32(snap(at[0]))
             y = wp.int32(snap(at[1]))
-            widen(extents, actor, x, y)
+            widen(extents, actor, x, y, 0)
             for m in range(3):
                 behind = view[t[m]]
                 if wp.float64(behind[2]) < lens.near:
                     c = cut(v, behind, lens)
-                    widen(reach, actor, wp.int32(c.x), wp.int32(c.y))
+                    widen(reach, actor, wp.int32(c.x), wp.int32(c.y), 0)

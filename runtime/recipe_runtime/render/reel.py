@@ -33,7 +33,7 @@ from recipe_runtime.render import (
     visibility,
 )
 from recipe_runtime.render.atmosphere import Light, drift, light_of
-from recipe_runtime.render.block import Block
+from recipe_runtime.render.block import Block, span_of
 from recipe_runtime.render.colours import looks_of
 from recipe_runtime.render.device import launch, record, records, wp
 from recipe_runtime.render.geometry import CHUNK, Geometry
@@ -169,8 +169,8 @@ class Reel:
             put(rows, f"lamps {name}", column)
         for name, column in zip(lamps.BODY_NAMES, lamps.body_columns(self.g, parts), strict=True):
             put(rows, f"bodies {name}", column)
-        put(rows, "samples", eyes, shade.Samples.ctype.eye.offset)
-        held = []
+        put(rows, "samples", eyes, span_of(shade.Samples, "eye")[0])
+        held: list[Any] = []
         for row, pose in zip(rows, poses, strict=True):
             for n, sun in enumerate(self.suns):
                 still = self.shadows.static(sun, pose[:, 3])
@@ -265,7 +265,18 @@ class Lane:
         visible, amodal, projected = h["extents"][:3]
         objects = objects_of(self.reel.g, visible, amodal, projected)
         seen = Observation(
-            depth, instance, semantic, objects, self.reel.camera, pose, parts, None, None, None, b"", np.zeros(0, np.int32)
+            depth,
+            instance,
+            semantic,
+            objects,
+            self.reel.camera,
+            pose,
+            parts,
+            None,
+            None,
+            None,
+            b"",
+            np.zeros(0, np.int32),
         )
         pictures = tuple(h[f"rgb {v}"].reshape(*shape, 3) for v in range(len(self.reel.looks)))
         return Print(number, seen, pictures)
@@ -323,7 +334,11 @@ class Lane:
         self._vertices, self._world = zeros(reel.g.vertex_count, wp.vec3f), zeros(reel.g.vertex_count, wp.vec3f)
         self._coarse = zeros(reel.pixels, wp.uint64)
         self._fine = zeros(reel.pixels * 4, wp.uint64) if reel.side == 2 else self._coarse
-        self._bits, self._bands, self._taken = zeros(reel.pixels, wp.uint64), zeros(_BANDS, wp.uint64), zeros(1, wp.int32)
+        self._bits, self._bands, self._taken = (
+            zeros(reel.pixels, wp.uint64),
+            zeros(_BANDS, wp.uint64),
+            zeros(1, wp.int32),
+        )
         self._counts, self._firsts = zeros(size, wp.int32), zeros(size, wp.int32)
         self._wanted, self._stretches = zeros(reel.tiles.size, wp.int32), zeros(reel.tiles.size, wp.int32)
         self._groups, self._starts = zeros(reel.pixels, wp.int32), zeros(reel.pixels, wp.int32)
@@ -364,13 +379,12 @@ class Lane:
         data.tiles = self._of_tile
         self._own, self._is_own = reel.block.rows(1)[0], np.zeros(reel.block.size, bool)
         reel.block.put_records(self._own, "samples", [data])
-        reel.block.mark(self._is_own, "samples", 0, shade.Samples.ctype.eye.offset)
+        reel.block.mark(self._is_own, "samples", 0, span_of(shade.Samples, "eye")[0])
         for n, maps in enumerate(self._maps):
-            beam = shadow.Sunbeam.ctype
             for k, room in enumerate(maps, start=2):
                 reel.block.put_records(self._own, f"beams {n}", [room.beam], at=k)
-                reel.block.mark(self._is_own, f"beams {n}", beam.depths.offset, beam.depths.size, at=k)
-                reel.block.mark(self._is_own, f"beams {n}", beam.bounds.offset, beam.bounds.size, at=k)
+                for name in ("depths", "bounds"):
+                    reel.block.mark(self._is_own, f"beams {n}", *span_of(shadow.Sunbeam, name), at=k)
 
     def _draw(self) -> None:
         """All kernels of a frame, in order."""
