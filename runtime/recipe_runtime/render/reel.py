@@ -357,7 +357,10 @@ class Lane:
         self._lists = {lit: [wp.zeros(lists, dtype=wp.int32, device=device) for _ in range(3)] for lit in kinds}
         self._seen = zeros(max(reel.g.chunk_count, 1), wp.int32)
         here, ahead = np.zeros(3), np.array([1.0, 0.0, 0.0])
-        self._maps = [[Sheet(beam, reel.g, device) for beam in about(sun, here, ahead)] for sun in reel.suns]
+        self._maps = [
+            [Sheet(beam, reel.g, device, zeros(beam.size * beam.size, wp.uint64)) for beam in about(sun, here, ahead)]
+            for sun in reel.suns
+        ]
 
     def _records(self) -> None:
         """What of the block and the records is this lane's own: addresses."""
