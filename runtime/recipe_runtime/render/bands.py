@@ -13,10 +13,10 @@ from recipe_runtime.render.visibility import Corner, Lens, bias, cut, draw, edge
 
 wp.set_module_options(OPTIONS)
 
-ROWS = wp.constant(8)  # of a band
-ALONE = wp.constant(wp.int64(192))  # samples in a triangle's box up to which one thread draws it
-CREW = wp.constant(64)  # threads that share a band
-CREWS = wp.constant(2048)
+ROWS = wp.constant(16)  # of a band
+ALONE = wp.constant(wp.int64(512))  # samples in a triangle's box up to which one thread draws it
+CREW = wp.constant(32)  # threads that share a band
+CREWS = wp.constant(4096)
 LISTED = wp.constant(wp.uint64(0x8000000000000000))  # marks an entry that holds a band
 
 

@@ -103,7 +103,7 @@ class Reel:
         camera_plan: CameraPlan,
         sensor: str,
         appearances: Sequence[AppearancePlan],
-        lanes: int = 6,
+        lanes: int = 12,
     ) -> None:
         self.g, self.device, self.camera, self.sensor = geometry, device, camera_plan, sensor
         self.shadows = shadows

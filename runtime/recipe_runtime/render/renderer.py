@@ -53,7 +53,9 @@ class Renderer:
         """Linear relative radiance at pixel centres before the camera, [H, W, 3]; for tests and tools."""
         return self._painter.radiance(obs, appearance, time)
 
-    def reel(self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 6) -> Reel:
+    def reel(
+        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 12
+    ) -> Reel:
         """What draws many frames of one plain camera (`reel.fits`) fast on a GPU, with the bytes of the calls above."""
         shadows = Shadows(self._geometry, self._device)
         return Reel(self._geometry, shadows, self._device, camera, sensor_name, appearances, lanes)

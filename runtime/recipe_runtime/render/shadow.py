@@ -120,14 +120,18 @@ def cast(
 
 
 @wp.kernel
-def nearness(keys: wp.array[wp.uint64], used: wp.array[wp.int32], size: wp.int32, out: wp.array[wp.float32]):
-    """One used tile's keys as nearness in 0..1, half as large to keep, and the keys cleared; `out` comes zeroed."""
-    tile = wp.tid()
+def nearness(
+    keys: wp.array[wp.uint64], used: wp.array[wp.int32], size: wp.int32, rows: wp.int32, out: wp.array[wp.float32]
+):
+    """Some rows of a used tile: keys as nearness in 0..1, half as large to keep, and cleared; `out` comes zeroed."""
+    shares = TILE / rows
+    tile = wp.tid() / shares
     if used[tile] == 0:
         return
     side = size / TILE
     first = (tile / side) * TILE * size + (tile % side) * TILE
-    for y in range(TILE):
+    top = (wp.tid() % shares) * rows
+    for y in range(top, top + rows):
         for x in range(TILE):
             i = first + y * size + x
             out[i] = wp.float32(wp.float64(wp.int64(keys[i] >> wp.uint64(24))) / wp.float64(1099511627775.0))

@@ -109,7 +109,9 @@ class Sheet:
             tables = [vertices, g.triangles, g.chunks, self._seen, g.casts, first]
             launch(shadow.cast, count * CHUNK, [*tables, told, lens, self._keys, self._used], self._device)
         tiles, depths = self._used.size, self.beam.depths
-        launch(shadow.nearness, tiles, [self._keys, self._used, size, depths], self._device)
+        rows = int(TILE) if self._device == "cpu" else 1  # a GPU has threads to spare
+        inputs = [self._keys, self._used, size, rows, depths]
+        launch(shadow.nearness, tiles * (int(TILE) // rows), inputs, self._device)
         launch(shadow.bound, tiles, [depths, self._used, size, self.beam.bounds], self._device)
 
 
