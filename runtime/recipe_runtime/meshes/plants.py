@@ -114,8 +114,8 @@ def _tiers(kind: int) -> tuple[Array, Index]:
             ring = []
             for n in range(columns):
                 s, c = exact.sin_cos_deg(360.0 * n / columns + 13.0 * k)
-                r = wide * share * (1.0 + share * (0.14 * (-1) ** n + 0.12 * noise(kind, 31 * k + n)))
-                ring.append((r * c, r * s, z - 0.03 * share * (-1) ** n * (1.0 - t)))
+                r = wide * share * (1.0 + share * (0.14 * (1 - 2 * (n % 2)) + 0.12 * noise(kind, 31 * k + n)))
+                ring.append((r * c, r * s, z - 0.03 * share * (1 - 2 * (n % 2)) * (1.0 - t)))
             rings.append(ring)
     rings.append([(0.0, 0.0, 1.0)] * columns)
     points = np.array(rings).reshape(-1, 3)
