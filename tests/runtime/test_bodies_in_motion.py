@@ -20,7 +20,7 @@ from recipe_runtime.studio import matrices
 from recipe_runtime.trace import METRE, Trace
 from recipe_runtime.transforms import invert, part_transforms
 
-TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
+TOWN = towns.build("downtown", 0, {"blocks": [2, 2]})
 GROUND = Ground(TOWN.plan)
 STREETS = TOWN.streets
 PEOPLE = [b for b in blueprints.LIBRARY if b.category == "pedestrian"]
@@ -32,7 +32,7 @@ def turning(blueprint: str, way: str) -> ActorPlan:
     found = blueprints.match(blueprint)[0]
     junction = (len(STREETS.xs) // 2, len(STREETS.ys) // 2)
     new = {"right": (1, 0), "left": (-1, 0)}[way]
-    through = STREETS._through(STREETS.centre(junction), (0, 1), new)
+    through = STREETS._through(junction, (0, 1), new)
     end = (through[-1][0] + 18.0 * new[0], through[-1][1] + 18.0 * new[1])
     return ActorPlan(
         name="it",
