@@ -15,7 +15,7 @@ from tests.sources import PACKAGES, imports, modules
 BANNED_IMPORTS = {"random", "secrets", "uuid", "datetime", "time", "socket", "getpass"}
 ALLOWED_IMPORTS = {
     ("recipe_runtime/entropy.py", "secrets"): "the verifier's nonce, the one door to entropy",
-    ("recipe_runtime/worker.py", "time"): "a stopwatch, for the terminal",
+    ("recipe_runtime/stopwatch.py", "time"): "a stopwatch, for the terminal",
     ("recipe_runtime/build.py", "time"): "a stopwatch, for the terminal",
     ("recipe_runtime/render/timing.py", "time"): "a stopwatch, for the benchmark",
     ("recipe_compiler/sun.py", "datetime"): "dates and hours that a recipe names; never the clock",

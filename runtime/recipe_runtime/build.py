@@ -29,10 +29,11 @@ from recipe_runtime.harvest import Harvest
 from recipe_runtime.manifest import head, is_whole
 from recipe_runtime.reuse import Reuse, earlier, missing_shards, reasons, remember
 from recipe_runtime.schedule import SHARD_FRAMES, Shard, all_shards, simulations, views
+from recipe_runtime.stopwatch import Stopwatch
 from recipe_runtime.store import Store, default_cache
 from recipe_runtime.trace import Trace
 from recipe_runtime.versions import builder
-from recipe_runtime.worker import Job, Stopwatch
+from recipe_runtime.worker import Job
 from recipe_runtime.workspace import Workspace, check_out, read_manifest
 
 

@@ -60,6 +60,9 @@ class SceneRenderer(Protocol):
     ) -> NDArray[np.uint8]:
         """Its picture, 8-bit sRGB [H, W, 3]; `moment` is a neighbouring frame, for motion blur."""
 
+    def reel(self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
+        """What draws many frames of one camera without a stop, on a GPU."""
+
 
 @dataclass(frozen=True)
 class Engines:

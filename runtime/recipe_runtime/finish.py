@@ -17,10 +17,10 @@ from recipe_runtime.harvest import Harvest, Video
 from recipe_runtime.manifest import file_row, manifest_text
 from recipe_runtime.report.sheets import contact_sheet, overlay_sheet
 from recipe_runtime.schedule import simulations, views
+from recipe_runtime.stopwatch import Stopwatch
 from recipe_runtime.texts import Text, annotation_texts, closing_texts, labels_text, with_labels
 from recipe_runtime.trace import Trace
 from recipe_runtime.tracks import tracks_csv
-from recipe_runtime.worker import Stopwatch
 from recipe_runtime.workspace import Workspace
 
 FileRow = list[Any]  # size, SHA-256

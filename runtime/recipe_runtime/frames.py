@@ -6,14 +6,19 @@ full build. A frame has pixels, an array a modality, and labels, the records of 
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.canonical import digest, digest_array
 from recipe_compiler.plan import AppearancePlan, ScenarioPlan, ScenePlan, SensorPlan
 
 from recipe_runtime.annotate.objects import Annotator, Record
 from recipe_runtime.engines import Engines, Observed, SceneRenderer, real_engines
+from recipe_runtime.stopwatch import Stopwatch
 from recipe_runtime.trace import Trace
 from recipe_runtime.transforms import part_transforms, sensor_transform
 
@@ -30,6 +35,15 @@ def label_digest(records: list[Record]) -> str:
     return digest("labels/1", records)
 
 
+@dataclass(frozen=True)
+class Made:
+    """A frame: what is seen, and a picture [H, W, 3] for each appearance. Its arrays may be drawn over by the next."""
+
+    number: int
+    seen: Observed
+    pictures: tuple[NDArray[np.uint8], ...]
+
+
 class SceneSource:
     """What all frames of one scene share: its renderer and its truth, made when first asked for."""
 
@@ -38,6 +52,8 @@ class SceneSource:
         self._engines = engines or real_engines()
         self._renderer: SceneRenderer | None = None
         self._annotator: Annotator | None = None
+        self.reels = device != "cpu"  # where many frames under way at once are quicker than one by one
+        self._reel: tuple[str, Any] = "", None  # the last that was used, by what it shows
 
     @property
     def renderer(self) -> SceneRenderer:
@@ -52,6 +68,27 @@ class SceneSource:
         if self._annotator is None:
             self._annotator = Annotator(self.scene, self.trace, self._engines.actors(self.scene))
         return self._annotator
+
+    def make(
+        self,
+        sensor: SensorPlan,
+        appearances: Sequence[AppearancePlan],
+        frames: Sequence[int],
+        watch: Stopwatch | None = None,
+        lanes: int = 4,
+    ) -> Iterator[Made]:
+        """Frames in the order asked for; on a GPU several are under way at once, in so many lanes, where they can."""
+        watch = watch or Stopwatch()
+        reel = self._reel_of(sensor, appearances, lanes) if len(frames) > 1 else None
+        if reel is not None:
+            yield from self._reeled(reel, sensor, frames, watch)
+            return
+        for frame in frames:
+            with watch("observe"):
+                seen = self.observe(sensor, frame)
+            with watch("shade") if appearances else nullcontext():
+                pictures = tuple(self.shade(seen, appearance, sensor, frame) for appearance in appearances)
+            yield Made(frame, seen, pictures)
 
     def observe(self, sensor: SensorPlan, frame: int) -> Observed:
         """What a sensor sees at a frame."""
@@ -70,6 +107,31 @@ class SceneSource:
         if response is None or response.motion_blur_intensity == 0.0 or self.scene.clock.frames < 2:
             return self.renderer.shade(seen, appearance, sensor.name, frame, time)
         return self.renderer.shade(seen, appearance, sensor.name, frame, time, moment=self._moment(sensor, frame))
+
+    def _reel_of(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
+        """A reel for what is asked for; None on a CPU, and for cameras that need one frame at a time."""
+        if not self.reels:
+            return None
+        from recipe_runtime.render.reel import takes
+
+        if not takes(sensor, appearances):
+            return None
+        key = digest("reel/1", [sensor.document(), [plan.digest for plan in appearances], lanes])
+        if self._reel[0] != key:
+            self._reel = "", None  # its memory first
+            self._reel = key, self.renderer.reel(sensor.camera, sensor.name, appearances, lanes)
+        return self._reel[1]
+
+    def _reeled(self, reel: Any, sensor: SensorPlan, frames: Sequence[int], watch: Stopwatch) -> Iterator[Made]:
+        from recipe_runtime.render.reel import Take
+
+        poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in frames])
+        times = [frame / self.scene.clock.fps for frame in frames]
+        prints = reel.frames(Take(frames, times, poses, part_transforms(self.trace, np.array(frames))))
+        for _ in frames:
+            with watch("render"):
+                made = next(prints)
+            yield Made(made.number, made.observation, made.pictures)
 
     def _moment(self, sensor: SensorPlan, frame: int) -> Any:
         """The frame before, or after the first: a blur is as long both ways."""

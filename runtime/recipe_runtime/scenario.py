@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import os
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from recipe_runtime.store import Store
 from recipe_runtime.versions import builder
 
 SCENES_KEPT = 2  # renderers in memory at once; each holds a town's triangles
+LANES = 12  # frames under way at once on a GPU
 OBSERVATIONS_KEPT = 2  # so that the modalities of one frame, and its weathers, share what is seen
 
 
@@ -154,6 +155,20 @@ class Scenario(Sequence[Frame]):
             return pixels
         kept: NDArray[Any] = np.load(io.BytesIO(body), allow_pickle=False)
         return kept
+
+    def stream(
+        self, sensor: str | None = None, frames: Iterable[int] | None = None
+    ) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
+        """Frames one after the other, all by default, each with all that the sensor captures, as `render` gives it.
+
+        On a GPU many are under way at once. The arrays hold until the next frame is asked for: copy what is to last.
+        """
+        plan, scene = self._sensor(sensor), self.plan.scene
+        numbers = [self._number(frame) for frame in (range(len(self)) if frames is None else frames)]
+        appearances = [self.plan.appearance] if "rgb" in plan.capture else []
+        for made in self._scenes.source(scene).make(plan, appearances, numbers, lanes=LANES):
+            pictures: dict[str, NDArray[Any]] = dict(zip(["rgb"], made.pictures, strict=False))
+            yield made.number, {m: pictures[m] if m == "rgb" else label_array(made.seen, m) for m in plan.capture}
 
     def labels(self, frame: int, sensor: str | None = None) -> list[Record]:
         """The records of what is seen in a frame, by instance; `annotate.objects` tells what each holds."""

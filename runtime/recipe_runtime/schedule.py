@@ -72,7 +72,14 @@ def chosen_shards(dataset: DatasetPlan, chosen: Iterable[tuple[str, str, int]]) 
     for variant, sensor, frame in chosen:
         place = places[variant]
         wanted.setdefault((homes[place, sensor], frame), set()).add(place)
-    return [Shard(view, (frame,), tuple(sorted(v))) for (view, frame), v in sorted(wanted.items())]
+    shards: list[Shard] = []
+    for (view, frame), found in sorted(wanted.items()):
+        variants, last = tuple(sorted(found)), shards[-1] if shards else None
+        if last and (last.view, last.variants) == (view, variants) and len(last.frames) < SHARD_FRAMES:
+            shards[-1] = Shard(view, (*last.frames, frame), variants)
+        else:
+            shards.append(Shard(view, (frame,), variants))
+    return shards
 
 
 def simulations(dataset: DatasetPlan) -> list[ScenePlan]:

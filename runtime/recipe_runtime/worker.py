@@ -6,10 +6,9 @@ Files go into place one by one, each whole; pixels never leave the worker, diges
 from __future__ import annotations
 
 import hashlib
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +20,9 @@ from recipe_compiler.plan import DatasetPlan
 from recipe_runtime import encode, layout
 from recipe_runtime.annotate.mots import mots_picture
 from recipe_runtime.engines import Engines, Observed
-from recipe_runtime.frames import LABEL_MODALITIES, SceneSource, label_array, label_digest, pixel_digest
+from recipe_runtime.frames import LABEL_MODALITIES, Made, SceneSource, label_array, label_digest, pixel_digest
 from recipe_runtime.schedule import Shard, View, views
+from recipe_runtime.stopwatch import Stopwatch
 from recipe_runtime.store import Store, link_or_copy, write_atomic
 
 # frame, objects, digests {modality: digest}, rgb {variant: digest}, files {path: [size, SHA-256]}
@@ -49,26 +49,6 @@ class Job:
         return "build again: what is done is kept" if self.resumes else "try again"
 
 
-@dataclass
-class Stopwatch:
-    """Seconds spent by stage. They go to the terminal and the benchmark, never into a dataset."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        """Count the time inside as this stage's."""
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.add(stage, time.perf_counter() - start)
-
-    def add(self, stage: str, seconds: float) -> None:
-        """Count seconds measured elsewhere."""
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
-
-
 class Worker:
     """Does shards, one after the other, and keeps the renderer of the scene that it is at."""
 
@@ -81,21 +61,40 @@ class Worker:
 
     def do(self, shard: Shard, tick: Callable[[int], None]) -> list[FrameRecord]:
         """The records of a shard's frames; `tick` is told of every frame done, as a count of pictures."""
-        view = self._views[shard.view]
-        records = []
+        view, records = self._views[shard.view], []
+        groups = self._groups(view, shard.variants)
+        plans = [self._job.dataset.variants[group[0]].appearance for group in groups]
+        with self._naming(view, shard, shard.frames[0]):
+            made = self._at(view).make(view.sensor, plans, shard.frames, self.watch)
         for frame in shard.frames:
-            try:
-                records.append(_FrameTask(self._job, view, self._at(view), self.watch).do(frame, shard.variants))
-            except RecipeError:
-                raise
-            except Exception as error:
-                where = f"{self._job.dataset.variants[shard.variants[0]].variant}, {view.sensor.name}, frame {frame}"
-                if isinstance(error, OSError) and error.filename is not None:
-                    remedy = f"free some space or allow writing, then {self._job.again}"
-                    raise RunError(f"{where}: cannot write: {error.strerror}; {remedy}") from error
-                raise RunError(f"{where}: {type(error).__name__}: {error}") from error
+            with self._naming(view, shard, frame):
+                task = _FrameTask(self._job, view, shard.variants, self._at(view), self.watch)
+                records.append(task.do(next(made), groups))
             tick(len(shard.variants))
         return records
+
+    def _groups(self, view: View, variants: tuple[int, ...]) -> list[tuple[int, ...]]:
+        """The variants by appearance; none where no picture is asked for."""
+        if "rgb" not in view.sensor.capture:
+            return []
+        sharing: dict[str, list[int]] = {}
+        for index in variants:
+            sharing.setdefault(self._job.dataset.variants[index].appearance.digest, []).append(index)
+        return [tuple(group) for group in sharing.values()]
+
+    @contextmanager
+    def _naming(self, view: View, shard: Shard, frame: int) -> Iterator[None]:
+        """Whatever fails inside is told with the variant, the sensor and the frame."""
+        try:
+            yield
+        except RecipeError:
+            raise
+        except Exception as error:
+            where = f"{self._job.dataset.variants[shard.variants[0]].variant}, {view.sensor.name}, frame {frame}"
+            if isinstance(error, OSError) and error.filename is not None:
+                remedy = f"free some space or allow writing, then {self._job.again}"
+                raise RunError(f"{where}: cannot write: {error.strerror}; {remedy}") from error
+            raise RunError(f"{where}: {type(error).__name__}: {error}") from error
 
     def _at(self, view: View) -> SceneSource:
         if self._source is None or self._source.scene.digest != view.scene.digest:
@@ -114,13 +113,13 @@ class _FrameTask:
 
     job: Job
     view: View
+    variants: tuple[int, ...]
     source: SceneSource
     watch: Stopwatch
 
-    def do(self, frame: int, variants: tuple[int, ...]) -> FrameRecord:
-        sensor, watch = self.view.sensor, self.watch
-        with watch("observe"):
-            seen = self.source.observe(sensor, frame)
+    def do(self, made: Made, groups: Sequence[tuple[int, ...]]) -> FrameRecord:
+        """Label and write what was made; a picture for each group of variants, which share their appearance."""
+        sensor, watch, frame, seen = self.view.sensor, self.watch, made.number, made.seen
         with watch("annotate"):
             objects = self.source.labels(seen, sensor, frame)
             digests = {"labels": label_digest(objects)}
@@ -130,29 +129,16 @@ class _FrameTask:
                 array = label_array(seen, modality)
                 with watch("hash"):
                     digests[modality] = pixel_digest(modality, array)
-                self._write(files, modality, frame, array, variants)
+                self._write(files, modality, frame, array, self.variants)
         if "mots_png" in self.job.dataset.annotations:
-            self._write_mots(files, frame, seen, variants)
-        rgb = self._shade(files, frame, seen, variants) if "rgb" in sensor.capture else {}
-        return {"frame": frame, "objects": objects, "digests": digests, "rgb": rgb, "files": files}
-
-    def _shade(
-        self, files: dict[str, list[Any]], frame: int, seen: Observed, variants: tuple[int, ...]
-    ) -> dict[str, str]:
-        """Shade once for each appearance, write for each variant that has it; the digest of each variant's picture."""
-        sharing: dict[str, list[int]] = {}
-        for index in variants:
-            sharing.setdefault(self.job.dataset.variants[index].appearance.digest, []).append(index)
-        found = {}
-        for group in sharing.values():
-            with self.watch("shade"):
-                plan = self.job.dataset.variants[group[0]]
-                picture = self.source.shade(seen, plan.appearance, self.view.sensor, frame)
-            with self.watch("hash"):
+            self._write_mots(files, frame, seen, self.variants)
+        rgb: dict[str, str] = {}
+        for group, picture in zip(groups, made.pictures, strict=True):
+            with watch("hash"):
                 value = pixel_digest("rgb", picture)
-            found.update({self.job.dataset.variants[index].variant: value for index in group})
-            self._write(files, "rgb", frame, picture, tuple(group))
-        return found
+            rgb.update({self.job.dataset.variants[index].variant: value for index in group})
+            self._write(files, "rgb", frame, picture, group)
+        return {"frame": frame, "objects": objects, "digests": digests, "rgb": rgb, "files": files}
 
     def _write(
         self, files: dict[str, list[Any]], modality: str, frame: int, array: NDArray[Any], variants: tuple[int, ...]

@@ -57,6 +57,21 @@ def test_labels_on_demand_equal_the_built_ones(built: Path) -> None:
     assert scenario[2].labels("street") == json.loads(lines[2])
 
 
+@pytest.mark.parametrize("reels", [False, True])
+def test_a_stream_gives_what_is_rendered_one_by_one(reels: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also by the way of a GPU, which draws many frames at once: here on the CPU."""
+    scenario, again = recipe_runtime.open(TINY, RAIN), recipe_runtime.open(TINY, RAIN)
+    monkeypatch.setattr(scenario._scenes.source(scenario.plan.scene), "reels", reels)
+    for sensor in scenario.sensors:
+        seen = []
+        for number, arrays in scenario.stream(sensor, [2, 0, -1]):
+            seen.append(number)
+            assert tuple(sorted(arrays)) == tuple(sorted(scenario.modalities(sensor)))
+            for modality, array in arrays.items():
+                np.testing.assert_array_equal(array, again.render(number, sensor, modality))
+        assert seen == [2, 0, 3]
+
+
 def _fake(**options: Any) -> Scenario:
     plan = dataset_plan(frames=6)
     return Scenario(plan.variants[0], Scenes(engines=ENGINES), **options)

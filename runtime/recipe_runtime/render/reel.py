@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
+from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, SensorPlan
 
 from recipe_runtime.render import (
     bands,
@@ -515,6 +515,8 @@ def _results(reel: Reel, actors: int) -> list[tuple[str, Any, tuple[int, ...]]]:
     ]
 
 
-def fits(plan: CameraPlan, response: CameraResponse) -> bool:
-    """Whether a reel can take a camera's pictures: a plain one's, that makes bytes of samples in one kernel."""
-    return not film.needs_plate(plan, response, None) and response.motion_blur_intensity == 0.0
+def takes(sensor: SensorPlan, appearances: Sequence[AppearancePlan]) -> bool:
+    """Whether a reel can draw a sensor in these: its camera a plain one, which makes bytes of samples in one kernel."""
+    responses = [plan.responses.get(sensor.name) or CameraResponse() for plan in appearances]
+    plain = all(not film.needs_plate(sensor.camera, r, None) and r.motion_blur_intensity == 0.0 for r in responses)
+    return plain and len({r.antialias for r in responses}) <= 1

@@ -56,6 +56,6 @@ class Renderer:
     def reel(
         self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 12
     ) -> Reel:
-        """What draws many frames of one plain camera (`reel.fits`) fast on a GPU, with the bytes of the calls above."""
+        """What draws many frames of a plain camera (`reel.takes`) fast on a GPU, with the bytes of the calls above."""
         shadows = Shadows(self._geometry, self._device)
         return Reel(self._geometry, shadows, self._device, camera, sensor_name, appearances, lanes)
