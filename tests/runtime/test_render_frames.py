@@ -5,16 +5,24 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pytest
 from recipe_compiler.plan import CameraResponse
 from recipe_runtime.render import Renderer
 
 from tests.golden.renew_render import GOLDEN
-from tests.runtime.render_scene import CAMERA, EYE, WEATHERS, golden_digests, parts_at, street
+from tests.runtime.render_scene import CAMERA, EYE, WEATHERS, appearance, golden_digests, parts_at, street
 
 ROOT = Path(__file__).parents[2]
+STANDING_WATER = {
+    "still": appearance(50.0, precipitation_deposits=80, wetness=60),
+    "breeze": appearance(20.0, precipitation_deposits=80, wetness=60, wind_intensity=40, cloudiness=50),
+    "rings": appearance(45.0, precipitation=15, precipitation_deposits=70),
+    "night": appearance(-30.0, precipitation_deposits=90, wetness=80, fog_density=20),
+}
 
 
 def picture(renderer: Renderer, frame: int, weather: str = "rainy") -> bytes:
@@ -58,6 +66,32 @@ def test_what_a_static_camera_remembers_changes_nothing() -> None:
     for frame in (0, 1, 2, 9, 30):
         for weather in WEATHERS:
             assert picture(keeping, frame, weather) == picture(forgetting, frame, weather)
+
+
+@pytest.mark.parametrize("order", [range(0, 60, 4), (0, 1, 30, 1, 2, 2, 31, 0, 9, 45, 9)], ids=["on", "to and fro"])
+@pytest.mark.parametrize("weather", STANDING_WATER)
+def test_what_still_water_mirrored_before_changes_nothing(weather: str, order: Sequence[int]) -> None:
+    """Rays, what they met and what was developed of it are kept, while a walker and a car come, go, and come again."""
+    keeping, plan = Renderer(street()), STANDING_WATER[weather]
+    for frame in order:
+        seen, now = keeping.observe(CAMERA, EYE, parts_at(frame)), frame / 30
+        alone = Renderer(street(), keep_static=False)
+        expected = alone.shade(alone.observe(CAMERA, EYE, parts_at(frame)), plan, "street", frame, now)
+        np.testing.assert_array_equal(keeping.shade(seen, plan, "street", frame, now), expected)
+
+
+def test_two_cameras_at_one_place_keep_their_own() -> None:
+    """What is kept is a sensor's: another, which exposes longer, has pictures of its own of the same light."""
+    bright = STANDING_WATER["still"].model_copy(
+        update={"responses": {"bright": CameraResponse(exposure_compensation=1)}}
+    )
+    both = Renderer(street())
+    for frame in (0, 1, 2, 3):
+        seen = both.observe(CAMERA, EYE, parts_at(frame))
+        for sensor in ("street", "bright"):
+            alone = Renderer(street(), keep_static=False)
+            expected = alone.shade(alone.observe(CAMERA, EYE, parts_at(frame)), bright, sensor, frame, 0.0)
+            np.testing.assert_array_equal(both.shade(seen, bright, sensor, frame, 0.0), expected)
 
 
 def test_one_frames_weathers_share_what_is_remembered() -> None:

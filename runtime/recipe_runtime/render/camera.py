@@ -68,11 +68,9 @@ def shading_at(x: wp.float32, y: wp.float32, r: Response, rims: wp.array[wp.floa
 @wp.func
 def bell(h: wp.uint32) -> wp.float32:
     """A nearly normal number of mean 0 and deviation 1: the sum of a hash's four bytes."""
-    a = h & wp.uint32(255)
-    b = (h >> wp.uint32(8)) & wp.uint32(255)
-    c = (h >> wp.uint32(16)) & wp.uint32(255)
-    d = h >> wp.uint32(24)
-    return (wp.float32(a + b + c + d) - 510.0) * 0.0067658
+    pairs = (h & wp.uint32(0x00FF00FF)) + ((h >> wp.uint32(8)) & wp.uint32(0x00FF00FF))
+    total = wp.int32((pairs + (pairs >> wp.uint32(16))) & wp.uint32(0xFFFF))
+    return (wp.float32(total) - 510.0) * 0.0067658
 
 
 @wp.func
@@ -94,6 +92,36 @@ def record_levels(out: wp.array2d[wp.uint8], i: wp.int32, colour: wp.vec3f, r: R
     out[i, 2] = srgb[level(colour[2], bell(h), r.noise)]
 
 
+@wp.func
+def toned(
+    i: wp.int32,
+    first: wp.int32,
+    count: wp.int32,
+    radiance: wp.array[wp.vec3f],
+    weights: wp.array[wp.float32],
+    rain: wp.int32,
+    streak: wp.vec3f,
+    responses: wp.array[Response],
+    rims: wp.array[wp.float32],
+) -> wp.vec3f:
+    """A pixel's samples, exposed, each through the tone curve, and then averaged."""
+    r = responses[0]
+    x = (wp.float32(i % r.width) + 0.5) / wp.float32(r.width) - 0.5
+    y = (wp.float32(i / r.width) + 0.5 - 0.5 * wp.float32(r.height)) / wp.float32(r.width)
+    gain = r.exposure * shading_at(x, y, r, rims)
+    drops = wp.min(wp.float32(rain) * (1.0 / 65536.0), 0.8)
+    red = wp.float32(0.0)
+    green = wp.float32(0.0)
+    blue = wp.float32(0.0)
+    for s in range(count):
+        c = radiance[first + s]
+        w = weights[first + s]
+        red = red + w * tone((c[0] + (streak[0] - c[0]) * drops) * gain * r.white[0])
+        green = green + w * tone((c[1] + (streak[1] - c[1]) * drops) * gain * r.white[1])
+        blue = blue + w * tone((c[2] + (streak[2] - c[2]) * drops) * gain * r.white[2])
+    return wp.vec3f(red, green, blue)
+
+
 @wp.kernel
 def develop(
     radiance: wp.array[wp.vec3f],
@@ -103,28 +131,32 @@ def develop(
     rain: wp.array[wp.int32],
     streak: wp.vec3f,
     responses: wp.array[Response],
+    kept: wp.int32,
+    stale: wp.array[wp.uint8],
+    levels: wp.array[wp.vec3f],
     rims: wp.array[wp.float32],
     srgb: wp.array[wp.uint8],
     out: wp.array2d[wp.uint8],
 ):
-    """One pixel's three bytes."""
+    """One pixel's three bytes.
+
+    Where its samples are below `kept` and it is not stale, its levels before the noise are those of an earlier frame.
+    """
     i = wp.tid()
     r = responses[0]
-    x = (wp.float32(i % r.width) + 0.5) / wp.float32(r.width) - 0.5
-    y = (wp.float32(i / r.width) + 0.5 - 0.5 * wp.float32(r.height)) / wp.float32(r.width)
-    gain = r.exposure * shading_at(x, y, r, rims)
-    drops = wp.min(wp.float32(rain[i]) * (1.0 / 65536.0), 0.8)
-    red = wp.float32(0.0)
-    green = wp.float32(0.0)
-    blue = wp.float32(0.0)
     first = starts[i]
-    for s in range(groups[i] & 7):
-        c = radiance[first + s]
-        w = weights[first + s]
-        red = red + w * tone((c[0] + (streak[0] - c[0]) * drops) * gain * r.white[0])
-        green = green + w * tone((c[1] + (streak[1] - c[1]) * drops) * gain * r.white[1])
-        blue = blue + w * tone((c[2] + (streak[2] - c[2]) * drops) * gain * r.white[2])
-    record_levels(out, i, wp.vec3f(red, green, blue), r, srgb)
+    keep = first < kept and rain[i] == 0
+    fresh = not keep
+    colour = wp.vec3f(0.0, 0.0, 0.0)
+    if keep:
+        fresh = stale[i] != wp.uint8(0)
+        colour = levels[i]
+    if fresh:
+        colour = toned(i, first, groups[i] & 7, radiance, weights, rain[i], streak, responses, rims)
+        if keep:
+            levels[i] = colour
+            stale[i] = wp.uint8(0)
+    record_levels(out, i, colour, r, srgb)
 
 
 @wp.kernel

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.plan import AppearancePlan, CameraResponse
+from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
 
 from recipe_runtime.render import camera, film, glow, nearby, rain, reflection, shade, shadow
 from recipe_runtime.render.atmosphere import Light, drift, light_of
@@ -33,16 +33,21 @@ _DROPS = 32000  # at precipitation 100, in a cube
 _RAIN_CUBE = 26.0  # metres along its side
 _RAIN_DEPTH = 15.0  # metres from the camera within which drops are drawn
 _LIGHTS_KEPT = 64
-_LIGHTS_KEPT_BY_POSE = 8  # 12 MB each at 800 x 600
+_LIGHTS_KEPT_BY_POSE = 16  # 20 MB each at 800 x 600
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Shaded:
     """One appearance's light on a base's samples."""
 
     light: tuple[Any, Any, Any]  # out, gleam and steady, as `shade.shade` writes them
     lists: tuple[Any, ...]  # lamps, bodies and glows by tile
     clouds: tuple[float, float]
+    kept: int  # samples whose light stays for later frames
+    levels: tuple[Any, Any]  # which pixels are stale, and what was developed of them before the noise
+    rays: tuple[Any, Any, Any, Any]  # reach, asked, ways and renewed, as `reflection.march` writes them
+    mirrored: tuple[Any, Any] | None = None  # sources and out, as `reflection.reflect` writes them, on wet ground
+    moment: int = -1  # of the ripples there
 
 
 class Painter:
@@ -72,7 +77,7 @@ class Painter:
         plate = film.plate_of(self._observer, obs, response.supersample)
         points = self._surveyor.points(plate, response.antialias)
         light = self._light_of(appearance, time)
-        linear = self._shade(plate, points, appearance, light)
+        linear, shaded = self._shade(plate, points, appearance, sensor, light)
         with self._timings("rain"):
             drops = self._rain(plate, appearance.seed, light, time)
         with self._timings("develop"):
@@ -88,6 +93,7 @@ class Painter:
             else:
                 out = wp.empty((r.width * r.height, 3), dtype=wp.uint8, device=self._device)
                 inputs[-1] = record(r, self._device)
+                inputs += [shaded.kept, *shaded.levels]
                 launch(camera.develop, r.width * r.height, [*inputs, *told, out], self._device)
             picture: NDArray[np.uint8] = out.numpy().reshape(r.height, r.width, 3)
         return picture
@@ -95,11 +101,14 @@ class Painter:
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float) -> NDArray[np.float32]:
         """Linear radiance at pixel centres, float32 [H, W, 3]."""
         points = self._surveyor.points(obs, antialias=False)
-        linear = self._shade(obs, points, appearance, self._light_of(appearance, time))
+        linear, _ = self._shade(obs, points, appearance, "", self._light_of(appearance, time))
         values: NDArray[np.float32] = linear.numpy()[points.starts.numpy()]
         return values.reshape(obs.camera.height, obs.camera.width, 3)
 
-    def _shade(self, obs: Observation, points: Points, appearance: AppearancePlan, light: Light) -> Any:
+    def _shade(
+        self, obs: Observation, points: Points, appearance: AppearancePlan, sensor: str, light: Light
+    ) -> tuple[Any, Shaded]:
+        """The light of all samples, and what is kept of it."""
         with self._timings("shadows"):
             beams = self._sunlit(obs, light)
         with self._timings("nearby"):
@@ -108,27 +117,62 @@ class Painter:
             looks = self._looks_of(appearance)
             told = [record(v, self._device) for v in (points.data, looks, light.air, lamps, bodies)]
             lists = tuple(found)
-            out, gleam, steady, before = self._begun(points, appearance.digest, light, beams, told[3], lists)
-            inputs = [*told[:3], beams, *told[3:], *lists, record(before, self._device), out, gleam, steady]
-            launch(shade.shade, points.count, inputs, self._device)
-        return out if light.air.wet <= 0.0 else self._reflect(obs, points, told[0], told[2], gleam, out)
+            name = f"{appearance.digest} {sensor}"
+            shaded, before = self._begun(obs.camera, points, name, light, beams, told[3], lists)
+            earlier = record(before, self._device)
+            live = self._live(points, before, shaded.light[2])
+            inputs = [*told[:3], beams, *told[3:], *lists, earlier]
+            if live is None:
+                launch(shade.shade, points.count, [*inputs, 0, points.starts, *shaded.light], self._device)
+            else:
+                launch(shade.shade, live.size, [*inputs, 1, live, *shaded.light], self._device)
+        if light.air.wet <= 0.0:
+            return shaded.light[0], shaded
+        return self._reflect(obs, points, told[0], told[2], earlier, int(light.air.moment), shaded), shaded
 
-    def _reflect(self, obs: Observation, points: Points, data: Any, air: Any, gleam: Any, out: Any) -> Any:
-        """The light `out` of all samples, with what wet ground mirrors of it."""
+    def _live(self, points: Points, before: Any, steady: Any) -> Any:
+        """The samples whose light may change, where it is quicker to tell them than to ask all: on a CPU; else None."""
+        base = points.base
+        if self._device != "cpu" or base is None or before.known == 0:
+            return None
+        restless = steady.numpy()[: base.count] != int(shade.AT_REST)
+        touched = (before.tiles.numpy() & int(shadow.UNTOUCHED)) == 0
+        live = np.logical_or.reduceat(restless, base.firsts[:-1]) | touched
+        counts = np.diff(base.firsts)[live]
+        shifts = base.firsts[:-1][live] - (np.cumsum(counts) - counts)
+        kept = np.repeat(shifts, counts) + np.arange(counts.sum())
+        new = np.arange(base.count, points.count)
+        return wp.array(np.concatenate([kept, new]).astype(np.int32), dtype=wp.int32, device=self._device)
+
+    def _reflect(
+        self, obs: Observation, points: Points, data: Any, air: Any, before: Any, moment: int, shaded: Shaded
+    ) -> Any:
+        """The light of all samples, with what wet ground mirrors of it."""
         with self._timings("reflect"):
-            shown, lens = self._empty(points.count, wp.vec3f), lens_of(obs.camera, 1)
+            (out, gleam, _), rays, lens = shaded.light, shaded.rays, lens_of(obs.camera, 1)
+            if shaded.mirrored is None:
+                shaded.mirrored = wp.full(out.size, -2, dtype=wp.int32, device=self._device), wp.empty_like(out)
             view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-            blocks = -(-lens.width // 2) * -(-lens.height // 2)
-            reach = self._empty(blocks, wp.float32)
-            inputs = [data, gleam, self._depth(obs), points.starts, view, lens, reach]
-            launch(reflection.march, blocks, inputs, self._device)
-            inputs = [data, air, gleam, reach, points.starts, view, lens, out, shown]
-            launch(reflection.reflect, points.count, inputs, self._device)
-        return shown
+            inputs = [data, gleam, self._depth(obs), points.starts, view, lens, before, self._moved(obs), *rays]
+            launch(reflection.march, rays[0].size, inputs, self._device)
+            inputs = [data, air, gleam, rays[0], points.starts, view, lens, before, int(shaded.moment == moment)]
+            shaded.moment = moment
+            launch(reflection.reflect, points.count, [*inputs, rays[3], out, *shaded.mirrored], self._device)
+        return shaded.mirrored[1]
+
+    def _moved(self, obs: Observation) -> Any:
+        """How many tiles that something moving may touch lie above and to the left of each tile's corner."""
+        if "moved" not in obs.derived:
+            tile = int(TILE)
+            counts = np.zeros((-(-obs.camera.height // tile) + 1, -(-obs.camera.width // tile) + 1), np.int32)
+            counts[(obs.touched >> 16) // tile + 1, (obs.touched & 65535) // tile + 1] = 1
+            sums = counts.cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
+            obs.derived["moved"] = wp.array(sums, dtype=wp.int32, device=self._device)
+        return obs.derived["moved"]
 
     def _begun(
-        self, points: Points, name: str, light: Light, beams: Any, lamps: Any, lists: tuple[Any, ...]
-    ) -> tuple[Any, ...]:
+        self, plan: CameraPlan, points: Points, name: str, light: Light, beams: Any, lamps: Any, lists: tuple[Any, ...]
+    ) -> tuple[Shaded, Any]:
         """Where the light of all samples goes; as far as it is that of an earlier frame, it is there already."""
         before, base = shade.Before(), points.base
         clouds = float(light.air.drift[0]), float(light.air.drift[1])
@@ -140,13 +184,26 @@ class Painter:
             launch(nearby.compare, tiles, [lamps, *held.lists, *lists, before.tiles], self._device)
             needed = 1 + 2 * int(light.air.night > 0.0) + 4 * int(light.air.glow > 0.0)
             launch(shadow.calm, tiles, [*base.boxes, beams, needed, before.tiles], self._device)
-            found = held.light
+            found, held.lists, held.clouds = held, lists, clouds
         else:
-            room = base.columns.room if base else points.count
-            found = self._empty(room, wp.vec3f), self._empty(room, wp.vec2f), self._empty(room, wp.uint8)
-        if base is not None and (held is not None or len(base.lights) < _LIGHTS_KEPT_BY_POSE):
-            base.lights[name] = Shaded(found, lists, clouds)
-        return *found, before
+            room, keep = points.count, 0
+            if base is not None:
+                room = base.columns.room
+                keep = base.count if len(base.lights) < _LIGHTS_KEPT_BY_POSE else 0
+            found = self._room(plan, room, keep, lists, clouds)
+        before.kept, before.stale = found.kept, found.levels[0]
+        if base is not None and found.kept:
+            base.lights[name] = found
+        return found, before
+
+    def _room(self, plan: CameraPlan, room: int, kept: int, lists: Any, clouds: tuple[float, float]) -> Shaded:
+        """Room for the light of so many samples, of which the first so many are kept, and for what follows from it."""
+        empty, blocks = self._empty, -(-plan.width // 2) * -(-plan.height // 2)
+        light = empty(room, wp.vec3f), empty(room, wp.vec2f), empty(room, wp.uint8)
+        pixels = plan.width * plan.height if kept else 1
+        levels = wp.full(pixels, 1, dtype=wp.uint8, device=self._device), empty(pixels, wp.vec3f)
+        rays = empty(blocks, wp.float32), wp.full(blocks, -1, dtype=wp.int32, device=self._device)
+        return Shaded(light, lists, clouds, kept, levels, (*rays, empty(blocks, wp.uint32), empty(blocks, wp.uint8)))
 
     def _depth(self, obs: Observation) -> Any:
         """The observation's depth, on the device and row by row."""

@@ -350,7 +350,11 @@ class Lane:
         self._details = zeros(room, wp.vec4f)
         self._light, self._shown = zeros(room, wp.vec3f), zeros(room, wp.vec3f)
         self._gleam, self._steady = zeros(room, wp.vec2f), zeros(room, wp.uint8)
-        self._reach = zeros(-(-reel.camera.width // 2) * -(-reel.camera.height // 2), wp.float32)
+        blocks = -(-reel.camera.width // 2) * -(-reel.camera.height // 2)
+        self._reach, self._asked, self._ways = (zeros(blocks, kind) for kind in (wp.float32, wp.int32, wp.uint32))
+        self._renewed, self._sources = zeros(blocks, wp.uint8), zeros(1, wp.int32)
+        self._nothing_moved = wp.zeros((1, 1), dtype=wp.int32, device=device)
+        self._no_levels = 0, zeros(1, wp.uint8), zeros(1, wp.vec3f)
         self._cover = zeros(reel.pixels, wp.int32)
         lists = (reel.tiles.size, int(nearby.MOST) + 1)
         kinds = {look.lit for look in reel.looks}
@@ -485,14 +489,16 @@ class Lane:
         data, air = b["samples"], b[f"air {v}"]
         beams = b[f"beams {look.sun}"] if look.sun >= 0 else reel.dark
         inputs = [data, look.looks, air, beams, self._lamps[look.lit], self._bodies, *self._lists[look.lit]]
-        out = [self._nothing_before, self._light, self._gleam, self._steady]
+        out = [self._nothing_before, 0, self._asked, self._light, self._gleam, self._steady]
         launch(shade.shade, self.room, [*inputs, *out], self.device)
         shown = self._light
         if look.wet:
             shown = self._shown
-            inputs = [data, self._gleam, self._r["depth"], self._starts, b["view"], lens, self._reach]
+            inputs = [data, self._gleam, self._r["depth"], self._starts, b["view"], lens, self._nothing_before]
+            inputs += [self._nothing_moved, self._reach, self._asked, self._ways, self._renewed]
             launch(reflection.march, self._reach.size, inputs, self.device)
-            inputs = [data, air, self._gleam, self._reach, self._starts, b["view"], lens, self._light, shown]
+            inputs = [data, air, self._gleam, self._reach, self._starts, b["view"], lens]
+            inputs += [self._nothing_before, 0, self._renewed, self._light, self._sources, shown]
             launch(reflection.reflect, self.room, inputs, self.device)
         self._cover.zero_()
         if look.light.rain > 0.0:
@@ -501,6 +507,7 @@ class Lane:
             launch(rain.streaks, count, inputs, self.device)
         streak = streak_of(look.light)
         inputs = [shown, self._starts, self._groups, self._weights, self._cover, streak, b[f"response {v}"]]
+        inputs += self._no_levels
         launch(camera.develop, reel.pixels, [*inputs, *look.tables, self._r[f"rgb {v}"]], self.device)
 
 

@@ -11,13 +11,15 @@ A ray that meets nothing sees the sky, or, if it is low, the street beyond the p
 from recipe_runtime.render.air import Air, decay, reflected_sky
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import clamp01, noise2, step_between
-from recipe_runtime.render.shade import Samples
+from recipe_runtime.render.observation import TILE
+from recipe_runtime.render.shade import Before, Samples, spoil
 from recipe_runtime.render.vectors import inner, mix
 from recipe_runtime.render.visibility import Lens
 
 wp.set_module_options(OPTIONS)
 
 STEPS = wp.constant(13)
+WIDEST = wp.constant(255 * 16)  # pixels along a side, of pictures whose rays are kept: a tile's place is a byte
 GROWTH = wp.constant(wp.float32(1.47))
 FAR = wp.constant(wp.float32(60.0))  # metres of air before what a ray meets beyond the picture
 FAINT = wp.constant(wp.float32(0.016))  # shares below this only see the sky
@@ -96,6 +98,26 @@ def close_in(
     return high
 
 
+@wp.func
+def tiles_of(low: wp.vec2i, high: wp.vec2i, lens: Lens) -> wp.uint32:
+    """The tiles, fewer than 255 a side, that hold a rectangle of pixels and those beside it: four bytes."""
+    x0 = wp.uint32(wp.max(low[0] - 1, 0) / TILE)
+    y0 = wp.uint32(wp.max(low[1] - 1, 0) / TILE)
+    x1 = wp.uint32(wp.min(high[0] + 1, lens.width - 1) / TILE)
+    y1 = wp.uint32(wp.min(high[1] + 1, lens.height - 1) / TILE)
+    return x0 | (y0 << wp.uint32(8)) | (x1 << wp.uint32(16)) | (y1 << wp.uint32(24))
+
+
+@wp.func
+def calm(moved: wp.array2d[wp.int32], tiles: wp.uint32) -> wp.bool:
+    """Whether nothing moves in a rectangle of tiles; `moved` counts those above and to the left of each corner."""
+    x0 = wp.int32(tiles & wp.uint32(255))
+    y0 = wp.int32((tiles >> wp.uint32(8)) & wp.uint32(255))
+    x1 = wp.int32((tiles >> wp.uint32(16)) & wp.uint32(255)) + 1
+    y1 = wp.int32(tiles >> wp.uint32(24)) + 1
+    return moved[y1, x1] - moved[y0, x1] - moved[y1, x0] + moved[y0, x0] == 0
+
+
 @wp.kernel
 def march(
     samples: wp.array[Samples],
@@ -104,20 +126,42 @@ def march(
     starts: wp.array[wp.int32],
     view: wp.array2d[wp.float32],
     lens: Lens,
+    before: wp.array[Before],
+    moved: wp.array2d[wp.int32],
     reach: wp.array[wp.float32],
+    asked: wp.array[wp.int32],
+    ways: wp.array[wp.uint32],
+    renewed: wp.array[wp.uint8],
 ):
-    """How far the mirrored ray of a block of 2 x 2 pixels goes to what it meets; -1 if it meets nothing."""
+    """How far the mirrored ray of a block of 2 x 2 pixels goes to what it meets; -1 if it meets nothing.
+
+    The ray of an earlier frame, from sample `asked` past the tiles `ways`, is kept where all of them are still.
+    `renewed` is not 0 where it goes another way than it did.
+    """
     block = wp.tid()
-    reach[block] = -1.0
     i = first_wet(block, gleam, starts, lens)
+    keep = i < before[0].kept and wp.max(lens.width, lens.height) <= WIDEST
+    if keep and i >= 0 and asked[block] == i:  # noqa: SIM102 (a kernel works out both sides of an `and`)
+        if calm(moved, ways[block]):
+            renewed[block] = wp.uint8(0)
+            return
+    known = reach[block]
+    reach[block] = -1.0
+    asked[block] = -1
+    renewed[block] = wp.uint8(known != -1.0)
     if i < 0:
         return
     to_point = samples[0].positions[i] - samples[0].eye
     start = seen_from(view, to_point)
     way = seen_from(view, mirrored(to_point, 0.0))
     hit = wp.int32(0)
-    before = wp.float32(0.05)
+    last = wp.float32(0.05)
     t = wp.float32(0.2)
+    at = pixel_at(start + way * last, lens)
+    if at < 0:
+        at = samples[0].pixels[i]
+    low = wp.vec2i(at % lens.width, at / lens.width)
+    high = low
     for _step in range(STEPS):
         q = start + way * t
         if q[2] <= 0.2:
@@ -125,15 +169,25 @@ def march(
         at = pixel_at(q, lens)
         if at < 0:
             break
+        x = at % lens.width
+        y = at / lens.width
+        low = wp.vec2i(wp.min(low[0], x), wp.min(low[1], y))
+        high = wp.vec2i(wp.max(high[0], x), wp.max(high[1], y))
         seen = depth[at]
-        if seen < q[2] - 0.03 and seen > q[2] - 0.3 - 1.3 * (t - before):
+        if seen < q[2] - 0.03 and seen > q[2] - 0.3 - 1.3 * (t - last):
             hit = 1
             break
-        before = t
+        last = t
         t = t * GROWTH
+    if keep:
+        ways[block] = tiles_of(low, high, lens)
+        if calm(moved, ways[block]):
+            asked[block] = i
     if hit == 0:
         return
-    reach[block] = close_in(start, way, before, t, depth, lens)
+    found = close_in(start, way, last, t, depth, lens)
+    reach[block] = found
+    renewed[block] = wp.uint8(known != found)
 
 
 @wp.kernel
@@ -145,21 +199,41 @@ def reflect(
     starts: wp.array[wp.int32],
     view: wp.array2d[wp.float32],
     lens: Lens,
+    before: wp.array[Before],
+    calm: wp.int32,
+    renewed: wp.array[wp.uint8],
     radiance: wp.array[wp.vec3f],
+    sources: wp.array[wp.int32],
     out: wp.array[wp.vec3f],
 ):
-    """Add to every sample what it mirrors: along its own ray, as far as its block's ray went."""
+    """Add to every sample what it mirrors: along its own ray, as far as its block's ray went.
+
+    On water as `calm` as it was, an earlier frame's is left as it is where nothing that it comes from has changed: the
+    sample's own light, its ray, and the light of the pixel `sources` tells; -1: what lies beyond the picture, -2: it is
+    not kept.
+    """
     i = wp.tid()
     light = radiance[i]
     share = gleam[i][0]
     if share <= 0.0:
         out[i] = light
         return
+    pixel = samples[0].pixels[i]
+    block = (pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2
+    keep = i < before[0].kept
+    if keep:
+        source = sources[i]
+        same = calm != 0 and source > -2 and renewed[block] == wp.uint8(0) and before[0].stale[pixel] == wp.uint8(0)
+        if same and source >= 0:
+            same = starts[source] < before[0].kept and before[0].stale[source] == wp.uint8(0)
+        if same:
+            return
+        sources[i] = -1
+    spoil(before, pixel)
     p = samples[0].positions[i]
     to_point = p - samples[0].eye
     d = mirrored(to_point, rippled(air, p, gleam[i][1]))
-    pixel = samples[0].pixels[i]
-    t = reach[(pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2]
+    t = reach[block]
     if t > 0.0:
         q = seen_from(view, to_point + d * t)
         at = wp.int32(-1)
@@ -168,7 +242,12 @@ def reflect(
         if at >= 0:
             # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
             most = air[0].sideways * (4.0 + 500.0 * wp.max(gleam[i][1] - 0.82, 0.0))
-            r = radiance[starts[at]]
+            seen = starts[at]
+            if keep:
+                sources[i] = at
+                if seen >= before[0].kept:
+                    sources[i] = -2
+            r = radiance[seen]
             r = wp.vec3f(wp.min(r[0], most[0]), wp.min(r[1], most[1]), wp.min(r[2], most[2]))
             out[i] = light + r * share
             return

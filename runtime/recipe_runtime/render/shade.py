@@ -14,7 +14,7 @@ from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.glow import lamp_glow
 from recipe_runtime.render.nearby import Bodies, Lamps, contact, lamp_light
 from recipe_runtime.render.noise import clamp01, noise2, noise3, step_between, unit
-from recipe_runtime.render.shadow import Sunbeam, holds, lit
+from recipe_runtime.render.shadow import UNTOUCHED, Sunbeam, holds, lit
 from recipe_runtime.render.vectors import direction, inner, mix, times
 
 wp.set_module_options(OPTIONS)
@@ -62,6 +62,15 @@ class Before:
     tiles: wp.array[wp.int32]  # what `compare` found
     sky: wp.int32  # 1: the clouds are where they were
     known: wp.int32  # samples below this number are the earlier frame's too
+    kept: wp.int32  # samples below this number are of what is kept from frame to frame
+    stale: wp.array[wp.uint8]  # by pixel, if any are kept: not 0 where the light has changed since it was developed
+
+
+@wp.func
+def spoil(before: wp.array[Before], pixel: wp.int32):
+    """The pixel's light changes: what was developed of it no longer holds."""
+    if before[0].kept > 0:
+        before[0].stale[pixel] = wp.uint8(1)
 
 
 @wp.struct
@@ -414,26 +423,32 @@ def shade(
     body_lists: wp.array2d[wp.int32],
     glow_lists: wp.array2d[wp.int32],
     before: wp.array[Before],
+    listed: wp.int32,
+    live: wp.array[wp.int32],
     out: wp.array[wp.vec3f],
     gleam: wp.array[wp.vec2f],
     steady: wp.array[wp.uint8],
 ):
     """Linear radiance of every sample; wet ground's reflection is left to `reflect`, its share and gloss in gleam.
 
-    `steady` is not 0 where nothing that moves took the sun away: `unchanged` asks for it a frame later.
+    `steady` is not 0 where nothing that moves took the sun away: `unchanged` asks for it a frame later. If `listed`,
+    only the samples `live` are asked for.
     """
     i = wp.tid()
+    if listed != 0:
+        i = live[i]
     earlier = i < before[0].known
     tile = samples[0].tiles[i]
     if tile < 0:  # a slot that no sample took
         return
-    if earlier and steady[i] == AT_REST and (before[0].tiles[tile] & 8) != 0:
+    if earlier and steady[i] == AT_REST and (before[0].tiles[tile] & UNTOUCHED) != 0:
         return
     p = samples[0].positions[i]
     surface = samples[0].surfaces[i]
     if surface < 0:
         if earlier and before[0].sky != 0 and (air[0].glow <= 0.0 or (before[0].tiles[tile] & 4) != 0):
             return
+        spoil(before, samples[0].pixels[i])
         steady[i] = STEADY
         gleam[i] = wp.vec2f(0.0, 0.0)
         out[i] = far_sky(air, samples[0].eye, p)
@@ -451,6 +466,7 @@ def shade(
     # (A normal that turns away is bent first, below: too few to ask for.)
     if earlier and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, steady[i], tile, p, n):
         return
+    spoil(before, samples[0].pixels[i])
     steady[i] = AT_REST
     if swaying:
         steady[i] = STEADY

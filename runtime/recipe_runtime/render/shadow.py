@@ -13,6 +13,8 @@ from recipe_runtime.render.visibility import Corner, Lens, breadth, draw, edge, 
 
 wp.set_module_options(OPTIONS)
 
+UNTOUCHED = wp.constant(8)  # of a tile: nothing that moves has a part in its light
+
 TILE = wp.constant(16)  # texels along the side of a tile that is known to be empty or not
 
 
@@ -212,12 +214,12 @@ def calm(
     needed: wp.int32,
     same: wp.array[wp.int32],
 ):
-    """Set bit 3 of a tile that has all `needed` bits, and whose box no shadow of what moves (maps 2, 3) can reach."""
+    """Set `UNTOUCHED` in a tile with all `needed` bits whose box no shadow of what moves (maps 2, 3) can reach."""
     tile = wp.tid()
     if (same[tile] & needed) != needed:
         return
     if clear(beams, 2, lows[tile], highs[tile]) and clear(beams, 3, lows[tile], highs[tile]):
-        same[tile] = same[tile] | 8
+        same[tile] = same[tile] | UNTOUCHED
 
 
 @wp.func
