@@ -12,7 +12,7 @@ ABOVE = {
 # What the runtime may know of the compiler: values and arithmetic, never the language.
 # Only the door through which Python opens a recipe's file may compile one.
 COMPILES = "recipe_runtime/opening.py"
-SHARED = {"canonical", "errors", "exact", "files", "lockfile", "optics", "plan", "streams"}
+SHARED = {"assets", "canonical", "errors", "exact", "files", "lockfile", "optics", "plan", "streams"}
 DOORS = {
     "pybullet": {"recipe_runtime/bullet.py"},
     "warp": {"recipe_runtime/render/"},
@@ -21,7 +21,7 @@ DOORS = {
     "astral": {"recipe_compiler/sun.py"},
     "deflate": {"recipe_runtime/encode.py"},
     "pycocotools": {"recipe_runtime/annotate/", "recipe_runtime/report/"},
-    "PIL": {"recipe_runtime/report/", "recipe_runtime/build.py"},
+    "PIL": {"recipe_compiler/assets/png.py", "recipe_runtime/report/", "recipe_runtime/build.py"},
     "torch": {"recipe_runtime/torch.py"},
     "multiprocessing": {"recipe_runtime/pool.py"},
 }

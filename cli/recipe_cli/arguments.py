@@ -14,6 +14,7 @@ import click
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.errors import Problem
+    from recipe_runtime.engines import Engines
 
 RECIPE = click.argument("recipe", type=click.Path(path_type=Path))
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document for a program to read.")
@@ -63,6 +64,14 @@ def compile_quietly(path: Path, *, allow_large: bool = False, free_disk: int | N
     for warning in compiled.warnings:
         print_warning(warning)
     return compiled
+
+
+def engines_for(compiled: Compiled) -> Engines:
+    """The real engines, told where the recipe's assets lie."""
+    from recipe_runtime.assets import Assets
+    from recipe_runtime.engines import real_engines
+
+    return real_engines(Assets(compiled.places))
 
 
 def print_warning(warning: Problem) -> None:

@@ -14,8 +14,8 @@ from recipe_compiler.schema.messages import details, nearest, translate
 from recipe_compiler.schema.models import NAME, NAME_LENGTH, Base, Model
 from recipe_compiler.source import Value, show
 
-_NAMED = {"actors": "actor", "sensors": "sensor"}  # the maps whose entries deltas address by name
-_NEEDS = {"actors": "blueprint", "sensors": "mount and capture"}
+_NAMED = {"actors": "actor", "props": "prop", "sensors": "sensor"}  # the maps whose entries deltas address by name
+_NEEDS = {"actors": "blueprint", "props": "at, and asset or size", "sensors": "mount and capture"}
 
 
 def _section_models() -> dict[str, type[BaseModel]]:
@@ -29,8 +29,9 @@ _SECTIONS = _section_models()
 class Checker:
     """Turns merged bases into models, section by section, and remembers what it has seen by identity."""
 
-    def __init__(self, base: Value) -> None:
-        """`base` is the recipe's own, before any delta: what deltas may name."""
+    def __init__(self, base: Value, assets: Mapping[str, str] | None = None) -> None:
+        """`base` is the recipe's own, before any delta: what deltas may name. `assets`: name -> mesh or image."""
+        self._checks = (*references.CHECKS, references.unknown_asset(assets or {}))
         self._names = {kind: set(value.map) if (value := base.get(kind)) else set() for kind in _NAMED}
         self._looked_up: dict[tuple[object, ...], tuple[Any, list[Problem]]] = {}
         self._seen: dict[tuple[str, int], tuple[Value | None, Any, list[Problem]]] = {}
@@ -47,7 +48,7 @@ class Checker:
             if key not in _SECTIONS:
                 message = f"unknown key {show(key)} in base; {nearest(key, _SECTIONS)}"
                 found.append(Problem(message, merged.key_place(key)))
-        for check, looked_at in references.CHECKS:
+        for check, looked_at in self._checks:
             parts = tuple(merged.get(section) for section in looked_at)
             identity = (check.__name__, *map(id, parts))
             if identity not in self._looked_up:

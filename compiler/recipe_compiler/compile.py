@@ -16,7 +16,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from recipe_compiler import compose, expand, limits, optics, placing, towns
+from recipe_compiler import brought, compose, expand, limits, optics, placing, towns
 from recipe_compiler.check import Checker, check_deltas, check_removals
 from recipe_compiler.errors import InputError, Place, Problem
 from recipe_compiler.expand import Axes, Variant
@@ -39,6 +39,13 @@ class Compiled:
     warnings: tuple[Problem, ...]
     files: dict[str, str]  # path relative to the recipe's folder -> SHA-256 of its bytes
     cost: limits.Cost
+    assets: tuple[brought.Brought, ...] = ()
+    folder: Path = Path()  # the recipe's
+
+    @property
+    def places(self) -> dict[str, Path]:
+        """Where the assets lie, by digest."""
+        return {asset.file.sha256: self.folder / asset.path for asset in self.assets}
 
 
 def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | None = None) -> Compiled:
@@ -55,14 +62,17 @@ def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | No
     if root is None:
         raise InputError(_sorted(problems))
     recipe = _check_recipe(root, problems)
+    assets, unfit = brought.read(root, recipe.assets, path.parent, sources) if recipe else ({}, [])
     axes = _check_sweep(root, recipe, problems)
     if recipe is None or root.get("base") is None or _fatal(problems, sources.problems):
-        problems += _check_base_alone(root)
+        problems += [*unfit, *_check_base_alone(root, _kinds(recipe))]
         raise InputError(_sorted(sources.problems, _new(problems, stumbles)))
+    problems += unfit
     loads: list[limits.Load] = []
     checked: list[tuple[Variant, Base]] = []
     changes = len(axes) + (len(recipe.sweep.draw.values) if recipe.sweep.draw else 0)
-    for variant, base in _check_variants(root, expand.variants(root, axes, recipe.sweep, recipe.seed), problems):
+    variants = expand.variants(root, axes, recipe.sweep, recipe.seed)
+    for variant, base in _check_variants(root, variants, _kinds(recipe), problems):
         checked.append((variant, base))
         loads.append(_load(variant, base, changes))
         if len(loads) in _LOOKS and not allow_large:
@@ -77,7 +87,7 @@ def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | No
     reasons = estimate.over(free_disk)
     if reasons and not allow_large:
         raise limits.TooLargeError(str(path), estimate, reasons)
-    lowering = Lowering(_instances(root, problems))
+    lowering = Lowering(_instances(root, problems), assets)
     plans = [one for v, base in checked if (one := lowering.scenario(v, base)) is not None]
     problems += lowering.problems
     if problems:
@@ -95,7 +105,14 @@ def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | No
         compile_bytes=estimate.compile_bytes,
     )
     warnings = _sorted([*expand.clashes(root, axes, recipe.sweep), *lowering.warnings])
-    return Compiled(plan, tuple(warnings), dict(sorted(sources.files.items())), cost)
+    files = dict(sorted(sources.files.items()))
+    return Compiled(plan, tuple(warnings), files, cost, tuple(assets.values()), path.parent)
+
+
+def _kinds(recipe: Recipe | None) -> dict[str, str]:
+    """Whether an asset is a mesh or an image, by name."""
+    assets = recipe.assets if recipe else {}
+    return {name: "image" if asset.mesh is None else "mesh" for name, asset in assets.items()}
 
 
 def _new(problems: Iterable[Problem], stumbles: set[Place | None]) -> list[Problem]:
@@ -155,12 +172,12 @@ def _check_sweep(root: Value, recipe: Recipe | None, problems: list[Problem]) ->
     return axes
 
 
-def _check_base_alone(root: Value) -> list[Problem]:
+def _check_base_alone(root: Value, kinds: dict[str, str]) -> list[Problem]:
     problems: list[Problem] = []
     base = root.get("base")
     if base is not None and isinstance(base.data, dict):
         base = compose.expand_shorthands(base)
-        Checker(base).base(base, problems)
+        Checker(base, kinds).base(base, problems)
     return problems
 
 
@@ -175,10 +192,10 @@ def _too_long(path: Path, loads: list[limits.Load], variants: int) -> limits.Too
 
 
 def _check_variants(
-    root: Value, variants: Iterable[Variant], problems: list[Problem]
+    root: Value, variants: Iterable[Variant], kinds: dict[str, str], problems: list[Problem]
 ) -> Iterator[tuple[Variant, Base]]:
     """The variants that are in order, with their models, one by one."""
-    checker = Checker(root.map["base"])
+    checker = Checker(root.map["base"], kinds)
     for variant in variants:
         if len(variant.name) > expand.MAX_NAME:
             message = (
@@ -210,7 +227,7 @@ def _instances(root: Value, problems: list[Problem]) -> dict[str, int]:
 
 def _load(variant: Variant, base: Base, changes: int) -> limits.Load:
     """A variant's work before it is lowered: sections that are the same object are shared."""
-    scene = (*(id(part) for part in (base.clock, base.town, base.actors, base.traffic)), variant.seed)
+    scene = (*(id(part) for part in (base.clock, base.town, base.actors, base.traffic, base.props)), variant.seed)
     rig = (id(base.sensors), variant.seed)
     views = tuple(
         limits.View(

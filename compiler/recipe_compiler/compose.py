@@ -156,9 +156,9 @@ def _next(folder: Path, name: str, value: Value, seen: list[str], sources: Sourc
     if not isinstance(extends.data, str) or not extends.data:
         _report(sources, f"extends: must be the path of a recipe file, not {show(extends.plain)}", extends.place)
         return None, None
-    problem = _forbidden(extends.data)
+    problem = forbidden(extends.data)
     target = str(PurePosixPath(name).parent / extends.data) if not problem else ""
-    if not problem and not _stays_below(folder, target):
+    if not problem and not stays_below(folder, target):
         problem = "it leads out of the recipe's folder through a symbolic link; put the file itself there"
     if not problem and target in seen:
         problem = "the chain comes back to a file already in it: " + " -> ".join([*seen[seen.index(target) :], target])
@@ -168,7 +168,8 @@ def _next(folder: Path, name: str, value: Value, seen: list[str], sources: Sourc
     return target, extends.place
 
 
-def _forbidden(target: str) -> str:
+def forbidden(target: str) -> str:
+    """What is wrong with a path that a recipe names, before it is looked for; nothing if it may be read."""
     if target.startswith(("/", "~")) or "\\" in target or ":" in target or "\0" in target:
         return "an absolute or foreign path is refused; write it relative to this file, with `/`"
     if ".." in target.split("/"):
@@ -178,7 +179,8 @@ def _forbidden(target: str) -> str:
     return ""
 
 
-def _stays_below(folder: Path, target: str) -> bool:
+def stays_below(folder: Path, target: str) -> bool:
+    """Whether a path leads to a place within a folder, links and all."""
     try:
         return (folder / target).resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError):

@@ -6,7 +6,7 @@ or path is in it. Rows:
     recipe-lock 1
     recipe NAME PATH DATASET-PLAN-DIGEST                   PATH leads from the lockfile's folder to the recipe
     identity NAME@sha256:DIGEST                            what a paper prints
-    file PATH SHA256                                       the recipe and every file it includes
+    file PATH SHA256                                       the recipe, every file it includes, and every asset
     tool NAME VERSION                                      what it was made with
     stage NAME VERSION                                     of each stage that bytes depend on
     variant NAME scene=D rig=D appearance=D                plan digests

@@ -11,8 +11,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from recipe_compiler import blueprints, cautions, exact, motion, placing, sun, towns, weather
+from recipe_compiler import blueprints, cautions, exact, motion, placing, props, sun, towns, weather
 from recipe_compiler.blueprints import Blueprint
+from recipe_compiler.brought import Brought
 from recipe_compiler.errors import Problem
 from recipe_compiler.expand import Variant
 from recipe_compiler.plan import (
@@ -29,6 +30,7 @@ from recipe_compiler.plan import (
     ScenePlan,
     SensorPlan,
     Sun,
+    TexturePlan,
     Weather,
 )
 from recipe_compiler.schema import models
@@ -49,15 +51,16 @@ _TRAFFIC = {"vehicle": "vehicle.*", "pedestrian": "walker.pedestrian.*"}
 class _Scene:
     plan: ScenePlan
     looks: Looks
+    textures: dict[str, dict[str, TexturePlan]]
 
 
 class Lowering:
     """Lowers the variants of one recipe, and gathers problems and warnings with their places."""
 
-    def __init__(self, instances: Mapping[str, int]) -> None:
+    def __init__(self, instances: Mapping[str, int], assets: Mapping[str, Brought] | None = None) -> None:
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
-        self._instances = instances
+        self._instances, self._assets = instances, assets or {}
         self._made: dict[Any, tuple[Any, Any]] = {}
 
     def _once(self, key: tuple[Any, ...], holding: Any, make: Callable[[], T]) -> T:
@@ -68,7 +71,7 @@ class Lowering:
 
     def scenario(self, variant: Variant, base: Base) -> ScenarioPlan | None:
         """The variant's plans; None if it has problems."""
-        cast = (base.clock, base.town, base.actors, base.traffic)
+        cast = (base.clock, base.town, base.actors, base.traffic, base.props)
         scene = self._once(("scene", *map(id, cast), variant.seed), cast, lambda: self._scene(variant, base))
         if scene is None:
             return None
@@ -87,6 +90,7 @@ class Lowering:
             weather=numbers,
             sun=where,
             looks=scene.looks,
+            textures=scene.textures,
             responses={name: _response(sensor.camera) for name, sensor in base.sensors.items()},
         )
         return ScenarioPlan(variant=variant.name, scene=scene.plan, rig=rig, appearance=appearance)
@@ -100,14 +104,17 @@ class Lowering:
         town = self._town(base.town)
         cast = _Cast(self, variant, base, town)
         actors = cast.actors()
-        if actors is None:
+        stage = props.lower(base.props, self._assets, variant.base, town)
+        self.problems += stage.problems
+        if actors is None or stage.problems:
             return None
         given = [actor for actor in actors if actor.name in base.actors and base.actors[actor.name].start is not None]
         self.warnings += cautions.of_starts(variant.base, given, town)
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics)
         # Every colour is a palette's or has been checked; to check and copy a town's again would take the longest here.
-        looks = Looks.model_construct(root={**town.looks, **cast.looks})
-        return _Scene(ScenePlan(clock=clock, town=town.plan, actors=actors), looks)
+        looks = Looks.model_construct(root={**town.looks, **cast.looks, **stage.looks})
+        plan = ScenePlan(clock=clock, town=town.plan, actors=actors, props=stage.plans)
+        return _Scene(plan, looks, stage.textures)
 
     def _town(self, spec: models.Town) -> Town:
         key = (spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))

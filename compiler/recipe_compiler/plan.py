@@ -29,6 +29,7 @@ def fixed(value: float) -> float:
 Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(fixed)]
 Colour = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]  # sRGB
 Name = Annotated[str, Field(min_length=1, max_length=100)]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 class Plan(BaseModel):
@@ -108,6 +109,27 @@ class ActorPlan(Plan):
     speed: Annotated[Number, Field(ge=0)]  # m/s
 
 
+class FilePlan(Plan):
+    """A file that a recipe brings, by its content; where it lies is no part of a plan."""
+
+    sha256: Sha256
+    bytes: int
+    kind: Literal["glb", "gltf", "obj", "png", "stl"]
+
+
+class PropPlan(Plan):
+    """A body that stands where it is: a mesh from a file, or a flat board whose front is its +x side."""
+
+    name: Name
+    mesh: FilePlan | None  # None: a board
+    up: Literal["y", "z"] = "z"  # the file's axis that points up; y: its z is our x
+    scale: Number = 1.0  # metres of one unit of the file
+    pose: Pose
+    tag: int  # CARLA 0.9.14+ semantic tag
+    low: tuple[Number, Number, Number]  # its box in its own frame, in metres; what collides
+    high: tuple[Number, Number, Number]
+
+
 class ScenePlan(Plan):
     """Where every body is at every frame."""
 
@@ -115,11 +137,12 @@ class ScenePlan(Plan):
     clock: Clock
     town: TownPlan
     actors: tuple[ActorPlan, ...]
+    props: tuple[PropPlan, ...] = ()
 
     @cached_property
     def digest(self) -> str:
-        """Identity of the scene; equal for every weather of it."""
-        own = self.model_dump(mode="json", exclude={"town"})
+        """Identity of the scene; equal for every weather of it. What a recipe has none of does not tell in it."""
+        own = self.model_dump(mode="json", exclude={"town"} if self.props else {"town", "props"})
         return digest("plan/scene/1", {**own, "town": self.town.digest})
 
 
@@ -223,6 +246,14 @@ class Looks(RootModel[dict[str, dict[str, Colour]]]):
         return digest("plan/looks/1", self.root)
 
 
+class TexturePlan(Plan):
+    """An image on a slot of a body, by the texture coordinates of its mesh; the slot's colour is multiplied by it."""
+
+    file: FilePlan
+    number: int | None = None  # which of a glTF file's images; None: the file is the image
+    repeat: bool = False  # beyond its edges it starts again, else its edge goes on
+
+
 class AppearancePlan(Plan):
     """What colour everything has."""
 
@@ -231,12 +262,19 @@ class AppearancePlan(Plan):
     weather: Weather
     sun: Sun
     looks: Looks
+    textures: dict[str, dict[str, TexturePlan]] = {}  # body -> slot -> image
     responses: dict[str, CameraResponse]  # by sensor
 
     @cached_property
+    def colours(self) -> str:
+        """Identity of what surfaces look like in white light."""
+        textures = self.model_dump(mode="json", include={"textures"})
+        return digest("plan/colours/1", {**textures, "looks": self.looks.digest})
+
+    @cached_property
     def digest(self) -> str:
-        """Identity of the appearance."""
-        own = self.model_dump(mode="json", exclude={"looks"})
+        """Identity of the appearance. What a recipe has none of does not tell in it."""
+        own = self.model_dump(mode="json", exclude={"looks"} if self.textures else {"looks", "textures"})
         return digest("plan/appearance/1", {**own, "looks": self.looks.digest})
 
 
@@ -247,6 +285,13 @@ class ScenarioPlan(Plan):
     scene: ScenePlan
     rig: RigPlan
     appearance: AppearancePlan
+
+    @property
+    def files(self) -> dict[str, FilePlan]:
+        """The files that it is made from, by digest."""
+        meshes = [prop.mesh for prop in self.scene.props if prop.mesh is not None]
+        images = [texture.file for slots in self.appearance.textures.values() for texture in slots.values()]
+        return {file.sha256: file for file in [*meshes, *images]}
 
     @cached_property
     def observation(self) -> str:

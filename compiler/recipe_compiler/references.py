@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import datetime
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 from recipe_compiler import blueprints, towns, weather
 from recipe_compiler.errors import Place, Problem
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.models import BLUEPRINT, Town
 from recipe_compiler.source import Value, show
+
+Check = tuple[Callable[[Value], Iterator[Problem]], tuple[str, ...]]
+"""A check, and the sections that it looks at."""
 
 
 def unknown_preset(base: Value) -> Iterator[Problem]:
@@ -87,7 +90,7 @@ def _removal(base: Value, section: str, name: str) -> Place | None:
 
 def names_alike(base: Value) -> Iterator[Problem]:
     """Actors or sensors whose names differ in case only: they become folders, and some disks take them for one."""
-    for section in ("actors", "sensors"):
+    for section in ("actors", "props", "sensors"):
         entries = base.get(section)
         if entries is not None:
             yield from alike(entries, section)
@@ -114,13 +117,32 @@ def unknown_day(base: Value) -> Iterator[Problem]:
         yield Problem(f"place.date: {show(date)} is not a day of the calendar", base.place_of("place", "date"))
 
 
-CHECKS: tuple[tuple[Callable[[Value], Iterator[Problem]], tuple[str, ...]], ...] = (
+def unknown_asset(assets: Mapping[str, str]) -> Check:
+    """The check that props name assets that there are, of the right kind; `assets`: name -> mesh or image."""
+
+    def wrong_asset(base: Value) -> Iterator[Problem]:
+        props = base.get("props")
+        for name in props.map if props else ():
+            for key, kind in (("asset", "mesh"), ("image", "image")):
+                asset = _text(base, "props", name, key)
+                if asset is None or assets.get(asset) == kind:
+                    continue
+                fitting = [n for n, k in assets.items() if k == kind]
+                article = "an" if kind == "image" else "a"
+                known = f"is of kind {assets.get(asset)}, not {article} {kind}" if asset in assets else "is no asset"
+                message = f"props.{name}.{key}: {show(asset)} {known}; {nearest(asset, fitting)}"
+                yield Problem(message, base.place_of("props", name, key))
+
+    return wrong_asset, ("props",)
+
+
+CHECKS: tuple[Check, ...] = (
     (unknown_preset, ("weather",)),
     (unknown_town, ("town",)),
     (unknown_blueprint, ("actors",)),
     (unknown_carrier, ("actors", "traffic", "sensors")),
     (unknown_day, ("place",)),
-    (names_alike, ("actors", "sensors")),
+    (names_alike, ("actors", "props", "sensors")),
 )
 """Each check with the sections that it looks at."""
 

@@ -34,6 +34,7 @@ def open(
     `disk_cache` is a folder in which rendered arrays are kept and looked for. InputError with all that is wrong with
     the recipe, or for a variant that it has not.
     """
-    from recipe_runtime.opening import compiled, scenario
+    from recipe_runtime.opening import opened, scenario
 
-    return scenario(compiled(recipe, allow_large), variant, device, disk_cache)
+    plan, engines = opened(recipe, allow_large)
+    return scenario(plan, variant, device, disk_cache, engines)

@@ -20,6 +20,7 @@ MOST_PIXELS_A_SIDE = 4096
 MOST_ACTORS, MOST_ELEMENTS, MOST_POINTS = 1_000, 200_000, 10_000
 MOST_STEPS = 100_000_000  # of physics, over all scenes
 MOST_METRES = 100_000.0
+MOST_PROPS, MOST_FILE_BYTES = 1_000, 32 << 20
 MOST_SETTING = 1e6  # of a camera
 
 
@@ -38,7 +39,7 @@ def check_bounds(dataset: DatasetPlan) -> None:
     """InputError for a plan that no recipe compiles to, or that is larger than any that this project builds."""
     if not dataset.variants:
         raise InputError("the plan has no variants")
-    found = [p for v in dataset.variants for p in [*_clock(v.scene), *_cast(v.scene), *_rig(v.rig, v)]]
+    found = [p for v in dataset.variants for p in [*_clock(v.scene), *_cast(v.scene), *_props(v), *_rig(v.rig, v)]]
     pictures = sum(v.scene.clock.frames * len(v.rig.sensors) for v in dataset.variants)
     if pictures > MOST_PICTURES:
         found.append(f"{pictures} frames are over {MOST_PICTURES}")
@@ -71,6 +72,21 @@ def _cast(scene: ScenePlan) -> Iterator[str]:
         pose = element.pose
         if _beyond([pose.x, pose.y, pose.z, *element.size]):
             yield f"{element.name!r} of the town is out of bounds"
+
+
+def _props(variant: ScenarioPlan) -> Iterator[str]:
+    props = variant.scene.props
+    if len(props) > MOST_PROPS:
+        yield f"{len(props)} props are over {MOST_PROPS}"
+    for prop in props:
+        pose = prop.pose
+        if _beyond([pose.x, pose.y, pose.z, *prop.low, *prop.high, prop.scale]) or prop.scale <= 0.0:
+            yield f"{prop.name!r} is out of bounds"
+        if prop.mesh is None and any(a >= b for a, b in zip(prop.low, prop.high, strict=True)):
+            yield f"{prop.name!r} is a board without a size"
+    for file in variant.files.values():
+        if not 0 <= file.bytes <= MOST_FILE_BYTES:
+            yield f"the file sha256:{file.sha256} of {file.bytes} bytes is over {MOST_FILE_BYTES}"
 
 
 def _rig(rig: RigPlan, variant: ScenarioPlan) -> Iterator[str]:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import pybullet
 from recipe_compiler import exact
-from recipe_compiler.plan import ActorPlan, Element, Pose, TownPlan
+from recipe_compiler.plan import ActorPlan, Element, Pose, PropPlan, TownPlan
 
 from recipe_runtime.ground import Ground
 from recipe_runtime.meshes.roads import outline
@@ -40,10 +40,16 @@ def _quaternion(pose: Pose) -> Quaternion:
     )
 
 
+def _centre_and_size(prop: PropPlan) -> tuple[Vector, Vector]:
+    """A prop's box in its own frame; a flat one is a millimetre thick."""
+    (a, b, c), (d, e, f) = prop.low, prop.high
+    return ((a + d) / 2, (b + e) / 2, (c + f) / 2), (max(d - a, 0.001), max(e - b, 0.001), max(f - c, 0.001))
+
+
 class World:
     """A simulation of its own, in a client of its own."""
 
-    def __init__(self, town: TownPlan, steps_per_second: int) -> None:
+    def __init__(self, town: TownPlan, steps_per_second: int, props: Sequence[PropPlan] = ()) -> None:
         self.ground = Ground(town)
         self._client = pybullet.connect(pybullet.DIRECT)
         pybullet.resetSimulation(physicsClientId=self._client)
@@ -80,6 +86,9 @@ class World:
         )
         for element in town.elements:
             self._add_element(element)
+        for prop in props:  # each is its box, whatever its shape
+            centre, size = _centre_and_size(prop)
+            self._add_fixed(self._box(centre, size), prop.pose, _OBSTACLE)
 
     def close(self) -> None:
         """End the client."""

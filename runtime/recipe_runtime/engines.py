@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,6 +14,7 @@ from recipe_compiler.errors import InputError, RunError
 from recipe_compiler.plan import AppearancePlan, CameraPlan, ScenePlan
 
 from recipe_runtime import host
+from recipe_runtime.assets import Assets
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.trace import Trace
 from recipe_runtime.transforms import Array
@@ -71,11 +73,13 @@ class Engines:
     simulate: Callable[[ScenePlan], Trace]
     actors: Callable[[ScenePlan], list[Body]]  # in plan order
     renderer: Callable[[ScenePlan, str], SceneRenderer]  # scene, device
+    assets: Assets = field(default_factory=Assets)  # where the files lie that a recipe brings
 
 
-def real_engines() -> Engines:
+def real_engines(assets: Assets | None = None) -> Engines:
     """PyBullet's simulation, the library's meshes, and the Warp renderer; each imported when first used."""
-    return Engines(simulate=_simulate, actors=_actors, renderer=_renderer)
+    assets = assets or Assets()
+    return Engines(simulate=_simulate, actors=_actors, renderer=partial(_renderer, assets=assets), assets=assets)
 
 
 def devices(name: str) -> tuple[str, ...]:
@@ -114,13 +118,12 @@ def _actors(scene: ScenePlan) -> list[Body]:
     return [actor_body(actor) for actor in scene.actors]
 
 
-def _renderer(scene: ScenePlan, device: str) -> SceneRenderer:
+def _renderer(scene: ScenePlan, device: str, assets: Assets) -> SceneRenderer:
     reason = host.cannot_render()
     if reason:
         raise RunError(reason)
-    from recipe_runtime.meshes import town_bodies
+    from recipe_runtime.meshes import scene_bodies
     from recipe_runtime.render import Renderer
 
-    bodies = [*town_bodies(scene.town), *_actors(scene)]
-    renderer: SceneRenderer = Renderer(bodies, device=device)
+    renderer: SceneRenderer = Renderer(scene_bodies(scene, assets), device=device, images=assets.image)
     return renderer

@@ -9,19 +9,30 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.plan import DatasetPlan
 
 from recipe_runtime.admission import check_plan
+from recipe_runtime.assets import Assets
+from recipe_runtime.engines import Engines, real_engines
 from recipe_runtime.scenario import Scenario, Scenes
 
 
 def compiled(recipe: str | PathLike[str], allow_large: bool = False) -> DatasetPlan:
     """The plan of a recipe's file; InputError with all that is wrong with it."""
-    plan = compile_recipe(Path(recipe), allow_large=allow_large).plan
-    check_plan(plan)
-    return plan
+    return opened(recipe, allow_large)[0]
+
+
+def opened(recipe: str | PathLike[str], allow_large: bool = False) -> tuple[DatasetPlan, Engines]:
+    """The plan of a recipe's file, and the engines that know where its assets lie."""
+    found = compile_recipe(Path(recipe), allow_large=allow_large)
+    check_plan(found.plan)
+    return found.plan, real_engines(Assets(found.places))
 
 
 def scenario(
-    plan: DatasetPlan, variant: str | None, device: str, disk_cache: str | PathLike[str] | None = None
+    plan: DatasetPlan,
+    variant: str | None,
+    device: str,
+    disk_cache: str | PathLike[str] | None = None,
+    engines: Engines | None = None,
 ) -> Scenario:
     """The variant of that name, the first by default."""
     kept = Path(disk_cache) if disk_cache is not None else None
-    return Scenario(plan.named(variant), Scenes(device), kept)
+    return Scenario(plan.named(variant), Scenes(device, engines), kept)

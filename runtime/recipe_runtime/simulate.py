@@ -99,7 +99,7 @@ def _run(scene: ScenePlan, report: Progress) -> Trace:
     from recipe_runtime.motion import movers
 
     clock = scene.clock
-    world = World(scene.town, clock.physics)
+    world = World(scene.town, clock.physics, scene.props)
     cast = movers(world, scene)
     record = _Record(scene)
     decide_every = max(1, clock.physics // 30)

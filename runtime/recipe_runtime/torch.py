@@ -25,7 +25,7 @@ from recipe_compiler.plan import DatasetPlan
 from torch.utils.data import Dataset
 
 from recipe_runtime.annotate.objects import Record
-from recipe_runtime.opening import compiled
+from recipe_runtime.opening import opened
 from recipe_runtime.scenario import Scenario, Scenes
 
 Sample = dict[str, Any]
@@ -56,8 +56,8 @@ class RecipeDataset(Dataset[Sample]):
         disk_cache: str | PathLike[str] | None = None,
         allow_large: bool = False,
     ) -> None:
-        plan = recipe if isinstance(recipe, DatasetPlan) else compiled(recipe, allow_large)
-        scenes, kept = Scenes(device), Path(disk_cache) if disk_cache is not None else None
+        plan, engines = (recipe, None) if isinstance(recipe, DatasetPlan) else opened(recipe, allow_large)
+        scenes, kept = Scenes(device, engines), Path(disk_cache) if disk_cache is not None else None
         chosen = plan.variants if variants is None else [plan.named(name) for name in variants]
         self.scenarios = [Scenario(variant, scenes, kept) for variant in chosen]
         self._places = [(s, sensor) for s in self.scenarios for sensor in _sensors(s, sensors)]

@@ -137,7 +137,7 @@ class _Check:
         by_name = {v.variant: v for v in self.plan.variants}
         scenes = {by_name[name].scene.digest: by_name[name].scene for name, _, _ in chosen}
         whole, found = self._motions(scenes)
-        reason = host.cannot_render()
+        reason = host.cannot_render() or self.engines.assets.missing(by_name[name] for name, _, _ in chosen)
         if reason:
             return 0, [*found, Difference("observation", "no frame was rendered", reason)]
         chosen = [c for c in chosen if by_name[c[0]].scene.digest in whole]

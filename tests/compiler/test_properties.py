@@ -211,10 +211,12 @@ def _digest(part: str, document: dict[str, Any]) -> str:
     """What a plan's digest is by its document: what many plans share is hashed by itself."""
     shared = {"scene": "town", "appearance": "looks"}.get(part)
     own = {**document, shared: digest(f"plan/{shared}/1", document[shared])} if shared else document
+    own = {key: value for key, value in own.items() if value or key not in ("props", "textures")}
     return digest(f"plan/{part}/1", own)
 
 
-PLAIN = only(small())
+BOARD = {"size": {"width": 2, "height": 1}, "at": {"x": 3, "y": 2}}
+PLAIN = only(small(props={"board": BOARD}))
 LEAVES = {part: _leaves(getattr(PLAIN, part).document()) for part in ("scene", "rig", "appearance")}
 
 

@@ -15,6 +15,7 @@ from recipe_cli.arguments import (
     RECIPE,
     WORKERS,
     compile_quietly,
+    engines_for,
     print_json,
     unpacks,
     worker_count,
@@ -69,7 +70,15 @@ def command(
     count = worker_count(workers, device)  # says before the work if there is no such device
     try:
         with Progress() as progress:
-            result = build(compiled.plan, out, workers=count, progress=progress, device=device, explain=reasons.extend)
+            result = build(
+                compiled.plan,
+                out,
+                workers=count,
+                progress=progress,
+                device=device,
+                engines=engines_for(compiled),
+                explain=reasons.extend,
+            )
     except KeyboardInterrupt:
         click.echo("interrupted; what is finished is kept, and the same command goes on from there", err=True)
         raise click.exceptions.Exit(130) from None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, DEVICE, WORKERS, compile_quietly, worker_count
+from recipe_cli.arguments import ALLOW_LARGE, DEVICE, WORKERS, compile_quietly, engines_for, worker_count
 from recipe_cli.places import lockfile_path, source_of
 from recipe_cli.progress import Progress
 
@@ -45,7 +45,16 @@ def command(
         source = source_of(recipe, path)
         motion: dict[str, Trace] = {}
         with Progress() as progress:
-            made = lock(one.plan, source, one.files, workers=count, progress=progress, device=device, traces=motion)
+            made = lock(
+                one.plan,
+                source,
+                one.files,
+                workers=count,
+                progress=progress,
+                engines=engines_for(one),
+                device=device,
+                traces=motion,
+            )
         if path.exists() and not update and not lockfile.read(path).says_the_same(made):
             raise InputError(_otherwise(path, recipe))
         written = made.write(path)

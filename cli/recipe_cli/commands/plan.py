@@ -41,21 +41,32 @@ def _document(compiled: Compiled) -> dict[str, object]:
         for v in compiled.plan.variants
     ]
     plan = compiled.plan
-    return {"recipe": plan.recipe, "digest": plan.digest, "variants": rows, "cost": asdict(compiled.cost)}
+    assets = [
+        {"name": a.name, "file": a.path, "sha256": a.file.sha256, "bytes": a.file.bytes, "holds": a.contents}
+        for a in compiled.assets
+    ]
+    head = {"recipe": plan.recipe, "digest": plan.digest, "variants": rows}
+    return {**head, "assets": assets, "cost": asdict(compiled.cost)}
 
 
 def _table(compiled: Compiled) -> None:
     from recipe_compiler.limits import size
+    from recipe_compiler.source import printable
 
     plan = compiled.plan
     click.echo(f"{plan.recipe}: {plan.description}" if plan.description else plan.recipe)
-    width = max(len(v.variant) for v in plan.variants)
+    width = max(len(name) for name in [*(v.variant for v in plan.variants), *(a.name for a in compiled.assets)])
     click.echo(f"\n  {'variant':<{width}}  scene     rig       appearance")
     for v in plan.variants[:40]:
         digests = "  ".join(d[:8] for d in (v.scene.digest, v.rig.digest, v.appearance.digest))
         click.echo(f"  {v.variant:<{width}}  {digests}")
     if len(plan.variants) > 40:
         click.echo(f"  ... and {len(plan.variants) - 40} more; --json lists all")
+    if compiled.assets:
+        click.echo(f"\n  {'asset':<{width}}  digest    size")
+    for asset in compiled.assets:
+        about = f"{size(asset.file.bytes)}, {asset.contents}, {printable(asset.path)}"
+        click.echo(f"  {asset.name:<{width}}  {asset.file.sha256[:8]}  {about}")
     click.echo(f"\n{compiled.cost}")
     cost = compiled.cost
     click.echo(

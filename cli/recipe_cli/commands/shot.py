@@ -6,7 +6,17 @@ from pathlib import Path
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, RECIPE, compile_quietly, print_json, unpacks, writing
+from recipe_cli.arguments import (
+    ALLOW_LARGE,
+    DEVICE,
+    JSON,
+    RECIPE,
+    compile_quietly,
+    engines_for,
+    print_json,
+    unpacks,
+    writing,
+)
 
 
 @click.command("shot")
@@ -36,12 +46,13 @@ def command(
 
     if output is not None and output.suffix.lower() != ".png":
         raise InputError(f"{output}: a shot is a PNG; give --output a name that ends in .png")
-    plan = compile_quietly(recipe, allow_large=allow_large).plan
+    compiled = compile_quietly(recipe, allow_large=allow_large)
+    plan = compiled.plan
     scenario = plan.named(variant)
     from recipe_runtime.shot import shot
 
     with writing(output or Path("shot.png")):  # a folder that is not there is said before the work
-        made = shot(scenario, sensor, frame, modality, device=device)
+        made = shot(scenario, sensor, frame, modality, engines=engines_for(compiled), device=device)
         name = f"{plan.recipe}-{scenario.variant.replace('.', '_')}-{made.sensor}-{made.modality}-{made.frame:06d}.png"
         path = output or Path(name)
         made.write(path)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, WORKERS, opened, print_json, worker_count
+from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, WORKERS, engines_for, opened, print_json, worker_count
 from recipe_cli.places import FOLDER, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 
@@ -142,7 +142,16 @@ def _verify(target: Path, options: Options, allow_large: bool, against: Path | N
             path = lockfile_path(target, compiled.plan.recipe)
             lock = held.lock if held is not None and not path.exists() else lockfile.read(path)
         held_traces = traces.read(traces.beside(path), lock.traces)
-        return verify(compiled.plan, lock, options, progress, files=compiled.files, dataset=held, traces=held_traces)
+        return verify(
+            compiled.plan,
+            lock,
+            options,
+            progress,
+            files=compiled.files,
+            dataset=held,
+            traces=held_traces,
+            engines=engines_for(compiled),
+        )
 
 
 def _say(target: Path, report: Report) -> None:

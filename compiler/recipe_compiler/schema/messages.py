@@ -35,6 +35,7 @@ _PATTERNS = {
     "#": 'is not a colour; write it as "#rrggbb"',
     "(19|20)": 'is not a date; write it as "2022-08-12"',
     "([01]": 'is not a time of day; write it as "19:40"',
+    "a-f]{64}": "is not a SHA-256; write its 64 hexadecimal digits in lower case, as `sha256sum` prints them",
     "?*": "is not a blueprint id or glob; letters, digits, and _ . - * ? only",
     "_-": "is not a name: names become folders, so letters, digits, _ and - only, a letter or digit first",
     "_.-": "is not an actor's name: letters, digits, _ . and - only, a letter or digit first",

@@ -21,6 +21,7 @@ MAX_DRAWN = 1e15  # bounds of a draw: far beyond any number of the language, and
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # names become folders; a dot in one would break consumers of file stems
 BLUEPRINT = r"^[A-Za-z0-9_.?*-]+$"
 NAME_LENGTH = 64
+MAX_PROPS, MAX_ASSETS = 1000, 100
 TRAFFIC_LIMIT, PARKED_LIMIT = 250, 100  # instance numbers are three digits, shared out in placing.py
 
 Name = Annotated[str, StringConstraints(pattern=NAME, max_length=NAME_LENGTH)]
@@ -33,6 +34,10 @@ Magnitude = Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)]
 Turn = Annotated[float, Field(ge=0, le=180, allow_inf_nan=False)]
 Modality = Literal["rgb", "depth", "instance", "semantic"]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
+PropTag = Literal[
+    "Buildings", "Walls", "Fences", "Poles", "TrafficLight", "TrafficSigns", "Vegetation", "Static", "Dynamic", "Other",
+    "Bridge", "GuardRail",
+]  # fmt: skip
 
 
 def _forwards(value: Any) -> Any:
@@ -196,6 +201,74 @@ class Traffic(Model):
     vehicles: Annotated[int, Field(ge=0, le=TRAFFIC_LIMIT, description="How many vehicles drive about.")] = 0
     pedestrians: Annotated[int, Field(ge=0, le=TRAFFIC_LIMIT, description="How many pedestrians walk about.")] = 0
     parked: Annotated[int, Field(ge=0, le=PARKED_LIMIT, description="How many cars stand at the kerbs.")] = 0
+
+
+class Asset(Model):
+    """A file that the recipe brings: a mesh or an image."""
+
+    mesh: Annotated[
+        str | None, Field(max_length=200, description="A .glb, .gltf, .obj or .stl file below this one's folder.")
+    ] = None
+    image: Annotated[str | None, Field(max_length=200, description="A .png file below this one's folder.")] = None
+    sha256: Annotated[
+        str | None,
+        StringConstraints(pattern=r"^[0-9a-f]{64}$"),
+        Field(description="The file's digest, so that no other file can stand in; the lockfile has it anyway."),
+    ] = None
+    up: Annotated[
+        Literal["y", "z"] | None,
+        Field(description="Which axis of an OBJ or STL mesh points up; absent: y for OBJ, z for STL. glTF's is y."),
+    ] = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Asset:
+        if (self.mesh is None) == (self.image is None):
+            raise PydanticCustomError("asset", "an asset is either a `mesh` or an `image`; give one of them", {})
+        if self.up is not None and (self.mesh is None or not self.mesh.lower().endswith((".obj", ".stl"))):
+            raise PydanticCustomError("asset", "goes with OBJ and STL meshes only; remove it", {"key": "up"})
+        return self
+
+
+class Standing(GroundPoint):
+    """Where a prop stands."""
+
+    z: Annotated[
+        Metres | None, Field(description="Height of its origin (a board's: its lower edge); absent: on the ground.")
+    ] = None
+    yaw: Annotated[Degrees, Field(description="Degrees, counter-clockwise; a board faces that way.")] = 0.0
+    pitch: Annotated[Degrees, Field(description="Degrees, down.")] = 0.0
+    roll: Annotated[Degrees, Field(description="Degrees, to the right.")] = 0.0
+
+
+class Board(Model):
+    """A board's size."""
+
+    width: Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False, description="Metres.")]
+    height: Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False, description="Metres.")]
+
+
+class Prop(Model):
+    """A body that stands still: a mesh of the assets, or a flat board."""
+
+    asset: Annotated[Name | None, Field(description="A mesh of `assets`.")] = None
+    size: Annotated[Board | None, Field(description="Of a flat board, instead of `asset`.")] = None
+    image: Annotated[
+        Name | None, Field(description="An image of `assets`: on the board's front, or in place of the mesh's own.")
+    ] = None
+    at: Annotated[Standing, Field(description="Where it stands.")]
+    scale: Annotated[
+        float, Field(ge=1e-4, le=1e4, allow_inf_nan=False, description="Metres of one unit of the mesh's file.")
+    ] = 1.0
+    tag: Annotated[PropTag, Field(description="What it is to the semantic camera; CARLA's names.")] = "Static"
+    look: Annotated[
+        dict[str, Colour], Field(description="Colours by slot; a board has `face` and `back`, a mesh its materials.")
+    ] = {}
+
+    @model_validator(mode="after")
+    def _one(self) -> Prop:
+        if (self.asset is None) == (self.size is None):
+            raise PydanticCustomError("prop", "a prop has either an `asset`, a mesh, or a `size`, a board's", {})
+        return self
 
 
 class Mount(Model):
@@ -368,6 +441,7 @@ class Base(Model):
     place: Annotated[Geography, Field(description="Where `time` is told.")] = Geography()
     actors: Annotated[dict[Name, Actor], Field(description="Actors by name.")] = {}
     traffic: Annotated[Traffic, Field(description="Seeded others.")] = Traffic()
+    props: Annotated[dict[Name, Prop], Field(max_length=MAX_PROPS, description="What stands about, by name.")] = {}
     sensors: Annotated[dict[Name, Sensor], Field(min_length=1, description="Sensors by name.")]
 
 
@@ -449,5 +523,8 @@ class Recipe(Model):
     extends: Annotated[str | None, Field(description="A file below this one's folder that this one is laid over.")] = (
         None
     )
+    assets: Annotated[
+        dict[Name, Asset], Field(max_length=MAX_ASSETS, description="Files that the recipe brings, by name.")
+    ] = {}
     sweep: Annotated[Sweep, Field(description="Which variants there are.")] = Sweep()
     output: Annotated[Output, Field(description="What is written.")] = Output()

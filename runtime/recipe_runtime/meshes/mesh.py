@@ -44,6 +44,7 @@ class Pattern(IntEnum):
     LETTER = 38  # a letter of 4 x 6 dots, see `lettering`; the second colour writes
     FACADE = 39  # named like WINDOW; a window in its piece of wall, for buildings seen from afar
     SIGNAL = 40  # a lit lens: it glows by day and by night
+    IMAGE = 41  # a texture of the appearance, uv (0, 0) its top-left corner; without one the slot's colour alone
     POSTER = 37  # floor(u) names the picture, fract(uv) is the place in it
 
 

@@ -13,6 +13,7 @@ The pipeline in order. Modules marked * are kernels; each is launched by the hos
 
     picture        from an Observation and an appearance to a picture
     samples*       the points that are shaded, and the geometry at each
+    images*        images on surfaces, by the footprint of a pixel; album, their mip levels, on the host
     pattern*       what a surface looks like close by: detail*, grounds*, walls*, panes*, prints*
     skylight       the clear sky by the sun's altitude, on the host
     atmosphere     weather and sun as numbers of light, on the host

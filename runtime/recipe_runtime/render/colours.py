@@ -1,5 +1,6 @@
 """Colours: from sRGB text to linear albedo, by exact arithmetic."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ _FALLBACK = {
     Pattern.HAIR: "#3a2a1e", Pattern.PLAIN: "#909090", Pattern.CLAPBOARD: "#c4c0b6", Pattern.STONE: "#a8a196",
     Pattern.WOOD: "#7a5a3e", Pattern.WATER: "#4a6468", Pattern.NICHE: "#b0aaa0", Pattern.CURTAIN_WALL: "#56646c",
     Pattern.SHOP_WINDOW: "#8c8270", Pattern.POSTER: "#3f6d8c",
-    Pattern.LETTER: "#2b4a6b", Pattern.FACADE: "#4b5660", Pattern.SIGNAL: "#ff3b2a",
+    Pattern.IMAGE: "#909090", Pattern.LETTER: "#2b4a6b", Pattern.FACADE: "#4b5660", Pattern.SIGNAL: "#ff3b2a",
 }  # fmt: skip
 
 _PANES = (Pattern.WINDOW, Pattern.CURTAIN_WALL, Pattern.SHOP_WINDOW)
@@ -29,8 +30,8 @@ _AROUND = {**dict.fromkeys(_PANES, "frame"), Pattern.FACADE: "wall"}  # the slot
 _SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at night
 
 
-def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], device: str) -> Any:
-    """Every surface's colours in one appearance."""
+def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], album: Any, device: str) -> Any:
+    """Every surface's colours in one appearance; `album` holds its images, as a record."""
     firsts, seconds = [], []
     for key in geometry.surfaces:
         first = linear(looks.get(key.body, {}).get(key.slot) or _FALLBACK[key.pattern])
@@ -40,7 +41,7 @@ def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], device: str) 
     out = Looks()
     out.first = wp.array(np.array(firsts, np.float32), dtype=wp.vec3f, device=device)
     out.second = wp.array(np.array(seconds, np.float32), dtype=wp.vec3f, device=device)
-    out.pattern = geometry.surface_pattern
+    out.pattern, out.album = geometry.surface_pattern, album
     awake = np.array([_SHOPS_LIT if key.slot == "shop" else _ROOMS_LIT for key in geometry.surfaces], np.float32)
     out.awake = wp.array(awake, dtype=wp.float32, device=device)
     return out
@@ -48,7 +49,7 @@ def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], device: str) 
 
 def linear(text: str) -> NDArray[np.float64]:
     """Linear RGB of `#rrggbb`."""
-    return np.array([_decode(int(text[i : i + 2], 16) / 255.0) for i in (1, 3, 5)])
+    return np.array([decoded(int(text[i : i + 2], 16)) for i in (1, 3, 5)])
 
 
 def _second(key: SurfaceKey, first: Any) -> Any:
@@ -70,5 +71,8 @@ def _second(key: SurfaceKey, first: Any) -> Any:
     return first
 
 
-def _decode(v: float) -> float:
+@cache
+def decoded(value: int) -> float:
+    """The light of an 8-bit sRGB value, 0 to 1."""
+    v = value / 255.0
     return v / 12.92 if v <= 0.04045 else exact.power((v + 0.055) / 1.055, 2.4)

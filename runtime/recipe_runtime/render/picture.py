@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
 
 from recipe_runtime.render import camera, film, glow, nearby, rain, reflection, shade, shadow
+from recipe_runtime.render.album import Albums
 from recipe_runtime.render.atmosphere import Light, drift, light_of
 from recipe_runtime.render.blur import Moment
 from recipe_runtime.render.colours import looks_of
@@ -54,12 +55,19 @@ class Painter:
     """Shades one scene's observations."""
 
     def __init__(
-        self, geometry: Geometry, observer: Observer, device: str, timings: Timings, keep_static: bool
+        self,
+        geometry: Geometry,
+        observer: Observer,
+        albums: Albums,
+        device: str,
+        timings: Timings,
+        keep_static: bool,
     ) -> None:
+        self._albums = albums
         self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
         self._shadows = Shadows(geometry, device)
         self._lights: dict[str, Light] = {}  # by the appearance's digest
-        self._looks: dict[str, Any] = {}  # by the looks' own text
+        self._looks: dict[str, Any] = {}  # by the identity of the colours
         self._surveyor = Surveyor(geometry, observer, device, timings, keep_static)
         self._tables = film.Tables(device)
 
@@ -258,9 +266,10 @@ class Painter:
         return self._lights[name]
 
     def _looks_of(self, appearance: AppearancePlan) -> Any:
-        name = appearance.looks.digest
+        name = appearance.colours
         if name not in self._looks:
-            self._looks = {name: looks_of(self._g, appearance.looks.root, self._device)}
+            album = self._albums.of(appearance)
+            self._looks = {name: looks_of(self._g, appearance.looks.root, album, self._device)}
         return self._looks[name]
 
     def _rain(self, obs: Observation, seed: int, light: Light, time: float) -> Any:

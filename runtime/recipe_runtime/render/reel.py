@@ -32,6 +32,7 @@ from recipe_runtime.render import (
     slots,
     visibility,
 )
+from recipe_runtime.render.album import Albums
 from recipe_runtime.render.atmosphere import Light, drift, light_of
 from recipe_runtime.render.block import Block, span_of
 from recipe_runtime.render.colours import looks_of
@@ -99,6 +100,7 @@ class Reel:
         self,
         geometry: Geometry,
         shadows: Shadows,
+        albums: Albums,
         device: str,
         camera_plan: CameraPlan,
         sensor: str,
@@ -106,7 +108,7 @@ class Reel:
         lanes: int = 12,
     ) -> None:
         self.g, self.device, self.camera, self.sensor = geometry, device, camera_plan, sensor
-        self.shadows = shadows
+        self.shadows, self._albums = shadows, albums
         self._tables = film.Tables(device)
         self.suns: list[NDArray[np.float64]] = []
         self.looks = [self._look(plan) for plan in appearances]
@@ -154,7 +156,7 @@ class Reel:
             if not any(known):
                 self.suns.append(light.sun)
             sun = known.index(True) if any(known) else len(self.suns) - 1
-        looks = record(looks_of(self.g, plan.looks.root, self.device), self.device)
+        looks = record(looks_of(self.g, plan.looks.root, self._albums.of(plan), self.device), self.device)
         return _Look(plan, light, looks, response, self._tables.of(response), sun)
 
     def _rows(self, take: Take, start: int, stop: int) -> NDArray[np.uint8]:

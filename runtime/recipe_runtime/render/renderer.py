@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan
 
 from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.render.album import Albums, Images
 from recipe_runtime.render.blur import Moment
 from recipe_runtime.render.geometry import upload
 from recipe_runtime.render.observe import Observation, Observer
@@ -23,11 +24,15 @@ from recipe_runtime.transforms import Array
 class Renderer:
     """Draws one scene: the town's bodies (instance 0) first, then the actors', parts in the Trace's order."""
 
-    def __init__(self, bodies: Sequence[Body], device: str = "cpu", *, keep_static: bool = True) -> None:
+    def __init__(
+        self, bodies: Sequence[Body], device: str = "cpu", *, keep_static: bool = True, images: Images | None = None
+    ) -> None:
+        """`images` tells an image's pixels; without it, no appearance has any."""
         self.timings, self._device = Timings(), device
         self._geometry = upload(bodies, device)
         self._observer = Observer(self._geometry, device, self.timings, keep_static)
-        self._painter = Painter(self._geometry, self._observer, device, self.timings, keep_static)
+        self._albums = Albums(self._geometry, images, device)
+        self._painter = Painter(self._geometry, self._observer, self._albums, device, self.timings, keep_static)
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
         """What is where. `world_from_sensor` [3, 4], x forward, y left, z up; `parts` [P, 3, 4] in the world."""
@@ -58,4 +63,4 @@ class Renderer:
     ) -> Reel:
         """What draws many frames of a plain camera (`reel.takes`) fast on a GPU, with the bytes of the calls above."""
         shadows = Shadows(self._geometry, self._device)
-        return Reel(self._geometry, shadows, self._device, camera, sensor_name, appearances, lanes)
+        return Reel(self._geometry, shadows, self._albums, self._device, camera, sensor_name, appearances, lanes)

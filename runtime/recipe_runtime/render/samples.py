@@ -9,6 +9,7 @@ For a camera that stands still, so do all frames: only a pixel that something mo
 # mypy: ignore-errors
 
 from recipe_runtime.render.device import OPTIONS, wp
+from recipe_runtime.render.images import IMAGE, longer_first, second_step, steps_between_pixels
 from recipe_runtime.render.observation import TILE, depth_of, pixel_at, triangle_of
 from recipe_runtime.render.pattern import detail_of
 from recipe_runtime.render.vectors import direction, inner, outer, rotate
@@ -322,6 +323,16 @@ def survey(
     normals[i] = detail.normal
     details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.height)
     codes[i] = detail.code
+    if pattern == IMAGE:
+        a = scene[0].view[t[0]]
+        b = scene[0].view[t[1]]
+        c = scene[0].view[t[2]]
+        focal = wp.float32(lens.focal)
+        steps = longer_first(
+            steps_between_pixels(ray, focal, a, b, c, scene[0].uvs[t[0]], scene[0].uvs[t[1]], scene[0].uvs[t[2]], uv)
+        )
+        details[i] = wp.vec4f(uv[0], uv[1], steps[0], steps[1])
+        codes[i] = second_step(steps)
 
 
 @wp.kernel

@@ -12,6 +12,7 @@ from recipe_runtime.render import pattern as patterns
 from recipe_runtime.render.air import Air, ambient, fog_share, reflected_sky, sky, veiled
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.glow import lamp_glow
+from recipe_runtime.render.images import IMAGE, Album, image_at
 from recipe_runtime.render.nearby import Bodies, Lamps, contact, lamp_light
 from recipe_runtime.render.noise import clamp01, noise2, noise3, step_between, unit
 from recipe_runtime.render.shadow import UNTOUCHED, Sunbeam, holds, lit
@@ -53,6 +54,7 @@ class Looks:
     second: wp.array[wp.vec3f]
     pattern: wp.array[wp.int32]
     awake: wp.array[wp.float32]  # share of the windows that are lit at night
+    album: wp.array[Album]
 
 
 @wp.struct
@@ -481,6 +483,11 @@ def shade(
         facing = wp.float32(0.0)
     first = looks[0].first[surface]
     second = looks[0].second[surface]
+    if pattern == IMAGE:
+        image = looks[0].album[0].of_surface[surface]
+        if image >= 0:
+            first = times(first, image_at(looks[0].album, image, detail, samples[0].codes[i]))
+        detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
     m = matter_of(pattern, air, first, second, detail, n, samples[0].codes[i], looks[0].awake[surface])
     m = moisten(m, pattern, air, detail)
     if swaying:

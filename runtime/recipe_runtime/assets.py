@@ -1,0 +1,63 @@
+"""The files that plans name by digest: where they lie, and what is in them.
+
+A plan knows a file's content and not its place. Whoever has the recipe knows the place; a dataset's folder alone does
+not. Bytes are held to the digest whenever they are read, in every process.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler import assets as files
+from recipe_compiler.errors import RunError
+from recipe_compiler.files import read_regular
+from recipe_compiler.plan import FilePlan, PropPlan, ScenarioPlan, TexturePlan
+
+
+@dataclass(frozen=True)
+class Assets:
+    """Places by digest. Picklable, so that workers have it too."""
+
+    places: Mapping[str, Path] = field(default_factory=dict)
+
+    def missing(self, plans: Iterable[ScenarioPlan]) -> str | None:
+        """Why plans cannot be drawn here: the first file whose place is not known, or that is not there."""
+        for sha256, file in {k: v for plan in plans for k, v in plan.files.items()}.items():
+            if sha256 not in self.places or not self.places[sha256].is_file():
+                return f"the .{file.kind} file sha256:{sha256} is not at hand; name the recipe, which tells where it is"
+        return None
+
+    def content(self, file: FilePlan) -> bytes:
+        """A file's bytes; RunError if they are not at hand, or no longer what the plan was made from."""
+        path = self.places.get(file.sha256)
+        if path is None:
+            reason = "name the recipe that brings it, which tells where it is"
+            raise RunError(f"the .{file.kind} file sha256:{file.sha256} is not at hand; {reason}")
+        try:
+            content = read_regular(path, file.bytes)
+        except (OSError, ValueError) as error:
+            reason = (isinstance(error, OSError) and error.strerror) or str(error)
+            raise RunError(f"{path}: cannot be read: {reason}; put it back") from None
+        if hashlib.sha256(content).hexdigest() != file.sha256:
+            raise RunError(f"{path}: is no longer the file sha256:{file.sha256} of the plan; compile the recipe again")
+        return content
+
+    def mesh(self, prop: PropPlan) -> files.MeshData:
+        """The mesh of a prop that has one."""
+        assert prop.mesh is not None
+        try:
+            return files.mesh(self.content(prop.mesh), prop.mesh.kind, prop.up)
+        except files.AssetError as error:
+            raise RunError(f"{prop.name}: {error}") from None
+
+    def image(self, texture: TexturePlan) -> NDArray[np.uint8]:
+        """A texture's pixels, [H, W, 3] sRGB."""
+        try:
+            return files.image(self.content(texture.file), texture.file.kind, texture.number)
+        except files.AssetError as error:
+            raise RunError(f"sha256:{texture.file.sha256}: {error}") from None

@@ -1,0 +1,72 @@
+"""Props' bodies: meshes from files, and flat boards, with vertices already in the world frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.assets import Part
+from recipe_compiler.plan import PropPlan
+
+from recipe_runtime.assets import Assets
+from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
+from recipe_runtime.transforms import Array, from_pose
+
+
+def prop_body(prop: PropPlan, assets: Assets) -> Body:
+    """A static body in world coordinates, instance 0. RunError if its file is not what the plan says."""
+    parts = assets.mesh(prop).parts if prop.mesh is not None else _board(prop)
+    return Body(prop.name, 0, (("static", _mesh(prop, parts)),))
+
+
+def _mesh(prop: PropPlan, parts: Sequence[Part]) -> Mesh:
+    slots = list(dict.fromkeys(part.slot for part in parts))
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    pose = from_pose(prop.pose)
+    moved = [_turned(part.vertices * prop.scale, pose) + pose[:, 3] for part in parts]
+    numbers = [np.full(len(part.triangles), slots.index(part.slot)) for part in parts]
+    return Mesh(
+        vertices=np.concatenate(moved).astype(np.float32),
+        normals=np.concatenate([_turned(part.normals, pose) for part in parts]).astype(np.float32),
+        uvs=np.concatenate([part.uvs for part in parts]).astype(np.float32),
+        triangles=np.concatenate([p.triangles + s for p, s in zip(parts, starts, strict=False)]).astype(np.int32),
+        surface=np.concatenate(numbers).astype(np.int32),
+        surfaces=tuple(Surface(slot, Pattern.IMAGE, prop.tag) for slot in slots),
+    )
+
+
+def _turned(rows: NDArray[np.float64], pose: Array) -> NDArray[np.float64]:
+    """Rows turned by a pose, component by component."""
+    columns = [rows[:, 0] * r[0] + rows[:, 1] * r[1] + rows[:, 2] * r[2] for r in pose]
+    return np.stack(columns, axis=-1)
+
+
+# A box's sides: the normal, and four corners counter-clockwise from outside, from the bottom left; 0 low, 1 high.
+_SIDES = (
+    ((1, 0, 0), ((1, 0, 0), (1, 1, 0), (1, 1, 1), (1, 0, 1))),
+    ((-1, 0, 0), ((0, 1, 0), (0, 0, 0), (0, 0, 1), (0, 1, 1))),
+    ((0, 1, 0), ((1, 1, 0), (0, 1, 0), (0, 1, 1), (1, 1, 1))),
+    ((0, -1, 0), ((0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1))),
+    ((0, 0, 1), ((1, 0, 1), (1, 1, 1), (0, 1, 1), (0, 0, 1))),
+    ((0, 0, -1), ((0, 0, 0), (0, 1, 0), (1, 1, 0), (1, 0, 0))),
+)
+_CORNER_UVS = ((0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0))
+
+
+def _board(prop: PropPlan) -> list[Part]:
+    """A thin box: its +x side is the face, seen upright and not mirrored from before it; the rest is the back."""
+    ends = np.array([prop.low, prop.high])
+    parts = []
+    for side, (normal, corners) in enumerate(_SIDES):
+        places = [[ends[high, axis] for axis, high in enumerate(corner)] for corner in corners]
+        parts.append(
+            Part(
+                slot="face" if side == 0 else "back",
+                vertices=np.array(places),
+                normals=np.array([normal] * 4, np.float64),
+                uvs=np.array(_CORNER_UVS),
+                triangles=np.array([[0, 1, 2], [0, 2, 3]]),
+            )
+        )
+    return parts
