@@ -107,7 +107,28 @@ def _lay_over(below: Value, above: Value, merger: Merger) -> Value:
     if base is not None:
         below = Value({**below.map, "base": expand_shorthands(base)}, below.place, below.keys)
     merged = merger.merge(below, above)
-    return Value(merged.map, above.place, {**merged.keys, **above.keys})
+    entries = dict(merged.map)
+    patches = below.get("deltas"), above.get("deltas")
+    if patches[1] is not None and patches[1].data is not None:
+        entries["deltas"] = _joined(patches[0], patches[1])
+    return Value(entries, above.place, {**merged.keys, **above.keys})
+
+
+def _joined(below: Value | None, above: Value, depth: int = 0) -> Value:
+    """Deltas laid over deltas. They are patches themselves: a null in one is kept, for it removes from the base.
+
+    A null for a whole axis, or for one of its values, removes that.
+    """
+    if not isinstance(above.data, dict):
+        return above
+    entries, keys = (dict(below.map), dict(below.keys)) if below is not None else ({}, {})
+    for key, value in above.map.items():
+        keys[key] = above.key_place(key)
+        if depth < 2 and value.data is None:
+            entries.pop(key, None)
+        else:
+            entries[key] = _joined(entries.get(key), value, depth + 1)
+    return Value(entries, above.place, keys)
 
 
 def _without(value: Value, *keys: str) -> Value:

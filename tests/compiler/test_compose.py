@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_compiler.compose import Merger
+from recipe_compiler.compose import Merger, read
 from recipe_compiler.source import Value, parse
 
 
@@ -97,3 +98,14 @@ def test_a_merged_value_knows_who_set_it() -> None:
 def test_what_was_removed_is_blamed_on_the_patch() -> None:
     merged = Merger().merge(value({"a": {"b": 1}}), value({"a": {"b": None}}, "delta.yaml"))
     assert merged.place_of("a", "b").file == "delta.yaml"
+
+
+def test_a_delta_of_an_extending_file_may_remove(tmp_path: Path) -> None:
+    """A null in a delta is what the delta does, not what the extending file does to the extended one."""
+    (tmp_path / "common.yaml").write_text("deltas: {one: {a: {x: 1}, b: {}}, two: {c: {}}}\nbase: {p: 1}\n")
+    (tmp_path / "recipe.yaml").write_text(
+        "extends: common.yaml\ndeltas: {one: {a: {y: null, z: {w: null}}, b: null, d: {x: null}}, two: null}\n"
+    )
+    root = read(tmp_path / "recipe.yaml").root
+    assert root is not None
+    assert root.map["deltas"].plain == {"one": {"a": {"x": 1, "y": None, "z": {"w": None}}, "d": {"x": None}}}
