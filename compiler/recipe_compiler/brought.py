@@ -77,7 +77,7 @@ def read(
             reason = (isinstance(error, OSError) and f"cannot be read: {error.strerror}") or str(error)
             if isinstance(error, FileNotFoundError):
                 reason = "there is no such file; paths are relative to this file"
-            shown = show(asset.mesh or asset.image)
+            shown = show(asset.mesh if asset.mesh is not None else asset.image)
             problems.append(Problem(f"assets.{name}: {shown}: {reason}", place))
             continue
         found[name] = one
@@ -113,7 +113,8 @@ def _read_one(name: str, asset: Asset, folder: Path, path: str) -> Brought:
     kind = PurePosixPath(path).suffix[1:].lower()
     if kind not in _KINDS[key]:
         kinds = ", ".join(f".{k}" for k in _KINDS[key])
-        raise ValueError(f"is of no kind that is read as {'an' if key == 'image' else 'a'} {key}, {kinds}; {_WHY[key]}")
+        article = "an" if key == "image" else "a"
+        raise ValueError(f"is not {article} {key} of a kind that is read here, {kinds}; {_WHY[key]}")
     most = MESH_BYTES if key == "mesh" else IMAGE_BYTES
     content = read_regular(folder / path, most)
     if len(content) > most:

@@ -122,7 +122,7 @@ def _wrong_size(name: str, prop: Prop, mesh: Brought | None, base: Value) -> Ite
     low, high = _box(prop, mesh)
     largest = max(b - a for a, b in zip(low, high, strict=True))
     if not _SIZES[0] <= largest <= _SIZES[1]:
-        message = f"props.{name}: is {largest:.3g} m large, not between {_SIZES[0]:g} and {_SIZES[1]:g} m; set `scale`"
+        message = f"props.{name}: is {largest:.4g} m large, not between {_SIZES[0]:g} and {_SIZES[1]:g} m; set `scale`"
         yield Problem(message, base.place_of("props", name, "scale"))
     elif max(abs(v) for v in (*low, *high)) > 10 * _SIZES[1]:
         message = f"props.{name}: lies {max(map(abs, (*low, *high))):.3g} m from its origin; centre it in its file"

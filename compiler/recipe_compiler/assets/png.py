@@ -47,7 +47,9 @@ def decode(content: bytes, *, opaque: bool = True) -> Pixels:
     from PIL import Image, PngImagePlugin
 
     width, height = size(content)
-    plain = SIGNATURE + b"".join(_chunks(content))
+    chunks = list(_chunks(content))
+    _check_length(content, b"".join(chunk[8:-4] for chunk in chunks if chunk[4:8] == b"IDAT"))
+    plain = SIGNATURE + b"".join(chunks)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -66,6 +68,32 @@ def decode(content: bytes, *, opaque: bool = True) -> Pixels:
     return np.ascontiguousarray(pixels[..., :3])
 
 
+# Adam7: where each pass of an interlaced image starts, and its stride, across and down.
+_PASSES = ((0, 8, 0, 8), (4, 8, 0, 8), (0, 4, 4, 8), (2, 4, 0, 4), (0, 2, 2, 4), (1, 2, 0, 2), (0, 1, 1, 2))
+_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+
+
+def _check_length(content: bytes, packed: bytes) -> None:
+    """AssetError unless the data unpack to just as many bytes as the header's pixels take.
+
+    The decoder leaves rows that are missing as they happen to be, and this unpacks no more than it has to.
+    """
+    width, height, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", content[16:29])
+    if colour not in _CHANNELS:
+        raise AssetError("is damaged: its header names no kind of colour; save it again")
+    passes = _PASSES if interlaced else ((0, 1, 0, 1),)
+    told = 0
+    for x, across, y, down in passes:
+        columns, rows = max(0, -(-(width - x) // across)), max(0, -(-(height - y) // down))
+        told += rows * (1 + (columns * depth * _CHANNELS[colour] + 7) // 8) if columns else 0
+    try:
+        found = len(zlib.decompressobj().decompress(packed, told + 1))
+    except zlib.error:
+        found = -1
+    if found != told:
+        raise AssetError(f"is cut or damaged: its data are not the {told} bytes that its pixels take; save it again")
+
+
 def _chunks(content: bytes) -> Iterator[bytes]:
     """The chunks that hold pixels, whole."""
     at, kind = len(SIGNATURE), b""
@@ -76,6 +104,8 @@ def _chunks(content: bytes) -> Iterator[bytes]:
         end = at + 12 + length
         if end > len(content):
             raise AssetError(f"is cut: a chunk of {length} bytes goes beyond its end; save it again")
+        if kind == b"IHDR" and at != len(SIGNATURE):
+            raise AssetError("is damaged: it has two headers; save it again")
         if kind in _KEPT:
             if zlib.crc32(content[at + 4 : end - 4]) != struct.unpack(">I", content[end - 4 : end])[0]:
                 raise AssetError("is damaged: a chunk's checksum does not fit; save it again")

@@ -1,0 +1,158 @@
+"""Props: what of them is scene and what is appearance, where they stand, and which files a recipe rests on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recipe_compiler import brought
+from recipe_compiler.compile import Compiled, compile_recipe
+from recipe_compiler.errors import InputError
+from recipe_compiler.plan import PropPlan, ScenarioPlan
+
+from tests.compiler.kitchen import small
+from tests.compiler.modelling import TETRAHEDRON, glb, obj, picture, png, stl
+
+GOOD = Path(__file__).parents[1] / "cases/good/assets/recipe.yaml"
+AT = {"x": 1, "y": 2}
+
+
+def compiled(folder: Path, props: dict[str, Any], deltas: dict[str, Any] | None = None, **assets: Any) -> Compiled:
+    files = {"wedge.obj": obj(), "block.stl": stl(), "skinned.glb": glb(), "poster.png": png(picture())}
+    for name, body in files.items():
+        (folder / name).write_bytes(body)
+    known = {
+        "wedge": {"mesh": "wedge.obj", "up": "z"},
+        "block": {"mesh": "block.stl"},
+        "skinned": {"mesh": "skinned.glb"},
+        "poster": {"image": "poster.png"},
+    }
+    recipe = small(props=props) | {"assets": {**known, **assets}} | ({"deltas": deltas} if deltas else {})
+    (folder / "recipe.yaml").write_text(json.dumps(recipe))
+    return compile_recipe(folder / "recipe.yaml")
+
+
+def by_variant(plans: Compiled) -> dict[str, ScenarioPlan]:
+    return {variant.variant.partition("=")[2]: variant for variant in plans.plan.variants}
+
+
+def only_prop(plans: Compiled) -> PropPlan:
+    (prop,) = plans.plan.variants[0].scene.props
+    return prop
+
+
+def test_images_and_looks_are_appearance_and_meshes_are_scene(tmp_path: Path) -> None:
+    board = {"size": {"width": 2, "height": 1}, "at": AT, "image": "poster"}
+    deltas = {
+        "change": {
+            "none": {},
+            "image": {"props": {"board": {"image": None}}},
+            "look": {"props": {"board": {"look": {"face": "#00903a"}}}},
+            "mesh": {"props": {"thing": {"asset": "block"}}},
+            "place": {"props": {"thing": {"at": {"x": 3}}}},
+            "mesh_image": {"props": {"skinned": {"image": "poster"}}},
+        }
+    }
+    props = {
+        "board": board,
+        "thing": {"asset": "wedge", "at": {"x": 5, "y": 5}},
+        "skinned": {"asset": "skinned", "at": {"x": 7, "y": 5}},
+    }
+    found = by_variant(compiled(tmp_path, props, deltas))
+    plain = found["none"]
+    for name in ("image", "look", "mesh_image"):
+        assert found[name].observation == plain.observation, name
+        assert found[name].appearance.digest != plain.appearance.digest, name
+    for name in ("mesh", "place"):
+        assert found[name].scene.digest != plain.scene.digest, name
+        assert found[name].rig.digest == plain.rig.digest, name
+    assert found["place"].appearance.digest == plain.appearance.digest
+
+
+def test_the_plan_names_files_by_content_alone(tmp_path: Path) -> None:
+    props = {"thing": {"asset": "skinned", "at": AT}}
+    deep = tmp_path / "elsewhere"
+    deep.mkdir()
+    one, two = compiled(tmp_path, props), compiled(deep, props)
+    assert one.plan.digest == two.plan.digest
+    (file,) = one.plan.variants[0].files.values()
+    assert (file.sha256, file.bytes, file.kind) == (hashlib.sha256(glb()).hexdigest(), len(glb()), "glb")
+    assert str(tmp_path) not in one.plan.model_dump_json()
+    assert one.places[file.sha256] == tmp_path / "skinned.glb"
+
+
+def test_every_asset_is_among_the_files_with_the_digest_of_its_bytes(tmp_path: Path) -> None:
+    plans = compiled(tmp_path, {})
+    for name in ("wedge.obj", "block.stl", "skinned.glb", "poster.png", "recipe.yaml"):
+        assert plans.files[name] == hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()
+
+
+def test_a_changed_byte_is_another_scene(tmp_path: Path) -> None:
+    props = {"thing": {"asset": "wedge", "at": AT}}
+    before = compiled(tmp_path, props).plan.variants[0].scene.digest
+    other = {"wedge": {"mesh": "other.obj", "up": "z"}}
+    (tmp_path / "other.obj").write_bytes(obj() + b"# nothing but a remark\n")
+    assert compiled(tmp_path, props, **other).plan.variants[0].scene.digest != before
+
+
+def test_a_prop_stands_on_the_ground_unless_its_height_is_given(tmp_path: Path) -> None:
+    low = stl(TETRAHEDRON - [0, 0, 0.25])
+    (tmp_path / "low.stl").write_bytes(low)
+    asset = {"low": {"mesh": "low.stl"}}
+    on_road = only_prop(compiled(tmp_path, {"p": {"asset": "low", "scale": 2, "at": {"x": -1, "y": 30}}}, **asset))
+    assert on_road.pose.z == 0.5
+    tilted = only_prop(compiled(tmp_path, {"p": {"asset": "low", "at": {"x": -1, "y": 30, "pitch": 90}}}, **asset))
+    assert tilted.pose.z == 1.0  # pitched down, the mesh's x axis points to the ground
+    given = only_prop(compiled(tmp_path, {"p": {"asset": "low", "at": {"x": -1, "y": 30, "z": 7}}}, **asset))
+    assert given.pose.z == 7.0
+    assert (on_road.low, on_road.high) == ((0.0, 0.0, -0.5), (2.0, 2.0, 1.5))
+
+
+def test_the_good_case_reads_as_it_says() -> None:
+    plans = compile_recipe(GOOD)
+    found = {v.variant: v for v in plans.plan.variants}
+    shown = found["poster=shown,wedge=there"]
+    assert [prop.name for prop in shown.scene.props] == ["prop.board", "prop.wedge", "prop.part", "prop.skinned"]
+    assert [prop.tag for prop in shown.scene.props] == [20, 4, 20, 20]
+    textures = shown.appearance.textures
+    assert textures["prop.board"]["face"].file.kind == "png" and not textures["prop.board"]["face"].repeat
+    assert (textures["prop.skinned"]["skin"].file.kind, textures["prop.skinned"]["skin"].number) == ("glb", 0)
+    assert shown.appearance.looks["prop.board"] == {"back": "#b8b0a0", "face": "#ffffff"}
+    assert shown.appearance.looks["prop.part"] == {"body": "#aa0000"}
+    assert found["poster=on_mesh,wedge=there"].appearance.textures["prop.skinned"]["skin"].file.kind == "png"
+    assert "prop.board" not in found["poster=green,wedge=there"].appearance.textures
+    assert len(found["poster=shown,wedge=gone"].scene.props) == 3
+    assert (plans.cost.simulations, plans.cost.observations, plans.cost.appearances) == (2, 2, 6)
+    assert list(plans.files) == [
+        "common.yaml",
+        "files/poster.png",
+        "files/skinned.glb",
+        "files/tetrahedron.obj",
+        "files/tetrahedron.stl",
+        "recipe.yaml",
+    ]
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.obj")
+    with pytest.raises(InputError, match=r'"pipe.obj": it is not a regular file'):
+        compiled(tmp_path, {}, pipe={"mesh": "pipe.obj"})
+
+
+def test_a_file_over_the_limit_is_not_looked_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(brought, "MESH_BYTES", 100)
+    with pytest.raises(InputError, match="is larger than 0 MiB, the most allowed"):
+        compiled(tmp_path, {})
+
+
+@pytest.mark.parametrize(("limit", "what"), [("ALL_BYTES", "bytes"), ("ALL_TRIANGLES", "tri"), ("ALL_PIXELS", "pix")])
+def test_all_assets_together_are_bounded(
+    limit: str, what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(brought, limit, 11)
+    with pytest.raises(InputError, match=rf"assets: \d+ {what}\w* up to here are more than the most allowed together"):
+        compiled(tmp_path, {})
