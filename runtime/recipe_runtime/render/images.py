@@ -179,7 +179,8 @@ def image_at(album: wp.array[Album], image: wp.int32, detail: wp.vec4f, code: wp
         ax = bx
         ay = by
     short = wp.max(wp.max(short, long / wp.float32(MOST_TAPS)), 1.0)
-    taps = wp.int32(wp.min(long / short, wp.float32(MOST_TAPS - 1))) + 1
+    taps = wp.max(wp.min(wp.int32(wp.min(long / short, 99.0) + 0.5), MOST_TAPS), 1)
+    short = wp.max(short, long / wp.float32(taps))
     scale = wp.float32(1.0)
     level = first
     while short >= 2.0 and level < last:
