@@ -1,0 +1,214 @@
+"""Props, from a recipe to frames: where they are, what they stop, and what is said when their files are not there."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import recipe_runtime
+import trimesh
+from recipe_compiler import towns
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.plan import Clock, Pose, PropPlan, ScenePlan
+from recipe_runtime import dataset as datasets
+from recipe_runtime.admission import check_bounds
+from recipe_runtime.assets import Assets
+from recipe_runtime.build import build
+from recipe_runtime.engines import Engines, real_engines
+from recipe_runtime.locking import lock
+from recipe_runtime.meshes.props import prop_body
+from recipe_runtime.pack import Pack, unpacked
+from recipe_runtime.simulate import simulate
+from recipe_runtime.trace import METRE
+from recipe_runtime.verify import Options, verify
+
+from tests.runtime import fakes
+from tests.runtime.test_simulate import HERO1, TOWN
+
+GOOD = Path(__file__).parents[1] / "cases/good/assets/recipe.yaml"
+SHIPPED = Path(__file__).parents[2] / "recipes/assets/props.yaml"
+
+
+def quiet(stage: str, done: int, total: int) -> None:
+    pass
+
+
+def rotation(pose: Pose) -> Any:
+    """The pose's turn by another's matrices: about fixed axes, roll, then pitch, then yaw."""
+    return trimesh.transformations.euler_matrix(*np.radians([pose.roll, pose.pitch, pose.yaw]), "sxyz")[:3, :3]
+
+
+def test_a_mesh_is_where_the_plan_says() -> None:
+    compiled = compile_recipe(GOOD)
+    scene = compiled.plan.variants[0].scene
+    (prop,) = (p for p in scene.props if p.name == "prop.part")
+    mesh = dict(prop_body(prop, Assets(compiled.places)).parts)["static"]
+    local = trimesh.load(GOOD.parent / "files/tetrahedron.stl", process=False).vertices * 0.001
+    pose = prop.pose
+    expected = local @ rotation(pose).T + [pose.x, pose.y, pose.z]
+    found = {tuple(row) for row in np.round(mesh.vertices.astype(float), 4).tolist()}
+    assert found == {tuple(row) for row in (np.round(expected, 4) + 0.0).tolist()}
+    assert float(mesh.vertices[:, 2].min()) == pytest.approx(
+        towns.build("downtown", 0, {"blocks": [1, 1]}).ground(4, -1), abs=1e-5
+    )
+
+
+def test_a_board_faces_its_yaw_with_its_image_upright() -> None:
+    pose = Pose(x=1.0, y=2.0, z=3.0, yaw=90.0)
+    prop = PropPlan(name="prop.b", mesh=None, pose=pose, tag=20, low=(-0.01, -2.0, 0.0), high=(0.01, 2.0, 1.0))
+    mesh = dict(prop_body(prop, Assets()).parts)["static"]
+    face = mesh.triangles[mesh.surface == [s.slot for s in mesh.surfaces].index("face")]
+    assert np.allclose(mesh.normals[face.reshape(-1)], [0, 1, 0], atol=1e-6)
+    corner = {tuple(mesh.uvs[v].tolist()): mesh.vertices[v] for v in face.reshape(-1)}
+    assert np.allclose(corner[0.0, 0.0], [3.0, 2.01, 4.0], atol=1e-6)  # its top left, for who stands before it
+    assert np.allclose(corner[1.0, 1.0], [-1.0, 2.01, 3.0], atol=1e-6)
+    edges = mesh.vertices[mesh.triangles]
+    outwards = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+    assert ((outwards * mesh.normals[mesh.triangles[:, 0]]).sum(axis=1) > 0).all()
+    assert float(np.abs(outwards).sum()) / 2 == pytest.approx(2 * (4.0 * 1.0 + 0.02 * 5.0), abs=1e-4)
+
+
+def test_nobody_walks_through_a_prop() -> None:
+    low, high = (-0.5, -0.5, 0.0), (0.5, 0.5, 1.0)
+    crate = PropPlan(name="prop.c", mesh=None, pose=Pose(x=-4.0, y=0.0, z=0.15), tag=20, low=low, high=high)
+    ends = {}
+    for props in ((), (crate,)):
+        clock = Clock(fps=30, frames=260, physics=240)
+        trace = simulate(ScenePlan(clock=clock, town=TOWN.plan, actors=(HERO1,), props=props))
+        way = trace.positions[:, trace.base_part("hero1")] / METRE
+        inside = (np.abs(way[:, 0] + 4.0) < 0.5) & (np.abs(way[:, 1]) < 0.5)
+        ends[len(props)] = float(way[-1, 1]), int(inside.sum())
+    assert ends[0][0] < -4.0 and ends[0][1] > 0
+    assert ends[1][1] == 0
+
+
+def _engines(assets: Assets) -> Engines:
+    """The light engines, told where assets are."""
+    plain = fakes.ENGINES
+    return Engines(plain.simulate, plain.actors, plain.renderer, assets)
+
+
+def _plan(tmp_path: Path) -> Any:
+    compiled = compile_recipe(GOOD)
+    scene = fakes.scene_plan(4).model_copy(update={"props": compiled.plan.variants[0].scene.props})
+    plan = fakes.dataset_plan(4, 1)
+    variants = tuple(v.model_copy(update={"scene": scene}) for v in plan.variants)
+    return compiled, plan.model_copy(update={"variants": variants})
+
+
+def test_a_dataset_without_its_assets_is_inconclusive_and_says_why(tmp_path: Path) -> None:
+    compiled, plan = _plan(tmp_path)
+    known = _engines(Assets(compiled.places))
+    build(plan, tmp_path / "set", workers=0, cache=tmp_path / "cache", engines=known)
+    held, options = datasets.read(tmp_path / "set"), Options(nonce=1, count=3, workers=0)
+    with_assets = verify(held.plan, held.lock, options, quiet, dataset=held, engines=known)
+    without = verify(held.plan, held.lock, options, quiet, dataset=held, engines=_engines(Assets()))
+    assert (with_assets.verdict, with_assets.bound.checked) == ("PASS", 3)
+    assert (without.verdict, without.stage, without.bound.checked) == ("INCONCLUSIVE", "observation", 0)
+    (difference,) = without.differences
+    assert "sha256:" in str(difference) and "is not at hand; name the recipe" in str(difference)
+
+
+def test_a_dataset_names_its_assets(tmp_path: Path) -> None:
+    compiled, plan = _plan(tmp_path)
+    build(plan, tmp_path / "set", workers=0, cache=tmp_path / "cache", engines=_engines(Assets(compiled.places)))
+    told = json.dumps([json.loads(p.read_text()) for p in sorted((tmp_path / "set/plans").glob("*.json"))])
+    assert all(prop.mesh.sha256 in told for prop in plan.variants[0].scene.props if prop.mesh)
+    assert str(GOOD.parent) not in told
+
+
+def test_bytes_that_changed_are_not_used(tmp_path: Path) -> None:
+    compiled = compile_recipe(GOOD)
+    prop = next(p for p in compiled.plan.variants[0].scene.props if p.mesh is not None)
+    assert prop.mesh is not None
+    other = tmp_path / "other.obj"
+    for content, words in ((b"v 0 0 0\n", "is no longer the file"), (b"x" * 100_000, "is no longer the file")):
+        other.write_bytes(content)
+        with pytest.raises(RunError, match=words):
+            prop_body(prop, Assets({prop.mesh.sha256: other}))
+    other.unlink()
+    with pytest.raises(RunError, match="cannot be read: No such file"):
+        prop_body(prop, Assets({prop.mesh.sha256: other}))
+    with pytest.raises(RunError, match="is not at hand; name the recipe"):
+        prop_body(prop, Assets())
+
+
+def test_workers_know_where_assets_lie() -> None:
+    engines = real_engines(Assets(compile_recipe(GOOD).places))
+    assert pickle.loads(pickle.dumps(engines)).assets == engines.assets
+
+
+def test_a_pack_brings_them_along(tmp_path: Path) -> None:
+    compiled = compile_recipe(GOOD)
+    pack = Pack(GOOD.name, {path: (GOOD.parent / path).read_bytes() for path in compiled.files})
+    (tmp_path / "assets.recipe").write_bytes(pack.dumps())
+    with unpacked(tmp_path / "assets.recipe") as recipe:
+        again = compile_recipe(recipe)
+        assert again.plan.digest == compiled.plan.digest
+        assert Assets(again.places).missing(again.plan.variants) is None
+
+
+def test_the_lockfile_has_a_row_for_every_asset(tmp_path: Path) -> None:
+    compiled, plan = _plan(tmp_path)
+    made = lock(
+        plan, "recipe.yaml", compiled.files, workers=0, progress=quiet, engines=_engines(Assets(compiled.places))
+    )
+    rows = made.dumps().splitlines()
+    for asset in compiled.assets:
+        assert f"file {asset.path} {asset.file.sha256}" in rows
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"pose": {"x": 1e9}}, "is out of bounds"),
+        ({"scale": 0.0}, "is out of bounds"),
+        ({"mesh": None, "low": (0, 0, 0), "high": (0, 0, 0)}, "is a board without a size"),
+        ({"mesh": {"sha256": "0" * 64, "bytes": 1 << 40, "kind": "obj"}}, "of 1099511627776 bytes is over"),
+    ],
+)
+def test_a_strangers_plan_is_bounded(changes: dict[str, Any], words: str, tmp_path: Path) -> None:
+    _, plan = _plan(tmp_path)
+    variant = plan.variants[0].model_dump(mode="json")
+    variant["scene"]["props"][1] |= changes
+    wrong = plan.variants[0].model_validate(variant)
+    with pytest.raises(InputError, match=words):
+        check_bounds(plan.model_copy(update={"variants": (wrong,)}))
+
+
+@pytest.mark.parametrize("sha256", ["../../etc/passwd", "0" * 63, "Z" * 64])
+def test_a_strangers_plan_names_files_by_digest_alone(sha256: str, tmp_path: Path) -> None:
+    _, plan = _plan(tmp_path)
+    variant = plan.variants[0].model_dump(mode="json")
+    variant["scene"]["props"][1]["mesh"]["sha256"] = sha256
+    with pytest.raises(ValueError, match="sha256"):
+        plan.variants[0].model_validate(variant)
+
+
+_RENDER = """
+import hashlib, sys, recipe_runtime
+street = recipe_runtime.open(sys.argv[1], variant="poster=on_mesh,wedge=there")
+print(hashlib.sha256(street.render(1).tobytes()).hexdigest())
+"""
+
+
+def test_a_frame_has_the_same_bytes_in_any_process_and_shows_its_props() -> None:
+    """In this process, and in another one with another hash seed and without FMA."""
+    import hashlib
+
+    street = recipe_runtime.open(GOOD, variant="poster=on_mesh,wedge=there")
+    here = hashlib.sha256(street.render(1).tobytes()).hexdigest()
+    environment = {"PYTHONHASHSEED": "7", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4"}
+    command = [sys.executable, "-c", _RENDER, str(GOOD)]
+    run = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == here
+    bare = recipe_runtime.open(GOOD, variant="poster=shown,wedge=gone")
+    assert (street.render(1) != bare.render(1)).any(axis=2).sum() > 20
