@@ -147,7 +147,9 @@ def _verify(target: Path, options: Options, allow_large: bool, against: Path | N
             lock,
             options,
             progress,
-            files=compiled.files,
+            files=compiled.files
+            if held is None or lock is not held.lock
+            else None,  # a dataset lists no recipe's files
             dataset=held,
             traces=held_traces,
             engines=engines_for(compiled),
