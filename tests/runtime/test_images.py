@@ -16,9 +16,11 @@ from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.render import Renderer
 from recipe_runtime.render.album import mip_levels
 from recipe_runtime.render.colours import decoded
+from recipe_runtime.render.reel import Take
 from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render_scene import appearance, quad
+from tests.runtime.test_devices import needs_gpu
 
 NOBODY = np.zeros((0, 3, 4))
 FACE = Surface("face", Pattern.IMAGE, 20)
@@ -180,3 +182,25 @@ def test_the_same_bytes_twice_and_whatever_the_processor_can() -> None:
         run = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=True)
         seen.add(run.stdout)
     assert len(seen) == 1 and len(seen.pop()) == 65
+
+
+def _reeled(device: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """A frame of an image at a slant, from the renderer and from a reel."""
+    camera, pose = CameraPlan(width=64, height=48, fov=70), from_pose(Pose(x=-9, y=6, z=10, yaw=-50))
+    bodies = [Body("board", 0, (("static", board(9.0, 7.0, 2.5)),))]
+    renderer = Renderer(bodies, device, images=lambda texture: noise(61, 47))
+    plan = lit(noise(1, 1), True)
+    (printed,) = renderer.reel(camera, "street", [plan], lanes=1).frames(Take([1], [0.0], pose[None], NOBODY[None]))
+    return renderer.shade(renderer.observe(camera, pose, NOBODY), plan, "street", 1, 0.0), printed.pictures[0].copy()
+
+
+def test_a_reel_shows_images_too() -> None:
+    plain, reeled = _reeled("cpu")
+    assert (plain == reeled).all()
+
+
+@pytest.mark.gpu
+@needs_gpu
+def test_a_gpu_shows_the_same_bytes() -> None:
+    here, there = _reeled("cpu"), _reeled("cuda:0")
+    assert (here[0] == there[0]).all() and (here[1] == there[1]).all()
