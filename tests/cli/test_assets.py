@@ -23,7 +23,7 @@ def run(*arguments: str, cwd: Path, code: int = 0) -> str:
 
 def test_a_plan_lists_assets_with_digests_and_sizes(tmp_path: Path) -> None:
     told = " ".join(run("plan", str(GOOD / "recipe.yaml"), cwd=tmp_path).split())
-    assert " poster d56e3d74  101 bytes, 4 x 3 pixels, files/poster.png" in told
+    assert " poster d56e3d74 101 bytes, 4 x 3 pixels, files/poster.png" in told
     assert " wedge 23b275f4 88 bytes, 8 triangles in body, files/tetrahedron.obj" in told
     document = json.loads(run("plan", str(GOOD / "recipe.yaml"), "--json", cwd=tmp_path))
     assert [asset["name"] for asset in document["assets"]] == ["poster", "wedge", "part", "skinned"]
