@@ -141,6 +141,10 @@ def _mesh(name: str, path: str, file: FilePlan, up: str | None, content: bytes) 
         if part.mapped and not known.mapped:
             materials[part.slot] = Material(part.colour, part.picture, part.repeat, True)
     shown = {m.picture for m in materials.values() if m.picture is not None}
-    sizes = [assets.image(content, file.kind, number).shape for number in sorted(shown)]
-    pixels = (sum(height * width for height, width, _ in sizes), 1)
-    return Brought(name, path, file, up, mesh.triangles, pixels, mesh.low, mesh.high, materials)
+    pixels = 0
+    for number in sorted(shown):
+        height, width, _ = assets.image(content, file.kind, number).shape
+        pixels += height * width
+        if pixels > ALL_PIXELS:
+            raise ValueError(f"its pictures have more than {ALL_PIXELS >> 20} Mpx together; make them smaller")
+    return Brought(name, path, file, up, mesh.triangles, (pixels, 1), mesh.low, mesh.high, materials)

@@ -219,6 +219,11 @@ BROKEN: dict[str, tuple[str, bytes, str]] = {
     "many copies": ("glb", _glb(nodes=[{"children": list(range(1, 10_000))}, *[{"mesh": 0}] * 9_999],
                                 meshes=[{"primitives": [{"attributes": {"POSITION": 0}}] * 999}]),
                     "9989001 triangles are more than the most allowed"),
+    "many parts": ("glb", _glb(nodes=[{"children": list(range(1, 10_000))}, *[{"mesh": 0}] * 9_999],
+                               meshes=[{"primitives": [{"attributes": {"POSITION": 0}}] * 12}]),
+                   "119988 parts are more than the most allowed"),
+    "a giant polygon": ("obj", obj() + b"f " + b"1 2 3 " * 170_000 + b"\n", "line 9: 510002 triangles are more than"),
+    "a giant line": ("obj", obj() + b"f " + b"1 2 3 " * 200_000 + b"\n", "line 9 is longer than 1 MiB"),
 }  # fmt: skip
 
 

@@ -147,9 +147,7 @@ def _verify(target: Path, options: Options, allow_large: bool, against: Path | N
             lock,
             options,
             progress,
-            files=compiled.files
-            if held is None or lock is not held.lock
-            else None,  # a dataset lists no recipe's files
+            files=None if held is not None and lock is held.lock else compiled.files,  # a dataset's own lists none
             dataset=held,
             traces=held_traces,
             engines=engines_for(compiled),

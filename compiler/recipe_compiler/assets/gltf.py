@@ -33,6 +33,7 @@ from recipe_compiler.assets.names import slot_names
 
 MAX_JSON = 8 << 20
 MAX_NODES = 10_000
+MAX_PARTS = 20_000  # of all nodes' meshes together; each costs time, however small it is
 _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _READ = {"KHR_materials_unlit", "KHR_materials_specular", "KHR_materials_ior"}  # nothing of geometry or base colour
@@ -56,7 +57,8 @@ def read(content: bytes) -> list[Raw]:
     """A part for each primitive of each node that the file's scene shows, in the scene's frame (y up, z forward)."""
     document = _Document(*_open(content))
     placed = list(document.placed())
-    for column, (what, most) in enumerate((("triangles", MAX_TRIANGLES), ("vertices", MAX_VERTICES))):
+    limits = ("triangles", MAX_TRIANGLES), ("vertices", MAX_VERTICES), ("parts", MAX_PARTS)
+    for column, (what, most) in enumerate(limits):
         check_count(sum(document.counts(mesh)[column] for mesh, _ in placed), what, most)
     return [raw for mesh, matrix in placed for raw in document.parts(mesh, matrix)]
 
@@ -111,7 +113,7 @@ class _Document:
     def __init__(self, document: Json, beside: bytes | None) -> None:
         self._json, self._beside = document, beside
         self._buffers: dict[int, bytes] = {}
-        self._counts: dict[int, tuple[int, int]] = {}
+        self._counts: dict[int, tuple[int, int, int]] = {}
 
     def _item(self, kind: str, index: Any) -> Json:
         items = self._json.get(kind, [])
@@ -151,21 +153,22 @@ class _Document:
 
     # Meshes
 
-    def counts(self, mesh: Any) -> tuple[int, int]:
-        """How many triangles and vertices a mesh has, from its descriptions alone; a primitive counts as one at least.
+    def counts(self, mesh: Any) -> tuple[int, int, int]:
+        """How many triangles, vertices and parts a mesh has, from its descriptions alone.
 
         So what many nodes show again and again is counted before any of it is made.
         """
         if mesh not in self._counts:
             triangles = vertices = 0
-            for primitive in self._item("meshes", mesh)["primitives"]:
+            primitives = self._item("meshes", mesh)["primitives"]
+            for primitive in primitives:
                 points = _whole(self._item("accessors", primitive["attributes"]["POSITION"])["count"])
                 corners = points
                 if "indices" in primitive:
                     corners = _whole(self._item("accessors", primitive["indices"])["count"])
-                triangles += max(corners // 3 * (1 + self._material(primitive).both_sides), 1)
+                triangles += corners // 3 * (1 + self._material(primitive).both_sides)
                 vertices += points
-            self._counts[mesh] = triangles, vertices
+            self._counts[mesh] = triangles, vertices, len(primitives)
         return self._counts[mesh]
 
     def parts(self, mesh: int, matrix: Matrix) -> Iterator[Raw]:

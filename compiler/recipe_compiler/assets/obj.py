@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,6 +14,8 @@ from recipe_compiler.assets.names import slot
 from recipe_compiler.assets.stl import SLOT, number
 
 _IGNORED = {b"o", b"g", b"s", b"mg", b"l", b"p", b"vp", b"lod", b"shadow_obj", b"trace_obj", b"bevel", b"c_interp"}
+
+_MAX_LINE = 1 << 20  # bytes; a polygon's corners are on one
 
 Corner = tuple[int, int, int]  # vertex, texture coordinate, normal; -1: none
 
@@ -44,7 +47,7 @@ class _Reader:
         elif word == b"vn":
             self._numbers(self.normals, words, 3)
         elif word == b"f":
-            self._face([self._corner(w) for w in words[1:]])
+            self._face(words[1:])
         elif word == b"usemtl":
             self.slot = slot(b" ".join(words[1:]).decode("ascii", "replace"), SLOT)
         elif word == b"mtllib":
@@ -71,13 +74,13 @@ class _Reader:
             raise AssetError("a corner of a face names no vertex; export it again")
         return found[0], found[1], found[2]
 
-    def _face(self, corners: Sequence[Corner]) -> None:
-        if len(corners) < 3:
+    def _face(self, words: Sequence[bytes]) -> None:
+        if len(words) < 3:
             raise AssetError("a face has fewer than three corners; export it again")
-        self.count += len(corners) - 2
+        self.count += len(words) - 2
         check_count(self.count, "triangles", MAX_TRIANGLES)
         group = self.groups.setdefault(self.slot, _Group())
-        numbers = [group.corners.setdefault(corner, len(group.corners)) for corner in corners]
+        numbers = [group.corners.setdefault(self._corner(word), len(group.corners)) for word in words]
         group.triangles += [(numbers[0], numbers[k], numbers[k + 1]) for k in range(1, len(numbers) - 1)]
 
 
@@ -86,8 +89,10 @@ def read(content: bytes) -> list[Raw]:
     if b"\0" in content:
         raise AssetError("is not an OBJ file: it holds a zero byte; OBJ is text")
     reader = _Reader()
-    lines = content.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").split(b"\n")
-    for at, line in enumerate(lines, start=1):
+    joined = content.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+    for at, line in enumerate(io.BytesIO(joined), start=1):
+        if len(line) > _MAX_LINE:
+            raise AssetError(f"line {at} is longer than {_MAX_LINE >> 20} MiB; export it with smaller faces")
         words = line.split(b"#", 1)[0].split()
         if words:
             try:
