@@ -41,3 +41,40 @@ def test_a_dataset_alone_is_inconclusive_and_with_its_recipe_verified(tmp_path: 
     (tmp_path / "recipe/files/tetrahedron.obj").write_bytes(b"v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n")
     other = run("verify", "recipe/recipe.yaml", "--against", "set", "--frames", "2", cwd=tmp_path, code=1)
     assert other.startswith("FAIL")
+
+
+def test_a_pack_brings_its_assets_along(tmp_path: Path) -> None:
+    """The same plan from the pack alone, and the same pixels, where the recipe's folder is not."""
+    shutil.copytree(GOOD, tmp_path / "here")
+    run("pack", "here/recipe.yaml", "-o", "away.recipe", cwd=tmp_path)
+    shot = ("--variant", "poster=on_mesh,wedge=there", "--frame", "1", "--json")
+    expected = [json.loads(run("plan", "here/recipe.yaml", "--json", cwd=tmp_path))["digest"]]
+    expected.append(json.loads(run("shot", "here/recipe.yaml", *shot, "-o", "a.png", cwd=tmp_path))["digest"])
+    shutil.rmtree(tmp_path / "here")
+    found = [json.loads(run("plan", "away.recipe", "--json", cwd=tmp_path))["digest"]]
+    found.append(json.loads(run("shot", "away.recipe", *shot, "-o", "b.png", cwd=tmp_path))["digest"])
+    assert found == expected
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("path", "content", "words"),
+    [
+        ("a.obj", b"mtllib /etc/passwd\n", "`mtllib` names another file"),
+        ("a.glb", b"glTF\2\0\0\0\xff\xff\xff\x7f" + b"\0" * 8, "its header tells of 2147483647 bytes"),
+        ("../../etc/passwd.obj", b"", "`..` is refused: a recipe reads only its own folder"),
+        ("gone.stl", b"", "there is no such file"),
+    ],
+)
+def test_a_strangers_pack_is_refused_with_the_place_of_its_asset(
+    path: str, content: bytes, words: str, tmp_path: Path
+) -> None:
+    from recipe_runtime.pack import Pack
+
+    text = (GOOD / "recipe.yaml").read_text().replace("files/tetrahedron.obj, up: z", path)
+    files = {file.relative_to(GOOD).as_posix(): file.read_bytes() for file in sorted(GOOD.rglob("*.*"))}
+    files |= {"recipe.yaml": text.encode(), **({path: content} if content else {})}
+    (tmp_path / "evil.recipe").write_bytes(Pack("recipe.yaml", files).dumps())
+    told = run("build", "evil.recipe", "--out", "set", cwd=tmp_path, code=2)
+    assert told.startswith("evil.recipe/recipe.yaml:5:") and words in told
+    assert [file.name for file in tmp_path.iterdir()] == ["evil.recipe"]
