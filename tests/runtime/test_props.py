@@ -212,3 +212,18 @@ def test_a_frame_has_the_same_bytes_in_any_process_and_shows_its_props() -> None
     assert run.stdout.strip() == here
     bare = recipe_runtime.open(GOOD, variant="poster=shown,wedge=gone")
     assert (street.render(1) != bare.render(1)).any(axis=2).sum() > 20
+
+
+def test_labels_know_the_shipped_props_and_no_image_changes_them() -> None:
+    """The board stands 9.99 m before a camera of 60 degrees; a pinhole tells where its middle is."""
+    street = recipe_runtime.open(SHIPPED, variant="weather=noon,poster=sunset")
+    labels = {modality: street.render(0, modality=modality) for modality in ("depth", "instance", "semantic")}
+    focal = 320.0 * 3.0**0.5
+    column, row = int(320.0 - 0.2 / 9.99 * focal), int(200.0 + (1.6 - 0.75) / 9.99 * focal)
+    assert labels["semantic"][row, column] == 8  # TrafficSigns
+    assert labels["instance"][row, column] == 0
+    assert labels["depth"][row, column] == pytest.approx(9.99, abs=1e-4)
+    bare = recipe_runtime.open(SHIPPED, variant="weather=noon,poster=none")
+    assert all((bare.render(0, modality=m) == pixels).all() for m, pixels in labels.items())
+    differ = (bare.render(0) != street.render(0)).any(axis=2)
+    assert differ[row, column] and differ.mean() < 0.1
