@@ -15,8 +15,8 @@ MODULES = sorted(FOLDER.glob("*.py"))
 ALLOWED = {
     "abs", "min", "max", "sqrt", "tid", "clone", "launch", "constant", "struct", "func", "kernel", "init",
     "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float32", "float64",
-    "vec2d", "vec2f", "vec2i", "vec3f", "vec4f", "vec3i", "vec3d", "array", "array2d", "zeros", "empty", "empty_like", "full", "copy",
-    "set_module_options", "is_cuda_available", "get_cuda_device_count", "dtype_to_numpy",
+    "vec2d", "vec2f", "vec2i", "vec3f", "vec4f", "vec3i", "vec3d", "array", "array2d", "zeros", "empty", "full",
+    "set_module_options", "is_cuda_available", "get_cuda_device_count", "dtype_to_numpy", "copy", "empty_like",
     "Stream", "ScopedStream", "Event", "capture_begin", "capture_end", "capture_launch", "get_stream",
     "int", "uint", "synchronize_stream", "record_event", "synchronize_event",
     "atomic_add", "atomic_min", "atomic_max", "atomic_or",
