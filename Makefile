@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-torch test-gpu bench presets lock verify golden requirements clean
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-torch test-gpu bench presets lock verify golden requirements clean
 
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -48,10 +48,13 @@ python-fits:
 	  exit 2; fi
 
 test-quick: install-dev  ## the tests that take under ten seconds each
-	$(BIN)/python -m pytest -q -m "not slow"
+	$(BIN)/python -m pytest -q -m "not slow and not cpus and not torch and not reliability"
 
 test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)
 	$(BIN)/python -m pytest -q -m cpus --durations=0
+
+test-reliability: install-dev  ## builds that are killed, starved and shut out, as real processes (some minutes)
+	$(BIN)/python -m pytest -q -m reliability -rs --durations=5
 
 test-gpu: install-dev  ## the same bytes on a CUDA GPU; skipped, with the reason, where there is none
 	$(BIN)/python -m pytest -q -m gpu -rs
