@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-torch test-gpu bench presets lock verify golden requirements clean
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-torch test-gpu bench bench-long presets lock verify golden requirements clean
 
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -65,6 +65,9 @@ test-torch: install-dev  ## the PyTorch dataset, with PyTorch installed for it (
 
 bench: install-dev  ## frames a second beside a plain PyBullet + Pillow script, in one run
 	$(BIN)/python -m benchmarks.listing
+
+bench-long: install-dev  ## a build of 10,000 frames with nothing to do, and the check of 60 of them (ten minutes)
+	$(BIN)/python -m benchmarks.long
 
 presets: install  ## redraw docs/presets.jpg: all of CARLA's presets, seen by three cameras
 	$(BIN)/python docs/presets.py

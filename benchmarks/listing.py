@@ -26,6 +26,7 @@ from benchmarks.table import text_of
 
 ROOT = Path(__file__).resolve().parent.parent
 RECIPE = ROOT / "recipes" / "paper" / "two_pedestrians.yaml"
+WEATHERS = ROOT / "benchmarks" / "weathers.yaml"
 TOWN, TOWN_VARIANT = ROOT / "benchmarks" / "town.yaml", "weather=clear"
 FIRST, FURTHER = "weather=sunny", ("weather=rainy", "weather=foggy")
 BASELINES = {
@@ -43,6 +44,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document")
     parser.add_argument("--frames", type=int, default=200, help="of our builds of one weather (default: 200)")
     parser.add_argument("--weather-frames", type=int, default=60, help="of our builds of two weathers (default: 60)")
+    parser.add_argument("--twelve-frames", type=int, default=30, help="of our builds of twelve weathers (default: 30)")
     parser.add_argument("--town-frames", type=int, default=60, help="of our builds of the town (default: 60)")
     parser.add_argument("--slow-frames", type=int, default=12, help="of the plain script (default: 12)")
     parser.add_argument(
@@ -73,6 +75,7 @@ def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -
     for name in FURTHER:
         both = ours(RECIPE, folder / name, [FIRST, name], arguments.weather_frames, 1)
         found["further"][name] = {**both, "share": (both["steady"] - first["steady"]) / first["steady"]}
+    found["twelve"] = twelve(folder, arguments.twelve_frames)
     found["plain"], found["skipped"] = plain(folder / "listing", scenario, trace, arguments.slow_frames)
     town = compile_recipe(TOWN).plan.variants[0]
     found["town"] = {}
@@ -85,6 +88,13 @@ def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -
     found["kernels"] = {name: kernels(recipe, variant) for name, (recipe, variant) in STAGED.items()}
     found["load after"] = [round(x, 2) for x in os.getloadavg()]
     return found
+
+
+def twelve(folder: Path, frames: int) -> Result:
+    """Seconds of steady work of twelve weathers in one build, and of each in a build of its own."""
+    names = [variant.variant for variant in compile_recipe(WEATHERS).plan.variants]
+    alone = [ours(WEATHERS, folder / name, [name], frames, 1)["steady"] for name in names]
+    return {"together": ours(WEATHERS, folder / "twelve", names, frames, 1)["steady"], "alone": alone}
 
 
 def warm_up(dataset: DatasetPlan, trace: Trace) -> None:

@@ -15,6 +15,7 @@ Pixels and files are told apart, so that another encoder shows as that.
 from __future__ import annotations
 
 import hashlib
+import os
 import stat
 from collections.abc import Mapping
 from dataclasses import replace
@@ -146,12 +147,12 @@ def is_whole(manifest: Mapping[str, Any], dataset: DatasetPlan, root: Path) -> b
         return False
     try:
         rows = listed_files(manifest)
-        whole = bool(rows) and all(_is_file_of(root / path, size) for path, (size, _) in rows.items())
+        whole = bool(rows) and all(_is_file_of(f"{root}/{path}", size) for path, (size, _) in rows.items())
         return whole and lock_of(manifest).sealed
     except (OSError, *DAMAGE):
         return False
 
 
-def _is_file_of(path: Path, size: int) -> bool:
-    found = path.lstat()
+def _is_file_of(path: str, size: int) -> bool:
+    found = os.lstat(path)
     return stat.S_ISREG(found.st_mode) and found.st_size == size
