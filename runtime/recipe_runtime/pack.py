@@ -78,7 +78,8 @@ def read(path: Path) -> Pack:
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; `recipe pack` makes one") from None
     except (OSError, zipfile.BadZipFile, InputError, *_DAMAGE) as error:
-        reason = (isinstance(error, OSError) and error.strerror) or str(error).splitlines()[0] or type(error).__name__
+        told = str(error).splitlines() or [type(error).__name__]  # zipfile's EOFError says nothing
+        reason = (isinstance(error, OSError) and error.strerror) or told[0]
         raise InputError(f"{path}: is not a pack that can be used: {reason}") from None
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.errors import InputError, Place, Problem
 from recipe_runtime.pack import Pack, identity, read, unpacked
@@ -141,6 +141,7 @@ def test_names_that_some_file_system_cannot_keep_apart_are_refused(files: dict[s
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.integers(0, len(PACK.dumps()) - 1), value=st.integers(0, 255), cut=st.booleans())
+@example(at=29, value=2, cut=False)  # an entry that tells of more bytes than there are
 def test_any_change_of_a_byte_is_seen(tmp_path: Path, at: int, value: int, cut: bool) -> None:
     body = bytearray(PACK.dumps())
     same = body[at] == value and not cut
