@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import os
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 from recipe_compiler import weather
 from recipe_compiler.canonical import canonical_bytes, digest
@@ -49,11 +50,15 @@ def test_weather_leaves_scene_and_rig_alone(seed: int, one: Any, other: Any) -> 
     assert canonical_bytes(same.scene.document()) == canonical_bytes(changed.scene.document())
 
 
+TOO_NEAR = 8.0  # metres between two vehicles, or anyone: they would touch
+
+
 @quick
+@example(2730, "dfr06ad1", True, "walker.pedestrian.*", 0)  # it is drawn onto the spot of another
 @given(seeds, names, st.booleans(), st.sampled_from(["walker.pedestrian.*", "vehicle.*"]), st.integers(0, 2))
 def test_adding_an_actor_changes_no_other(seed: int, name: str, drawn: bool, blueprint: str, position: int) -> None:
     """Wherever it is put: the others' blueprints, looks, starts and ways. Their numbers, which follow the file, are
-    kept only if it comes last.
+    kept only if it comes last. Only who would have been drawn onto the very spot that it takes, before them, gives way.
     """
     recipe = small() | {"seed": seed}
     assume(name not in recipe["base"]["actors"])
@@ -65,6 +70,11 @@ def test_adding_an_actor_changes_no_other(seed: int, name: str, drawn: bool, blu
     more["base"]["actors"] = dict(entries)
     before, after = only(recipe), only(more)
     others = {k: v for k, v in by_name(after).items() if k != name}
+    was, now = by_name(before)["hero2"].start, others["hero2"].start
+    if was != now:
+        taken = by_name(after)[name].start
+        assert drawn and position < len(entries) - 1 and math.hypot(taken.x - was.x, taken.y - was.y) < TOO_NEAR
+        return
     assert {k: _unnumbered(v) for k, v in by_name(before).items()} == {k: _unnumbered(v) for k, v in others.items()}
     if position == len(entries) - 1:
         assert by_name(before) == others

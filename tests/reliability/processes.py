@@ -27,7 +27,7 @@ class Ended:
 
 
 class Build:
-    """`recipe build` of a recipe into `folder/out`, with the cache in `folder/cache`, unless the environment says so."""
+    """`recipe build` of a recipe into `folder/out`, the cache in `folder/cache` unless the environment says so."""
 
     def __init__(self, folder: Path, *options: str, out: str = "out", recipe: Path = TINY, **environment: str) -> None:
         self._texts = [folder / f"{out}.stdout", folder / f"{out}.stderr"]
