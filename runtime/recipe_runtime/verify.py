@@ -21,7 +21,7 @@ from recipe_runtime import host, layout, locking
 from recipe_runtime.compare import compare_datasets, compare_files, compare_plans, compare_rows, excuse_of, stage_of
 from recipe_runtime.dataset import Dataset, damaged_files, regular_file, text_differences
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
-from recipe_runtime.report.difference import differing_pixels, write_difference
+from recipe_runtime.report.difference import first_difference, write_difference
 from recipe_runtime.sample import Bound, draw, sample_size
 from recipe_runtime.schedule import chosen_shards
 from recipe_runtime.shot import shot
@@ -209,11 +209,11 @@ class _Check:
         if made.read_bytes() == there.read_bytes():
             return None
         at = self._origin(path)
-        count = differing_pixels(made, there)
-        if count == 0:
+        parting = first_difference(made, there)
+        if parting is not None and not parting.count:
             message = f"{path}: equal pixels, encoded otherwise"
             return Difference("encoding", message, excuse_of("encoding", self.lock), *at)
-        how = "is another picture, or none" if count is None else f"{count} pixels differ"
+        how = "is another picture, or none" if parting is None else parting
         return Difference("file", f"{path}: {how}", None, *at)
 
     def _origin(self, path: str) -> tuple[str, str, int, str] | tuple[()]:

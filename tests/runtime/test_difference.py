@@ -13,7 +13,7 @@ from PIL import Image
 from recipe_compiler.errors import RunError
 from recipe_runtime import encode
 from recipe_runtime.harvest import Video
-from recipe_runtime.report.difference import differing_pixels, write_difference
+from recipe_runtime.report.difference import first_difference, write_difference
 from recipe_runtime.report.sheets import contact_sheet, overlay_sheet
 from recipe_runtime.shot import Shot
 
@@ -67,7 +67,7 @@ def test_another_size_or_kind_is_no_number_and_no_traceback(tmp_path: Path, name
     there, ours = tmp_path / name, tmp_path / "ours.png"
     there.write_bytes(STRANGE[name])
     ours.write_bytes(encode.png(PIXELS))
-    assert differing_pixels(ours, there) is None
+    assert first_difference(ours, there) is None
     pixels = PIXELS if modality == "rgb" else np.ones((6, 8), np.float32)
     (written,) = write_difference(tmp_path / "out" / "x", Shot("street", 0, modality, pixels), there)
     assert written.name == "x-actual.png"
@@ -79,7 +79,7 @@ def test_links_and_folders_are_not_read(tmp_path: Path) -> None:
     (tmp_path / "link.png").symlink_to(ours)
     (tmp_path / "folder.png").mkdir()
     for name in ("link.png", "folder.png", "missing.png"):
-        assert differing_pixels(ours, tmp_path / name) is None
+        assert first_difference(ours, tmp_path / name) is None
 
 
 def test_depth_with_holes_is_drawn(tmp_path: Path) -> None:

@@ -261,12 +261,15 @@ def test_a_flipped_bit_in_a_picture_is_found_and_drawn(built: Path, tmp_path: Pa
     victim = root / "weather=w1,jitter=shaky" / "street" / modality / "000004.png"
     with Image.open(victim) as picture:
         pixels = np.array(picture)
+    was = " ".join(map(str, np.atleast_1d(pixels[5, 7]).tolist()))
     pixels[5, 7] ^= 1
+    now = " ".join(map(str, np.atleast_1d(pixels[5, 7]).tolist()))
     victim.unlink()  # a label may be one file with another variant's
     Image.fromarray(pixels).save(victim)
     report = check_folder(root, pictures=tmp_path / "differences")
     assert (report.verdict, report.stage) == ("FAIL", "file")
-    assert any(f"{modality}/000004.png: 1 pixels differ" in str(d) for d in report.differences)
+    told = f"{modality}/000004.png: 1 pixel differs: (7, 5) is {was} here, {now} there"
+    assert any(told in str(d) for d in report.differences)
     kinds = {Path(p).stem.rsplit("-", 1)[1] for p in report.pictures}
     assert kinds == {"actual", "expected", "difference"}
     with Image.open(next(p for p in report.pictures if p.endswith("difference.png"))) as picture:

@@ -7,7 +7,7 @@ import stat
 import struct
 import warnings
 import zlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,12 +26,32 @@ if TYPE_CHECKING:
     from recipe_runtime.shot import Shot
 
 
-def differing_pixels(one: Path, other: Path) -> int | None:
-    """The number of pixels in which two files differ; None if one cannot be read, or is of another size or kind."""
+@dataclass(frozen=True)
+class Parting:
+    """Where two pictures differ: how many pixels, and of the first, row by row, its place and both values."""
+
+    count: int
+    x: int = 0
+    y: int = 0
+    ours: str = ""
+    theirs: str = ""
+
+    def __str__(self) -> str:
+        how = "1 pixel differs:" if self.count == 1 else f"{self.count} pixels differ, the first"
+        return f"{how} ({self.x}, {self.y}) is {self.ours} here, {self.theirs} there"
+
+
+def first_difference(one: Path, other: Path) -> Parting | None:
+    """How two pictures' pixels differ, if at all; None if one cannot be read, or is of another size or kind."""
     a, b = read_pixels(one), read_pixels(other)
     if a is None or b is None or not _alike(a, b):
         return None
-    return int(np.count_nonzero(_differs(a, b)))
+    places = np.argwhere(_differs(a, b))
+    if not len(places):
+        return Parting(0)
+    y, x = (int(v) for v in places[0])
+    ours, theirs = (" ".join(str(v) for v in np.atleast_1d(pixels[y, x]).tolist()) for pixels in (a, b))
+    return Parting(len(places), x, y, ours, theirs)
 
 
 def read_pixels(path: Path) -> NDArray[Any] | None:
