@@ -22,6 +22,7 @@ COMMANDS = {
     "diff": "Say what differs between two recipes, lockfiles or datasets.",
     "doctor": "Say what this host is, and whether it makes the bytes that it should.",
     "pack": "Put a recipe and all that it needs into one file to share.",
+    "export": "Write a dataset in another form, to train from.",
     "cache": "Show what is kept between runs, or make it smaller.",
     "blueprints": "List the actors that recipes may name, with pictures.",
     "schema": "Print the JSON Schema of recipes, for editors.",

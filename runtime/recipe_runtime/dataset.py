@@ -114,7 +114,7 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[str]
         for sensor in variant.rig.sensors:
             video = Video(variant.variant, sensor, variant.scene.clock.fps, ())
             try:
-                videos.append(replace(video, frames=tuple(_labels(dataset, variant, sensor))))
+                videos.append(replace(video, frames=tuple(labels(dataset, variant, sensor))))
             except (OSError, *DAMAGE) as error:
                 reason = str(error).splitlines()[0] if str(error) else type(error).__name__
                 found.append(f"{layout.labels_file(variant.variant, sensor.name)}: {reason}")
@@ -182,7 +182,7 @@ def _frames_without_digest(dataset: Dataset) -> list[str]:
     return found
 
 
-def _labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Iterator[dict[str, Any]]:
+def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Iterator[dict[str, Any]]:
     """The frame records of a video, as far as labels go; ValueError for the first line that is not the manifest's."""
     path = layout.labels_file(variant.variant, sensor.name)
     if regular_file(dataset.root, path) is None:

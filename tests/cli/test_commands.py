@@ -67,6 +67,7 @@ def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
         "diff",
         "doctor",
         "pack",
+        "export",
         "cache",
         "blueprints",
         "schema",

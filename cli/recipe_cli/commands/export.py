@@ -1,0 +1,37 @@
+"""`recipe export`: a dataset in another form, to train from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from recipe_cli.arguments import JSON, print_json
+from recipe_cli.progress import Progress
+
+
+@click.command("export")
+@click.argument("dataset", type=click.Path(path_type=Path))
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--format", "form", type=click.Choice(["webdataset"]), default="webdataset", show_default=True)
+@click.option("--shard-size", metavar="SIZE", default="1G", show_default=True, help="A shard is at most so large.")
+@JSON
+def command(dataset: Path, out: Path, form: str, shard_size: str, as_json: bool) -> None:
+    """Write the frames of DATASET, a folder that `recipe build` made, into OUT.
+
+    As WebDataset: tar files in which the pictures and the records of a frame lie side by side.
+    """
+    from recipe_compiler.limits import size
+    from recipe_runtime import export, housekeeping
+    from recipe_runtime.dataset import read
+
+    with Progress(quiet=as_json) as progress:
+        index = export.webdataset(read(dataset), out, progress, housekeeping.bytes_of(shard_size))
+    if as_json:
+        print_json(index)
+        return
+    shards = index["shards"]
+    total = sum(shard["size"] for shard in shards)
+    samples = sum(shard["samples"] for shard in shards)
+    click.echo(f"{out}: {samples} samples in {len(shards)} shards, {size(total)}")
+    click.echo(index["dataset"])

@@ -1,0 +1,122 @@
+"""WebDataset shards hold a dataset's own files, read by that library itself, and equal datasets give equal shards."""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import io
+import json
+import shutil
+import tarfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import webdataset
+from PIL import Image
+from recipe_compiler.errors import InputError
+from recipe_runtime import export, layout
+from recipe_runtime.build import build
+from recipe_runtime.dataset import Dataset, read
+
+from tests.runtime.fakes import ENGINES, dataset_plan
+
+SMALL = 40_000  # bytes: a few samples a shard
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    folder = tmp_path_factory.mktemp("built")
+    return read(build(dataset_plan(), folder / "small", engines=ENGINES, workers=0, cache=folder / "cache").path)
+
+
+def exported(dataset: Dataset, out: Path, shard_bytes: int = SMALL) -> list[Path]:
+    index = export.webdataset(dataset, out, lambda *_: None, shard_bytes)
+    return [out / row["file"] for row in index["shards"]]
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:unclosed:ResourceWarning")
+def test_webdataset_reads_every_frame(built: Dataset, tmp_path: Path) -> None:
+    """By the library's own pipeline: keys, pictures decoded by Pillow, and the records of every frame, in order."""
+    shards = exported(built, tmp_path / "out")
+    assert len(shards) > 3
+    samples = list(webdataset.WebDataset([str(p) for p in shards], shardshuffle=False).decode("rgb8"))
+    gc.collect()  # the library leaves shards open; that is its warning, and no other test's
+    wanted = [
+        (variant, sensor, frame)
+        for variant in built.plan.variants
+        for sensor in variant.rig.sensors
+        for frame in range(variant.scene.clock.frames)
+    ]
+    assert len(samples) == len(wanted)
+    for sample, (variant, sensor, frame) in zip(samples, wanted, strict=True):
+        place = f"{layout.folder(variant.variant)}/{sensor.name}"
+        assert sample["__key__"] == f"{place}/{frame:06d}"
+        told = sample["json"]
+        assert (told["variant"], told["sensor"], told["frame"]) == (variant.variant, sensor.name, frame)
+        lines = (built.root / layout.labels_file(variant.variant, sensor.name)).read_text().splitlines()
+        assert told["objects"] == json.loads(lines[frame])
+        with Image.open(built.root / place / "rgb" / f"{frame:06d}.png") as picture:
+            np.testing.assert_array_equal(sample["rgb.png"], np.asarray(picture))
+
+
+def test_files_are_the_datasets_own(built: Dataset, tmp_path: Path) -> None:
+    held = 0
+    for shard in exported(built, tmp_path / "out"):
+        assert shard.stat().st_size < SMALL + 2 * tarfile.RECORDSIZE
+        with tarfile.open(shard) as tar:
+            for entry in tar:
+                assert (entry.mtime, entry.uid, entry.gid, entry.uname, entry.gname) == (0, 0, 0, "", "")
+                place, _, name = entry.name.rpartition("/")
+                frame, modality, ending = [*name.split("."), ""][:3]
+                if ending:
+                    body = tar.extractfile(entry)
+                    assert body is not None
+                    assert body.read() == (built.root / place / modality / f"{frame}.{ending}").read_bytes()
+                    held += 1
+    pictures = [p for p in layout.expected_files(built.plan) if "/rgb/" in p or "/depth/" in p or "/instance/" in p]
+    assert held >= len(pictures) > 0
+
+
+def test_equal_datasets_give_equal_shards(built: Dataset, tmp_path: Path) -> None:
+    copy = tmp_path / "elsewhere" / "copy"
+    shutil.copytree(built.root, copy)
+    one, other = exported(built, tmp_path / "one"), exported(read(copy), tmp_path / "other")
+    assert [p.read_bytes() for p in one] == [p.read_bytes() for p in other]
+    index = json.loads((tmp_path / "one" / export.INDEX).read_text())
+    assert index["dataset"] == built.lock.identity
+    assert [r["sha256"] for r in index["shards"]] == [hashlib.sha256(p.read_bytes()).hexdigest() for p in one]
+
+
+def test_what_is_there_already_is_left_alone(built: Dataset, tmp_path: Path) -> None:
+    shards = exported(built, tmp_path / "out")
+    times = [p.stat().st_mtime_ns for p in shards]
+    assert [p.stat().st_mtime_ns for p in exported(built, tmp_path / "out")] == times
+    with pytest.raises(InputError, match="is there already, and is another export"):
+        exported(built, tmp_path / "out", SMALL * 2)
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(InputError, match="is there already"):
+        exported(built, tmp_path / "mine")
+
+
+@pytest.mark.parametrize("damage", ["bytes", "missing", "link", "labels"])
+def test_damage_does_not_travel(built: Dataset, tmp_path: Path, damage: str) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(built.root, copy)
+    dataset, name = read(copy), built.plan.variants[0].variant
+    victim = copy / layout.frame_file(name, "street", "rgb", 3, built.plan.depth)
+    if damage == "labels":
+        victim = copy / layout.labels_file(name, "street")
+        victim.write_bytes(victim.read_bytes().replace(b"hero1", b"hero9"))
+    elif damage == "bytes":
+        body = io.BytesIO()
+        Image.new("RGB", (64, 48)).save(body, "PNG")
+        victim.unlink()  # it may be one file with another's
+        victim.write_bytes(body.getvalue())
+    else:
+        victim.unlink()
+        if damage == "link":
+            victim.symlink_to("/etc/hostname")
+    with pytest.raises(InputError, match="build the dataset again, then export it"):
+        exported(dataset, tmp_path / "out")
+    assert not list(tmp_path.glob("*out*")) and not list(tmp_path.glob(".*out*"))
