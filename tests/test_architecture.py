@@ -22,6 +22,7 @@ DOORS = {
     "deflate": {"recipe_runtime/encode.py"},
     "pycocotools": {"recipe_runtime/annotate/", "recipe_runtime/report/"},
     "PIL": {"recipe_compiler/assets/png.py", "recipe_runtime/report/", "recipe_runtime/build.py"},
+    "fsspec": {"recipe_runtime/remote.py"},
     "torch": {"recipe_runtime/torch.py"},
     "multiprocessing": {"recipe_runtime/pool.py"},
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
     from recipe_compiler.lockfile import Lockfile
     from recipe_compiler.plan import DatasetPlan
     from recipe_runtime.build import BuildResult
+    from recipe_runtime.remote import Target
 
 
 @click.command("build")
 @RECIPE
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="DIR",
-    help="Where to put it; datasets/<recipe> by default.",
+    metavar="DIR|URL",
+    help="Where to put it; datasets/<recipe> by default. A URL, such as s3://bucket/name: built there, then copied.",
 )
 @click.option("--locked", is_flag=True, help="Build nothing unless the recipe still compiles to its lockfile.")
 @click.option("--frozen", is_flag=True, help="Build the variants of the lockfile, and none that came later.")
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 @unpacks("recipe")
 def command(
     recipe: Path,
-    out: Path | None,
+    out: str | None,
     locked: bool,
     frozen: bool,
     explain: bool,
@@ -58,8 +58,10 @@ def command(
     as_json: bool,
 ) -> None:
     """Build RECIPE's dataset, and check it against its lockfile if there is one."""
-    compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(out or Path()))
-    out = out or Path("datasets") / compiled.plan.recipe
+    target = _target(out) if out and "://" in out else None
+    folder = Path(out) if out and target is None else None
+    compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(folder or Path()))
+    folder = folder or Path("datasets") / compiled.plan.recipe
     lock = _lockfile(recipe, compiled)
     if locked or frozen:
         plan = _agreed(recipe, compiled, lock, frozen)
@@ -72,32 +74,44 @@ def command(
         with Progress() as progress:
             result = build(
                 compiled.plan,
-                out,
+                folder,
                 workers=count,
                 progress=progress,
                 device=device,
                 engines=engines_for(compiled),
                 explain=reasons.extend,
             )
+            copied = target.put(result.path, progress) if target else None
     except KeyboardInterrupt:
         click.echo("interrupted; what is finished is kept, and the same command goes on from there", err=True)
         raise click.exceptions.Exit(130) from None
     differences = _against(lock, recipe, compiled, result)
     if as_json:
         print_json(
-            {"path": str(out), "identity": result.identity, "built": result.built, "wall": round(result.wall, 3)}
+            {"path": str(folder), "identity": result.identity, "built": result.built, "wall": round(result.wall, 3)}
             | {"seconds": {stage: round(s, 3) for stage, s in sorted(result.seconds.items())}}
             | ({"explain": reasons} if explain else {})
+            | ({"url": target.url, **asdict(copied)} if target and copied else {})
             | {"resumed_shards": result.resumed, "shards": result.shards, "lockfile_differences": differences}
         )
     else:
         for reason in reasons if explain else ():
             click.echo(reason)
-        _say(compiled, out, result)
+        _say(compiled, folder, result)
+        if target and copied:
+            told = f"{copied.sent} files sent, {copied.copied} copied there, {copied.kept} there already"
+            click.echo(f"{target.url}: {told}")
     if differences:
         for difference in differences:
             click.echo(difference, err=True)
         raise click.exceptions.Exit(1)
+
+
+def _target(url: str) -> Target:
+    """Where a URL leads; says before the work if that is nowhere."""
+    from recipe_runtime.remote import Target
+
+    return Target(url)
 
 
 def _lockfile(recipe: Path, compiled: Compiled) -> tuple[Path, Lockfile] | None:

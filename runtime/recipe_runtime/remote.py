@@ -1,0 +1,201 @@
+"""A dataset copied to where fsspec leads: S3, Google Cloud Storage, another folder, memory.
+
+A prefix holds a dataset if it holds its manifest, which is written last. While files are on their way a note stands in
+its place, `.recipe-upload.json`. What is there already with the same digest is left; files that are equal are sent
+once, and copied over there. A copy that was stopped goes on: what was sent is noted beside the dataset, here.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import fsspec
+from recipe_compiler.canonical import canonical_bytes
+from recipe_compiler.errors import InputError, RecipeError, RunError
+
+from recipe_runtime import layout
+from recipe_runtime.engines import Progress
+from recipe_runtime.manifest import listed_files
+from recipe_runtime.store import file_sha256, host_errors
+
+NOTE = ".recipe-upload.json"
+_AT_ONCE = 8  # files on their way
+_EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs"}
+Rows = dict[str, tuple[int, str]]  # path -> size, SHA-256
+
+
+@dataclass(frozen=True)
+class Copied:
+    """How many files were sent, how many copied over there, and how many were there already."""
+
+    sent: int
+    copied: int
+    kept: int
+
+
+class Target:
+    """A place for one dataset. InputError at once for a URL that leads nowhere, RunError if it is refused."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url.rstrip("/")
+        with self._told():
+            self._fs, self._prefix = fsspec.core.url_to_fs(self.url, use_listings_cache=False)
+            self._there = self._manifest()
+        found = self._sizes()
+        if found and self._there is None and NOTE not in found:
+            raise InputError(f"{self.url} holds files but no {layout.MANIFEST} of a dataset; name another place")
+        if not found:
+            with self._told():
+                self._write(NOTE, b"{}")  # now rather than after the build: may we write here at all?
+
+    def put(self, root: Path, progress: Progress) -> Copied:
+        """Copy the dataset in a folder here, in place of the one that is here."""
+        body = (root / layout.MANIFEST).read_bytes()
+        manifest = json.loads(body)
+        rows, sizes = listed_files(manifest), self._sizes()
+        if self._there == manifest and self._is_whole(rows, sizes):
+            return Copied(0, 0, len(rows))
+        journal = _Journal(root, self.url)
+        known = {**(listed_files(self._there) if self._there else {}), **journal.rows()}
+        foreign = sorted(set(sizes) - set(known) - set(rows) - {layout.MANIFEST, NOTE})
+        if foreign:
+            raise InputError(f"{self.url} holds a file that is not the dataset's, {foreign[0]!r}; move it away first")
+        missing = [path for path, row in rows.items() if known.get(path) != row or sizes.get(path) != row[0]]
+        with self._told():
+            self._write(NOTE, canonical_bytes({"dataset": manifest["identity"]}))
+            if self._there is not None:
+                for path, row in known.items():
+                    if sizes.get(path) == row[0]:
+                        journal.note(path, row)
+                self._fs.rm_file(self._at(layout.MANIFEST))
+            copied = self._send(root, rows, missing, journal, progress)
+            for path in sorted(set(sizes) - set(rows) - {layout.MANIFEST, NOTE}):
+                self._fs.rm_file(self._at(path))
+            self._write(layout.MANIFEST, body)
+            self._fs.rm_file(self._at(NOTE))
+        journal.close()
+        return Copied(len(missing) - copied, copied, len(rows) - len(missing))
+
+    def _send(self, root: Path, rows: Rows, missing: list[str], journal: _Journal, progress: Progress) -> int:
+        """Send what is missing, each content once, then copy the others over there; how many those were."""
+        firsts: dict[tuple[int, str], str] = {}
+        for path in missing:
+            firsts.setdefault(rows[path], path)
+        seconds = [path for path in missing if firsts[rows[path]] != path]
+        done = 0
+        for batch in (list(firsts.values()), seconds):
+            with ThreadPoolExecutor(_AT_ONCE) as threads:
+                tasks = [threads.submit(self._bring, root, path, firsts[rows[path]], rows[path]) for path in batch]
+                try:
+                    for task in as_completed(tasks):
+                        journal.note(*task.result())
+                        done += 1
+                        progress("copy", done, len(missing))
+                except BaseException:
+                    threads.shutdown(wait=True, cancel_futures=True)
+                    for task in tasks:  # what arrived all the same
+                        if not task.cancelled() and task.exception() is None:
+                            journal.note(*task.result())
+                    raise
+        return len(seconds)
+
+    def _bring(self, root: Path, path: str, first: str, row: tuple[int, str]) -> tuple[str, tuple[int, str]]:
+        """Send a file, or copy over there the one that was sent `first` and is equal; which one is in place now."""
+        if path != first:
+            self._make_folder(path)
+            self._fs.cp_file(self._at(first), self._at(path))
+        elif file_sha256(root / path) != row[1]:
+            raise InputError(f"{root / path} has other bytes than the manifest says; build the dataset again")
+        else:
+            self._make_folder(path)
+            self._fs.put_file(str(root / path), self._at(path))
+        return path, row
+
+    def _write(self, path: str, body: bytes) -> None:
+        self._make_folder(path)
+        self._fs.pipe_file(self._at(path), body)
+
+    def _make_folder(self, path: str) -> None:
+        """Where there are folders, one for the file; an object store has none to make."""
+        if "file" in self._fs.protocol:
+            self._fs.makedirs(self._at(path).rpartition("/")[0], exist_ok=True)
+
+    def _is_whole(self, rows: Rows, sizes: Mapping[str, int]) -> bool:
+        return set(sizes) == {*rows, layout.MANIFEST} and all(sizes[path] == size for path, (size, _) in rows.items())
+
+    def _sizes(self) -> dict[str, int]:
+        """Every file below the prefix, and its size."""
+        with self._told():
+            try:
+                found = self._fs.find(self._prefix, detail=True)
+            except FileNotFoundError:
+                return {}
+        head = self._prefix.rstrip("/") + "/"
+        return {name[len(head) :]: int(row["size"]) for name, row in found.items() if name.startswith(head)}
+
+    def _manifest(self) -> dict[str, Any] | None:
+        """The manifest that is there; None if none of ours is."""
+        try:
+            manifest = json.loads(self._fs.cat_file(self._at(layout.MANIFEST)))
+            listed_files(manifest)
+        except (FileNotFoundError, ValueError, KeyError, TypeError):
+            return None
+        return manifest if str(manifest.get("format", "")).startswith("recipe/manifest/") else None
+
+    def _at(self, path: str) -> str:
+        return f"{self._prefix.rstrip('/')}/{path}"
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Whatever a store or its library raises, told with the URL and a remedy."""
+        try:
+            yield
+        except RecipeError:
+            raise
+        except ImportError as error:
+            extra = _EXTRAS.get(self.url.partition("://")[0])
+            remedy = f"pip install 'dataset-recipe[{extra}]'" if extra else str(error)
+            raise InputError(f"{self.url}: its library is not installed; {remedy}") from None
+        except FileNotFoundError:
+            raise InputError(f"{self.url}: there is no such place (a bucket must be there already)") from None
+        except PermissionError as error:
+            raise RunError(f"{self.url}: access was refused ({error}); see to credentials and rights") from None
+        except ValueError as error:
+            raise InputError(f"{self.url}: {error}") from None
+        except Exception as error:  # each store has errors of its own
+            reason = f"{type(error).__name__}: {error}"
+            raise RunError(f"{self.url}: {reason}; try again: what was copied is kept") from error
+
+
+class _Journal:
+    """What was sent to a place so far, noted beside the dataset's folder: it outlives the process."""
+
+    def __init__(self, root: Path, url: str) -> None:
+        name = hashlib.sha256(url.encode()).hexdigest()[:16]
+        self._path = root.with_name(f".{root.name}.sent-{name}")
+
+    def rows(self) -> Rows:
+        """The files noted; a last line that was cut off is none."""
+        found: Rows = {}
+        with suppress(OSError):
+            for line in self._path.read_text().splitlines():
+                with suppress(ValueError):
+                    path, size, sha256 = json.loads(line)
+                    found[path] = int(size), str(sha256)
+        return found
+
+    def note(self, path: str, row: tuple[int, str]) -> None:
+        """Add a file."""
+        with host_errors(str(self._path), "free some space or allow writing"), self._path.open("a") as file:
+            file.write(f"{json.dumps([path, *row])}\n")
+
+    def close(self) -> None:
+        """All is sent."""
+        self._path.unlink(missing_ok=True)

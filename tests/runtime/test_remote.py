@@ -1,0 +1,212 @@
+"""Datasets copied by fsspec: whole or not there, equal to the folder, and no more sent than what is new."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import fsspec
+import pytest
+from recipe_compiler.errors import InputError, RunError
+from recipe_runtime.build import build
+from recipe_runtime.dataset import read
+from recipe_runtime.remote import NOTE, Copied, Target
+from recipe_runtime.verify import Options, verify_files
+
+from tests.runtime.fakes import ENGINES, dataset_plan
+from tests.sources import ROOT
+
+TINY = ROOT / "tests" / "golden" / "tiny.yaml"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("built")
+    return build(dataset_plan(), folder / "small", engines=ENGINES, workers=0, cache=folder / "cache").path
+
+
+@pytest.fixture(params=["memory", "file"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    yield "memory://bucket/small" if request.param == "memory" else f"file://{tmp_path}/there/small"
+    fsspec.filesystem("memory").store.clear()
+
+
+def put(url: str, root: Path) -> Copied:
+    return Target(url).put(root, lambda *_: None)
+
+
+def local(root: Path) -> dict[str, bytes]:
+    return {p.relative_to(root).as_posix(): p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file()}
+
+
+def there(url: str) -> dict[str, bytes]:
+    fs, prefix = fsspec.core.url_to_fs(url)
+    return {name[len(prefix) + 1 :]: fs.cat_file(name) for name in fs.find(prefix)}
+
+
+def test_all_bytes_arrive_and_are_sent_once(url: str, built: Path) -> None:
+    first = put(url, built)
+    assert there(url) == local(built)
+    contents = {body for path, body in local(built).items() if path != "manifest.json"}
+    assert first == Copied(len(contents), len(local(built)) - 1 - len(contents), 0)
+    assert first.copied > 0  # labels that variants share
+    assert put(url, built) == Copied(0, 0, len(local(built)) - 1)
+
+
+def test_only_what_is_new_is_sent_and_what_is_gone_is_removed(url: str, built: Path, tmp_path: Path) -> None:
+    put(url, built)
+    before = there(url)
+    plan = dataset_plan()
+    less = plan.model_copy(update={"variants": plan.variants[:1]})
+    other = build(less, tmp_path / "less" / "small", engines=ENGINES, workers=0, cache=tmp_path / "cache").path
+    sent = put(url, other)
+    assert there(url) == local(other)
+    unchanged = {path for path, body in local(other).items() if before.get(path) == body}
+    assert sent.kept == len(unchanged) and sent.sent < len(local(other)) / 2
+    assert not list(other.parent.glob(".*sent*"))
+
+
+@pytest.mark.parametrize("calls", [0, 1, 7, 40])
+def test_a_copy_that_is_stopped_goes_on(url: str, built: Path, calls: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Until it is whole there is no manifest, so nobody takes it for a dataset; what was sent is not sent again."""
+    fs, _ = fsspec.core.url_to_fs(url)
+    send, count = type(fs).put_file, 0
+
+    def failing(self: Any, *args: Any, **kwargs: Any) -> None:
+        nonlocal count
+        count += 1
+        if count > calls:
+            raise ConnectionError("the line is dead")
+        send(self, *args, **kwargs)
+
+    monkeypatch.setattr(type(fs), "put_file", failing)
+    with pytest.raises(RunError, match="the line is dead; try again: what was copied is kept"):
+        put(url, built)
+    assert "manifest.json" not in there(url) and NOTE in there(url)
+    monkeypatch.setattr(type(fs), "put_file", send)
+    assert put(url, built).kept >= calls
+    assert there(url) == local(built)
+
+
+def test_an_older_dataset_is_never_half_another(url: str, built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    put(url, built)
+    fs, prefix = fsspec.core.url_to_fs(url)
+    name = next(name for name in fs.find(prefix) if name.endswith("rgb/000003.png"))
+    fs.pipe_file(name, b"half")
+    monkeypatch.setattr(type(fs), "put_file", lambda *_, **__: (_ for _ in ()).throw(ConnectionError("gone")))
+    with pytest.raises(RunError):
+        put(url, built)
+    assert "manifest.json" not in there(url)
+    monkeypatch.undo()
+    assert put(url, built).sent == 1
+    assert there(url) == local(built)
+
+
+def test_what_is_not_ours_is_left_alone(url: str, built: Path) -> None:
+    fs, prefix = fsspec.core.url_to_fs(url)
+    fs.makedirs(prefix, exist_ok=True)
+    fs.pipe_file(f"{prefix}/thesis.tex", b"precious")
+    with pytest.raises(InputError, match=r"holds files but no manifest\.json of a dataset; name another place"):
+        Target(url)
+    fs.rm_file(f"{prefix}/thesis.tex")
+    put(url, built)
+    fs.pipe_file(f"{prefix}/thesis.tex", b"precious")
+    with pytest.raises(InputError, match=r"holds a file that is not the dataset's, 'thesis\.tex'"):
+        put(url, built)
+    assert there(url)["thesis.tex"] == b"precious"
+
+
+def test_damage_is_not_sent(url: str, built: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(built, copy)
+    victim = next(copy.rglob("rgb/000003.png"))
+    body = bytearray(victim.read_bytes())
+    body[-20] ^= 1
+    victim.unlink()
+    victim.write_bytes(body)
+    with pytest.raises(InputError, match="has other bytes than the manifest says"):
+        put(url, copy)
+
+
+@pytest.mark.parametrize(
+    ("url", "message"),
+    [
+        ("nowhere://bucket/x", "nowhere://bucket/x: Protocol not known: nowhere"),
+        ("gs://bucket/x", r"its library is not installed; pip install 'dataset-recipe\[gcs\]'"),
+    ],
+)
+def test_urls_that_lead_nowhere(url: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gcsfs", None)
+    with pytest.raises(InputError, match=message):
+        Target(url)
+
+
+@pytest.fixture
+def s3(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """An S3 server of this host's own, and a bucket on it."""
+    server_module = pytest.importorskip("moto.server")
+    boto3 = pytest.importorskip("boto3")
+    server = server_module.ThreadedMotoServer(port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    for key, value in {
+        "AWS_ENDPOINT_URL": f"http://{host}:{port}",
+        "AWS_ACCESS_KEY_ID": "test",
+        "AWS_SECRET_ACCESS_KEY": "test",
+        "AWS_DEFAULT_REGION": "us-east-1",
+    }.items():
+        monkeypatch.setenv(key, value)
+    boto3.client("s3").create_bucket(Bucket="datasets")
+    yield "s3://datasets/tiny"
+    server.stop()
+
+
+def recipe(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "recipe_cli", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, env=dict(os.environ))
+
+
+@pytest.mark.s3
+def test_a_build_into_a_bucket(s3: str, tmp_path: Path) -> None:
+    """Read back by boto3, which is Amazon's own client, and verified as a folder."""
+    import boto3
+
+    shutil.copy(TINY, tmp_path)
+    done = recipe(tmp_path, "build", "tiny.yaml", "--out", s3, "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["url"] == s3 and told["kept"] == 0
+    client, back = boto3.client("s3"), tmp_path / "back"
+    for row in client.get_paginator("list_objects_v2").paginate(Bucket="datasets", Prefix="tiny/"):
+        for entry in row["Contents"]:
+            path = back / entry["Key"].removeprefix("tiny/")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            client.download_file("datasets", entry["Key"], str(path))
+    assert local(back) == local(tmp_path / "datasets" / "tiny")
+    assert verify_files(read(back), Options(nonce=1), lambda *_: None).verdict == "PASS"
+    again = json.loads(recipe(tmp_path, "build", "tiny.yaml", "--out", s3, "--json").stdout)
+    assert (again["built"], again["sent"], again["copied"]) == (False, 0, 0)
+
+
+@pytest.mark.s3
+def test_a_bucket_that_is_not_there(s3: str, tmp_path: Path) -> None:
+    shutil.copy(TINY, tmp_path)
+    done = recipe(tmp_path, "build", "tiny.yaml", "--out", "s3://nobodys-bucket/tiny")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "s3://nobodys-bucket/tiny: there is no such place (a bucket must be there already)" in done.stderr
+    assert not (tmp_path / "datasets").exists()
+
+
+@pytest.mark.s3
+def test_a_server_that_does_not_answer(s3: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    shutil.copy(TINY, tmp_path)
+    done = recipe(tmp_path, "build", "tiny.yaml", "--out", s3)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert done.stderr.startswith(f"{s3}: ")
