@@ -87,6 +87,9 @@ def main() -> None:
     except RunError as error:
         click.echo(str(error), err=True)
         sys.exit(1)
+    except MemoryError:
+        click.echo("out of memory; close other programs, or ask for fewer workers or smaller pictures", err=True)
+        sys.exit(1)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         click.echo(f"{where}{error.strerror or error}", err=True)

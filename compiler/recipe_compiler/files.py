@@ -12,6 +12,7 @@ def read_regular(path: Path, limit: int) -> bytes:
     # O_NONBLOCK: opening a pipe must not wait for a writer.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(handle, "rb") as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        found = os.fstat(file.fileno())
+        if not stat.S_ISREG(found.st_mode):
             raise ValueError("it is not a regular file")
-        return file.read(limit + 1)
+        return file.read(min(limit, found.st_size) + 1)  # memory for so many bytes is taken at once

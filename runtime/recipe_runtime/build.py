@@ -21,11 +21,12 @@ from typing import Any
 
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 
-from recipe_runtime import pool
+from recipe_runtime import housekeeping, pool
 from recipe_runtime.admission import check_plan
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.finish import Finisher
 from recipe_runtime.harvest import Harvest
+from recipe_runtime.leases import lease
 from recipe_runtime.manifest import head, is_whole
 from recipe_runtime.reuse import Reuse, earlier, missing_shards, reasons, remember
 from recipe_runtime.schedule import SHARD_FRAMES, Shard, all_shards, simulations, views
@@ -70,7 +71,7 @@ def build(
     RunError if the host fails: what is done is kept, and the next build goes on from there.
     """
     explain = explain or (lambda lines: None)
-    start, out = time.perf_counter(), out.absolute()
+    start, out, most = time.perf_counter(), out.absolute(), housekeeping.limit()
     check_plan(dataset)
     Workspace.settle(out)
     manifest = read_manifest(out)
@@ -80,7 +81,7 @@ def build(
     studio = _Studio(
         dataset, engines or real_engines(), devices(device), cache or default_cache(), progress or _silence
     )
-    with Workspace(out, {**head(dataset), "builder": builder()}) as work:
+    with Workspace(out, {**head(dataset), "builder": builder()}) as work, lease(studio.cache):
         new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
         harvest = studio.simulate()
         covered = studio.take_over(work, harvest, out)
@@ -89,6 +90,7 @@ def build(
         files = Finisher(dataset, harvest, work, studio.progress, studio.watch).finish(studio.trace)
         work.publish(files)
     remember(Store(studio.cache), out)
+    housekeeping.tidy([studio.cache] if cache else housekeeping.folders(), most)
     manifest = read_manifest(out)
     assert manifest is not None
     seconds, wall = studio.watch.seconds, time.perf_counter() - start

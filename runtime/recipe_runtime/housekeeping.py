@@ -1,20 +1,24 @@
 """What the cache holds, and how it is kept small: entries that nobody used for longest go first.
 
-Everything in it can be made again: traces by simulation, kernels by compiling. So it may be pruned at any time, under
-a running build too, which then makes again what it misses.
+Everything in it can be made again: traces by simulation, kernels by compiling. So it may be pruned by hand at any time,
+under a running build too, which then makes again what it misses. After a build that made something it is tidied: what
+exceeds RECIPE_CACHE_LIMIT (10 GiB by default, `none` for no bound) goes, but nothing that a running build has read.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import platformdirs
 from recipe_compiler.errors import InputError
 
+from recipe_runtime.leases import in_use_since
 from recipe_runtime.store import default_cache
 
 DEFAULT_LIMIT = 10 * 2**30
@@ -37,6 +41,13 @@ class Entry:
         else:
             self.path.unlink(missing_ok=True)
 
+    def used_now(self) -> float:
+        """When it was used last, looked up again."""
+        with suppress(OSError):
+            found = self.path.lstat()
+            return max(self.used, found.st_mtime, found.st_atime if self.kind != "kernels" else 0.0)
+        return self.used
+
 
 def folders() -> list[Path]:
     """Where things are kept: RECIPE_CACHE moves traces, and leaves compiled kernels with the user's other caches."""
@@ -57,17 +68,41 @@ def sizes(found: list[Entry]) -> dict[str, tuple[int, int]]:
     return dict(sorted(told.items()))
 
 
-def prune(roots: Iterable[Path], limit: int) -> list[Entry]:
-    """Remove the least recently used entries until no more than `limit` bytes are left; what was removed."""
+def prune(roots: Iterable[Path], limit: int, before: float = float("inf")) -> list[Entry]:
+    """Remove the least recently used entries until no more than `limit` bytes are left; what was removed.
+
+    Entries that were used at `before` or later stay, also if that was while this was at work.
+    """
     found = entries(roots)
     left, removed = sum(entry.size for entry in found), []
     for entry in found:
-        if left <= limit:
+        if left <= limit or entry.used >= before:
             break
+        if before < float("inf") and entry.used_now() >= before:
+            continue
         entry.remove()
         removed.append(entry)
         left -= entry.size
     return removed
+
+
+def limit() -> int | None:
+    """How much the cache may hold, by RECIPE_CACHE_LIMIT; None: no bound. InputError if that is no size."""
+    text = os.environ.get("RECIPE_CACHE_LIMIT", "").strip()
+    if text.lower() == "none":
+        return None
+    try:
+        return bytes_of(text) if text else DEFAULT_LIMIT
+    except InputError as error:
+        raise InputError(f"RECIPE_CACHE_LIMIT: {error}, or none for no bound") from None
+
+
+def tidy(roots: Iterable[Path], most: int | None) -> list[Entry]:
+    """Prune to `most` bytes, but for what running builds have read; never an error, for the work is done by then."""
+    roots = list(roots)
+    with suppress(OSError):  # read-only, say
+        return [] if most is None else prune(roots, most, min(in_use_since(root) for root in roots))
+    return []
 
 
 def bytes_of(text: str) -> int:
@@ -94,7 +129,8 @@ def _kernels(folder: Path) -> Iterator[Entry]:
         if module.is_dir():
             files = [e for path in sorted(module.rglob("*")) for e in _file("kernels", path)]
             if files:
-                yield Entry("kernels", module, sum(e.size for e in files), max(e.used for e in files))
+                release = module.parent.parent.stat().st_mtime  # renewed by each process that may load its kernels
+                yield Entry("kernels", module, sum(e.size for e in files), max(release, *(e.used for e in files)))
 
 
 def _file(kind: str, path: Path) -> Iterator[Entry]:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from recipe_compiler.canonical import digest
-from recipe_compiler.errors import InputError
+from recipe_compiler.errors import InputError, RunError
 from recipe_compiler.lockfile import VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
 
@@ -31,8 +32,9 @@ from recipe_runtime.workspace import Workspace
 
 
 def remember(store: Store, out: Path) -> None:
-    """Note that this program built the dataset that stands there."""
-    store.put("built", _name(out), b"")
+    """Note that this program built the dataset that stands there. It is whole, whether or not a cache can say so."""
+    with suppress(RunError):
+        store.put("built", _name(out), b"")
 
 
 def earlier(store: Store, out: Path) -> Dataset | None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from recipe_compiler.errors import RecipeError, RunError
 from recipe_compiler.plan import DatasetPlan
 
-from recipe_runtime import encode, layout
+from recipe_runtime import encode, failures, layout
 from recipe_runtime.annotate.mots import mots_picture
 from recipe_runtime.engines import Engines, Observed
 from recipe_runtime.frames import LABEL_MODALITIES, Made, SceneSource, label_array, label_digest, pixel_digest
@@ -91,10 +91,7 @@ class Worker:
             raise
         except Exception as error:
             where = f"{self._job.dataset.variants[shard.variants[0]].variant}, {view.sensor.name}, frame {frame}"
-            if isinstance(error, OSError) and error.filename is not None:
-                remedy = f"free some space or allow writing, then {self._job.again}"
-                raise RunError(f"{where}: cannot write: {error.strerror}; {remedy}") from error
-            raise RunError(f"{where}: {type(error).__name__}: {error}") from error
+            raise RunError(f"{where}: {failures.told(error, self._job.again)}") from error
 
     def _at(self, view: View) -> SceneSource:
         if self._source is None or self._source.scene.digest != view.scene.digest:

@@ -183,6 +183,8 @@ def check_out(out: Path) -> None:
     """InputError if anything but a dataset of ours, and it alone, stands where one is to be put."""
     if out.is_symlink() or (out.exists() and not out.is_dir()):
         raise InputError(f"{out} is not a folder; choose another with --out")
+    if out.is_mount():  # one rename publishes, and none can put a folder there
+        raise InputError(f"{out} is where a disk is mounted; choose a folder in it, such as --out {out / 'dataset'}")
     if not out.is_dir() or not any(out.iterdir()):
         return
     manifest = read_manifest(out)

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from recipe_compiler.errors import InputError
-from recipe_runtime.housekeeping import bytes_of, entries, prune, sizes
+from recipe_runtime import housekeeping
+from recipe_runtime.build import build
+from recipe_runtime.housekeeping import bytes_of, entries, prune, sizes, tidy
+from recipe_runtime.leases import in_use_since, lease
 from recipe_runtime.store import Store
+
+from tests.runtime.fakes import ENGINES, dataset_plan
 
 
 def _filled(root: Path) -> Store:
@@ -21,7 +28,7 @@ def _filled(root: Path) -> Store:
     module = root / "kernels" / "0.1.0-x86_64" / "1.19.0" / "wp_shade"
     module.mkdir(parents=True)
     (module / "shade.o").write_bytes(b"k" * 500)
-    for path in (module / "shade.o", module):
+    for path in (module / "shade.o", module, module.parent.parent):
         os.utime(path, (50.0, 50.0))
     (root / "notes.txt").write_text("mine")
     (root / "traces" / "README").write_text("mine")
@@ -73,3 +80,55 @@ def test_sizes_are_read_as_people_write_them(text: str, count: int) -> None:
 def test_what_is_no_size_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="is no size"):
         bytes_of(text)
+
+
+def test_what_a_running_build_has_read_is_not_tidied_away(tmp_path: Path) -> None:
+    store = _filled(tmp_path)
+    old = store.path("traces", "aa" * 32)
+    with lease(tmp_path):
+        assert store.get("traces", "cc" * 32) is not None
+        removed = tidy([tmp_path], 0)
+        assert old in [e.path for e in removed]
+        assert store.get("traces", "cc" * 32) is not None
+    assert tidy([tmp_path], None) == []
+    tidy([tmp_path], 0)
+    assert entries([tmp_path]) == []
+
+
+def test_a_lease_ends_with_its_process_and_the_oldest_counts(tmp_path: Path) -> None:
+    hold = "import sys; from pathlib import Path; from recipe_runtime.leases import lease\n"
+    hold += f"with lease(Path({str(tmp_path)!r})): print(flush=True); sys.stdin.read()"
+    other = subprocess.Popen([sys.executable, "-c", hold], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert other.stdin is not None and other.stdout is not None
+    other.stdout.readline()
+    (file,) = (tmp_path / "in-use").iterdir()
+    os.utime(file, (1000.0, 1000.0))
+    with lease(tmp_path):
+        assert in_use_since(tmp_path) == 1000.0
+    other.kill()
+    other.wait()
+    other.stdin.close()
+    other.stdout.close()
+    assert in_use_since(tmp_path) == float("inf")
+    assert list((tmp_path / "in-use").iterdir()) == []
+
+
+def test_an_entry_that_is_read_meanwhile_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = _filled(tmp_path)
+    stale = entries([tmp_path])
+    with lease(tmp_path):
+        monkeypatch.setattr(housekeeping, "entries", lambda roots: stale)
+        assert store.get("traces", "aa" * 32) is not None  # after the listing
+        tidy([tmp_path], 0)
+        assert store.get("traces", "aa" * 32) is not None
+
+
+def test_a_build_leaves_its_cache_within_the_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = _filled(tmp_path / "cache")
+    monkeypatch.setenv("RECIPE_CACHE_LIMIT", "0")
+    result = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    assert result.built
+    assert entries([store.root]) == []
+    monkeypatch.setenv("RECIPE_CACHE_LIMIT", "lots")
+    with pytest.raises(InputError, match="RECIPE_CACHE_LIMIT: 'lots' is no size"):
+        build(dataset_plan(), tmp_path / "other", workers=0, cache=tmp_path / "cache", engines=ENGINES)

@@ -10,20 +10,25 @@ from recipe_cli.arguments import JSON, print_json
 @click.command("cache")
 @click.option("--prune", is_flag=True, help="Remove what was not used for longest, down to --size.")
 @click.option(
-    "--size", metavar="SIZE", help="With --prune: how much may stay, such as 500M; 10G by default, 0 for none."
+    "--size",
+    metavar="SIZE",
+    help="With --prune: how much may stay, such as 500M; RECIPE_CACHE_LIMIT by default.",
 )
 @JSON
 def command(prune: bool, size: str | None, as_json: bool) -> None:
-    """Show what the cache holds: traces, and compiled kernels. All of it can be made again."""
+    """Show what the cache holds: traces, and compiled kernels. All of it can be made again.
+
+    A build that made something prunes it to RECIPE_CACHE_LIMIT (10G unless that is set; `none`: never).
+    """
     from recipe_compiler.errors import InputError
     from recipe_compiler.limits import size as told_size
     from recipe_runtime import housekeeping
 
     if size is not None and not prune:
         raise InputError("--size says how much --prune leaves; give both")
-    limit = housekeeping.DEFAULT_LIMIT if size is None else housekeeping.bytes_of(size)
+    limit = housekeeping.limit() if size is None else housekeeping.bytes_of(size)
     roots = housekeeping.folders()
-    removed = housekeeping.prune(roots, limit) if prune else []
+    removed = housekeeping.prune(roots, limit) if prune and limit is not None else []
     told = housekeeping.sizes(housekeeping.entries(roots))
     if as_json:
         kinds = {kind: {"entries": count, "bytes": total} for kind, (count, total) in told.items()}

@@ -7,10 +7,11 @@ and is not keyed by CPU. Reverse-mode code is never made: it would double the ti
 
 import os
 import platform
+import stat
 import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -25,14 +26,33 @@ OPTIONS = {"enable_backward": False, "fuse_fp": False, "fast_math": False, "max_
 
 
 def _cache_folder() -> str:
-    """The user's folder for compiled kernels, by package version and machine; a temporary one if that is barred."""
+    """The user's folder for compiled kernels, by package version and machine; one among temporary files if barred."""
     name = f"{version('dataset-recipe')}-{platform.machine()}"
-    folder = Path(platformdirs.user_cache_dir("dataset-recipe")) / "kernels" / name
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return tempfile.mkdtemp(prefix="dataset-recipe-kernels-")
-    return str(folder)
+    homes: tuple[Callable[[], Path], ...] = (lambda: Path(platformdirs.user_cache_dir("dataset-recipe")), _aside)
+    for home in homes:
+        folder = home() / "kernels" / name
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            os.utime(folder)  # in use: pruning takes what was not used for longest
+            return str(folder)
+    return tempfile.mkdtemp(prefix="dataset-recipe-kernels-")
+
+
+def _aside() -> Path:
+    """A folder among temporary files that is this user's alone: kernels are code, and another's would be run.
+
+    It stays, for every worker needs it, and a worker that is killed could not clear it away.
+    """
+    folder = Path(tempfile.gettempdir()) / f"dataset-recipe-{os.getuid()}"
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022:
+            return folder
+    return Path(tempfile.mkdtemp(prefix="dataset-recipe-kernels-"))
 
 
 def _configure() -> None:

@@ -1,0 +1,53 @@
+"""Who uses the cache now: a file a build, locked for as long as its process lives, made when the build began.
+
+An entry's time is renewed whenever it is read. So whatever was read since the oldest living build began may be in use,
+and what is older is not. A lock ends with its process, whatever ended that: what a dead build left is cleared away.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+_FOLDER = "in-use"
+
+
+@contextmanager
+def lease(root: Path) -> Iterator[None]:
+    """While inside, nothing read from the cache at `root` is tidied away. One that cannot be written needs no lease."""
+    handle, path = -1, root / _FOLDER / str(os.getpid())
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for number in range(1000):  # another host's or thread's may have our number
+            path = path.with_name(f"{os.getpid()}.{number}")
+            with suppress(FileExistsError):
+                handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+                fcntl.flock(handle, fcntl.LOCK_EX)
+                break
+    try:
+        yield
+    finally:
+        if handle >= 0:
+            with suppress(OSError):
+                path.unlink()
+            os.close(handle)
+
+
+def in_use_since(root: Path) -> float:
+    """When the oldest of the living builds began, in seconds; infinity if there is none."""
+    oldest = float("inf")
+    for path in sorted((root / _FOLDER).glob("*.*")):
+        with suppress(OSError):
+            handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                oldest = min(oldest, os.fstat(handle).st_mtime)
+            else:
+                path.unlink()
+            finally:
+                os.close(handle)
+    return oldest
