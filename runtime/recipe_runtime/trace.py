@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -82,14 +83,20 @@ class Trace:
         if hashlib.sha256(body).digest() != checksum:
             raise ValueError("the Trace is damaged: its checksum does not hold")
         stream = io.BytesIO(body)
-        head: dict[str, Any] = json.loads(stream.readline())
-        if head.get("format") != _FORMAT:
-            raise ValueError(f"not a Trace of format {_FORMAT}: {head.get('format')!r}")
-        f, p, a = head["frames"], len(head["parts"]), len(head["actors"])
+        try:
+            head = json.loads(stream.readline())
+        except RecursionError:
+            raise ValueError("the Trace's header is nested too deeply") from None
+        if not isinstance(head, dict) or head.get("format") != _FORMAT:
+            raise ValueError(f"not a Trace of format {_FORMAT}")
+        f, (p, a) = head.get("frames"), (_count(head.get(names)) for names in ("parts", "actors"))
+        if type(f) is not int or not 0 <= f <= len(data):
+            raise ValueError(f"a Trace cannot have {str(f)[:40]} frames")
+        if len(body) - stream.tell() != f * (p * (3 * 8 + 4 * 4) + a * 6 * 8):
+            raise ValueError("the Trace's arrays are not as long as its header says")
 
         def read(dtype: str, *shape: int) -> NDArray[Any]:
-            count = int(np.prod(shape))
-            return np.frombuffer(stream.read(count * np.dtype(dtype).itemsize), dtype).reshape(shape)
+            return np.frombuffer(stream.read(math.prod(shape) * np.dtype(dtype).itemsize), dtype).reshape(shape)
 
         return cls(
             actors=tuple(head["actors"]),
@@ -107,3 +114,9 @@ class Trace:
             self.linear.astype("<i8"),
             self.angular.astype("<i8"),
         )
+
+
+def _count(names: Any) -> int:
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise ValueError("the Trace's parts or actors are no list of names")
+    return len(names)

@@ -1,0 +1,32 @@
+"""`python -m tests.fuzz TARGET [libFuzzer's options]`: feed one target with atheris, guided by what code it reaches.
+
+A finding is written to the current folder as `crash-...`; put it into tests/fuzz/findings/ as `TARGET-WHAT`, mend it,
+and the quick tests hold it from then on. Without a target, their names.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import atheris
+
+with atheris.instrument_imports(include=["recipe_compiler", "recipe_runtime", "yaml", "zipfile", "json"]):
+    from tests.fuzz.targets import TARGETS
+
+
+def main() -> None:
+    if len(sys.argv) < 2:
+        print(*TARGETS)
+        return
+    target = TARGETS[sys.argv.pop(1)]
+    with tempfile.TemporaryDirectory(prefix="recipe-corpus-") as folder:
+        for number, seed in enumerate(target.seeds()):
+            (Path(folder) / str(number)).write_bytes(seed)
+        bounds = ["-timeout=20", "-rss_limit_mb=1500", "-max_len=200000"]
+        atheris.Setup([sys.argv[0], folder, *bounds, *sys.argv[1:]], target.feed)
+        atheris.Fuzz()
+
+
+main()
