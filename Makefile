@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-s3 test-torch test-gpu bench bench-long presets lock verify golden requirements clean
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-s3 test-torch test-gpu fuzz bench bench-long presets lock verify golden requirements clean
 
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -66,6 +66,14 @@ test-s3: install-dev  ## datasets built into an S3 bucket, on a server of this h
 test-torch: install-dev  ## the PyTorch dataset, with PyTorch installed for it (CPU build where there is one)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0'
 	$(BIN)/python -m pytest -q -m torch
+
+fuzz: install-dev  ## feed broken files to every loader, guided by coverage (FUZZ_SECONDS=60 a loader)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'atheris==3.0.0'
+	for target in $$($(BIN)/python -m tests.fuzz); do \
+	  echo "fuzz $$target"; \
+	  timeout $$(( $(or $(FUZZ_SECONDS),60) + 60 )) $(BIN)/python -m tests.fuzz $$target \
+	    -max_total_time=$(or $(FUZZ_SECONDS),60) -verbosity=0; \
+	done
 
 bench: install-dev  ## frames a second beside a plain PyBullet + Pillow script, in one run
 	$(BIN)/python -m benchmarks.listing

@@ -70,9 +70,10 @@ def recipe() -> None:
 
 def main() -> None:
     """Run the command; every mistake ends in a line that says where, what and how to mend it."""
+    import errno
     import signal
 
-    from recipe_compiler.errors import InputError, RunError
+    from recipe_compiler.errors import InputError, RunError, printable
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that temporary folders go, as they do on an error
     try:
@@ -82,18 +83,18 @@ def main() -> None:
         sys.exit(2)
     except InputError as error:
         for problem in error.problems:
-            click.echo(str(problem), err=True)
+            click.echo(printable(str(problem)), err=True)
         sys.exit(2)
     except RunError as error:
-        click.echo(str(error), err=True)
+        click.echo(printable(str(error)), err=True)
         sys.exit(1)
     except MemoryError:
         click.echo("out of memory; close other programs, or ask for fewer workers or smaller pictures", err=True)
         sys.exit(1)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        click.echo(f"{where}{error.strerror or error}", err=True)
-        sys.exit(1)
+        click.echo(printable(f"{where}{error.strerror or error}"), err=True)
+        sys.exit(2 if error.errno == errno.ENAMETOOLONG else 1)
     except (click.Abort, KeyboardInterrupt):
         click.echo("interrupted", err=True)
         sys.exit(130)

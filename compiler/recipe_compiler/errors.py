@@ -52,3 +52,8 @@ class InputError(RecipeError):
 
 class RunError(RecipeError):
     """The host could not do what was asked; the message says what to do about it."""
+
+
+def printable(text: str) -> str:
+    """Text that a terminal only prints: names and paths may come from a stranger."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)

@@ -19,6 +19,7 @@ from typing import Any
 import yaml
 
 from recipe_compiler.errors import Place, Problem
+from recipe_compiler.errors import printable as printable
 
 MAX_BYTES = 1 << 20
 MAX_NODES = 50_000  # after aliases are expanded
@@ -105,11 +106,6 @@ def show(value: Plain) -> str:
         return "a list"
     text = json.dumps(value[:60] if isinstance(value, str) else value)
     return text if len(text) <= 60 and not (isinstance(value, str) and len(value) > 60) else text[:56] + '..."'
-
-
-def printable(text: str) -> str:
-    """Text that a terminal only prints: names and paths may come from a stranger."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:

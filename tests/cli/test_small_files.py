@@ -122,3 +122,22 @@ def on_a_terminal(program: str, columns: int) -> str:
         pass
     os.close(ours)
     return text.decode().replace("\x1b[?25l", "").replace("\x1b[?25h", "")
+
+
+@pytest.mark.parametrize("command", ["verify", "build", "plan", "diff"])
+@pytest.mark.parametrize("suffix", [".yaml", ".lock", ".recipe", ""])
+def test_a_name_is_never_obeyed_by_the_terminal(tmp_path: Path, command: str, suffix: str) -> None:
+    """A line break or an escape code in a name is shown as what it is, whoever made the message."""
+    name = f"two\nlines\x1b[31m{suffix}"
+    if suffix:
+        (tmp_path / name).write_bytes(b"\x00")
+    else:
+        (tmp_path / name).mkdir()
+    arguments = [command, name] + ([name] if command == "diff" else [])
+    told = subprocess.run(
+        [sys.executable, "-m", "recipe_cli", *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert told.returncode == 2, told.stderr
+    assert "\x1b" not in told.stderr + told.stdout
+    (line,) = told.stderr.splitlines()
+    assert r"two\nlines\x1b[31m" in line
