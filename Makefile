@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-s3 test-torch test-gpu fuzz bench bench-long presets lock verify golden requirements clean
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-s3 test-torch test-gpu fuzz bench bench-long presets lock verify golden requirements clean test-ray
 
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -48,7 +48,7 @@ python-fits:
 	  exit 2; fi
 
 test-quick: install-dev  ## the tests that take under ten seconds each
-	$(BIN)/python -m pytest -q -m "not slow and not cpus and not torch and not s3 and not reliability"
+	$(BIN)/python -m pytest -q -m "not slow and not cpus and not torch and not ray and not s3 and not reliability"
 
 test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)
 	$(BIN)/python -m pytest -q -m cpus --durations=0
@@ -62,6 +62,10 @@ test-gpu: install-dev  ## the same bytes on a CUDA GPU; skipped, with the reason
 test-s3: install-dev  ## datasets built into an S3 bucket, on a server of this host's own
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 's3fs==2026.9.0' 'moto[server]==5.2.5'
 	$(BIN)/python -m pytest -q -m s3
+
+test-ray: install-dev  ## the same bytes from a Ray cluster of two nodes, one of which is lost; Ray is installed for it
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'ray==2.60.0'
+	$(BIN)/python -m pytest -q -m ray
 
 test-torch: install-dev  ## the PyTorch dataset, with PyTorch installed for it (CPU build where there is one)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0'

@@ -23,6 +23,7 @@ DOORS = {
     "pycocotools": {"recipe_runtime/annotate/", "recipe_runtime/report/"},
     "PIL": {"recipe_compiler/assets/png.py", "recipe_runtime/report/", "recipe_runtime/build.py"},
     "fsspec": {"recipe_runtime/remote.py"},
+    "ray": {"recipe_runtime/cluster.py"},
     "torch": {"recipe_runtime/torch.py"},
     "multiprocessing": {"recipe_runtime/pool.py"},
 }

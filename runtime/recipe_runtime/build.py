@@ -13,7 +13,7 @@ stopped and taken up again.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,6 +36,8 @@ from recipe_runtime.trace import Trace
 from recipe_runtime.versions import builder
 from recipe_runtime.worker import Job
 from recipe_runtime.workspace import Workspace, check_out, read_manifest
+
+Runner = Callable[[Job, Sequence[Shard], int, pool.Done, Callable[[int], None]], pool.Seconds]
 
 
 @dataclass(frozen=True)
@@ -63,14 +65,17 @@ def build(
     engines: Engines | None = None,
     shard_frames: int = SHARD_FRAMES,
     explain: Callable[[list[str]], None] | None = None,
+    run: Runner = pool.run,
 ) -> BuildResult:
     """Make the dataset in `out`, with so many worker processes (0: in this one).
 
     Returns at once if it is there, whole. Replaces another dataset of ours, and takes over from it what is the same;
-    InputError if `out` holds anything else. `explain` is told, before frames are made, why each stage runs.
+    InputError if `out` holds anything else. `explain` is told, before frames are made, why each stage runs. `run` does
+    the shards: processes of this host, or a cluster's (`cluster.joined`).
     RunError if the host fails: what is done is kept, and the next build goes on from there.
     """
     explain = explain or (lambda lines: None)
+    places = devices(device) if run is pool.run else (device,)  # another host's devices are not for this one to know
     start, out, most = time.perf_counter(), out.absolute(), housekeeping.limit()
     check_plan(dataset)
     Workspace.settle(out)
@@ -78,15 +83,13 @@ def build(
     if manifest is not None and is_whole(manifest, dataset, out):
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out)
-    studio = _Studio(
-        dataset, engines or real_engines(), devices(device), cache or default_cache(), progress or _silence
-    )
+    studio = _Studio(dataset, engines or real_engines(), places, cache or default_cache(), progress or _silence)
     with Workspace(out, {**head(dataset), "builder": builder()}) as work, lease(studio.cache):
         new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
         harvest = studio.simulate()
         covered = studio.take_over(work, harvest, out)
         explain(list(reasons(studio.reuse, [scene.digest for scene in new], covered)))
-        resumed, shards = studio.render(work, harvest, covered, workers, shard_frames)
+        resumed, shards = studio.render(work, harvest, covered, workers, shard_frames, run)
         files = Finisher(dataset, harvest, work, studio.progress, studio.watch).finish(studio.trace)
         work.publish(files)
     remember(Store(studio.cache), out)
@@ -156,7 +159,13 @@ class _Studio:
         return found
 
     def render(
-        self, work: Workspace, harvest: Harvest, covered: dict[int, tuple[int, ...]], workers: int, size: int
+        self,
+        work: Workspace,
+        harvest: Harvest,
+        covered: dict[int, tuple[int, ...]],
+        workers: int,
+        size: int,
+        run: Runner,
     ) -> tuple[int, int]:
         """Do the shards that no earlier build has finished: how many were, and how many there are."""
         shards, seen = missing_shards(all_shards(self.dataset, size), covered), views(self.dataset)
@@ -181,7 +190,7 @@ class _Studio:
 
         self.progress("render", 0, total)
         job = Job(self.dataset, self.engines, self.devices, self.cache, work.dataset, resumes=True)
-        for stage, seconds in pool.run(job, todo, workers, done, tick).items():
+        for stage, seconds in run(job, todo, workers, done, tick).items():
             self.watch.add(stage, seconds)
         return len(shards) - len(todo), len(shards)
 

@@ -24,7 +24,7 @@ from recipe_runtime import children
 from recipe_runtime.schedule import Shard
 from recipe_runtime.worker import FrameRecord, Job, Worker
 
-_PINNED = {
+PINNED: dict[str, str] = {
     "PYTHONHASHSEED": "0",
     "LC_ALL": "C.UTF-8",
     "TZ": "UTC",
@@ -81,7 +81,7 @@ class _Pool:
         with theirs:
             ends = theirs.fileno(), watched
             command = children.command("recipe_runtime.pool", "serve", *map(str, ends))
-            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=ends, env={**os.environ, **_PINNED})
+            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=ends, env={**os.environ, **PINNED})
         self._processes[ours] = process
 
     def run(self, shards: Iterable[Shard], done: Done, tick: Callable[[int], None]) -> Seconds:

@@ -45,12 +45,18 @@ def builder() -> str:
 
     What an earlier build left half done is taken up again only by what would do the same.
     """
+    return digest("builder/1", {"tools": host_versions(), "renderer": renderer()})
+
+
+@cache
+def renderer() -> str:
+    """Identity of what makes frames here, once motion is given: packages and code. Hosts that share it agree."""
     import recipe_compiler
 
     runtime, compiler = Path(__file__).parent, Path(recipe_compiler.__file__).parent
     sources = [*sorted(runtime.rglob("*.py")), *(compiler / f"{name}.py" for name in ("canonical", "exact", "plan"))]
     code = [[p.name, digest_bytes("source/1", p.read_bytes())] for p in sources]
-    return digest("builder/1", {"stages": STAGES, "tools": host_versions(), "code": code})
+    return digest("renderer/1", {"stages": STAGES, "tools": tool_versions(), "code": code})
 
 
 def host_versions() -> dict[str, str]:

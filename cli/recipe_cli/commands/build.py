@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.lockfile import Lockfile
     from recipe_compiler.plan import DatasetPlan
-    from recipe_runtime.build import BuildResult
+    from recipe_runtime.build import BuildResult, Runner
     from recipe_runtime.remote import Target
 
 
@@ -40,6 +42,13 @@ if TYPE_CHECKING:
 )
 @click.option("--locked", is_flag=True, help="Build nothing unless the recipe still compiles to its lockfile.")
 @click.option("--frozen", is_flag=True, help="Build the variants of the lockfile, and none that came later.")
+@click.option(
+    "--ray",
+    is_flag=False,
+    flag_value="local",
+    metavar="[ADDRESS]",
+    help="Share the work out on a Ray cluster: at ADDRESS, or one of this host's own.",
+)
 @click.option("--explain", is_flag=True, help="Say why each stage runs, or does not.")
 @DEVICE
 @WORKERS
@@ -51,6 +60,7 @@ def command(
     out: str | None,
     locked: bool,
     frozen: bool,
+    ray: str | None,
     explain: bool,
     device: str,
     workers: int | None,
@@ -69,9 +79,10 @@ def command(
     from recipe_runtime.build import build
 
     reasons: list[str] = []
-    count = worker_count(workers, device)  # says before the work if there is no such device
+    # On a cluster, as many as it has room for; here, one a core. Says before the work if there is no such device.
+    count = (workers or 0) if ray else worker_count(workers, device)
     try:
-        with Progress() as progress:
+        with Progress() as progress, _runner(ray) as run:
             result = build(
                 compiled.plan,
                 folder,
@@ -80,6 +91,7 @@ def command(
                 device=device,
                 engines=engines_for(compiled),
                 explain=reasons.extend,
+                run=run,
             )
             copied = target.put(result.path, progress) if target else None
     except KeyboardInterrupt:
@@ -112,6 +124,18 @@ def _target(url: str) -> Target:
     from recipe_runtime.remote import Target
 
     return Target(url)
+@contextmanager
+def _runner(ray: str | None) -> Iterator[Runner]:
+    """What does the work: processes of this host, or a cluster's."""
+    from recipe_runtime import pool
+
+    if ray is None:
+        yield pool.run
+        return
+    from recipe_runtime.cluster import joined
+
+    with joined(None if ray == "local" else ray) as run:
+        yield run
 
 
 def _lockfile(recipe: Path, compiled: Compiled) -> tuple[Path, Lockfile] | None:
