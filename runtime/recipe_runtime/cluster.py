@@ -1,13 +1,14 @@
 """The same shards on a Ray cluster: this process shares them out, and puts what comes back into place. Needs `ray`.
 
-A node needs this package and nothing else: motion travels with the job, and files come back as bytes, so there is no
-folder to share. What a worker was at when it was lost, with its node or alone, another does again; the bytes do not
-depend on who does it.
+A node needs this package and nothing else: motion and the files that the recipe brings travel with the job, and what
+is made comes back as bytes, so there is no folder to share. What a worker was at when it was lost, with its node or
+alone, another does again; the bytes do not depend on who does it.
 """
 
 from __future__ import annotations
 
 import logging
+import socket
 import tempfile
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -19,7 +20,9 @@ from typing import Any
 
 from recipe_compiler.errors import InputError, RunError
 
+from recipe_runtime.assets import Assets
 from recipe_runtime.build import Runner
+from recipe_runtime.engines import real_engines
 from recipe_runtime.pool import PINNED, Done, Seconds
 from recipe_runtime.schedule import Shard, simulations
 from recipe_runtime.store import Store, host_errors, link_or_copy, write_atomic
@@ -29,6 +32,7 @@ from recipe_runtime.worker import FrameRecord, Job, Worker
 
 QUEUED = 2  # shards that a worker has at once, so that it never waits for the next
 RETRIES = 3  # times that a shard is done again after its worker was lost
+PATIENCE = 5.0  # seconds for a cluster's door to open, at which Ray itself would knock for minutes; and for leaving
 _OTHER_RELEASE = "a node of the cluster runs another release of this package, or of a tool that bytes depend on"
 
 
@@ -41,21 +45,42 @@ class Parcel:
     seconds: Seconds
 
 
+@dataclass(frozen=True)
+class Luggage:
+    """What a node needs besides the job: motion by scene, and the files that the recipe brings, both by digest."""
+
+    traces: dict[str, bytes]
+    assets: dict[str, bytes]
+
+    @classmethod
+    def of(cls, job: Job) -> Luggage:
+        """All that a job's frames are made from."""
+        store, scenes = Store(job.cache), simulations(job.dataset)
+        traces = {s.digest: store.trace(s, partial(job.engines.simulate, s)).to_bytes() for s in scenes}
+        files = {sha256: file for variant in job.dataset.variants for sha256, file in variant.files.items()}
+        return cls(traces, {sha256: job.engines.assets.content(file) for sha256, file in sorted(files.items())})
+
+    def unpack(self, job: Job, root: Path) -> Job:
+        """The job as a node does it, within that folder."""
+        store, places = Store(root / "cache"), {}
+        for scene in simulations(job.dataset):
+            store.keep_trace(scene, Trace.from_bytes(self.traces[scene.digest]))
+        for sha256, content in self.assets.items():
+            places[sha256] = root / "assets" / sha256
+            write_atomic(places[sha256], content)
+        engines = real_engines(Assets(places)) if places else job.engines  # only the real ones draw what is brought
+        return replace(job, cache=store.root, engines=engines, root=root / "made" if job.root is not None else None)
+
+
 class Hand:
     """A worker on a node: it renders into a folder of its own and sends what it made."""
 
-    def __init__(self, job: Job, number: int, traces: dict[str, bytes], expected: str) -> None:
+    def __init__(self, job: Job, number: int, luggage: Luggage, expected: str) -> None:
         if renderer() != expected:
-            raise RunError(
-                "a node of the cluster runs another release of this package, or of a tool that bytes depend on"
-            )
+            raise RunError(_OTHER_RELEASE)
         self._folder = tempfile.TemporaryDirectory(prefix="recipe-node-")
         self._root = Path(self._folder.name)
-        cache = self._root / "cache"
-        for scene in simulations(job.dataset):
-            Store(cache).keep_trace(scene, Trace.from_bytes(traces[scene.digest]))
-        root = self._root / "made" if job.root is not None else None
-        self._worker = Worker(replace(job, cache=cache, root=root), number)
+        self._worker = Worker(luggage.unpack(job, self._root), number)
 
     def do(self, shard: Shard) -> Parcel:
         """Make a shard's frames."""
@@ -71,6 +96,10 @@ class Hand:
         self._worker.watch.seconds.clear()
         return Parcel(records, bodies, seconds)
 
+    def leave(self) -> None:
+        """Clear away what is on the node."""
+        self._folder.cleanup()
+
 
 @contextmanager
 def joined(address: str | None) -> Iterator[Runner]:
@@ -82,21 +111,40 @@ def joined(address: str | None) -> Iterator[Runner]:
         import ray
     except ImportError:
         raise InputError("--ray needs Ray: pip install 'dataset-recipe[ray]'") from None
-    quiet: dict[str, Any] = {"logging_level": logging.ERROR, "log_to_driver": False, "configure_logging": False}
-    try:
-        if address is None:
-            ray.init(include_dashboard=False, **quiet)
-        else:
-            ray.init(address=address, **quiet)
-    except (ConnectionError, ValueError, RuntimeError, OSError) as error:
-        raise InputError(f"--ray {address or ''}: there is no Ray cluster to join: {_line(error)}") from None
+    _start(ray, address)
     try:
         yield lambda job, shards, workers, done, tick: _run(ray, job, shards, workers, done, tick)
     finally:
         ray.shutdown()
 
 
+def _start(ray: Any, address: str | None) -> None:
+    quiet: dict[str, Any] = {"logging_level": logging.ERROR, "log_to_driver": False, "configure_logging": False}
+    logging.getLogger("ray").setLevel(logging.ERROR)
+    try:
+        if address is None:
+            ray.init(address="local", include_dashboard=False, **quiet)
+        else:
+            _knock(address)
+            ray.init(address=address, **quiet)
+    except (ConnectionError, ValueError, RuntimeError, OSError, SystemExit) as error:
+        if isinstance(error, SystemExit):  # Ray's, when what answers is no Ray
+            error = ConnectionError("what listens there does not answer as Ray does")
+        reason = (isinstance(error, OSError) and error.strerror) or _line(error)
+        what = "--ray: Ray cannot be started here" if address is None else f"--ray {address}: is no Ray cluster to join"
+        raise InputError(f"{what}: {reason}") from None
+
+
+def _knock(address: str) -> None:
+    """OSError or ValueError at once if nothing answers at HOST:PORT; any other form is for Ray to know."""
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if colon:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=PATIENCE).close()
+
+
 def _run(ray: Any, job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Callable[[int], None]) -> Seconds:
+    if job.devices not in (("cpu",), ("cuda",)):
+        raise InputError(f"--device {job.devices[0]}: on a cluster, every worker has a GPU of its own; write cuda")
     if not shards:
         return {}
     crew = _Crew(ray, job, min(workers or _room(ray, job), len(shards)))
@@ -119,12 +167,9 @@ class _Crew:
     def __init__(self, ray: Any, job: Job, count: int) -> None:
         self._ray, self._job, self._count = ray, job, count
         self._kind = "CPU" if job.devices == ("cpu",) else "GPU"
-        store = Store(job.cache)
-        scenes = simulations(job.dataset)
-        traces = {s.digest: store.trace(s, partial(job.engines.simulate, s)).to_bytes() for s in scenes}
         on_gpu = self._kind == "GPU"
         self._told = ray.put(replace(job, devices=("cuda:0",)) if on_gpu else job)  # Ray shows it its own GPU alone
-        self._motion = ray.put(traces)
+        self._luggage = ray.put(Luggage.of(job))
         needs = {"num_gpus": 1, "num_cpus": 0} if on_gpu else {"num_cpus": 1}
         self._remote = ray.remote(**needs)(Hand).options(runtime_env={"env_vars": PINNED})
         self._hands: list[Any] = []
@@ -145,7 +190,10 @@ class _Crew:
                     yield shard, parcel
 
     def dismiss(self) -> None:
-        """End all workers."""
+        """End all workers, each with some seconds to clear up after itself."""
+        if self._hands:
+            leaving = [hand.leave.remote() for hand in self._hands]
+            self._ray.wait(leaving, num_returns=len(leaving), timeout=PATIENCE)
         for hand in self._hands:
             self._ray.kill(hand)
 
@@ -153,7 +201,7 @@ class _Crew:
         """Hire where there is room, and give each worker something to do next."""
         free = int(self._ray.available_resources().get(self._kind, 0)) if self._idle() else 0
         for _ in range(min(self._count - len(self._hands), max(free, not self._hands))):
-            self._hands.append(self._remote.remote(self._told, len(self._hands), self._motion, renderer()))
+            self._hands.append(self._remote.remote(self._told, len(self._hands), self._luggage, renderer()))
         for hand in self._hands:
             while self._rest and sum(h is hand for h, _ in self._pending.values()) < QUEUED:
                 shard = self._rest.popleft()
@@ -170,7 +218,7 @@ class _Crew:
             return parcel
         except errors.RayTaskError as error:
             raise RunError(_line(error.cause)) from error
-        except errors.RayActorError as error:
+        except errors.RayError as error:  # the worker is gone, or what it made is, with the node that held it
             self._hands = [other for other in self._hands if other is not hand]
             self._losses[shard] = self._losses.get(shard, 0) + 1
             said = next((line for line in str(error).splitlines() if _OTHER_RELEASE in line), None)
@@ -178,7 +226,7 @@ class _Crew:
                 raise RunError(f"{_OTHER_RELEASE}; install the same on all") from error
             if self._losses[shard] > RETRIES:
                 again = f"{self._losses[shard]} workers were lost over it; {self._job.again}"
-                raise RunError(f"{_place(self._job, shard)}: {again}") from error
+                raise RunError(f"{_place(self._job, shard)}: {again} (Ray says: {_line(error)})") from error
             self._rest.appendleft(shard)
             return None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import threading
 import time
@@ -13,10 +14,17 @@ from typing import Any
 import pytest
 from recipe_compiler.errors import InputError, RunError
 from recipe_runtime.build import build
-from recipe_runtime.opening import compiled
+from recipe_runtime.cluster import Hand, Luggage
+from recipe_runtime.engines import Engines
+from recipe_runtime.opening import compiled, opened
+from recipe_runtime.schedule import all_shards
+from recipe_runtime.versions import renderer
+from recipe_runtime.worker import Job, Worker
 
-from tests.runtime.fakes import BROKEN, DYING, ENGINES, SLOW, dataset_plan, tree
+from tests.runtime.fakes import BROKEN, DYING, ENGINES, SLOW, Renderer, actor_bodies, dataset_plan, simulate, tree
 from tests.sources import ROOT
+
+GOOD = ROOT / "tests" / "cases" / "good" / "assets"
 
 pytestmark = pytest.mark.ray
 ray = pytest.importorskip("ray")
@@ -55,6 +63,49 @@ def test_a_cluster_makes_the_same_bytes(cluster: Any, tmp_path: Path) -> None:
     made = _build(tmp_path / "cluster", cluster, workers=2, shard_frames=3)
     assert tree(made.path) == _here(tmp_path / "here")
     assert made.seconds["observe"] > 0.0
+
+
+def test_a_node_needs_no_file_of_this_host(tmp_path: Path) -> None:
+    """What a worker makes when the recipe's folder and the cache are gone from its sight is what is made here."""
+    shutil.copytree(GOOD, tmp_path / "recipe")
+    plan, engines = opened(tmp_path / "recipe" / "recipe.yaml")
+    job = Job(plan, engines, ("cpu",), tmp_path / "cache", tmp_path / "here")
+    shard = all_shards(plan)[0]
+    records, luggage = Worker(job).do(shard, lambda count: None), Luggage.of(job)
+    assert len(luggage.assets) == 4
+    shutil.rmtree(tmp_path / "recipe")
+    shutil.rmtree(tmp_path / "cache")
+    hand = Hand(job, 0, luggage, renderer())
+    made = hand.do(shard)
+    hand.leave()
+    assert made.records == records
+    rows = [row for record in records for row in record["files"].items()]
+    assert {path: made.bodies[sha256] for path, (_, sha256) in rows} == tree(tmp_path / "here")
+
+
+def test_a_node_of_another_release_is_refused(tmp_path: Path) -> None:
+    job = Job(dataset_plan(), ENGINES, ("cpu",), tmp_path / "cache", None)
+    with pytest.raises(RunError, match="runs another release"):
+        Hand(job, 0, Luggage.of(job), "0" * 64)
+
+
+def _on_its_gpu(scene: Any, device: str) -> Renderer:
+    """Draws only for who asked Ray for a GPU, and was given one alone."""
+    assert device == "cuda:0" and ray.get_gpu_ids() == [int(os.environ["CUDA_VISIBLE_DEVICES"])]
+    return Renderer(scene)
+
+
+def test_a_worker_has_a_gpu_of_its_own(cluster: Any, tmp_path: Path) -> None:
+    """A node that says that it has two; as many workers come to be, and a cluster without is refused."""
+    engines = Engines(simulate, actor_bodies, _on_its_gpu)
+    with pytest.raises(InputError, match="the Ray cluster has no GPU for a worker"):
+        _build(tmp_path / "without", cluster, engines=engines, device="cuda")
+    node = cluster.add_node(num_cpus=1, num_gpus=2)
+    made = _build(tmp_path / "cluster", cluster, engines=engines, device="cuda", shard_frames=3)
+    cluster.remove_node(node)
+    assert tree(made.path) == _here(tmp_path / "here")
+    with pytest.raises(InputError, match="every worker has a GPU of its own; write cuda"):
+        _build(tmp_path / "one", cluster, engines=engines, device="cuda:1")
 
 
 def test_real_engines_make_the_same_bytes(cluster: Any, tmp_path: Path) -> None:
@@ -118,6 +169,6 @@ def test_a_shard_that_takes_every_worker_with_it_is_named(cluster: Any, tmp_path
 def test_no_cluster_is_an_error_in_a_line(tmp_path: Path) -> None:
     from recipe_runtime.cluster import joined
 
-    with pytest.raises(InputError, match="there is no Ray cluster to join") as caught, joined("127.0.0.1:1"):
+    with pytest.raises(InputError) as caught, joined("127.0.0.1:1"):
         pass
-    assert len(str(caught.value).splitlines()) == 1
+    assert str(caught.value) == "--ray 127.0.0.1:1: is no Ray cluster to join: Connection refused"
