@@ -13,11 +13,14 @@ import argparse
 import json
 import resource
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.plan import DatasetPlan
-from recipe_runtime.build import build
+from recipe_runtime import pool
+from recipe_runtime.build import Runner, build
 
 
 def main() -> None:
@@ -28,6 +31,7 @@ def main() -> None:
     parser.add_argument("--variants", nargs="+", required=True)
     parser.add_argument("--frames", type=int, required=True)
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--ray", action="store_true", help="on a Ray cluster of this host's own")
     arguments = parser.parse_args()
     dataset = part_of(compile_recipe(arguments.recipe).plan, arguments.variants, arguments.frames)
     ticks: list[tuple[float, int]] = []
@@ -37,7 +41,10 @@ def main() -> None:
             ticks.append((time.perf_counter(), done))
 
     folder: Path = arguments.folder
-    result = build(dataset, folder / "dataset", workers=arguments.workers, cache=folder / "cache", progress=progress)
+    with runner(arguments.ray) as run:
+        result = build(
+            dataset, folder / "dataset", workers=arguments.workers, cache=folder / "cache", progress=progress, run=run
+        )
     (begin, _), (first, pictures) = ticks[0], ticks[1]
     last, total = ticks[-1]
     start_up = first - begin - (last - first) / (total - pictures) * pictures / max(arguments.workers, 1)
@@ -55,6 +62,18 @@ def main() -> None:
             }
         )
     )
+
+
+@contextmanager
+def runner(on_ray: bool) -> Iterator[Runner]:
+    """What does the shards: this host's own processes, or Ray's."""
+    if not on_ray:
+        yield pool.run
+        return
+    from recipe_runtime.cluster import joined
+
+    with joined(None) as run:
+        yield run
 
 
 def part_of(dataset: DatasetPlan, variants: list[str], frames: int) -> DatasetPlan:

@@ -33,6 +33,7 @@ from recipe_runtime.worker import FrameRecord, Job, Worker
 QUEUED = 2  # shards that a worker has at once, so that it never waits for the next
 RETRIES = 3  # times that a shard is done again after its worker was lost
 PATIENCE = 5.0  # seconds for a cluster's door to open, at which Ray itself would knock for minutes; and for leaving
+FORLORN = 60  # seconds without a node that could do any work, after which none is expected
 _OTHER_RELEASE = "a node of the cluster runs another release of this package, or of a tool that bytes depend on"
 
 
@@ -147,7 +148,8 @@ def _run(ray: Any, job: Job, shards: Sequence[Shard], workers: int, done: Done, 
         raise InputError(f"--device {job.devices[0]}: on a cluster, every worker has a GPU of its own; write cuda")
     if not shards:
         return {}
-    crew = _Crew(ray, job, min(workers or _room(ray, job), len(shards)))
+    room = _room(ray, job)
+    crew = _Crew(ray, job, min(workers or room, len(shards)))
     seconds = Seconds()
     try:
         for shard, parcel in crew.results(shards):
@@ -176,6 +178,7 @@ class _Crew:
         self._pending: dict[Any, tuple[Any, Shard]] = {}
         self._rest: deque[Shard] = deque()
         self._losses: dict[Shard, int] = {}
+        self._waited = 0  # seconds, in vain
 
     def results(self, shards: Sequence[Shard]) -> Iterator[tuple[Shard, Parcel]]:
         """Every shard with what was made of it, in whatever order; RunError if one cannot be made."""
@@ -183,6 +186,9 @@ class _Crew:
         while self._rest or self._pending:
             self._engage()
             ready, _ = self._ray.wait(list(self._pending), num_returns=1, timeout=1.0)
+            self._waited = 0 if ready or self._ray.cluster_resources().get(self._kind) else self._waited + 1
+            if self._waited > FORLORN:
+                raise RunError(f"the Ray cluster has had no {self._kind} for {FORLORN} seconds; {self._job.again}")
             for reference in ready:
                 hand, shard = self._pending.pop(reference)
                 parcel = self._opened(reference, hand, shard)

@@ -101,7 +101,7 @@ def test_a_worker_has_a_gpu_of_its_own(cluster: Any, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the Ray cluster has no GPU for a worker"):
         _build(tmp_path / "without", cluster, engines=engines, device="cuda")
     node = cluster.add_node(num_cpus=1, num_gpus=2)
-    made = _build(tmp_path / "cluster", cluster, engines=engines, device="cuda", shard_frames=3)
+    made = _build(tmp_path / "cluster", cluster, engines=engines, device="cuda", shard_frames=1, workers=2)
     cluster.remove_node(node)
     assert tree(made.path) == _here(tmp_path / "here")
     with pytest.raises(InputError, match="every worker has a GPU of its own; write cuda"):

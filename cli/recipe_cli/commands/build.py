@@ -124,6 +124,8 @@ def _target(url: str) -> Target:
     from recipe_runtime.remote import Target
 
     return Target(url)
+
+
 @contextmanager
 def _runner(ray: str | None) -> Iterator[Runner]:
     """What does the work: processes of this host, or a cluster's."""
