@@ -36,7 +36,8 @@ def cluster() -> Iterator[Any]:
     from ray.cluster_utils import Cluster
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", str(ROOT))  # workers import the fakes
+        roots = [ROOT, *(ROOT / name for name in ("cli", "compiler", "runtime"))]  # for the fakes, and for this code
+        patch.setenv("PYTHONPATH", os.pathsep.join(map(str, roots)))
         patch.setenv("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
         nodes = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
         nodes.add_node(num_cpus=1)
