@@ -3,7 +3,8 @@
     python -m benchmarks.ours RECIPE FOLDER --variants weather=sunny --frames 300 --workers 1
 
 Its last line is a JSON object: seconds by stage, summed over workers, and seconds by a clock on the wall. Start-up is
-told apart: from the first worker's start to its first frame, less the time of a frame. `peak` is the most memory that
+told apart: from the first worker's start to its first frame, less the time of a frame. `rate` is of pictures a second
+once all workers are at work, after a fifth of them. `peak` is the most memory that
 any one of its processes held, in MiB.
 """
 
@@ -48,6 +49,7 @@ def main() -> None:
     (begin, _), (first, pictures) = ticks[0], ticks[1]
     last, total = ticks[-1]
     start_up = first - begin - (last - first) / (total - pictures) * pictures / max(arguments.workers, 1)
+    fifth, so_far = next((at, done) for at, done in ticks if done >= total / 5)
     peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1024
     print(
         json.dumps(
@@ -56,6 +58,7 @@ def main() -> None:
                 "pictures": total,
                 "wall": result.wall,
                 "start_up": start_up,
+                "rate": (total - so_far) / (last - fifth),
                 "seconds": result.seconds,
                 "peak": peak,
                 "bytes": sum(row["size"] for row in result.manifest["files"].values()),
