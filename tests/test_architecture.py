@@ -1,6 +1,7 @@
 """ARCHITECTURE.md's rules: imports run one way, and each engine has one door."""
 
 import pytest
+from recipe_runtime.versions import SHARED
 
 from tests.sources import PACKAGES, imports, modules
 
@@ -12,7 +13,6 @@ ABOVE = {
 # What the runtime may know of the compiler: values and arithmetic, never the language.
 # Only the door through which Python opens a recipe's file may compile one.
 COMPILES = "recipe_runtime/opening.py"
-SHARED = {"assets", "canonical", "errors", "exact", "files", "lockfile", "optics", "plan", "streams"}
 DOORS = {
     "pybullet": {"recipe_runtime/bullet.py"},
     "warp": {"recipe_runtime/render/"},

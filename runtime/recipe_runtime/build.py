@@ -15,6 +15,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -84,7 +85,10 @@ def build(
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out)
     studio = _Studio(dataset, engines or real_engines(), places, cache or default_cache(), progress or _silence)
-    with Workspace(out, {**head(dataset), "builder": builder()}) as work, lease(studio.cache):
+    kept = [studio.cache] if cache else housekeeping.folders()
+    with Workspace(out, {**head(dataset), "builder": builder()}) as work, ExitStack() as leases:
+        for root in dict.fromkeys([studio.cache, *housekeeping.folders()]):
+            leases.enter_context(lease(root))
         new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
         harvest = studio.simulate()
         covered = studio.take_over(work, harvest, out)
@@ -93,7 +97,7 @@ def build(
         files = Finisher(dataset, harvest, work, studio.progress, studio.watch).finish(studio.trace)
         work.publish(files)
     remember(Store(studio.cache), out)
-    housekeeping.tidy([studio.cache] if cache else housekeeping.folders(), most)
+    housekeeping.tidy(kept, most)
     manifest = read_manifest(out)
     assert manifest is not None
     seconds, wall = studio.watch.seconds, time.perf_counter() - start

@@ -139,13 +139,15 @@ def _start(ray: Any, address: str | None) -> None:
 def _knock(address: str) -> None:
     """OSError or ValueError at once if nothing answers at HOST:PORT; any other form is for Ray to know."""
     host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if colon and not port.isdigit():
+        raise ValueError(f"{port!r} is no port; write HOST:PORT")
     if colon:
         socket.create_connection((host.strip("[]"), int(port)), timeout=PATIENCE).close()
 
 
 def _run(ray: Any, job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Callable[[int], None]) -> Seconds:
     if job.devices not in (("cpu",), ("cuda",)):
-        raise InputError(f"--device {job.devices[0]}: on a cluster, every worker has a GPU of its own; write cuda")
+        raise InputError(f"device {job.devices[0]}: on a cluster, every worker has a GPU of its own; say cuda")
     if not shards:
         return {}
     room = _room(ray, job)

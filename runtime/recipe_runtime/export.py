@@ -12,19 +12,21 @@ against the manifest while it is copied, so that no damage travels on.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import io
 import json
+import os
 import shutil
 import tarfile
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from recipe_compiler.canonical import canonical_bytes
-from recipe_compiler.errors import InputError
+from recipe_compiler.errors import InputError, RunError
 
 from recipe_runtime import layout
 from recipe_runtime.dataset import Dataset, labels
@@ -35,6 +37,9 @@ INDEX = "index.json"
 SHARD_BYTES = 1 << 30
 _FORMAT = "recipe/webdataset/1"
 _REMEDY = "free some space or choose another folder, then export again"
+
+
+Sample = list[tuple[tarfile.TarInfo, bytes]]  # the files of one frame
 
 
 @dataclass
@@ -48,11 +53,9 @@ class _Shard:
     def __post_init__(self) -> None:
         self.tar = tarfile.TarFile(self.path, "w", format=tarfile.PAX_FORMAT)
 
-    def add(self, sample: dict[str, bytes]) -> None:
+    def add(self, sample: Sample) -> None:
         """The files of one frame, by name."""
-        for name, body in sorted(sample.items()):
-            entry = tarfile.TarInfo(name)  # owner 0, time 0, mode 0644
-            entry.size = len(body)
+        for entry, body in sample:
             self.tar.addfile(entry, io.BytesIO(body))
         self.samples += 1
 
@@ -66,28 +69,45 @@ class _Shard:
 def webdataset(dataset: Dataset, out: Path, progress: Progress, shard_bytes: int = SHARD_BYTES) -> dict[str, Any]:
     """Write all frames into `out`, a folder that is not there yet, and give its index.
 
-    A shard is closed before the sample that would make it larger than `shard_bytes`. The folder gets its name when it
-    is whole. InputError if it is there already with something else in it, or a file of the dataset is damaged;
-    RunError if the host will not have it.
+    A shard is closed before the sample that would make it larger than `shard_bytes`; only one frame alone may. The
+    folder gets its name when it is whole. InputError if it is there already with something else in it, or a file of
+    the dataset is damaged; RunError if the host will not have it, or another export writes there.
     """
     known = _index_of(out)
     if known is not None and known.get("dataset") == dataset.lock.identity and known.get("shard_bytes") == shard_bytes:
         return known
     if out.exists() or out.is_symlink():
         raise InputError(f"{out} is there already, and is another export; remove it or name another folder")
-    work = out.with_name(f".{out.name}.export")
-    with host_errors(str(out), _REMEDY):
-        shutil.rmtree(work, ignore_errors=True)  # of an export that was killed
-        work.mkdir(parents=True)
-        try:
-            rows = _write(dataset, work, progress, shard_bytes)
-            index = {"format": _FORMAT, "dataset": dataset.lock.identity, "shard_bytes": shard_bytes, "shards": rows}
-            (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
-            work.rename(out)
-        finally:
-            with suppress(OSError):
-                shutil.rmtree(work, ignore_errors=True)
+    with host_errors(str(out), _REMEDY), _alone(out) as work:
+        rows = _write(dataset, work, progress, shard_bytes)
+        index = {"format": _FORMAT, "dataset": dataset.lock.identity, "shard_bytes": shard_bytes, "shards": rows}
+        (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
+        work.rename(out)
     return index
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[Path]:
+    """An empty folder beside `out`, this export's alone, and gone in the end; what a killed export left is cleared."""
+    work = out.with_name(f".{out.name}.export")
+    work.mkdir(parents=True, exist_ok=True)
+    handle = os.open(work, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise RunError(f"another export is writing {out}; wait for it, or name another folder") from None
+        left = sorted(work.iterdir())
+        if any(path.name != INDEX and path.suffix != ".tar" for path in left):
+            raise InputError(f"{work} is in the way and is not an export's work; move it away")
+        try:
+            for path in left:
+                path.unlink()
+            yield work
+        finally:
+            shutil.rmtree(work, ignore_errors=True)
+    finally:
+        os.close(handle)
 
 
 def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -> list[dict[str, Any]]:
@@ -96,8 +116,8 @@ def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -
     shard, filled = _Shard(_shard_path(dataset, work, 0)), 0
     try:
         for done, sample in enumerate(_samples(dataset), start=1):
-            size = sum(1024 + -(-len(body) // 512) * 512 for body in sample.values())
-            if shard.samples and filled + size > shard_bytes:
+            size = sum(len(entry.tobuf(tarfile.PAX_FORMAT)) + -(-entry.size // 512) * 512 for entry, _ in sample)
+            if shard.samples and filled + size + tarfile.RECORDSIZE > shard_bytes:
                 rows.append(shard.close())
                 shard, filled = _Shard(_shard_path(dataset, work, len(rows))), 0
             shard.add(sample)
@@ -108,8 +128,8 @@ def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -
         shard.tar.close()
 
 
-def _samples(dataset: Dataset) -> Iterator[dict[str, bytes]]:
-    """The files of every frame, by their names in a shard."""
+def _samples(dataset: Dataset) -> Iterator[Sample]:
+    """The files of every frame, in the order of their names."""
     for variant in dataset.plan.variants:
         for sensor in variant.rig.sensors:
             try:
@@ -121,18 +141,31 @@ def _samples(dataset: Dataset) -> Iterator[dict[str, bytes]]:
                     for modality in sensor.capture:
                         path = layout.frame_file(variant.variant, sensor.name, modality, frame, dataset.plan.depth)
                         sample[f"{key}.{modality}.{path.rpartition('.')[2]}"] = _whole(dataset, path)
-                    yield sample
-            except ValueError as error:
+                    yield [(_entry(name, body), body) for name, body in sorted(sample.items())]
+            except (ValueError, OSError) as error:
                 path = layout.labels_file(variant.variant, sensor.name)
                 raise _damaged(dataset, f"{path}: {error}") from None
+
+
+def _entry(name: str, body: bytes) -> tarfile.TarInfo:
+    """Owner 0, time 0, mode 0644."""
+    entry = tarfile.TarInfo(name)
+    entry.size = len(body)
+    return entry
 
 
 def _whole(dataset: Dataset, path: str) -> bytes:
     """A file's bytes, which are the manifest's."""
     size, sha256 = dataset.files.get(path, (-1, ""))
-    if regular_file(dataset.root, path) is None:
+    there = regular_file(dataset.root, path)
+    if there is None:
         raise _damaged(dataset, f"{path} is missing, or no plain file")
-    body = (dataset.root / path).read_bytes()
+    if there.st_size != size:
+        raise _damaged(dataset, f"{path} has {there.st_size} bytes, not {size}")
+    try:
+        body = (dataset.root / path).read_bytes()
+    except OSError as error:
+        raise RunError(f"{dataset.root / path} cannot be read: {error.strerror}") from None
     if len(body) != size or hashlib.sha256(body).hexdigest() != sha256:
         raise _damaged(dataset, f"{path} has other bytes than the manifest says")
     return body

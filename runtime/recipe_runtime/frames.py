@@ -117,21 +117,30 @@ class SceneSource:
         if not takes(sensor, appearances):
             return None
         key = digest("reel/1", [sensor.document(), [plan.digest for plan in appearances], lanes])
-        if self._reel[0] != key:
-            self._reel = "", None  # its memory first
-            self._reel = key, self.renderer.reel(sensor.camera, sensor.name, appearances, lanes)
-        return self._reel[1]
+        known, kept = self._reel
+        self._reel = "", None  # one serves one stream at a time; and its memory goes before another's is asked for
+        if known != key:
+            kept = self.renderer.reel(sensor.camera, sensor.name, appearances, lanes)
+        return key, kept
 
-    def _reeled(self, reel: Any, sensor: SensorPlan, frames: Sequence[int], watch: Stopwatch) -> Iterator[Made]:
+    def _reeled(
+        self, reel: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], watch: Stopwatch
+    ) -> Iterator[Made]:
         from recipe_runtime.render.reel import Take
 
         poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in frames])
         times = [frame / self.scene.clock.fps for frame in frames]
-        prints = reel.frames(Take(frames, times, poses, part_transforms(self.trace, np.array(frames))))
-        for _ in frames:
-            with watch("render"):
-                made = next(prints)
-            yield Made(made.number, made.observation, made.pictures)
+        prints = reel[1].frames(Take(frames, times, poses, part_transforms(self.trace, np.array(frames))))
+        left = len(frames)
+        try:
+            for _ in frames:
+                with watch("render"):
+                    made = next(prints)
+                left -= 1
+                yield Made(made.number, made.observation, made.pictures)
+        finally:
+            if not left:  # else its lanes are still at work
+                self._reel = reel
 
     def _moment(self, sensor: SensorPlan, frame: int) -> Any:
         """The frame before, or after the first: a blur is as long both ways."""

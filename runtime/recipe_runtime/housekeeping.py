@@ -107,7 +107,7 @@ def tidy(roots: Iterable[Path], most: int | None) -> list[Entry]:
 
 def bytes_of(text: str) -> int:
     """`500M`, `1.5 GiB`, `0` as bytes; InputError for anything else."""
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
+    match = re.fullmatch(r"\s*(\d{1,15}(?:\.\d{1,15})?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
     if match is None:
         raise InputError(f"{text!r} is no size; write for example 500M or 10G")
     return int(float(match[1]) * _UNITS[match[2].upper()])

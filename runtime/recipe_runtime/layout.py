@@ -86,7 +86,11 @@ def expected_files(plan: DatasetPlan) -> set[str]:
 
 
 def check_names(dataset: DatasetPlan) -> None:
-    """InputError if two variants, or two sensors of one, would share a folder, or a name cannot be a folder's."""
+    """InputError if two variants, or two sensors of one, would share a folder, or a name cannot be a folder's.
+
+    The recipe's name too: it is part of names of files.
+    """
+    _claim({}, dataset.recipe, "recipe")
     taken: dict[str, str] = {"plans": "plans", "annotations": "annotations", "mots": "mots", "preview": "preview"}
     sequences: dict[str, str] = {}
     for variant in dataset.variants:

@@ -26,7 +26,10 @@ def lease(root: Path) -> Iterator[None]:
             with suppress(FileExistsError):
                 handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
                 fcntl.flock(handle, fcntl.LOCK_EX)
-                break
+                if _still_there(path, handle):
+                    break
+                os.close(handle)  # tidied away before it was locked: once more
+                handle = -1
     try:
         yield
     finally:
@@ -34,6 +37,12 @@ def lease(root: Path) -> Iterator[None]:
             with suppress(OSError):
                 path.unlink()
             os.close(handle)
+
+
+def _still_there(path: Path, handle: int) -> bool:
+    with suppress(FileNotFoundError):
+        return os.path.samestat(path.stat(), os.fstat(handle))
+    return False
 
 
 def in_use_since(root: Path) -> float:

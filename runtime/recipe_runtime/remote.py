@@ -22,6 +22,7 @@ from recipe_compiler.errors import InputError, RecipeError, RunError
 
 from recipe_runtime import layout
 from recipe_runtime.engines import Progress
+from recipe_runtime.entropy import fresh_nonce
 from recipe_runtime.manifest import listed_files
 from recipe_runtime.store import file_sha256, host_errors
 
@@ -45,6 +46,8 @@ class Target:
 
     def __init__(self, url: str) -> None:
         self.url = url.rstrip("/")
+        if not url.partition("://")[2].strip("/"):
+            raise InputError(f"{url} names no place; write for example s3://bucket/name")
         with self._told():
             self._fs, self._prefix = fsspec.core.url_to_fs(self.url, use_listings_cache=False)
             self._there = self._manifest()
@@ -63,21 +66,21 @@ class Target:
         if self._there == manifest and self._is_whole(rows, sizes):
             return Copied(0, 0, len(rows))
         journal = _Journal(root, self.url)
-        known = {**(listed_files(self._there) if self._there else {}), **journal.rows()}
+        known = listed_files(self._there) if self._there else journal.rows(self._note())
         foreign = sorted(set(sizes) - set(known) - set(rows) - {layout.MANIFEST, NOTE})
         if foreign:
             raise InputError(f"{self.url} holds a file that is not the dataset's, {foreign[0]!r}; move it away first")
         missing = [path for path, row in rows.items() if known.get(path) != row or sizes.get(path) != row[0]]
         with self._told():
-            self._write(NOTE, canonical_bytes({"dataset": manifest["identity"]}))
+            token = journal.begin({path: row for path, row in known.items() if sizes.get(path) == row[0]})
+            self._write(NOTE, canonical_bytes({"dataset": manifest["identity"], "copy": token}))
             if self._there is not None:
-                for path, row in known.items():
-                    if sizes.get(path) == row[0]:
-                        journal.note(path, row)
                 self._fs.rm_file(self._at(layout.MANIFEST))
             copied = self._send(root, rows, missing, journal, progress)
             for path in sorted(set(sizes) - set(rows) - {layout.MANIFEST, NOTE}):
                 self._fs.rm_file(self._at(path))
+            if self._note() != token:
+                raise RunError(f"{self.url}: another copy was made here meanwhile; copy again when it is done")
             self._write(layout.MANIFEST, body)
             self._fs.rm_file(self._at(NOTE))
         journal.close()
@@ -109,23 +112,33 @@ class Target:
     def _bring(self, root: Path, path: str, first: str, row: tuple[int, str]) -> tuple[str, tuple[int, str]]:
         """Send a file, or copy over there the one that was sent `first` and is equal; which one is in place now."""
         if path != first:
-            self._make_folder(path)
+            self._make_room(path)
             self._fs.cp_file(self._at(first), self._at(path))
         elif file_sha256(root / path) != row[1]:
             raise InputError(f"{root / path} has other bytes than the manifest says; build the dataset again")
         else:
-            self._make_folder(path)
+            self._make_room(path)
             self._fs.put_file(str(root / path), self._at(path))
         return path, row
 
     def _write(self, path: str, body: bytes) -> None:
-        self._make_folder(path)
+        self._make_room(path)
         self._fs.pipe_file(self._at(path), body)
 
-    def _make_folder(self, path: str) -> None:
-        """Where there are folders, one for the file; an object store has none to make."""
+    def _make_room(self, path: str) -> None:
+        """On a disk: a folder for the file, and no file there, for that may be one with another."""
         if "file" in self._fs.protocol:
-            self._fs.makedirs(self._at(path).rpartition("/")[0], exist_ok=True)
+            place = self._at(path)
+            self._fs.makedirs(place.rpartition("/")[0], exist_ok=True)
+            with suppress(FileNotFoundError):
+                self._fs.rm_file(place)
+
+    def _note(self) -> str | None:
+        """Which copy is under way here, by the note that it left; None if none is known."""
+        try:
+            return str(json.loads(self._fs.cat_file(self._at(NOTE)))["copy"])
+        except (FileNotFoundError, ValueError, KeyError, TypeError):
+            return None
 
     def _is_whole(self, rows: Rows, sizes: Mapping[str, int]) -> bool:
         return set(sizes) == {*rows, layout.MANIFEST} and all(sizes[path] == size for path, (size, _) in rows.items())
@@ -145,7 +158,7 @@ class Target:
         try:
             manifest = json.loads(self._fs.cat_file(self._at(layout.MANIFEST)))
             listed_files(manifest)
-        except (FileNotFoundError, ValueError, KeyError, TypeError):
+        except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError):
             return None
         return manifest if str(manifest.get("format", "")).startswith("recipe/manifest/") else None
 
@@ -175,21 +188,34 @@ class Target:
 
 
 class _Journal:
-    """What was sent to a place so far, noted beside the dataset's folder: it outlives the process."""
+    """What was sent to a place so far, noted beside the dataset's folder: it outlives the process.
+
+    Its first line names the copy; what it says holds only where the note at the place names the same.
+    """
 
     def __init__(self, root: Path, url: str) -> None:
         name = hashlib.sha256(url.encode()).hexdigest()[:16]
         self._path = root.with_name(f".{root.name}.sent-{name}")
 
-    def rows(self) -> Rows:
-        """The files noted; a last line that was cut off is none."""
+    def rows(self, token: str | None) -> Rows:
+        """The files noted of that copy; a last line that was cut off is none."""
         found: Rows = {}
         with suppress(OSError):
-            for line in self._path.read_text().splitlines():
+            first, *lines = self._path.read_text().splitlines() or [""]
+            for line in lines if first == token else ():
                 with suppress(ValueError):
                     path, size, sha256 = json.loads(line)
                     found[path] = int(size), str(sha256)
         return found
+
+    def begin(self, rows: Rows) -> str:
+        """A new copy, of which these files are in place already; its name."""
+        token = f"{fresh_nonce():x}"
+        with host_errors(str(self._path), "free some space or allow writing"):
+            self._path.write_text(f"{token}\n")
+        for path, row in rows.items():
+            self.note(path, row)
+        return token
 
     def note(self, path: str, row: tuple[int, str]) -> None:
         """Add a file."""

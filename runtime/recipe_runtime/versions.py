@@ -12,6 +12,9 @@ from recipe_compiler.canonical import digest, digest_bytes
 # In the order in which things are made; a difference is reported at the first stage where it shows.
 STAGES: dict[str, int] = {"plan": 1, "simulate": 1, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
 
+# Of the compiler, what the runtime may import: values, readers of assets, arithmetic. Never the language.
+SHARED = {"assets", "canonical", "errors", "exact", "files", "lockfile", "optics", "plan", "streams"}
+
 _NOT_SIMULATING = {"annotate", "render", "report"}
 _TOOLS = ("dataset-recipe", "astral", "deflate", "numpy", "pybullet", "pycocotools", "rfc8785", "warp-lang")
 
@@ -33,9 +36,7 @@ def simulation_maker() -> str:
 
     A kept Trace is used again only by what would make it again; a lockfile goes by the stage's version alone.
     """
-    root = Path(__file__).parent
-    sources = [p for p in sorted(root.rglob("*.py")) if p.relative_to(root).parts[0] not in _NOT_SIMULATING]
-    code = [[p.relative_to(root).as_posix(), digest_bytes("source/1", p.read_bytes())] for p in sources]
+    code = [row for row in _code() if row[0].split("/")[1] not in _NOT_SIMULATING]
     return digest("maker/1", {"stage": STAGES["simulate"], "tools": host_versions(), "code": code})
 
 
@@ -51,12 +52,21 @@ def builder() -> str:
 @cache
 def renderer() -> str:
     """Identity of what makes frames here, once motion is given: packages and code. Hosts that share it agree."""
+    tools = {**tool_versions(), "pillow": version("pillow")}  # which decodes what a recipe brings, to the same pixels
+    return digest("renderer/1", {"stages": STAGES, "tools": tools, "code": _code()})
+
+
+def _code() -> list[list[str]]:
+    """Every module of the runtime, and of the compiler what the runtime imports, with a digest of its source."""
     import recipe_compiler
 
-    runtime, compiler = Path(__file__).parent, Path(recipe_compiler.__file__).parent
-    sources = [*sorted(runtime.rglob("*.py")), *(compiler / f"{name}.py" for name in ("canonical", "exact", "plan"))]
-    code = [[p.name, digest_bytes("source/1", p.read_bytes())] for p in sources]
-    return digest("renderer/1", {"stages": STAGES, "tools": tool_versions(), "code": code})
+    rows = []
+    for package, folder in (("runtime", Path(__file__).parent), ("compiler", Path(recipe_compiler.__file__).parent)):
+        for path in sorted(folder.rglob("*.py")):
+            place = path.relative_to(folder)
+            if package == "runtime" or place.parts[0].removesuffix(".py") in SHARED:
+                rows.append([f"{package}/{place.as_posix()}", digest_bytes("source/1", path.read_bytes())])
+    return rows
 
 
 def host_versions() -> dict[str, str]:

@@ -105,7 +105,7 @@ def test_a_worker_has_a_gpu_of_its_own(cluster: Any, tmp_path: Path) -> None:
     made = _build(tmp_path / "cluster", cluster, engines=engines, device="cuda", shard_frames=1, workers=2)
     cluster.remove_node(node)
     assert tree(made.path) == _here(tmp_path / "here")
-    with pytest.raises(InputError, match="every worker has a GPU of its own; write cuda"):
+    with pytest.raises(InputError, match="every worker has a GPU of its own; say cuda"):
         _build(tmp_path / "one", cluster, engines=engines, device="cuda:1")
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import webdataset
 from PIL import Image
-from recipe_compiler.errors import InputError
+from recipe_compiler.errors import InputError, RunError
 from recipe_runtime import export, layout
 from recipe_runtime.build import build
 from recipe_runtime.dataset import Dataset, read
@@ -61,9 +61,9 @@ def test_webdataset_reads_every_frame(built: Dataset, tmp_path: Path) -> None:
 
 
 def test_files_are_the_datasets_own(built: Dataset, tmp_path: Path) -> None:
-    held = 0
+    held = set()
     for shard in exported(built, tmp_path / "out"):
-        assert shard.stat().st_size < SMALL + 2 * tarfile.RECORDSIZE
+        assert shard.stat().st_size <= SMALL
         with tarfile.open(shard) as tar:
             for entry in tar:
                 assert (entry.mtime, entry.uid, entry.gid, entry.uname, entry.gname) == (0, 0, 0, "", "")
@@ -73,9 +73,43 @@ def test_files_are_the_datasets_own(built: Dataset, tmp_path: Path) -> None:
                     body = tar.extractfile(entry)
                     assert body is not None
                     assert body.read() == (built.root / place / modality / f"{frame}.{ending}").read_bytes()
-                    held += 1
-    pictures = [p for p in layout.expected_files(built.plan) if "/rgb/" in p or "/depth/" in p or "/instance/" in p]
-    assert held >= len(pictures) > 0
+                    held.add(f"{place}/{modality}/{frame}.{ending}")
+    assert held == {
+        layout.frame_file(variant.variant, sensor.name, modality, frame, built.plan.depth)
+        for variant in built.plan.variants
+        for sensor in variant.rig.sensors
+        for modality in sensor.capture
+        for frame in range(variant.scene.clock.frames)
+    }
+
+
+def test_a_name_that_leads_away_is_refused(built: Dataset, tmp_path: Path) -> None:
+    """The recipe's name is part of the shards' names, and a stranger's manifest says it."""
+    copy, victim = tmp_path / "a" / "b" / "copy", tmp_path / "thesis-000000.tar"
+    shutil.copytree(built.root, copy)
+    victim.write_bytes(b"precious")
+    manifest = (copy / layout.MANIFEST).read_text()
+    (copy / layout.MANIFEST).write_text(manifest.replace('"recipe": "tiny"', '"recipe": "../../../../thesis"'))
+    with pytest.raises(InputError, match="cannot be a folder's name"):
+        exported(read(copy), tmp_path / "a" / "b" / "out")
+    assert victim.read_bytes() == b"precious"
+
+
+def test_two_exports_at_once_and_a_folder_in_the_way(built: Dataset, tmp_path: Path) -> None:
+    met = []
+
+    def meet(stage: str, done: int, total: int) -> None:
+        if not met:
+            met.append(done)
+            with pytest.raises(RunError, match="another export is writing"):
+                exported(built, tmp_path / "out")
+
+    export.webdataset(built, tmp_path / "out", meet, SMALL)
+    assert met and not list(tmp_path.glob(".out*"))
+    (tmp_path / ".other.export").mkdir()
+    (tmp_path / ".other.export" / "thesis.tex").write_text("precious")
+    with pytest.raises(InputError, match="is in the way and is not an export's work"):
+        exported(built, tmp_path / "other")
 
 
 def test_equal_datasets_give_equal_shards(built: Dataset, tmp_path: Path) -> None:

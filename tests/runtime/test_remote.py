@@ -108,6 +108,48 @@ def test_an_older_dataset_is_never_half_another(url: str, built: Path, monkeypat
     assert there(url) == local(built)
 
 
+def test_a_copy_from_elsewhere_meanwhile_is_believed_and_the_old_note_is_not(
+    url: str, built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A copy stops; another host copies other bytes of the same sizes; the first goes on."""
+    fs, prefix = fsspec.core.url_to_fs(url)
+    send, sent = type(fs).put_file, []
+
+    def failing(self: Any, *args: Any, **kwargs: Any) -> None:
+        if len(sent) > 30:
+            raise ConnectionError("the line is dead")
+        send(self, *args, **kwargs)
+        sent.append(args[1])
+
+    monkeypatch.setattr(type(fs), "put_file", failing)
+    with pytest.raises(RunError):
+        put(url, built)
+    monkeypatch.undo()
+    for name in sent:
+        fs.rm_file(name)
+        fs.pipe_file(name, bytes(len(local(built)[name.partition("small/")[2]])))
+    fs.pipe_file(f"{prefix}/{NOTE}", b'{"copy": "another", "dataset": "x"}')
+    assert put(url, built).kept == 0
+    assert there(url) == local(built)
+
+
+def test_a_place_that_a_build_made_is_not_written_through_its_links(built: Path, tmp_path: Path) -> None:
+    target = tmp_path / "there" / "small"
+    plan = dataset_plan()
+    less = plan.model_copy(update={"variants": plan.variants[:2]})
+    build(less, target, engines=ENGINES, workers=0, cache=tmp_path / "cache")
+    put(f"file://{target}", built)
+    assert local(target) == local(built)
+
+
+@pytest.mark.parametrize("url", ["s3://", "memory://", "file:///"])
+def test_a_url_without_a_place(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="names no place"):
+        Target(url)
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_is_not_ours_is_left_alone(url: str, built: Path) -> None:
     fs, prefix = fsspec.core.url_to_fs(url)
     fs.makedirs(prefix, exist_ok=True)

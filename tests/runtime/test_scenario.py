@@ -72,6 +72,17 @@ def test_a_stream_gives_what_is_rendered_one_by_one(reels: bool, monkeypatch: py
         assert seen == [2, 0, 3]
 
 
+@pytest.mark.parametrize("reels", [False, True])
+def test_two_streams_at_once_do_not_mix(reels: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pairs of frames that follow one another, as flow wants them."""
+    scenario = recipe_runtime.open(TINY, RAIN)
+    monkeypatch.setattr(scenario._scenes.source(scenario.plan.scene), "reels", reels)
+    for (n, one), (m, other) in zip(scenario.stream(frames=range(3)), scenario.stream(frames=range(1, 4)), strict=True):
+        assert (n + 1, m) == (m, n + 1)
+        np.testing.assert_array_equal(one["rgb"], scenario.render(n))
+        np.testing.assert_array_equal(other["rgb"], scenario.render(m))
+
+
 def _fake(**options: Any) -> Scenario:
     plan = dataset_plan(frames=6)
     return Scenario(plan.variants[0], Scenes(engines=ENGINES), **options)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import functools
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,7 +15,6 @@ from recipe_cli.arguments import (
     ALLOW_LARGE,
     DEVICE,
     JSON,
-    RECIPE,
     WORKERS,
     compile_quietly,
     engines_for,
@@ -33,8 +33,22 @@ if TYPE_CHECKING:
     from recipe_runtime.remote import Target
 
 
+def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
+    """`build --ray rain.yaml` means a recipe, not a cluster of that name."""
+
+    @functools.wraps(command)
+    def ordered(recipe: Path | None, ray: str | None, **values: Any) -> None:
+        if recipe is None and ray is not None and Path(ray).suffix in (".yaml", ".yml", ".recipe"):
+            recipe, ray = Path(ray), "local"
+        if recipe is None:
+            raise click.UsageError("Missing argument 'RECIPE'.")
+        command(recipe=recipe, ray=ray, **values)
+
+    return ordered
+
+
 @click.command("build")
-@RECIPE
+@click.argument("recipe", type=click.Path(path_type=Path), required=False, metavar="RECIPE")
 @click.option(
     "--out",
     metavar="DIR|URL",
@@ -54,6 +68,7 @@ if TYPE_CHECKING:
 @WORKERS
 @ALLOW_LARGE
 @JSON
+@_recipe_first
 @unpacks("recipe")
 def command(
     recipe: Path,
@@ -68,14 +83,18 @@ def command(
     as_json: bool,
 ) -> None:
     """Build RECIPE's dataset, and check it against its lockfile if there is one."""
-    target = _target(out) if out and "://" in out else None
-    folder = Path(out) if out and target is None else None
+    if ray and device not in ("cpu", "cuda"):
+        from recipe_compiler.errors import InputError
+
+        raise InputError(f"--device {device}: on a cluster, every worker has a GPU of its own; write cuda")
+    folder = Path(out) if out and "://" not in out else None
     compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(folder or Path()))
     folder = folder or Path("datasets") / compiled.plan.recipe
     lock = _lockfile(recipe, compiled)
     if locked or frozen:
         plan = _agreed(recipe, compiled, lock, frozen)
         compiled = replace(compiled, plan=plan, files=compiled.files if locked or lock is None else lock[1].files)
+    target = _target(out) if out and "://" in out else None
     from recipe_runtime.build import build
 
     reasons: list[str] = []

@@ -14,7 +14,13 @@ from recipe_cli.progress import Progress
 @click.argument("dataset", type=click.Path(path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("--format", "form", type=click.Choice(["webdataset"]), default="webdataset", show_default=True)
-@click.option("--shard-size", metavar="SIZE", default="1G", show_default=True, help="A shard is at most so large.")
+@click.option(
+    "--shard-size",
+    metavar="SIZE",
+    default="1G",
+    show_default=True,
+    help="A shard is at most so large, unless one frame alone is larger.",
+)
 @JSON
 def command(dataset: Path, out: Path, form: str, shard_size: str, as_json: bool) -> None:
     """Write the frames of DATASET, a folder that `recipe build` made, into OUT.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -16,9 +17,14 @@ def slot(name: Any, otherwise: str) -> str:
 
 
 def slot_names(names: Sequence[Any]) -> list[str]:
-    """A slot for each material: its own name; `material.N` where that is unfit or taken."""
-    taken: list[str] = []
+    """A slot for each material, no two alike: its own name; `material.N` where that is unfit or taken."""
+    taken: dict[str, None] = {}
+    spare = itertools.count(len(names))
     for number, name in enumerate(names):
         found = slot(name, f"material.{number}")
-        taken.append(found if found not in taken else f"material.{number}")
-    return taken
+        if found in taken:
+            found = f"material.{number}"
+        while found in taken:
+            found = f"material.{next(spare)}"
+        taken[found] = None
+    return list(taken)

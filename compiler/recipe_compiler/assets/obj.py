@@ -9,7 +9,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from recipe_compiler.assets.geometry import MAX_TRIANGLES, MAX_VERTICES, AssetError, Indices, Raw, check_count
+from recipe_compiler.assets.geometry import (
+    MAX_SLOTS,
+    MAX_TRIANGLES,
+    MAX_VERTICES,
+    AssetError,
+    Floats,
+    Indices,
+    Raw,
+    check_count,
+)
 from recipe_compiler.assets.names import slot
 from recipe_compiler.assets.stl import SLOT, number
 
@@ -80,6 +89,7 @@ class _Reader:
         self.count += len(words) - 2
         check_count(self.count, "triangles", MAX_TRIANGLES)
         group = self.groups.setdefault(self.slot, _Group())
+        check_count(len(self.groups), "materials", MAX_SLOTS)
         numbers = [group.corners.setdefault(self._corner(word), len(group.corners)) for word in words]
         group.triangles += [(numbers[0], numbers[k], numbers[k + 1]) for k in range(1, len(numbers) - 1)]
 
@@ -99,12 +109,13 @@ def read(content: bytes) -> list[Raw]:
                 reader.line(words)
             except AssetError as error:
                 raise AssetError(f"line {at}: {error}") from None
-    return [_raw(reader, slot, group) for slot, group in reader.groups.items()]
+    columns = [np.array(c, np.float64) for c in (reader.points, reader.uvs, reader.normals)]
+    return [_raw(columns, slot, group) for slot, group in reader.groups.items()]
 
 
-def _raw(reader: _Reader, slot: str, group: _Group) -> Raw:
+def _raw(columns: Sequence[Floats], slot: str, group: _Group) -> Raw:
     corners: Indices = np.array(list(group.corners), np.int64).reshape(-1, 3)
-    points, uvs, normals = (np.array(c, np.float64) for c in (reader.points, reader.uvs, reader.normals))
+    points, uvs, normals = columns
     uv = None
     if len(uvs) and (corners[:, 1] >= 0).all():
         uv = uvs[corners[:, 1]]
