@@ -120,6 +120,7 @@ class SceneSource:
         known, kept = self._reel
         self._reel = "", None  # one serves one stream at a time; and its memory goes before another's is asked for
         if known != key:
+            kept = None
             kept = self.renderer.reel(sensor.camera, sensor.name, appearances, lanes)
         return key, kept
 

@@ -1,8 +1,8 @@
 """What an earlier build of another plan made and this one wants too: linked into place, not made again.
 
 A view (scene and sensor) that is in both has the same labels; a view and an appearance that are in both have the same
-pictures. The dataset that stands where the new one will be is taken from if this very program on this host built it,
-which the cache remembers, and every file is read and held against its digest before it gets its second name.
+pictures. The dataset that stands where the new one will be is taken from if this very program built it, from
+this host, which the cache remembers, and every file is read and held against its digest before it gets its second name.
 """
 
 from __future__ import annotations
