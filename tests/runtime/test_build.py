@@ -353,7 +353,7 @@ def test_a_full_disk_is_an_error_and_what_is_done_is_kept(
 
     with monkeypatch.context() as patched:
         patched.setattr(worker, "write_atomic", fill)
-        with pytest.raises(RunError, match=r"frame \d+: cannot write: No space left on device; free some space"):
+        with pytest.raises(RunError, match=r"frame \d+: cannot write \S+: No space left on device; free some space"):
             again(tmp_path, workers=0, shard_frames=2)
     result = again(tmp_path, workers=0, shard_frames=2)
     assert result.resumed > 0
