@@ -85,7 +85,7 @@ bench: install-dev  ## frames a second beside a plain PyBullet + Pillow script, 
 bench-long: install-dev  ## a build of 10,000 frames with nothing to do, and the check of 60 of them (ten minutes)
 	$(BIN)/python -m benchmarks.long
 
-bench-ray: install-dev  ## what Ray costs over local processes, for the same frames; Ray is installed for it
+bench-ray: install-dev  ## what Ray costs over local processes, for the same frames (ten minutes); Ray is installed for it
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'ray==2.60.0'
 	$(BIN)/python -m benchmarks.cluster
 
