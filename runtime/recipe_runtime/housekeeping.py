@@ -101,8 +101,13 @@ def tidy(roots: Iterable[Path], most: int | None) -> list[Entry]:
     """Prune to `most` bytes, but for what running builds have read; never an error, for the work is done by then."""
     roots = list(roots)
     with suppress(OSError):  # read-only, say
-        return [] if most is None else prune(roots, most, min(in_use_since(root) for root in roots))
+        return [] if most is None else prune(roots, most, in_use(roots))
     return []
+
+
+def in_use(roots: Iterable[Path]) -> float:
+    """When the oldest of the running builds began: what was read since may be in use. Infinity if none runs."""
+    return min((in_use_since(root) for root in roots), default=float("inf"))
 
 
 def bytes_of(text: str) -> int:

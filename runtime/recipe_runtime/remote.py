@@ -183,6 +183,9 @@ class Target:
         except ValueError as error:
             raise InputError(f"{self.url}: {error}") from None
         except Exception as error:  # each store has errors of its own
+            if type(error).__name__ == "NoCredentialsError":
+                remedy = "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
+                raise RunError(f"{self.url}: there are no credentials; {remedy}") from None
             reason = f"{type(error).__name__}: {error}"
             raise RunError(f"{self.url}: {reason}; try again: what was copied is kept") from error
 

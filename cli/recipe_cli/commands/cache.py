@@ -28,7 +28,8 @@ def command(prune: bool, size: str | None, as_json: bool) -> None:
         raise InputError("--size says how much --prune leaves; give both")
     limit = housekeeping.limit() if size is None else housekeeping.bytes_of(size)
     roots = housekeeping.folders()
-    removed = housekeeping.prune(roots, limit) if prune and limit is not None else []
+    spared = housekeeping.in_use(roots)
+    removed = housekeeping.prune(roots, limit, spared) if prune and limit is not None else []
     told = housekeeping.sizes(housekeeping.entries(roots))
     if as_json:
         kinds = {kind: {"entries": count, "bytes": total} for kind, (count, total) in told.items()}
