@@ -3,8 +3,9 @@
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import clamp01, greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.noise import clamp01, hash3, noise2, step_between, unit, whole
+from recipe_runtime.render.noise import hash3, noise2, step_between, unit, whole
 from recipe_runtime.render.vectors import inner, mix
 
 wp.set_module_options(OPTIONS)
@@ -54,7 +55,7 @@ class Air:
 @wp.func
 def decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
     """e^-x for x >= 0, from a table."""
-    t = wp.min(wp.max(x, 0.0) * DECAY_SCALE, wp.float32(DECAY_STEPS - 2))
+    t = lesser(greater(x, 0.0) * DECAY_SCALE, wp.float32(DECAY_STEPS - 2))
     i = wp.int32(t)
     f = t - wp.float32(i)
     return air[0].decay[i] + (air[0].decay[i + 1] - air[0].decay[i]) * f
@@ -71,7 +72,7 @@ def lookup(table: wp.array[wp.vec3f], t: wp.float32, rows: wp.int32) -> wp.vec3f
 @wp.func
 def clear_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     """Cloudless sky in a direction, without the sun's disc; below the horizon, the horizon's."""
-    up = wp.max(d[2], 0.0)
+    up = greater(d[2], 0.0)
     base = lookup(air[0].gradient, wp.sqrt(up), SKY_ROWS)
     c = inner(d, air[0].sun) * 0.5 + 0.5
     glow = lookup(air[0].halo, c * c, HALO_ROWS)
@@ -134,7 +135,7 @@ def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
 @wp.func
 def reflected_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     """The sky as a mirror shows it: without small clouds; below the horizon it darkens to the ground."""
-    clear = clear_sky(air, wp.vec3f(d[0], d[1], wp.max(d[2], 0.0)))
+    clear = clear_sky(air, wp.vec3f(d[0], d[1], greater(d[2], 0.0)))
     grey = mix(air[0].cloud_dark, air[0].cloud_bright, 0.5)
     both = mix(clear, grey, clamp01(air[0].cover))
     return mix(both, air[0].below, step_between(0.05, -0.15, d[2]))
@@ -143,9 +144,9 @@ def reflected_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
 @wp.func
 def fog_share(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: wp.float32) -> wp.float32:
     """Share of light that survives `distance` metres of fog and haze between two heights (Koschmieder)."""
-    path = wp.max(distance - air[0].fog_start, 0.0) * air[0].fog
+    path = greater(distance - air[0].fog_start, 0.0) * air[0].fog
     if air[0].fog_thin > 0.0 and path > 0.0:
-        low = wp.max(wp.min(z0, z1), 0.0) * air[0].fog_thin
+        low = greater(lesser(z0, z1), 0.0) * air[0].fog_thin
         rise = (z1 - z0) * air[0].fog_thin
         if rise < 0.0:
             rise = -rise

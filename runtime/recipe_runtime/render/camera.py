@@ -7,6 +7,7 @@ edge before it, and the edge would alias again.
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import scramble
 
@@ -33,9 +34,9 @@ class Response:
 @wp.func
 def tone(x: wp.float32) -> wp.float32:
     """A film-like curve into [0, 1): Narkowicz's rational fit to ACES."""
-    x = wp.max(x, 0.0)
+    x = greater(x, 0.0)
     y = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)
-    return wp.min(y, 1.0)
+    return lesser(y, 1.0)
 
 
 @wp.func
@@ -49,7 +50,7 @@ def untone(y: wp.float32) -> wp.float32:
 @wp.func
 def rim_at(rims: wp.array[wp.float32], square: wp.float32) -> wp.float32:
     """The lens circle's gain at a squared distance from the centre, 1 at the corners; a line between two steps."""
-    t = wp.min(square, 1.0) * wp.float32(RIM_STEPS)
+    t = lesser(square, 1.0) * wp.float32(RIM_STEPS)
     i = wp.min(wp.int32(t), RIM_STEPS - 1)
     return rims[i] + (rims[i + 1] - rims[i]) * (t - wp.float32(i))
 
@@ -78,7 +79,7 @@ def level(x: wp.float32, deviate: wp.float32, noise: wp.float32) -> wp.int32:
     """A linear display value with noise, as a place in the sRGB table."""
     grain = noise * deviate * (0.0005 + 0.008 * wp.sqrt(x))
     t = (x + grain) * wp.float32(LEVELS - 1) + 0.5
-    return wp.int32(wp.min(wp.max(t, 0.0), wp.float32(LEVELS - 1)))
+    return wp.int32(lesser(greater(t, 0.0), wp.float32(LEVELS - 1)))
 
 
 @wp.func
@@ -109,7 +110,7 @@ def toned(
     x = (wp.float32(i % r.width) + 0.5) / wp.float32(r.width) - 0.5
     y = (wp.float32(i / r.width) + 0.5 - 0.5 * wp.float32(r.height)) / wp.float32(r.width)
     gain = r.exposure * shading_at(x, y, r, rims)
-    drops = wp.min(wp.float32(rain) * (1.0 / 65536.0), 0.8)
+    drops = lesser(wp.float32(rain) * (1.0 / 65536.0), 0.8)
     red = wp.float32(0.0)
     green = wp.float32(0.0)
     blue = wp.float32(0.0)
@@ -172,7 +173,7 @@ def expose(
 ):
     """One plate pixel's light, exposed and balanced, its samples averaged as `develop` does; what blurs acts on it."""
     i = wp.tid()
-    drops = wp.min(wp.float32(rain[i]) * (1.0 / 65536.0), 0.8)
+    drops = lesser(wp.float32(rain[i]) * (1.0 / 65536.0), 0.8)
     red = wp.float32(0.0)
     green = wp.float32(0.0)
     blue = wp.float32(0.0)

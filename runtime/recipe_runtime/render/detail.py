@@ -6,8 +6,9 @@ All are analytic, and averaged over a pixel's footprint, so that nothing aliases
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import clamp01, greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.noise import clamp01, hash2, unit, whole
+from recipe_runtime.render.noise import hash2, unit, whole
 
 wp.set_module_options(OPTIONS)
 
@@ -33,11 +34,11 @@ def fade(width: wp.float32, footprint: wp.float32) -> wp.float32:
 @wp.func
 def joint(t: wp.float32, half: wp.float32, footprint: wp.float32) -> wp.float32:
     """Share of a pixel that lies on joints 2 half wide, one at each whole number; box-filtered, so exact on average."""
-    w = wp.max(footprint, 1.0e-4) * 0.5
+    w = greater(footprint, 1.0e-4) * 0.5
     low = t - w + half
     high = t + w + half
-    a = wp.float32(whole(low)) * 2.0 * half + wp.min(low - wp.float32(whole(low)), 2.0 * half)
-    b = wp.float32(whole(high)) * 2.0 * half + wp.min(high - wp.float32(whole(high)), 2.0 * half)
+    a = wp.float32(whole(low)) * 2.0 * half + lesser(low - wp.float32(whole(low)), 2.0 * half)
+    b = wp.float32(whole(high)) * 2.0 * half + lesser(high - wp.float32(whole(high)), 2.0 * half)
     return clamp01((b - a) / (2.0 * w))
 
 
@@ -49,7 +50,7 @@ def tiles(
     v = uv[1] / height
     course = whole(v)
     u = uv[0] / width + bond * wp.float32(course & 1)
-    mortar = wp.max(joint(u, 0.5 * gap / width, foot / width), joint(v, 0.5 * gap / height, foot / height))
+    mortar = greater(joint(u, 0.5 * gap / width, foot / width), joint(v, 0.5 * gap / height, foot / height))
     return wp.vec3f(mortar, unit(hash2(whole(u), course, wp.uint32(77))), fade(height, foot))
 
 

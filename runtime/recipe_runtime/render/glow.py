@@ -8,9 +8,10 @@ under which the lamp sees the way, over h. That closed form takes one sum a lamp
 # mypy: ignore-errors
 
 from recipe_runtime.render.air import Air, decay
+from recipe_runtime.render.bounds import clamp01, greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.nearby import MOST, Lamps
-from recipe_runtime.render.noise import clamp01, step_between
+from recipe_runtime.render.noise import step_between
 from recipe_runtime.render.observation import TILE
 from recipe_runtime.render.vectors import inner
 from recipe_runtime.render.visibility import Lens
@@ -26,7 +27,7 @@ BLINDING = wp.constant(wp.float32(12.0))  # per unit of power: bright lamps glow
 @wp.func
 def angle_of(x: wp.float32) -> wp.float32:
     """The arc tangent of x, to 0.002 radians (Rajan and others, 2006)."""
-    a = wp.max(x, -x)
+    a = greater(x, -x)
     t = a
     if a > 1.0:
         t = 1.0 / a
@@ -59,7 +60,7 @@ def gather(
         y = (view[0, 4] * p[0] + view[0, 5] * p[1]) + view[0, 6] * p[2] + view[0, 7]
         z = (view[0, 8] * p[0] + view[0, 9] * p[1]) + view[0, 10] * p[2] + view[0, 11]
         # How far the lamp stands beside the tile's middle, in the plane across the optical axis.
-        depth = wp.max(z, 0.0)
+        depth = greater(z, 0.0)
         dx = x - middle_x * depth
         dy = y - middle_y * depth
         reach = WIDEST * wp.sqrt(1.0 + middle_x * middle_x + middle_y * middle_y) + half * depth
@@ -73,7 +74,7 @@ def gather(
 def murk(air: wp.array[Air], z: wp.float32, distance: wp.float32) -> wp.float32:
     """Extinction of the air at a height and a distance from the eye, 1/m."""
     begun = clamp01((distance - air[0].fog_start) * 0.1 + 1.0)
-    return air[0].haze + air[0].fog * begun * decay(air, wp.max(z, 0.0) * air[0].fog_thin)
+    return air[0].haze + air[0].fog * begun * decay(air, greater(z, 0.0) * air[0].fog_thin)
 
 
 @wp.func
@@ -93,18 +94,18 @@ def lamp_glow(
         to = lamps[0].position[i] - eye
         along = inner(to, sight)
         apart = inner(to, to)
-        beside = wp.max(apart - along * along, 0.0)
+        beside = greater(apart - along * along, 0.0)
         edge = (1.0 - beside * (1.0 / (WIDEST * WIDEST))) * (1.0 - apart * (1.0 / (FARTHEST * FARTHEST)))
         if beside < WIDEST * WIDEST and apart < FARTHEST * FARTHEST:
             h = wp.sqrt(beside + SMALLEST * SMALLEST)
             seen = angle_of((distance - along) / h) + angle_of(along / h)
-            near = wp.min(wp.max(along, 0.0), distance)
+            near = lesser(greater(along, 0.0), distance)
             q = sight * near - to  # from the lamp to the nearest point of the way
             r = 1.0 / wp.sqrt(inner(q, q) + SMALLEST * SMALLEST)
             cone = lamps[0].cone[i]
             within = step_between(cone[0] - 0.25, cone[1], inner(q, lamps[0].direction[i]) * r)
             # A narrow beam is soon crossed; the rest of a lamp's flux, thrown about, glows on all sides.
-            beam = 0.65 * within * wp.sqrt(wp.max(1.0 - cone[0] * cone[0], 0.0)) + 0.3 * (1.0 - cone[0])
+            beam = 0.65 * within * wp.sqrt(greater(1.0 - cone[0] * cone[0], 0.0)) + 0.3 * (1.0 - cone[0])
             sigma = murk(air, lamps[0].position[i][2], near)
             share = sigma * air[0].glow * decay(air, sigma * near) * seen * edge * edge / h * beam
             power = lamps[0].power[i]

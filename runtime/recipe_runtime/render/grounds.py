@@ -3,9 +3,10 @@
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import clamp01, greater, lesser
 from recipe_runtime.render.detail import Detail, fade, tiles
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.noise import clamp01, hash2, noise2, scramble, unit, whole
+from recipe_runtime.render.noise import hash2, noise2, scramble, unit, whole
 from recipe_runtime.render.vectors import direction
 
 wp.set_module_options(OPTIONS)
@@ -38,8 +39,8 @@ def mended(p: wp.vec3f, foot: wp.float32) -> wp.float32:
         half = 0.14 + 0.24 * unit(scramble(code))
         beside = (half - wp.abs(x - wp.float32(i) - 0.5)) * 4.7
         ends = (0.36 - wp.abs(y - wp.float32(j) - 0.5)) * 7.3
-        inner = wp.min(beside, ends)
-        w = wp.max(foot, 0.01)
+        inner = lesser(beside, ends)
+        w = greater(foot, 0.01)
         seam = clamp01((0.03 - wp.abs(inner)) / w + 0.5) * clamp01(0.06 / w)
         tone = -0.1 * clamp01(inner / w + 0.5) - 0.3 * seam
     return tone
@@ -55,7 +56,7 @@ def asphalt(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
         patch = noise2(p[0] * 2.1, p[1] * 2.1, wp.uint32(2)) - 0.5
         d.tone = d.tone + near * (0.2 * patch + mended(p, foot))
         crack = 1.0 - wp.abs(age + 0.09 * patch - 0.06) / (0.0035 + 0.2 * foot)
-        d.tone = d.tone - 0.3 * near * clamp01(crack) * clamp01(0.012 / wp.max(foot, 0.004))
+        d.tone = d.tone - 0.3 * near * clamp01(crack) * clamp01(0.012 / greater(foot, 0.004))
     near = fade(0.06, foot)
     if near > 0.0:
         d.tone = d.tone + 0.3 * near * (noise2(p[0] * 17.0, p[1] * 17.0, wp.uint32(4)) - 0.5)
@@ -64,6 +65,19 @@ def asphalt(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
         stone = unit(hash2(whole(p[0] * 55.0), whole(p[1] * 55.0), wp.uint32(3))) - 0.5
         d.tone = d.tone + 0.5 * near * stone
     d.height = ground_noise(p, foot)
+    return d
+
+
+@wp.func
+def road_paint(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """Paint on asphalt, worn off here and there: `second` is the share of asphalt seen."""
+    d = asphalt(d, uv, p, foot)
+    d.second = 0.13
+    near = fade(0.32, foot)
+    if near > 0.0:
+        worn = noise2(p[0] * 3.1, p[1] * 3.1, wp.uint32(15)) + 0.5 * (d.tone - 1.0)
+        d.second = 0.13 + near * (clamp01((worn - 0.62) * 3.0) * 0.75 - 0.13)
+    d.tone = 1.0 + 0.25 * (d.tone - 1.0)
     return d
 
 
@@ -99,6 +113,7 @@ def blades(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
     near = fade(0.025, foot)
     if near > 0.0:
         d.tone = d.tone + 0.8 * near * (noise2(p[0] * 70.0, p[1] * 44.0, wp.uint32(10)) - 0.5)
+    d.height = ground_noise(p, foot) + 0.15
     return d
 
 

@@ -9,6 +9,7 @@ and down) in the sample's own numbers, the longer one as it is and the other one
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern
+from recipe_runtime.render.bounds import greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import whole
 from recipe_runtime.render.vectors import inner, outer
@@ -37,7 +38,7 @@ class Album:
 @wp.func
 def bounded(v: wp.float32) -> wp.float32:
     """A step of sensible length."""
-    return wp.min(wp.max(v, -_FAR), _FAR)
+    return lesser(greater(v, -_FAR), _FAR)
 
 
 @wp.func
@@ -91,7 +92,7 @@ def longer_first(s: wp.vec4f) -> wp.vec4f:
 @wp.func
 def share_code(share: wp.float32) -> wp.uint32:
     """A share in [-1, 1] as 16 bits."""
-    return wp.uint32(wp.int32(wp.min(wp.max(share, -1.0), 1.0) * 32767.0 + 32768.0))
+    return wp.uint32(wp.int32(lesser(greater(share, -1.0), 1.0) * 32767.0 + 32768.0))
 
 
 @wp.func
@@ -104,7 +105,7 @@ def share_of(code: wp.uint32) -> wp.float32:
 def second_step(steps: wp.vec4f) -> wp.uint32:
     """The shorter step as shares of the longer one's length, 16 bits each."""
     length = wp.sqrt(steps[0] * steps[0] + steps[1] * steps[1])
-    scale = 1.0 / wp.max(length, 1.0e-12)
+    scale = 1.0 / greater(length, 1.0e-12)
     return share_code(steps[2] * scale) | (share_code(steps[3] * scale) << wp.uint32(16))
 
 
@@ -151,7 +152,7 @@ def within(t: wp.float32, repeats: wp.int32) -> wp.float32:
     """A coordinate within the image."""
     if repeats != 0:
         return t - wp.float32(whole(t))
-    return wp.min(wp.max(t, 0.0), 1.0)
+    return lesser(greater(t, 0.0), 1.0)
 
 
 @wp.func
@@ -178,16 +179,16 @@ def image_at(album: wp.array[Album], image: wp.int32, detail: wp.vec4f, code: wp
         short = swapped
         ax = bx
         ay = by
-    short = wp.max(wp.max(short, long / wp.float32(MOST_TAPS)), 1.0)
+    short = greater(greater(short, long / wp.float32(MOST_TAPS)), 1.0)
     taps = wp.max(wp.min(wp.int32(wp.min(long / short, 99.0) + 0.5), MOST_TAPS), 1)
-    short = wp.max(short, long / wp.float32(taps))
+    short = greater(short, long / wp.float32(taps))
     scale = wp.float32(1.0)
     level = first
     while short >= 2.0 and level < last:
         short = short * 0.5
         scale = scale * 0.5
         level = level + 1
-    finer = wp.min(short - 1.0, 1.0)  # between two levels the size's logarithm is all but straight
+    finer = lesser(short - 1.0, 1.0)  # between two levels the size's logarithm is all but straight
     if level == last:
         finer = wp.float32(0.0)
     total = wp.vec3f(0.0, 0.0, 0.0)

@@ -7,8 +7,9 @@ reach does not meet the box is left out. Tiles keep the things in the order of t
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import clamp01, greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.noise import clamp01, step_between
+from recipe_runtime.render.noise import step_between
 from recipe_runtime.render.observation import TILE, depth_of
 from recipe_runtime.render.vectors import inner
 from recipe_runtime.render.visibility import Lens
@@ -46,7 +47,7 @@ class Bodies:
 @wp.func
 def gap(low: wp.float32, high: wp.float32, x: wp.float32) -> wp.float32:
     """Distance of x from the interval."""
-    return wp.max(wp.max(low - x, x - high), 0.0)
+    return greater(greater(low - x, x - high), 0.0)
 
 
 @wp.func
@@ -57,7 +58,7 @@ def meets_cone(v: wp.vec3f, radius: wp.float32, aim: wp.vec3f, cosine: wp.float3
     along = inner(v, aim)
     if along < -radius:
         return False
-    across = wp.sqrt(wp.max(inner(v, v) - along * along, 0.0))
+    across = wp.sqrt(greater(inner(v, v) - along * along, 0.0))
     return across * cosine - along * wp.sqrt(1.0 - cosine * cosine) <= radius
 
 
@@ -99,8 +100,8 @@ def box_about(
         px = world[0, 0] * cx + world[0, 1] * cy + world[0, 2] * z + world[0, 3]
         py = world[0, 4] * cx + world[0, 5] * cy + world[0, 6] * z + world[0, 7]
         pz = world[0, 8] * cx + world[0, 9] * cy + world[0, 10] * z + world[0, 11]
-        low = wp.vec3f(wp.min(low[0], px), wp.min(low[1], py), wp.min(low[2], pz))
-        high = wp.vec3f(wp.max(high[0], px), wp.max(high[1], py), wp.max(high[2], pz))
+        low = wp.vec3f(lesser(low[0], px), lesser(low[1], py), lesser(low[2], pz))
+        high = wp.vec3f(greater(high[0], px), greater(high[1], py), greater(high[2], pz))
     return low, high
 
 
@@ -232,7 +233,7 @@ def contact(
             spread = bodies[0].spread[i]
             r = (gu * gu + gv * gv) / (spread * spread)
             # The parts of one body stand in each other's way: the darkest of them counts, not their product.
-            left = wp.min(left, 1.0 - bodies[0].strength[i] * clamp01(n[2]) / (1.0 + 2.0 * r + r * r))
+            left = lesser(left, 1.0 - bodies[0].strength[i] * clamp01(n[2]) / (1.0 + 2.0 * r + r * r))
     return left
 
 
@@ -259,7 +260,7 @@ def lamp_light(lamps: wp.array[Lamps], i: wp.int32, p: wp.vec3f, n: wp.vec3f) ->
     faced = dx * n[0] + dy * n[1] + dz * n[2]
     if faced < 0.0 and faced * faced > 0.0144 * s:
         return wp.vec4f(0.0, 0.0, 1.0, 0.0)
-    r = 1.0 / wp.sqrt(wp.max(s, 1.0e-4))
+    r = 1.0 / wp.sqrt(greater(s, 1.0e-4))
     to = wp.vec3f(dx * r, dy * r, dz * r)
     spot = step_between(cone[0], cone[1], along * r)
     edge = 1.0 - s / (reach * reach)

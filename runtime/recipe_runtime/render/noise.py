@@ -3,6 +3,7 @@
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import clamp01, greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 
 wp.set_module_options(OPTIONS)
@@ -46,7 +47,7 @@ def unit(h: wp.uint32) -> wp.float32:
 @wp.func
 def whole(x: wp.float32) -> wp.int32:
     """The floor of x, which is first brought into the range of lattice numbers."""
-    c = wp.max(wp.min(x, wp.float32(1.0e9)), wp.float32(-1.0e9))
+    c = greater(lesser(x, wp.float32(1.0e9)), wp.float32(-1.0e9))
     i = wp.int32(c)
     if wp.float32(i) > c:
         i = i - 1
@@ -57,12 +58,6 @@ def whole(x: wp.float32) -> wp.int32:
 def smooth(t: wp.float32) -> wp.float32:
     """The cubic that eases from 0 to 1."""
     return t * t * (3.0 - 2.0 * t)
-
-
-@wp.func
-def clamp01(t: wp.float32) -> wp.float32:
-    """t, kept within [0, 1]."""
-    return wp.min(wp.max(t, 0.0), 1.0)
 
 
 @wp.func

@@ -6,9 +6,10 @@ A sight that enters a pane meets the room's walls, floor or ceiling, so a window
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import clamp01, greater, lesser
 from recipe_runtime.render.detail import Detail, either, fade, joint
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.noise import clamp01, hash2, noise2, scramble, unit, whole
+from recipe_runtime.render.noise import hash2, noise2, scramble, unit, whole
 from recipe_runtime.render.vectors import direction, inner
 
 wp.set_module_options(OPTIONS)
@@ -17,7 +18,7 @@ wp.set_module_options(OPTIONS)
 @wp.func
 def behind(sight: wp.vec3f, normal: wp.vec3f) -> wp.vec3f:
     """The sight's slope behind a pane: to the right and up for each unit inwards, and how fast it goes in."""
-    inward = wp.max(-inner(sight, normal), 0.08)
+    inward = greater(-inner(sight, normal), 0.08)
     right = sight[1] * normal[0] - sight[0] * normal[1]
     return wp.vec3f(right / inward, sight[2] / inward, inward)
 
@@ -39,7 +40,7 @@ def room(fu: wp.float32, fv: wp.float32, ray: wp.vec3f, code: wp.uint32) -> wp.f
     side = until(fu, ray[0], -0.75, 1.75)
     level = until(fv, ray[1], -0.5, 1.22)
     back = 2.0 + 1.2 * unit(code)
-    deep = wp.min(back, wp.min(side, level))
+    deep = lesser(back, lesser(side, level))
     x = fu + ray[0] * deep
     y = fv + ray[1] * deep
     bright = wp.float32(0.62)
@@ -66,7 +67,7 @@ def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail
     j = whole(uv[1])
     fu = uv[0] - wp.float32(i)
     fv = uv[1] - wp.float32(j)
-    w = wp.max(foot * 0.65, 0.003)
+    w = greater(foot * 0.65, 0.003)
     d.second = either(joint(uv[0], 0.055, w), joint(uv[1], 0.04, w))
     kind = hash2(i >> 4, 5, wp.uint32(71)) & wp.uint32(3)
     if kind < wp.uint32(3):
@@ -76,7 +77,7 @@ def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail
     elif kind == wp.uint32(3):
         d.second = either(d.second, joint(uv[1] + 0.5, 0.022, w))
     d.code = hash2(i, j, d.code)
-    side = wp.min(fu, 1.0 - fu)
+    side = lesser(fu, 1.0 - fu)
     drawn = unit(d.code * wp.uint32(747796405)) * 0.4
     edge = drawn - side
     style = d.code & wp.uint32(7)
@@ -85,7 +86,7 @@ def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail
     elif style == wp.uint32(2):
         edge = fv - (1.0 - 2.0 * drawn)  # a blind, let down
     near = fade(1.3, foot)
-    d.wear = 0.27 + (clamp01(edge / wp.max(w, 0.02) + 0.5) - 0.27) * near
+    d.wear = 0.27 + (clamp01(edge / greater(w, 0.02) + 0.5) - 0.27) * near
     d.height = near
     d.tone = 0.66
     near = fade(0.5, foot)
@@ -106,7 +107,7 @@ def curtain_wall(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> 
     j = whole(uv[1])
     fu = uv[0] - wp.float32(i)
     fv = uv[1] - wp.float32(j)
-    w = wp.max(foot * 0.5, 0.003)
+    w = greater(foot * 0.5, 0.003)
     d.wear = joint(uv[1] - 0.12, 0.13, w)
     d.second = either(joint(uv[0], 0.028, w), joint(uv[1], 0.012, w))
     d.second = either(d.second, joint(uv[1] - 0.25, 0.012, w))
@@ -137,7 +138,7 @@ def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> D
     j = whole(uv[1])
     fu = uv[0] - wp.float32(i)
     fv = uv[1] - wp.float32(j)
-    w = wp.max(foot * 0.4, 0.002)
+    w = greater(foot * 0.4, 0.002)
     d.second = either(joint(uv[0], 0.022, w), joint(uv[1], 0.022, w))
     d.second = either(d.second, joint(uv[1] + 0.22, 0.012, w))
     d.code = hash2(i >> 4, j, d.code)
@@ -177,7 +178,7 @@ def facade(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """A bay of a distant wall: its window, and as `second` the wall around it. Buildings differ."""
     i = whole(uv[0])
     j = whole(uv[1])
-    w = wp.max(foot * 0.33, 0.003)
+    w = greater(foot * 0.33, 0.003)
     kind = hash2(i >> 6, 6, wp.uint32(72))  # a building's key: 64 bays go by its name
     beside = 0.1 + 0.2 * unit(kind)
     between = 0.16 + 0.1 * unit(scramble(kind))

@@ -9,10 +9,11 @@ by the pixel's footprint, so that nothing aliases at a distance.
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern
+from recipe_runtime.render.bounds import clamp01, greater
 from recipe_runtime.render.detail import Detail, fade
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.grounds import asphalt, blades, ground_noise, ripples, slabs
-from recipe_runtime.render.noise import clamp01, noise2, noise3
+from recipe_runtime.render.grounds import asphalt, blades, ground_noise, ripples, road_paint, slabs
+from recipe_runtime.render.noise import noise2, noise3
 from recipe_runtime.render.panes import curtain_wall, facade, shop_window, window
 from recipe_runtime.render.prints import letter, poster
 from recipe_runtime.render.vectors import direction
@@ -69,8 +70,16 @@ def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
         leaf = noise3(p[0] * 19.0, p[1] * 19.0, p[2] * 23.0, wp.uint32(9)) - 0.5
         tone = tone + (0.95 * leaf - 0.3 * hole(leaf + 0.3 * twig)) * near
         d.normal = direction(d.normal + wp.vec3f(0.6 * leaf * near, -0.5 * leaf * near, 0.8 * leaf * near))
-    d.tone = wp.max(tone, 0.2) * (0.34 + 0.66 * uv[1])
+    d.tone = greater(tone, 0.2) * (0.34 + 0.66 * uv[1])
     d.second = clamp01(0.35 + 1.4 * bough + 0.9 * twig * near)
+    return d
+
+
+@wp.func
+def concrete(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """A wall's concrete, or ground of it, on which water stands."""
+    d = wall(d, uv, p, foot, 0.18)
+    d.height = ground_noise(p, foot) + 0.1
     return d
 
 
@@ -93,33 +102,26 @@ def detail_of(
     d.normal = normal
     d.height = 0.5
     d.code = surface
+    # A pattern is returned as soon as it is known: what branches leave behind would be copied at the end of each.
     foot = 0.5 * (footprint[1] + wp.sqrt(footprint[0] * footprint[1]))
     if pattern == ASPHALT:
-        d = asphalt(d, uv, p, foot)
+        return asphalt(d, uv, p, foot)
     elif pattern == SLABS:
-        d = slabs(d, uv, p, foot)
+        return slabs(d, uv, p, foot)
     elif pattern == ROAD_PAINT:
-        d = asphalt(d, uv, p, foot)
-        d.second = 0.13
-        near = fade(0.32, foot)
-        if near > 0.0:
-            worn = noise2(p[0] * 3.1, p[1] * 3.1, wp.uint32(15)) + 0.5 * (d.tone - 1.0)
-            d.second = 0.13 + near * (clamp01((worn - 0.62) * 3.0) * 0.75 - 0.13)
-        d.tone = 1.0 + 0.25 * (d.tone - 1.0)
+        return road_paint(d, uv, p, foot)
     elif pattern == BRICK:
-        d = bricks(d, uv, p, foot)
+        return bricks(d, uv, p, foot)
     elif pattern == PLASTER:
-        d = wall(d, uv, p, foot, 0.10)
+        return wall(d, uv, p, foot, 0.10)
     elif pattern == CONCRETE:
-        d = wall(d, uv, p, foot, 0.18)
-        d.height = ground_noise(p, foot) + 0.1
+        return concrete(d, uv, p, foot)
     elif pattern == FOLIAGE:
-        d = crown(d, uv, p, foot)
+        return crown(d, uv, p, foot)
     elif pattern == GRASS:
-        d = blades(d, p, foot)
-        d.height = ground_noise(p, foot) + 0.15
+        return blades(d, p, foot)
     elif pattern == WINDOW:
-        d = window(d, uv, sight, foot)
+        return window(d, uv, sight, foot)
     elif pattern == NICHE:
         d.tone = 1.0 - 0.62 * clamp01(uv[1])
     elif pattern == BARK:
@@ -131,23 +133,23 @@ def detail_of(
     elif pattern == HAIR:
         d.tone = 1.0 + 0.5 * (noise2(uv[0] * 40.0, uv[1] * 8.0, surface) - 0.5) * fade(0.02, foot)
     elif pattern == ROOF:
-        d = roof_tiles(d, uv, p, foot)
+        return roof_tiles(d, uv, p, foot)
     elif pattern == STONE:
-        d = stones(d, uv, foot)
+        return stones(d, uv, foot)
     elif pattern == CLAPBOARD:
-        d = boards(d, uv, foot)
+        return boards(d, uv, foot)
     elif pattern == WOOD:
-        d = planks(d, uv, foot)
+        return planks(d, uv, foot)
     elif pattern == CURTAIN_WALL:
-        d = curtain_wall(d, uv, sight, foot)
+        return curtain_wall(d, uv, sight, foot)
     elif pattern == SHOP_WINDOW:
-        d = shop_window(d, uv, sight, foot)
+        return shop_window(d, uv, sight, foot)
     elif pattern == FACADE:
-        d = facade(d, uv, p, foot)
+        return facade(d, uv, p, foot)
     elif pattern == LETTER:
-        d = letter(d, uv, foot)
+        return letter(d, uv, foot)
     elif pattern == POSTER:
-        d = poster(d, uv, foot)
+        return poster(d, uv, foot)
     elif pattern == WATER:
-        d = ripples(d, p, foot)
+        return ripples(d, p, foot)
     return d

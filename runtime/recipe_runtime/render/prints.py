@@ -3,9 +3,10 @@
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import clamp01, greater
 from recipe_runtime.render.detail import Detail, either, fade, joint
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.noise import clamp01, hash2, noise2, scramble, unit, whole
+from recipe_runtime.render.noise import hash2, noise2, scramble, unit, whole
 
 wp.set_module_options(OPTIONS)
 
@@ -16,7 +17,7 @@ def poster(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     i = whole(uv[0])
     fu = uv[0] - wp.float32(i)
     fv = uv[1] - wp.float32(whole(uv[1]))
-    w = wp.max(foot * 0.25, 0.003)
+    w = greater(foot * 0.25, 0.003)
     code = hash2(i, 3, wp.uint32(91))
     cx = 0.3 + 0.4 * unit(code)
     cy = 0.52 + 0.2 * unit(scramble(code))
@@ -77,6 +78,6 @@ def letter(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     below = dot(high, low, i, j) * (1.0 - fx) + dot(high, low, i + 1, j) * fx
     above = dot(high, low, i, j + 1) * (1.0 - fx) + dot(high, low, i + 1, j + 1) * fx
     ink = below + (above - below) * fy
-    sharp = 1.0 / wp.max(foot * 22.0, 0.12)
-    d.second = clamp01((ink - 0.42) * wp.max(sharp, 1.0) + 0.42)
+    sharp = 1.0 / greater(foot * 22.0, 0.12)
+    d.second = clamp01((ink - 0.42) * greater(sharp, 1.0) + 0.42)
     return d

@@ -8,6 +8,7 @@ before what is seen there; covers are whole numbers, so their sum does not depen
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import scramble, unit, whole
 from recipe_runtime.render.observation import depth_of
@@ -73,19 +74,19 @@ def streaks(
     vy = (view[0, 4] * x + view[0, 5] * y) + view[0, 6] * w
     x0 = vx / z * focal + wp.float32(lens.cx)
     y0 = vy / z * focal + wp.float32(lens.cy)
-    z1 = wp.max(z + shower[0].streak[2] * speed, 0.5)
+    z1 = greater(z + shower[0].streak[2] * speed, 0.5)
     x1 = (vx + shower[0].streak[0] * speed) / z1 * focal + wp.float32(lens.cx)
     y1 = (vy + shower[0].streak[1] * speed) / z1 * focal + wp.float32(lens.cy)
-    if wp.max(x0, x1) < -3.0 or wp.min(x0, x1) > wp.float32(lens.width):
+    if greater(x0, x1) < -3.0 or lesser(x0, x1) > wp.float32(lens.width):
         return
-    if wp.max(y0, y1) < -1.0 or wp.min(y0, y1) > wp.float32(lens.height):
+    if greater(y0, y1) < -1.0 or lesser(y0, y1) > wp.float32(lens.height):
         return
     dx = x1 - x0
     dy = y1 - y0
-    reach = wp.max(wp.max(dx, -dx), wp.max(dy, -dy))
+    reach = greater(greater(dx, -dx), greater(dy, -dy))
     steps = wp.min(whole(reach) + 1, 400)
     width = 0.003 * size * focal / z  # pixels
-    share = wp.min(width, 1.0)
+    share = lesser(width, 1.0)
     broad = wp.min(whole(width) + 1, 3)
     cover = 65536.0 * shower[0].cover * share
     for s in range(steps):

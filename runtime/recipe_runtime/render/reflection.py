@@ -9,8 +9,9 @@ A ray that meets nothing sees the sky, or, if it is low, the street beyond the p
 # mypy: ignore-errors
 
 from recipe_runtime.render.air import Air, decay, reflected_sky
+from recipe_runtime.render.bounds import clamp01, greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.noise import clamp01, noise2, step_between
+from recipe_runtime.render.noise import noise2, step_between
 from recipe_runtime.render.observation import TILE
 from recipe_runtime.render.shade import Before, Samples, spoil
 from recipe_runtime.render.vectors import inner, mix
@@ -55,11 +56,11 @@ def rippled(air: wp.array[Air], p: wp.vec3f, gloss: wp.float32) -> wp.float32:
 @wp.func
 def mirrored(to_point: wp.vec3f, ripple: wp.float32) -> wp.vec3f:
     """The unit direction in which wet ground sends the sight on: upward, and a little astray."""
-    one = 1.0 / wp.sqrt(wp.max(inner(to_point, to_point), 1.0e-8))
+    one = 1.0 / wp.sqrt(greater(inner(to_point, to_point), 1.0e-8))
     sight = to_point * one
     n = wp.vec3f(sight[0] * ripple, sight[1] * ripple, 1.0)
     r = sight - n * (2.0 * inner(n, sight) / inner(n, n))
-    return wp.vec3f(r[0], r[1], wp.max(r[2], 0.02))
+    return wp.vec3f(r[0], r[1], greater(r[2], 0.02))
 
 
 @wp.func
@@ -241,14 +242,14 @@ def reflect(
             at = pixel_at(q, lens)
         if at >= 0:
             # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
-            most = air[0].sideways * (4.0 + 500.0 * wp.max(gleam[i][1] - 0.82, 0.0))
+            most = air[0].sideways * (4.0 + 500.0 * greater(gleam[i][1] - 0.82, 0.0))
             seen = starts[at]
             if keep:
                 sources[i] = at
                 if seen >= before[0].kept:
                     sources[i] = -2
             r = radiance[seen]
-            r = wp.vec3f(wp.min(r[0], most[0]), wp.min(r[1], most[1]), wp.min(r[2], most[2]))
+            r = wp.vec3f(lesser(r[0], most[0]), lesser(r[1], most[1]), lesser(r[2], most[2]))
             out[i] = light + r * share
             return
     street = clamp01(step_between(0.34, 0.12, d[2]))

@@ -8,6 +8,7 @@ For a camera that stands still, so do all frames: only a pixel that something mo
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.images import IMAGE, longer_first, second_step, steps_between_pixels
 from recipe_runtime.render.observation import TILE, depth_of, pixel_at, triangle_of
@@ -263,17 +264,17 @@ def weights_along(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f) -> wp
         total = 1.0
         w1 = 0.0
         w2 = 0.0
-    w0 = wp.max(w0 / total, 0.0)
-    w1 = wp.max(w1 / total, 0.0)
-    w2 = wp.max(w2 / total, 0.0)
-    total = wp.max(w0 + w1 + w2, 1.0e-6)
+    w0 = greater(w0 / total, 0.0)
+    w1 = greater(w1 / total, 0.0)
+    w2 = greater(w2 / total, 0.0)
+    total = greater(w0 + w1 + w2, 1.0e-6)
     return wp.vec3f(w0 / total, w1 / total, w2 / total)
 
 
 @wp.func
 def footprint_of(face: wp.vec3f, sight: wp.vec3f, across: wp.float32) -> wp.vec2f:
     """Metres of a surface that a pixel holds, across the sight and along it: the more, the nearer to grazing."""
-    return wp.vec2f(across, across / wp.max(-inner(face, sight), 0.04))
+    return wp.vec2f(across, across / greater(-inner(face, sight), 0.04))
 
 
 @wp.kernel
@@ -359,8 +360,8 @@ def enclose(
     for i in range(begin, end):
         if surfaces[i] >= 0:
             p = positions[i]
-            low = wp.vec3f(wp.min(low[0], p[0]), wp.min(low[1], p[1]), wp.min(low[2], p[2]))
-            high = wp.vec3f(wp.max(high[0], p[0]), wp.max(high[1], p[1]), wp.max(high[2], p[2]))
+            low = wp.vec3f(lesser(low[0], p[0]), lesser(low[1], p[1]), lesser(low[2], p[2]))
+            high = wp.vec3f(greater(high[0], p[0]), greater(high[1], p[1]), greater(high[2], p[2]))
     if high[0] < low[0]:
         low = wp.vec3f(0.0, 0.0, 0.0)
         high = low

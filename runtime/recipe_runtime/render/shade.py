@@ -10,11 +10,12 @@ darkens what is porous and lies in the hollows of flat ground. Radiance is linea
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render import pattern as patterns
 from recipe_runtime.render.air import Air, ambient, fog_share, reflected_sky, sky, veiled
+from recipe_runtime.render.bounds import clamp01, greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.glow import lamp_glow
 from recipe_runtime.render.images import IMAGE, Album, image_at
 from recipe_runtime.render.nearby import Bodies, Lamps, contact, lamp_light
-from recipe_runtime.render.noise import clamp01, noise2, noise3, step_between, unit
+from recipe_runtime.render.noise import noise2, noise3, step_between, unit
 from recipe_runtime.render.shadow import UNTOUCHED, Sunbeam, holds, lit
 from recipe_runtime.render.vectors import direction, inner, mix, times
 
@@ -110,7 +111,7 @@ def sunshine(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
     moving = wp.float32(1.0)
     if left > 0.0:
         moving = past_moving(beams, p, n)
-    return wp.vec2f(wp.min(left, moving), moving)
+    return wp.vec2f(lesser(left, moving), moving)
 
 
 @wp.func
@@ -143,7 +144,7 @@ def fresnel(coat: wp.float32, gloss: wp.float32, cosine: wp.float32) -> wp.float
     """Schlick's reflectance; a rough surface never becomes the mirror at grazing that a smooth one does."""
     m = 1.0 - clamp01(cosine)
     m2 = m * m
-    return coat + (wp.max(gloss * gloss * gloss, coat) - coat) * m2 * m2 * m
+    return coat + (greater(gloss * gloss * gloss, coat) - coat) * m2 * m2 * m
 
 
 @wp.func
@@ -154,7 +155,7 @@ def glint(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.fl
     rough = 1.02 - gloss
     a = rough * rough
     k = c * c * (a * a - 1.0) + 1.0
-    return wp.min(a * a / (k * k) * 0.25, 60.0)
+    return lesser(a * a / (k * k) * 0.25, 60.0)
 
 
 @wp.func
@@ -235,7 +236,7 @@ def matter_of(
     """The dry material."""
     m = Matter()
     m.normal = n
-    m.albedo = mix(first, second, detail[1]) * wp.max(detail[0], 0.05)
+    m.albedo = mix(first, second, detail[1]) * greater(detail[0], 0.05)
     if (
         pattern == patterns.WINDOW
         or pattern == patterns.CURTAIN_WALL
@@ -325,7 +326,7 @@ def fluttered(m: Matter, air: wp.array[Air], p: wp.vec3f, near: wp.float32) -> M
     gust = noise2(p[0] * 0.25 - air[0].sway[2], p[1] * 0.25 + 0.3 * p[2], wp.uint32(41))
     swing = air[0].sway[0] * (1.0 - gust) + air[0].sway[1] * gust
     leaf = noise3(p[0] * 7.0 + swing * 7.0, p[1] * 7.0 + swing * 5.0, p[2] * 7.0 - swing * 4.0, wp.uint32(42)) - 0.5
-    amount = air[0].flutter * (0.4 + 0.6 * gust) * wp.min(2.0 * near, 1.0)
+    amount = air[0].flutter * (0.4 + 0.6 * gust) * lesser(2.0 * near, 1.0)
     m.albedo = m.albedo * (1.0 + 0.9 * amount * leaf)
     lean = 0.7 * amount * leaf
     m.normal = direction(wp.vec3f(m.normal[0] + lean, m.normal[1] - 0.6 * lean, m.normal[2] + 0.4 * lean))
@@ -352,7 +353,7 @@ def mirror(
 @wp.func
 def far_sky(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f) -> wp.vec3f:
     """The sky along a unit direction, behind the fog before it: the lower the sight, the longer its way there."""
-    far = 300.0 / (wp.max(d[2], 0.0) + 0.06)
+    far = 300.0 / (greater(d[2], 0.0) + 0.06)
     return veiled(air, sky(air, d), d, fog_share(air, eye[2], eye[2] + d[2] * far, far))
 
 
@@ -364,7 +365,7 @@ def open_sky(
     left = contact(bodies, lists, tile, p, n)
     if n[2] < 0.5 and p[2] < 3.0:
         # Walls see less of the sky near the ground.
-        low = 1.0 / (1.0 + wp.max(p[2], 0.0) * 2.0)
+        low = 1.0 / (1.0 + greater(p[2], 0.0) * 2.0)
         left = left * (1.0 - 0.35 * low * (0.5 - n[2]))
     return left
 
@@ -475,7 +476,7 @@ def shade(
     gleam[i] = wp.vec2f(0.0, 0.0)
     detail = samples[0].details[i]
     distance = wp.sqrt(inner(to_point, to_point))
-    sight = to_point * (1.0 / wp.max(distance, 1.0e-4))
+    sight = to_point * (1.0 / greater(distance, 1.0e-4))
     facing = -inner(n, sight)
     if facing < 0.0:
         # A smoothed normal may turn away at a silhouette; bring it back to the edge.

@@ -8,6 +8,7 @@ coarse, whose texels are fixed in the world. Flat ground casts nothing, so it ca
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import greater, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.visibility import Corner, Lens, breadth, draw, edge, moved, snap
 
@@ -155,8 +156,8 @@ def bound(depths: wp.array[wp.float32], used: wp.array[wp.int32], size: wp.int32
     for y in range(wp.max(top - 1, 0), wp.min(top + TILE + 2, size)):
         for x in range(wp.max(left - 1, 0), wp.min(left + TILE + 2, size)):
             q = depths[y * size + x]
-            low = wp.min(low, q)
-            high = wp.max(high, q)
+            low = lesser(low, q)
+            high = greater(high, q)
     bounds[tile] = wp.vec2f(low, high)
 
 
@@ -193,10 +194,10 @@ def clear(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) 
     if q - dq <= 0.0:
         return False
     side = size / TILE
-    left = int(wp.max(u - du, 0.0)) / TILE
-    right = int(wp.min(u + du, end)) / TILE
-    top = int(wp.max(v - dv, 0.0)) / TILE
-    bottom = int(wp.min(v + dv, end)) / TILE
+    left = int(greater(u - du, 0.0)) / TILE
+    right = int(lesser(u + du, end)) / TILE
+    top = int(greater(v - dv, 0.0)) / TILE
+    bottom = int(lesser(v + dv, end)) / TILE
     if (right - left + 1) * (bottom - top + 1) > 1024:
         return False
     for y in range(top, bottom + 1):
@@ -235,7 +236,7 @@ def lit(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.f
         # them, and it would shade itself. The ground throws no shadow, so it keeps the exact ends of those on it.
         axis = beams[k].q
         facing = (axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]) * beams[k].depth
-        lift = lift + 1.1 * texel * wp.sqrt(wp.max(1.0 - facing * facing, 0.0))
+        lift = lift + 1.1 * texel * wp.sqrt(greater(1.0 - facing * facing, 0.0))
     r = wp.vec3f(p[0] + n[0] * lift, p[1] + n[1] * lift, p[2] + n[2] * lift)
     u = along(beams[k].u, r) - 0.5
     v = along(beams[k].v, r) - 0.5

@@ -3,9 +3,10 @@
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import clamp01, greater
 from recipe_runtime.render.detail import Detail, fade, joint, tiles
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.noise import clamp01, hash2, noise2, unit, whole
+from recipe_runtime.render.noise import hash2, noise2, unit, whole
 
 wp.set_module_options(OPTIONS)
 
@@ -42,7 +43,7 @@ def bricks(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     t = tiles(uv, 0.25, 0.083, 0.011, 0.5, foot)
     stain = noise2((p[0] + p[1]) * 0.5, p[2] * 0.3, wp.uint32(16)) - 0.5
     d.second = t[0] * 0.7
-    burnt = wp.max(t[1] - 0.86, 0.0) * 3.0
+    burnt = greater(t[1] - 0.86, 0.0) * 3.0
     d.tone = 1.0 + (0.34 * (t[1] - 0.5) - burnt + 0.03) * t[2] + 0.16 * stain
     return weathered(d, uv, foot)
 
