@@ -25,8 +25,17 @@ def main() -> None:
         for number, seed in enumerate(target.seeds()):
             (Path(folder) / str(number)).write_bytes(seed)
         bounds = ["-timeout=20", "-rss_limit_mb=1500", "-max_len=200000"]
-        atheris.Setup([sys.argv[0], folder, *bounds, *sys.argv[1:]], target.feed)
-        atheris.Fuzz()
+        with tempfile.NamedTemporaryFile("w", prefix="recipe-words-") as words:
+            words.writelines(f'"{_escaped(word)}"\n' for word in target.words())
+            words.flush()
+            options = [*bounds, f"-dict={words.name}"] if target.json else bounds
+            atheris.Setup([sys.argv[0], folder, *options, *sys.argv[1:]], target.feed)
+            atheris.Fuzz()
+
+
+def _escaped(word: bytes) -> str:
+    """A word as libFuzzer's dictionaries write it."""
+    return "".join(chr(b) if 32 <= b < 127 and chr(b) not in '"\\' else f"\\x{b:02x}" for b in word)
 
 
 main()

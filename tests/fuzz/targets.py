@@ -6,18 +6,27 @@ A target returns, or raises the project's own error for such a file; anything el
 from __future__ import annotations
 
 import hashlib
+import io
+import json
+import struct
 import tempfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from recipe_compiler import assets, lockfile
+from recipe_compiler.assets.png import SIGNATURE
+from recipe_compiler.canonical import canonical_bytes
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.errors import InputError
+from recipe_compiler.lockfile import VariantRow
 from recipe_runtime import dataset, layout, pack, traces
 from recipe_runtime.build import build
+from recipe_runtime.frames import label_digest
 from recipe_runtime.trace import Trace
 
 from tests.runtime.fakes import ENGINES, dataset_plan, scene_plan, simulate
@@ -28,10 +37,40 @@ CASES = ROOT / "tests" / "cases" / "good"
 
 @dataclass(frozen=True)
 class Target:
-    """What is fed, and what to feed it first."""
+    """What is fed, and what to feed it first. A `json` one is told JSON's words, and the keys of its seeds."""
 
     feed: Callable[[bytes], None]
     seeds: Callable[[], Iterator[bytes]]
+    json: bool = False
+
+    def words(self) -> list[bytes]:
+        """Pieces for the fuzzer to put together; none but for JSON."""
+        if not self.json:
+            return []
+        keys = {key for seed in self.seeds() for key in _keys(seed)}
+        return [*_JSON, *(json.dumps(key).encode() + b":" for key in sorted(keys) if len(key) < 60)]
+
+
+_JSON = [
+    *(b"{ } [ ] , : [] {} [[ ]] true false null NaN Infinity -Infinity".split()),
+    *(b"0 -1 1.5 1e-7 1e308 1e999 -0 0.0 4096 65536 2147483648 9007199254740993 9223372036854775808".split()),
+    *(b'"" "." ".." "/" "../a" "a/b" "\\u0000" "\\u001b[2J" "\\ud800" "\\u2028"'.split()),
+    b"[" * 2000,
+    b'{"a":' * 2000,
+    b"9" * 5000,
+]
+
+
+def _keys(seed: bytes) -> Iterator[str]:
+    """Every key of the JSON in a seed, which may have other bytes before and after it."""
+    start, waiting = seed.find(b"{"), list[Any]()
+    with suppress(ValueError):
+        waiting = [json.JSONDecoder().raw_decode(seed[start:].decode("latin-1"))[0]]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            yield from value
+        waiting += value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
 
 
 @cache
@@ -91,7 +130,35 @@ def _dataset() -> Path:
 def _manifest(content: bytes) -> None:
     (_dataset() / layout.MANIFEST).write_bytes(content)
     with suppress(InputError):
-        dataset.read(_dataset())
+        dataset.damaged_files(dataset.read(_dataset()), lambda *_: None)
+
+
+@cache
+def _labelled() -> dataset.Dataset:
+    """A dataset of which the first variant's first sensor is fed."""
+    made = build(dataset_plan(1, 1), _folder() / "labelled", workers=0, cache=_folder() / "cache", engines=ENGINES)
+    return dataset.read(made.path)
+
+
+def _labels(content: bytes) -> None:
+    """Records that their digest vouches for, as anyone can make it who writes a manifest."""
+    held = _labelled()
+    variant, path = held.plan.variants[0], _labels_file()
+    try:
+        records = json.loads(content)
+        value, line = label_digest(records), canonical_bytes(records) + b"\n"
+    except (ValueError, TypeError, RecursionError):
+        line, value = content, "0" * 64
+    path.write_bytes(line)
+    row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
+    key = row.frame_key("labels"), variant.rig.sensors[0].name, "labels", 0
+    vouched = replace(held, lock=replace(held.lock, frames={**held.lock.frames, key: value}))
+    dataset.text_differences(vouched, {})
+
+
+def _labels_file() -> Path:
+    variant = _labelled().plan.variants[0]
+    return _labelled().root / layout.labels_file(variant.variant, variant.rig.sensors[0].name)
 
 
 def _mesh(kind: str) -> Callable[[bytes], None]:
@@ -103,8 +170,30 @@ def _mesh(kind: str) -> Callable[[bytes], None]:
 
 
 def _image(content: bytes) -> None:
-    with suppress(assets.AssetError):
-        assets.image(content, "png")
+    for whole in (content, _checked(content)):
+        with suppress(assets.AssetError):
+            assets.image(whole, "png")
+
+
+def _checked(content: bytes) -> bytes:
+    """The same chunks with checksums that hold, so that a decoder reads what is in them."""
+    pieces, at = [content[:8]], 8
+    while at + 12 <= len(content):
+        (length,) = struct.unpack(">I", content[at : at + 4])
+        body = content[at + 4 : at + 8 + length]
+        pieces += [content[at : at + 4], body, struct.pack(">I", zlib.crc32(body))]
+        at += 12 + length
+    return b"".join(pieces)
+
+
+def _rows(content: bytes) -> None:
+    """A PNG from its header's 13 bytes, a palette and its clear entries, and rows, which are packed here."""
+    head, sizes, rest = content[:13], content[13:15], content[15:]
+    if len(sizes) == 2:
+        palette, clear = rest[: sizes[0]], rest[sizes[0] : sizes[0] + sizes[1]]
+        chunks = [(b"IHDR", head)] + [(kind, body) for kind, body in ((b"PLTE", palette), (b"tRNS", clear)) if body]
+        chunks += [(b"IDAT", zlib.compress(rest[sum(sizes) :], 1)), (b"IEND", b"")]
+        _image(SIGNATURE + b"".join(struct.pack(">I", len(body)) + kind + body + b"CRC." for kind, body in chunks))
 
 
 def _found(*patterns: str) -> Callable[[], Iterator[bytes]]:
@@ -114,6 +203,28 @@ def _found(*patterns: str) -> Callable[[], Iterator[bytes]]:
                 yield path.read_bytes()
 
     return seeds
+
+
+def _pictures() -> Iterator[bytes]:
+    """A small PNG of every form that Pillow writes, and those of the tests."""
+    from PIL import Image
+
+    yield from _found("tests/cases/*/*/**/*.png")()
+    for mode in ("1", "L", "LA", "P", "RGB", "RGBA", "I;16"):
+        out = io.BytesIO()
+        clear = {"transparency": b"\0\x80"} if mode == "P" else {"transparency": 3} if mode == "L" else {}
+        Image.new("P" if mode == "P" else mode, (5, 3)).save(out, "PNG", **clear)
+        yield out.getvalue()
+
+
+def _picture_rows() -> Iterator[bytes]:
+    """A header, a palette and rows of every depth, kind of colour and order that a PNG may have."""
+    for colour, depths in {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}.items():
+        for depth in depths:
+            for interlaced in (0, 1):
+                head = struct.pack(">IIBBBBB", 3, 2, depth, colour, 0, 0, interlaced)
+                sizes = b"\x06\x02" if colour == 3 else b"\0\0"
+                yield head + sizes + bytes(sum(sizes) + 60)
 
 
 def _packs() -> Iterator[bytes]:
@@ -132,6 +243,10 @@ def _manifests() -> Iterator[bytes]:
     yield (_dataset() / layout.MANIFEST).read_bytes()
 
 
+def _lines() -> Iterator[bytes]:
+    yield canonical_bytes(json.loads(_labels_file().read_bytes().splitlines()[0]))
+
+
 def _plans() -> Iterator[bytes]:
     yield dataset_plan(2, 1).variants[0].model_dump_json().encode()
 
@@ -140,13 +255,15 @@ TARGETS = {
     "recipe": Target(_recipe, _found("tests/cases/good/*/recipe.yaml", "tests/golden/*.yaml")),
     "lockfile": Target(_lockfile, _found("tests/golden/lockfiles/*.lock")),
     "pack": Target(_pack, _packs),
-    "trace": Target(_trace, _trace_bytes),
+    "trace": Target(_trace, _trace_bytes, json=True),
     "traces": Target(_traces, _traces_bytes),
-    "plan": Target(_plan, _plans),
-    "manifest": Target(_manifest, _manifests),
+    "plan": Target(_plan, _plans, json=True),
+    "manifest": Target(_manifest, _manifests, json=True),
+    "labels": Target(_labels, _lines, json=True),
     "obj": Target(_mesh("obj"), _found("tests/cases/*/*/**/*.obj")),
     "stl": Target(_mesh("stl"), _found("tests/cases/*/*/**/*.stl")),
-    "glb": Target(_mesh("glb"), _found("tests/cases/*/*/**/*.glb")),
-    "gltf": Target(_mesh("gltf"), _found("tests/cases/*/*/**/*.gltf")),
-    "png": Target(_image, _found("tests/cases/*/*/**/*.png")),
+    "glb": Target(_mesh("glb"), _found("tests/cases/*/*/**/*.glb"), json=True),
+    "gltf": Target(_mesh("gltf"), _found("tests/cases/*/*/**/*.gltf"), json=True),
+    "png": Target(_image, _pictures),
+    "rows": Target(_rows, _picture_rows),
 }

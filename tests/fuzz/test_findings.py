@@ -19,7 +19,7 @@ def test_what_was_found_is_refused(path: Path) -> None:
 @pytest.mark.parametrize("name", TARGETS)
 def test_seeds_are_taken_whole_and_cut(name: str) -> None:
     seeds = list(TARGETS[name].seeds())
-    assert seeds or name == "png"
+    assert seeds
     for seed in seeds:
         for cut in (len(seed), len(seed) // 2, 1, 0):
             TARGETS[name].feed(seed[:cut])
