@@ -3,7 +3,7 @@
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
-from recipe_runtime.render.bounds import clamp01, greater, lesser
+from recipe_runtime.render.bounds import clamp01, greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import hash3, noise2, step_between, unit, whole
 from recipe_runtime.render.vectors import inner, mix
@@ -56,7 +56,7 @@ class Air:
 def decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
     """e^-x for x >= 0, from a table."""
     t = lesser(greater(x, 0.0) * DECAY_SCALE, wp.float32(DECAY_STEPS - 2))
-    i = wp.int32(t)
+    i = index(wp.int32(t))
     f = t - wp.float32(i)
     return air[0].decay[i] + (air[0].decay[i + 1] - air[0].decay[i]) * f
 
@@ -65,7 +65,7 @@ def decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
 def lookup(table: wp.array[wp.vec3f], t: wp.float32, rows: wp.int32) -> wp.vec3f:
     """Linear interpolation in a table over [0, 1]."""
     s = clamp01(t) * wp.float32(rows - 1)
-    i = wp.min(wp.int32(s), rows - 2)
+    i = index(wp.min(wp.int32(s), rows - 2))
     return mix(table[i], table[i + 1], s - wp.float32(i))
 
 

@@ -28,3 +28,12 @@ def greater(a: wp.float32, b: wp.float32) -> wp.float32:
 def clamp01(t: wp.float32) -> wp.float32:
     """t, kept within [0, 1]."""
     return lesser(greater(t, 0.0), 1.0)
+
+
+@wp.func
+def index(i: wp.int32) -> wp.int32:
+    """i >= 0, in a form that shows it.
+
+    Warp lets an index count from an array's end, and so asks of every access whether it does; of this one it need not.
+    """
+    return i & 0x7FFFFFFF

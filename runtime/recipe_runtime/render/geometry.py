@@ -64,6 +64,7 @@ class Geometry:
     chunks: Any  # vec3i [C], first triangle, count up to CHUNK, part
     chunk_centres: Any  # vec3f [C], of the chunk's box in the part's frame
     chunk_halves: Any  # vec3f [C], half its size
+    chunk_vertices: Any  # vec2i [C], the first of its vertices and the one after the last, others' maybe between them
     surface_actor: Any  # int32 [S]
     surface_instance: Any  # int32 [S]
     surface_tag: Any  # int32 [S]
@@ -147,6 +148,7 @@ class _Packer:
         columns = {name: np.concatenate(chunks) for name, chunks in self._chunks.items()}
         kinds = {"vertices": wp.vec3f, "normals": wp.vec3f, "face_normals": wp.vec3f, "uvs": wp.vec2f}
         kinds |= {"triangles": wp.vec3i, "chunks": wp.vec3i, "chunk_centres": wp.vec3f, "chunk_halves": wp.vec3f}
+        kinds["chunk_vertices"] = wp.vec2i
         arrays = {k: wp.array(v, dtype=kinds.get(k, wp.int32), device=device) for k, v in columns.items()}
         keys = tuple(self._surfaces)
 
@@ -182,6 +184,9 @@ class _Packer:
         sizes = np.minimum(CHUNK, count - starts).astype(np.int32)
         rows = np.stack([starts + self.triangle_count, sizes, np.full_like(starts, part)], axis=1)
         self._put("chunks", rows)
+        first, last = mesh.triangles.min(axis=1), mesh.triangles.max(axis=1)
+        ends = np.minimum.reduceat(first, starts), np.maximum.reduceat(last, starts) + 1
+        self._put("chunk_vertices", (np.stack(ends, axis=1) + self.vertex_count).astype(np.int32))
         self._put("chunk_centres", (low + high) * np.float32(0.5))
         self._put("chunk_halves", (high - low) * np.float32(0.5))
         self.chunk_count += len(starts)

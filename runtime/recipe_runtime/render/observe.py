@@ -103,7 +103,8 @@ class Observer:
         still = self._still(pose, camera, world_from_sensor, parts)
         with self._timings("transform"):
             matrices = device_rows(view_from_parts(world_from_sensor, parts), self._device)
-            vertices, chunks = self._transform(matrices, still), self._chunks(plate_of(camera), matrices)
+            chunks = self._chunks(plate_of(camera), matrices)
+            vertices = self._transform(matrices, chunks, still)
             projected, reach = self._projected(camera, vertices)
             # A lens bows edges out of the box of their ends, so the short cut is a pinhole's.
             touched = all_tiles(camera) if bends(camera) else _tiles_within(camera, projected, reach)
@@ -145,8 +146,9 @@ class Observer:
         still = self._poses.pop(pose, None)
         if known and still is None:
             matrices = device_rows(view_from_parts(world_from_sensor, parts), self._device)
-            vertices, labels = self._transform(matrices, None), self._no_labels(camera)
-            keys = self.visibility(camera, vertices, self._chunks(plate_of(camera), matrices), side=1, still=True)
+            chunks, labels = self._chunks(plate_of(camera), matrices), self._no_labels(camera)
+            vertices = self._transform(matrices, chunks, None)
+            keys = self.visibility(camera, vertices, chunks, side=1, still=True)
             with self._timings("label"):
                 self._label(camera, keys, all_tiles(camera), labels)
             still = _Still(vertices, keys, labels)
@@ -163,13 +165,18 @@ class Observer:
             launch(visibility.cull, g.chunk_count, [*boxes, matrices, lens_of(camera, 1), seen], self._device)
         return seen
 
-    def _transform(self, matrices: Any, still: _Still | None) -> Any:
+    def _transform(self, matrices: Any, chunks: Any, still: _Still | None) -> Any:
+        """All vertices in the camera's frame; of what stands still, on a CPU, only those in chunks that may be seen."""
         g = self._g
         out = wp.empty(g.vertex_count, dtype=wp.vec3f, device=self._device)
         first = 0
         if still is not None and g.static_vertices:
             first = g.static_vertices
             wp.copy(out, still.vertices, count=first)
+        elif self._device == "cpu" and g.static_vertices:
+            first = g.static_vertices
+            inputs = [g.vertices, g.chunks, g.chunk_vertices, chunks, matrices, out]
+            launch(visibility.transform_seen, g.static_chunks, inputs, self._device)
         if g.vertex_count > first:
             inputs = [g.vertices, g.vertex_part, matrices, first, out]
             launch(visibility.transform, g.vertex_count - first, inputs, self._device)

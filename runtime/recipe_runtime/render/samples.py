@@ -8,7 +8,7 @@ For a camera that stands still, so do all frames: only a pixel that something mo
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
-from recipe_runtime.render.bounds import greater, lesser
+from recipe_runtime.render.bounds import greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.images import IMAGE, longer_first, second_step, steps_between_pixels
 from recipe_runtime.render.observation import TILE, depth_of, pixel_at, triangle_of
@@ -292,7 +292,7 @@ def survey(
     codes: wp.array[wp.uint32],
 ):
     """The surface, world position, unit normal and pattern at the samples first..; for the sky, -1 and a direction."""
-    i = first + wp.tid()
+    i = index(first + wp.tid())
     pixel = pixels[i]
     if pixel < 0:  # a slot that no sample took
         return
@@ -309,14 +309,18 @@ def survey(
     positions[i] = wp.vec3f(m[0, 3] + turned[0] * z, m[0, 7] + turned[1] * z, m[0, 11] + turned[2] * z)
     triangle = triangle_of(key)
     t = scene[0].triangles[triangle]
-    surface = scene[0].triangle_surface[triangle]
+    t = wp.vec3i(index(t[0]), index(t[1]), index(t[2]))
+    surface = index(scene[0].triangle_surface[triangle])
     surfaces[i] = surface
     w = weights_along(ray, scene[0].view[t[0]], scene[0].view[t[1]], scene[0].view[t[2]])
     local = scene[0].normals[t[0]] * w[0] + scene[0].normals[t[1]] * w[1] + scene[0].normals[t[2]] * w[2]
     uv = scene[0].uvs[t[0]] * w[0] + scene[0].uvs[t[1]] * w[1] + scene[0].uvs[t[2]] * w[2]
-    part = scene[0].vertex_part[t[0]]
-    face = rotate(scene[0].world_from_part, part, scene[0].face_normals[triangle])
-    normal = direction(rotate(scene[0].world_from_part, part, local))
+    part = index(scene[0].vertex_part[t[0]])
+    face = scene[0].face_normals[triangle]
+    if part != 0:  # what stands still is in the world's frame as it is
+        face = rotate(scene[0].world_from_part, part, face)
+        local = rotate(scene[0].world_from_part, part, local)
+    normal = direction(local)
     sight = direction(turned)
     footprint = footprint_of(face, sight, z / wp.float32(lens.focal))
     pattern = scene[0].surface_pattern[surface]

@@ -10,7 +10,7 @@ darkens what is porous and lies in the hollows of flat ground. Radiance is linea
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render import pattern as patterns
 from recipe_runtime.render.air import Air, ambient, fog_share, reflected_sky, sky, veiled
-from recipe_runtime.render.bounds import clamp01, greater, lesser
+from recipe_runtime.render.bounds import clamp01, greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.glow import lamp_glow
 from recipe_runtime.render.images import IMAGE, Album, image_at
@@ -437,13 +437,14 @@ def shade(
     `steady` is not 0 where nothing that moves took the sun away: `unchanged` asks for it a frame later. If `listed`,
     only the samples `live` are asked for.
     """
-    i = wp.tid()
+    i = index(wp.tid())
     if listed != 0:
-        i = live[i]
+        i = index(live[i])
     earlier = i < before[0].known
     tile = samples[0].tiles[i]
     if tile < 0:  # a slot that no sample took
         return
+    tile = index(tile)
     if earlier and steady[i] == AT_REST and (before[0].tiles[tile] & UNTOUCHED) != 0:
         return
     p = samples[0].positions[i]
@@ -460,6 +461,7 @@ def shade(
         return
     n = samples[0].normals[i]
     to_point = p - samples[0].eye
+    surface = index(surface)
     pattern = looks[0].pattern[surface]
     swaying = air[0].flutter > 0.0 and (pattern == patterns.FOLIAGE or pattern == patterns.GRASS)
     if swaying:

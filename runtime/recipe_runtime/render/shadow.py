@@ -8,7 +8,7 @@ coarse, whose texels are fixed in the world. Flat ground casts nothing, so it ca
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
-from recipe_runtime.render.bounds import greater, lesser
+from recipe_runtime.render.bounds import greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.visibility import Corner, Lens, breadth, draw, edge, moved, snap
 
@@ -246,7 +246,7 @@ def lit(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.f
     i = int(u)
     j = int(v)
     q = along(beams[k].q, r) + (0.01 + 0.35 * texel) / beams[k].depth
-    within = beams[k].bounds[(j / TILE) * (size / TILE) + i / TILE]
+    within = beams[k].bounds[index((j / TILE) * (size / TILE) + i / TILE)]
     if q >= within[1]:
         return 1.0
     if q < within[0]:
@@ -260,7 +260,7 @@ def lit(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.f
             wy = 1.0 - fv
         if y == 3:
             wy = fv
-        base = (j + y - 1) * size + i - 1
+        base = index((j + y - 1) * size + i - 1)
         row = wp.float32(0.0)
         if beams[k].depths[base] <= q:
             row = row + 1.0 - fu

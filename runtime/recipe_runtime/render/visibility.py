@@ -8,6 +8,7 @@ triangles that share an edge leave no gap and take no sample twice. A sample's w
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.bounds import index
 from recipe_runtime.render.device import OPTIONS, wp
 
 wp.set_module_options(OPTIONS)
@@ -40,6 +41,16 @@ class Corner:
     q: wp.float64
 
 
+@wp.func
+def moved(m: wp.array2d[wp.float32], part: wp.int32, v: wp.vec3f) -> wp.vec3f:
+    """A point of the part's frame, in the frame that m leads to."""
+    return wp.vec3f(
+        m[part, 0] * v[0] + m[part, 1] * v[1] + m[part, 2] * v[2] + m[part, 3],
+        m[part, 4] * v[0] + m[part, 5] * v[1] + m[part, 6] * v[2] + m[part, 7],
+        m[part, 8] * v[0] + m[part, 9] * v[1] + m[part, 10] * v[2] + m[part, 11],
+    )
+
+
 @wp.kernel
 def transform(
     vertices: wp.array[wp.vec3f],
@@ -50,12 +61,25 @@ def transform(
 ):
     """Vertices first.. of each part's frame, moved by the part's matrix (3x4, by rows)."""
     i = first + wp.tid()
-    v = vertices[i]
-    p = part[i]
-    x = matrices[p, 0] * v[0] + matrices[p, 1] * v[1] + matrices[p, 2] * v[2] + matrices[p, 3]
-    y = matrices[p, 4] * v[0] + matrices[p, 5] * v[1] + matrices[p, 6] * v[2] + matrices[p, 7]
-    z = matrices[p, 8] * v[0] + matrices[p, 9] * v[1] + matrices[p, 10] * v[2] + matrices[p, 11]
-    out[i] = wp.vec3f(x, y, z)
+    out[i] = moved(matrices, part[i], vertices[i])
+
+
+@wp.kernel
+def transform_seen(
+    vertices: wp.array[wp.vec3f],
+    chunks: wp.array[wp.vec3i],
+    ranges: wp.array[wp.vec2i],
+    seen: wp.array[wp.int32],
+    matrices: wp.array2d[wp.float32],
+    out: wp.array[wp.vec3f],
+):
+    """The vertices of the chunks that may be seen, moved as `transform` moves them; the others' are left."""
+    n = wp.tid()
+    if seen[n] == 0:
+        return
+    part = chunks[n][2]
+    for i in range(ranges[n][0], ranges[n][1]):
+        out[i] = moved(matrices, part, vertices[i])
 
 
 @wp.func
@@ -65,16 +89,6 @@ def breadth(m: wp.array2d[wp.float32], part: wp.int32, half: wp.vec3f, n: wp.vec
     b = n[0] * m[part, 1] + n[1] * m[part, 5] + n[2] * m[part, 9]
     c = n[0] * m[part, 2] + n[1] * m[part, 6] + n[2] * m[part, 10]
     return wp.abs(a) * half[0] + wp.abs(b) * half[1] + wp.abs(c) * half[2]
-
-
-@wp.func
-def moved(m: wp.array2d[wp.float32], part: wp.int32, v: wp.vec3f) -> wp.vec3f:
-    """A point of the part's frame, in the frame that m leads to."""
-    return wp.vec3f(
-        m[part, 0] * v[0] + m[part, 1] * v[1] + m[part, 2] * v[2] + m[part, 3],
-        m[part, 4] * v[0] + m[part, 5] * v[1] + m[part, 6] * v[2] + m[part, 7],
-        m[part, 8] * v[0] + m[part, 9] * v[1] + m[part, 10] * v[2] + m[part, 11],
-    )
 
 
 @wp.func
@@ -275,7 +289,7 @@ def draw(
         for k in range(int(k0), int(k1) + 1):
             if (w0 + bias0) >= wp.int64(0) and (w1 + bias1) >= wp.int64(0) and (w2 + bias2) >= wp.int64(0):
                 q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
-                offer(keys, base + k, q, limit, triangle, bit)
+                offer(keys, index(base + k), q, limit, triangle, bit)
             w0 = w0 + dx0
             w1 = w1 + dx1
             w2 = w2 + dx2
