@@ -13,8 +13,8 @@ wp.set_module_options(OPTIONS)
 
 
 @wp.func
-def ground_noise(p: wp.vec3f, foot: wp.float32) -> wp.float32:
-    """Slow unevenness of the ground in the world, in [0, 1): where water stands."""
+def hollows(p: wp.vec3f, foot: wp.float32) -> wp.float32:
+    """Slow unevenness of the ground in the world, in [0, 1): where it is low, water stands."""
     a = noise2(p[0] * 0.45, p[1] * 0.45, wp.uint32(11))
     level = a * 0.7 + 0.15
     near = fade(0.6, foot)
@@ -64,7 +64,7 @@ def asphalt(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     if near > 0.0:
         stone = unit(hash2(whole(p[0] * 55.0), whole(p[1] * 55.0), wp.uint32(3))) - 0.5
         d.tone = d.tone + 0.5 * near * stone
-    d.height = ground_noise(p, foot)
+    d.last = foot
     return d
 
 
@@ -92,7 +92,7 @@ def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     if near > 0.0:
         speck = unit(hash2(whole(uv[0] * 70.0), whole(uv[1] * 70.0), wp.uint32(5))) - 0.5
         d.tone = d.tone + 0.14 * speck * near
-    d.height = ground_noise(p, foot) + 0.1
+    d.last = foot
     return d
 
 
@@ -113,7 +113,6 @@ def blades(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
     near = fade(0.025, foot)
     if near > 0.0:
         d.tone = d.tone + 0.8 * near * (noise2(p[0] * 70.0, p[1] * 44.0, wp.uint32(10)) - 0.5)
-    d.height = ground_noise(p, foot) + 0.15
     return d
 
 

@@ -1,7 +1,7 @@
 """Patterns: what a surface looks like close by, drawn from its coordinates and faded where a pixel is wider.
 
 Every pattern gives a tone (the base colour is multiplied by it), a share of the surface's second colour (mortar,
-joints, leaves in the sun), a wear, and a height that says where rain collects. All of it is analytic and filtered
+joints, leaves in the sun), a wear, and what else the shading of its kind wants. All of it is analytic and filtered
 by the pixel's footprint, so that nothing aliases at a distance.
 """
 
@@ -12,7 +12,7 @@ from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.bounds import clamp01, greater
 from recipe_runtime.render.detail import Detail, fade
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.grounds import asphalt, blades, ground_noise, ripples, road_paint, slabs
+from recipe_runtime.render.grounds import asphalt, blades, ripples, road_paint, slabs
 from recipe_runtime.render.noise import noise2, noise3
 from recipe_runtime.render.panes import curtain_wall, facade, shop_window, window
 from recipe_runtime.render.prints import letter, poster
@@ -79,7 +79,7 @@ def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
 def concrete(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """A wall's concrete, or ground of it, on which water stands."""
     d = wall(d, uv, p, foot, 0.18)
-    d.height = ground_noise(p, foot) + 0.1
+    d.last = foot
     return d
 
 
@@ -100,7 +100,7 @@ def detail_of(
     d = Detail()
     d.tone = 1.0
     d.normal = normal
-    d.height = 0.5
+    d.last = 0.5
     d.code = surface
     # A pattern is returned as soon as it is known: what branches leave behind would be copied at the end of each.
     foot = 0.5 * (footprint[1] + wp.sqrt(footprint[0] * footprint[1]))

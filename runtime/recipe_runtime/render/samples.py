@@ -326,7 +326,7 @@ def survey(
     pattern = scene[0].surface_pattern[surface]
     detail = detail_of(pattern, uv, positions[i], normal, sight, footprint, wp.uint32(surface))
     normals[i] = detail.normal
-    details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.height)
+    details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.last)
     codes[i] = detail.code
     if pattern == IMAGE:
         a = scene[0].view[t[0]]

@@ -13,6 +13,7 @@ from recipe_runtime.render.air import Air, ambient, fog_share, reflected_sky, sk
 from recipe_runtime.render.bounds import clamp01, greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.glow import lamp_glow
+from recipe_runtime.render.grounds import hollows
 from recipe_runtime.render.images import IMAGE, Album, image_at
 from recipe_runtime.render.nearby import Bodies, Lamps, contact, lamp_light
 from recipe_runtime.render.noise import noise2, noise3, step_between, unit
@@ -280,7 +281,7 @@ def matter_of(
 
 
 @wp.func
-def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], detail: wp.vec4f) -> Matter:
+def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], p: wp.vec3f, foot: wp.float32) -> Matter:
     """Wet what is dry: porous stone darkens and shines, hollows of flat ground fill with water."""
     if air[0].wet <= 0.0:
         return m
@@ -297,9 +298,12 @@ def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], detail: wp.vec4f) 
         m.albedo = m.albedo * (1.0 - (1.0 - darker) * air[0].wet)
         m.coat = 0.022 * air[0].wet
         m.gloss = 0.55 + 0.25 * air[0].wet  # a thin film follows the grain of what it wets
-        if up > 0.95:
+        if up > 0.95 and air[0].puddles > 0.02:
+            height = hollows(p, foot)
+            if pattern == patterns.SLABS or pattern == patterns.CONCRETE:
+                height = height + 0.1
             level = 0.88 - 0.6 * air[0].puddles
-            pool = step_between(level - 0.03, level + 0.05, 1.0 - detail[3]) * step_between(0.02, 0.2, air[0].puddles)
+            pool = step_between(level - 0.03, level + 0.05, 1.0 - height) * step_between(0.02, 0.2, air[0].puddles)
             m.albedo = m.albedo * (1.0 - 0.45 * pool)
             m.coat = m.coat + (0.028 - m.coat) * pool
             m.gloss = m.gloss + (0.985 - m.gloss) * pool
@@ -492,7 +496,7 @@ def shade(
             first = times(first, image_at(looks[0].album, image, detail, samples[0].codes[i]))
         detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
     m = matter_of(pattern, air, first, second, detail, n, samples[0].codes[i], looks[0].awake[surface])
-    m = moisten(m, pattern, air, detail)
+    m = moisten(m, pattern, air, p, detail[3])
     if swaying:
         m = fluttered(m, air, p, 1.0 - distance / UNSEEN)
     sky_left = open_sky(bodies, body_lists, tile, p, n)
