@@ -15,7 +15,7 @@ wp.set_module_options(OPTIONS)
 
 NEARNESS = wp.constant(wp.float64(1099511627775.0))  # 2^40 - 1
 GUARD = wp.constant(wp.float64(536870912.0))  # 2^29: corners beyond this many 1/256 pixels would overflow
-WIDE = wp.constant(wp.int64(24))  # samples across at which solving for a row's span beats testing each
+WIDE = wp.constant(wp.int64(12))  # samples across at which solving for a row's span beats testing each
 
 
 @wp.struct
@@ -286,13 +286,20 @@ def draw(
         w1 = row1 + k0 * dx1
         w2 = row2 + k0 * dx2
         base = y * int(columns) + int(left)
-        for k in range(int(k0), int(k1) + 1):
-            if (w0 + bias0) >= wp.int64(0) and (w1 + bias1) >= wp.int64(0) and (w2 + bias2) >= wp.int64(0):
+        if span > WIDE:  # all of these are inside
+            for k in range(int(k0), int(k1) + 1):
                 q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
                 offer(keys, index(base + k), q, limit, triangle, bit)
-            w0 = w0 + dx0
-            w1 = w1 + dx1
-            w2 = w2 + dx2
+                w1 = w1 + dx1
+                w2 = w2 + dx2
+        else:
+            for k in range(int(k0), int(k1) + 1):
+                if (w0 + bias0) >= wp.int64(0) and (w1 + bias1) >= wp.int64(0) and (w2 + bias2) >= wp.int64(0):
+                    q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
+                    offer(keys, index(base + k), q, limit, triangle, bit)
+                w0 = w0 + dx0
+                w1 = w1 + dx1
+                w2 = w2 + dx2
         row0 = row0 + dy0
         row1 = row1 + dy1
         row2 = row2 + dy2
