@@ -24,12 +24,14 @@ from recipe_compiler.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime import housekeeping, pool
 from recipe_runtime.admission import check_plan
+from recipe_runtime.dataset import Dataset
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.finish import Finisher
 from recipe_runtime.harvest import Harvest
 from recipe_runtime.leases import lease
 from recipe_runtime.manifest import head, is_whole
-from recipe_runtime.reuse import Reuse, earlier, missing_shards, reasons, remember
+from recipe_runtime.repair import examine
+from recipe_runtime.reuse import Reuse, Taken, earlier, missing_shards, reasons, remember
 from recipe_runtime.schedule import SHARD_FRAMES, Shard, all_shards, simulations, views
 from recipe_runtime.stopwatch import Stopwatch
 from recipe_runtime.store import Store, default_cache
@@ -49,8 +51,11 @@ class BuildResult:
     identity: str
     manifest: dict[str, Any]
     built: bool  # False: it was there already, whole
-    resumed: int = 0  # shards taken over from an earlier build
+    mended: tuple[str, ...] = ()  # what was wrong with its files, a line each, if that was looked for
+    resumed: int = 0  # shards taken up from a build that was stopped
     shards: int = 0
+    resumed_frames: int = 0  # the same, counted in frames
+    made_frames: int = 0  # by this very build
     seconds: dict[str, float] = field(default_factory=dict)
     wall: float = 0.0
 
@@ -67,10 +72,12 @@ def build(
     shard_frames: int = SHARD_FRAMES,
     explain: Callable[[list[str]], None] | None = None,
     run: Runner = pool.run,
+    repair: bool = False,
 ) -> BuildResult:
     """Make the dataset in `out`, with so many worker processes (0: in this one).
 
-    Returns at once if it is there, whole. Replaces another dataset of ours, and takes over from it what is the same;
+    Returns at once if it is there, whole by its files' sizes; with `repair`, by their bytes, and else makes again the
+    frames that are not. Replaces another dataset of ours, and takes over from it what is the same;
     InputError if `out` holds anything else. `explain` is told, before frames are made, why each stage runs. `run` does
     the shards: processes of this host, or a cluster's (`cluster.joined`).
     RunError if the host fails: what is done is kept, and the next build goes on from there.
@@ -81,27 +88,54 @@ def build(
     check_plan(dataset)
     Workspace.settle(out)
     manifest = read_manifest(out)
-    if manifest is not None and is_whole(manifest, dataset, out):
+    examined = examine(dataset, out, progress or _silence) if repair else None
+    damage = examined.damage if examined else ()
+    if manifest is not None and not damage and is_whole(manifest, dataset, out):
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out)
     studio = _Studio(dataset, engines or real_engines(), places, cache or default_cache(), progress or _silence)
+    studio.held = examined.held if examined else None
     kept = [studio.cache] if cache else housekeeping.folders()
-    with Workspace(out, {**head(dataset), "builder": builder()}) as work, ExitStack() as leases:
+    with _workspace(dataset, out) as work, ExitStack() as leases:
         for root in dict.fromkeys([studio.cache, *housekeeping.folders()]):
             leases.enter_context(lease(root))
         new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
         harvest = studio.simulate()
-        covered = studio.take_over(work, harvest, out)
-        explain(list(reasons(studio.reuse, [scene.digest for scene in new], covered)))
-        resumed, shards = studio.render(work, harvest, covered, workers, shard_frames, run)
-        files = Finisher(dataset, harvest, work, studio.progress, studio.watch).finish(studio.trace)
-        work.publish(files)
+        taken = studio.take_over(work, harvest, out)
+        explain(list(reasons(studio.reuse, [scene.digest for scene in new], taken)))
+        shards, todo = studio.render(work, harvest, taken, workers, shard_frames, run)
+        finisher = Finisher(dataset, harvest, work, studio.progress, studio.watch)
+        if examined:
+            examined.check(finisher.identity, work)
+        work.publish(finisher.finish(studio.trace))
     remember(Store(studio.cache), out)
     housekeeping.tidy(kept, most)
     manifest = read_manifest(out)
     assert manifest is not None
     seconds, wall = studio.watch.seconds, time.perf_counter() - start
-    return BuildResult(out, manifest["identity"], manifest, True, resumed, shards, seconds, wall)
+    made, resumed = sum(shard.pictures for shard in todo), [shard for shard in shards if shard not in todo]
+    return BuildResult(
+        out,
+        manifest["identity"],
+        manifest,
+        built=True,
+        mended=damage,
+        resumed=len(resumed),
+        shards=len(shards),
+        resumed_frames=sum(shard.pictures for shard in resumed),
+        made_frames=made,
+        seconds=seconds,
+        wall=wall,
+    )
+
+
+def kept_frames(dataset: DatasetPlan, out: Path) -> int:
+    """How many frames the next build of this dataset takes up from one that was stopped."""
+    return _workspace(dataset, out.absolute()).kept()
+
+
+def _workspace(dataset: DatasetPlan, out: Path) -> Workspace:
+    return Workspace(out, {**head(dataset), "builder": builder()})
 
 
 @dataclass
@@ -115,6 +149,7 @@ class _Studio:
     progress: Progress
     watch: Stopwatch = field(default_factory=Stopwatch)
     reuse: Reuse = field(init=False)
+    held: Dataset | None = None  # a dataset to mend
 
     def simulate(self) -> Harvest:
         """Simulate every scene; their traces are in the store then."""
@@ -144,9 +179,9 @@ class _Studio:
         """A scene's Trace, from the store if it is there."""
         return Store(self.cache).trace(scene, lambda: self.engines.simulate(scene))
 
-    def take_over(self, work: Workspace, harvest: Harvest, out: Path) -> dict[int, tuple[int, ...]]:
-        """Link what the dataset that stands at `out` has of this one: the variants that are whole so, by view."""
-        self.reuse = Reuse(self.dataset, earlier(Store(self.cache), out))
+    def take_over(self, work: Workspace, harvest: Harvest, out: Path) -> dict[int, Taken]:
+        """Link what the dataset that stands at `out` has of this one: which frames of which variants, by view."""
+        self.reuse = Reuse(self.dataset, self.held or earlier(Store(self.cache), out))
         found, seen = {}, views(self.dataset)
         for number, view in enumerate(seen):
             variants = self.reuse.covered(view)
@@ -155,9 +190,10 @@ class _Studio:
             self.progress("take over", number, len(seen))
             with self.watch("write"):
                 records = self.reuse.take(work, view, variants)
-            if records is not None:
-                found[number] = variants
-                harvest.add(Shard(number, tuple(range(len(records))), variants), records)
+            if records:
+                frames = tuple(record["frame"] for record in records)
+                found[number] = Taken(variants, frozenset(frames))
+                harvest.add(Shard(number, frames, variants), records)
         if found:
             self.progress("take over", len(seen), len(seen))
         return found
@@ -166,13 +202,13 @@ class _Studio:
         self,
         work: Workspace,
         harvest: Harvest,
-        covered: dict[int, tuple[int, ...]],
+        taken: dict[int, Taken],
         workers: int,
         size: int,
         run: Runner,
-    ) -> tuple[int, int]:
-        """Do the shards that no earlier build has finished: how many were, and how many there are."""
-        shards, seen = missing_shards(all_shards(self.dataset, size), covered), views(self.dataset)
+    ) -> tuple[list[Shard], list[Shard]]:
+        """Do the shards that no stopped build has finished: all that there are, and those."""
+        shards, seen = missing_shards(all_shards(self.dataset, size), taken), views(self.dataset)
         todo = []
         for shard in shards:
             records = work.finished(shard, seen[shard.view])
@@ -185,7 +221,7 @@ class _Studio:
             work.keep(shard, seen[shard.view], records)
             harvest.add(shard, records)
 
-        total, so_far = sum(len(s.frames) * len(s.variants) for s in todo), 0
+        total, so_far = sum(shard.pictures for shard in todo), 0
 
         def tick(count: int) -> None:
             nonlocal so_far
@@ -196,7 +232,7 @@ class _Studio:
         job = Job(self.dataset, self.engines, self.devices, self.cache, work.dataset, resumes=True)
         for stage, seconds in run(job, todo, workers, done, tick).items():
             self.watch.add(stage, seconds)
-        return len(shards) - len(todo), len(shards)
+        return shards, todo
 
 
 def _silence(stage: str, done: int, total: int) -> None:

@@ -140,16 +140,23 @@ def lock_of(manifest: Mapping[str, Any], source: str = "", files: dict[str, str]
 def is_whole(manifest: Mapping[str, Any], dataset: DatasetPlan, root: Path) -> bool:
     """Whether a folder holds this very dataset, by its manifest and its files' sizes; bytes are not read here.
 
-    The manifest must be of this plan and these tools, and its identity what its digests add up to. `recipe verify`
-    reads the bytes.
+    `recipe verify` reads the bytes, and `recipe build --repair` mends them.
     """
-    if {key: manifest.get(key) for key in head(dataset)} != head(dataset) or manifest.get("tools") != tool_versions():
-        return False
     try:
         rows = listed_files(manifest)
         whole = bool(rows) and all(_is_file_of(f"{root}/{path}", size) for path, (size, _) in rows.items())
-        return whole and lock_of(manifest).sealed
+        return whole and is_of(manifest, dataset)
     except (OSError, *DAMAGE):
+        return False
+
+
+def is_of(manifest: Mapping[str, Any], dataset: DatasetPlan) -> bool:
+    """Whether a manifest is of this plan and these tools, and its identity what its digests add up to."""
+    if {key: manifest.get(key) for key in head(dataset)} != head(dataset) or manifest.get("tools") != tool_versions():
+        return False
+    try:
+        return lock_of(manifest).sealed
+    except DAMAGE:
         return False
 
 

@@ -8,7 +8,7 @@ this host, which the cache remembers, and every file is read and held against it
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +20,6 @@ from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
 
 from recipe_runtime import dataset as datasets
 from recipe_runtime import layout
-from recipe_runtime.annotate.objects import Record
 from recipe_runtime.dataset import Dataset
 from recipe_runtime.manifest import DAMAGE
 from recipe_runtime.schedule import Shard, View, views
@@ -60,7 +59,7 @@ class Reuse:
     before: Dataset | None
     _labels: dict[str, tuple[ScenarioPlan, SensorPlan]] = field(default_factory=dict)  # by view
     _pictures: dict[tuple[str, str], str] = field(default_factory=dict)  # view, appearance -> a variant
-    _objects: dict[str, list[list[Record]]] = field(default_factory=dict)
+    _seen: dict[str, list[bytes]] = field(default_factory=dict)  # by view, the last: its labels' lines
 
     def __post_init__(self) -> None:
         if self.before is None or _forms(self.plan) != _forms(self.before.plan):
@@ -82,12 +81,13 @@ class Reuse:
         plain = "rgb" not in view.sensor.capture
         return tuple(n for n in view.variants if plain or self._picture(view, n) is not None)
 
-    def take(self, work: Workspace, view: View, variants: Sequence[int]) -> list[FrameRecord] | None:
-        """Link all frames of a view for these variants into a workspace; None if a file is not what it must be."""
-        try:
-            return [self._frame(work, view, frame, variants) for frame in range(view.scene.clock.frames)]
-        except (OSError, *DAMAGE):
-            return None
+    def take(self, work: Workspace, view: View, variants: Sequence[int]) -> list[FrameRecord]:
+        """Link the frames of a view for these variants into a workspace, but those of which a file is damaged."""
+        records = []
+        for frame in range(view.scene.clock.frames):
+            with suppress(OSError, *DAMAGE):
+                records.append(self._frame(work, view, frame, variants))
+        return records
 
     def _picture(self, view: View, index: int) -> str | None:
         return self._pictures.get((view.key, self.plan.variants[index].appearance.digest))
@@ -114,7 +114,8 @@ class Reuse:
                 rgb[name] = self._digest(picture, sensor, "rgb", frame)
         labels = [m for m in view.sensor.capture if m != "rgb"] + ["labels"]
         digests = {m: self._digest(old.variant, sensor, m, frame) for m in labels}
-        return {"frame": frame, "objects": self._seen(view)[frame], "digests": digests, "rgb": rgb, "files": files}
+        seen = labels_of(self._lines(view)[frame], digests["labels"], sensor)
+        return {"frame": frame, "objects": seen, "digests": digests, "rgb": rgb, "files": files}
 
     def _linked(self, work: Workspace, source: str, paths: list[str]) -> dict[str, list[int | str]]:
         """Give a verified file of the earlier dataset its names in this one."""
@@ -133,29 +134,40 @@ class Reuse:
         row: VariantRow = self.before.lock.variants[variant]
         return self.before.lock.frames[row.frame_key(modality), sensor.name, modality, frame]
 
-    def _seen(self, view: View) -> list[list[Record]]:
+    def _lines(self, view: View) -> list[bytes]:
         """What is seen in each frame of a view, as it was written."""
         assert self.before is not None
-        if view.key not in self._objects:
+        if view.key not in self._seen:
             old, sensor = self._labels[view.key]
-            path = self.before.root / layout.labels_file(old.variant, sensor.name)
-            lines = path.read_bytes().splitlines(keepends=True)
-            values = (self._digest(old.variant, sensor, "labels", k) for k in range(view.scene.clock.frames))
-            self._objects = {view.key: [labels_of(li, v, sensor) for li, v in zip(lines, values, strict=True)]}
-        return self._objects[view.key]
+            path = layout.labels_file(old.variant, sensor.name)
+            whole = regular_file(self.before.root, path) is not None
+            body = (self.before.root / path).read_bytes() if whole else b""
+            self._seen = {view.key: body.splitlines(keepends=True)}
+        return self._seen[view.key]
 
 
-def missing_shards(shards: Sequence[Shard], covered: dict[int, tuple[int, ...]]) -> list[Shard]:
-    """The shards without the variants that are there already, by view; those of which nothing is left are dropped."""
+@dataclass(frozen=True)
+class Taken:
+    """What was taken over of a view: these frames, for these variants."""
+
+    variants: tuple[int, ...]
+    frames: frozenset[int]
+
+
+def missing_shards(shards: Sequence[Shard], taken: Mapping[int, Taken]) -> list[Shard]:
+    """The shards without what was taken over, by view; those of which nothing is left are dropped."""
     found = []
     for shard in shards:
-        variants = tuple(n for n in shard.variants if n not in covered.get(shard.view, ()))
-        if variants:
-            found.append(Shard(shard.view, shard.frames, variants))
+        there = taken.get(shard.view, Taken((), frozenset()))
+        known = tuple(k for k in shard.frames if k in there.frames)
+        other = tuple(k for k in shard.frames if k not in there.frames)
+        rest = tuple(n for n in shard.variants if n not in there.variants)
+        parts = (known, rest), (other, shard.variants)
+        found += [Shard(shard.view, frames, variants) for frames, variants in parts if frames and variants]
     return found
 
 
-def reasons(reuse: Reuse, simulated: Sequence[str], covered: dict[int, tuple[int, ...]]) -> Iterator[str]:
+def reasons(reuse: Reuse, simulated: Sequence[str], taken: Mapping[int, Taken]) -> Iterator[str]:
     """Why each stage runs, or does not, a line each. `simulated` names the scenes that are not in the cache."""
     plan = reuse.plan
     scenes = len({v.scene.digest for v in plan.variants})
@@ -164,11 +176,18 @@ def reasons(reuse: Reuse, simulated: Sequence[str], covered: dict[int, tuple[int
     else:
         yield f"simulate nothing: the motion of {scenes} scenes is in the cache"
     for number, view in enumerate(views(plan)):
-        there = covered.get(number, ())
-        names = [plan.variants[n].variant for n in view.variants if n not in there]
+        covered, there = reuse.covered(view), taken.get(number, Taken((), frozenset()))
+        names = [plan.variants[n].variant for n in view.variants if n not in covered]
         where = f"{view.sensor.name}, {view.scene.clock.frames} frames"
-        if there:
-            yield f"take over {where} of {_some([plan.variants[n].variant for n in there])}: nothing of them changed"
+        if covered:
+            which, lost = (
+                _some([plan.variants[n].variant for n in covered]),
+                view.scene.clock.frames - len(there.frames),
+            )
+            if there.frames:
+                yield f"take over {view.sensor.name}, {len(there.frames)} frames of {which}: nothing of them changed"
+            if lost:
+                yield f"make {view.sensor.name}, {lost} frames of {which} again: files of them are damaged or missing"
         if names and reuse.knows(view):
             yield f"shade {where} of {_some(names)}: an appearance that the earlier dataset has not"
         elif names:

@@ -34,6 +34,11 @@ class Shard:
     frames: tuple[int, ...]
     variants: tuple[int, ...]
 
+    @property
+    def pictures(self) -> int:
+        """How many frames of the dataset they are: each variant has its own."""
+        return len(self.frames) * len(self.variants)
+
 
 def views(dataset: DatasetPlan) -> list[View]:
     """Every view of a dataset, the views of one scene together, each where its first variant stands."""

@@ -2,7 +2,7 @@
 
     .<name>.partial/
         job.json      which plan this is the work of, and of which tools and code
-        shards/       a record for every finished shard, written when its files are in place
+        shards/       a record for every finished shard, written when its files are in place; its name ends in a count
         dataset/      the files so far
         old/          a dataset that is being replaced, for the instant between two renames
 
@@ -15,6 +15,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -76,6 +77,14 @@ class Workspace:
     def _holds(self, path: str, size: int, sha256: str) -> bool:
         return (self.dataset / path).lstat().st_size == size and file_sha256(self.dataset / path) == sha256
 
+    def kept(self) -> int:
+        """How many frames are finished, by the names of the shards' records; may be asked of another's work."""
+        try:
+            names = [path.stem for path in sorted(self._shards.iterdir())] if self._is_mine() else []
+        except OSError:
+            return 0
+        return sum(int(name.partition("-")[2]) for name in names if re.fullmatch(r"[0-9a-f]{32}-[0-9]+", name))
+
     def keep(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
         """Note that a shard's files are in place."""
         body = {"seal": digest("shard-record/1", list(records)), "records": list(records)}
@@ -121,6 +130,11 @@ class Workspace:
             self.dataset.rename(self.out)
             shutil.rmtree(self._partial)
 
+    def abandon(self) -> None:
+        """Clear the work away: there is nothing in it to go on from."""
+        with host_errors(str(self._partial), _REMEDY):
+            shutil.rmtree(self._partial)
+
     def _sweep(self, files: set[str]) -> None:
         """Remove what is none of the dataset's: halves of files that a killed build left."""
         for path in sorted(p for p in self.dataset.rglob("*") if not p.is_dir()):
@@ -129,7 +143,7 @@ class Workspace:
 
     def _record(self, shard: Shard, view: View) -> Path:
         name = digest("shard/1", [view.key, list(shard.frames), list(shard.variants)])
-        return self._shards / f"{name[:32]}.json"
+        return self._shards / f"{name[:32]}-{shard.pictures}.json"
 
     def _take(self) -> None:
         """Make the folder and lock it; a lock on a folder that was published meanwhile is no lock."""

@@ -104,7 +104,10 @@ def test_identity_is_one_in_lock_build_and_verify(folder: Path) -> None:
     assert identity in locked.stdout
     assert identity in verified.stdout
     assert "is up to date" in locked.stdout
-    assert "there already (sizes checked; `recipe verify datasets/small` checks bytes)" in built.stdout
+    assert (
+        "there already (sizes checked; `recipe verify datasets/small` checks bytes, --repair mends them)"
+        in built.stdout
+    )
     assert (verified.returncode, verified.stdout[:4]) == (0, "PASS")
 
 
@@ -392,6 +395,26 @@ def test_integrity_hashes_files_and_renders_nothing(folder: Path, tmp_path: Path
     spoiled = run("verify", "datasets/small", "--integrity", cwd=root)
     assert (spoiled.returncode, "000001.png" in spoiled.stdout) == (1, True)
     assert run("verify", "small.yaml", "--integrity", cwd=folder).returncode == 2
+
+
+def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path: Path) -> None:
+    """Sizes say nothing of it, bytes do; what is mended has the identity and the bytes of what was built."""
+    root = _project(folder, tmp_path, "small.yaml", "lockfiles", "datasets")
+    picture = root / "datasets/small/weather=dry/street/rgb/000001.png"
+    body = picture.read_bytes()
+    picture.write_bytes(body[:-20] + bytes([body[-20] ^ 1]) + body[-19:])
+    there = run("build", "small.yaml", cwd=root)
+    assert (there.returncode, "there already (sizes checked" in there.stdout) == (0, True)
+    assert run("verify", "datasets/small", "--integrity", cwd=root).returncode == 1
+    mended = run("build", "small.yaml", "--repair", "--workers", "1", cwd=root)
+    assert (mended.returncode, mended.stderr) == (0, "")
+    first, *_, last = mended.stdout.splitlines()
+    assert first == "mended: weather=dry/street/rgb/000001.png has other bytes than the manifest says"
+    assert last == there.stdout.splitlines()[-1]
+    assert picture.read_bytes() == body
+    assert run("verify", "datasets/small", "--integrity", cwd=root).returncode == 0
+    url = run("build", "small.yaml", "--repair", "--out", "memory://x/y", cwd=root)
+    assert (url.returncode, "--repair mends a folder, not memory://x/y" in url.stderr) == (2, True)
 
 
 def test_a_dataset_from_elsewhere_is_held_against_a_recipe(folder: Path, tmp_path: Path) -> None:

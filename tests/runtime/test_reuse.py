@@ -17,7 +17,7 @@ from tests.runtime.fakes import ENGINES, Renderer, dataset_plan, sensor_plan, tr
 Calls = list[tuple[str, Any]]
 
 
-def _counting(calls: Calls) -> Engines:
+def counting(calls: Calls) -> Engines:
     """Engines that note what they are asked for; in this process only."""
 
     class Counted(Renderer):
@@ -35,7 +35,7 @@ def _counting(calls: Calls) -> Engines:
 def _build(folder: Path, plan: DatasetPlan, calls: Calls | None = None, **more: Any) -> BuildResult:
     calls = calls if calls is not None else []
     calls.clear()
-    return build(plan, folder / "tiny", workers=0, cache=folder / "cache", engines=_counting(calls), **more)
+    return build(plan, folder / "tiny", workers=0, cache=folder / "cache", engines=counting(calls), **more)
 
 
 def _fresh(folder: Path, plan: DatasetPlan) -> dict[str, bytes]:

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from recipe_runtime.remote import Target
 
 
+_MOST_SHOWN = 20
+
+
 def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
     """`build --ray rain.yaml` means a recipe, not a cluster of that name."""
 
@@ -63,6 +66,9 @@ def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
     metavar="[ADDRESS]",
     help="Share the work out on a Ray cluster: at ADDRESS, or one of this host's own.",
 )
+@click.option(
+    "--repair", is_flag=True, help="Hash every file of the dataset that is there, and make again what is damaged."
+)
 @click.option("--explain", is_flag=True, help="Say why each stage runs, or does not.")
 @DEVICE
 @WORKERS
@@ -76,6 +82,7 @@ def command(
     locked: bool,
     frozen: bool,
     ray: str | None,
+    repair: bool,
     explain: bool,
     device: str,
     workers: int | None,
@@ -88,6 +95,10 @@ def command(
 
         raise InputError(f"--device {device}: on a cluster, every worker has a GPU of its own; write cuda")
     folder = Path(out) if out and "://" not in out else None
+    if repair and out and folder is None:
+        from recipe_compiler.errors import InputError
+
+        raise InputError(f"--repair mends a folder, not {out}; repair that, then build with --out {out} to copy it")
     compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(folder or Path()))
     folder = folder or Path("datasets") / compiled.plan.recipe
     lock = _lockfile(recipe, compiled)
@@ -111,10 +122,11 @@ def command(
                 engines=engines_for(compiled),
                 explain=reasons.extend,
                 run=run,
+                repair=repair,
             )
             copied = target.put(result.path, progress) if target else None
     except KeyboardInterrupt:
-        click.echo("interrupted; what is finished is kept, and the same command goes on from there", err=True)
+        click.echo(_interrupted(compiled.plan, folder, repair, target), err=True)
         raise click.exceptions.Exit(130) from None
     differences = _against(lock, recipe, compiled, result)
     if as_json:
@@ -123,12 +135,14 @@ def command(
             | {"seconds": {stage: round(s, 3) for stage, s in sorted(result.seconds.items())}}
             | ({"explain": reasons} if explain else {})
             | ({"url": target.url, **asdict(copied)} if target and copied else {})
-            | {"resumed_shards": result.resumed, "shards": result.shards, "lockfile_differences": differences}
+            | ({"mended": list(result.mended)} if repair else {})
+            | {"resumed_shards": result.resumed, "shards": result.shards, "resumed_frames": result.resumed_frames}
+            | {"made_frames": result.made_frames, "lockfile_differences": differences}
         )
     else:
         for reason in reasons if explain else ():
             click.echo(reason)
-        _say(compiled, folder, result)
+        _say(compiled, folder, result, repair)
         if target and copied:
             told = f"{copied.sent} files sent, {copied.copied} copied there, {copied.kept} there already"
             click.echo(f"{target.url}: {told}")
@@ -206,15 +220,45 @@ def _against(
     return [f"{path.name}: {difference}" for difference in compare_locks(compiled.plan, lock, made)]
 
 
-def _say(compiled: Compiled, out: Path, result: BuildResult) -> None:
+def _interrupted(plan: DatasetPlan, folder: Path, repair: bool, target: Target | None) -> str:
+    """What an interrupted build leaves behind."""
+    from recipe_runtime.build import kept_frames
+    from recipe_runtime.manifest import is_whole
+    from recipe_runtime.workspace import read_manifest
+
+    kept, manifest = kept_frames(plan, folder), read_manifest(folder)
+    if kept:
+        return f"interrupted; {kept} of {_frames(plan)} frames are kept; build again to go on"
+    if repair:
+        return "interrupted; nothing was mended yet"
+    if manifest is not None and is_whole(manifest, plan, folder):
+        more = f"; build again to go on copying it to {target.url}" if target else ""
+        return f"interrupted; {folder} is whole{more}"
+    return "interrupted; no frame was finished yet"
+
+
+def _frames(plan: DatasetPlan) -> int:
+    return sum(v.scene.clock.frames * len(v.rig.sensors) for v in plan.variants)
+
+
+def _say(compiled: Compiled, out: Path, result: BuildResult, repair: bool) -> None:
+    for line in result.mended[:_MOST_SHOWN]:
+        click.echo(f"mended: {line}")
+    if len(result.mended) > _MOST_SHOWN:
+        click.echo(f"  ... and {len(result.mended) - _MOST_SHOWN} more; --json lists all")
     if result.built:
         plan = compiled.plan
-        frames = sum(v.scene.clock.frames * len(v.rig.sensors) for v in plan.variants)
-        rate = frames / max(result.wall, 1e-9)
+        frames, made = _frames(plan), result.made_frames
+        rate = made / max(result.wall, 1e-9)
         whole = len(plan.variants) == compiled.cost.variants  # a frozen build may leave some out
         what = str(compiled.cost) if whole else f"{len(plan.variants)} of {compiled.cost.variants} variants"
-        click.echo(f"{out}: {what}; {frames} frames in {result.wall:.1f} s, {rate:.1f} a second")
+        told = f"{made} frames" if made == frames else f"{made} of {frames} frames made"
+        click.echo(f"{out}: {what}; {told} in {result.wall:.1f} s, {rate:.1f} a second")
+        if result.resumed_frames:
+            click.echo(f"took up {result.resumed_frames} frames from the stopped build")
+    elif repair:
+        click.echo(f"{out}: there already, and every file has the bytes that its manifest says")
     else:
-        click.echo(f"{out}: there already (sizes checked; `recipe verify {out}` checks bytes)")
+        click.echo(f"{out}: there already (sizes checked; `recipe verify {out}` checks bytes, --repair mends them)")
     click.echo(f"look at {out / 'preview' / 'contact_sheet.png'}")
     click.echo(result.identity)

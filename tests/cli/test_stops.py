@@ -1,0 +1,100 @@
+"""What a build that is interrupted says of what it leaves, and the next of what it took up: counted, never guessed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+from recipe_cli.commands import build
+from recipe_runtime import pool
+from recipe_runtime.schedule import Shard
+from recipe_runtime.worker import Job
+
+from tests.cli.test_commands import RECIPE
+from tests.runtime.fakes import ENGINES
+
+FRAMES = 12
+Runner = Callable[..., pool.Seconds]
+
+
+def _stopping(after: int) -> Runner:
+    """A runner that is interrupted when so many shards are done."""
+
+    def run(job: Job, shards: Sequence[Shard], workers: int, done: pool.Done, tick: Callable[[int], None]) -> Any:
+        pool.run(job, shards[:after], 0, done, tick)
+        raise KeyboardInterrupt
+
+    return run
+
+
+def _whole(job: Job, shards: Sequence[Shard], workers: int, done: pool.Done, tick: Callable[[int], None]) -> Any:
+    return pool.run(job, shards, 0, done, tick)
+
+
+@pytest.fixture
+def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
+    """`recipe build`, in this process, with engines that are quick."""
+    (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", f"frames: {FRAMES // 2}"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(build, "engines_for", lambda compiled: ENGINES)
+
+    def invoke(run: Runner, *options: str) -> Result:
+        @contextmanager
+        def runner(ray: str | None) -> Iterator[Runner]:
+            yield run
+
+        monkeypatch.setattr(build, "_runner", runner)
+        return CliRunner().invoke(build.command, ["small.yaml", *options], catch_exceptions=False)
+
+    return invoke
+
+
+def test_an_interrupted_build_counts_the_frames_that_it_kept(command: Callable[..., Result]) -> None:
+    first = command(_stopping(0))
+    assert (first.exit_code, first.stderr) == (130, "interrupted; no frame was finished yet\n")
+    second = command(_stopping(1))  # a shard is five frames in each of two weathers
+    assert (second.exit_code, second.stderr) == (130, "interrupted; 10 of 12 frames are kept; build again to go on\n")
+    again = command(_stopping(0))
+    assert again.stderr == second.stderr  # what an earlier build left is kept by one that did nothing
+    whole = command(_whole)
+    assert whole.exit_code == 0
+    assert "; 2 of 12 frames made in " in whole.stdout
+    assert "took up 10 frames from the stopped build\n" in whole.stdout
+
+
+def test_frames_of_another_recipe_are_not_counted(command: Callable[..., Result], tmp_path: Path) -> None:
+    command(_stopping(1))
+    recipe = tmp_path / "small.yaml"
+    recipe.write_text(recipe.read_text().replace("yaw: 40", "yaw: 41"))
+    assert command(_stopping(0)).stderr == "interrupted; no frame was finished yet\n"
+
+
+def test_an_interrupted_copy_says_that_the_dataset_is_whole(
+    command: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from recipe_runtime.remote import Target
+
+    def put(self: Target, *_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Target, "put", put)
+    url = f"file://{tmp_path}/there"
+    stopped = command(_whole, "--out", url)
+    assert stopped.stderr == f"interrupted; datasets/small is whole; build again to go on copying it to {url}\n"
+
+
+def test_an_interrupted_repair_claims_nothing(command: Callable[..., Result], tmp_path: Path) -> None:
+    command(_whole)
+    picture = tmp_path / "datasets/small/weather=dry/street/rgb/000001.png"
+    picture.write_bytes(picture.read_bytes()[:-1] + b"!")
+    assert command(_stopping(0), "--repair").stderr == "interrupted; nothing was mended yet\n"
+    mended = command(_whole, "--repair")
+    told = "mended: weather=dry/street/rgb/000001.png has other bytes than the manifest says\n"
+    assert (mended.exit_code, mended.stdout.startswith(told)) == (0, True)
+    assert "2 of 12 frames made" in mended.stdout
+    assert "every file has the bytes that its manifest says" in command(_whole, "--repair").stdout

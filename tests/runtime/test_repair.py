@@ -1,0 +1,149 @@
+"""A dataset that stands in its place is mended: what is damaged is made again, the rest is left, the identity too."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from recipe_compiler.errors import InputError, RunError
+from recipe_runtime import layout
+from recipe_runtime.build import BuildResult, build
+from recipe_runtime.dataset import read
+from recipe_runtime.verify import Options, verify_files
+
+from tests.runtime.fakes import dataset_plan, tree
+from tests.runtime.test_reuse import Calls, counting
+
+PLAN = dataset_plan(frames=6, weathers=2)
+STREET = "weather=w0,jitter=still/street"
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> BuildResult:
+    return _build(tmp_path)
+
+
+def _build(folder: Path, calls: Calls | None = None, *, repair: bool = False) -> BuildResult:
+    engines = counting([] if calls is None else calls)
+    return build(PLAN, folder / "tiny", workers=0, cache=folder / "cache", engines=engines, repair=repair)
+
+
+def _flip(path: Path) -> None:
+    """One bit, in place: every name of the file is damaged with it."""
+    body = path.read_bytes()
+    path.write_bytes(body[:-9] + bytes([body[-9] ^ 1]) + body[-8:])
+
+
+def _is_whole(root: Path) -> bool:
+    return verify_files(read(root), Options(nonce=1), lambda *_: None).verdict == "PASS"
+
+
+def _inodes(root: Path) -> dict[str, int]:
+    return {path: (root / path).stat().st_ino for path in tree(root)}
+
+
+def test_a_flipped_bit_is_found_and_its_frame_alone_is_made_again(made: BuildResult, tmp_path: Path) -> None:
+    before, inodes, calls = tree(made.path), _inodes(made.path), Calls()
+    _flip(made.path / STREET / "rgb/000003.png")
+    assert not _build(tmp_path).built  # sizes say nothing of it
+    assert not _is_whole(made.path)
+    mended = _build(tmp_path, calls, repair=True)
+    assert [what for what, _ in calls] == ["observe", "shade", "shade"]  # frame 3, in the view's two weathers
+    assert mended.mended == (f"{STREET}/rgb/000003.png has other bytes than the manifest says",)
+    assert (mended.identity, tree(mended.path)) == (made.identity, before)
+    assert _is_whole(made.path)
+    kept = [path for path, inode in _inodes(made.path).items() if inode == inodes[path] and "/rgb/" in path]
+    assert len(kept) == sum("/rgb/" in path for path in before) - 2
+
+
+def test_a_label_is_mended_under_all_its_names(made: BuildResult, tmp_path: Path) -> None:
+    """One file stands in every variant; one of its names may also have become a copy, damaged on its own."""
+    before = tree(made.path)
+    shared = made.path / STREET / "depth/000002.png"
+    assert shared.stat().st_nlink > 1
+    _flip(shared)
+    alone = made.path / "weather=w1,jitter=still/street/depth/000004.png"
+    body = alone.read_bytes()
+    alone.unlink()
+    alone.write_bytes(body)
+    _flip(alone)
+    mended = _build(tmp_path, repair=True)
+    assert len(mended.mended) == shared.stat().st_nlink + 1
+    assert tree(mended.path) == before
+    assert alone.stat().st_nlink == shared.stat().st_nlink > 1
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        f"{STREET}/labels.jsonl",
+        "weather=w0,jitter=still/tracks.csv",
+        "plans/weather=w0,jitter=still.json",
+        "annotations/kwcoco.json",
+        "README.md",
+        "preview/contact_sheet.png",
+        "mots/seqmaps/MOTS-train.txt",
+    ],
+)
+@pytest.mark.parametrize("gone", [False, True])
+def test_every_other_file_is_mended_too(made: BuildResult, tmp_path: Path, path: str, gone: bool) -> None:
+    before = tree(made.path)
+    if gone:
+        (made.path / path).unlink()
+    else:
+        _flip(made.path / path)
+    assert any(path in line for line in _build(tmp_path, repair=True).mended)
+    assert tree(made.path) == before
+
+
+def test_links_and_pipes_in_a_files_place_are_mended(made: BuildResult, tmp_path: Path) -> None:
+    before, outside = tree(made.path), tmp_path / "outside.png"
+    outside.write_bytes(before[f"{STREET}/rgb/000001.png"])
+    for path in ("rgb/000001.png", "labels.jsonl"):
+        (made.path / STREET / path).unlink()
+    (made.path / STREET / "rgb/000001.png").symlink_to(outside)
+    os.mkfifo(made.path / STREET / "labels.jsonl")
+    assert len(_build(tmp_path, repair=True).mended) == 2
+    assert tree(made.path) == before and not (made.path / STREET / "rgb/000001.png").is_symlink()
+
+
+def test_what_is_whole_is_left_alone(made: BuildResult, tmp_path: Path) -> None:
+    inodes, calls = _inodes(made.path), Calls()
+    result = _build(tmp_path, calls, repair=True)
+    assert (result.built, result.mended, calls, _inodes(made.path)) == (False, (), [], inodes)
+
+
+def test_a_damaged_trace_in_the_cache_mends_nothing_wrongly(made: BuildResult, tmp_path: Path) -> None:
+    before = tree(made.path)
+    for path in (tmp_path / "cache" / "traces").rglob("*"):
+        if path.is_file():
+            _flip(path)
+    _flip(made.path / STREET / "rgb/000003.png")
+    _build(tmp_path, repair=True)
+    assert tree(made.path) == before
+
+
+def test_what_this_host_makes_otherwise_is_not_passed_off_as_the_same(made: BuildResult, tmp_path: Path) -> None:
+    """A dataset whose other frames are of another picture would keep its name and hold two kinds of frames."""
+    manifest = json.loads((made.path / layout.MANIFEST).read_text())
+    rows = manifest["variants"]["weather=w0,jitter=still"]["frames"]["street"]["rgb"]
+    rows[3] = "0" * 64
+    from recipe_runtime.manifest import lock_of
+
+    manifest["identity"] = lock_of(manifest).identity
+    (made.path / layout.MANIFEST).write_text(json.dumps(manifest))
+    _flip(made.path / STREET / "rgb/000003.png")
+    before = tree(made.path)
+    with pytest.raises(RunError, match=r"its manifest says tiny@sha256:.*nothing was changed.*recipe verify"):
+        _build(tmp_path, repair=True)
+    assert tree(made.path) == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "tiny"]
+
+
+def test_a_file_that_someone_put_there_is_not_cleared_away(made: BuildResult, tmp_path: Path) -> None:
+    (made.path / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds a file that is not the dataset's, notes\.txt"):
+        _build(tmp_path, repair=True)
+    assert (made.path / "notes.txt").read_text() == "mine"
