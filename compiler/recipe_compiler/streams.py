@@ -61,7 +61,7 @@ class Stream:
 
     def normal(self, mean: float, deviation: float) -> float:
         """Normally distributed."""
-        return mean + deviation * _normal_quantile(self.unit())
+        return mean + deviation * normal_quantile(self.unit())
 
     def integer(self, low: int, high: int) -> int:
         """Uniform over the whole numbers low..high, both included."""
@@ -79,7 +79,7 @@ def _horner(coefficients: Sequence[float], x: float) -> float:
     return total
 
 
-def _normal_quantile(p: float) -> float:
+def normal_quantile(p: float) -> float:
     """The x at which the standard normal distribution reaches p, 0 < p < 1."""
     q = p - 0.5
     if abs(q) <= 0.425:

@@ -7,7 +7,7 @@ edge before it, and the edge would alias again.
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
-from recipe_runtime.render.bounds import greater, lesser
+from recipe_runtime.render.bounds import greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import scramble
 
@@ -67,11 +67,9 @@ def shading_at(x: wp.float32, y: wp.float32, r: Response, rims: wp.array[wp.floa
 
 
 @wp.func
-def bell(h: wp.uint32) -> wp.float32:
-    """A nearly normal number of mean 0 and deviation 1: the sum of a hash's four bytes."""
-    pairs = (h & wp.uint32(0x00FF00FF)) + ((h >> wp.uint32(8)) & wp.uint32(0x00FF00FF))
-    total = wp.int32((pairs + (pairs >> wp.uint32(16))) & wp.uint32(0xFFFF))
-    return (wp.float32(total) - 510.0) * 0.0067658
+def deviate(bells: wp.array[wp.float32], h: wp.uint32) -> wp.float32:
+    """A normal number of mean 0 and deviation 1, of a hash's ten highest bits."""
+    return bells[wp.int32(h >> wp.uint32(22))]
 
 
 @wp.func
@@ -79,37 +77,47 @@ def level(x: wp.float32, deviate: wp.float32, noise: wp.float32) -> wp.int32:
     """A linear display value with noise, as a place in the sRGB table."""
     grain = noise * deviate * (0.0005 + 0.008 * wp.sqrt(x))
     t = (x + grain) * wp.float32(LEVELS - 1) + 0.5
-    return wp.int32(lesser(greater(t, 0.0), wp.float32(LEVELS - 1)))
+    return index(wp.int32(lesser(greater(t, 0.0), wp.float32(LEVELS - 1))))
 
 
 @wp.func
-def record_levels(out: wp.array2d[wp.uint8], i: wp.int32, colour: wp.vec3f, r: Response, srgb: wp.array[wp.uint8]):
-    """Write a pixel's bytes: noise with a key of its own for each channel, and the tone table."""
+def record_levels(
+    out: wp.array2d[wp.uint8],
+    i: wp.int32,
+    colour: wp.vec3f,
+    r: Response,
+    srgb: wp.array[wp.uint8],
+    bells: wp.array[wp.float32],
+):
+    """Write a pixel's bytes: noise, each channel's of its own bits of the pixel's hash, and the tone table."""
     h = scramble(wp.uint32(i) ^ r.key)
-    out[i, 0] = srgb[level(colour[0], bell(h), r.noise)]
-    h = scramble(h + wp.uint32(1))
-    out[i, 1] = srgb[level(colour[1], bell(h), r.noise)]
-    h = scramble(h + wp.uint32(1))
-    out[i, 2] = srgb[level(colour[2], bell(h), r.noise)]
+    out[i, 0] = srgb[level(colour[0], deviate(bells, h), r.noise)]
+    out[i, 1] = srgb[level(colour[1], deviate(bells, h << wp.uint32(10)), r.noise)]
+    out[i, 2] = srgb[level(colour[2], deviate(bells, h << wp.uint32(20)), r.noise)]
+
+
+@wp.kernel
+def fall_off(responses: wp.array[Response], rims: wp.array[wp.float32], gains: wp.array[wp.float32]):
+    """The share of light that the lens lets through to every pixel."""
+    i = wp.tid()
+    r = responses[0]
+    x = (wp.float32(i % r.width) + 0.5) / wp.float32(r.width) - 0.5
+    y = (wp.float32(i / r.width) + 0.5 - 0.5 * wp.float32(r.height)) / wp.float32(r.width)
+    gains[i] = shading_at(x, y, r, rims)
 
 
 @wp.func
 def toned(
-    i: wp.int32,
     first: wp.int32,
     count: wp.int32,
     radiance: wp.array[wp.vec3f],
     weights: wp.array[wp.float32],
     rain: wp.int32,
     streak: wp.vec3f,
-    responses: wp.array[Response],
-    rims: wp.array[wp.float32],
+    gain: wp.float32,
+    white: wp.vec3f,
 ) -> wp.vec3f:
     """A pixel's samples, exposed, each through the tone curve, and then averaged."""
-    r = responses[0]
-    x = (wp.float32(i % r.width) + 0.5) / wp.float32(r.width) - 0.5
-    y = (wp.float32(i / r.width) + 0.5 - 0.5 * wp.float32(r.height)) / wp.float32(r.width)
-    gain = r.exposure * shading_at(x, y, r, rims)
     drops = lesser(wp.float32(rain) * (1.0 / 65536.0), 0.8)
     red = wp.float32(0.0)
     green = wp.float32(0.0)
@@ -117,9 +125,9 @@ def toned(
     for s in range(count):
         c = radiance[first + s]
         w = weights[first + s]
-        red = red + w * tone((c[0] + (streak[0] - c[0]) * drops) * gain * r.white[0])
-        green = green + w * tone((c[1] + (streak[1] - c[1]) * drops) * gain * r.white[1])
-        blue = blue + w * tone((c[2] + (streak[2] - c[2]) * drops) * gain * r.white[2])
+        red = red + w * tone((c[0] + (streak[0] - c[0]) * drops) * gain * white[0])
+        green = green + w * tone((c[1] + (streak[1] - c[1]) * drops) * gain * white[1])
+        blue = blue + w * tone((c[2] + (streak[2] - c[2]) * drops) * gain * white[2])
     return wp.vec3f(red, green, blue)
 
 
@@ -135,17 +143,18 @@ def develop(
     kept: wp.int32,
     stale: wp.array[wp.uint8],
     levels: wp.array[wp.vec3f],
-    rims: wp.array[wp.float32],
+    gains: wp.array[wp.float32],
     srgb: wp.array[wp.uint8],
+    bells: wp.array[wp.float32],
     out: wp.array2d[wp.uint8],
 ):
-    """One pixel's three bytes.
+    """One pixel's three bytes; `gains` is what `fall_off` found.
 
     Where its samples are below `kept` and it is not stale, its levels before the noise are those of an earlier frame.
     """
-    i = wp.tid()
+    i = index(wp.tid())
     r = responses[0]
-    first = starts[i]
+    first = index(starts[i])
     keep = first < kept and rain[i] == 0
     fresh = not keep
     colour = wp.vec3f(0.0, 0.0, 0.0)
@@ -153,11 +162,12 @@ def develop(
         fresh = stale[i] != wp.uint8(0)
         colour = levels[i]
     if fresh:
-        colour = toned(i, first, groups[i] & 7, radiance, weights, rain[i], streak, responses, rims)
+        gain = r.exposure * gains[i]
+        colour = toned(first, groups[i] & 7, radiance, weights, rain[i], streak, gain, r.white)
         if keep:
             levels[i] = colour
             stale[i] = wp.uint8(0)
-    record_levels(out, i, colour, r, srgb)
+    record_levels(out, i, colour, r, srgb, bells)
 
 
 @wp.kernel
@@ -173,15 +183,5 @@ def expose(
 ):
     """One plate pixel's light, exposed and balanced, its samples averaged as `develop` does; what blurs acts on it."""
     i = wp.tid()
-    drops = lesser(wp.float32(rain[i]) * (1.0 / 65536.0), 0.8)
-    red = wp.float32(0.0)
-    green = wp.float32(0.0)
-    blue = wp.float32(0.0)
-    first = starts[i]
-    for s in range(groups[i] & 7):
-        c = radiance[first + s]
-        w = weights[first + s]
-        red = red + w * tone((c[0] + (streak[0] - c[0]) * drops) * r.exposure * r.white[0])
-        green = green + w * tone((c[1] + (streak[1] - c[1]) * drops) * r.exposure * r.white[1])
-        blue = blue + w * tone((c[2] + (streak[2] - c[2]) * drops) * r.exposure * r.white[2])
-    plate[i] = wp.vec3f(untone(red), untone(green), untone(blue))
+    colour = toned(starts[i], groups[i] & 7, radiance, weights, rain[i], streak, r.exposure, r.white)
+    plate[i] = wp.vec3f(untone(colour[0]), untone(colour[1]), untone(colour[2]))

@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler import exact
 from recipe_compiler.plan import CameraResponse
+from recipe_compiler.streams import normal_quantile
 
 _NOON = 1.0 / (100.0 * 16.0 * 16.0)  # the sunny sixteen: 1/100 s at f/16 and ISO 100 ...
 _NOON_GAIN = 0.26  # ... exposes clear noon as the automatic exposure does
 RIM_STEPS = 1024
+_DEVIATES = 1024
 
 
 def gain(response: CameraResponse, automatic: float) -> float:
@@ -59,6 +61,13 @@ def tone_table(levels: int, gamma: float) -> NDArray[np.uint8]:
     if gamma != 2.2:
         encoded = (exact.power(v, 2.2 / gamma) for v in encoded)
     return np.array([int(255.0 * v + 0.5) for v in encoded], np.uint8)
+
+
+def deviates() -> NDArray[np.float32]:
+    """Numbers in rising order, each as likely as the others in a normal distribution of mean 0 and deviation 1."""
+    values = [normal_quantile((i + 0.5) / _DEVIATES) for i in range(_DEVIATES)]
+    spread = float(np.sqrt(sum(v * v for v in values) / _DEVIATES))  # a little below 1: the ends are cut off
+    return np.array([v / spread for v in values], np.float32)
 
 
 def _encode(v: float) -> float:

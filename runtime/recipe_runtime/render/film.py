@@ -10,7 +10,7 @@ from recipe_compiler import optics
 from recipe_compiler.plan import CameraPlan, CameraResponse
 
 from recipe_runtime.render import bloom, blur, camera, exposure, lens
-from recipe_runtime.render.device import launch, wp
+from recipe_runtime.render.device import launch, record, wp
 from recipe_runtime.render.geometry import Geometry
 from recipe_runtime.render.observe import Observation, Observer, device_rows
 
@@ -20,18 +20,33 @@ class Tables:
 
     def __init__(self, device: str) -> None:
         self._device = device
-        self._held: dict[Any, tuple[Any, Any]] = {}
+        self._held: dict[Any, tuple[Any, Any, Any]] = {}
+        self._gains: dict[Any, Any] = {}
+        self._bells = wp.array(exposure.deviates(), dtype=wp.float32, device=device)
 
-    def of(self, response: CameraResponse) -> tuple[Any, Any]:
-        """The rim's gains and the levels."""
+    def of(self, response: CameraResponse) -> tuple[Any, Any, Any]:
+        """The rim's gains by the distance from the centre, the levels, and the noise's deviates."""
         key = response.lens_circle_multiplier, response.lens_circle_falloff, response.gamma
         if key not in self._held:
             levels = exposure.tone_table(int(camera.LEVELS), response.gamma)
             self._held[key] = (
                 wp.array(exposure.rim(response), dtype=wp.float32, device=self._device),
                 wp.array(levels, dtype=wp.uint8, device=self._device),
+                self._bells,
             )
         return self._held[key]
+
+    def straight(self, response: CameraResponse, plan: CameraPlan) -> tuple[Any, Any, Any]:
+        """The same for a camera whose picture is its plate: the gains by pixel instead."""
+        rims, *others = self.of(response)
+        dark = response.lens_circle_multiplier, response.lens_circle_falloff, response.vignette_intensity
+        key = (*dark, plan.width, plan.height)
+        if key not in self._gains:
+            gains = wp.empty(plan.width * plan.height, dtype=wp.float32, device=self._device)
+            told = record(response_of(response, 1.0, 0, plan), self._device)
+            launch(camera.fall_off, gains.size, [told, rims, gains], self._device)
+            self._gains[key] = gains
+        return self._gains[key], *others
 
 
 def response_of(response: CameraResponse, automatic: float, key: int, plan: CameraPlan) -> Any:

@@ -92,17 +92,16 @@ class Painter:
             r = film.response_of(response, light.exposure, keyed(appearance.seed, sensor, frame), obs.camera)
             streak = streak_of(light)
             inputs = [linear, points.starts, points.groups, points.weights, drops, streak, r]
-            told = list(self._tables.of(response))
             if film.needs_plate(obs.camera, response, moment):
                 exposed = self._empty(plate.camera.width * plate.camera.height, wp.vec3f)
                 launch(camera.expose, exposed.shape[0], [*inputs, exposed], self._device)
-                told = [r, *told]
+                told = [r, *self._tables.of(response)]
                 out = film.finish(exposed, plate, obs, response, told, self._g, moment, self._device)
             else:
                 out = wp.empty((r.width * r.height, 3), dtype=wp.uint8, device=self._device)
                 inputs[-1] = record(r, self._device)
-                inputs += [shaded.kept, *shaded.levels]
-                launch(camera.develop, r.width * r.height, [*inputs, *told, out], self._device)
+                inputs += [shaded.kept, *shaded.levels, *self._tables.straight(response, obs.camera)]
+                launch(camera.develop, r.width * r.height, [*inputs, out], self._device)
             picture: NDArray[np.uint8] = out.numpy().reshape(r.height, r.width, 3)
         return picture
 

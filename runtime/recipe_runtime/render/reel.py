@@ -80,7 +80,7 @@ class _Look:
     light: Light
     looks: Any
     response: CameraResponse
-    tables: tuple[Any, Any]  # the lens's rim and the levels
+    tables: tuple[Any, Any, Any]  # the lens's gains, the levels and the deviates
     sun: int  # place among the reel's suns; -1: none shines
 
     @property
@@ -157,7 +157,7 @@ class Reel:
                 self.suns.append(light.sun)
             sun = known.index(True) if any(known) else len(self.suns) - 1
         looks = record(looks_of(self.g, plan.looks.root, self._albums.of(plan), self.device), self.device)
-        return _Look(plan, light, looks, response, self._tables.of(response), sun)
+        return _Look(plan, light, looks, response, self._tables.straight(response, self.camera), sun)
 
     def _rows(self, take: Take, start: int, stop: int) -> NDArray[np.uint8]:
         """The blocks of some frames, but for what is a lane's own."""
