@@ -8,6 +8,7 @@ from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.errors import InputError
+from recipe_compiler.wording import count
 
 FRAME_LIMIT = 100_000
 BYTE_LIMIT = 20 * 2**30
@@ -76,8 +77,8 @@ class Cost:
 
     def __str__(self) -> str:
         return (
-            f"{_count(self.variants, 'variant')}: {_count(self.simulations, 'simulation')}, "
-            f"{_count(self.observations, 'observation')}, {_count(self.appearances, 'appearance')}"
+            f"{count(self.variants, 'variant')}: {count(self.simulations, 'simulation')}, "
+            f"{count(self.observations, 'observation')}, {count(self.appearances, 'appearance')}"
         )
 
     def over(self, free_disk: int | None = None) -> list[str]:
@@ -111,17 +112,13 @@ class TooLargeError(InputError):
         super().__init__(f"{file}: {'; '.join(self.reasons)}; allow it with --allow-large")
 
 
-def size(count: float) -> str:
+def size(amount: float) -> str:
     """A number of bytes as people read it: 812 KiB, 37 MiB, 2.4 GiB."""
     for unit, bits in (("GiB", 30), ("MiB", 20), ("KiB", 10)):
-        if count >= 1 << bits:
-            amount = count / (1 << bits)
-            return f"{amount:.1f} {unit}" if bits == 30 else f"{amount:.0f} {unit}"
-    return f"{count:.0f} bytes"
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}{'' if number == 1 else 's'}"
+        if amount >= 1 << bits:
+            units = amount / (1 << bits)
+            return f"{units:.1f} {unit}" if bits == 30 else f"{units:.0f} {unit}"
+    return count(round(amount), "byte")
 
 
 def total(loads: Iterable[Load], depth: str) -> Cost:

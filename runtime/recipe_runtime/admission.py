@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from recipe_compiler import optics
 from recipe_compiler.errors import InputError, Problem
 from recipe_compiler.plan import DatasetPlan, RigPlan, ScenarioPlan, ScenePlan, SensorPlan
+from recipe_compiler.wording import count
 
 from recipe_runtime import layout
 from recipe_runtime.annotate.categories import CATEGORIES
@@ -59,7 +60,8 @@ def _clock(scene: ScenePlan) -> Iterator[str]:
 
 def _cast(scene: ScenePlan) -> Iterator[str]:
     if len(scene.actors) > MOST_ACTORS or len(scene.town.elements) > MOST_ELEMENTS:
-        yield f"{len(scene.actors)} actors and {len(scene.town.elements)} things of the town are over the limit"
+        cast, things = count(len(scene.actors), "actor"), count(len(scene.town.elements), "thing")
+        yield f"{cast} and {things} of the town are over the limit"
     if len({a.name for a in scene.actors}) < len(scene.actors):
         yield "two actors have one name"
     if len({(a.tag, a.instance) for a in scene.actors}) < len(scene.actors):

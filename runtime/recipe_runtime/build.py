@@ -56,6 +56,7 @@ class BuildResult:
     shards: int = 0
     resumed_frames: int = 0  # the same, counted in frames
     made_frames: int = 0  # by this very build
+    taken_frames: int = 0  # from the dataset that was there
     seconds: dict[str, float] = field(default_factory=dict)
     wall: float = 0.0
 
@@ -124,6 +125,7 @@ def build(
         shards=len(shards),
         resumed_frames=sum(shard.pictures for shard in resumed),
         made_frames=made,
+        taken_frames=sum(len(there.variants) * len(there.frames) for there in taken.values()),
         seconds=seconds,
         wall=wall,
     )

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from recipe_compiler.lockfile import Lockfile
 from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.wording import count
 
 from recipe_runtime import host, locking
 from recipe_runtime.verdict import ORDER, Difference
@@ -80,7 +81,7 @@ def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
 
 def _uneven(kind: str, missing: list[str], surplus: list[str]) -> list[str]:
     rows = ((missing, "lacks"), (surplus, "has, of nothing in the recipe,"))
-    return [f"it {word} {len(keys)} {kind} rows, {keys[0]} the first" for keys, word in rows if keys]
+    return [f"it {word} {count(len(keys), f'{kind} row')}, {keys[0]} the first" for keys, word in rows if keys]
 
 
 def compare_locks(plan: DatasetPlan, lock: Lockfile, made: Lockfile) -> list[Difference]:

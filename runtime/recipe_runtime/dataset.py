@@ -17,6 +17,7 @@ from typing import Any
 from recipe_compiler.errors import InputError
 from recipe_compiler.lockfile import Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
+from recipe_compiler.wording import count
 
 from recipe_runtime import layout, locking
 from recipe_runtime.admission import check_bounds, check_plan
@@ -155,7 +156,7 @@ def _file_damage(
         return [f"{path} is missing or cannot be read" if kind is None else f"{path} is a {kind}, not a file"]
     there = (root / path).lstat()
     if there.st_size != size:
-        return [f"{path} has {there.st_size} bytes, not {size}"]
+        return [f"{path} has {count(there.st_size, 'byte')}, not {size:,}"]
     key = there.st_dev, there.st_ino
     try:
         known[key] = known.get(key) or file_sha256(root / path)
@@ -173,12 +174,12 @@ def _frames_without_digest(dataset: Dataset) -> list[str]:
             expected |= {(key.frame_key(m), sensor.name, m, k) for m in ("labels", *sensor.capture) for k in frames}
     there, found = set(dataset.lock.frames), []
     for rest, what in (
-        (expected - there, "frames of the plan have no digest"),
-        (there - expected, "digests are of no frame of the plan"),
+        (expected - there, ("frame of the plan has no digest", "frames of the plan have no digest")),
+        (there - expected, ("digest is of no frame of the plan", "digests are of no frame of the plan")),
     ):
         if rest:
             _, name, modality, frame = min(rest)
-            found.append(f"{layout.MANIFEST}: {len(rest)} {what}, the first: {name}, {modality}, frame {frame}")
+            found.append(f"{layout.MANIFEST}: {count(len(rest), *what)}, the first: {name}, {modality}, frame {frame}")
     return found
 
 

@@ -1,20 +1,24 @@
 """Two recipes, plans, lockfiles or datasets side by side: what differs, the first cause first, in words.
 
 Things are compared in the order in which they are made, as far as both sides say: files, stages and tools, plans down
-to the field, motion body by body, pixels frame by frame. What one side does not hold is not compared, and said.
+to the field, motion body by body, pixels frame by frame, and of two datasets the files that their manifests list. What
+one side does not hold is not compared, and said. No file of a dataset but its manifest and plans is read.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from recipe_compiler.lockfile import Lockfile
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan
+from recipe_compiler.wording import count, form
 
+from recipe_runtime import layout
 from recipe_runtime.compare import stage_of
-from recipe_runtime.locking import first_parting
+from recipe_runtime.locking import first_parting, parting_words
 
 MOST_FIELDS = 12  # of one plan; the rest is counted
 _PARTS = ("scene", "rig", "appearance")
@@ -22,11 +26,17 @@ _PARTS = ("scene", "rig", "appearance")
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two: its name, and what it says. `lock` of a recipe or plan ends where compiling ends."""
+    """One of the two: its name, and what it says.
+
+    `lock` of a recipe without a lockfile, and of a plan, ends where compiling ends. `listed` are the SHA-256 of a
+    dataset's files, by its manifest. `note` is what a reader must know of this side.
+    """
 
     name: str
     lock: Lockfile
     plan: DatasetPlan | None
+    listed: Mapping[str, str] | None = None
+    note: str | None = None
 
     @property
     def locked(self) -> bool:
@@ -46,20 +56,26 @@ class Finding:
 
 
 def differences(a: Side, b: Side) -> list[Finding]:
-    """All that differs, in the order of the stages: recipe, tools, plan, trace, observation, labels, shading."""
+    """All that differs, in the order of the stages: recipe, tools, plan, trace, observation, labels, shading, file."""
     found = [*_files(a, b), *_versions(a, b), *_variants(a, b)]
     if a.locked and b.locked:
         found += [*_traces(a, b), *_frames(a, b)]
-    return found
+    return found + _listed(a, b, told=bool(found))
 
 
-def left_out(a: Side, b: Side) -> str | None:
-    """What could not be compared, and why; None if all could."""
+def left_out(a: Side, b: Side) -> list[str]:
+    """What was not compared, and why; nothing if all was."""
+    notes = [side.note for side in (a, b) if side.note]
     silent = [side.name for side in (a, b) if not side.locked]
-    if not silent:
-        return None
-    verb = "holds" if len(silent) == 1 else "hold"
-    return f"motion and pixels were not compared: {' and '.join(silent)} {verb} none; `recipe lock` makes a lockfile"
+    if silent:
+        told = f"{' and '.join(silent)} {form(len(silent), 'holds', 'hold')} none"
+        notes.append(f"motion and pixels were not compared: {told}; `recipe lock` makes a lockfile")
+    folders = [side.name for side in (a, b) if side.listed is not None]
+    if folders:
+        whose = form(len(folders), "its manifest", "their manifests")
+        what = f"{' and '.join(folders)} {form(len(folders), 'was', 'were')} compared by {whose}"
+        notes.append(f"{what}; `recipe verify --integrity` checks that the files are those")
+    return notes
 
 
 def _files(a: Side, b: Side) -> Iterator[Finding]:
@@ -96,9 +112,9 @@ def _versions(a: Side, b: Side) -> Iterator[Finding]:
 def _variants(a: Side, b: Side) -> Iterator[Finding]:
     ours, theirs = a.lock.variants, b.lock.variants
     for side, other in ((a, b), (b, a)):
-        missing = [name for name in other.lock.variants if name not in side.lock.variants]
-        if missing:
-            yield Finding("plan", f"{side.name} has no {_some(missing, 'variant')}")
+        only = [name for name in side.lock.variants if name not in other.lock.variants]
+        if only:
+            yield Finding("plan", f"{_some(only, 'variant')}, {form(len(only), 'is', 'are')} in {side.name} only")
     shared = [name for name in ours if name in theirs]
     if a.plan and b.plan:
         yield from _fields(shared, a.plan, b.plan)
@@ -109,9 +125,13 @@ def _variants(a: Side, b: Side) -> Iterator[Finding]:
                 yield Finding("plan", f"{name}: another {' and '.join(parts)} plan")
     if [n for n in theirs if n in ours] != shared:
         yield Finding("plan", "the variants are in another order")
-    outputs = [side.plan and (side.plan.annotations, side.plan.depth) for side in (a, b)]
-    if None not in outputs and outputs[0] != outputs[1]:
-        yield Finding("plan", f"outputs: {outputs[0]} and {outputs[1]}")
+    if a.plan and b.plan:
+        for what, first, second in (
+            ("output.annotations", ", ".join(a.plan.annotations), ", ".join(b.plan.annotations)),
+            ("output.depth", a.plan.depth, b.plan.depth),
+        ):
+            if first != second:
+                yield Finding("plan", f"{what}: {first or 'none'} in {a.name}, {second or 'none'} in {b.name}")
 
 
 def _fields(shared: list[str], a: DatasetPlan, b: DatasetPlan) -> Iterator[Finding]:
@@ -132,7 +152,8 @@ def _plan_fields(a: ScenarioPlan, b: ScenarioPlan) -> list[str]:
             messages = list(walk(ours.document(), theirs.document(), part))
             found += messages[:MOST_FIELDS]
             if len(messages) > MOST_FIELDS:
-                found.append(f"and {len(messages) - MOST_FIELDS} more fields of the {part} plan")
+                rest = count(len(messages) - MOST_FIELDS, "more field", "more fields")
+                found.append(f"and {rest} of the {part} plan")
     return found
 
 
@@ -148,7 +169,7 @@ def walk(ours: Any, theirs: Any, path: str) -> Iterator[str]:
             for key in [*first, *(key for key in second if key not in first)]:
                 yield from _pair(first, second, key, f"{path}[{key}]")
         elif len(ours) != len(theirs):
-            yield f"{path} has {len(ours)} and {len(theirs)} entries"
+            yield f"{path} has {count(len(ours), 'entry', 'entries')} and {len(theirs):,}"
         else:
             for number, pair in enumerate(zip(ours, theirs, strict=True)):
                 yield from walk(*pair, f"{path}[{number}]")
@@ -178,8 +199,8 @@ def _traces(a: Side, b: Side) -> Iterator[Finding]:
             yield Finding("trace", f"scene {scene[:16]} moves otherwise")
             continue
         first, actor, last = min(partings)
-        until = f"and {last}" if last >= first else "on"
-        yield Finding("trace", f"body {actor} parts between frames {first} {until}; {len(partings)} bodies differ")
+        differ = f"{count(len(partings), 'body', 'bodies')} {form(len(partings), 'differs', 'differ')}"
+        yield Finding("trace", f"body {actor} parts {parting_words(first, last)}; {differ}")
 
 
 def _frames(a: Side, b: Side) -> Iterator[Finding]:
@@ -198,8 +219,42 @@ def _frames(a: Side, b: Side) -> Iterator[Finding]:
     for key, sensor, modality in sorted(cases, key=_order):
         frames, place = cases[key, sensor, modality], (key, sensor, modality)
         where = f"{names.get(key, key)}, {sensor}"
-        what = f"{modality} of {len(frames)} of {totals[place]} frames differs, frame {min(frames)} the first"
+        what = f"{modality} of {len(frames)} of {count(totals[place], 'frame')} differs, frame {min(frames)} the first"
         yield Finding(stage_of(modality), f"{where}: {what}")
+
+
+def _listed(a: Side, b: Side, told: bool) -> list[Finding]:
+    """Files of two datasets whose bytes differ: each, in the order in which a build makes them, unless a cause is told.
+
+    Then they are counted: every file that depends on the cause is among them.
+    """
+    if a.listed is None or b.listed is None:
+        return []
+    found = []
+    for path in sorted({*a.listed, *b.listed}, key=_made):
+        if path not in a.listed or path not in b.listed:
+            found.append(f"{path} is in {a.name if path in a.listed else b.name} only")
+        elif a.listed[path] != b.listed[path]:
+            found.append(f"{path} has other bytes")
+    if not told or not found:
+        return [Finding("file", message) for message in found]
+    total = count(len({*a.listed, *b.listed}), "file")
+    return [
+        Finding("file", f"{len(found):,} of {total} {form(len(found), 'differs', 'differ')}, the first: {found[0]}")
+    ]
+
+
+def _made(path: str) -> tuple[int, str]:
+    """Where a file stands in the order of making: plans, tracks, pictures, labels, annotations, sheets, card."""
+    order = (
+        path.startswith("plans/"),
+        path.endswith("/tracks.csv"),
+        path.count("/") == 3 and not path.startswith("mots/"),
+        path.endswith("/labels.jsonl"),
+        path.startswith(("annotations/", "mots/")),
+        path in (layout.CONTACT_SHEET, layout.OVERLAY_SHEET),
+    )
+    return (order.index(True) if True in order else len(order)), path
 
 
 def _order(place: tuple[str, str, str]) -> tuple[int, str, str]:
@@ -209,9 +264,10 @@ def _order(place: tuple[str, str, str]) -> tuple[int, str, str]:
 
 def _some(names: Iterable[str], what: str) -> str:
     known = list(names)
-    return f"{what} {known[0]}" if len(known) == 1 else f"{len(known)} {what}s, {known[0]} the first"
+    return f"{what} {known[0]}" if len(known) == 1 else f"{count(len(known), what)}, {known[0]} the first"
 
 
 def _short(value: Any) -> str:
-    text = str(value)
+    """A value as a recipe would write it."""
+    text = value if isinstance(value, str) else "nothing" if value is None else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:57]}..."

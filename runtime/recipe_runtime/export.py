@@ -27,6 +27,7 @@ from typing import Any
 
 from recipe_compiler.canonical import canonical_bytes
 from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.wording import count
 
 from recipe_runtime import layout
 from recipe_runtime.dataset import Dataset, labels
@@ -161,7 +162,7 @@ def _whole(dataset: Dataset, path: str) -> bytes:
     if there is None:
         raise _damaged(dataset, f"{path} is missing, or no plain file")
     if there.st_size != size:
-        raise _damaged(dataset, f"{path} has {there.st_size} bytes, not {size}")
+        raise _damaged(dataset, f"{path} has {count(there.st_size, 'byte')}, not {size:,}")
     try:
         body = (dataset.root / path).read_bytes()
     except OSError as error:

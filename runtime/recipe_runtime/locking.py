@@ -131,3 +131,10 @@ def first_parting(locked: BodyMotion, ours: BodyMotion) -> tuple[int, int] | Non
             if a != b:
                 return index * ours.stride, (index + 1) * ours.stride - 1
     return len(ours.checkpoints) * ours.stride, -1
+
+
+def parting_words(first: int, last: int) -> str:
+    """When two motions part, in words, from what `first_parting` says."""
+    if last < first:
+        return f"from frame {first} on"
+    return f"at frame {first}" if first == last else f"between frames {first} and {last}"

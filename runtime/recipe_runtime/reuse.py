@@ -17,6 +17,7 @@ from recipe_compiler.canonical import digest
 from recipe_compiler.errors import InputError, RunError
 from recipe_compiler.lockfile import VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
+from recipe_compiler.wording import count
 
 from recipe_runtime import dataset as datasets
 from recipe_runtime import layout
@@ -172,22 +173,24 @@ def reasons(reuse: Reuse, simulated: Sequence[str], taken: Mapping[int, Taken]) 
     plan = reuse.plan
     scenes = len({v.scene.digest for v in plan.variants})
     if simulated:
-        yield f"simulate {len(simulated)} of {scenes} scenes: their motion is not in the cache"
+        yield f"simulate {len(simulated)} of {count(scenes, 'scene')}: their motion is not in the cache"
     else:
-        yield f"simulate nothing: the motion of {scenes} scenes is in the cache"
+        yield f"simulate nothing: the motion of {count(scenes, 'scene')} is in the cache"
     for number, view in enumerate(views(plan)):
         covered, there = reuse.covered(view), taken.get(number, Taken((), frozenset()))
         names = [plan.variants[n].variant for n in view.variants if n not in covered]
-        where = f"{view.sensor.name}, {view.scene.clock.frames} frames"
+        where = f"{view.sensor.name}, {count(view.scene.clock.frames, 'frame')}"
         if covered:
             which, lost = (
                 _some([plan.variants[n].variant for n in covered]),
                 view.scene.clock.frames - len(there.frames),
             )
             if there.frames:
-                yield f"take over {view.sensor.name}, {len(there.frames)} frames of {which}: nothing of them changed"
+                whole = count(len(there.frames), "frame")
+                yield f"take over {view.sensor.name}, {whole} of {which}: nothing of them changed"
             if lost:
-                yield f"make {view.sensor.name}, {lost} frames of {which} again: files of them are damaged or missing"
+                damaged = count(lost, "frame")
+                yield f"make {view.sensor.name}, {damaged} of {which} again: files of them are damaged or missing"
         if names and reuse.knows(view):
             yield f"shade {where} of {_some(names)}: an appearance that the earlier dataset has not"
         elif names:
@@ -208,4 +211,4 @@ def _forms(plan: DatasetPlan) -> tuple[str, bool]:
 
 
 def _some(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{len(names)} variants ({names[0]}, ...)"
+    return names[0] if len(names) == 1 else f"{count(len(names), 'variant')} ({names[0]}, ...)"

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from recipe_compiler import exact
 from recipe_compiler.streams import Stream
+from recipe_compiler.wording import count
 
 T = TypeVar("T")
 
@@ -35,9 +36,9 @@ class Bound:
 
     def __str__(self) -> str:
         if self.checked >= self.total:
-            return f"all {self.total} frames checked"
+            return f"all {count(self.total, 'frame')} checked" if self.total != 1 else "the one frame checked"
         return (
-            f"{self.checked} of {self.total} frames checked: with {self.confidence * 100:g} % confidence "
+            f"{self.checked:,} of {count(self.total, 'frame')} checked: with {self.confidence * 100:g} % confidence "
             f"fewer than {self.differing * 100:.1f} % differ"
         )
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from recipe_compiler.canonical import digest
 from recipe_compiler.errors import InputError
 from recipe_compiler.plan import ScenarioPlan, ScenePlan, SensorPlan
+from recipe_compiler.wording import count
 
 from recipe_runtime import encode
 from recipe_runtime.annotate.objects import Record
@@ -133,7 +134,7 @@ class Scenario(Sequence[Frame]):
         return (Frame(self, k) for k in range(len(self)))
 
     def __repr__(self) -> str:
-        return f"<{self.variant}: {len(self)} frames of {', '.join(self.sensors)}>"
+        return f"<{self.variant}: {count(len(self), 'frame')} of {', '.join(self.sensors)}>"
 
     def render(self, frame: int, sensor: str | None = None, modality: str = "rgb") -> NDArray[Any]:
         """The pixels of a frame, equal to those of a build; a fresh array.

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from recipe_compiler.wording import count, form
+
 from recipe_runtime.sample import Bound
 
 Verdict = Literal["PASS", "FAIL", "INCONCLUSIVE"]
@@ -61,11 +63,12 @@ class Report:
     def extent(self) -> str:
         """How much was compared, and what that shows; a bound is shown only where nothing differs."""
         if self.files is not None:
-            return f"{self.files} files hashed, no frame rendered"
+            return f"{count(self.files, 'file')} hashed, no frame rendered"
         if self.verdict == "PASS":
             return str(self.bound)
         frames = {(d.variant, d.sensor, d.frame) for d in self.differences if d.frame is not None}
-        return f"{self.bound.checked} of {self.bound.total} frames compared, {len(frames)} of them differ"
+        told = f"{len(frames)} of them {form(len(frames), 'differs', 'differ')}"
+        return f"{self.bound.checked} of {count(self.bound.total, 'frame')} compared, {told}"
 
     def document(self) -> dict[str, Any]:
         """The report as plain JSON values."""

@@ -16,6 +16,7 @@ from typing import Any
 from recipe_compiler.errors import RunError
 from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenePlan
+from recipe_compiler.wording import count, form
 
 from recipe_runtime import host, layout, locking
 from recipe_runtime.compare import compare_datasets, compare_files, compare_plans, compare_rows, excuse_of, stage_of
@@ -271,6 +272,6 @@ def _parting(lock: Lockfile, scene: ScenePlan, ours: dict[str, Any]) -> str:
     if not partings:
         return "the motion differs from the one that was locked"
     first, actor, last = min(partings)
-    until = f"and {last}" if last >= first else "on"
-    where = f"between frames {first} {until} (from step {first * scene.clock.steps_per_frame})"
-    return f"body {actor} parts {where}; {len(partings)} of {len(ours)} bodies differ"
+    where = f"{locking.parting_words(first, last)} (from step {first * scene.clock.steps_per_frame})"
+    bodies = f"{len(partings)} of {count(len(ours), 'body', 'bodies')} {form(len(partings), 'differs', 'differ')}"
+    return f"body {actor} parts {where}; {bodies}"

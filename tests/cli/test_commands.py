@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -218,8 +219,39 @@ def test_a_build_that_differs_from_its_lockfile_says_so(folder: Path, tmp_path: 
     (tmp_path / "lockfiles" / "small.lock").write_text((folder / "lockfiles" / "small.lock").read_text())
     done = run("build", "small.yaml", "--workers", "1", cwd=tmp_path)
     assert done.returncode == 1
-    assert "small.yaml has changed since it was locked" in done.stderr
+    warning, first = done.stderr.splitlines()[:2]
+    assert warning.startswith("warning: lockfiles/small.lock is outdated: small.yaml has changed since it was locked;")
+    assert first.startswith("small.lock: recipe: small.yaml has changed since it was locked")
     assert (tmp_path / "datasets" / "small" / "manifest.json").is_file()
+
+
+def test_an_outdated_lockfile_is_told_before_the_work(folder: Path, tmp_path: Path) -> None:
+    """An hour's build that ends in `differs` is an hour lost: the warning comes even if the build cannot begin."""
+    root = _project(folder, tmp_path, "lockfiles")
+    (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
+    (root / "mine").mkdir()
+    (root / "mine" / "thesis.txt").touch()
+    warning, refusal = run("build", "small.yaml", "--out", "mine", cwd=root).stderr.splitlines()
+    assert warning.startswith("warning: lockfiles/small.lock is outdated: small.yaml has changed since it was locked;")
+    assert refusal.endswith("choose another with --out")
+    (root / "small.yaml").write_text(RECIPE)
+    (refusal,) = run("build", "small.yaml", "--out", "mine", cwd=root).stderr.splitlines()
+
+
+def test_a_partial_rebuild_says_what_it_did_and_what_was_there(folder: Path, tmp_path: Path) -> None:
+    """Otherwise a rebuild of one weather reads as if all had been rendered, or as if nothing had."""
+    root = _project(folder, tmp_path, "small.yaml")
+    first = run("build", "small.yaml", "--workers", "1", cwd=root).stdout.splitlines()[0]
+    whole = r"datasets/small: 2 variants: 1 simulation, 1 observation, 2 appearances; 4 frames rendered in .* a second"
+    assert re.fullmatch(whole, first), first
+    (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
+    told = run("build", "small.yaml", "--workers", "1", cwd=root).stdout.splitlines()[0]
+    part = r"datasets/small: 2 variants; 4 frames: 2 rendered, 2 taken over from the dataset that was there; [0-9.]+ s"
+    assert re.fullmatch(part, told), told
+    only_dry = RECIPE.replace("{dry: {}, wet: {weather: HardRainNoon}}", "{dry: {}}")
+    (root / "small.yaml").write_text(only_dry)
+    less = json.loads(run("build", "small.yaml", "--json", cwd=root).stdout)
+    assert (less["made_frames"], less["taken_frames"], less["resumed_frames"]) == (0, 2, 0)
 
 
 def test_out_over_something_else_is_refused(folder: Path, tmp_path: Path) -> None:
@@ -317,6 +349,19 @@ def test_diff_names_the_first_cause(folder: Path, tmp_path: Path) -> None:
     for pair in (("datasets/small", "lockfiles/small.lock"), ("small.yaml", "datasets/small")):
         same = run("diff", *pair, cwd=folder)
         assert (same.returncode, same.stdout) == (0, "nothing differs\n"), same.stdout
+        assert same.stderr.splitlines() == [
+            "datasets/small was compared by its manifest; `recipe verify --integrity` checks that the files are those"
+        ]  # so motion and pixels were compared as well: a recipe stands with its lockfile
+
+
+def test_diff_leaves_an_outdated_lockfile_aside_and_says_so(folder: Path, tmp_path: Path) -> None:
+    """Digests of what the recipe was must not pass for what it is."""
+    root = _project(folder, tmp_path, "lockfiles", "datasets")
+    (root / "small.yaml").write_text(RECIPE + "description: The same plans, another file.\n")
+    told = run("diff", "small.yaml", "datasets/small", cwd=root)
+    aside, silent, _ = told.stderr.splitlines()
+    assert aside.startswith("lockfiles/small.lock is not what small.yaml makes now, and was left aside; `recipe lock")
+    assert silent.startswith("motion and pixels were not compared: small.yaml holds none")
 
 
 def test_diff_of_what_is_none_is_refused(tmp_path: Path) -> None:

@@ -228,6 +228,7 @@ def test_a_resumed_build_makes_again_what_was_lost_or_damaged(made: BuildResult,
     assert len(records) == 3
     result = again(tmp_path, workers=0, shard_frames=2)
     assert result.resumed == 1
+    assert 0 < result.resumed_frames < result.made_frames and result.taken_frames == 0
     assert tree(result.path) == tree(made.path)
 
 

@@ -36,7 +36,7 @@ def _with(side: Side, **changes: Any) -> Side:
 
 def test_nothing_differs_from_itself(ours: Side) -> None:
     assert differences(ours, ours) == []
-    assert left_out(ours, ours) is None
+    assert left_out(ours, ours) == []
 
 
 def test_a_field_that_many_variants_share_is_told_once(ours: Side) -> None:
@@ -68,7 +68,7 @@ def test_the_body_that_parts_first_is_named_with_its_frames(ours: Side) -> None:
         points = tuple("0" * 8 if k >= frame else p for k, p in enumerate(motion.checkpoints))
         bodies[scene, actor] = replace(motion, digest="0" * 64, checkpoints=points)
     found = differences(ours, _with(ours, bodies=bodies, traces={scene: "0" * 64}))
-    assert found == [Finding("trace", "body hero2 parts between frames 2 and 2; 2 bodies differ")]
+    assert found == [Finding("trace", "body hero2 parts at frame 2; 2 bodies differ")]
 
 
 def test_frames_are_counted_by_modality_labels_before_colours(ours: Side) -> None:
@@ -107,7 +107,58 @@ def test_what_one_side_does_not_tell_is_said(ours: Side) -> None:
     assert ours.plan is not None
     recipe = Side("a.yaml", bare(ours.plan, "", {}), ours.plan)
     assert differences(ours, recipe) == []
-    assert str(left_out(ours, recipe)).startswith("motion and pixels were not compared: a.yaml holds none")
+    (note,) = left_out(ours, recipe)
+    assert note == "motion and pixels were not compared: a.yaml holds none; `recipe lock` makes a lockfile"
+
+
+def test_datasets_are_said_to_be_compared_by_their_manifests(ours: Side) -> None:
+    """`nothing differs` must not read as if the files had been looked at."""
+    one, other = replace(ours, listed={"README.md": "aa"}), replace(ours, name="theirs", listed={"README.md": "aa"})
+    assert differences(one, other) == []
+    check = "`recipe verify --integrity` checks that the files are those"
+    assert left_out(one, other) == [f"ours and theirs were compared by their manifests; {check}"]
+    assert left_out(one, ours) == [f"ours was compared by its manifest; {check}"]
+
+
+def test_files_that_differ_come_last_and_in_the_order_in_which_they_are_made(ours: Side) -> None:
+    """Where no cause before tells why, each file is named, the ones that others are made from first."""
+    picture, labels = "weather=w0,jitter=still/side/rgb/000000.png", "weather=w0,jitter=still/side/labels.jsonl"
+    made = [picture, labels, "annotations/kwcoco.json", "preview/contact_sheet.png", "README.md"]
+    one = replace(ours, listed=dict.fromkeys(made, "aa"))
+    other = replace(ours, name="theirs", listed=dict.fromkeys(sorted(made), "bb") | {"plans/x.json": "aa"})
+    assert [str(f) for f in differences(one, other)] == [
+        "file: plans/x.json is in theirs only",
+        *(f"file: {path} has other bytes" for path in made),
+    ]
+    caused = differences(one, replace(other, lock=replace(ours.lock, tools={**ours.lock.tools, "deflate": "9"})))
+    assert [f.stage for f in caused] == ["tools", "file"]
+    assert caused[-1].message == "6 of 6 files differ, the first: plans/x.json is in theirs only"
+
+
+def test_variants_and_outputs_of_one_side_are_told_in_sentences(ours: Side) -> None:
+    assert ours.plan is not None
+    plan = DatasetPlan(
+        recipe=ours.plan.recipe, description="", variants=ours.plan.variants[:2], annotations=(), depth="npy"
+    )
+    first, *rest = (v.variant for v in ours.plan.variants[2:])
+    asked = ", ".join(ours.plan.annotations)
+    assert rest
+    assert [str(f) for f in differences(ours, Side("theirs", bare(plan, "", {}), plan))] == [
+        f"plan: 2 variants, {first} the first, are in ours only",
+        f"plan: output.annotations: {asked} in ours, none in theirs",
+        "plan: output.depth: carla in ours, npy in theirs",
+    ]
+
+
+def test_values_are_written_as_in_a_recipe() -> None:
+    ours = {"on": None, "spans": [[1, 2], "dry"], "still": True}
+    theirs = {"on": "hero", "spans": [{"low": 1}, "wet"], "still": False}
+    assert list(walk(ours, theirs, "rig")) == [
+        "rig.on: nothing and hero",
+        'rig.spans[0]: [1, 2] and {"low": 1}',
+        "rig.spans[1]: dry and wet",
+        "rig.still: true and false",
+    ]
 
 
 def test_committed_lockfiles_differ_from_each_other_in_their_variants() -> None:

@@ -103,8 +103,8 @@ ROW = ("0" * 16, "street", "rgb", 3)
     ("change", "says"),
     [
         ({"frames": {}}, "it lacks 120 frame rows"),
-        ({"frames": {ROW: "0" * 64}}, "it has, of nothing in the recipe, 1 frame rows"),
-        ({"traces": {}}, "it lacks 1 trace rows"),
+        ({"frames": {ROW: "0" * 64}}, "it has, of nothing in the recipe, 1 frame row"),
+        ({"traces": {}}, "it lacks 1 trace row"),
         ({"stages": {}}, "it lacks 6 stage rows"),
         ({"recipe": "imagenet"}, "it is of the recipe 'imagenet', and this is 'tiny'"),
     ],
@@ -178,7 +178,7 @@ class _NoisyObserver(fakes.Renderer):
 def test_a_random_number_in_the_simulation_is_caught_with_its_body(locked: Lockfile) -> None:
     report = check(locked, engines=replace(fakes.ENGINES, simulate=_noisy_simulate))
     assert (report.verdict, report.stage) == ("FAIL", "trace")
-    assert "body hero2 parts between frames 3 and 3 (from step 72); 1 of 3 bodies differ" in str(report.differences[0])
+    assert "body hero2 parts at frame 3 (from step 72); 1 of 3 bodies differ" in str(report.differences[0])
 
 
 def _moved(scene: ScenePlan) -> Trace:
@@ -199,7 +199,7 @@ OTHER_PYTHON = {"tools": {**host_versions(), "python": "3.9"}}
 def test_another_host_goes_on_from_the_locked_motion(locked: Lockfile) -> None:
     held = {scene: fakes.simulate(PLAN.variants[0].scene) for scene in locked.traces}
     for engines, says in (
-        (replace(fakes.ENGINES, simulate=_moved), "body hero2 parts between frames 3 and 3"),
+        (replace(fakes.ENGINES, simulate=_moved), "body hero2 parts at frame 3"),
         (replace(fakes.ENGINES, simulate=_barred), "it was not simulated here"),
     ):
         report = check(replace(locked, **OTHER_PYTHON), engines=engines, traces=held)

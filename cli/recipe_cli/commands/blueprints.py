@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from recipe_compiler.wording import count
 
 from recipe_cli.arguments import JSON, print_json, writing
 
@@ -95,4 +96,4 @@ def _draw(found: tuple[Blueprint, ...], folder: Path) -> None:
             drawn.append((blueprint.id, pixels))
         progress("pictures", len(found), len(found))
         write_atomic(folder / "blueprints.jpg", sheet(drawn))
-    click.echo(f"{folder}: {len(found)} pictures, and blueprints.jpg", err=True)
+    click.echo(f"{folder}: {count(len(found), 'picture')}, and blueprints.jpg", err=True)

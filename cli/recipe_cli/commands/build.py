@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from recipe_compiler.wording import count
 
 from recipe_cli.arguments import (
     ALLOW_LARGE,
@@ -19,6 +20,7 @@ from recipe_cli.arguments import (
     compile_quietly,
     engines_for,
     print_json,
+    print_warning,
     unpacks,
     worker_count,
 )
@@ -105,18 +107,20 @@ def command(
     if locked or frozen:
         plan = _agreed(recipe, compiled, lock, frozen)
         compiled = replace(compiled, plan=plan, files=compiled.files if locked or lock is None else lock[1].files)
+    elif lock is not None:
+        _warn_if_outdated(compiled, *lock)
     target = _target(out) if out and "://" in out else None
     from recipe_runtime.build import build
 
     reasons: list[str] = []
     # On a cluster, as many as it has room for; here, one a core. Says before the work if there is no such device.
-    count = (workers or 0) if ray else worker_count(workers, device)
+    hands = (workers or 0) if ray else worker_count(workers, device)
     try:
         with Progress() as progress, _runner(ray) as run:
             result = build(
                 compiled.plan,
                 folder,
-                workers=count,
+                workers=hands,
                 progress=progress,
                 device=device,
                 engines=engines_for(compiled),
@@ -137,14 +141,15 @@ def command(
             | ({"url": target.url, **asdict(copied)} if target and copied else {})
             | ({"mended": list(result.mended)} if repair else {})
             | {"resumed_shards": result.resumed, "shards": result.shards, "resumed_frames": result.resumed_frames}
-            | {"made_frames": result.made_frames, "lockfile_differences": differences}
+            | {"made_frames": result.made_frames, "taken_frames": result.taken_frames}
+            | {"lockfile_differences": differences}
         )
     else:
         for reason in reasons if explain else ():
             click.echo(reason)
         _say(compiled, folder, result, repair)
         if target and copied:
-            told = f"{copied.sent} files sent, {copied.copied} copied there, {copied.kept} there already"
+            told = f"{count(copied.sent, 'file')} sent, {copied.copied:,} copied there, {copied.kept:,} there already"
             click.echo(f"{target.url}: {told}")
     if differences:
         for difference in differences:
@@ -206,6 +211,17 @@ def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None
     return plan
 
 
+def _warn_if_outdated(compiled: Compiled, path: Path, known: Lockfile) -> None:
+    """Say before the work that its end will differ from the lockfile."""
+    from recipe_compiler.errors import Problem
+    from recipe_runtime.compare import compare_files, compare_plans
+
+    found = compare_files(known, compiled.files) or compare_plans(compiled.plan, known)
+    if found:
+        remedy = "this builds what the recipe says now, and ends with exit code 1; --locked refuses to"
+        print_warning(Problem(f"{path} is outdated: {found[0].message}; {remedy}"))
+
+
 def _against(
     locked: tuple[Path, Lockfile] | None, recipe: Path, compiled: Compiled, result: BuildResult
 ) -> list[str] | None:
@@ -228,7 +244,7 @@ def _interrupted(plan: DatasetPlan, folder: Path, repair: bool, target: Target |
 
     kept, manifest = kept_frames(plan, folder), read_manifest(folder)
     if kept:
-        return f"interrupted; {kept} of {_frames(plan)} frames are kept; build again to go on"
+        return f"interrupted; {kept:,} of {count(_frames(plan), 'frame')} are kept; build again to go on"
     if repair:
         return "interrupted; nothing was mended yet"
     if manifest is not None and is_whole(manifest, plan, folder):
@@ -247,18 +263,29 @@ def _say(compiled: Compiled, out: Path, result: BuildResult, repair: bool) -> No
     if len(result.mended) > _MOST_SHOWN:
         click.echo(f"  ... and {len(result.mended) - _MOST_SHOWN} more; --json lists all")
     if result.built:
-        plan = compiled.plan
-        frames, made = _frames(plan), result.made_frames
-        rate = made / max(result.wall, 1e-9)
-        whole = len(plan.variants) == compiled.cost.variants  # a frozen build may leave some out
-        what = str(compiled.cost) if whole else f"{len(plan.variants)} of {compiled.cost.variants} variants"
-        told = f"{made} frames" if made == frames else f"{made} of {frames} frames made"
-        click.echo(f"{out}: {what}; {told} in {result.wall:.1f} s, {rate:.1f} a second")
-        if result.resumed_frames:
-            click.echo(f"took up {result.resumed_frames} frames from the stopped build")
+        number, every = len(compiled.plan.variants), compiled.cost.variants  # a frozen build may leave some out
+        what = count(every, "variant") if number == every else f"{number} of {count(every, 'variant')}"
+        if number == every and not (result.taken_frames or result.resumed_frames):
+            what = str(compiled.cost)  # all of it was this build's work
+        click.echo(f"{out}: {what}; {_done(result)}")
     elif repair:
         click.echo(f"{out}: there already, and every file has the bytes that its manifest says")
     else:
         click.echo(f"{out}: there already (sizes checked; `recipe verify {out}` checks bytes, --repair mends them)")
     click.echo(f"look at {out / 'preview' / 'contact_sheet.png'}")
     click.echo(result.identity)
+
+
+def _done(result: BuildResult) -> str:
+    """What this build did for how many frames, and what others had done; a rate is of its own work alone."""
+    made, seconds = result.made_frames, f"{result.wall:.1f} s"
+    others = (
+        (result.taken_frames, "taken over from the dataset that was there"),
+        (result.resumed_frames, "taken up from the stopped build"),
+    )
+    known = [f"{number:,} {whence}" for number, whence in others if number]
+    if not known:
+        return f"{count(made, 'frame')} rendered in {seconds}, {made / max(result.wall, 1e-9):.1f} a second"
+    own = f"{made:,} rendered" if made else "none rendered"
+    total = count(made + result.taken_frames + result.resumed_frames, "frame")
+    return f"{total}: {', '.join([own, *known])}; {seconds}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import click
+from recipe_compiler.wording import count
 
 from recipe_cli.arguments import JSON, print_json
 
@@ -32,14 +33,15 @@ def command(prune: bool, size: str | None, as_json: bool) -> None:
     removed = housekeeping.prune(roots, limit, spared) if prune and limit is not None else []
     told = housekeeping.sizes(housekeeping.entries(roots))
     if as_json:
-        kinds = {kind: {"entries": count, "bytes": total} for kind, (count, total) in told.items()}
+        kinds = {kind: {"entries": number, "bytes": total} for kind, (number, total) in told.items()}
         freed = sum(entry.size for entry in removed)
         print_json(
             {"folders": [str(root) for root in roots], "kinds": kinds, "removed": len(removed), "freed_bytes": freed}
         )
         return
     if prune:
-        click.echo(f"removed {len(removed)} entries, {told_size(sum(entry.size for entry in removed))}")
+        gone = told_size(sum(entry.size for entry in removed))
+        click.echo(f"removed {count(len(removed), 'entry', 'entries')}, {gone}")
     click.echo(f"{', '.join(map(str, roots))}: {told_size(sum(total for _, total in told.values()))}")
-    for kind, (count, total) in told.items():
-        click.echo(f"  {kind:8} {count:6}  {told_size(total)}")
+    for kind, (number, total) in told.items():
+        click.echo(f"  {kind:8} {number:6}  {told_size(total)}")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from recipe_compiler.wording import count
 
 from recipe_cli.arguments import JSON, opened, print_json, print_warning
 
@@ -25,7 +26,7 @@ def command(recipes: tuple[Path, ...], as_json: bool) -> None:
     for path in recipes:
         try:
             with opened(path) as recipe:
-                count, found = _checked(recipe)
+                variants, found = _checked(recipe)
         except InputError as error:
             problems += [(path, problem) for problem in error.problems]
             continue
@@ -33,7 +34,7 @@ def command(recipes: tuple[Path, ...], as_json: bool) -> None:
         if not as_json:
             for warning in found:
                 print_warning(warning)
-            click.echo(f"{path}: in order, {count} variant{'s' if count != 1 else ''}")
+            click.echo(f"{path}: in order, {count(variants, 'variant')}")
     if as_json:
         rows = {"problems": [_row(*each) for each in problems], "warnings": [_row(*each) for each in warnings]}
         print_json({"ok": not problems, **rows})

@@ -24,16 +24,18 @@ _MOST_SHOWN = 40
 def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None:
     """Say what differs between FIRST and SECOND, the first cause first; nothing is rendered.
 
-    Each is a recipe, a pack, a lockfile, a dataset folder, or an expanded plan (`recipe plan --variant`,
-    plans/*.json of a dataset). Exit code 0: nothing differs, 1: something does.
+    Each is a recipe (with its lockfile, if that is up to date), a pack, a lockfile, a dataset folder, or an
+    expanded plan (`recipe plan --variant`, plans/*.json of a dataset). Datasets are compared by their
+    manifests, which hold a digest of every frame and the SHA-256 of every file; `recipe verify --integrity`
+    checks the files themselves. Exit code 0: nothing differs, 1: something does.
     """
     from recipe_runtime.diff import differences, left_out
 
     a, b = _side(first, allow_large), _side(second, allow_large)
-    found, note = differences(a, b), left_out(a, b)
+    found, notes = differences(a, b), left_out(a, b)
     if as_json:
         rows = [{"stage": finding.stage, "message": finding.message} for finding in found]
-        print_json({"first": str(first), "second": str(second), "differences": rows, "left_out": note})
+        print_json({"first": str(first), "second": str(second), "differences": rows, "left_out": notes})
     else:
         for finding in found[:_MOST_SHOWN]:
             click.echo(str(finding))
@@ -41,7 +43,7 @@ def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None
             click.echo(f"... and {len(found) - _MOST_SHOWN} more; --json lists all")
         if not found:
             click.echo("nothing differs")
-        if note:
+        for note in notes:
             click.echo(note, err=True)
     raise click.exceptions.Exit(1 if found else 0)
 
@@ -55,7 +57,7 @@ def _side(path: Path, allow_large: bool) -> Side:
 
     if path.is_dir():
         held = dataset.read(path)
-        return Side(str(path), held.lock, held.plan)
+        return Side(str(path), held.lock, held.plan, {name: sha256 for name, (_, sha256) in held.files.items()})
     if path.suffix == ".lock":
         return Side(str(path), lockfile.read(path), None)
     if path.suffix == ".json":
@@ -63,7 +65,10 @@ def _side(path: Path, allow_large: bool) -> Side:
         return Side(str(path), bare(plan, "", {}), plan)
     with opened(path) as recipe:
         compiled = compile_quietly(recipe, allow_large=allow_large)
-        locked = lockfile_path(recipe, compiled.plan.recipe) if recipe != path else None
-        if locked is not None and locked.exists():  # a pack tells of motion and pixels too
-            return Side(str(path), lockfile.read(locked), compiled.plan)
-        return Side(str(path), bare(compiled.plan, "", compiled.files), compiled.plan)
+        found, note = lockfile_path(recipe, compiled.plan.recipe), None
+        if found.exists():  # so it tells of motion and pixels too
+            lock = lockfile.read(found)
+            if lock.plan == compiled.plan.digest and lock.files == compiled.files:
+                return Side(str(path), lock, compiled.plan)
+            note = f"{found} is not what {path} makes now, and was left aside; `recipe lock --update` renews it"
+        return Side(str(path), bare(compiled.plan, "", compiled.files), compiled.plan, note=note)

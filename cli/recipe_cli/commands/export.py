@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+from recipe_compiler.wording import count
 
 from recipe_cli.arguments import JSON, print_json
 from recipe_cli.progress import Progress
@@ -39,5 +40,5 @@ def command(dataset: Path, out: Path, form: str, shard_size: str, as_json: bool)
     shards = index["shards"]
     total = sum(shard["size"] for shard in shards)
     samples = sum(shard["samples"] for shard in shards)
-    click.echo(f"{out}: {samples} samples in {len(shards)} shards, {size(total)}")
+    click.echo(f"{out}: {count(samples, 'sample')} in {count(len(shards), 'shard')}, {size(total)}")
     click.echo(index["dataset"])

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from recipe_compiler.wording import count
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, writing
 from recipe_cli.places import FOLDER, lockfile_path
@@ -44,7 +45,7 @@ def command(recipe: Path, output: Path | None, with_traces: bool, allow_large: b
         print_json({"file": str(output), "bytes": len(body), "identity": pack.identity(body), "files": rows})
         return
     for path, content in sorted(files.items()):
-        click.echo(f"  {path}  {len(content)} bytes")
+        click.echo(f"  {path}  {count(len(content), 'byte')}")
     click.echo(f"{output}  {pack.identity(body)}")
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from recipe_compiler.wording import count
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, unpacks
 
@@ -70,7 +71,7 @@ def _table(compiled: Compiled) -> None:
     click.echo(f"\n{compiled.cost}")
     cost = compiled.cost
     click.echo(
-        f"{cost.frames:,} frames, {cost.images:,} images, about {size(cost.bytes)}, "
+        f"{count(cost.frames, 'frame')}, {count(cost.images, 'image')}, about {size(cost.bytes)}, "
         f"about {_duration(cost.minutes)} of one core"
     )
     click.echo(f"plan sha256:{plan.digest}")
@@ -79,4 +80,4 @@ def _table(compiled: Compiled) -> None:
 def _duration(minutes: float) -> str:
     if minutes < 1:
         return f"{max(1, round(minutes * 60))} s"
-    return f"{minutes:.0f} minutes" if minutes < 120 else f"{minutes / 60:.0f} hours"
+    return count(round(minutes), "minute") if minutes < 120 else count(round(minutes / 60), "hour")

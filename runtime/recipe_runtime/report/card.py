@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.wording import count
 
 from recipe_runtime import layout
 from recipe_runtime.annotate.categories import CATEGORIES
@@ -47,7 +48,7 @@ def _counts(videos: Sequence[Video]) -> str:
     frames = sum(len(v.frames) for v in videos)
     pictures = sum(len(v.frames) * len(v.sensor.capture) for v in videos)
     variants = len({v.variant for v in videos})
-    words = f"{_count(variants, 'variant')}, {_count(frames, 'frame')}, {_count(pictures, 'picture')}."
+    words = f"{count(variants, 'variant')}, {count(frames, 'frame')}, {count(pictures, 'picture')}."
     return f"## What is in it\n\n{words}\n\n" + "\n".join(rows)
 
 
@@ -85,7 +86,3 @@ def _layout(dataset: DatasetPlan) -> str:
     }
     lines += [described[name] for name in sorted(set(dataset.annotations))]
     return "\n".join(lines)
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"

@@ -37,7 +37,7 @@ class Parting:
     theirs: str = ""
 
     def __str__(self) -> str:
-        how = "1 pixel differs:" if self.count == 1 else f"{self.count} pixels differ, the first"
+        how = "1 pixel differs:" if self.count == 1 else f"{self.count:,} pixels differ, the first"
         return f"{how} ({self.x}, {self.y}) is {self.ours} here, {self.theirs} there"
 
 
