@@ -12,6 +12,7 @@ wp.set_module_options(OPTIONS)
 
 DECAY_STEPS = wp.constant(1024)
 DECAY_SCALE = wp.constant(wp.float32(64.0))
+THICK = wp.constant(wp.float32(15.9))  # beyond it e^-x is nothing, and a table's end is near
 SKY_ROWS = wp.constant(64)
 HALO_ROWS = wp.constant(256)
 
@@ -47,18 +48,33 @@ class Air:
     night: wp.float32  # 0 by day, 1 with all lamps on
     seed: wp.uint32
     decay: wp.array[wp.float32]  # e^-x for x = i / 64
+    thinning: wp.array[wp.float32]  # the mean of e^-t for t from 0 to x = i / 64
     gradient: wp.array[wp.vec3f]  # clear sky by elevation, horizon first
     warm: wp.vec3f  # over the horizon below a low sun
     halo: wp.array[wp.vec3f]  # brightness about the sun by cosine of the angle, opposite first
 
 
 @wp.func
-def decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
-    """e^-x for x >= 0, from a table."""
+def read_off(table: wp.array[wp.float32], x: wp.float32) -> wp.float32:
+    """Linear interpolation in a table of steps of 1 / 64 from 0 on."""
     t = lesser(greater(x, 0.0) * DECAY_SCALE, wp.float32(DECAY_STEPS - 2))
     i = index(wp.int32(t))
-    f = t - wp.float32(i)
-    return air[0].decay[i] + (air[0].decay[i + 1] - air[0].decay[i]) * f
+    low = table[i]
+    return low + (table[i + 1] - low) * (t - wp.float32(i))
+
+
+@wp.func
+def decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
+    """e^-x for x >= 0, from a table."""
+    return read_off(air[0].decay, x)
+
+
+@wp.func
+def thinned(air: wp.array[Air], x: wp.float32) -> wp.float32:
+    """The mean of e^-t for t from 0 to x >= 0: how dense fog is on a way that rises through it."""
+    if x > THICK:
+        return 1.0 / x
+    return read_off(air[0].thinning, x)
 
 
 @wp.func
@@ -148,12 +164,8 @@ def fog_share(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: wp.f
     if air[0].fog_thin > 0.0 and path > 0.0:
         low = greater(lesser(z0, z1), 0.0) * air[0].fog_thin
         rise = (z1 - z0) * air[0].fog_thin
-        if rise < 0.0:
-            rise = -rise
-        thin = decay(air, low)
-        if rise > 0.02:
-            thin = thin * (1.0 - decay(air, rise)) / rise
-        path = path * thin
+        rise = greater(rise, -rise)
+        path = path * (decay(air, low) * thinned(air, rise))
     return decay(air, path + distance * air[0].haze)
 
 

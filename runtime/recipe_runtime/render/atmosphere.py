@@ -219,6 +219,8 @@ def _fill_fog(air: Any, s: _State, falling: _Falling, sunlight: Colour) -> None:
 def _fill_tables(air: Any, s: _State, device: str) -> None:
     decay = np.array([exact.exp(-i / 64.0) for i in range(DECAY_STEPS)])
     air.decay = wp.array(decay.astype(np.float32), dtype=wp.float32, device=device)
+    thinning = [1.0, *((1.0 - value) * 64.0 / i for i, value in enumerate(decay[1:], start=1))]
+    air.thinning = wp.array(np.array(thinning, np.float32), dtype=wp.float32, device=device)
     air.gradient = wp.array(_round(skylight.gradient(s.altitude, s.haze)), dtype=wp.vec3f, device=device)
     air.halo = wp.array(_round(skylight.halo(s.haze, _unhazed(s))), dtype=wp.vec3f, device=device)
 

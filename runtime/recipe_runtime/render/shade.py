@@ -29,6 +29,7 @@ GLASS = wp.constant(int(Pattern.GLASS))
 RUBBER = wp.constant(int(Pattern.RUBBER))
 LAMP = wp.constant(int(Pattern.LAMP))
 SOFTEST = wp.constant(wp.float32(0.35))  # the furthest that light wraps around anything
+LEVEL = wp.constant(wp.float32(0.95))  # what turns so far upward holds water
 UNSEEN = wp.constant(wp.float32(40.0))  # metres, beyond which no leaf is seen to move
 HEADLIGHT = wp.constant(int(Pattern.HEADLIGHT))
 TAILLIGHT = wp.constant(int(Pattern.TAILLIGHT))
@@ -281,29 +282,37 @@ def matter_of(
 
 
 @wp.func
-def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], p: wp.vec3f, foot: wp.float32) -> Matter:
+def paved(pattern: wp.int32) -> bool:
+    """Whether a surface soaks, shines and holds puddles as a street does."""
+    street = pattern == patterns.ASPHALT or pattern == patterns.ROAD_PAINT
+    return street or pattern == patterns.SLABS or pattern == patterns.CONCRETE
+
+
+@wp.func
+def sunk(pattern: wp.int32, p: wp.vec3f, foot: wp.float32) -> wp.float32:
+    """How low the ground lies, as -1 less its height: below 0, as no pixel's footprint is."""
+    height = hollows(p, foot)
+    if pattern == patterns.SLABS or pattern == patterns.CONCRETE:
+        height = height + 0.1
+    return -1.0 - height
+
+
+@wp.func
+def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], low: wp.float32) -> Matter:
     """Wet what is dry: porous stone darkens and shines, hollows of flat ground fill with water."""
     if air[0].wet <= 0.0:
         return m
-    up = clamp01(m.normal[2])
-    if (
-        pattern == patterns.ASPHALT
-        or pattern == patterns.SLABS
-        or pattern == patterns.ROAD_PAINT
-        or pattern == patterns.CONCRETE
-    ):
+    up = m.normal[2]
+    if paved(pattern):
         darker = 0.52
         if pattern == patterns.ROAD_PAINT:
             darker = 0.78
         m.albedo = m.albedo * (1.0 - (1.0 - darker) * air[0].wet)
         m.coat = 0.022 * air[0].wet
         m.gloss = 0.55 + 0.25 * air[0].wet  # a thin film follows the grain of what it wets
-        if up > 0.95 and air[0].puddles > 0.02:
-            height = hollows(p, foot)
-            if pattern == patterns.SLABS or pattern == patterns.CONCRETE:
-                height = height + 0.1
+        if up > LEVEL and air[0].puddles > 0.02:
             level = 0.88 - 0.6 * air[0].puddles
-            pool = step_between(level - 0.03, level + 0.05, 1.0 - height) * step_between(0.02, 0.2, air[0].puddles)
+            pool = step_between(level - 0.03, level + 0.05, 2.0 + low) * step_between(0.02, 0.2, air[0].puddles)
             m.albedo = m.albedo * (1.0 - 0.45 * pool)
             m.coat = m.coat + (0.028 - m.coat) * pool
             m.gloss = m.gloss + (0.985 - m.gloss) * pool
@@ -496,7 +505,11 @@ def shade(
             first = times(first, image_at(looks[0].album, image, detail, samples[0].codes[i]))
         detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
     m = matter_of(pattern, air, first, second, detail, n, samples[0].codes[i], looks[0].awake[surface])
-    m = moisten(m, pattern, air, p, detail[3])
+    low = detail[3]
+    if air[0].puddles > 0.0 and low >= 0.0 and n[2] > LEVEL and paved(pattern):
+        low = sunk(pattern, p, low)  # kept with the sample, for later frames and other weathers
+        samples[0].details[i] = wp.vec4f(detail[0], detail[1], detail[2], low)
+    m = moisten(m, pattern, air, low)
     if swaying:
         m = fluttered(m, air, p, 1.0 - distance / UNSEEN)
     sky_left = open_sky(bodies, body_lists, tile, p, n)
@@ -508,7 +521,7 @@ def shade(
         light, shine = lamps_on(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
     radiance = times(m.albedo, light) + m.glow + shine
     left = fog_share(air, samples[0].eye[2], p[2], distance)
-    if air[0].wet > 0.0 and n[2] > 0.95 and m.coat > 0.0:
+    if air[0].wet > 0.0 and n[2] > LEVEL and m.coat > 0.0:
         gleam[i] = wp.vec2f(fresnel(m.coat, m.gloss, facing) * sky_left * left, m.gloss)
     elif m.coat > 0.0:
         radiance = radiance + mirror(air, m, p, sight, facing, sky_left)
