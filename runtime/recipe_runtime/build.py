@@ -15,7 +15,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,6 @@ from recipe_runtime.dataset import Dataset
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.finish import Finisher
 from recipe_runtime.harvest import Harvest
-from recipe_runtime.leases import lease
 from recipe_runtime.manifest import head, is_whole
 from recipe_runtime.repair import examine
 from recipe_runtime.reuse import Reuse, Taken, earlier, missing_shards, reasons, remember
@@ -97,9 +95,7 @@ def build(
     studio = _Studio(dataset, engines or real_engines(), places, cache or default_cache(), progress or _silence)
     studio.held = examined.held if examined else None
     kept = [studio.cache] if cache else housekeeping.folders()
-    with _workspace(dataset, out) as work, ExitStack() as leases:
-        for root in dict.fromkeys([studio.cache, *housekeeping.folders()]):
-            leases.enter_context(lease(root))
+    with _workspace(dataset, out) as work, housekeeping.leased(studio.cache):
         new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
         harvest = studio.simulate()
         taken = studio.take_over(work, harvest, out)

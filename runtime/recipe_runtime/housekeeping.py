@@ -2,7 +2,8 @@
 
 Everything in it can be made again: traces by simulation, kernels by compiling. So it may be pruned by hand at any time,
 under a running build too, which then makes again what it misses. After a build that made something it is tidied: what
-exceeds RECIPE_CACHE_LIMIT (10 GiB by default, `none` for no bound) goes, but nothing that a running build has read.
+exceeds RECIPE_CACHE_LIMIT (10 GiB by default, `none` for no bound) goes, but nothing that a living build, lock,
+verification, shot or scenario has read since it began.
 """
 
 from __future__ import annotations
@@ -11,14 +12,14 @@ import os
 import re
 import shutil
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import platformdirs
 from recipe_compiler.errors import InputError
 
-from recipe_runtime.leases import in_use_since
+from recipe_runtime.leases import in_use_since, lease
 from recipe_runtime.store import default_cache
 
 DEFAULT_LIMIT = 10 * 2**30
@@ -105,8 +106,17 @@ def tidy(roots: Iterable[Path], most: int | None) -> list[Entry]:
     return []
 
 
+@contextmanager
+def leased(*more: Path) -> Iterator[None]:
+    """While inside, nothing that was read meanwhile is pruned, from these folders or from where things are kept."""
+    with ExitStack() as stack:
+        for root in dict.fromkeys([*more, *folders()]):
+            stack.enter_context(lease(root))
+        yield
+
+
 def in_use(roots: Iterable[Path]) -> float:
-    """When the oldest of the running builds began: what was read since may be in use. Infinity if none runs."""
+    """When the oldest of the running uses began: what was read since may be in use. Infinity if none runs."""
     return min((in_use_since(root) for root in roots), default=float("inf"))
 
 

@@ -1,7 +1,8 @@
-"""Who uses the cache now: a file a build, locked for as long as its process lives, made when the build began.
+"""Who uses the cache now: a file a user, locked for as long as its process lives, made when the use began.
 
-An entry's time is renewed whenever it is read. So whatever was read since the oldest living build began may be in use,
-and what is older is not. A lock ends with its process, whatever ended that: what a dead build left is cleared away.
+Builds use it, and locks, verifications, shots and opened scenarios. An entry's time is renewed whenever it is read. So
+whatever was read since the oldest living use began may be in use, and what is older is not. A lock ends with its
+process, whatever ended that: what a dead one left is cleared away.
 """
 
 from __future__ import annotations
@@ -17,12 +18,16 @@ _FOLDER = "in-use"
 
 @contextmanager
 def lease(root: Path) -> Iterator[None]:
-    """While inside, nothing read from the cache at `root` is tidied away. One that cannot be written needs no lease."""
-    handle, path = -1, root / _FOLDER / str(os.getpid())
+    """While inside, nothing read from the cache at `root` is tidied away. One that cannot be written needs no lease.
+
+    A fork of this process shares the lock; to give it back is for this one alone.
+    """
+    owner = os.getpid()
+    handle, path = -1, root / _FOLDER / str(owner)
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         for number in range(1000):  # another host's or thread's may have our number
-            path = path.with_name(f"{os.getpid()}.{number}")
+            path = path.with_name(f"{owner}.{number}")
             with suppress(FileExistsError):
                 handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
                 fcntl.flock(handle, fcntl.LOCK_EX)
@@ -34,8 +39,9 @@ def lease(root: Path) -> Iterator[None]:
         yield
     finally:
         if handle >= 0:
-            with suppress(OSError):
-                path.unlink()
+            if os.getpid() == owner:
+                with suppress(OSError):
+                    path.unlink()
             os.close(handle)
 
 
@@ -46,7 +52,7 @@ def _still_there(path: Path, handle: int) -> bool:
 
 
 def in_use_since(root: Path) -> float:
-    """When the oldest of the living builds began, in seconds; infinity if there is none."""
+    """When the oldest of the living uses began, in seconds; infinity if there is none."""
     oldest = float("inf")
     for path in sorted((root / _FOLDER).glob("*.*")):
         with suppress(OSError):

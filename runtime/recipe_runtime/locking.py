@@ -12,6 +12,7 @@ from recipe_compiler.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime import pool
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
+from recipe_runtime.housekeeping import leased
 from recipe_runtime.schedule import Shard, View, all_shards, simulations, views
 from recipe_runtime.store import Store
 from recipe_runtime.trace import Trace
@@ -38,7 +39,7 @@ def lock(
     `traces` is filled with the motion of each scene, by its digest.
     """
     engines = engines or real_engines()
-    with tempfile.TemporaryDirectory(prefix="recipe-lock-") as folder:
+    with leased(), tempfile.TemporaryDirectory(prefix="recipe-lock-") as folder:
         made = fresh_traces(simulations(plan), engines, Store(Path(folder)), progress)
         job = Job(plan, engines, devices(device), Path(folder), None)
         frames = render_rows(job, all_shards(plan), workers, progress)

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import io
 import os
+import weakref
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +27,7 @@ from recipe_runtime import encode
 from recipe_runtime.annotate.objects import Record
 from recipe_runtime.engines import Engines, Observed, devices, real_engines
 from recipe_runtime.frames import SceneSource, label_array
+from recipe_runtime.housekeeping import leased
 from recipe_runtime.store import Store
 from recipe_runtime.versions import builder
 
@@ -43,9 +46,18 @@ class Scenes:
         self._process = os.getpid()
         self._sources: OrderedDict[str, SceneSource] = OrderedDict()
         self._seen: OrderedDict[tuple[str, str, int], Observed] = OrderedDict()
+        self._release: Callable[[], object] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_sources": OrderedDict(), "_seen": OrderedDict()}
+        return {**self.__dict__, "_sources": OrderedDict(), "_seen": OrderedDict(), "_release": None}
+
+    def close(self) -> None:
+        """Let go of renderers, and of the cache; both are taken again if more is asked for."""
+        self._sources.clear()
+        self._seen.clear()
+        if self._release is not None:
+            self._release()
+            self._release = None
 
     def source(self, scene: ScenePlan) -> SceneSource:
         """The frames of a scene; it is simulated unless the store has its Trace."""
@@ -70,11 +82,16 @@ class Scenes:
         return self._seen[key]
 
     def _settle(self) -> None:
-        """Let go of what another process made."""
+        """Let go of what another process made, and see that nothing of the cache is pruned that is read from now on."""
         if self._process != os.getpid():
             self._process = os.getpid()
             self._sources.clear()
             self._seen.clear()
+            self._release = None  # the other's to give back
+        if self._release is None:  # until closed, or gone, or the process is
+            stack = ExitStack()
+            stack.enter_context(leased(self._store.root))
+            self._release = weakref.finalize(self, stack.close)
 
 
 @dataclass(frozen=True)
@@ -99,13 +116,26 @@ class Frame:
 
 
 class Scenario(Sequence[Frame]):
-    """The frames of one variant. `plan` is all that it is made from."""
+    """The frames of one variant. `plan` is all that it is made from.
+
+    What it reads from the cache is not pruned until it is closed, or collected; `with` closes it.
+    """
 
     def __init__(self, plan: ScenarioPlan, scenes: Scenes, disk_cache: Path | None = None) -> None:
         self.plan = plan
         self._scenes = scenes
         self._kept = Store(disk_cache) if disk_cache is not None else None
         self._rig = {sensor.name: sensor for sensor in plan.rig.sensors}
+
+    def close(self) -> None:
+        """Let go of renderers, and of the cache; both are taken again if more is asked for."""
+        self._scenes.close()
+
+    def __enter__(self) -> Scenario:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     @property
     def variant(self) -> str:

@@ -14,6 +14,7 @@ from recipe_compiler.plan import ScenarioPlan, SensorPlan
 from recipe_runtime import encode
 from recipe_runtime.engines import Engines, devices, real_engines
 from recipe_runtime.frames import FrameSource, pixel_digest
+from recipe_runtime.housekeeping import leased
 from recipe_runtime.report.colours import depth_picture, instance_picture, semantic_picture
 from recipe_runtime.store import Store, host_errors, write_atomic
 
@@ -66,8 +67,9 @@ def shot(
     modality = modality or ("rgb" if "rgb" in plan.capture else plan.capture[0])
     if modality not in plan.capture:
         raise InputError(f"the sensor {plan.name} captures {', '.join(plan.capture)}, not {modality!r}")
-    trace = store.trace(scenario.scene, lambda: engines.simulate(scenario.scene))
-    pixels = FrameSource(scenario, trace, devices(device)[0], engines=engines).render(plan.name, frame)[modality]
+    with leased(store.root):
+        trace = store.trace(scenario.scene, lambda: engines.simulate(scenario.scene))
+        pixels = FrameSource(scenario, trace, devices(device)[0], engines=engines).render(plan.name, frame)[modality]
     return Shot(plan.name, frame, modality, pixels)
 
 

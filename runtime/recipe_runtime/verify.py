@@ -22,6 +22,7 @@ from recipe_runtime import host, layout, locking
 from recipe_runtime.compare import compare_datasets, compare_files, compare_plans, compare_rows, excuse_of, stage_of
 from recipe_runtime.dataset import Dataset, damaged_files, regular_file, text_differences
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
+from recipe_runtime.housekeeping import leased
 from recipe_runtime.report.difference import first_difference, write_difference
 from recipe_runtime.sample import Bound, draw, sample_size
 from recipe_runtime.schedule import chosen_shards
@@ -77,7 +78,7 @@ def verify(
     other = {d.variant for d in differences if d.stage == "plan"}
     chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
     pictures: list[str] = []
-    with tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
+    with leased(), tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
         check = _Check(plan, lock, engines, options, progress, Path(folder), dataset, traces or {})
         compared, found = check.run(chosen)
         differences += found

@@ -1,0 +1,145 @@
+"""Whatever reads the cache holds on to it: what a lock, a verification, a shot or a scenario reads is not pruned."""
+
+from __future__ import annotations
+
+import gc
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recipe_compiler.plan import DatasetPlan
+from recipe_runtime import housekeeping
+from recipe_runtime.engines import Engines
+from recipe_runtime.locking import lock
+from recipe_runtime.scenario import Scenario, Scenes
+from recipe_runtime.shot import shot
+from recipe_runtime.store import default_cache
+from recipe_runtime.verify import Options, verify
+
+from tests.runtime.fakes import ENGINES, dataset_plan
+from tests.sources import ROOT
+
+PLAN = dataset_plan(frames=4, weathers=1)
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
+    return tmp_path / "cache"
+
+
+def held() -> bool:
+    """Whether a pruning would spare what is read now, in every folder that things are kept in."""
+    since = [housekeeping.in_use([root]) for root in housekeeping.folders()]
+    assert len(since) == 2
+    return max(since) < float("inf")
+
+
+def _lock(engines: Engines) -> None:
+    lock(PLAN, "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=engines)
+
+
+def _verify(engines: Engines) -> None:
+    made = lock(PLAN, "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=ENGINES)
+    assert not held()
+    verify(PLAN, made, Options(nonce=1, count=2, workers=0), lambda *_: None, engines=engines)
+
+
+def _shot(engines: Engines) -> None:
+    shot(PLAN.variants[0], engines=engines)
+
+
+@pytest.mark.parametrize("work", [_lock, _verify, _shot])
+def test_the_cache_is_held_while_it_is_read_and_no_longer(work: Callable[[Engines], None]) -> None:
+    asked: list[bool] = []
+
+    def renderer(*arguments: Any) -> Any:
+        asked.append(held())
+        return ENGINES.renderer(*arguments)
+
+    work(replace(ENGINES, renderer=renderer))
+    assert asked and all(asked)
+    assert not held()
+
+
+def scenario(plan: DatasetPlan = PLAN) -> Scenario:
+    return Scenario(plan.variants[0], Scenes("cpu", ENGINES))
+
+
+def test_a_scenario_holds_the_cache_until_it_is_closed_or_collected() -> None:
+    street = scenario()
+    assert not held()  # nothing was read yet
+    street.render(0)
+    assert held()
+    trace = [e.path for e in housekeeping.entries(housekeeping.folders()) if e.kind == "traces"]
+    assert trace and housekeeping.tidy(housekeeping.folders(), 0) == []
+    street.close()
+    assert not held()
+    street.render(1)  # goes on all the same
+    assert held()
+    del street
+    gc.collect()
+    assert not held()
+    with scenario() as other:
+        other.labels(0)
+        assert held()
+    assert not held()
+
+
+def test_two_scenarios_hold_it_each_for_itself() -> None:
+    first, second = scenario(), scenario()
+    first.render(0)
+    second.render(0)
+    first.close()
+    assert held()
+    second.close()
+    assert not held()
+
+
+def test_a_scenario_that_was_sent_elsewhere_holds_it_there() -> None:
+    """As the workers of a `DataLoader` have it that are started afresh."""
+    street = scenario()
+    street.render(0)
+    sent = pickle.loads(pickle.dumps(street))
+    street.close()
+    assert not held()
+    sent.render(0)
+    assert held()
+
+
+def test_a_fork_neither_ends_its_parents_hold_nor_goes_without() -> None:
+    street = scenario()
+    street.render(0)
+    child = os.fork()
+    if child == 0:  # as a worker of a `DataLoader` begins
+        code = 1
+        try:
+            street.render(1)
+            lock_files = sorted(path.name for path in (default_cache() / "in-use").iterdir())
+            street.close()
+            code = 0 if len(lock_files) == 2 and held() else 2
+        finally:
+            os._exit(code)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert held()
+    street.close()
+    assert not held()
+
+
+@pytest.mark.parametrize("end", ["pass", "import os; os._exit(0)", "raise SystemExit(3)"])
+def test_the_end_of_the_process_gives_it_back(end: str) -> None:
+    code = "from tests.runtime.test_leases import held, scenario\n"
+    code += f"street = scenario()\nstreet.render(0)\nassert held()\n{end}\n"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert not held()
+    for root in housekeeping.folders():
+        assert list((root / "in-use").iterdir()) == []
