@@ -264,11 +264,12 @@ def weights_along(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f) -> wp
         total = 1.0
         w1 = 0.0
         w2 = 0.0
-    w0 = greater(w0 / total, 0.0)
-    w1 = greater(w1 / total, 0.0)
-    w2 = greater(w2 / total, 0.0)
-    total = greater(w0 + w1 + w2, 1.0e-6)
-    return wp.vec3f(w0 / total, w1 / total, w2 / total)
+    one = 1.0 / total
+    w0 = greater(w0 * one, 0.0)
+    w1 = greater(w1 * one, 0.0)
+    w2 = greater(w2 * one, 0.0)
+    one = 1.0 / greater(w0 + w1 + w2, 1.0e-6)
+    return wp.vec3f(w0 * one, w1 * one, w2 * one)
 
 
 @wp.func
