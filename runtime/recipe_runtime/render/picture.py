@@ -49,6 +49,7 @@ class Shaded:
     rays: tuple[Any, Any, Any, Any]  # reach, asked, ways and renewed, as `reflection.march` writes them
     mirrored: tuple[Any, Any] | None = None  # sources and out, as `reflection.reflect` writes them, on wet ground
     moment: int = -1  # of the ripples there
+    mirroring: NDArray[np.bool_] | None = None  # by kept sample; what a sample is made of decides, and that stays
 
 
 class Painter:
@@ -135,7 +136,7 @@ class Painter:
                 launch(shade.shade, live.size, [*inputs, 1, live, *shaded.light], self._device)
         if light.air.wet <= 0.0:
             return shaded.light[0], shaded
-        return self._reflect(obs, points, told[0], told[2], earlier, int(light.air.moment), shaded), shaded
+        return self._reflect(obs, points, told[0], told[2], earlier, int(light.air.moment), shaded, live), shaded
 
     def _live(self, points: Points, before: Any, steady: Any) -> Any:
         """The samples whose light may change, where it is quicker to tell them than to ask all: on a CPU; else None."""
@@ -152,9 +153,9 @@ class Painter:
         return wp.array(np.concatenate([kept, new]).astype(np.int32), dtype=wp.int32, device=self._device)
 
     def _reflect(
-        self, obs: Observation, points: Points, data: Any, air: Any, before: Any, moment: int, shaded: Shaded
+        self, obs: Observation, points: Points, data: Any, air: Any, before: Any, moment: int, shaded: Shaded, live: Any
     ) -> Any:
-        """The light of all samples, with what wet ground mirrors of it."""
+        """The light of all samples, with what wet ground mirrors of it; `live` are those whose own light may change."""
         with self._timings("reflect"):
             (out, gleam, _), rays, lens = shaded.light, shaded.rays, lens_of(obs.camera, 1)
             if shaded.mirrored is None:
@@ -162,10 +163,38 @@ class Painter:
             view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
             inputs = [data, gleam, self._depth(obs), points.starts, view, lens, before, self._moved(obs), *rays]
             launch(reflection.march, rays[0].size, inputs, self._device)
-            inputs = [data, air, gleam, rays[0], points.starts, view, lens, before, int(shaded.moment == moment)]
+            inputs = [
+                data,
+                air,
+                gleam,
+                rays[0],
+                points.starts,
+                view,
+                lens,
+                before,
+                int(shaded.moment == moment),
+                rays[3],
+            ]
             shaded.moment = moment
-            launch(reflection.reflect, points.count, [*inputs, rays[3], out, *shaded.mirrored], self._device)
+            asked = None if live is None else self._mirroring(points, shaded, live)
+            if asked is None:
+                inputs += [0, points.starts, out, *shaded.mirrored]
+                launch(reflection.reflect, points.count, inputs, self._device)
+            else:
+                inputs += [1, asked, out, *shaded.mirrored]
+                launch(reflection.reflect, asked.size, inputs, self._device)
         return shaded.mirrored[1]
+
+    def _mirroring(self, points: Points, shaded: Shaded, live: Any) -> Any:
+        """The kept samples that mirror anything, and all `live` ones: the others' light is where it belongs already."""
+        if shaded.mirroring is None:
+            assert points.base is not None
+            shaded.mirroring = shaded.light[1].numpy()[: points.base.count, 0] > 0.0
+        asked, kept = live.numpy(), len(shaded.mirroring)
+        told = np.zeros(kept, bool)
+        told[asked[asked < kept]] = True
+        rest = np.flatnonzero(shaded.mirroring & ~told)
+        return wp.array(np.concatenate([rest, asked]).astype(np.int32), dtype=wp.int32, device=self._device)
 
     def _moved(self, obs: Observation) -> Any:
         """How many tiles that something moving may touch lie above and to the left of each tile's corner."""

@@ -9,7 +9,7 @@ A ray that meets nothing sees the sky, or, if it is low, the street beyond the p
 # mypy: ignore-errors
 
 from recipe_runtime.render.air import Air, decay, reflected_sky
-from recipe_runtime.render.bounds import clamp01, greater, lesser
+from recipe_runtime.render.bounds import clamp01, greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import noise2, step_between
 from recipe_runtime.render.observation import TILE
@@ -23,6 +23,7 @@ STEPS = wp.constant(13)
 WIDEST = wp.constant(255 * 16)  # pixels along a side, of pictures whose rays are kept: a tile's place is a byte
 GROWTH = wp.constant(wp.float32(1.47))
 FAR = wp.constant(wp.float32(60.0))  # metres of air before what a ray meets beyond the picture
+DRY = wp.constant(-2)  # in the place of a sample: a block that mirrors nothing
 FAINT = wp.constant(wp.float32(0.016))  # shares below this only see the sky
 
 
@@ -76,6 +77,19 @@ def first_wet(block: wp.int32, gleam: wp.array[wp.vec2f], starts: wp.array[wp.in
             if found < 0 and gleam[s][0] > FAINT:
                 found = s
     return found
+
+
+@wp.func
+def undisturbed(block: wp.int32, before: wp.array[Before], lens: Lens) -> bool:
+    """Whether the light of a block's pixels is what it was when they were last developed."""
+    columns = (lens.width + 1) / 2
+    x0 = (block % columns) * 2
+    y0 = (block / columns) * 2
+    x1 = wp.min(x0 + 1, lens.width - 1)
+    y1 = wp.min(y0 + 1, lens.height - 1)
+    top = before[0].stale[y0 * lens.width + x0] | before[0].stale[y0 * lens.width + x1]
+    bottom = before[0].stale[y1 * lens.width + x0] | before[0].stale[y1 * lens.width + x1]
+    return (top | bottom) == wp.uint8(0)
 
 
 @wp.func
@@ -136,21 +150,29 @@ def march(
 ):
     """How far the mirrored ray of a block of 2 x 2 pixels goes to what it meets; -1 if it meets nothing.
 
-    The ray of an earlier frame, from sample `asked` past the tiles `ways`, is kept where all of them are still.
-    `renewed` is not 0 where it goes another way than it did.
+    The ray of an earlier frame, from sample `asked` past the tiles `ways`, is kept where all of them are still; so is
+    the knowledge (`DRY`) that a block mirrors nothing. `renewed` is not 0 where a ray goes another way than it did.
     """
     block = wp.tid()
+    known = asked[block]
+    small = before[0].kept > 0 and wp.max(lens.width, lens.height) <= WIDEST
+    # (A kernel works out both sides of an `and`.)
+    if small and known != -1:  # noqa: SIM102
+        if undisturbed(block, before, lens):
+            same = known == DRY
+            if not same:
+                same = calm(moved, ways[block])
+            if same:
+                renewed[block] = wp.uint8(0)
+                return
     i = first_wet(block, gleam, starts, lens)
-    keep = i < before[0].kept and wp.max(lens.width, lens.height) <= WIDEST
-    if keep and i >= 0 and asked[block] == i:  # noqa: SIM102 (a kernel works out both sides of an `and`)
-        if calm(moved, ways[block]):
-            renewed[block] = wp.uint8(0)
-            return
-    known = reach[block]
+    keep = small and i < before[0].kept
+    was = reach[block]
     reach[block] = -1.0
     asked[block] = -1
-    renewed[block] = wp.uint8(known != -1.0)
+    renewed[block] = wp.uint8(was != -1.0)
     if i < 0:
+        asked[block] = DRY
         return
     to_point = samples[0].positions[i] - samples[0].eye
     start = seen_from(view, to_point)
@@ -188,7 +210,7 @@ def march(
         return
     found = close_in(start, way, last, t, depth, lens)
     reach[block] = found
-    renewed[block] = wp.uint8(known != found)
+    renewed[block] = wp.uint8(was != found)
 
 
 @wp.kernel
@@ -203,6 +225,8 @@ def reflect(
     before: wp.array[Before],
     calm: wp.int32,
     renewed: wp.array[wp.uint8],
+    listed: wp.int32,
+    live: wp.array[wp.int32],
     radiance: wp.array[wp.vec3f],
     sources: wp.array[wp.int32],
     out: wp.array[wp.vec3f],
@@ -211,9 +235,11 @@ def reflect(
 
     On water as `calm` as it was, an earlier frame's is left as it is where nothing that it comes from has changed: the
     sample's own light, its ray, and the light of the pixel `sources` tells; -1: what lies beyond the picture, -2: it is
-    not kept.
+    not kept. If `listed`, only the samples `live` are asked for.
     """
-    i = wp.tid()
+    i = index(wp.tid())
+    if listed != 0:
+        i = index(live[i])
     light = radiance[i]
     share = gleam[i][0]
     if share <= 0.0:
