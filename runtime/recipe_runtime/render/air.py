@@ -44,7 +44,7 @@ class Air:
     wet: wp.float32  # 0 dry, 1 streaming
     puddles: wp.float32  # 0 none, 1 all that is flat
     pelting: wp.float32  # how far drops tilt the water that they fall on
-    moment: wp.uint32  # names the pattern of its ripples
+    moment: wp.int32  # tells the rings on it apart in time
     night: wp.float32  # 0 by day, 1 with all lamps on
     seed: wp.uint32
     decay: wp.array[wp.float32]  # e^-x for x = i / 64

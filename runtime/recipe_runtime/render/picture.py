@@ -172,7 +172,7 @@ class Painter:
                 view,
                 lens,
                 before,
-                int(shaded.moment == moment),
+                shaded.moment,
                 rays[3],
             ]
             shaded.moment = moment

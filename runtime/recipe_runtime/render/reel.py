@@ -500,7 +500,7 @@ class Lane:
             inputs += [self._nothing_moved, self._reach, self._asked, self._ways, self._renewed]
             launch(reflection.march, self._reach.size, inputs, self.device)
             inputs = [data, air, self._gleam, self._reach, self._starts, b["view"], lens]
-            inputs += [self._nothing_before, 0, self._renewed, 0, self._asked, self._light, self._sources, shown]
+            inputs += [self._nothing_before, -1, self._renewed, 0, self._asked, self._light, self._sources, shown]
             launch(reflection.reflect, self.room, inputs, self.device)
         self._cover.zero_()
         if look.light.rain > 0.0:

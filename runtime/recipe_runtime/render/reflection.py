@@ -11,7 +11,7 @@ A ray that meets nothing sees the sky, or, if it is low, the street beyond the p
 from recipe_runtime.render.air import Air, decay, reflected_sky
 from recipe_runtime.render.bounds import clamp01, greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
-from recipe_runtime.render.noise import noise2, step_between
+from recipe_runtime.render.noise import hash2, noise2, step_between, whole
 from recipe_runtime.render.observation import TILE
 from recipe_runtime.render.shade import Before, Samples, spoil
 from recipe_runtime.render.vectors import inner, mix
@@ -49,9 +49,16 @@ def pixel_at(q: wp.vec3f, lens: Lens) -> wp.int32:
 
 
 @wp.func
-def rippled(air: wp.array[Air], p: wp.vec3f, gloss: wp.float32) -> wp.float32:
+def rings_at(p: wp.vec3f, moment: wp.int32) -> wp.int32:
+    """Which pattern of rings is at p: in every patch of ground it is another after four moments, each at its own."""
+    phase = hash2(whole(p[0] * 1.9), whole(p[1] * 1.9), wp.uint32(44)) >> wp.uint32(30)
+    return (moment + wp.int32(phase)) >> 2
+
+
+@wp.func
+def rippled(air: wp.array[Air], p: wp.vec3f, rings: wp.int32, gloss: wp.float32) -> wp.float32:
     """How far ripples, grain and falling drops tilt wet ground at p along the sight, as on any wet road."""
-    return (noise2(p[0] * 23.0, p[1] * 23.0, air[0].moment) - 0.5) * (0.006 + 0.3 * (1.0 - gloss) + air[0].pelting)
+    return (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(rings)) - 0.5) * (0.006 + 0.3 * (1.0 - gloss) + air[0].pelting)
 
 
 @wp.func
@@ -223,7 +230,7 @@ def reflect(
     view: wp.array2d[wp.float32],
     lens: Lens,
     before: wp.array[Before],
-    calm: wp.int32,
+    moment: wp.int32,
     renewed: wp.array[wp.uint8],
     listed: wp.int32,
     live: wp.array[wp.int32],
@@ -233,9 +240,9 @@ def reflect(
 ):
     """Add to every sample what it mirrors: along its own ray, as far as its block's ray went.
 
-    On water as `calm` as it was, an earlier frame's is left as it is where nothing that it comes from has changed: the
-    sample's own light, its ray, and the light of the pixel `sources` tells; -1: what lies beyond the picture, -2: it is
-    not kept. If `listed`, only the samples `live` are asked for.
+    An earlier frame's, of the rings' `moment` then (-1: there is none), is left as it is where nothing that it comes
+    from has changed: the water, the sample's own light, its ray, and the light of the pixel `sources` tells; -1: what
+    lies beyond the picture, -2: it is not kept. If `listed`, only the samples `live` are asked for.
     """
     i = index(wp.tid())
     if listed != 0:
@@ -248,18 +255,25 @@ def reflect(
     pixel = samples[0].pixels[i]
     block = (pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2
     keep = i < before[0].kept
+    p = samples[0].positions[i]
+    rings = rings_at(p, air[0].moment)
     if keep:
         source = sources[i]
-        same = calm != 0 and source > -2 and renewed[block] == wp.uint8(0) and before[0].stale[pixel] == wp.uint8(0)
+        same = (
+            moment >= 0
+            and rings == rings_at(p, moment)
+            and source > -2
+            and renewed[block] == wp.uint8(0)
+            and before[0].stale[pixel] == wp.uint8(0)
+        )
         if same and source >= 0:
             same = starts[source] < before[0].kept and before[0].stale[source] == wp.uint8(0)
         if same:
             return
         sources[i] = -1
     spoil(before, pixel)
-    p = samples[0].positions[i]
     to_point = p - samples[0].eye
-    d = mirrored(to_point, rippled(air, p, gleam[i][1]))
+    d = mirrored(to_point, rippled(air, p, rings, gleam[i][1]))
     t = reach[block]
     if t > 0.0:
         q = seen_from(view, to_point + d * t)
