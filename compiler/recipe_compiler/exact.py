@@ -15,18 +15,29 @@ _LN2_LOW = 1.90821492927058770002e-10
 def _sin_small(x: float) -> float:
     """Sine of x radians, |x| <= pi/4, by its Taylor series (error below 1e-17)."""
     z = x * x
-    tail = 0.0
-    for n in (17, 15, 13, 11, 9, 7, 5, 3):
-        tail = (1.0 - tail) * z / ((n - 1) * n)
+    tail = z / 272.0
+    tail = (1.0 - tail) * z / 210.0
+    tail = (1.0 - tail) * z / 156.0
+    tail = (1.0 - tail) * z / 110.0
+    tail = (1.0 - tail) * z / 72.0
+    tail = (1.0 - tail) * z / 42.0
+    tail = (1.0 - tail) * z / 20.0
+    tail = (1.0 - tail) * z / 6.0
     return x * (1.0 - tail)
 
 
 def _cos_small(x: float) -> float:
     """Cosine of x radians, |x| <= pi/4, by its Taylor series (error below 1e-17)."""
     z = x * x
-    tail = 0.0
-    for n in (18, 16, 14, 12, 10, 8, 6, 4, 2):
-        tail = (1.0 - tail) * z / ((n - 1) * n)
+    tail = z / 306.0
+    tail = (1.0 - tail) * z / 240.0
+    tail = (1.0 - tail) * z / 182.0
+    tail = (1.0 - tail) * z / 132.0
+    tail = (1.0 - tail) * z / 90.0
+    tail = (1.0 - tail) * z / 56.0
+    tail = (1.0 - tail) * z / 30.0
+    tail = (1.0 - tail) * z / 12.0
+    tail = (1.0 - tail) * z / 2.0
     return 1.0 - tail
 
 

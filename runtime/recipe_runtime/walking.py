@@ -28,6 +28,7 @@ class Walker(Mover):
         self._wish = (0.0, 0.0)
         self._going = (0.0, 0.0)
         self._pace = 0.0
+        self._posed: tuple[float, float, Sequence[Quaternion]] = (-1.0, 0.0, ())  # phase, pace and turns
 
     def decide(self, others: Sequence[Mover]) -> None:
         """Walk towards the next waypoint, slower before the goal, aside from whoever comes."""
@@ -130,4 +131,6 @@ class Walker(Mover):
         return (x, y, z + low - gait.tread(self._figure, self._turns())), orientation
 
     def _turns(self) -> Sequence[Quaternion]:
-        return gait.pose(self._figure, self._phase, self._pace)
+        if self._posed[:2] != (self._phase, self._pace):
+            self._posed = self._phase, self._pace, gait.pose(self._figure, self._phase, self._pace)
+        return self._posed[2]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 Offset = tuple[float, float, float]
 SIDES = (("left", 1.0), ("right", -1.0))
@@ -46,47 +47,47 @@ class Figure:
         height = shape.get("rider", shape["height"])
         return cls(height, 0.1 * height * shape["shoulder"], shape["girth"], shape["head"], shape["limb"])
 
-    @property
+    @cached_property
     def hip(self) -> float:
         """Height of the hip joints."""
         return self.ankle + self.thigh + self.shin
 
-    @property
+    @cached_property
     def ankle(self) -> float:
         """Height of the ankle joints above the sole."""
         return 0.045 * self.height
 
-    @property
+    @cached_property
     def thigh(self) -> float:
         """From hip to knee."""
         return 0.24 * self.height * self.limb
 
-    @property
+    @cached_property
     def shin(self) -> float:
         """From knee to ankle."""
         return 0.235 * self.height * self.limb
 
-    @property
+    @cached_property
     def upper_arm(self) -> float:
         """From shoulder to elbow."""
         return 0.172 * self.height
 
-    @property
+    @cached_property
     def chest(self) -> float:
         """Height at which the torso turns on the pelvis."""
         return self.hip + 0.06 * self.height
 
-    @property
+    @cached_property
     def neck(self) -> float:
         """Height at which the head turns."""
         return (0.978 - 0.142 * self.head) * self.height
 
-    @property
+    @cached_property
     def shoulders(self) -> float:
         """Height of the shoulder joints."""
         return self.neck - 0.038 * self.height
 
-    @property
+    @cached_property
     def joints(self) -> tuple[Joint, ...]:
         """All joints, parents first; the base part is `pelvis`, its origin on the ground."""
         return (
@@ -150,12 +151,12 @@ class Bike:
         """The measures of a shape with a rider."""
         return cls(int(shape["body"]) == MOTORCYCLE, shape["wheel"], shape["wheelbase"], Figure.of(shape))
 
-    @property
+    @cached_property
     def tyre(self) -> float:
         """Half a tyre's thickness."""
         return 0.055 if self.motor else 0.02
 
-    @property
+    @cached_property
     def hips(self) -> Offset:
         """Where the rider's hips are."""
         h = self.figure.height
@@ -163,22 +164,22 @@ class Bike:
             return _at(-0.19 * self.wheelbase + 0.7 * (1.78 - h), 0, self.wheel + 0.285 * h)
         return _at(-0.25 * self.wheelbase, 0, self.figure.hip + 0.05 * h + 0.02)
 
-    @property
+    @cached_property
     def crank(self) -> Offset:
         """The bottom bracket of a bicycle."""
         return _at(-0.10 * self.wheelbase, 0, 0.285)
 
-    @property
+    @cached_property
     def pedals(self) -> float:
         """Radius of a bicycle's cranks."""
         return 0.17 * self.figure.height / 1.75
 
-    @property
+    @cached_property
     def steering(self) -> Offset:
         """The lower end of the steering axis, above the front hub and behind it."""
         return _at(self.wheelbase / 2 - 0.09, 0, self.wheel + 0.32)
 
-    @property
+    @cached_property
     def grips(self) -> Offset:
         """The left handlebar grip, from the steering's origin."""
         if self.motor:
