@@ -3,9 +3,9 @@
     python -m benchmarks.ours RECIPE FOLDER --variants weather=sunny --frames 300 --workers 1
 
 Its last line is a JSON object: seconds by stage, summed over workers, and seconds by a clock on the wall. Start-up is
-told apart: from the first worker's start to its first frame, less the time of a frame. `rate` is of pictures a second
-once all workers are at work, after a fifth of them. `peak` is the most memory that
-any one of its processes held, in MiB.
+told apart: from the beginning to the first picture, less the time that a picture takes, and less what the simulation,
+which runs meanwhile, took longer than the loading of the scene. `rate` is of pictures a second once all workers are at
+work, after a fifth of them. `peak` is the most memory that any one of its processes held, in MiB.
 """
 
 from __future__ import annotations
@@ -42,13 +42,15 @@ def main() -> None:
             ticks.append((time.perf_counter(), done))
 
     folder: Path = arguments.folder
+    start = time.perf_counter()
     with runner(arguments.ray) as run:
         result = build(
             dataset, folder / "dataset", workers=arguments.workers, cache=folder / "cache", progress=progress, run=run
         )
-    (begin, _), (first, pictures) = ticks[0], ticks[1]
-    last, total = ticks[-1]
-    start_up = first - begin - (last - first) / (total - pictures) * pictures / max(arguments.workers, 1)
+    (first, pictures), (last, total) = ticks[1], ticks[-1]
+    workers = max(arguments.workers, 1)
+    waited = max(0.0, result.seconds["simulate"] - result.seconds["load"] / workers)
+    start_up = first - start - waited - (last - first) / (total - pictures) * pictures / workers
     fifth, so_far = next((at, done) for at, done in ticks if done >= total / 5)
     peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1024
     print(

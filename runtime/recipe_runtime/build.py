@@ -15,6 +15,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -95,8 +96,11 @@ def build(
     studio = _Studio(dataset, engines or real_engines(), places, cache or default_cache(), progress or _silence)
     studio.held = examined.held if examined else None
     kept = [studio.cache] if cache else housekeeping.folders()
-    with _workspace(dataset, out) as work, housekeeping.leased(studio.cache):
+    with _workspace(dataset, out) as work, housekeeping.leased(studio.cache), ExitStack() as hired:
         new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
+        if new and workers and run is pool.run:  # they start and load the scene while it is simulated
+            count = min(workers, len(all_shards(dataset, shard_frames)))
+            run = _by(hired.enter_context(pool.Crew(studio.job(work), count, load=0)))
         harvest = studio.simulate()
         taken = studio.take_over(work, harvest, out)
         explain(list(reasons(studio.reuse, [scene.digest for scene in new], taken)))
@@ -132,6 +136,11 @@ def kept_frames(dataset: DatasetPlan, out: Path) -> int:
     return _workspace(dataset, out.absolute()).kept()
 
 
+def _by(crew: pool.Crew) -> Runner:
+    """A runner whose workers are hired already."""
+    return lambda job, shards, workers, done, tick: crew.run(shards, done, tick)
+
+
 def _workspace(dataset: DatasetPlan, out: Path) -> Workspace:
     return Workspace(out, {**head(dataset), "builder": builder()})
 
@@ -148,6 +157,10 @@ class _Studio:
     watch: Stopwatch = field(default_factory=Stopwatch)
     reuse: Reuse = field(init=False)
     held: Dataset | None = None  # a dataset to mend
+
+    def job(self, work: Workspace) -> Job:
+        """What workers are told."""
+        return Job(self.dataset, self.engines, self.devices, self.cache, work.dataset, resumes=True)
 
     def simulate(self) -> Harvest:
         """Simulate every scene; their traces are in the store then."""
@@ -227,8 +240,7 @@ class _Studio:
             self.progress("render", so_far, total)
 
         self.progress("render", 0, total)
-        job = Job(self.dataset, self.engines, self.devices, self.cache, work.dataset, resumes=True)
-        for stage, seconds in run(job, todo, workers, done, tick).items():
+        for stage, seconds in run(self.job(work), todo, workers, done, tick).items():
             self.watch.add(stage, seconds)
         return shards, todo
 

@@ -47,10 +47,18 @@ class Made:
 class SceneSource:
     """What all frames of one scene share: its renderer and its truth, made when first asked for."""
 
-    def __init__(self, scene: ScenePlan, trace: Trace, *, device: str = "cpu", engines: Engines | None = None) -> None:
+    def __init__(
+        self,
+        scene: ScenePlan,
+        trace: Trace,
+        *,
+        device: str = "cpu",
+        engines: Engines | None = None,
+        renderer: SceneRenderer | None = None,
+    ) -> None:
         self.scene, self.trace, self.device = scene, trace, device
         self._engines = engines or real_engines()
-        self._renderer: SceneRenderer | None = None
+        self._renderer = renderer
         self._annotator: Annotator | None = None
         self.reels = device != "cpu"  # where many frames under way at once are quicker than one by one
         self._reel: tuple[str, Any] = "", None  # the last that was used, by what it shows

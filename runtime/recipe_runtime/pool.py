@@ -49,15 +49,21 @@ def run(job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Calla
         return worker.watch.seconds
     if not shards:
         return {}
-    return _Pool(job, min(workers, len(shards))).run(shards, done, tick)
+    with Crew(job, min(workers, len(shards))) as crew:
+        return crew.run(shards, done, tick)
 
 
 class _WorkerError(Exception):
     """A worker's own traceback, as the cause of the error that it is reported by."""
 
 
-class _Pool:
-    def __init__(self, job: Job, workers: int) -> None:
+class Crew:
+    """So many processes for a job, from now until the `with` block ends. `load` names a scene by the place of its view.
+
+    They set to work at once: they start, and load that scene, while whoever hired them does something else.
+    """
+
+    def __init__(self, job: Job, workers: int, load: int | None = None) -> None:
         self._job = job
         self._processes: dict[End, subprocess.Popen[bytes]] = {}
         self._busy: dict[End, Shard] = {}
@@ -69,7 +75,7 @@ class _Pool:
                     self._start(watched)
             for number, pipe in enumerate(self._processes):
                 with _as_loss(self, pipe):
-                    pipe.send((job, number))
+                    pipe.send((job, number, load))
         except BaseException:
             self._stop()
             raise
@@ -84,17 +90,21 @@ class _Pool:
             process = subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=ends, env={**os.environ, **PINNED})
         self._processes[ours] = process
 
+    def __enter__(self) -> Crew:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop()
+
     def run(self, shards: Iterable[Shard], done: Done, tick: Callable[[int], None]) -> Seconds:
+        """Do all shards, as the module's `run` does."""
         rest = iter(shards)
-        try:
-            for pipe in self._processes:
-                self._feed(pipe, rest)
-            while self._busy:
-                ready = wait(list(self._busy))
-                for pipe in [pipe for pipe in self._busy if pipe in ready]:
-                    self._hear(pipe, rest, done, tick)
-        finally:
-            self._stop()
+        for pipe in self._processes:
+            self._feed(pipe, rest)
+        while self._busy:
+            ready = wait(list(self._busy))
+            for pipe in [pipe for pipe in self._busy if pipe in ready]:
+                self._hear(pipe, rest, done, tick)
         return self._seconds
 
     def _feed(self, pipe: End, rest: Iterator[Shard]) -> None:
@@ -142,7 +152,7 @@ class _Pool:
 
 
 @contextmanager
-def _as_loss(pool: _Pool, pipe: End) -> Iterator[None]:
+def _as_loss(pool: Crew, pipe: End) -> Iterator[None]:
     """Whatever fails on the way to or from a worker means that it is gone."""
     try:
         yield
@@ -157,7 +167,11 @@ def serve() -> None:
     threading.Thread(target=_end_with_parent, args=(watched,), daemon=True).start()
     pipe: End = Connection(work)
     try:
-        worker = Worker(*pipe.recv())
+        job, number, load = pipe.recv()
+        worker = Worker(job, number)
+        if load is not None:
+            with suppress(Exception):  # what is wrong is told when a shard of that scene is asked for
+                worker.load(load)
         while True:
             pipe.send(_answer(worker, pipe.recv(), lambda count: pipe.send(("tick", count))))
             worker.watch.seconds.clear()

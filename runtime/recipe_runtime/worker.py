@@ -19,7 +19,7 @@ from recipe_compiler.plan import DatasetPlan
 
 from recipe_runtime import encode, failures, layout
 from recipe_runtime.annotate.mots import mots_picture
-from recipe_runtime.engines import Engines, Observed
+from recipe_runtime.engines import Engines, Observed, SceneRenderer
 from recipe_runtime.frames import LABEL_MODALITIES, Made, SceneSource, label_array, label_digest, pixel_digest
 from recipe_runtime.schedule import Shard, View, views
 from recipe_runtime.stopwatch import Stopwatch
@@ -57,6 +57,7 @@ class Worker:
         self._device = job.devices[number % len(job.devices)]
         self._views = views(job.dataset)
         self._source: SceneSource | None = None
+        self._ready: tuple[str, SceneRenderer | None] = "", None  # a scene by its digest, loaded before its time
         self.watch = Stopwatch()
 
     def do(self, shard: Shard, tick: Callable[[int], None]) -> list[FrameRecord]:
@@ -93,14 +94,22 @@ class Worker:
             where = f"{self._job.dataset.variants[shard.variants[0]].variant}, {view.sensor.name}, frame {frame}"
             raise RunError(f"{where}: {failures.told(error, self._job.again)}") from error
 
+    def load(self, view: int) -> None:
+        """Make the renderer of a view's scene, which need not have been simulated yet."""
+        scene = self._views[view].scene
+        with self.watch("load"):
+            self._ready = scene.digest, self._job.engines.renderer(scene, self._device)
+
     def _at(self, view: View) -> SceneSource:
         if self._source is None or self._source.scene.digest != view.scene.digest:
             job, scene = self._job, view.scene
             self._source = None  # let go of one renderer before the next is made
+            (known, renderer), self._ready = self._ready, ("", None)
             with self.watch("load"):
                 trace = Store(job.cache).trace(scene, lambda: job.engines.simulate(scene))
-                self._source = SceneSource(scene, trace, device=self._device, engines=job.engines)
-                _ = self._source.renderer, self._source.annotator
+                renderer = renderer if known == scene.digest else job.engines.renderer(scene, self._device)
+                self._source = SceneSource(scene, trace, device=self._device, engines=job.engines, renderer=renderer)
+                _ = self._source.annotator
         return self._source
 
 

@@ -17,6 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import platformdirs
 import warp
 
@@ -96,6 +97,13 @@ def cuda_devices() -> list[str]:
 def launch(kernel: Any, dim: int | tuple[int, ...], inputs: list[Any], device: str) -> None:
     """Run a kernel over a grid; arrays among the inputs are read and written in place."""
     wp.launch(kernel, dim=dim, inputs=inputs, device=device)
+
+
+def zeros(count: int, kind: Any, device: str) -> Any:
+    """An array of zeros. On a CPU its memory is taken as it is written to: most of a shadow map never is."""
+    if device != "cpu":
+        return wp.zeros(count, dtype=kind, device=device)
+    return wp.array(np.zeros(count, wp.dtype_to_numpy(kind)), dtype=kind, device=device, copy=False)
 
 
 def record(value: Any, device: str) -> Any:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.render import shadow, visibility
-from recipe_runtime.render.device import launch, record, wp
+from recipe_runtime.render.device import launch, record, wp, zeros
 from recipe_runtime.render.geometry import CHUNK, Geometry
 from recipe_runtime.render.observe import device_rows
 from recipe_runtime.render.shadow import TILE, Sunbeam
@@ -27,7 +27,7 @@ class Shadows:
 
     def __init__(self, geometry: Geometry, device: str) -> None:
         self._g, self._device = geometry, device
-        self._keys: Any = None
+        self._keys: dict[int, Any] = {}  # by a map's size
         self._static: list[OrderedDict[tuple[bytes, int, int], Any]] = [OrderedDict() for _ in _STATIC_MAPS]
 
     def static(self, sun: NDArray[np.float64], eye: Array) -> tuple[Any, Any]:
@@ -68,12 +68,10 @@ class Shadows:
         return fine, coarse
 
     def _cleared(self, size: int) -> Any:
-        """A map of keys, all 0, as `shadow.nearness` leaves it; that of what moves is kept from frame to frame."""
-        if size != _MOVING_SIZE:
-            return wp.zeros(size * size, dtype=wp.uint64, device=self._device)
-        if self._keys is None:
-            self._keys = wp.zeros(size * size, dtype=wp.uint64, device=self._device)
-        return self._keys
+        """A map of keys, all 0, as `shadow.nearness` leaves it."""
+        if size not in self._keys:
+            self._keys[size] = zeros(size * size, wp.uint64, self._device)
+        return self._keys[size]
 
     def _draw(self, beam: Any, vertices: Any, world: Any, first: int, count: int) -> Any:
         sheet = Sheet(beam, self._g, self._device, self._cleared(beam.size))
@@ -90,7 +88,7 @@ class Sheet:
         self._keys = keys  # all 0, as `shadow.nearness` leaves them
         self._used = wp.zeros(tiles, dtype=wp.int32, device=device)
         self._seen = wp.empty(max(geometry.chunk_count, 1), dtype=wp.int32, device=device)
-        beam.depths = wp.zeros(beam.size * beam.size, dtype=wp.float32, device=device)
+        beam.depths = zeros(beam.size * beam.size, wp.float32, device)
         beam.bounds = wp.empty(tiles, dtype=wp.vec2f, device=device)
 
     def clear(self) -> None:
