@@ -30,6 +30,26 @@ WORKERS = click.option(
 )
 
 
+class PlaceOrUrl(click.Path):
+    """A path, or a URL as it was written."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """A `Path`, or the text of a URL."""
+        return value if isinstance(value, str) and "://" in value else super().convert(value, param, ctx)
+
+
+@contextmanager
+def dataset_at(place: Path | str, progress: Any) -> Iterator[Path]:
+    """A dataset's folder; of a URL, a copy for as long as it is used."""
+    if isinstance(place, Path):
+        yield place
+        return
+    from recipe_runtime.fetch import fetched
+
+    with fetched(place, progress) as folder:
+        yield folder
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[Path]:
     """A recipe by its path; that of a pack is unpacked for as long as it is used."""

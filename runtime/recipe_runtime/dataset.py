@@ -44,13 +44,18 @@ class Dataset:
     plan: DatasetPlan
     lock: Lockfile
     files: dict[str, tuple[int, str]]  # path -> size, SHA-256
+    name: str  # what people call the folder
 
 
-def read(root: Path) -> Dataset:
-    """Read a dataset's manifest and plans; InputError if the folder holds none, or a damaged one."""
+def read(root: Path, name: str = "") -> Dataset:
+    """Read a dataset's manifest and plans; InputError if the folder holds none, or a damaged one.
+
+    It is told of by `name` where that is given: a URL, of which the folder is a copy.
+    """
+    name = name or str(root)
     manifest = read_manifest(root)
     if manifest is None:
-        raise InputError(f"{root} is not a dataset: it holds no {layout.MANIFEST} of this project")
+        raise InputError(f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project")
     try:
         files = listed_files(manifest)
         plan = _plan(root, manifest, files)
@@ -58,11 +63,11 @@ def read(root: Path) -> Dataset:
         check_bounds(plan)
         lock = lock_of(manifest)
     except InputError as error:
-        raise InputError(f"{root}: {str(error).splitlines()[0]}; no dataset of this project says so") from None
+        raise InputError(f"{name}: {str(error).splitlines()[0]}; no dataset of this project says so") from None
     except (OSError, *DAMAGE) as error:  # pydantic's ValidationError is a ValueError
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{root}: its manifest or a plan is damaged ({reason}); build the dataset again") from None
-    return Dataset(root, plan, lock, files)
+        raise InputError(f"{name}: its manifest or a plan is damaged ({reason}); build the dataset again") from None
+    return Dataset(root, plan, lock, files, name)
 
 
 def plan_alone(path: Path) -> DatasetPlan:

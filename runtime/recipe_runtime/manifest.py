@@ -95,7 +95,7 @@ def listed_files(manifest: Mapping[str, Any]) -> dict[str, tuple[int, str]]:
         if not isinstance(manifest.get(table), dict):
             raise ValueError(f"{table} is not a table")
         for path, row in manifest[table].items():
-            if not _stays_inside(path):
+            if not stays_inside(path):
                 raise ValueError(f"{path!r} is not a path within a dataset")
             if not isinstance(row, dict) or not isinstance(row.get("size"), int) or isinstance(row["size"], bool):
                 raise ValueError(f"{path} has no size")
@@ -103,7 +103,8 @@ def listed_files(manifest: Mapping[str, Any]) -> dict[str, tuple[int, str]]:
     return rows
 
 
-def _stays_inside(path: str) -> bool:
+def stays_inside(path: str) -> bool:
+    """Whether a path names something within the folder that it counts from."""
     parts = path.split("/")
     return path.isprintable() and "\\" not in path and not any(part in ("", ".", "..") for part in parts)
 

@@ -6,6 +6,7 @@ from os import PathLike
 from pathlib import Path
 
 from recipe_compiler.compile import compile_recipe
+from recipe_compiler.errors import InputError
 from recipe_compiler.plan import DatasetPlan
 
 from recipe_runtime.admission import check_plan
@@ -21,6 +22,10 @@ def compiled(recipe: str | PathLike[str], allow_large: bool = False) -> DatasetP
 
 def opened(recipe: str | PathLike[str], allow_large: bool = False) -> tuple[DatasetPlan, Engines]:
     """The plan of a recipe's file, and the engines that know where its assets lie."""
+    if "://" in str(recipe):
+        raise InputError(
+            f"{recipe}: a recipe is opened from a file of this host; copy it here, with the files that it names"
+        )
     found = compile_recipe(Path(recipe), allow_large=allow_large)
     check_plan(found.plan)
     return found.plan, real_engines(Assets(found.places))

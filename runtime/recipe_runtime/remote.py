@@ -11,7 +11,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from recipe_compiler.errors import InputError, RecipeError, RunError
 from recipe_runtime import layout
 from recipe_runtime.engines import Progress
 from recipe_runtime.entropy import fresh_nonce
-from recipe_runtime.manifest import listed_files
+from recipe_runtime.manifest import DAMAGE, listed_files
 from recipe_runtime.store import file_sha256, host_errors
 
 NOTE = ".recipe-upload.json"
@@ -137,7 +137,7 @@ class Target:
         """Which copy is under way here, by the note that it left; None if none is known."""
         try:
             return str(json.loads(self._fs.cat_file(self._at(NOTE)))["copy"])
-        except (FileNotFoundError, ValueError, KeyError, TypeError):
+        except (FileNotFoundError, *DAMAGE):
             return None
 
     def _is_whole(self, rows: Rows, sizes: Mapping[str, int]) -> bool:
@@ -158,36 +158,41 @@ class Target:
         try:
             manifest = json.loads(self._fs.cat_file(self._at(layout.MANIFEST)))
             listed_files(manifest)
-        except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError):
+        except (FileNotFoundError, *DAMAGE):
             return None
         return manifest if str(manifest.get("format", "")).startswith("recipe/manifest/") else None
 
     def _at(self, path: str) -> str:
         return f"{self._prefix.rstrip('/')}/{path}"
 
-    @contextmanager
-    def _told(self) -> Iterator[None]:
-        """Whatever a store or its library raises, told with the URL and a remedy."""
-        try:
-            yield
-        except RecipeError:
-            raise
-        except ImportError as error:
-            extra = _EXTRAS.get(self.url.partition("://")[0])
-            remedy = f"pip install 'dataset-recipe[{extra}]'" if extra else str(error)
-            raise InputError(f"{self.url}: its library is not installed; {remedy}") from None
-        except FileNotFoundError:
-            raise InputError(f"{self.url}: there is no such place (a bucket must be there already)") from None
-        except PermissionError as error:
-            raise RunError(f"{self.url}: access was refused ({error}); see to credentials and rights") from None
-        except ValueError as error:
-            raise InputError(f"{self.url}: {error}") from None
-        except Exception as error:  # each store has errors of its own
-            if type(error).__name__ == "NoCredentialsError":
-                remedy = "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
-                raise RunError(f"{self.url}: there are no credentials; {remedy}") from None
-            reason = f"{type(error).__name__}: {error}"
-            raise RunError(f"{self.url}: {reason}; try again: what was copied is kept") from error
+    def _told(self) -> AbstractContextManager[None]:
+        return told(self.url, "try again: what was copied is kept")
+
+
+@contextmanager
+def told(url: str, remedy: str) -> Iterator[None]:
+    """Whatever a store or its library raises, told with the URL and a remedy: the one given, where none is better."""
+    try:
+        yield
+    except RecipeError:
+        raise
+    except ImportError as error:
+        extra = _EXTRAS.get(url.partition("://")[0])
+        raise InputError(
+            f"{url}: its library is not installed; "
+            + (f"pip install 'dataset-recipe[{extra}]'" if extra else str(error))
+        ) from None
+    except FileNotFoundError:
+        raise InputError(f"{url}: there is no such place (a bucket must be there already)") from None
+    except PermissionError as error:
+        raise RunError(f"{url}: access was refused ({error}); see to credentials and rights") from None
+    except ValueError as error:
+        raise InputError(f"{url}: {error}") from None
+    except Exception as error:  # each store has errors of its own
+        if type(error).__name__ == "NoCredentialsError":
+            found = "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
+            raise RunError(f"{url}: there are no credentials; {found}") from None
+        raise RunError(f"{url}: {type(error).__name__}: {error}; {remedy}") from error
 
 
 class _Journal:

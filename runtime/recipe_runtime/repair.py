@@ -42,7 +42,7 @@ def examine(plan: DatasetPlan, out: Path, progress: Progress) -> Examined | None
     try:
         if manifest is None or not is_of(manifest, plan):
             return None
-        held = Dataset(out, plan, lock_of(manifest), listed_files(manifest))
+        held = Dataset(out, plan, lock_of(manifest), listed_files(manifest), str(out))
     except DAMAGE:
         return None
     return Examined(held, tuple(damaged_files(held, progress)))

@@ -74,7 +74,7 @@ def verify(
         differences += compare_files(lock, files)
     differences += compare_plans(plan, lock)
     if dataset is not None and dataset.lock is not lock:
-        differences += compare_datasets(plan, lock, dataset.lock, str(dataset.root))
+        differences += compare_datasets(plan, lock, dataset.lock, dataset.name)
     other = {d.variant for d in differences if d.stage == "plan"}
     chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
     pictures: list[str] = []
@@ -208,7 +208,7 @@ class _Check:
         made, there = root / path, dataset.root / path
         if regular_file(dataset.root, path) is None:
             return Difference("file", f"{path} is missing")
-        if made.read_bytes() == there.read_bytes():
+        if made.stat().st_size == there.stat().st_size and made.read_bytes() == there.read_bytes():
             return None
         at = self._origin(path)
         parting = first_difference(made, there)

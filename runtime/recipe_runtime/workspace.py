@@ -31,7 +31,7 @@ from recipe_runtime.schedule import Shard, View
 from recipe_runtime.store import file_sha256, host_errors, link_or_copy, regular_file, write_atomic
 from recipe_runtime.worker import FrameRecord
 
-_MOST_MANIFEST_BYTES = 2 * 2**30
+MOST_MANIFEST_BYTES = 2 * 2**30
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
 
 
@@ -221,7 +221,7 @@ def check_out(out: Path) -> None:
 def read_manifest(out: Path) -> dict[str, Any] | None:
     """The manifest in a folder; None if there is none that this project wrote."""
     there = regular_file(out, layout.MANIFEST)
-    if there is None or there.st_size > _MOST_MANIFEST_BYTES:
+    if there is None or there.st_size > MOST_MANIFEST_BYTES:
         return None
     try:
         manifest = json.loads((out / layout.MANIFEST).read_text(encoding="utf-8"))

@@ -433,10 +433,16 @@ def test_a_locked_build_needs_a_lockfile(folder: Path, tmp_path: Path) -> None:
 def test_integrity_hashes_files_and_renders_nothing(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "datasets")
     dataset = root / "datasets" / "small"
-    clean = run("verify", "datasets/small", "--integrity", cwd=root)
+    clean = run("verify", "datasets/small", "--integrity", "--nonce", "1", cwd=root)
     assert (clean.returncode, "files hashed, no frame rendered" in clean.stdout) == (0, True)
+    url = f"file://{dataset}"
+    again = run("verify", url, "--integrity", "--nonce", "1", cwd=root)
+    assert again.stdout == clean.stdout.replace("datasets/small", url)
+    held = run("verify", "small.yaml", "--against", url, "--frames", "1", cwd=folder)
+    assert (held.returncode, held.stderr) == (0, "")
     picture = dataset / "weather=dry" / "street" / "rgb" / "000001.png"
     picture.write_bytes(picture.read_bytes()[:-1] + b"!")
+    assert run("verify", url, "--integrity", cwd=root).returncode == 1
     spoiled = run("verify", "datasets/small", "--integrity", cwd=root)
     assert (spoiled.returncode, "000001.png" in spoiled.stdout) == (1, True)
     assert run("verify", "small.yaml", "--integrity", cwd=folder).returncode == 2

@@ -237,6 +237,32 @@ def test_a_build_into_a_bucket(s3: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.s3
+def test_a_dataset_in_a_bucket_is_verified_where_it_is(s3: str, tmp_path: Path) -> None:
+    import boto3
+
+    shutil.copy(TINY, tmp_path)
+    assert recipe(tmp_path, "build", "tiny.yaml", "--out", s3).returncode == 0
+    shutil.rmtree(tmp_path / "datasets")
+    whole = recipe(tmp_path, "verify", s3, "--integrity")
+    assert (whole.returncode, whole.stderr) == (0, "") and whole.stdout.startswith(f"PASS  {s3}\n")
+    for arguments in (["tiny.yaml", "--against", s3], [s3]):
+        held = recipe(tmp_path, "verify", *arguments, "--frames", "2")
+        assert (held.returncode, held.stderr) == (0, ""), held.stdout
+    client = boto3.client("s3")
+    rows = client.list_objects_v2(Bucket="datasets", Prefix="tiny/")["Contents"]
+    key = next(row["Key"] for row in rows if row["Key"].endswith("rgb/000000.png"))
+    body = client.get_object(Bucket="datasets", Key=key)["Body"].read()
+    client.put_object(Bucket="datasets", Key=key, Body=body[:-9] + bytes([body[-9] ^ 1]) + body[-8:])
+    client.put_object(Bucket="datasets", Key="tiny/preview/", Body=b"")  # as a console makes a folder
+    for arguments in ([s3, "--integrity"], ["tiny.yaml", "--against", s3, "--frames", "1"]):
+        spoiled = recipe(tmp_path, "verify", *arguments)
+        assert spoiled.returncode == 1
+        assert f"{key.removeprefix('tiny/')} has other bytes than the manifest says" in spoiled.stdout
+    gone = recipe(tmp_path, "verify", "s3://nobodys-bucket/tiny", "--integrity")
+    assert (gone.returncode, "s3://nobodys-bucket/tiny" in gone.stderr, "Traceback" in gone.stderr) == (2, True, False)
+
+
+@pytest.mark.s3
 def test_a_bucket_that_is_not_there(s3: str, tmp_path: Path) -> None:
     shutil.copy(TINY, tmp_path)
     done = recipe(tmp_path, "build", "tiny.yaml", "--out", "s3://nobodys-bucket/tiny")

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, DEVICE, JSON, WORKERS, engines_for, opened, print_json, worker_count
+from recipe_cli.arguments import (
+    ALLOW_LARGE,
+    DEVICE,
+    JSON,
+    WORKERS,
+    PlaceOrUrl,
+    dataset_at,
+    engines_for,
+    opened,
+    print_json,
+    worker_count,
+)
 from recipe_cli.places import FOLDER, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 
@@ -20,7 +32,7 @@ _MOST_SHOWN = 20
 
 
 @click.command("verify")
-@click.argument("targets", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("targets", nargs=-1, type=PlaceOrUrl(path_type=Path))
 @click.option("--nonce", type=click.IntRange(0, 2**53 - 1), help="Draw the sample of an earlier run again.")
 @click.option("--confidence", type=click.FloatRange(0.5, 0.9999), default=0.95, show_default=True)
 @click.option(
@@ -35,9 +47,9 @@ _MOST_SHOWN = 20
 @click.option("--integrity", is_flag=True, help="Hash the files of dataset folders, and render nothing.")
 @click.option(
     "--against",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=PlaceOrUrl(path_type=Path, file_okay=False),
     metavar="DATASET",
-    help="Hold this dataset folder, from wherever it is, against the recipe named.",
+    help="Hold this dataset, a folder or a URL, from wherever it is, against the recipe named.",
 )
 @click.option(
     "--pictures",
@@ -51,14 +63,14 @@ _MOST_SHOWN = 20
 @ALLOW_LARGE
 @JSON
 def command(
-    targets: tuple[Path, ...],
+    targets: tuple[Path | str, ...],
     nonce: int | None,
     confidence: float,
     bound: float,
     frames: int | None,
     everything: bool,
     integrity: bool,
-    against: Path | None,
+    against: Path | str | None,
     pictures: Path,
     device: str,
     allow_large: bool,
@@ -67,9 +79,9 @@ def command(
 ) -> None:
     """Re-render sample frames of TARGETS and compare bytes.
 
-    A target is a recipe (with its lockfile), a pack, a lockfile (with its recipe), or a dataset folder; without any,
-    all lockfiles. With --against, the dataset is held against the recipe and its lockfile (its own
-    digests, without one). Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE.
+    A target is a recipe (with its lockfile), a pack, a lockfile (with its recipe), or a dataset, as a folder or a URL
+    (s3://bucket/name); without any, all lockfiles. With --against, the dataset is held against the recipe and its
+    lockfile (its own digests, without one). Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE.
     """
     from recipe_compiler.errors import InputError
     from recipe_runtime.entropy import fresh_nonce
@@ -86,13 +98,13 @@ def command(
         pictures=pictures,
     )
     reports = []
-    if against is not None and (len(targets) != 1 or targets[0].is_dir() or integrity):
+    if against is not None and (len(targets) != 1 or _is_dataset(targets[0]) or integrity):
         raise InputError("--against holds a dataset against one recipe or lockfile; name that one")
     for target in targets or _all_lockfiles():
         if integrity:
             report = _integrity(target, options)
         else:
-            with opened(target) as place:
+            with opened(target) if isinstance(target, Path) else nullcontext(target) as place:
                 report = _verify(place, options, allow_large, against)
         reports.append(report)
         if not as_json:
@@ -111,29 +123,36 @@ def _all_lockfiles() -> list[Path]:
     return found
 
 
-def _integrity(target: Path, options: Options) -> Report:
+def _is_dataset(target: Path | str) -> bool:
+    """Whether that is a dataset's folder, or a URL: nothing else is read from one."""
+    return not isinstance(target, Path) or target.is_dir()
+
+
+def _integrity(target: Path | str, options: Options) -> Report:
     """Whether a dataset's files are those that its manifest lists."""
     from recipe_compiler.errors import InputError
     from recipe_runtime import dataset
     from recipe_runtime.verify import verify_files
 
-    if not target.is_dir():
+    if not _is_dataset(target):
         raise InputError(f"{target}: --integrity hashes the files of a dataset folder; this is none")
-    with Progress() as progress:
-        return verify_files(dataset.read(target), options, progress)
+    with Progress() as progress, dataset_at(target, progress) as folder:
+        return verify_files(dataset.read(folder, str(target)), options, progress)
 
 
-def _verify(target: Path, options: Options, allow_large: bool, against: Path | None) -> Report:
+def _verify(target: Path | str, options: Options, allow_large: bool, against: Path | str | None) -> Report:
     from recipe_compiler import lockfile
     from recipe_compiler.compile import compile_recipe
     from recipe_runtime import dataset, traces
     from recipe_runtime.verify import verify
 
-    with Progress() as progress:
-        if target.is_dir():
-            folder = dataset.read(target)
+    with Progress() as progress, ExitStack() as stack:
+        if not isinstance(target, Path) or target.is_dir():
+            folder = dataset.read(stack.enter_context(dataset_at(target, progress)), str(target))
             return verify(folder.plan, folder.lock, options, progress, dataset=folder)
-        held = dataset.read(against) if against is not None else None
+        held = None
+        if against is not None:
+            held = dataset.read(stack.enter_context(dataset_at(against, progress)), str(against))
         if target.suffix == ".lock":
             path, lock = target, lockfile.read(target)
             compiled = compile_recipe(recipe_of(path, lock), allow_large=allow_large)
@@ -154,7 +173,7 @@ def _verify(target: Path, options: Options, allow_large: bool, against: Path | N
         )
 
 
-def _say(target: Path, report: Report) -> None:
+def _say(target: Path | str, report: Report) -> None:
     stage = f" at {report.stage}" if report.stage else ""
     click.echo(f"{report.verdict}{stage}  {target}")
     click.echo(f"  {report.identity}")

@@ -1,0 +1,238 @@
+"""A dataset read from a URL is what lies there, byte for byte, and a stranger's costs no more than it may."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, cast
+
+import fsspec
+import pytest
+import recipe_runtime
+from fsspec.spec import AbstractFileSystem
+from recipe_compiler.errors import InputError, RunError
+from recipe_runtime import fetch, workspace
+from recipe_runtime.build import build
+from recipe_runtime.dataset import read
+from recipe_runtime.fetch import fetched
+from recipe_runtime.remote import Target
+from recipe_runtime.verdict import Report
+from recipe_runtime.verify import Options, verify, verify_files
+
+from tests.runtime.fakes import ENGINES, dataset_plan, tree
+
+URL = "memory://bucket/small"
+
+
+def _silent(stage: str, done: int, total: int) -> None:
+    """Progress that nobody watches."""
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("built")
+    return build(dataset_plan(4, 1), folder / "small", engines=ENGINES, workers=0, cache=folder / "cache").path
+
+
+@pytest.fixture
+def store(built: Path) -> Iterator[dict[str, Any]]:
+    """The memory that the dataset was copied into, by path."""
+    Target(URL).put(built, _silent)
+    yield fsspec.filesystem("memory").store
+    fsspec.filesystem("memory").store.clear()
+
+
+def integrity(url: str) -> Report:
+    with fetched(url, _silent) as folder:
+        return verify_files(read(folder, url), Options(nonce=1), _silent)
+
+
+def spoil(path: str, body: bytes) -> None:
+    fsspec.filesystem("memory").pipe_file(f"/bucket/small/{path}", body)
+
+
+def test_what_is_fetched_is_what_was_copied_there(store: dict[str, Any], built: Path) -> None:
+    with fetched(URL, _silent) as folder:
+        assert tree(folder) == tree(built)
+        made = read(folder, URL)
+        assert (
+            verify(made.plan, made.lock, Options(1, workers=0), _silent, dataset=made, engines=ENGINES).verdict
+            == "PASS"
+        )
+    assert not folder.exists()
+
+
+def test_a_file_url_is_read_where_it_is(built: Path) -> None:
+    with fetched(f"file://{built}", _silent) as folder:
+        assert folder == built
+    assert built.is_dir()
+    assert integrity(f"file://{built}").verdict == "PASS"
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "said"),
+    [
+        ("README.md", b"?", "README.md has 1 byte"),
+        ("weather=w0,jitter=still/tracks.csv", None, "tracks.csv is missing"),
+        ("weather=w0,jitter=still/more.txt", b"more", "more.txt is not in the manifest"),
+        ("more/or/less.txt", b"more", "more/ is a folder of no file of this plan"),
+    ],
+)
+def test_what_differs_there_is_told(store: dict[str, Any], path: str, body: bytes | None, said: str) -> None:
+    if body is None:
+        store.pop(f"/bucket/small/{path}")
+    else:
+        spoil(path, body)
+    report = integrity(URL)
+    assert report.verdict == "FAIL"
+    assert any(said in str(d) for d in report.differences), [str(d) for d in report.differences]
+
+
+def test_a_flipped_bit_there_is_told(store: dict[str, Any], built: Path) -> None:
+    path = "weather=w0,jitter=still/street/rgb/000002.png"
+    body = (built / path).read_bytes()
+    spoil(path, body[:-9] + bytes([body[-9] ^ 1]) + body[-8:])
+    (only,) = integrity(URL).differences
+    assert f"{path} has other bytes than the manifest says" in str(only)
+
+
+@pytest.mark.parametrize("path", ["../out.txt", "/etc/out.txt", "a/../../out.txt", "a\\..\\out.txt"])
+def test_a_manifest_that_leads_out_is_refused(store: dict[str, Any], tmp_path: Path, path: str) -> None:
+    manifest = json.loads(store["/bucket/small/manifest.json"].getvalue())
+    manifest["files"][path] = {"size": 3, "sha256": "0" * 64}
+    spoil("manifest.json", json.dumps(manifest).encode())
+    spoil(path, b"out")
+    with pytest.raises(InputError, match=r"manifest\.json is damaged .*is not a path within a dataset"):
+        integrity(URL)
+
+
+def test_a_file_that_is_a_folder_too_is_refused(store: dict[str, Any]) -> None:
+    manifest = json.loads(store["/bucket/small/manifest.json"].getvalue())
+    manifest["files"]["README.md/x"] = {"size": 3, "sha256": "0" * 64}
+    spoil("manifest.json", json.dumps(manifest).encode())
+    with pytest.raises(InputError, match="cannot be a file and a folder"):
+        integrity(URL)
+
+
+def test_a_path_that_no_disk_takes_is_refused(store: dict[str, Any]) -> None:
+    manifest = json.loads(store["/bucket/small/manifest.json"].getvalue())
+    for path in ("x" * 300, "/".join(["y" * 200] * 20)):
+        spoil("manifest.json", json.dumps({**manifest, "files": {path: {"size": 3, "sha256": "0"}}}).encode())
+        with pytest.raises(InputError, match="is too long"):
+            integrity(URL)
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        ("memory://bucket/nothing", "is not a dataset: it holds no manifest.json"),
+        ("memory://", "names no place"),
+        ("nowhere://x/y", "Protocol not known: nowhere"),
+        ("https://example.org/dataset", "a web server does not say which files it holds"),
+    ],
+)
+def test_urls_that_hold_no_dataset(url: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        integrity(url)
+
+
+def test_a_manifest_of_something_else_is_refused(store: dict[str, Any]) -> None:
+    for body in (b"{}", b"[" * 100_000, b"\xff", b'{"format": "recipe/manifest/1"}'):
+        spoil("manifest.json", body)
+        with pytest.raises(InputError, match=URL):
+            integrity(URL)
+
+
+def test_what_does_not_fit_on_the_disk_is_not_fetched(store: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fetch.shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10, 9, 1))  # type: ignore[attr-defined]
+    with pytest.raises(RunError, match=r"its files take .* MiB, and .* has 0\.0 MiB left; set TMPDIR"):
+        integrity(URL)
+
+
+class Endless(io.RawIOBase):
+    """A file that goes on for ever, and counts what was read of it."""
+
+    read_so_far = 0
+
+    def readable(self) -> bool:
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        assert 0 < size <= 1 << 20, "all at once"
+        Endless.read_so_far += size
+        return bytes(size)
+
+
+class Hostile(AbstractFileSystem):  # type: ignore[misc]
+    """A store that gives what it did not announce, and names that lead elsewhere."""
+
+    protocol = "hostile"
+    cachable = False
+    manifest: bytes | None = b""
+    rows: tuple[dict[str, Any], ...] = ()
+
+    def _open(self, path: str, mode: str = "rb", **_: Any) -> Any:
+        return io.BytesIO(self.manifest) if path.endswith("manifest.json") and self.manifest is not None else Endless()
+
+    def ls(self, path: str, detail: bool = True, **_: Any) -> list[dict[str, Any]]:
+        return [row for row in self.rows if cast(str, row["name"]).rpartition("/")[0] == path] if detail else []
+
+
+@pytest.fixture
+def hostile(monkeypatch: pytest.MonkeyPatch) -> type[Hostile]:
+    fsspec.register_implementation("hostile", Hostile, clobber=True)
+    monkeypatch.setattr(Endless, "read_so_far", 0)
+    return Hostile
+
+
+def test_a_file_without_an_end_is_read_as_far_as_the_manifest_says(
+    hostile: type[Hostile], built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hostile, "manifest", (built / "manifest.json").read_bytes())
+    sizes = {path: len(body) for path, body in tree(built).items()}
+    rows = [{"name": f"x/y/{path}", "size": size, "type": "file"} for path, size in sizes.items()]
+    folders = {str(p.relative_to(built)) for p in built.rglob("*") if p.is_dir()}
+    rows += [{"name": f"x/y/{path}", "size": 0, "type": "directory"} for path in folders]
+    monkeypatch.setattr(hostile, "rows", tuple(rows))
+    with fetched("hostile://x/y", _silent) as folder:
+        assert Endless.read_so_far <= sum(sizes.values()) + len(sizes)
+        with pytest.raises(InputError, match="hostile://x/y: its manifest or a plan is damaged"):
+            read(folder, "hostile://x/y")
+
+
+def test_a_manifest_without_an_end_is_refused(hostile: type[Hostile], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hostile, "manifest", None)
+    for module in (fetch, workspace):
+        monkeypatch.setattr(module, "MOST_MANIFEST_BYTES", 5_000_000)
+    with pytest.raises(InputError, match=r"its manifest\.json is none of this project"):
+        integrity("hostile://x/y")
+    assert Endless.read_so_far == 5_000_001
+
+
+@pytest.mark.parametrize("name", ["elsewhere/z", "x/y/../../z", "x/y/..", "x/y/\x1b[2J", "x/yz"])
+def test_a_listing_that_leads_out_is_refused(
+    hostile: type[Hostile], built: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(hostile, "manifest", (built / "manifest.json").read_bytes())
+    monkeypatch.setattr(hostile, "ls", lambda *_, **__: [{"name": name, "size": 1, "type": "file"}])
+    with pytest.raises(InputError, match="which no dataset does; remove it there") as caught:
+        integrity("hostile://x/y")
+    assert "\x1b" not in str(caught.value)
+
+
+def test_a_size_that_is_not_the_manifests_costs_neither_time_nor_room(
+    hostile: type[Hostile], built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hostile, "manifest", (built / "manifest.json").read_bytes())
+    monkeypatch.setattr(hostile, "rows", ({"name": "x/y/README.md", "size": 1 << 40, "type": "file"},))
+    with fetched("hostile://x/y", _silent) as folder:
+        found = (folder / "README.md").stat()
+        assert (found.st_size, found.st_blocks, Endless.read_so_far) == (1 << 40, 0, 0)
+
+
+def test_python_opens_recipes_from_files_alone() -> None:
+    with pytest.raises(InputError, match=r"s3://b/x\.yaml: a recipe is opened from a file of this host; copy it here"):
+        recipe_runtime.open("s3://b/x.yaml")
