@@ -35,6 +35,8 @@ from recipe_runtime.workspace import read_manifest
 _MOST_PLAN_BYTES = 256 * 2**20
 _MOST_LINE = 64 * 2**20  # bytes of one frame's labels
 
+Fault = tuple[str, str]  # the path of a file, and a line that names it and says what is wrong
+
 
 @dataclass(frozen=True)
 class Dataset:
@@ -85,8 +87,8 @@ def plan_alone(path: Path) -> DatasetPlan:
     return DatasetPlan(recipe=path.stem, description="", variants=(variant,), annotations=(), depth="carla")
 
 
-def damaged_files(dataset: Dataset, progress: Progress) -> list[str]:
-    """Files that are missing, surplus, no plain files, or whose bytes are not the manifest's; a line each.
+def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
+    """Files that are missing, surplus, no plain files, or whose bytes are not the manifest's; one fault each.
 
     Every file is read once, in pieces; links are told, and not followed.
     """
@@ -94,28 +96,30 @@ def damaged_files(dataset: Dataset, progress: Progress) -> list[str]:
     folders = {parent.as_posix() for path in expected | listed for parent in PurePosixPath(path).parents}
     kinds = dict(_entries(dataset.root, folders))
     found = _frames_without_digest(dataset)
-    found += [f"{path} is missing, and the manifest does not list it" for path in sorted(expected - listed)]
-    found += [f"{path} is in the manifest, and no file of this plan" for path in sorted(listed - expected)]
+    found += [(path, f"{path} is missing, and the manifest does not list it") for path in sorted(expected - listed)]
+    found += [(path, f"{path} is in the manifest, and no file of this plan") for path in sorted(listed - expected)]
     known: dict[tuple[int, int], str] = {}  # by device and inode: labels that variants share are read once
     for number, (path, (size, sha256)) in enumerate(dataset.files.items(), start=1):
-        found += _file_damage(dataset.root, path, kinds.get(path), size, sha256, known)
+        damage = _file_damage(dataset.root, path, kinds.get(path), size, sha256, known)
+        found += [(path, damage)] if damage else []
         progress("files", number, len(dataset.files))
     for path, kind in sorted(kinds.items()):
         shown = path if path.isprintable() else ascii(path)  # a name may hold what a terminal obeys
         if kind == "folder" and path not in folders:
-            found.append(f"{shown}/ is a folder of no file of this plan")
+            found.append((path, f"{shown}/ is a folder of no file of this plan"))
         elif kind != "folder" and path not in listed:
-            found.append(f"{shown} is not in the manifest" + ("" if kind == "file" else f", and is a {kind}"))
+            found.append((path, f"{shown} is not in the manifest" + ("" if kind == "file" else f", and is a {kind}")))
     return found
 
 
-def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[str]:
+def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Fault]:
     """What the dataset's texts say otherwise than its plan, its labels and the given traces (by scene digest) do.
 
     Labels are read line by line and held against the manifest's digests; annotation files, sequence lists, plans and
     card are made again from them, and `tracks.csv` from its scene's trace where there is one; then bytes are compared.
     """
-    videos, found = [], []
+    videos: list[Video] = []
+    found: list[Fault] = []
     for variant in dataset.plan.variants:
         for sensor in variant.rig.sensors:
             video = Video(variant.variant, sensor, variant.scene.clock.fps, ())
@@ -123,7 +127,8 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[str]
                 videos.append(replace(video, frames=tuple(labels(dataset, variant, sensor))))
             except (OSError, *DAMAGE) as error:
                 reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-                found.append(f"{layout.labels_file(variant.variant, sensor.name)}: {reason}")
+                path = layout.labels_file(variant.variant, sensor.name)
+                found.append((path, f"{path}: {reason}"))
         if variant.scene.digest in traces:
             path, trace = layout.tracks_file(variant.variant), traces[variant.scene.digest]
             found += _text_difference(dataset.root, path, lambda s=variant.scene, t=trace: tracks_csv(s, t))  # type: ignore[misc]
@@ -156,35 +161,37 @@ def _entries(root: Path, folders: Collection[str]) -> Iterator[tuple[str, str]]:
 
 def _file_damage(
     root: Path, path: str, kind: str | None, size: int, sha256: str, known: dict[tuple[int, int], str]
-) -> list[str]:
+) -> str | None:
     if kind != "file":
-        return [f"{path} is missing or cannot be read" if kind is None else f"{path} is a {kind}, not a file"]
+        return f"{path} is missing or cannot be read" if kind is None else f"{path} is a {kind}, not a file"
     there = (root / path).lstat()
     if there.st_size != size:
-        return [f"{path} has {count(there.st_size, 'byte')}, not {size:,}"]
+        return f"{path} has {count(there.st_size, 'byte')}, and the manifest says {size:,}"
     key = there.st_dev, there.st_ino
     try:
         known[key] = known.get(key) or file_sha256(root / path)
     except OSError:
-        return [f"{path} is missing or cannot be read"]
-    return [] if known[key] == sha256 else [f"{path} has other bytes than the manifest says"]
+        return f"{path} is missing or cannot be read"
+    return None if known[key] == sha256 else f"{path} has other bytes than the manifest says"
 
 
-def _frames_without_digest(dataset: Dataset) -> list[str]:
+def _frames_without_digest(dataset: Dataset) -> list[Fault]:
     """What the manifest's frames lack or have beyond the plan's."""
     rows, expected = locking.bare(dataset.plan, "", {}).variants, set()
     for variant in dataset.plan.variants:
         key, frames = rows[variant.variant], range(variant.scene.clock.frames)
         for sensor in variant.rig.sensors:
             expected |= {(key.frame_key(m), sensor.name, m, k) for m in ("labels", *sensor.capture) for k in frames}
-    there, found = set(dataset.lock.frames), []
+    there = set(dataset.lock.frames)
+    found: list[Fault] = []
     for rest, what in (
         (expected - there, ("frame of the plan has no digest", "frames of the plan have no digest")),
         (there - expected, ("digest is of no frame of the plan", "digests are of no frame of the plan")),
     ):
         if rest:
             _, name, modality, frame = min(rest)
-            found.append(f"{layout.MANIFEST}: {count(len(rest), *what)}, the first: {name}, {modality}, frame {frame}")
+            told = f"{count(len(rest), *what)}, the first: {name}, {modality}, frame {frame}"
+            found.append((layout.MANIFEST, f"{layout.MANIFEST}: {told}"))
     return found
 
 
@@ -205,17 +212,17 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
             raise ValueError("it has more lines than frames")
 
 
-def _text_difference(root: Path, path: str, make: Callable[[], str]) -> list[str]:
+def _text_difference(root: Path, path: str, make: Callable[[], str]) -> list[Fault]:
     try:
         text = make().encode()
     except DAMAGE as error:
-        return [f"{path} cannot be made from the labels: {type(error).__name__}"]
+        return [(path, f"{path} cannot be made from the labels: {type(error).__name__}")]
     there = regular_file(root, path)
     if there is None:
-        return [f"{path} is missing or cannot be read"]
+        return [(path, f"{path} is missing or cannot be read")]
     if there.st_size == len(text) and (root / path).read_bytes() == text:
         return []
-    return [f"{path} is not what plan, labels and traces make it"]
+    return [(path, f"{path} is not what plan, labels and traces make it")]
 
 
 def _plan(root: Path, manifest: Mapping[str, Any], files: Mapping[str, Any]) -> DatasetPlan:

@@ -45,4 +45,4 @@ def examine(plan: DatasetPlan, out: Path, progress: Progress) -> Examined | None
         held = Dataset(out, plan, lock_of(manifest), listed_files(manifest), str(out))
     except DAMAGE:
         return None
-    return Examined(held, tuple(damaged_files(held, progress)))
+    return Examined(held, tuple(line for _, line in damaged_files(held, progress)))

@@ -30,6 +30,9 @@ class Difference:
     sensor: str | None = None
     frame: int | None = None
     modality: str | None = None
+    path: str | None = None  # of the dataset's file that differs
+    recorded: str | None = None  # a digest, or a pixel's value, as lockfile or dataset has it
+    rendered: str | None = None  # the same, as this host makes it
 
     def __str__(self) -> str:
         return f"{self.stage}: {self.message}" + (f" ({self.excuse})" if self.excuse else "")

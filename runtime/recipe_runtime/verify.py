@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from recipe_compiler.wording import count, form
 
 from recipe_runtime import host, layout, locking
 from recipe_runtime.compare import compare_datasets, compare_files, compare_plans, compare_rows, excuse_of, stage_of
-from recipe_runtime.dataset import Dataset, damaged_files, regular_file, text_differences
+from recipe_runtime.dataset import Dataset, Fault, damaged_files, regular_file, text_differences
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.housekeeping import leased
 from recipe_runtime.report.difference import first_difference, write_difference
@@ -83,9 +83,8 @@ def verify(
         compared, found = check.run(chosen)
         differences += found
         if dataset is not None:
-            differences += [Difference("file", message) for message in damaged_files(dataset, progress)]
-            excuse = excuse_of("texts", lock)
-            differences += [Difference("file", message, excuse) for message in text_differences(dataset, check.traces)]
+            differences += _untold(differences, damaged_files(dataset, progress))
+            differences += _untold(differences, text_differences(dataset, check.traces), excuse_of("texts", lock))
         if options.pictures is not None:
             pictures = check.draw(differences, options.pictures)
     bound = Bound(compared, len(choices), options.confidence)
@@ -95,11 +94,17 @@ def verify(
 def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Report:
     """Compare a dataset's files with its manifest, and that with its plan; nothing is simulated or rendered."""
     differences = compare_rows(dataset.plan, dataset.lock)
-    differences += [Difference("file", message) for message in damaged_files(dataset, progress)]
+    differences += _untold(differences, damaged_files(dataset, progress))
     bound = Bound(0, len(all_choices(dataset.plan)), options.confidence)
     return Report(
         dataset.plan.recipe, dataset.lock.identity, options.nonce, bound, differences, files=len(dataset.files)
     )
+
+
+def _untold(known: list[Difference], faults: Iterable[Fault], excuse: str | None = None) -> list[Difference]:
+    """The faults of files as differences, but of those that a difference without excuse has told of already."""
+    told = {d.path for d in known if d.stage == "file" and d.excuse is None}
+    return [Difference("file", line, excuse, path=path) for path, line in faults if path not in told]
 
 
 def all_choices(plan: DatasetPlan) -> list[Choice]:
@@ -200,23 +205,34 @@ class _Check:
                 stage = stage_of(modality)
                 what = "differs" if row in self.lock.frames else "has no digest there"
                 message = f"{name}, {sensor}, frame {frame}: {modality} {what}"
-                return Difference(stage, message, excuse_of(stage, self.lock), name, sensor, frame, modality)
+                return Difference(
+                    stage,
+                    message,
+                    excuse_of(stage, self.lock),
+                    *(name, sensor, frame, modality),
+                    recorded=self.lock.frames.get(row),
+                    rendered=rows[row],
+                )
         return None
 
     def _file(self, root: Path, path: str, dataset: Dataset) -> Difference | None:
         """How a file of the dataset differs from the one made here; equal pixels are a matter of encoding."""
         made, there = root / path, dataset.root / path
         if regular_file(dataset.root, path) is None:
-            return Difference("file", f"{path} is missing")
+            return Difference("file", f"{path} is missing", path=path)
         if made.stat().st_size == there.stat().st_size and made.read_bytes() == there.read_bytes():
             return None
         at = self._origin(path)
-        parting = first_difference(made, there)
+        parting = first_difference(there, made)
         if parting is not None and not parting.count:
             message = f"{path}: equal pixels, encoded otherwise"
-            return Difference("encoding", message, excuse_of("encoding", self.lock), *at)
-        how = "is another picture, or none" if parting is None else parting
-        return Difference("file", f"{path}: {how}", None, *at)
+            found = Difference("encoding", message, excuse_of("encoding", self.lock), *at)
+        elif parting is None:
+            found = Difference("file", f"{path} is another picture, or none", None, *at)
+        else:
+            found = Difference("file", f"{path}: {parting}", None, *at)
+            found = replace(found, recorded=parting.recorded, rendered=parting.rendered)
+        return replace(found, path=path)
 
     def _origin(self, path: str) -> tuple[str, str, int, str] | tuple[()]:
         """Variant, sensor, frame and modality of a picture's path; nothing for other files."""
@@ -235,7 +251,7 @@ class _Check:
         return [m for m in order if m == "labels" or m in capture]
 
     def draw(self, differences: list[Difference], out: Path) -> list[str]:
-        """Pictures of the first frames that differ: what is there, what was made here, and where they differ."""
+        """Pictures of the first frames that differ: as recorded in the dataset, as rendered here, and where."""
         pictures: list[str] = []
         cases = [d for d in differences if d.modality not in (None, "labels")]
         for case in cases[:MOST_PICTURES]:

@@ -131,7 +131,7 @@ def test_verify_fails_on_a_flipped_digit_of_the_lockfile(folder: Path, tmp_path:
     assert done.returncode == 1
     assert done.stdout.startswith("FAIL at lockfile")
     assert "shading: weather=" in done.stdout
-    assert "-actual.png" in done.stdout
+    assert "-rendered.png" in done.stdout
 
 
 def test_verify_is_inconclusive_on_another_stage_version(folder: Path, tmp_path: Path) -> None:

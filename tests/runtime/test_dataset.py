@@ -54,14 +54,14 @@ def rewrite(root: Path, path: str, body: bytes) -> None:
 
 
 def damage(root: Path) -> list[str]:
-    return datasets.damaged_files(datasets.read(root), lambda *_: None)
+    return [line for _, line in datasets.damaged_files(datasets.read(root), lambda *_: None)]
 
 
 def differences(root: Path) -> list[str]:
     traces = {
         scene.digest: fakes.simulate(scene) for scene in {v.scene.digest: v.scene for v in PLAN.variants}.values()
     }
-    return datasets.text_differences(datasets.read(root), traces)
+    return [line for _, line in datasets.text_differences(datasets.read(root), traces)]
 
 
 def test_what_was_built_is_whole(built: Path) -> None:

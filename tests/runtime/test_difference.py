@@ -70,7 +70,7 @@ def test_another_size_or_kind_is_no_number_and_no_traceback(tmp_path: Path, name
     assert first_difference(ours, there) is None
     pixels = PIXELS if modality == "rgb" else np.ones((6, 8), np.float32)
     (written,) = write_difference(tmp_path / "out" / "x", Shot("street", 0, modality, pixels), there)
-    assert written.name == "x-actual.png"
+    assert written.name == "x-rendered.png"
 
 
 def test_links_and_folders_are_not_read(tmp_path: Path) -> None:

@@ -1,4 +1,8 @@
-"""Two pictures that should be one: how many pixels differ, and pictures that show where."""
+"""Two pictures that should be one: how many pixels differ, and pictures that show where.
+
+`recorded` is what a dataset or lockfile has, `rendered` what this host makes: which of the two is right, neither word
+says.
+"""
 
 from __future__ import annotations
 
@@ -33,25 +37,25 @@ class Parting:
     count: int
     x: int = 0
     y: int = 0
-    ours: str = ""
-    theirs: str = ""
+    recorded: str = ""
+    rendered: str = ""
 
     def __str__(self) -> str:
         how = "1 pixel differs:" if self.count == 1 else f"{self.count:,} pixels differ, the first"
-        return f"{how} ({self.x}, {self.y}) is {self.ours} here, {self.theirs} there"
+        return f"{how} ({self.x}, {self.y}) is {self.recorded} as recorded, {self.rendered} as rendered"
 
 
-def first_difference(one: Path, other: Path) -> Parting | None:
+def first_difference(recorded: Path, rendered: Path) -> Parting | None:
     """How two pictures' pixels differ, if at all; None if one cannot be read, or is of another size or kind."""
-    a, b = read_pixels(one), read_pixels(other)
+    a, b = read_pixels(recorded), read_pixels(rendered)
     if a is None or b is None or not _alike(a, b):
         return None
     places = np.argwhere(_differs(a, b))
     if not len(places):
         return Parting(0)
     y, x = (int(v) for v in places[0])
-    ours, theirs = (" ".join(str(v) for v in np.atleast_1d(pixels[y, x]).tolist()) for pixels in (a, b))
-    return Parting(len(places), x, y, ours, theirs)
+    was, made = (" ".join(str(v) for v in np.atleast_1d(pixels[y, x]).tolist()) for pixels in (a, b))
+    return Parting(len(places), x, y, was, made)
 
 
 def read_pixels(path: Path) -> NDArray[Any] | None:
@@ -85,20 +89,20 @@ def read_pixels(path: Path) -> NDArray[Any] | None:
 
 
 def write_difference(stem: Path, made: Shot, there: Path | None) -> list[Path]:
-    """Write `STEM-actual.png`, and with a file to compare with, `-expected.png` and `-difference.png`: red differs.
+    """Write `STEM-rendered.png`, and with a file to compare with, `-recorded.png` and `-difference.png`: red differs.
 
     RunError if the folder cannot be written.
     """
-    actual = made.picture()
-    pictures = {"actual": actual}
-    expected = read_pixels(there) if there else None
-    as_carla = expected is not None and made.modality == "depth" and expected.ndim == 3
+    rendered = made.picture()
+    pictures = {"rendered": rendered}
+    recorded = read_pixels(there) if there else None
+    as_carla = recorded is not None and made.modality == "depth" and recorded.ndim == 3
     pixels = encode.carla_depth(made.pixels) if as_carla else made.pixels
-    if expected is not None and _alike(pixels, expected):
-        faded = (actual // 3).astype(np.uint8)
-        faded[_differs(pixels, expected)] = (255, 40, 40)
-        shown = encode.metres_from_carla(expected) if as_carla else np.nan_to_num(expected)
-        pictures |= {"expected": replace(made, pixels=shown).picture(), "difference": faded}
+    if recorded is not None and _alike(pixels, recorded):
+        faded = (rendered // 3).astype(np.uint8)
+        faded[_differs(pixels, recorded)] = (255, 40, 40)
+        shown = encode.metres_from_carla(recorded) if as_carla else np.nan_to_num(recorded)
+        pictures |= {"recorded": replace(made, pixels=shown).picture(), "difference": faded}
     paths = []
     with host_errors(str(stem.parent), "choose another folder for pictures"):
         for kind, picture in pictures.items():
