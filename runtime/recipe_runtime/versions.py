@@ -13,7 +13,7 @@ from recipe_compiler.canonical import digest, digest_bytes
 STAGES: dict[str, int] = {"plan": 1, "simulate": 1, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
 
 # Of the compiler, what the runtime may import: values, readers of assets, arithmetic. Never the language.
-SHARED = {"assets", "canonical", "errors", "exact", "files", "lockfile", "optics", "plan", "streams"}
+SHARED = {"assets", "canonical", "errors", "exact", "files", "lockfile", "optics", "plan", "streams", "wording"}
 
 _NOT_SIMULATING = {"annotate", "render", "report"}
 _TOOLS = ("dataset-recipe", "astral", "deflate", "numpy", "pybullet", "pycocotools", "rfc8785", "warp-lang")
