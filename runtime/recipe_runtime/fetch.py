@@ -16,13 +16,12 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import fsspec
 from recipe_compiler.errors import InputError, RunError
 
 from recipe_runtime import layout
 from recipe_runtime.engines import Progress
 from recipe_runtime.manifest import listed_files, stays_inside
-from recipe_runtime.remote import told
+from recipe_runtime.remote import located, told
 from recipe_runtime.workspace import MOST_MANIFEST_BYTES, read_manifest
 
 MOST_SURPLUS = 1_000  # names of files that no manifest lists; of more, the first are noted
@@ -39,15 +38,12 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
 
     InputError if there is none, or its manifest is damaged; RunError if the store or this host fails.
     """
-    kind, _, place = url.partition("://")
-    if not place.strip("/"):
-        raise InputError(f"{url} names no place; write for example s3://bucket/name")
-    if kind in _LISTLESS:
+    if url.partition("://")[0] in _LISTLESS:
         raise InputError(
             f"{url}: a web server does not say which files it holds; download the dataset, name its folder"
         )
     with told(url, "try again"):
-        fs, prefix = fsspec.core.url_to_fs(url.rstrip("/"), use_listings_cache=False)
+        fs, prefix = located(url)
     if "file" in fs.protocol:
         yield Path(prefix)
         return

@@ -46,10 +46,8 @@ class Target:
 
     def __init__(self, url: str) -> None:
         self.url = url.rstrip("/")
-        if not url.partition("://")[2].strip("/"):
-            raise InputError(f"{url} names no place; write for example s3://bucket/name")
         with self._told():
-            self._fs, self._prefix = fsspec.core.url_to_fs(self.url, use_listings_cache=False)
+            self._fs, self._prefix = located(self.url)
             self._there = self._manifest()
         found = self._sizes()
         if found and self._there is None and NOTE not in found:
@@ -167,6 +165,14 @@ class Target:
 
     def _told(self) -> AbstractContextManager[None]:
         return told(self.url, "try again: what was copied is kept")
+
+
+def located(url: str) -> tuple[Any, str]:
+    """The file system that a URL leads to, and the place in it; InputError if it names none."""
+    if not url.partition("://")[2].strip("/"):
+        raise InputError(f"{url} names no place; write for example s3://bucket/name")
+    fs, prefix = fsspec.core.url_to_fs(url.rstrip("/"), use_listings_cache=False)
+    return fs, prefix
 
 
 @contextmanager
