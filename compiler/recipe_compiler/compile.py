@@ -76,7 +76,7 @@ def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | No
         checked.append((variant, base))
         loads.append(_load(variant, base, changes))
         if len(loads) in _LOOKS and not allow_large:
-            too_long = _too_long(path, loads, expand.count(axes, recipe.sweep))
+            too_long = _too_long(root, loads, expand.count(axes, recipe.sweep))
             if too_long and not problems:
                 raise too_long
             if too_long:
@@ -86,7 +86,7 @@ def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | No
     estimate = limits.total(loads, recipe.output.depth)
     reasons = estimate.over(free_disk)
     if reasons and not allow_large:
-        raise limits.TooLargeError(str(path), estimate, reasons)
+        raise limits.TooLargeError(_costliest(root, estimate), estimate, reasons)
     lowering = Lowering(_instances(root, problems), assets)
     plans = [one for v, base in checked if (one := lowering.scenario(v, base)) is not None]
     problems += lowering.problems
@@ -181,14 +181,23 @@ def _check_base_alone(root: Value, kinds: dict[str, str]) -> list[Problem]:
     return problems
 
 
-def _too_long(path: Path, loads: list[limits.Load], variants: int) -> limits.TooLargeError | None:
+def _costliest(root: Value, cost: limits.Cost) -> Place:
+    """Where the number stands that a recipe over the limits owes most of its size to."""
+    if cost.over_to_compile() or cost.variants * cost.variants > cost.frames:
+        for path in (("sweep", "repeats"), ("sweep", "draw", "count"), ("deltas",), ("base", "traffic")):
+            if root.get(*path):
+                return root.place_of(*path)
+    return root.place_of("base", "clock", "frames")
+
+
+def _too_long(root: Value, loads: list[limits.Load], variants: int) -> limits.TooLargeError | None:
     """What is wrong if these first variants alone would take too long to compile: checking all would, too."""
     estimate = limits.total(loads, "carla")
     reasons = estimate.over_to_compile()
     if reasons:
         reasons[0] = f"of the first {len(loads)} variants alone, {reasons[0]}"
     whole = dataclasses.replace(estimate, variants=variants)
-    return limits.TooLargeError(str(path), whole, reasons) if reasons else None
+    return limits.TooLargeError(_costliest(root, whole), whole, reasons) if reasons else None
 
 
 def _check_variants(

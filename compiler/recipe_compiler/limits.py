@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
-from recipe_compiler.errors import InputError
+from recipe_compiler.errors import InputError, Place, Problem
 from recipe_compiler.wording import count
 
 FRAME_LIMIT = 100_000
@@ -90,7 +90,7 @@ class Cost:
             reasons.append(f"about {size(self.bytes)} are over {size(BYTE_LIMIT)}")
         if free_disk is not None and self.bytes > free_disk // 2:
             over = f"about {size(self.bytes)} are over half the free disk, {size(free_disk / 2)}"
-            reasons.append(over if free_disk else "the disk is full and cannot hold a dataset")
+            reasons.append(over if free_disk else "the disk is full and cannot hold a dataset; free some space")
         return reasons + self.over_to_compile()
 
     def over_to_compile(self) -> list[str]:
@@ -106,10 +106,14 @@ class Cost:
 class TooLargeError(InputError):
     """A recipe over the limits, which needs an explicit yes; `cost` says by how much."""
 
-    def __init__(self, file: str, cost: Cost, reasons: Iterable[str]) -> None:
+    def __init__(self, place: Place, cost: Cost, reasons: Iterable[str]) -> None:
+        """`place` is that of the number that costs most."""
         self.cost = cost
         self.reasons = tuple(reasons)
-        super().__init__(f"{file}: {'; '.join(self.reasons)}; allow it with --allow-large")
+        self.place = place
+        super().__init__(
+            Problem(f"{'; '.join(self.reasons)}; ask for fewer frames or variants, or give --allow-large", place)
+        )
 
 
 def size(amount: float) -> str:

@@ -7,6 +7,7 @@ mistake.
 from __future__ import annotations
 
 import datetime
+import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 
@@ -48,7 +49,9 @@ def unknown_town(base: Value) -> Iterator[Problem]:
             declared[key].check(key, value.plain)
         except ValueError:
             limit = declared[key]
-            wanted = f"{limit.wanted}: {limit.description}"
+            plain = value.plain
+            given = json.dumps(plain) if isinstance(plain, list) and len(json.dumps(plain)) <= 60 else show(plain)
+            wanted = f"{limit.wanted} ({limit.description}), not {'nothing' if plain is None else given}"
             yield Problem(f"town.{key}: must be {wanted}", base.place_of("town", key))
 
 

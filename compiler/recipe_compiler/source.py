@@ -269,13 +269,14 @@ class _Reader:
     def _number(self, event: yaml.ScalarEvent, text: str) -> int | float | str:
         if _INTEGER.match(text):
             if len(text) > 20 or abs(int(text, 0)) > MAX_INTEGER:
-                self._report(event, f"the number {text[:20]} is too large; the limit is {MAX_INTEGER}")
+                shown = text if len(text) <= 20 else f"{text[:20]}... of {len(text)} digits"
+                self._report(event, f"the number {shown} is too large; write one within {MAX_INTEGER}")
                 return text
             return int(text, 0)
         if _FLOAT.match(text) and len(text) <= 400:
             number = float(text)
             if not math.isfinite(number):
-                self._report(event, f"the number {text[:20]} is too large for a float")
+                self._report(event, f"the number {text[:20]} is too large for a float; write a smaller one")
                 return text
             return number + 0.0  # -0.0 is 0
         return text

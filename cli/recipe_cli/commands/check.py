@@ -53,7 +53,7 @@ def _checked(path: Path) -> tuple[int, list[Problem]]:
         compiled = compile_recipe(path)
         return len(compiled.plan.variants), list(compiled.warnings)
     except TooLargeError as large:
-        note = Problem(f"{path}: {'; '.join(large.reasons)}; `recipe plan` and `recipe build` need --allow-large")
+        note = Problem(f"{'; '.join(large.reasons)}; `recipe plan` and `recipe build` need --allow-large", large.place)
         if large.cost.over_to_compile():
             return large.cost.variants, [note]
         compiled = compile_recipe(path, allow_large=True)

@@ -31,6 +31,7 @@ _KINDS = {
     "tuple": "a list",
     "list": "a list",
 }
+_BY_NAME = {"town": "a name, such as downtown,", "weather": "a preset's name, such as ClearNoon,"}  # or a map
 _PATTERNS = {
     "#": 'is not a colour; write it as "#rrggbb"',
     "(19|20)": 'is not a date; write it as "2022-08-12"',
@@ -148,15 +149,28 @@ def _message(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wr
         return f"{where}: is not a finite number"
     if _is_of_union(detail["loc"]):
         return f"{where}: must be a number, text, true or false, not {'nothing' if value is None else show(value)}"
-    return f"{where}: {_type_message(kind, detail, value)}"
+    if len(path) == 1 and where in _BY_NAME and kind.startswith("model_"):
+        given = "nothing" if value is None else show(value)
+        several = "; for several, make each a value of an axis in `deltas`" if isinstance(value, list) else ""
+        return f"{where}: must be {_BY_NAME[where]} or a map, not {given}{several}"
+    return f"{where}: {_type_message(kind, detail, value, _range(model, detail['loc']))}"
 
 
-def _type_message(kind: str, detail: ErrorDetails, value: Any) -> str:
+def _range(model: type[BaseModel], loc: Sequence[str | int]) -> str:
+    """` from LOW to HIGH` where a number has both limits; else nothing."""
+    info = _field_at(model, _without_markers(tuple(loc)))
+    limits = info.metadata if info else []
+    low, high = (next((v for m in limits if (v := getattr(m, key, None)) is not None), None) for key in ("ge", "le"))
+    return "" if low is None or high is None else f" from {_number(low)} to {_number(high)}"
+
+
+def _type_message(kind: str, detail: ErrorDetails, value: Any, span: str) -> str:
     for word, wanted in _KINDS.items():
         if kind.startswith(f"{word}_"):
             given = "nothing" if value is None else show(value)
             unquote = word in {"int", "float", "bool"} and isinstance(value, str) and _looks_plain(value)
-            return f"must be {wanted}, not {given}" + ("; remove the quotes" if unquote else "")
+            within = span if word in {"int", "float"} else ""
+            return f"must be {wanted}{within}, not {given}" + ("; remove the quotes" if unquote else "")
     return detail["msg"]
 
 
