@@ -119,9 +119,7 @@ def test_sizes_are_in_units_that_say_something(tmp_path: Path) -> None:
     path.write_text(json.dumps(small()))
     with pytest.raises(TooLargeError, match=r"about \d+ KiB are over half the free disk, 500 bytes; ask for"):
         compile_recipe(path, free_disk=1000)
-    with pytest.raises(
-        TooLargeError, match=r"recipe\.yaml:1:\d+: the disk is full and cannot hold a dataset; free some space, ask"
-    ):
+    with pytest.raises(TooLargeError, match=r"recipe\.yaml:1:\d+: the disk is full .*; free some space;"):
         compile_recipe(path, free_disk=0)
 
 
