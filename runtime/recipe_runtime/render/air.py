@@ -181,6 +181,9 @@ def veiled(air: wp.array[Air], radiance: wp.vec3f, d: wp.vec3f, left: wp.float32
 @wp.func
 def ambient(air: wp.array[Air], n: wp.vec3f) -> wp.vec3f:
     """Light from the whole sky and the ground on a surface with normal n."""
-    if n[2] >= 0.0:
-        return mix(air[0].sideways, air[0].overhead, n[2])
-    return mix(air[0].sideways, air[0].below, -n[2])
+    up = n[2] >= 0.0
+    t = wp.where(up, n[2], -n[2])
+    a = air[0].overhead
+    b = air[0].below
+    end = wp.vec3f(wp.where(up, a[0], b[0]), wp.where(up, a[1], b[1]), wp.where(up, a[2], b[2]))
+    return mix(air[0].sideways, end, t)

@@ -64,7 +64,7 @@ def _configure() -> None:
     wp.config.log_level = wp.LOG_ERROR
     wp.config.enable_backward = False
     # Nothing about a CPU: the target stays the generic one. Functions are inlined as far as Warp's own setting goes.
-    wp.config.cpu_compiler_flags = "-mllvm=-inline-threshold=9000 -mllvm=-inline-cold-callsite-threshold=3000"
+    wp.config.cpu_compiler_flags = "-mllvm=-inline-threshold=90000 -mllvm=-inline-cold-callsite-threshold=3000"
     wp.config.kernel_cache_dir = _cache_folder()
     with _silence():
         wp.init()

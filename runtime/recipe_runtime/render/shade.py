@@ -245,7 +245,12 @@ def matter_of(
         or pattern == patterns.SHOP_WINDOW
         or pattern == patterns.FACADE
     ):
-        m = pane(m, pattern, air, first, second, detail, code, awake)
+        seen = pane(m, pattern, air, first, second, detail, code, awake)
+        m.albedo = seen.albedo
+        m.glow = seen.glow
+        m.coat = seen.coat
+        m.gloss = seen.gloss
+        m.street = seen.street
     elif pattern == CAR_PAINT:
         m.coat = 0.05
         m.gloss = 0.94
@@ -300,8 +305,6 @@ def sunk(pattern: wp.int32, p: wp.vec3f, foot: wp.float32) -> wp.float32:
 @wp.func
 def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], low: wp.float32) -> Matter:
     """Wet what is dry: porous stone darkens and shines, hollows of flat ground fill with water."""
-    if air[0].wet <= 0.0:
-        return m
     up = m.normal[2]
     if paved(pattern):
         darker = 0.52
@@ -386,17 +389,18 @@ def open_sky(
 @wp.func
 def sun_on(air: wp.array[Air], beams: wp.array[Sunbeam], m: Matter, p: wp.vec3f, back: wp.vec3f, light: wp.vec3f):
     """Add the sun to the light on a point; its highlight, and the share that what moves leaves of it, come along."""
-    shine = wp.vec3f(0.0, 0.0, 0.0)
     to_sun = inner(m.normal, air[0].sun)
-    if to_sun <= -m.soft or air[0].sunlight[0] + air[0].sunlight[1] <= 0.0:
-        return light, shine, wp.float32(1.0)
-    reached = sunshine(beams, p, m.normal)
-    s = reached[0]
-    wrapped = clamp01((to_sun + m.soft) / (1.0 + m.soft))
-    if m.coat > 0.0 and s > 0.0 and to_sun > 0.0:
-        gleaming = s * fresnel(m.coat, m.gloss, to_sun) * glint(m.gloss, m.normal, air[0].sun, back) * to_sun
-        shine = shine + air[0].sunlight * gleaming
-    return light + air[0].sunlight * (s * wrapped), shine, reached[1]
+    left = wp.float32(0.0)
+    past = wp.float32(1.0)
+    gleaming = wp.float32(0.0)
+    if to_sun > -m.soft and air[0].sunlight[0] + air[0].sunlight[1] > 0.0:
+        reached = sunshine(beams, p, m.normal)
+        past = reached[1]
+        left = reached[0] * clamp01((to_sun + m.soft) / (1.0 + m.soft))
+        if m.coat > 0.0 and reached[0] > 0.0 and to_sun > 0.0:
+            bright = glint(m.gloss, m.normal, air[0].sun, back)
+            gleaming = reached[0] * fresnel(m.coat, m.gloss, to_sun) * bright * to_sun
+    return light + air[0].sunlight * left, air[0].sunlight * gleaming, past
 
 
 @wp.func
@@ -505,13 +509,20 @@ def shade(
             first = times(first, image_at(looks[0].album, image, detail, samples[0].codes[i]))
         detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
     m = matter_of(pattern, air, first, second, detail, n, samples[0].codes[i], looks[0].awake[surface])
-    low = detail[3]
-    if air[0].puddles > 0.0 and low >= 0.0 and n[2] > LEVEL and paved(pattern):
-        low = sunk(pattern, p, low)  # kept with the sample, for later frames and other weathers
-        samples[0].details[i] = wp.vec4f(detail[0], detail[1], detail[2], low)
-    m = moisten(m, pattern, air, low)
+    # (Parts of a matter are put into place one by one: the choice between two whole ones would go through memory.)
+    if air[0].wet > 0.0:
+        low = detail[3]
+        if air[0].puddles > 0.0 and low >= 0.0 and n[2] > LEVEL and paved(pattern):
+            low = sunk(pattern, p, low)  # kept with the sample, for later frames and other weathers
+            samples[0].details[i] = wp.vec4f(detail[0], detail[1], detail[2], low)
+        moist = moisten(m, pattern, air, low)
+        m.albedo = moist.albedo
+        m.coat = moist.coat
+        m.gloss = moist.gloss
     if swaying:
-        m = fluttered(m, air, p, 1.0 - distance / UNSEEN)
+        moving = fluttered(m, air, p, 1.0 - distance / UNSEEN)
+        m.albedo = moving.albedo
+        m.normal = moving.normal
     sky_left = open_sky(bodies, body_lists, tile, p, n)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
     light, shine, past = sun_on(air, beams, m, p, back, ambient(air, n) * sky_left)

@@ -23,11 +23,11 @@ def outer(a: wp.vec3f, b: wp.vec3f) -> wp.vec3f:
 @wp.func
 def direction(a: wp.vec3f) -> wp.vec3f:
     """a, made one unit long; up if it is null."""
+    # (A second `return` would pass the vector through memory in pieces, for which a CPU has to wait.)
     s = inner(a, a)
-    if s < 1.0e-20:
-        return wp.vec3f(0.0, 0.0, 1.0)
-    r = 1.0 / wp.sqrt(s)
-    return wp.vec3f(a[0] * r, a[1] * r, a[2] * r)
+    null = s < 1.0e-20
+    r = 1.0 / wp.sqrt(wp.where(null, 1.0, s))
+    return wp.vec3f(wp.where(null, 0.0, a[0] * r), wp.where(null, 0.0, a[1] * r), wp.where(null, 1.0, a[2] * r))
 
 
 @wp.func

@@ -285,21 +285,29 @@ def draw(
         w0 = row0 + k0 * dx0
         w1 = row1 + k0 * dx1
         w2 = row2 + k0 * dx2
+        if span <= WIDE:  # what an edge does not own lies below 0
+            w0 = w0 + bias0
+            w1 = w1 + bias1
+            w2 = w2 + bias2
         base = y * int(columns) + int(left)
+        at = index(base + int(k0))
+        last = base + int(k1)
         if span > WIDE:  # all of these are inside
-            for k in range(int(k0), int(k1) + 1):
+            while at <= last:
                 q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
-                offer(keys, index(base + k), q, limit, triangle, bit)
+                offer(keys, at, q, limit, triangle, bit)
                 w1 = w1 + dx1
                 w2 = w2 + dx2
+                at = index(at + 1)
         else:
-            for k in range(int(k0), int(k1) + 1):
-                if (w0 + bias0) >= wp.int64(0) and (w1 + bias1) >= wp.int64(0) and (w2 + bias2) >= wp.int64(0):
-                    q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
-                    offer(keys, index(base + k), q, limit, triangle, bit)
+            while at <= last:
+                if (w0 | w1 | w2) >= wp.int64(0):
+                    q = a.q + wp.float64(w1 - bias1) * slope1 + wp.float64(w2 - bias2) * slope2
+                    offer(keys, at, q, limit, triangle, bit)
                 w0 = w0 + dx0
                 w1 = w1 + dx1
                 w2 = w2 + dx2
+                at = index(at + 1)
         row0 = row0 + dy0
         row1 = row1 + dy1
         row2 = row2 + dy2
