@@ -14,7 +14,7 @@ import click
 @click.argument("name")
 @click.option("--dir", "folder", type=click.Path(path_type=Path, file_okay=False), default=Path(), show_default=True)
 def command(name: str, folder: Path) -> None:
-    """Write NAME.yaml: two pedestrians, a street camera, three weathers; and what to run next."""
+    """Write NAME.yaml: a street with people and cars, a camera, three weathers; and what to run next."""
     from recipe_compiler.errors import InputError, RunError
     from recipe_compiler.schema import template
 
