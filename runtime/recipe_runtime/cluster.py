@@ -8,11 +8,13 @@ alone, another does again; the bytes do not depend on who does it.
 from __future__ import annotations
 
 import logging
+import os
 import socket
 import tempfile
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -32,7 +34,12 @@ from recipe_runtime.worker import FrameRecord, Job, Worker
 
 QUEUED = 2  # shards that a worker has at once, so that it never waits for the next
 RETRIES = 3  # times that a shard is done again after its worker was lost
-PATIENCE = 5.0  # seconds for a cluster's door to open, at which Ray itself would knock for minutes; and for leaving
+PATIENCE = (
+    5.0  # seconds for a cluster's door to open, and for an answer; Ray itself would knock for minutes; for leaving
+)
+_GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])  # and no settings (RFC 9113, 3.4)
+_FRAME_HEAD, _SETTINGS = 9, 4
+_NO_RAY = "what listens there does not answer as Ray does"
 FORLORN = 60  # seconds without a node that could do any work, after which none is expected
 _OTHER_RELEASE = "a node of the cluster runs another release of this package, or of a tool that bytes depend on"
 
@@ -130,19 +137,40 @@ def _start(ray: Any, address: str | None) -> None:
             ray.init(address=address, **quiet)
     except (ConnectionError, ValueError, RuntimeError, OSError, SystemExit) as error:
         if isinstance(error, SystemExit):  # Ray's, when what answers is no Ray
-            error = ConnectionError("what listens there does not answer as Ray does")
+            error = ConnectionError(_NO_RAY)
         reason = (isinstance(error, OSError) and error.strerror) or _line(error)
         what = "--ray: Ray cannot be started here" if address is None else f"--ray {address}: is no Ray cluster to join"
         raise InputError(f"{what}: {reason}") from None
 
 
 def _knock(address: str) -> None:
-    """OSError or ValueError at once if nothing answers at HOST:PORT; any other form is for Ray to know."""
+    """OSError or ValueError soon if nothing answers at HOST:PORT as Ray does; any other form is for Ray to know."""
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if colon and not port.isdigit():
         raise ValueError(f"{port!r} is no port; write HOST:PORT")
     if colon:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=PATIENCE).close()
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=PATIENCE) as door:
+            if os.environ.get("RAY_USE_TLS", "0").lower() in (
+                "",
+                "0",
+                "false",
+            ):  # else the answer is for Ray's keys alone
+                _greet(door)
+
+
+def _greet(door: socket.socket) -> None:
+    """ConnectionError unless HTTP/2 is spoken there, as gRPC and so Ray does: a server begins with its settings."""
+    deadline, head = time.monotonic() + PATIENCE, b""
+    with suppress(OSError):
+        door.sendall(_GREETING)
+        while len(head) < _FRAME_HEAD and (left := deadline - time.monotonic()) > 0:
+            door.settimeout(left)
+            piece = door.recv(_FRAME_HEAD - len(head))
+            if not piece:
+                break
+            head += piece
+    if len(head) < _FRAME_HEAD or head[3] != _SETTINGS or any(head[5:]):
+        raise ConnectionError(_NO_RAY)
 
 
 def _run(ray: Any, job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Callable[[int], None]) -> Seconds:

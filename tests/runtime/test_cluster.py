@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -180,3 +181,16 @@ def test_no_cluster_is_an_error_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught, joined("127.0.0.1:1"):
         pass
     assert str(caught.value) == "--ray 127.0.0.1:1: is no Ray cluster to join: Connection refused"
+
+
+def test_a_port_that_is_no_clusters_is_an_error_in_a_line_and_soon() -> None:
+    from recipe_runtime.cluster import joined
+
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address, start = f"127.0.0.1:{silent.getsockname()[1]}", time.monotonic()
+        with pytest.raises(InputError) as caught, joined(address):
+            pass
+    assert time.monotonic() - start < 15.0  # Ray gives up after minutes
+    assert str(caught.value) == (
+        f"--ray {address}: is no Ray cluster to join: what listens there does not answer as Ray does"
+    )
