@@ -15,7 +15,7 @@ def test_the_template_shows_people_and_cars_from_the_first_frame_to_the_last(tmp
     path = tmp_path / "first.yaml"
     text = template("first")
     assert "width: 800, height: 600" in text
-    path.write_text(text.replace("width: 800, height: 600", "width: 200, height: 150"))
+    path.write_text(text.replace("width: 800, height: 600", "width: 320, height: 240"))
     scenario = recipe_runtime.open(path)
     for frame in (0, len(scenario) // 2, len(scenario) - 1):
         seen, sizes = np.unique(scenario.render(frame, modality="instance"), return_counts=True)
