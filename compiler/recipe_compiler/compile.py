@@ -245,6 +245,7 @@ def _load(variant: Variant, base: Base, changes: int) -> limits.Load:
             _samples(s.camera, s.camera.supersample),
             s.capture,
             base.clock.frames if s.motion != Motion() else 1,
+            s.motion == Motion() and s.mount.on is None,
         )
         for s in base.sensors.values()
     )
@@ -282,6 +283,7 @@ def _measured(plan: ScenarioPlan) -> limits.Load:
             _samples(s.camera, responses[s.name].supersample),
             s.capture,
             len(s.poses),
+            len(s.poses) == 1 and s.on is None,
         )
         for s in plan.rig.sensors
     )

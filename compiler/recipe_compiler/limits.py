@@ -18,7 +18,8 @@ MEMORY_LIMIT = 900 * 2**20  # bytes, while compiling
 # From builds of recipes/weather_sweep.yaml on one core of a 2020s x86. Bytes a pixel, encoded:
 _BYTES = {"rgb": 1.63, "depth": 0.68, "depth-npy": 4.0, "instance": 0.0064, "semantic": 0.0153}
 # Seconds a megapixel, and a file whatever its size:
-_OBSERVE, _FIRST_SHADE, _SHADE, _ENCODE, _FILE = 0.022, 0.21, 0.125, 0.04, 0.001
+_OBSERVE, _FIRST_SHADE, _ENCODE, _FILE = 0.022, 0.085, 0.04, 0.001
+_SHADE, _SHADE_STILL = 0.19, 0.095  # of a camera that stands still, only what something moving may change is renewed
 _SIMULATE = 0.00024  # seconds a physics step and body, and as much a step
 _START = 4.0  # seconds to load meshes and kernels
 
@@ -42,6 +43,7 @@ class View:
     samples: int  # that it is drawn with: more than pixels behind a lens or supersampled
     capture: tuple[str, ...]
     poses: int = 1
+    still: bool = True  # neither moved nor mounted on anyone
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,8 @@ class Cost:
     frames: int
     images: int
     bytes: int
-    minutes: float
+    minutes: float  # of one core
+    minutes_alone: float  # of those, what workers do not share
     compile_seconds: float
     compile_bytes: int
 
@@ -80,6 +83,10 @@ class Cost:
             f"{count(self.variants, 'variant')}: {count(self.simulations, 'simulation')}, "
             f"{count(self.observations, 'observation')}, {count(self.appearances, 'appearance')}"
         )
+
+    def minutes_with(self, workers: int) -> float:
+        """How long a build takes that so many workers share."""
+        return self.minutes_alone + (self.minutes - self.minutes_alone) / workers
 
     def over(self, free_disk: int | None = None) -> list[str]:
         """The limits that this is over, in words; none if it is small enough to build unasked."""
@@ -131,20 +138,22 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
     scenes = {load.scene: load for load in loads}
     observed = {(load.scene, load.rig): load for load in loads}
     looks = {(load.scene, load.rig, load.appearance): load for load in loads}
-    seconds = _START + sum(load.steps * (1 + load.actors) * _SIMULATE for load in scenes.values())
+    alone = _START + sum(load.steps * (1 + load.actors) * _SIMULATE for load in scenes.values())
+    seconds = alone
     bytes_ = 0.0
     for load in observed.values():
         for view in load.views:
             labels = [m for m in view.capture if m != "rgb"]
             kinds = ["depth-npy" if (m, depth) == ("depth", "npy") else m for m in labels]
             bytes_ += view.frames * view.pixels * sum(_BYTES[kind] for kind in kinds)
-            seconds += view.frames * view.samples / 1e6 * (_OBSERVE + ("rgb" in view.capture) * (_FIRST_SHADE - _SHADE))
+            seconds += view.frames * view.samples / 1e6 * (_OBSERVE + ("rgb" in view.capture) * _FIRST_SHADE)
             seconds += view.frames * len(labels) * (_FILE + view.pixels / 1e6 * _ENCODE / 2)
     for load in loads:
         for view in load.views:
             if "rgb" in view.capture:
                 bytes_ += view.frames * view.pixels * _BYTES["rgb"]
-                seconds += view.frames * (_FILE + (view.samples * _SHADE + view.pixels * _ENCODE) / 1e6)
+                shade = _SHADE_STILL if view.still else _SHADE
+                seconds += view.frames * (_FILE + (view.samples * shade + view.pixels * _ENCODE) / 1e6)
     compile_seconds, compile_bytes = _compiling(loads, list(scenes.values()))
     return Cost(
         variants=len(loads),
@@ -155,6 +164,7 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
         images=sum(view.frames * len(view.capture) for load in loads for view in load.views),
         bytes=round(bytes_),
         minutes=round(seconds / 60, 2),
+        minutes_alone=round(alone / 60, 2),
         compile_seconds=round(compile_seconds, 1),
         compile_bytes=round(compile_bytes),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from recipe_compiler import towns
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.expand import count
-from recipe_compiler.limits import TooLargeError, size
+from recipe_compiler.limits import Load, TooLargeError, View, size, total
 from recipe_compiler.schema.models import Sweep
 
 from tests.compiler.kitchen import compiled, small
@@ -132,3 +133,16 @@ def test_the_cost_of_the_weather_sweep_is_what_its_build_took() -> None:
 def test_a_product_is_counted_without_being_built() -> None:
     axes = {f"axis{n}": dict.fromkeys(map(str, range(1000)), None) for n in range(40)}
     assert count(axes, Sweep(repeats=7)) == 7 * 1000**40  # type: ignore[arg-type]
+
+
+def test_time_is_told_of_one_core_and_of_many_and_knows_what_moves() -> None:
+    """Measured on builds: a camera that moves shades twice as long, and workers do not share the start."""
+    still = View(frames=300, pixels=480_000, samples=480_000, capture=("rgb", "depth"))
+    cost, moving = (
+        total([Load("scene", "rig", "look", steps=300, actors=4, views=(view,))], "carla")
+        for view in (still, replace(still, still=False))
+    )
+    assert 1.3 < moving.minutes / cost.minutes < 2.0
+    assert cost.minutes_with(1) == pytest.approx(cost.minutes)
+    assert cost.minutes / 2 < cost.minutes_with(2) < cost.minutes
+    assert cost.minutes_with(1000) == pytest.approx(cost.minutes_alone, rel=0.02)

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, unpacks
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, unpacks, worker_count
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
+    from recipe_compiler.limits import Cost
 
 
 @click.command("plan")
@@ -72,9 +73,15 @@ def _table(compiled: Compiled) -> None:
     cost = compiled.cost
     click.echo(
         f"{count(cost.frames, 'frame')}, {count(cost.images, 'image')}, about {size(cost.bytes)}, "
-        f"about {_duration(cost.minutes)} of one core"
+        f"about {_duration(cost.minutes)} of one core{_here(cost)}"
     )
     click.echo(f"plan sha256:{plan.digest}")
+
+
+def _here(cost: Cost) -> str:
+    """How long that is on the cores of this host, which a build takes all of."""
+    cores = worker_count(None)
+    return f", {_duration(cost.minutes_with(cores))} on the {cores} here" if cores > 1 else ""
 
 
 def _duration(minutes: float) -> str:
