@@ -110,14 +110,15 @@ class Workspace:
     def settle(cls, out: Path) -> None:
         """Finish what a build that ended within `publish` left: put the old dataset back, or clear it away."""
         work = cls(out, {})
-        if not (work._partial / "old").is_dir():
+        ended = work._partial.is_dir() and out.exists() and not work.dataset.exists()
+        if not ended and not (work._partial / "old").is_dir():
             return
         with host_errors(str(work._partial), _REMEDY):
             work._take()
             try:
                 work._recover()
                 if out.exists() and not work.dataset.exists() and (work._partial / "job.json").is_file():
-                    shutil.rmtree(work._partial)
+                    work._remove()
             finally:
                 os.close(work._lock)
 
@@ -128,12 +129,19 @@ class Workspace:
             if self.out.exists():
                 self.out.rename(self._partial / "old")
             self.dataset.rename(self.out)
-            shutil.rmtree(self._partial)
+            self._remove()
 
     def abandon(self) -> None:
         """Clear the work away: there is nothing in it to go on from."""
         with host_errors(str(self._partial), _REMEDY):
-            shutil.rmtree(self._partial)
+            self._remove()
+
+    def _remove(self) -> None:
+        """Clear the folder away; what tells whose work it is goes last, so that the next build can go on from here."""
+        for child in sorted(self._partial.iterdir()):
+            if child.is_dir():
+                shutil.rmtree(child)
+        shutil.rmtree(self._partial)
 
     def _sweep(self, files: set[str]) -> None:
         """Remove what is none of the dataset's: halves of files that a killed build left."""

@@ -285,6 +285,32 @@ def test_a_stop_after_the_renames_leaves_nothing_behind(made: BuildResult, tmp_p
     assert not partial.exists()
 
 
+@pytest.mark.parametrize("calls", [0, 1, 2])
+def test_a_stop_while_the_work_is_cleared_away_leaves_nothing_in_the_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
+) -> None:
+    """The folder would else be taken for somebody's, and refused to every other recipe."""
+    again(tmp_path, dataset_plan(weathers=1), workers=0)
+    remove, count = shutil.rmtree, 0
+
+    def stops(path: Path, **more: Any) -> None:
+        nonlocal count
+        if path.is_relative_to(tmp_path / ".tiny.partial"):
+            count += 1
+            if count > calls:
+                raise KeyboardInterrupt
+        remove(path, **more)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(shutil, "rmtree", stops)
+        again(tmp_path, workers=0)
+    partial = tmp_path / ".tiny.partial"
+    assert (partial / "job.json").is_file()
+    assert not again(tmp_path, workers=0).built  # it was in its place already
+    assert not partial.exists()
+    assert again(tmp_path, dataset_plan(weathers=3), workers=0).built
+
+
 @pytest.mark.parametrize("workers", [0, 1])
 def test_an_error_names_variant_sensor_and_frame(tmp_path: Path, workers: int) -> None:
     with pytest.raises(RunError) as caught:
