@@ -16,11 +16,10 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-import platformdirs
 from recipe_compiler.errors import InputError
 
 from recipe_runtime.leases import in_use_since, lease
-from recipe_runtime.store import default_cache
+from recipe_runtime.store import default_cache, kernel_cache
 
 DEFAULT_LIMIT = 10 * 2**30
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
@@ -51,8 +50,8 @@ class Entry:
 
 
 def folders() -> list[Path]:
-    """Where things are kept: RECIPE_CACHE moves traces, and leaves compiled kernels with the user's other caches."""
-    return list(dict.fromkeys([default_cache(), Path(platformdirs.user_cache_dir("dataset-recipe"))]))
+    """Where things are kept: traces, and compiled kernels, which RECIPE_KERNEL_CACHE may have elsewhere."""
+    return list(dict.fromkeys([default_cache(), kernel_cache()]))
 
 
 def entries(roots: Iterable[Path]) -> list[Entry]:

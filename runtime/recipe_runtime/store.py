@@ -33,6 +33,12 @@ def default_cache() -> Path:
     return Path(os.environ.get("RECIPE_CACHE") or platformdirs.user_cache_dir("dataset-recipe"))
 
 
+def kernel_cache() -> Path:
+    """The folder that holds compiled kernels: RECIPE_KERNEL_CACHE, else where traces are kept."""
+    named = os.environ.get("RECIPE_KERNEL_CACHE")
+    return Path(named) if named else default_cache()
+
+
 class Store:
     """Content by kind and key, in a folder that is made when first written."""
 

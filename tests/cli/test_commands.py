@@ -375,7 +375,7 @@ def test_the_cache_is_shown_and_pruned(tmp_path: Path) -> None:
     from recipe_runtime.store import Store
 
     Store(tmp_path / "cache").put("traces", "ab" * 32, b"x" * 2000)
-    places = {"RECIPE_CACHE": str(tmp_path / "cache"), "XDG_CACHE_HOME": str(tmp_path / "home")}
+    places = {"RECIPE_CACHE": str(tmp_path / "cache"), "RECIPE_KERNEL_CACHE": ""}  # no user's own is pruned here
     assert "traces        1  2 KiB" in run("cache", cwd=tmp_path, **places).stdout
     told = json.loads(run("cache", "--prune", "--size", "0", "--json", cwd=tmp_path, **places).stdout)
     assert (told["removed"], told["kinds"]) == (1, {})

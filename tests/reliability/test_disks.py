@@ -123,13 +123,13 @@ def test_kernels_that_cannot_be_kept(whole: dict[str, bytes], tmp_path: Path) ->
         """
         mkdir sealed small tmp; mount -t tmpfs -o ro tmpfs sealed; mount -t tmpfs -o size=300k tmpfs small
         export TMPDIR=$PWD/tmp
-        XDG_CACHE_HOME=$PWD/sealed build aside --out out
+        RECIPE_KERNEL_CACHE=$PWD/sealed/dataset-recipe XDG_CACHE_HOME=$PWD/sealed build aside --out out
         ls -A tmp >aside
         rm -r out; mkdir small/dataset-recipe
-        XDG_CACHE_HOME=$PWD/small build full --out out
+        RECIPE_KERNEL_CACHE=$PWD/small/dataset-recipe XDG_CACHE_HOME=$PWD/small build full --out out
         test ! -e out
         mount -o remount,size=64m small
-        XDG_CACHE_HOME=$PWD/small build again --out out
+        RECIPE_KERNEL_CACHE=$PWD/small/dataset-recipe XDG_CACHE_HOME=$PWD/small build again --out out
         """,
     )
     assert ends["aside"].code == 0, ends["aside"].errors

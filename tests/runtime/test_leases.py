@@ -31,7 +31,7 @@ PLAN = dataset_plan(frames=4, weathers=1)
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
+    monkeypatch.setenv("RECIPE_KERNEL_CACHE", str(tmp_path / "user"))  # none of the user's own is tidied away
     return tmp_path / "cache"
 
 

@@ -21,6 +21,8 @@ import numpy as np
 import platformdirs
 import warp
 
+from recipe_runtime.store import kernel_cache
+
 # Warp makes its types when it runs; to mypy they are all one.
 wp: Any = warp
 
@@ -28,16 +30,21 @@ OPTIONS = {"enable_backward": False, "fuse_fp": False, "fast_math": False, "max_
 
 
 def _cache_folder() -> str:
-    """The user's folder for compiled kernels, by package version and machine; one among temporary files if barred."""
+    """The folder for compiled kernels, by package version and machine: RECIPE_KERNEL_CACHE or RECIPE_CACHE, if set.
+
+    Else, or if that is barred or may be written by others, the user's own; one among temporary files if that is barred.
+    """
     name = f"{version('dataset-recipe')}-{platform.machine()}"
-    homes: tuple[Callable[[], Path], ...] = (lambda: Path(platformdirs.user_cache_dir("dataset-recipe")), _aside)
+    own = Path(platformdirs.user_cache_dir("dataset-recipe"))
+    homes: tuple[Callable[[], Path], ...] = (kernel_cache, lambda: own, _aside)
     for home in homes:
         folder = home() / "kernels" / name
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError:
             continue
-        if os.access(folder, os.W_OK):
+        barred = home is kernel_cache and not (_is_mine(folder) and _is_mine(folder.parent))
+        if os.access(folder, os.W_OK) and not barred:
             os.utime(folder)  # in use: pruning takes what was not used for longest
             return str(folder)
     return tempfile.mkdtemp(prefix="dataset-recipe-kernels-")
@@ -51,10 +58,15 @@ def _aside() -> Path:
     folder = Path(tempfile.gettempdir()) / f"dataset-recipe-{os.getuid()}"
     with suppress(OSError):
         folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
-        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022:
+        if _is_mine(folder):
             return folder
     return Path(tempfile.mkdtemp(prefix="dataset-recipe-kernels-"))
+
+
+def _is_mine(folder: Path) -> bool:
+    """Whether a folder is this user's, and nobody else may write to it."""
+    found = folder.lstat()
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
 
 
 def _configure() -> None:
