@@ -27,7 +27,7 @@ from recipe_runtime.build import BuildResult, build
 from recipe_runtime.engines import Engines
 from recipe_runtime.frames import FrameSource, pixel_digest
 
-from tests.runtime.fakes import BROKEN, DYING, ENGINES, dataset_plan, sensor_plan, simulate, tree
+from tests.runtime.fakes import BROKEN, DYING, ENGINES, NOTED, UNLOADABLE, dataset_plan, sensor_plan, simulate, tree
 
 ROOT = Path(__file__).parents[2]
 
@@ -316,6 +316,26 @@ def test_an_error_names_variant_sensor_and_frame(tmp_path: Path, workers: int) -
     with pytest.raises(RunError) as caught:
         again(tmp_path, engines=BROKEN, workers=workers)
     assert str(caught.value) == "weather=w0,jitter=still, street, frame 7: ArithmeticError: the lamp went out"
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_a_scene_that_cannot_be_loaded_is_told_with_its_first_frame(tmp_path: Path, workers: int) -> None:
+    """Workers load it while it is simulated; what fails there is no less told."""
+    with pytest.raises(RunError) as caught:
+        again(tmp_path, engines=UNLOADABLE, workers=workers)
+    assert str(caught.value) == "weather=w0,jitter=still, street, frame 0: ArithmeticError: the scene has no ground"
+
+
+def test_workers_load_the_scene_while_it_is_simulated(
+    made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    notes = tmp_path / "notes"
+    monkeypatch.setenv("NOTES", str(notes))
+    result = again(tmp_path, engines=NOTED, workers=2)
+    lines = notes.read_text().splitlines()
+    assert sorted(lines) == ["renderer", "renderer", "simulation begins", "simulation ends"]  # loaded once each
+    assert lines.index("renderer") < lines.index("simulation ends")
+    assert tree(result.path) == tree(made.path)
 
 
 def test_a_lost_worker_is_an_error_that_says_so(tmp_path: Path) -> None:

@@ -214,3 +214,19 @@ def test_the_tone_table_is_srgb_by_default() -> None:
     table = exposure.tone_table(int(LEVELS), 2.2)
     assert table[0] == 0 and table[-1] == 255 and (np.diff(table.astype(int)) >= 0).all()
     assert table[int(0.5 * (int(LEVELS) - 1))] == 187  # IEC 61966-2-1: 0.735
+
+
+def test_noise_is_normal_and_each_channels_own(renderer: Renderer) -> None:
+    """One hash a pixel serves three channels, by bits that have nothing to do with each other."""
+    deviates = exposure.deviates().astype(float)
+    assert abs(deviates.mean()) < 1e-6 and deviates.std() == pytest.approx(1.0, abs=1e-6)
+    assert (np.diff(deviates) > 0).all()
+    assert np.interp([-1.0, 0.0, 1.0], deviates, np.linspace(0, 1, len(deviates))) == pytest.approx(
+        [0.1587, 0.5, 0.8413], abs=2e-3
+    )
+    clean = linear(shot(renderer, "foggy"))
+    patch = ((clean > 0.05) & (clean < 0.5)).all(axis=2)
+    noise = (linear(shot(renderer, "foggy", noise=8.0)) - clean)[patch]
+    assert len(noise) > 1000
+    correlation = np.corrcoef(noise.T)
+    assert np.abs(correlation - np.eye(3)).max() < 4.0 / np.sqrt(len(noise))
