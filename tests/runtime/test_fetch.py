@@ -24,7 +24,7 @@ from recipe_runtime.verify import Options, verify, verify_files
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
 
-URL = "memory://bucket/small"
+URL = "memory://fetched/small"
 
 
 def _silent(stage: str, done: int, total: int) -> None:
@@ -41,8 +41,10 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def store(built: Path) -> Iterator[dict[str, Any]]:
     """The memory that the dataset was copied into, by path."""
     Target(URL).put(built, _silent)
-    yield fsspec.filesystem("memory").store
-    fsspec.filesystem("memory").store.clear()
+    memory = fsspec.filesystem("memory")
+    yield memory.store
+    memory.store.clear()
+    memory.pseudo_dirs[:] = [""]
 
 
 def integrity(url: str) -> Report:
@@ -51,7 +53,7 @@ def integrity(url: str) -> Report:
 
 
 def spoil(path: str, body: bytes) -> None:
-    fsspec.filesystem("memory").pipe_file(f"/bucket/small/{path}", body)
+    fsspec.filesystem("memory").pipe_file(f"/fetched/small/{path}", body)
 
 
 def test_what_is_fetched_is_what_was_copied_there(store: dict[str, Any], built: Path) -> None:
@@ -83,7 +85,7 @@ def test_a_file_url_is_read_where_it_is(built: Path) -> None:
 )
 def test_what_differs_there_is_told(store: dict[str, Any], path: str, body: bytes | None, said: str) -> None:
     if body is None:
-        store.pop(f"/bucket/small/{path}")
+        store.pop(f"/fetched/small/{path}")
     else:
         spoil(path, body)
     report = integrity(URL)
@@ -101,7 +103,7 @@ def test_a_flipped_bit_there_is_told(store: dict[str, Any], built: Path) -> None
 
 @pytest.mark.parametrize("path", ["../out.txt", "/etc/out.txt", "a/../../out.txt", "a\\..\\out.txt"])
 def test_a_manifest_that_leads_out_is_refused(store: dict[str, Any], tmp_path: Path, path: str) -> None:
-    manifest = json.loads(store["/bucket/small/manifest.json"].getvalue())
+    manifest = json.loads(store["/fetched/small/manifest.json"].getvalue())
     manifest["files"][path] = {"size": 3, "sha256": "0" * 64}
     spoil("manifest.json", json.dumps(manifest).encode())
     spoil(path, b"out")
@@ -110,7 +112,7 @@ def test_a_manifest_that_leads_out_is_refused(store: dict[str, Any], tmp_path: P
 
 
 def test_a_file_that_is_a_folder_too_is_refused(store: dict[str, Any]) -> None:
-    manifest = json.loads(store["/bucket/small/manifest.json"].getvalue())
+    manifest = json.loads(store["/fetched/small/manifest.json"].getvalue())
     manifest["files"]["README.md/x"] = {"size": 3, "sha256": "0" * 64}
     spoil("manifest.json", json.dumps(manifest).encode())
     with pytest.raises(InputError, match="cannot be a file and a folder"):
@@ -118,7 +120,7 @@ def test_a_file_that_is_a_folder_too_is_refused(store: dict[str, Any]) -> None:
 
 
 def test_a_path_that_no_disk_takes_is_refused(store: dict[str, Any]) -> None:
-    manifest = json.loads(store["/bucket/small/manifest.json"].getvalue())
+    manifest = json.loads(store["/fetched/small/manifest.json"].getvalue())
     for path in ("x" * 300, "/".join(["y" * 200] * 20)):
         spoil("manifest.json", json.dumps({**manifest, "files": {path: {"size": 3, "sha256": "0"}}}).encode())
         with pytest.raises(InputError, match="is too long"):
