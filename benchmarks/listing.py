@@ -42,10 +42,10 @@ def main() -> None:
     """Measure, and print a table or JSON."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.listing", description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON document")
-    parser.add_argument("--frames", type=int, default=200, help="of our builds of one weather (default: 200)")
-    parser.add_argument("--weather-frames", type=int, default=60, help="of our builds of two weathers (default: 60)")
+    parser.add_argument("--frames", type=int, default=300, help="of our builds of one weather (default: 300)")
+    parser.add_argument("--weather-frames", type=int, default=300, help="of our builds of two weathers (default: 300)")
     parser.add_argument("--twelve-frames", type=int, default=30, help="of our builds of twelve weathers (default: 30)")
-    parser.add_argument("--town-frames", type=int, default=60, help="of our builds of the town (default: 60)")
+    parser.add_argument("--town-frames", type=int, default=120, help="of our builds of the town (default: 120)")
     parser.add_argument("--slow-frames", type=int, default=12, help="of the plain script (default: 12)")
     parser.add_argument(
         "--cold", action="store_true", help="also compile the kernels afresh, and say how long it takes"
