@@ -14,7 +14,14 @@ from recipe_cli.progress import Progress
 @click.command("export")
 @click.argument("dataset", type=click.Path(path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path))
-@click.option("--format", "form", type=click.Choice(["webdataset"]), default="webdataset", show_default=True)
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["webdataset"]),
+    default="webdataset",
+    show_default=True,
+    help="The form to write.",
+)
 @click.option(
     "--shard-size",
     metavar="SIZE",

@@ -12,7 +12,14 @@ import click
 
 @click.command("init")
 @click.argument("name")
-@click.option("--dir", "folder", type=click.Path(path_type=Path, file_okay=False), default=Path(), show_default=True)
+@click.option(
+    "--dir",
+    "folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path(),
+    show_default=True,
+    help="The folder to write it to; made if it is not there.",
+)
 def command(name: str, folder: Path) -> None:
     """Write NAME.yaml: a street with people and cars, a camera, three weathers; and what to run next."""
     from recipe_compiler.errors import InputError, RunError

@@ -34,7 +34,13 @@ _MOST_SHOWN = 20
 @click.command("verify")
 @click.argument("targets", nargs=-1, type=PlaceOrUrl(path_type=Path))
 @click.option("--nonce", type=click.IntRange(0, 2**53 - 1), help="Draw the sample of an earlier run again.")
-@click.option("--confidence", type=click.FloatRange(0.5, 0.9999), default=0.95, show_default=True)
+@click.option(
+    "--confidence",
+    type=click.FloatRange(0.5, 0.9999),
+    default=0.95,
+    show_default=True,
+    help="How sure the sample must make that fewer frames than --bound differ.",
+)
 @click.option(
     "--bound",
     type=click.FloatRange(0.0001, 0.9),
