@@ -14,6 +14,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from recipe_runtime.store import kernel_cache
+
 RECIPE = Path(__file__).parent / "long.yaml"
 SMALL = "width: 64, height: 48"
 
@@ -35,7 +37,7 @@ def main() -> None:
 def timed(folder: Path, what: str, *arguments: str, cache: str = "cache") -> None:
     """Run a command of `recipe` in a folder, and print its seconds."""
     start = time.perf_counter()
-    environment = {**os.environ, "RECIPE_CACHE": str(folder / cache)}
+    environment = {"RECIPE_KERNEL_CACHE": str(kernel_cache()), **os.environ, "RECIPE_CACHE": str(folder / cache)}
     subprocess.run(
         [sys.executable, "-m", "recipe_cli", *arguments],
         cwd=folder,

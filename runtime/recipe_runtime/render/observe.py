@@ -5,6 +5,7 @@ stands still is drawn and labelled once for a camera that stands still, and then
 moving may touch; no appearance has a part in any of it.
 """
 
+import weakref
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import Any
@@ -77,6 +78,7 @@ class _Still:
     vertices: Any
     keys: Any
     labels: tuple[Any, Any, Any]  # depth, instance, semantic, row by row
+    spare: list[Any] = field(default_factory=list)  # vertices of observations that are gone; what stands still is right
 
 
 def all_tiles(camera: CameraPlan) -> NDArray[np.int32]:
@@ -122,7 +124,10 @@ class Observer:
             amodal = self._amodal(camera, vertices, chunks, touched)
         objects = objects_of(self._g, visible, amodal, projected)
         seen = camera, world_from_sensor, parts, keys, vertices, chunks, pose, touched
-        return Observation(depth, instance, semantic, objects, *seen)
+        made = Observation(depth, instance, semantic, objects, *seen)
+        if still is not None:
+            weakref.finalize(made, still.spare.append, vertices).atexit = False
+        return made
 
     def visibility(self, camera: CameraPlan, vertices: Any, seen: Any, *, side: int, still: bool = False) -> Any:
         """Keys of side x side samples a pixel, row by row; of what stands still alone, if `still`."""
@@ -168,12 +173,13 @@ class Observer:
     def _transform(self, matrices: Any, chunks: Any, still: _Still | None) -> Any:
         """All vertices in the camera's frame; of what stands still, on a CPU, only those in chunks that may be seen."""
         g = self._g
-        out = wp.empty(g.vertex_count, dtype=wp.vec3f, device=self._device)
-        first = 0
-        if still is not None and g.static_vertices:
-            first = g.static_vertices
-            wp.copy(out, still.vertices, count=first)
-        elif self._device == "cpu" and g.static_vertices:
+        if still is not None and still.spare:
+            out, first = still.spare.pop(), g.static_vertices
+        elif still is not None:
+            out, first = wp.clone(still.vertices), g.static_vertices
+        else:
+            out, first = wp.empty(g.vertex_count, dtype=wp.vec3f, device=self._device), 0
+        if still is None and self._device == "cpu" and g.static_vertices:
             first = g.static_vertices
             inputs = [g.vertices, g.chunks, g.chunk_vertices, chunks, matrices, out]
             launch(visibility.transform_seen, g.static_chunks, inputs, self._device)
