@@ -34,9 +34,8 @@ from recipe_runtime.worker import FrameRecord, Job, Worker
 
 QUEUED = 2  # shards that a worker has at once, so that it never waits for the next
 RETRIES = 3  # times that a shard is done again after its worker was lost
-PATIENCE = (
-    5.0  # seconds for a cluster's door to open, and for an answer; Ray itself would knock for minutes; for leaving
-)
+# Seconds for a cluster's door to open, for an answer, and for leaving; Ray itself would knock for minutes.
+PATIENCE = 5.0
 _GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])  # and no settings (RFC 9113, 3.4)
 _FRAME_HEAD, _SETTINGS = 9, 4
 _NO_RAY = "what listens there does not answer as Ray does"
@@ -149,12 +148,9 @@ def _knock(address: str) -> None:
     if colon and not port.isdigit():
         raise ValueError(f"{port!r} is no port; write HOST:PORT")
     if colon:
+        unencrypted = os.environ.get("RAY_USE_TLS", "0").lower() in ("", "0", "false")
         with socket.create_connection((host.strip("[]"), int(port)), timeout=PATIENCE) as door:
-            if os.environ.get("RAY_USE_TLS", "0").lower() in (
-                "",
-                "0",
-                "false",
-            ):  # else the answer is for Ray's keys alone
+            if unencrypted:  # else the answer is for Ray's keys alone
                 _greet(door)
 
 

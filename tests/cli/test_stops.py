@@ -91,9 +91,32 @@ def test_an_interrupted_repair_claims_nothing(command: Callable[..., Result], tm
     command(_whole)
     picture = tmp_path / "datasets/small/weather=dry/street/rgb/000001.png"
     picture.write_bytes(picture.read_bytes()[:-1] + b"!")
-    assert command(_stopping(0), "--repair").stderr == "interrupted; nothing was mended yet\n"
+    nothing = "interrupted; run it again with --repair to mend what is still damaged\n"
+    assert command(_stopping(0), "--repair").stderr == nothing
+    some = "interrupted; 2 of 12 frames are kept; run it again with --repair to go on\n"
+    assert command(_stopping(1), "--repair").stderr == some
     mended = command(_whole, "--repair")
     told = "mended: weather=dry/street/rgb/000001.png has other bytes than the manifest says\n"
     assert (mended.exit_code, mended.stdout.startswith(told)) == (0, True)
-    assert "; 12 frames: 2 rendered, 10 taken over from the dataset that was there; " in mended.stdout
+    assert "none rendered, 10 taken over from the dataset that was there, 2 taken up from the stopped" in mended.stdout
     assert "every file has the bytes that its manifest says" in command(_whole, "--repair").stdout
+
+
+def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
+    command: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from recipe_runtime import housekeeping
+
+    command(_whole)
+    picture = tmp_path / "datasets/small/weather=dry/street/rgb/000001.png"
+    whole = picture.read_bytes()
+    picture.write_bytes(whole[:-1] + b"!")
+
+    def tidy(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(housekeeping, "tidy", tidy)
+        stopped = command(_whole, "--repair")
+    assert stopped.stderr == "interrupted; run it again with --repair to mend what is still damaged\n"
+    assert picture.read_bytes() == whole  # it was in place by then

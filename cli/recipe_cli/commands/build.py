@@ -92,14 +92,12 @@ def command(
     as_json: bool,
 ) -> None:
     """Build RECIPE's dataset, and check it against its lockfile if there is one."""
-    if ray and device not in ("cpu", "cuda"):
-        from recipe_compiler.errors import InputError
+    from recipe_compiler.errors import InputError
 
+    if ray and device not in ("cpu", "cuda"):
         raise InputError(f"--device {device}: on a cluster, every worker has a GPU of its own; write cuda")
     folder = Path(out) if out and "://" not in out else None
     if repair and out and folder is None:
-        from recipe_compiler.errors import InputError
-
         raise InputError(f"--repair mends a folder, not {out}; repair that, then build with --out {out} to copy it")
     compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(folder or Path()))
     folder = folder or Path("datasets") / compiled.plan.recipe
@@ -244,9 +242,10 @@ def _interrupted(plan: DatasetPlan, folder: Path, repair: bool, target: Target |
 
     kept, manifest = kept_frames(plan, folder), read_manifest(folder)
     if kept:
-        return f"interrupted; {kept:,} of {count(_frames(plan), 'frame')} are kept; build again to go on"
-    if repair:
-        return "interrupted; nothing was mended yet"
+        again = "run it again with --repair" if repair else "build again"  # a plain build goes by sizes alone
+        return f"interrupted; {kept:,} of {count(_frames(plan), 'frame')} are kept; {again} to go on"
+    if repair:  # it may have been stopped before the mended dataset was put in place, or after
+        return "interrupted; run it again with --repair to mend what is still damaged"
     if manifest is not None and is_whole(manifest, plan, folder):
         more = f"; build again to go on copying it to {target.url}" if target else ""
         return f"interrupted; {folder} is whole{more}"
