@@ -38,6 +38,15 @@ class PlaceOrUrl(click.Path):
         return value if isinstance(value, str) and "://" in value else super().convert(value, param, ctx)
 
 
+def shown(place: Path | str) -> str:
+    """A path, or a URL without its password, to print."""
+    if isinstance(place, Path):
+        return str(place)
+    from recipe_runtime.remote import without_password
+
+    return without_password(place)
+
+
 @contextmanager
 def dataset_at(place: Path | str, progress: Any) -> Iterator[Path]:
     """A dataset's folder; of a URL, a copy for as long as it is used."""

@@ -21,7 +21,7 @@ from recipe_compiler.errors import InputError, RunError
 from recipe_runtime import layout
 from recipe_runtime.engines import Progress
 from recipe_runtime.manifest import listed_files, stays_inside
-from recipe_runtime.remote import located, told
+from recipe_runtime.remote import located, schemes, told, without_password
 from recipe_runtime.workspace import MOST_MANIFEST_BYTES, read_manifest
 
 MOST_SURPLUS = 1_000  # names of files that no manifest lists; of more, the first are noted
@@ -30,6 +30,7 @@ _PIECE = 1 << 20
 _UNKNOWN = -1  # the size of a file whose store does not tell
 _LARGEST, _LONGEST = 1 << 40, 2_000  # bytes of a file that is not fetched; of a path
 _LISTLESS = ("http", "https")
+_CACHES = ("simplecache", "filecache", "blockcache", "cached")  # what these hold is what the next of a chain holds
 
 
 @contextmanager
@@ -38,9 +39,10 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
 
     InputError if there is none, or its manifest is damaged; RunError if the store or this host fails.
     """
-    if url.partition("://")[0] in _LISTLESS:
+    shown = without_password(url)
+    if next((scheme for scheme in schemes(url) if scheme not in _CACHES), "") in _LISTLESS:
         raise InputError(
-            f"{url}: a web server does not say which files it holds; download the dataset, name its folder"
+            f"{shown}: a web server does not say which files it holds; download the dataset, name its folder"
         )
     with told(url, "try again"):
         fs, prefix = located(url)
@@ -51,7 +53,7 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
         root = Path(folder) / "dataset"
         root.mkdir()
         with told(url, "try again"):
-            _Fetch(url, fs, prefix.rstrip("/"), root).all(progress)
+            _Fetch(shown, fs, prefix.rstrip("/"), root).all(progress)
         yield root
 
 
@@ -129,9 +131,12 @@ class _Fetch:
             )
 
     def _bring(self, path: str, listed: int, size: int) -> None:
-        """Copy a file; of one that has another size than is listed, that size alone."""
+        """Copy a file; of one that has another size than is listed, that size alone; of one that is gone, nothing."""
         if size in (listed, _UNKNOWN):
-            self._copy(path, max(listed, 0))
+            try:
+                self._copy(path, max(listed, 0))
+            except FileNotFoundError:  # since it was listed; whoever verifies the folder tells that it is missing
+                (self._root / path).unlink(missing_ok=True)
         else:
             self._make(path).close()
             os.truncate(self._root / path, size)  # a hole, which takes no room

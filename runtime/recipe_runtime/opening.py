@@ -23,8 +23,11 @@ def compiled(recipe: str | PathLike[str], allow_large: bool = False) -> DatasetP
 def opened(recipe: str | PathLike[str], allow_large: bool = False) -> tuple[DatasetPlan, Engines]:
     """The plan of a recipe's file, and the engines that know where its assets lie."""
     if "://" in str(recipe):
+        from recipe_runtime.remote import without_password
+
+        url = without_password(str(recipe))
         raise InputError(
-            f"{recipe}: a recipe is opened from a file of this host; copy it here, with the files that it names"
+            f"{url}: a recipe is opened from a file of this host; copy it here, with the files that it names"
         )
     found = compile_recipe(Path(recipe), allow_large=allow_large)
     check_plan(found.plan)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -28,6 +29,7 @@ from recipe_runtime.store import file_sha256, host_errors
 
 NOTE = ".recipe-upload.json"
 _AT_ONCE = 8  # files on their way
+_PASSWORD = re.compile(r"(://[^/:@\s]*):[^/\s]*@")
 _EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs"}
 Rows = dict[str, tuple[int, str]]  # path -> size, SHA-256
 
@@ -45,9 +47,10 @@ class Target:
     """A place for one dataset. InputError at once for a URL that leads nowhere, RunError if it is refused."""
 
     def __init__(self, url: str) -> None:
-        self.url = url.rstrip("/")
+        self._full = url.rstrip("/")
+        self.url = without_password(self._full)
         with self._told():
-            self._fs, self._prefix = located(self.url)
+            self._fs, self._prefix = located(self._full)
             self._there = self._manifest()
         found = self._sizes()
         if found and self._there is None and NOTE not in found:
@@ -63,7 +66,7 @@ class Target:
         rows, sizes = listed_files(manifest), self._sizes()
         if self._there == manifest and self._is_whole(rows, sizes):
             return Copied(0, 0, len(rows))
-        journal = _Journal(root, self.url)
+        journal = _Journal(root, self._full)
         known = listed_files(self._there) if self._there else journal.rows(self._note())
         foreign = sorted(set(sizes) - set(known) - set(rows) - {layout.MANIFEST, NOTE})
         if foreign:
@@ -164,41 +167,59 @@ class Target:
         return f"{self._prefix.rstrip('/')}/{path}"
 
     def _told(self) -> AbstractContextManager[None]:
-        return told(self.url, "try again: what was copied is kept")
+        return told(self._full, "try again: what was copied is kept")
+
+
+def without_password(text: str) -> str:
+    """A URL, or text that holds some, fit to be shown: `ftp://user:***@host` for `ftp://user:secret@host`."""
+    return _PASSWORD.sub(r"\1:***@", text)
+
+
+def schemes(url: str) -> list[str]:
+    """What a URL's chain leads through, in small letters: `simplecache`, `s3` for `SimpleCache::s3://bucket`."""
+    return [link.partition("://")[0].lower() for link in url.split("::")]
 
 
 def located(url: str) -> tuple[Any, str]:
     """The file system that a URL leads to, and the place in it; InputError if it names none."""
     if not url.partition("://")[2].strip("/"):
-        raise InputError(f"{url} names no place; write for example s3://bucket/name")
+        raise InputError(f"{without_password(url)} names no place; write for example s3://bucket/name")
     fs, prefix = fsspec.core.url_to_fs(url.rstrip("/"), use_listings_cache=False)
     return fs, prefix
 
 
 @contextmanager
 def told(url: str, remedy: str) -> Iterator[None]:
-    """Whatever a store or its library raises, told with the URL and a remedy: the one given, where none is better."""
+    """Whatever a store or its library raises, told with the URL and a remedy: the one given, where none is better.
+
+    What is told holds no password of a URL.
+    """
+    shown = without_password(url)
     try:
         yield
     except RecipeError:
         raise
     except ImportError as error:
-        extra = _EXTRAS.get(url.partition("://")[0])
+        extra = next((_EXTRAS[scheme] for scheme in schemes(url) if scheme in _EXTRAS), None)
         raise InputError(
-            f"{url}: its library is not installed; "
-            + (f"pip install 'dataset-recipe[{extra}]'" if extra else str(error))
+            f"{shown}: its library is not installed; "
+            + (f"pip install 'dataset-recipe[{extra}]'" if extra else _plain(error))
         ) from None
     except FileNotFoundError:
-        raise InputError(f"{url}: there is no such place (a bucket must be there already)") from None
+        raise InputError(f"{shown}: there is no such place (a bucket must be there already)") from None
     except PermissionError as error:
-        raise RunError(f"{url}: access was refused ({error}); see to credentials and rights") from None
+        raise RunError(f"{shown}: access was refused ({_plain(error)}); see to credentials and rights") from None
     except ValueError as error:
-        raise InputError(f"{url}: {error}") from None
+        raise InputError(f"{shown}: {_plain(error)}") from None
     except Exception as error:  # each store has errors of its own
         if type(error).__name__ == "NoCredentialsError":
             found = "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
-            raise RunError(f"{url}: there are no credentials; {found}") from None
-        raise RunError(f"{url}: {type(error).__name__}: {error}; {remedy}") from error
+            raise RunError(f"{shown}: there are no credentials; {found}") from None
+        raise RunError(f"{shown}: {type(error).__name__}: {_plain(error)}; {remedy}") from error
+
+
+def _plain(error: Exception) -> str:
+    return without_password(str(error))
 
 
 class _Journal:

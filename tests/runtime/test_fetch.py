@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +19,7 @@ from recipe_runtime import fetch, workspace
 from recipe_runtime.build import build
 from recipe_runtime.dataset import read
 from recipe_runtime.fetch import fetched
-from recipe_runtime.remote import Target
+from recipe_runtime.remote import Target, without_password
 from recipe_runtime.verdict import Report
 from recipe_runtime.verify import Options, verify, verify_files
 
@@ -134,11 +135,52 @@ def test_a_path_that_no_disk_takes_is_refused(store: dict[str, Any]) -> None:
         ("memory://", "names no place"),
         ("nowhere://x/y", "Protocol not known: nowhere"),
         ("https://example.org/dataset", "a web server does not say which files it holds"),
+        ("HTTPS://example.org/dataset", "a web server does not say which files it holds"),
+        ("simplecache::https://example.org/dataset", "a web server does not say which files it holds"),
     ],
 )
 def test_urls_that_hold_no_dataset(url: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         integrity(url)
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "nowhere://user:se:cr@et@host/x",
+        "https://user:se:cr@et@host/x",
+        "simplecache::HTTPS://user:se:cr@et@host/x",
+        "memory://user:se:cr@et@host/x",
+        "ftp://user:se:cr@et@127.0.0.1:1/x",
+    ],
+)
+def test_a_password_is_not_told(url: str) -> None:
+    with pytest.raises((InputError, RunError)) as caught:
+        integrity(url)
+    assert "://user:***@" in str(caught.value)
+    assert not {"se", "cr", "et"} & set(re.split(r"[^a-z]+", str(caught.value)))
+
+
+def test_what_is_no_password_is_told_as_it_is() -> None:
+    for url in ("s3://bucket/a:b@c", "ftp://user@host:21/x", "ftp://host:21/a@b", "file:///a:b@c", "a/b:c@d"):
+        assert without_password(url) == url
+
+
+def test_a_file_that_goes_after_it_was_listed_is_missing(
+    store: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory, gone = type(fsspec.filesystem("memory")), "weather=w0,jitter=still/tracks.csv"
+    opened = memory.open
+
+    def vanishing(self: Any, path: str, *rest: Any, **more: Any) -> Any:
+        if path.endswith(gone):
+            raise FileNotFoundError(path)
+        return opened(self, path, *rest, **more)
+
+    monkeypatch.setattr(memory, "open", vanishing)
+    report = integrity(URL)
+    assert report.verdict == "FAIL"
+    assert [str(d) for d in report.differences if gone in str(d) and "is missing" in str(d)]
 
 
 def test_a_manifest_of_something_else_is_refused(store: dict[str, Any]) -> None:

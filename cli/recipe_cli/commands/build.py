@@ -21,6 +21,7 @@ from recipe_cli.arguments import (
     engines_for,
     print_json,
     print_warning,
+    shown,
     unpacks,
     worker_count,
 )
@@ -98,7 +99,8 @@ def command(
         raise InputError(f"--device {device}: on a cluster, every worker has a GPU of its own; write cuda")
     folder = Path(out) if out and "://" not in out else None
     if repair and out and folder is None:
-        raise InputError(f"--repair mends a folder, not {out}; repair that, then build with --out {out} to copy it")
+        url = shown(out)
+        raise InputError(f"--repair mends a folder, not {url}; repair that, then build with --out {url} to copy it")
     compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(folder or Path()))
     folder = folder or Path("datasets") / compiled.plan.recipe
     lock = _lockfile(recipe, compiled)

@@ -18,6 +18,7 @@ from recipe_cli.arguments import (
     engines_for,
     opened,
     print_json,
+    shown,
     worker_count,
 )
 from recipe_cli.places import FOLDER, lockfile_path, recipe_of
@@ -143,7 +144,7 @@ def _integrity(target: Path | str, options: Options) -> Report:
     if not _is_dataset(target):
         raise InputError(f"{target}: --integrity hashes the files of a dataset folder; this is none")
     with Progress() as progress, dataset_at(target, progress) as folder:
-        return verify_files(dataset.read(folder, str(target)), options, progress)
+        return verify_files(dataset.read(folder, shown(target)), options, progress)
 
 
 def _verify(target: Path | str, options: Options, allow_large: bool, against: Path | str | None) -> Report:
@@ -154,11 +155,11 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
 
     with Progress() as progress, ExitStack() as stack:
         if not isinstance(target, Path) or target.is_dir():
-            folder = dataset.read(stack.enter_context(dataset_at(target, progress)), str(target))
+            folder = dataset.read(stack.enter_context(dataset_at(target, progress)), shown(target))
             return verify(folder.plan, folder.lock, options, progress, dataset=folder)
         held = None
         if against is not None:
-            held = dataset.read(stack.enter_context(dataset_at(against, progress)), str(against))
+            held = dataset.read(stack.enter_context(dataset_at(against, progress)), shown(against))
         if target.suffix == ".lock":
             path, lock = target, lockfile.read(target)
             compiled = compile_recipe(recipe_of(path, lock), allow_large=allow_large)
@@ -181,7 +182,7 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
 
 def _say(target: Path | str, report: Report) -> None:
     stage = f" at {report.stage}" if report.stage else ""
-    click.echo(f"{report.verdict}{stage}  {target}")
+    click.echo(f"{report.verdict}{stage}  {shown(target)}")
     click.echo(f"  {report.identity}")
     for difference in report.differences[:_MOST_SHOWN]:
         click.echo(f"  {difference}")
