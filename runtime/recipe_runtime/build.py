@@ -96,20 +96,27 @@ def build(
     studio = _Studio(dataset, engines or real_engines(), places, cache or default_cache(), progress or _silence)
     studio.held = examined.held if examined else None
     kept = [studio.cache] if cache else housekeeping.folders()
+    # What a repair leaves as it was is believed no more than it was before: a stranger's stays a stranger's.
+    trusted = not damage or earlier(Store(studio.cache), out) is not None
     with _workspace(dataset, out) as work, housekeeping.leased(studio.cache), ExitStack() as hired:
         new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
-        if new and workers and run is pool.run:  # they start and load the scene while it is simulated
-            count = min(workers, len(all_shards(dataset, shard_frames)))
-            run = _by(hired.enter_context(pool.Crew(studio.job(work), count, load=0)))
+        alone = len(simulations(dataset)) == 1 and not repair  # else workers could not know what they will need
+        if new and alone and workers and run is pool.run:  # they start and load the scene while it is simulated
+            seen = views(dataset)
+            left = [shard for shard in all_shards(dataset, shard_frames) if not work.noted(shard, seen[shard.view])]
+            if left:
+                run = _by(hired.enter_context(pool.Crew(studio.job(work), min(workers, len(left)), load=0)))
         harvest = studio.simulate()
         taken = studio.take_over(work, harvest, out)
         explain(list(reasons(studio.reuse, [scene.digest for scene in new], taken)))
         shards, todo = studio.render(work, harvest, taken, workers, shard_frames, run)
+        hired.close()
         finisher = Finisher(dataset, harvest, work, studio.progress, studio.watch)
         if examined:
             examined.check(finisher.identity, work)
         work.publish(finisher.finish(studio.trace))
-    remember(Store(studio.cache), out)
+    if trusted:
+        remember(Store(studio.cache), out)
     housekeeping.tidy(kept, most)
     manifest = read_manifest(out)
     assert manifest is not None

@@ -7,7 +7,7 @@ full build. A frame has pixels, an array a modality, and labels, the records of 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
@@ -101,7 +101,8 @@ class SceneSource:
     def observe(self, sensor: SensorPlan, frame: int) -> Observed:
         """What a sensor sees at a frame."""
         pose = sensor_transform(sensor, self.trace, frame)
-        seen: Observed = self.renderer.observe(sensor.camera, pose, part_transforms(self.trace, frame))
+        with self._whole():
+            seen: Observed = self.renderer.observe(sensor.camera, pose, part_transforms(self.trace, frame))
         return seen
 
     def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> list[Record]:
@@ -112,9 +113,19 @@ class SceneSource:
     def shade(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> NDArray[Any]:
         """The colour picture of an observation."""
         time, response = frame / self.scene.clock.fps, appearance.responses.get(sensor.name)
-        if response is None or response.motion_blur_intensity == 0.0 or self.scene.clock.frames < 2:
-            return self.renderer.shade(seen, appearance, sensor.name, frame, time)
-        return self.renderer.shade(seen, appearance, sensor.name, frame, time, moment=self._moment(sensor, frame))
+        with self._whole():
+            if response is None or response.motion_blur_intensity == 0.0 or self.scene.clock.frames < 2:
+                return self.renderer.shade(seen, appearance, sensor.name, frame, time)
+            return self.renderer.shade(seen, appearance, sensor.name, frame, time, moment=self._moment(sensor, frame))
+
+    @contextmanager
+    def _whole(self) -> Iterator[None]:
+        """What a renderer keeps from frame to frame may be half made if it is stopped: another takes its place then."""
+        try:
+            yield
+        except BaseException:
+            self._renderer = None
+            raise
 
     def _reel_of(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
         """A reel for what is asked for; None on a CPU, and for cameras that need one frame at a time."""

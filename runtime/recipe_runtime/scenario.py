@@ -45,7 +45,7 @@ class Scenes:
         self._store = store or Store()
         self._process = os.getpid()
         self._sources: OrderedDict[str, SceneSource] = OrderedDict()
-        self._seen: OrderedDict[tuple[str, str, int], Observed] = OrderedDict()
+        self._seen: OrderedDict[tuple[str, str, int], tuple[Any, Observed]] = OrderedDict()  # with who observed it
         self._release: Callable[[], object] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -75,11 +75,15 @@ class Scenes:
         """What a sensor sees at a frame."""
         source = self.source(scene)
         key = (scene.digest, digest("sensor/1", sensor.document()), frame)
-        if key not in self._seen:
+        renderer, seen = self._seen.get(key, (None, None))
+        if (
+            seen is None or renderer is not source.renderer
+        ):  # (a renderer that was stopped has gone, and takes all along)
             while len(self._seen) >= OBSERVATIONS_KEPT:
                 self._seen.popitem(last=False)
-            self._seen[key] = source.observe(sensor, frame)
-        return self._seen[key]
+            seen = source.observe(sensor, frame)
+            self._seen[key] = source.renderer, seen
+        return seen
 
     def _settle(self) -> None:
         """Let go of what another process made, and see that nothing of the cache is pruned that is read from now on."""

@@ -105,9 +105,11 @@ class Worker:
             job, scene = self._job, view.scene
             self._source = None  # let go of one renderer before the next is made
             (known, renderer), self._ready = self._ready, ("", None)
+            if known != scene.digest:
+                renderer = None
             with self.watch("load"):
                 trace = Store(job.cache).trace(scene, lambda: job.engines.simulate(scene))
-                renderer = renderer if known == scene.digest else job.engines.renderer(scene, self._device)
+                renderer = renderer or job.engines.renderer(scene, self._device)
                 self._source = SceneSource(scene, trace, device=self._device, engines=job.engines, renderer=renderer)
                 _ = self._source.annotator
         return self._source

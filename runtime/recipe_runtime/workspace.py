@@ -74,6 +74,10 @@ class Workspace:
             return None
         return records if whole and kept["seal"] == digest("shard-record/1", records) else None
 
+    def noted(self, shard: Shard, view: View) -> bool:
+        """Whether an earlier build noted a shard as finished; its files are for `finished` to read."""
+        return self._record(shard, view).is_file()
+
     def _holds(self, path: str, size: int, sha256: str) -> bool:
         return (self.dataset / path).lstat().st_size == size and file_sha256(self.dataset / path) == sha256
 

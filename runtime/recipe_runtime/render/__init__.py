@@ -40,7 +40,7 @@ For many frames of one camera on a GPU:
     bands*         large triangles shared out
     slots*         places for samples that nobody counts
 
-Everywhere: vectors* and noise*, arithmetic in an order that is ours; timing, seconds by stage.
+Everywhere: bounds*, vectors* and noise*, arithmetic in an order that is ours; timing, seconds by stage.
 """
 
 from recipe_runtime.render.observe import ObjectView, Observation

@@ -1,4 +1,4 @@
-"""The lesser and the greater of two numbers, and a number kept within [0, 1].
+"""The lesser and the greater of two numbers, a number kept within [0, 1], and an index that is not below 0.
 
 Warp's own `min` and `max` mind NaN, which costs a CPU five instructions instead of one, in every pattern and every
 light; here the second number counts only if it is beyond the first.

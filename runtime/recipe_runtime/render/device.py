@@ -40,10 +40,11 @@ def _cache_folder() -> str:
     for home in homes:
         folder = home() / "kernels" / name
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            for path in (folder.parent.parent, folder.parent, folder):
+                path.mkdir(mode=0o755, parents=True, exist_ok=True)  # whatever the umask lets others do
         except OSError:
             continue
-        barred = home is kernel_cache and not (_is_mine(folder) and _is_mine(folder.parent))
+        barred = home is kernel_cache and not all(map(_is_mine, (folder, folder.parent, folder.parent.parent)))
         if os.access(folder, os.W_OK) and not barred:
             os.utime(folder)  # in use: pruning takes what was not used for longest
             return str(folder)

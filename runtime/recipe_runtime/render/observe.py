@@ -26,6 +26,7 @@ from recipe_runtime.transforms import Array
 Box = tuple[int, int, int, int]
 _BATCH = 64  # actors whose lone silhouettes fit a 64-bit word
 _POSES_KEPT = 4  # 10 MB each at 800 x 600
+_SPARE = 3  # arrays of vertices kept for a pose
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Observation:
     world_from_sensor: Array  # [3, 4]
     parts: Array  # [P, 3, 4]
     keys: Any = field(repr=False)  # uint64 [H * W] visibility at pixel centres
-    vertices: Any = field(repr=False)  # vec3f [V] in the camera's frame
+    vertices: Any = field(repr=False)  # vec3f [V] in the camera's frame; static ones at least where `seen`
     seen: Any = field(repr=False)  # int32 [C], 1 for every chunk of triangles that may be in the view
     pose: bytes = field(repr=False)  # equal for one camera in one place
     touched: NDArray[np.int32] = field(
@@ -79,6 +80,11 @@ class _Still:
     keys: Any
     labels: tuple[Any, Any, Any]  # depth, instance, semantic, row by row
     spare: list[Any] = field(default_factory=list)  # vertices of observations that are gone; what stands still is right
+
+    def give_back(self, vertices: Any) -> None:
+        """Keep an observation's vertices for the next."""
+        if len(self.spare) < _SPARE:
+            self.spare.append(vertices)
 
 
 def all_tiles(camera: CameraPlan) -> NDArray[np.int32]:
@@ -126,7 +132,7 @@ class Observer:
         seen = camera, world_from_sensor, parts, keys, vertices, chunks, pose, touched
         made = Observation(depth, instance, semantic, objects, *seen)
         if still is not None:
-            weakref.finalize(made, still.spare.append, vertices).atexit = False
+            weakref.finalize(made, still.give_back, vertices).atexit = False
         return made
 
     def visibility(self, camera: CameraPlan, vertices: Any, seen: Any, *, side: int, still: bool = False) -> Any:
@@ -171,7 +177,10 @@ class Observer:
         return seen
 
     def _transform(self, matrices: Any, chunks: Any, still: _Still | None) -> Any:
-        """All vertices in the camera's frame; of what stands still, on a CPU, only those in chunks that may be seen."""
+        """All vertices in the camera's frame; of what stands still, on a CPU, only those in chunks that may be seen.
+
+        From a pose that is known they are those of before, and an observation's that is gone, if there is one.
+        """
         g = self._g
         if still is not None and still.spare:
             out, first = still.spare.pop(), g.static_vertices

@@ -30,6 +30,7 @@ RUBBER = wp.constant(int(Pattern.RUBBER))
 LAMP = wp.constant(int(Pattern.LAMP))
 SOFTEST = wp.constant(wp.float32(0.35))  # the furthest that light wraps around anything
 LEVEL = wp.constant(wp.float32(0.95))  # what turns so far upward holds water
+SHALLOW = wp.constant(wp.float32(0.02))  # deposits up to this make no puddle
 UNSEEN = wp.constant(wp.float32(40.0))  # metres, beyond which no leaf is seen to move
 HEADLIGHT = wp.constant(int(Pattern.HEADLIGHT))
 TAILLIGHT = wp.constant(int(Pattern.TAILLIGHT))
@@ -313,9 +314,9 @@ def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], low: wp.float32) -
         m.albedo = m.albedo * (1.0 - (1.0 - darker) * air[0].wet)
         m.coat = 0.022 * air[0].wet
         m.gloss = 0.55 + 0.25 * air[0].wet  # a thin film follows the grain of what it wets
-        if up > LEVEL and air[0].puddles > 0.02:
+        if up > LEVEL and air[0].puddles > SHALLOW:
             level = 0.88 - 0.6 * air[0].puddles
-            pool = step_between(level - 0.03, level + 0.05, 2.0 + low) * step_between(0.02, 0.2, air[0].puddles)
+            pool = step_between(level - 0.03, level + 0.05, 2.0 + low) * step_between(SHALLOW, 0.2, air[0].puddles)
             m.albedo = m.albedo * (1.0 - 0.45 * pool)
             m.coat = m.coat + (0.028 - m.coat) * pool
             m.gloss = m.gloss + (0.985 - m.gloss) * pool
@@ -512,7 +513,7 @@ def shade(
     # (Parts of a matter are put into place one by one: the choice between two whole ones would go through memory.)
     if air[0].wet > 0.0:
         low = detail[3]
-        if air[0].puddles > 0.0 and low >= 0.0 and n[2] > LEVEL and paved(pattern):
+        if air[0].puddles > SHALLOW and low >= 0.0 and n[2] > LEVEL and paved(pattern):
             low = sunk(pattern, p, low)  # kept with the sample, for later frames and other weathers
             samples[0].details[i] = wp.vec4f(detail[0], detail[1], detail[2], low)
         moist = moisten(m, pattern, air, low)
