@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
 
-from recipe_runtime.render import camera, film, glow, nearby, rain, reflection, shade, shadow
+from recipe_runtime.render import camera, film, glow, nearby, rain, recall, reflection, shade, shadow
 from recipe_runtime.render.album import Albums
 from recipe_runtime.render.atmosphere import Light, drift, light_of
 from recipe_runtime.render.blur import Moment
@@ -41,15 +41,16 @@ _LIGHTS_KEPT_BY_POSE = 16  # 20 MB each at 800 x 600
 class Shaded:
     """One appearance's light on a base's samples."""
 
-    light: tuple[Any, Any, Any]  # out, gleam and steady, as `shade.shade` writes them
+    light: tuple[Any, Any, Any]  # out, gleam and known, as `shade.shade` writes them
     lists: tuple[Any, ...]  # lamps, bodies and glows by tile
     clouds: tuple[float, float]
     kept: int  # samples whose light stays for later frames
     levels: tuple[Any, Any]  # which pixels are stale, and what was developed of them before the noise
-    rays: tuple[Any, Any, Any, Any]  # reach, asked, ways and renewed, as `reflection.march` writes them
-    mirrored: tuple[Any, Any] | None = None  # sources and out, as `reflection.reflect` writes them, on wet ground
+    rays: tuple[Any, Any, Any]  # reach, asked and ways, as `reflection.march` writes them
+    shown: Any  # the light with what wet ground mirrors; out itself where nothing is wet
+    sources: Any  # by kept sample, as `reflection.reflect` writes them
     moment: int = -1  # of the ripples there
-    mirroring: NDArray[np.bool_] | None = None  # by kept sample; what a sample is made of decides, and that stays
+    mirrors: Any = None  # what `reflection.pools` lists: what a sample is made of decides, and that stays
 
 
 class Painter:
@@ -71,6 +72,7 @@ class Painter:
         self._looks: dict[str, Any] = {}  # by the identity of the colours
         self._surveyor = Surveyor(geometry, observer, device, timings, keep_static)
         self._tables = film.Tables(device)
+        self._listed = wp.empty(1, dtype=wp.int32, device=device)
 
     def develop(
         self,
@@ -128,73 +130,55 @@ class Painter:
             name = f"{appearance.digest} {sensor}"
             shaded, before = self._begun(obs.camera, points, name, light, beams, told[3], lists)
             earlier = record(before, self._device)
-            live = self._live(points, before, shaded.light[2])
-            inputs = [*told[:3], beams, *told[3:], *lists, earlier]
-            if live is None:
-                launch(shade.shade, points.count, [*inputs, 0, points.starts, *shaded.light], self._device)
-            else:
-                launch(shade.shade, live.size, [*inputs, 1, live, *shaded.light], self._device)
-        if light.air.wet <= 0.0:
-            return shaded.light[0], shaded
-        return self._reflect(obs, points, told[0], told[2], earlier, int(light.air.moment), shaded, live), shaded
+            asked = self._live(points, earlier, told[2], shaded) if before.known else every_sample()
+            inputs = [*told[:3], beams, *told[3:], *lists, earlier, record(asked, self._device)]
+            launch(shade.shade, threads(asked, points.count), [*inputs, *shaded.light, shaded.shown], self._device)
+        if light.air.wet > 0.0:
+            with self._timings("reflect"):
+                self._reflect(obs, points, told[0], told[2], earlier, int(light.air.moment), shaded)
+        return shaded.shown, shaded
 
-    def _live(self, points: Points, before: Any, steady: Any) -> Any:
-        """The samples whose light may change, where it is quicker to tell them than to ask all: on a CPU; else None."""
+    def _live(self, points: Points, before: Any, air: Any, shaded: Shaded) -> Any:
+        """The samples whose light may be another than in the frame before."""
         base = points.base
-        if self._device != "cpu" or base is None or before.known == 0:
-            return None
-        restless = steady.numpy()[: base.count] != int(shade.AT_REST)
-        touched = (before.tiles.numpy() & int(shadow.UNTOUCHED)) == 0
-        live = np.logical_or.reduceat(restless, base.firsts[:-1]) | touched
-        counts = np.diff(base.firsts)[live]
-        shifts = base.firsts[:-1][live] - (np.cumsum(counts) - counts)
-        kept = np.repeat(shifts, counts) + np.arange(counts.sum())
-        new = np.arange(base.count, points.count)
-        return wp.array(np.concatenate([kept, new]).astype(np.int32), dtype=wp.int32, device=self._device)
+        assert base is not None
+        count, listed = self._list(base.count)
+        inputs = [base.firsts, air, before, shaded.light[2], count, listed]
+        launch(recall.enlist, base.firsts.size - 1, inputs, self._device)
+        return asked_for(count, listed, base.count)
 
     def _reflect(
-        self, obs: Observation, points: Points, data: Any, air: Any, before: Any, moment: int, shaded: Shaded, live: Any
-    ) -> Any:
-        """The light of all samples, with what wet ground mirrors of it; `live` are those whose own light may change."""
-        with self._timings("reflect"):
-            (out, gleam, _), rays, lens = shaded.light, shaded.rays, lens_of(obs.camera, 1)
-            if shaded.mirrored is None:
-                shaded.mirrored = wp.full(out.size, -2, dtype=wp.int32, device=self._device), wp.empty_like(out)
-            view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-            inputs = [data, gleam, self._depth(obs), points.starts, view, lens, before, self._moved(obs), *rays]
-            launch(reflection.march, rays[0].size, inputs, self._device)
-            inputs = [
-                data,
-                air,
-                gleam,
-                rays[0],
-                points.starts,
-                view,
-                lens,
-                before,
-                shaded.moment,
-                rays[3],
-            ]
-            shaded.moment = moment
-            asked = None if live is None else self._mirroring(points, shaded, live)
-            if asked is None:
-                inputs += [0, points.starts, out, *shaded.mirrored]
-                launch(reflection.reflect, points.count, inputs, self._device)
-            else:
-                inputs += [1, asked, out, *shaded.mirrored]
-                launch(reflection.reflect, asked.size, inputs, self._device)
-        return shaded.mirrored[1]
+        self, obs: Observation, points: Points, data: Any, air: Any, before: Any, moment: int, shaded: Shaded
+    ) -> None:
+        """Put what wet ground mirrors into what is shown."""
+        (out, gleam, _), rays, lens = shaded.light, shaded.rays, lens_of(obs.camera, 1)
+        view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
+        inputs = [data, gleam, self._depth(obs), points.starts, view, lens, before, self._moved(obs), *rays]
+        launch(reflection.march, rays[0].size, inputs, self._device)
+        asked = every_sample()
+        if before.told_of[0].known:
+            asked = self._due(data, air, before, shaded)
+        shaded.moment = moment
+        inputs = [data, air, gleam, rays[0], points.starts, view, lens, before, record(asked, self._device)]
+        inputs += [out, shaded.sources, shaded.shown]
+        launch(reflection.reflect, threads(asked, points.count), inputs, self._device)
 
-    def _mirroring(self, points: Points, shaded: Shaded, live: Any) -> Any:
-        """The kept samples that mirror anything, and all `live` ones: the others' light is where it belongs already."""
-        if shaded.mirroring is None:
-            assert points.base is not None
-            shaded.mirroring = shaded.light[1].numpy()[: points.base.count, 0] > 0.0
-        asked, kept = live.numpy(), len(shaded.mirroring)
-        told = np.zeros(kept, bool)
-        told[asked[asked < kept]] = True
-        rest = np.flatnonzero(shaded.mirroring & ~told)
-        return wp.array(np.concatenate([rest, asked]).astype(np.int32), dtype=wp.int32, device=self._device)
+    def _due(self, data: Any, air: Any, before: Any, shaded: Shaded) -> Any:
+        """The samples that mirror something else than in the frame before."""
+        if shaded.mirrors is None:
+            count, listed = self._list(shaded.kept)
+            launch(reflection.pools, shaded.kept, [data, shaded.light[1], count, listed], self._device)
+            shaded.mirrors = wp.clone(listed[: int(count.numpy()[0])])
+        count, listed = self._list(shaded.kept)
+        inputs = [data, air, before, shaded.mirrors, shaded.moment, shaded.sources, count, listed]
+        launch(reflection.due, shaded.mirrors.size, inputs, self._device)
+        return asked_for(count, listed, shaded.kept)
+
+    def _list(self, room: int) -> tuple[Any, Any]:
+        """An empty list, which lasts until the next is asked for: its count, and room for so many samples."""
+        if self._listed.size < room:
+            self._listed = self._empty(room, wp.int32)
+        return wp.zeros(1, dtype=wp.int32, device=self._device), self._listed
 
     def _moved(self, obs: Observation) -> Any:
         """How many tiles that something moving may touch lie above and to the left of each tile's corner."""
@@ -210,7 +194,7 @@ class Painter:
         self, plan: CameraPlan, points: Points, name: str, light: Light, beams: Any, lamps: Any, lists: tuple[Any, ...]
     ) -> tuple[Shaded, Any]:
         """Where the light of all samples goes; as far as it is that of an earlier frame, it is there already."""
-        before, base = shade.Before(), points.base
+        before, base = recall.Before(), points.base
         clouds = float(light.air.drift[0]), float(light.air.drift[1])
         held: Shaded | None = base.lights.get(name) if base else None
         if held is not None and base is not None:
@@ -225,21 +209,27 @@ class Painter:
             room, keep = points.count, 0
             if base is not None:
                 room = base.columns.room
-                keep = base.count if len(base.lights) < _LIGHTS_KEPT_BY_POSE else 0
-            found = self._room(plan, room, keep, lists, clouds)
+                # (A GPU is quicker to shade all anew than to tell what it need not.)
+                keep = base.count if len(base.lights) < _LIGHTS_KEPT_BY_POSE and self._device == "cpu" else 0
+            found = self._room(plan, room, keep, lists, clouds, light.air.wet > 0.0)
         before.kept, before.stale = found.kept, found.levels[0]
         if base is not None and found.kept:
             base.lights[name] = found
         return found, before
 
-    def _room(self, plan: CameraPlan, room: int, kept: int, lists: Any, clouds: tuple[float, float]) -> Shaded:
+    def _room(
+        self, plan: CameraPlan, room: int, kept: int, lists: Any, clouds: tuple[float, float], wet: bool
+    ) -> Shaded:
         """Room for the light of so many samples, of which the first so many are kept, and for what follows from it."""
         empty, blocks = self._empty, -(-plan.width // 2) * -(-plan.height // 2)
         light = empty(room, wp.vec3f), empty(room, wp.vec2f), empty(room, wp.uint8)
         pixels = plan.width * plan.height if kept else 1
         levels = wp.full(pixels, 1, dtype=wp.uint8, device=self._device), empty(pixels, wp.vec3f)
-        rays = empty(blocks, wp.float32), wp.full(blocks, -1, dtype=wp.int32, device=self._device)
-        return Shaded(light, lists, clouds, kept, levels, (*rays, empty(blocks, wp.uint32), empty(blocks, wp.uint8)))
+        asked = wp.full(blocks, -1, dtype=wp.int32, device=self._device)
+        rays = empty(blocks, wp.float32), asked, empty(blocks, wp.uint32)
+        shown = empty(room, wp.vec3f) if wet else light[0]
+        sources = wp.full(max(kept, 1) if wet else 1, -2, dtype=wp.int32, device=self._device)
+        return Shaded(light, lists, clouds, kept, levels, rays, shown, sources)
 
     def _depth(self, obs: Observation) -> Any:
         """The observation's depth, on the device and row by row."""
@@ -312,6 +302,25 @@ class Painter:
 
     def _empty(self, count: int, kind: Any) -> Any:
         return wp.empty(count, dtype=kind, device=self._device)
+
+
+def every_sample() -> Any:
+    """No list: a kernel's threads are for all samples."""
+    asked = recall.Asked()
+    asked.listed, asked.fresh = -1, 0
+    return asked
+
+
+def asked_for(count: Any, listed: Any, fresh: int) -> Any:
+    """The samples of a list, and all from `fresh` on."""
+    asked = recall.Asked()
+    asked.listed, asked.fresh, asked.samples = int(count.numpy()[0]), fresh, listed
+    return asked
+
+
+def threads(asked: Any, samples: int) -> int:
+    """How many threads a kernel needs for what is asked of so many samples."""
+    return samples if asked.listed < 0 else int(asked.listed) + samples - int(asked.fresh)
 
 
 def shower_of(world_from_sensor: Array, light: Light, time: float) -> Any:

@@ -48,7 +48,7 @@ class Base:
     starts: Any
     columns: _Columns
     count: int  # samples of what stands still
-    firsts: NDArray[np.int64]  # each tile's first sample, and at last their count
+    firsts: Any  # int32, each tile's first sample, and at last their count
     boxes: tuple[Any, Any]  # vec3f by tile, the low and the high corners of the world's boxes about them
     tenant: Points | None = None
     touched: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))  # the tenant's tiles
@@ -128,7 +128,7 @@ class Surveyor:
         still.known = 1
         fine, groups, starts = (wp.clone(a) for a in (still.fine, still.groups, still.starts))
         tiles = columns.tiles.numpy()[:count]
-        firsts = np.searchsorted(tiles, np.arange(len(all_tiles(obs.camera)) + 1))
+        firsts = self._tiles(np.searchsorted(tiles, np.arange(len(all_tiles(obs.camera)) + 1)).astype(np.int32))
         boxes = self._boxes(obs, still.starts, columns, count)
         return Base(still, fine, groups, starts, columns, count, firsts, boxes)
 

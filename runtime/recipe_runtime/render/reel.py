@@ -25,6 +25,7 @@ from recipe_runtime.render import (
     nearby,
     observation,
     rain,
+    recall,
     reflection,
     samples,
     shade,
@@ -40,7 +41,7 @@ from recipe_runtime.render.device import launch, record, records, wp
 from recipe_runtime.render.geometry import CHUNK, Geometry
 from recipe_runtime.render.lens import curve_of
 from recipe_runtime.render.observe import Observation, all_tiles, objects_of
-from recipe_runtime.render.picture import keyed, shower_of, streak_of
+from recipe_runtime.render.picture import every_sample, keyed, shower_of, streak_of
 from recipe_runtime.render.sunlight import Shadows, Sheet, about
 from recipe_runtime.render.view import lens_of, view_from_parts, world_from_parts, world_from_view
 from recipe_runtime.transforms import Array
@@ -354,7 +355,7 @@ class Lane:
         self._gleam, self._steady = zeros(room, wp.vec2f), zeros(room, wp.uint8)
         blocks = -(-reel.camera.width // 2) * -(-reel.camera.height // 2)
         self._reach, self._asked, self._ways = (zeros(blocks, kind) for kind in (wp.float32, wp.int32, wp.uint32))
-        self._renewed, self._sources = zeros(blocks, wp.uint8), zeros(1, wp.int32)
+        self._sources = zeros(1, wp.int32)
         self._nothing_moved = wp.zeros((1, 1), dtype=wp.int32, device=device)
         self._no_levels = 0, zeros(1, wp.uint8), zeros(1, wp.vec3f)
         self._cover = zeros(reel.pixels, wp.int32)
@@ -377,7 +378,8 @@ class Lane:
         scene.triangle_surface, scene.surface_pattern = g.triangle_surface, g.surface_pattern
         scene.world_from_part, scene.world_from_view = b["world"], b["back"]
         self._scene = record(scene, device)
-        self._nothing_still, self._nothing_before = record(samples.Still(), device), record(shade.Before(), device)
+        self._nothing_still, self._nothing_before = record(samples.Still(), device), record(recall.Before(), device)
+        self._all = record(every_sample(), device)
         lit = lamps.lamps_of(g, [b[f"lamps {name}"] for name in lamps.LAMP_NAMES], device)
         self._lamps = {True: record(lit, device), False: record(lamps.no_lamps(device), device)}
         columns = [b[f"bodies {name}"] for name in lamps.BODY_NAMES]
@@ -491,16 +493,15 @@ class Lane:
         data, air = b["samples"], b[f"air {v}"]
         beams = b[f"beams {look.sun}"] if look.sun >= 0 else reel.dark
         inputs = [data, look.looks, air, beams, self._lamps[look.lit], self._bodies, *self._lists[look.lit]]
-        out = [self._nothing_before, 0, self._asked, self._light, self._gleam, self._steady]
-        launch(shade.shade, self.room, [*inputs, *out], self.device)
-        shown = self._light
+        shown = self._shown if look.wet else self._light
+        out = [self._light, self._gleam, self._steady, shown]
+        launch(shade.shade, self.room, [*inputs, self._nothing_before, self._all, *out], self.device)
         if look.wet:
-            shown = self._shown
             inputs = [data, self._gleam, self._r["depth"], self._starts, b["view"], lens, self._nothing_before]
-            inputs += [self._nothing_moved, self._reach, self._asked, self._ways, self._renewed]
+            inputs += [self._nothing_moved, self._reach, self._asked, self._ways]
             launch(reflection.march, self._reach.size, inputs, self.device)
             inputs = [data, air, self._gleam, self._reach, self._starts, b["view"], lens]
-            inputs += [self._nothing_before, -1, self._renewed, 0, self._asked, self._light, self._sources, shown]
+            inputs += [self._nothing_before, self._all, self._light, self._sources, shown]
             launch(reflection.reflect, self.room, inputs, self.device)
         self._cover.zero_()
         if look.light.rain > 0.0:

@@ -13,7 +13,8 @@ from recipe_runtime.render.bounds import clamp01, greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import hash2, noise2, step_between, whole
 from recipe_runtime.render.observation import TILE
-from recipe_runtime.render.shade import Before, Samples, spoil
+from recipe_runtime.render.recall import Asked, Before, asked_of, spoil
+from recipe_runtime.render.shade import Samples
 from recipe_runtime.render.vectors import inner, mix
 from recipe_runtime.render.visibility import Lens
 
@@ -49,10 +50,15 @@ def pixel_at(q: wp.vec3f, lens: Lens) -> wp.int32:
 
 
 @wp.func
-def rings_at(p: wp.vec3f, moment: wp.int32) -> wp.int32:
-    """Which pattern of rings is at p: in every patch of ground it is another after four moments, each at its own."""
-    phase = hash2(whole(p[0] * 1.9), whole(p[1] * 1.9), wp.uint32(44)) >> wp.uint32(30)
-    return (moment + wp.int32(phase)) >> 2
+def turn_at(p: wp.vec3f) -> wp.int32:
+    """Which of four turns a patch of ground has."""
+    return wp.int32(hash2(whole(p[0] * 1.9), whole(p[1] * 1.9), wp.uint32(44)) >> wp.uint32(30))
+
+
+@wp.func
+def rings_at(turn: wp.int32, moment: wp.int32) -> wp.int32:
+    """Which pattern of rings a patch has: another after four moments, each patch at its own."""
+    return (moment + turn) >> 2
 
 
 @wp.func
@@ -97,6 +103,17 @@ def undisturbed(block: wp.int32, before: wp.array[Before], lens: Lens) -> bool:
     top = before[0].stale[y0 * lens.width + x0] | before[0].stale[y0 * lens.width + x1]
     bottom = before[0].stale[y1 * lens.width + x0] | before[0].stale[y1 * lens.width + x1]
     return (top | bottom) == wp.uint8(0)
+
+
+@wp.func
+def disturb(block: wp.int32, before: wp.array[Before], lens: Lens):
+    """What a block of 2 x 2 pixels mirrors changes."""
+    columns = (lens.width + 1) / 2
+    x0 = (block % columns) * 2
+    y0 = (block / columns) * 2
+    for y in range(y0, wp.min(y0 + 2, lens.height)):
+        for x in range(x0, wp.min(x0 + 2, lens.width)):
+            spoil(before, y * lens.width + x)
 
 
 @wp.func
@@ -153,12 +170,11 @@ def march(
     reach: wp.array[wp.float32],
     asked: wp.array[wp.int32],
     ways: wp.array[wp.uint32],
-    renewed: wp.array[wp.uint8],
 ):
     """How far the mirrored ray of a block of 2 x 2 pixels goes to what it meets; -1 if it meets nothing.
 
     The ray of an earlier frame, from sample `asked` past the tiles `ways`, is kept where all of them are still; so is
-    the knowledge (`DRY`) that a block mirrors nothing. `renewed` is not 0 where a ray goes another way than it did.
+    the knowledge (`DRY`) that a block mirrors nothing. A block whose ray goes another way than it did is disturbed.
     """
     block = wp.tid()
     known = asked[block]
@@ -170,14 +186,12 @@ def march(
             if not same:
                 same = calm(moved, ways[block])
             if same:
-                renewed[block] = wp.uint8(0)
                 return
     i = first_wet(block, gleam, starts, lens)
     keep = small and i < before[0].kept
     was = reach[block]
     reach[block] = -1.0
     asked[block] = -1
-    renewed[block] = wp.uint8(was != -1.0)
     if i < 0:
         asked[block] = DRY
         return
@@ -213,11 +227,51 @@ def march(
         ways[block] = tiles_of(low, high, lens)
         if calm(moved, ways[block]):
             asked[block] = i
-    if hit == 0:
-        return
-    found = close_in(start, way, last, t, depth, lens)
-    reach[block] = found
-    renewed[block] = wp.uint8(was != found)
+    found = wp.float32(-1.0)
+    if hit != 0:
+        found = close_in(start, way, last, t, depth, lens)
+        reach[block] = found
+    if was != found:
+        disturb(block, before, lens)
+
+
+@wp.kernel
+def pools(
+    samples: wp.array[Samples], gleam: wp.array[wp.vec2f], count: wp.array[wp.int32], mirrors: wp.array[wp.int32]
+):
+    """List the samples that mirror anything, and the turn of the ground there in the two highest bits but one."""
+    i = index(wp.tid())
+    if gleam[i][0] > 0.0:
+        mirrors[wp.atomic_add(count, 0, 1)] = i | (turn_at(samples[0].positions[i]) << 29)
+
+
+@wp.kernel
+def due(
+    samples: wp.array[Samples],
+    air: wp.array[Air],
+    before: wp.array[Before],
+    mirrors: wp.array[wp.int32],
+    moment: wp.int32,
+    sources: wp.array[wp.int32],
+    count: wp.array[wp.int32],
+    listed: wp.array[wp.int32],
+):
+    """List those of `pools` that mirror something else than before, when the rings were those of `moment`.
+
+    So do they where their own light or ray has changed, the water, or the light of the pixel `sources` tells: -1 is
+    what lies beyond the picture, -2: it is not known. `count` comes zeroed. Their order tells in no byte.
+    """
+    entry = mirrors[wp.tid()]
+    i = index(entry & 0x1FFFFFFF)
+    turn = entry >> 29
+    source = sources[i]
+    same = rings_at(turn, moment) == rings_at(turn, air[0].moment) and source > -2
+    if same:
+        same = before[0].stale[index(samples[0].pixels[i])] == wp.uint8(0)
+        if same and source >= 0:
+            same = before[0].stale[index(source)] == wp.uint8(0)
+    if not same:
+        listed[wp.atomic_add(count, 0, 1)] = i
 
 
 @wp.kernel
@@ -230,68 +284,45 @@ def reflect(
     view: wp.array2d[wp.float32],
     lens: Lens,
     before: wp.array[Before],
-    moment: wp.int32,
-    renewed: wp.array[wp.uint8],
-    listed: wp.int32,
-    live: wp.array[wp.int32],
+    asked: wp.array[Asked],
     radiance: wp.array[wp.vec3f],
     sources: wp.array[wp.int32],
     out: wp.array[wp.vec3f],
 ):
-    """Add to every sample what it mirrors: along its own ray, as far as its block's ray went.
+    """Add to the samples that are asked what they mirror: along their own ray, as far as their block's ray went.
 
-    An earlier frame's, of the rings' `moment` then (-1: there is none), is left as it is where nothing that it comes
-    from has changed: the water, the sample's own light, its ray, and the light of the pixel `sources` tells; -1: what
-    lies beyond the picture, -2: it is not kept. If `listed`, only the samples `live` are asked for.
+    `sources` is told which pixel's light that was, as `due` takes it.
     """
-    i = index(wp.tid())
-    if listed != 0:
-        i = index(live[i])
-    light = radiance[i]
+    i = asked_of(asked, wp.tid())
     share = gleam[i][0]
     if share <= 0.0:
-        out[i] = light
         return
-    pixel = samples[0].pixels[i]
-    block = (pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2
+    light = radiance[i]
+    pixel = index(samples[0].pixels[i])
+    block = index((pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2)
     keep = i < before[0].kept
-    p = samples[0].positions[i]
-    rings = rings_at(p, air[0].moment)
-    if keep:
-        source = sources[i]
-        same = (
-            moment >= 0
-            and rings == rings_at(p, moment)
-            and source > -2
-            and renewed[block] == wp.uint8(0)
-            and before[0].stale[pixel] == wp.uint8(0)
-        )
-        if same and source >= 0:
-            same = starts[source] < before[0].kept and before[0].stale[source] == wp.uint8(0)
-        if same:
-            return
-        sources[i] = -1
     spoil(before, pixel)
+    p = samples[0].positions[i]
     to_point = p - samples[0].eye
-    d = mirrored(to_point, rippled(air, p, rings, gleam[i][1]))
+    d = mirrored(to_point, rippled(air, p, rings_at(turn_at(p), air[0].moment), gleam[i][1]))
     t = reach[block]
+    at = wp.int32(-1)
     if t > 0.0:
         q = seen_from(view, to_point + d * t)
-        at = wp.int32(-1)
         if q[2] > 0.2:
             at = pixel_at(q, lens)
-        if at >= 0:
-            # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
-            most = air[0].sideways * (4.0 + 500.0 * greater(gleam[i][1] - 0.82, 0.0))
-            seen = starts[at]
-            if keep:
-                sources[i] = at
-                if seen >= before[0].kept:
-                    sources[i] = -2
-            r = radiance[seen]
-            r = wp.vec3f(lesser(r[0], most[0]), lesser(r[1], most[1]), lesser(r[2], most[2]))
-            out[i] = light + r * share
-            return
-    street = clamp01(step_between(0.34, 0.12, d[2]))
-    beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
-    out[i] = light + mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * FAR)) * share
+    if at >= 0:
+        # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
+        most = air[0].sideways * (4.0 + 500.0 * greater(gleam[i][1] - 0.82, 0.0))
+        seen = index(starts[index(at)])
+        r = radiance[seen]
+        r = wp.vec3f(lesser(r[0], most[0]), lesser(r[1], most[1]), lesser(r[2], most[2]))
+        out[i] = light + r * share
+        if seen >= before[0].kept:
+            at = -2
+    else:
+        street = clamp01(step_between(0.34, 0.12, d[2]))
+        beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
+        out[i] = light + mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * FAR)) * share
+    if keep:
+        sources[i] = at

@@ -17,13 +17,12 @@ from recipe_runtime.render.grounds import hollows
 from recipe_runtime.render.images import IMAGE, Album, image_at
 from recipe_runtime.render.nearby import Bodies, Lamps, contact, lamp_light
 from recipe_runtime.render.noise import noise2, noise3, step_between, unit
-from recipe_runtime.render.shadow import UNTOUCHED, Sunbeam, holds, lit
+from recipe_runtime.render.recall import AT_REST, RESTLESS, SKY, TOUCHED, Asked, Before, asked_of, spoil
+from recipe_runtime.render.shadow import Sunbeam, holds, lit
 from recipe_runtime.render.vectors import direction, inner, mix, times
 
 wp.set_module_options(OPTIONS)
 
-STEADY = wp.constant(wp.uint8(1))  # nothing that moves takes the sun away from a sample
-AT_REST = wp.constant(wp.uint8(2))  # nor does anything of its own move
 CAR_PAINT = wp.constant(int(Pattern.CAR_PAINT))
 GLASS = wp.constant(int(Pattern.GLASS))
 RUBBER = wp.constant(int(Pattern.RUBBER))
@@ -59,24 +58,6 @@ class Looks:
     pattern: wp.array[wp.int32]
     awake: wp.array[wp.float32]  # share of the windows that are lit at night
     album: wp.array[Album]
-
-
-@wp.struct
-class Before:
-    """What is known of an earlier frame's light, which is where this frame's goes."""
-
-    tiles: wp.array[wp.int32]  # what `compare` found
-    sky: wp.int32  # 1: the clouds are where they were
-    known: wp.int32  # samples below this number are the earlier frame's too
-    kept: wp.int32  # samples below this number are of what is kept from frame to frame
-    stale: wp.array[wp.uint8]  # by pixel, if any are kept: not 0 where the light has changed since it was developed
-
-
-@wp.func
-def spoil(before: wp.array[Before], pixel: wp.int32):
-    """The pixel's light changes: what was developed of it no longer holds."""
-    if before[0].kept > 0:
-        before[0].stale[pixel] = wp.uint8(1)
 
 
 @wp.struct
@@ -122,13 +103,13 @@ def unchanged(
     before: wp.array[Before],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
-    was_steady: wp.uint8,
+    known: wp.uint8,
     tile: wp.int32,
     p: wp.vec3f,
     n: wp.vec3f,
 ) -> bool:
     """Whether the frame before's light on what stands still is this frame's: nothing that moves has a part in it."""
-    if was_steady == wp.uint8(0):
+    if known == TOUCHED:
         return False
     bits = before[0].tiles[tile]
     if (bits & 1) == 0:
@@ -444,38 +425,35 @@ def shade(
     body_lists: wp.array2d[wp.int32],
     glow_lists: wp.array2d[wp.int32],
     before: wp.array[Before],
-    listed: wp.int32,
-    live: wp.array[wp.int32],
+    asked: wp.array[Asked],
     out: wp.array[wp.vec3f],
     gleam: wp.array[wp.vec2f],
-    steady: wp.array[wp.uint8],
+    known: wp.array[wp.uint8],
+    shown: wp.array[wp.vec3f],
 ):
-    """Linear radiance of every sample; wet ground's reflection is left to `reflect`, its share and gloss in gleam.
+    """Linear radiance of every sample that is asked.
 
-    `steady` is not 0 where nothing that moves took the sun away: `unchanged` asks for it a frame later. If `listed`,
-    only the samples `live` are asked for.
+    Wet ground's reflection is left to `reflect`, its share and gloss in gleam; what mirrors nothing is put into `shown`
+    as it is where anything is wet. `known` is what `enlist` asks for a frame later.
     """
-    i = index(wp.tid())
-    if listed != 0:
-        i = index(live[i])
+    i = asked_of(asked, wp.tid())
     earlier = i < before[0].known
     tile = samples[0].tiles[i]
     if tile < 0:  # a slot that no sample took
         return
     tile = index(tile)
-    if earlier and steady[i] == AT_REST and (before[0].tiles[tile] & UNTOUCHED) != 0:
-        return
     p = samples[0].positions[i]
     surface = samples[0].surfaces[i]
     if surface < 0:
-        if earlier and before[0].sky != 0 and (air[0].glow <= 0.0 or (before[0].tiles[tile] & 4) != 0):
-            return
         spoil(before, samples[0].pixels[i])
-        steady[i] = STEADY
+        known[i] = SKY
         gleam[i] = wp.vec2f(0.0, 0.0)
-        out[i] = far_sky(air, samples[0].eye, p)
+        radiance = far_sky(air, samples[0].eye, p)
         if air[0].glow > 0.0:
-            out[i] = out[i] + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, p, 1000.0)
+            radiance = radiance + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, p, 1000.0)
+        out[i] = radiance
+        if air[0].wet > 0.0:
+            shown[i] = radiance
         return
     n = samples[0].normals[i]
     to_point = p - samples[0].eye
@@ -487,13 +465,9 @@ def shade(
     if swaying:
         earlier = False
     # (A normal that turns away is bent first, below: too few to ask for.)
-    if earlier and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, steady[i], tile, p, n):
+    if earlier and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, known[i], tile, p, n):
         return
     spoil(before, samples[0].pixels[i])
-    steady[i] = AT_REST
-    if swaying:
-        steady[i] = STEADY
-    gleam[i] = wp.vec2f(0.0, 0.0)
     detail = samples[0].details[i]
     distance = wp.sqrt(inner(to_point, to_point))
     sight = to_point * (1.0 / greater(distance, 1.0e-4))
@@ -527,17 +501,20 @@ def shade(
     sky_left = open_sky(bodies, body_lists, tile, p, n)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
     light, shine, past = sun_on(air, beams, m, p, back, ambient(air, n) * sky_left)
-    if past < 1.0:
-        steady[i] = wp.uint8(0)
+    known[i] = wp.where(past < 1.0, TOUCHED, wp.where(swaying, RESTLESS, AT_REST))
     if air[0].night > 0.0:
         light, shine = lamps_on(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
     radiance = times(m.albedo, light) + m.glow + shine
     left = fog_share(air, samples[0].eye[2], p[2], distance)
+    mirrored = wp.float32(0.0)
     if air[0].wet > 0.0 and n[2] > LEVEL and m.coat > 0.0:
-        gleam[i] = wp.vec2f(fresnel(m.coat, m.gloss, facing) * sky_left * left, m.gloss)
+        mirrored = fresnel(m.coat, m.gloss, facing) * sky_left * left
     elif m.coat > 0.0:
         radiance = radiance + mirror(air, m, p, sight, facing, sky_left)
+    gleam[i] = wp.vec2f(mirrored, m.gloss)
     radiance = veiled(air, radiance, sight, left)
     if air[0].glow > 0.0:
         radiance = radiance + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, sight, distance)
     out[i] = radiance
+    if air[0].wet > 0.0 and mirrored <= 0.0:
+        shown[i] = radiance
