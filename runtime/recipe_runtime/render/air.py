@@ -15,6 +15,7 @@ DECAY_SCALE = wp.constant(wp.float32(64.0))
 THICK = wp.constant(wp.float32(15.9))  # beyond it e^-x is nothing, and a table's end is near
 SKY_ROWS = wp.constant(64)
 HALO_ROWS = wp.constant(256)
+SWING_STIRS = wp.constant(43)  # of a leaf to and fro
 
 
 @wp.struct
@@ -33,7 +34,9 @@ class Air:
     drift: wp.vec2f  # how far the wind has moved the clouds
     stars: wp.float32
     flutter: wp.float32  # how much leaves move in the wind, 0 to 1
-    sway: wp.vec3f  # metres their pattern has moved, at two points of a swing; how far gusts have come
+    swings: wp.array[wp.vec2f]  # metres their pattern has moved at two points of a swing, by the time in stirs
+    breeze: wp.float32  # metres that gusts come on from stir to stir
+    stirs: wp.int32  # the time in which they stir, each for four of these
     fog: wp.float32  # extinction, 1/m, from fog_start on
     haze: wp.float32  # extinction of rain's mist, dust and air, 1/m, everywhere
     fog_start: wp.float32  # metres

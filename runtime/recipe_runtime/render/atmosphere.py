@@ -14,7 +14,7 @@ from recipe_compiler import exact
 from recipe_compiler.plan import AppearancePlan, Weather, fixed
 
 from recipe_runtime.render import skylight
-from recipe_runtime.render.air import DECAY_STEPS, Air
+from recipe_runtime.render.air import DECAY_STEPS, SWING_STIRS, Air
 from recipe_runtime.render.device import wp
 from recipe_runtime.render.skylight import MIE, RAYLEIGH, Colour, Haze, haze_of
 
@@ -27,7 +27,8 @@ _STREET_LIGHT = 1.0e-3  # what lamps give the eye to adapt to
 _LAMPLIGHT = np.array([1.0, 0.8, 0.58])  # the colour of lamps' light, thrown about
 _DUST = np.array([1.0, 0.60, 0.30])
 _RINGS = 12  # a second; a patch of ground has each pattern of rings for four of them
-_SWAY, _SWINGS = 0.16, 0.7  # of leaves in a storm: metres to either side, and swings a second
+_STIRS = 30  # a second; leaves in a place stay as they are for four of them
+_SWAY, _GUSTS = 0.16, 0.9  # of leaves in a storm, metres to either side; of gusts, metres a second
 _GLOW_ENDS, _GLOW_SEEN = 70.0, 0.001  # metres of air, and its extinction, about lamps that are seen to glow
 _CLEAR_AIR = 0.0004  # extinction of air without fog, 1/m
 
@@ -105,6 +106,7 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
     air.night = fixed(s.night)
     air.pelting = fixed(0.06 * s.rain)
     air.flutter = fixed(min(1.0, w.wind_intensity / 60.0))
+    air.breeze = fixed(_GUSTS / _STIRS * w.wind_intensity / 100.0)
     air.seed = appearance.seed & 0xFFFFFFFF
     _fill_tables(air, s, device)
     exposure = _exposure(s, sunlight, falling.overhead)
@@ -117,9 +119,7 @@ def drift(light: Light, time: float) -> None:
     moved = wind * int(2.0 * time) / 2.0  # in steps too small to see: between them, a camera at rest keeps its sky
     light.air.drift = wp.vec2f(fixed(0.004 * moved), fixed(0.002 * moved))
     light.air.moment = int(_RINGS * time) if light.rain > 0.0 else 0
-    sine, cosine = exact.sin_cos_deg(360.0 * _SWINGS * time)
-    reach = _SWAY * wind
-    light.air.sway = wp.vec3f(fixed(reach * sine), fixed(reach * cosine), fixed(0.9 * wind * time))
+    light.air.stirs = int(_STIRS * time + 1e-6) if light.air.flutter > 0.0 else 0
 
 
 def transmittance(altitude: float, mie: float = MIE, rayleigh: float = RAYLEIGH) -> Colour:
@@ -221,6 +221,9 @@ def _fill_tables(air: Any, s: _State, device: str) -> None:
     air.decay = wp.array(decay.astype(np.float32), dtype=wp.float32, device=device)
     thinning = [1.0, *((1.0 - value) * 64.0 / i for i, value in enumerate(decay[1:], start=1))]
     air.thinning = wp.array(np.array(thinning, np.float32), dtype=wp.float32, device=device)
+    reach, turns = _SWAY * s.weather.wind_intensity / 100.0, [360.0 * i / SWING_STIRS for i in range(SWING_STIRS)]
+    swings = np.array([exact.sin_cos_deg(turn) for turn in turns]) * reach
+    air.swings = wp.array(_round(swings), dtype=wp.vec2f, device=device)
     air.gradient = wp.array(_round(skylight.gradient(s.altitude, s.haze)), dtype=wp.vec3f, device=device)
     air.halo = wp.array(_round(skylight.halo(s.haze, _unhazed(s))), dtype=wp.vec3f, device=device)
 

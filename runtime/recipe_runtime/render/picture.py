@@ -49,6 +49,7 @@ class Shaded:
     rays: tuple[Any, Any, Any]  # reach, asked and ways, as `reflection.march` writes them
     shown: Any  # the light with what wet ground mirrors; out itself where nothing is wet
     sources: Any  # by kept sample, as `reflection.reflect` writes them
+    stirs: int = 0  # in which leaves stirred
     moment: int = -1  # of the ripples there
     mirrors: Any = None  # what `reflection.pools` lists: what a sample is made of decides, and that stays
 
@@ -204,6 +205,7 @@ class Painter:
             launch(nearby.compare, tiles, [lamps, *held.lists, *lists, before.tiles], self._device)
             needed = 1 + 2 * int(light.air.night > 0.0) + 4 * int(light.air.glow > 0.0)
             launch(shadow.calm, tiles, [*base.boxes, beams, needed, before.tiles], self._device)
+            before.stirs = held.stirs
             found, held.lists, held.clouds = held, lists, clouds
         else:
             room, keep = points.count, 0
@@ -212,6 +214,7 @@ class Painter:
                 # (A GPU is quicker to shade all anew than to tell what it need not.)
                 keep = base.count if len(base.lights) < _LIGHTS_KEPT_BY_POSE and self._device == "cpu" else 0
             found = self._room(plan, room, keep, lists, clouds, light.air.wet > 0.0)
+        found.stirs = int(light.air.stirs)
         before.kept, before.stale = found.kept, found.levels[0]
         if base is not None and found.kept:
             base.lights[name] = found

@@ -10,15 +10,16 @@ light, or had one; all others are as they were, and nobody looks at them.
 from recipe_runtime.render.air import Air
 from recipe_runtime.render.bounds import index
 from recipe_runtime.render.device import OPTIONS, wp
+from recipe_runtime.render.noise import hash3, whole
 from recipe_runtime.render.shadow import UNTOUCHED
 
 wp.set_module_options(OPTIONS)
 
 # What is known of a sample's light:
-TOUCHED = wp.constant(wp.uint8(0))  # something that moves took the sun away
-RESTLESS = wp.constant(wp.uint8(1))  # nothing did, but the surface itself stirs
-AT_REST = wp.constant(wp.uint8(2))  # nor does it
-SKY = wp.constant(wp.uint8(3))
+TOUCHED = wp.constant(wp.uint8(0))  # something that moves took sun or sky away
+AT_REST = wp.constant(wp.uint8(1))  # nothing did
+SKY = wp.constant(wp.uint8(2))
+LEAF = wp.constant(wp.uint8(4))  # and a turn from 0 to 3: nothing did, but leaves stir there
 
 
 @wp.struct
@@ -29,6 +30,7 @@ class Before:
     sky: wp.int32  # 1: the clouds are where they were
     known: wp.int32  # samples below this number are the earlier frame's too
     kept: wp.int32  # samples below this number are of what is kept from frame to frame
+    stirs: wp.int32  # the time in which leaves stirred
     stale: wp.array[wp.uint8]  # by pixel, if any are kept: not 0 where the light has changed since it was developed
 
 
@@ -62,9 +64,32 @@ def spoil(before: wp.array[Before], pixel: wp.int32):
 
 
 @wp.func
-def rests(known: wp.uint8, calm: wp.bool, still_sky: wp.bool) -> wp.bool:
-    """Whether a sample's light is that of the frame before, whatever its sample sees."""
-    return wp.where(known == SKY, still_sky, calm and known == AT_REST)
+def turn_in(p: wp.vec3f) -> wp.int32:
+    """Which of four turns a place has, so that not all leaves stir at a time."""
+    return wp.int32(hash3(whole(p[0] * 2.7), whole(p[1] * 2.7), whole(p[2] * 2.7), wp.uint32(45)) >> wp.uint32(30))
+
+
+@wp.func
+def stirring(turn: wp.int32, now: wp.int32) -> wp.int32:
+    """When leaves of a turn stirred last: every four stirs, each at their own."""
+    return ((now + turn) & ~3) - turn
+
+
+@wp.func
+def rests(known: wp.uint8, calm: wp.bool, still_sky: wp.bool, resting: wp.uint32) -> wp.bool:
+    """Whether a sample's light is that of the frame before; `resting` has a bit for every turn of leaves."""
+    leaf = known >= LEAF and ((resting >> wp.uint32(known & wp.uint8(3))) & wp.uint32(1)) != wp.uint32(0)
+    return wp.where(known == SKY, still_sky, calm and (known == AT_REST or leaf))
+
+
+@wp.func
+def resting_leaves(now: wp.int32, then: wp.int32) -> wp.uint32:
+    """A bit for every turn whose leaves are as they were."""
+    bits = wp.uint32(0)
+    for turn in range(4):
+        if stirring(turn, now) == stirring(turn, then):
+            bits = bits | (wp.uint32(1) << wp.uint32(turn))
+    return bits
 
 
 @wp.kernel
@@ -83,15 +108,16 @@ def enlist(
     still_sky = before[0].sky != 0
     if air[0].glow > 0.0 and (bits & 4) == 0:
         still_sky = False
+    resting = resting_leaves(air[0].stirs, before[0].stirs)
     first = index(firsts[tile])
     end = firsts[tile + 1]
     n = wp.int32(0)
     for i in range(first, end):
-        n = n + wp.where(rests(known[index(i)], calm, still_sky), 0, 1)
+        n = n + wp.where(rests(known[index(i)], calm, still_sky, resting), 0, 1)
     if n == 0:
         return
     at = wp.atomic_add(count, 0, n)
     for i in range(first, end):
-        if not rests(known[index(i)], calm, still_sky):
+        if not rests(known[index(i)], calm, still_sky, resting):
             listed[at] = i
             at = at + 1

@@ -194,6 +194,8 @@ def march(
     asked[block] = -1
     if i < 0:
         asked[block] = DRY
+        if was != -1.0:
+            disturb(block, before, lens)
         return
     to_point = samples[0].positions[i] - samples[0].eye
     start = seen_from(view, to_point)

@@ -9,7 +9,7 @@ darkens what is porous and lies in the hollows of flat ground. Radiance is linea
 
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render import pattern as patterns
-from recipe_runtime.render.air import Air, ambient, fog_share, reflected_sky, sky, veiled
+from recipe_runtime.render.air import SWING_STIRS, Air, ambient, fog_share, reflected_sky, sky, veiled
 from recipe_runtime.render.bounds import clamp01, greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.glow import lamp_glow
@@ -17,7 +17,7 @@ from recipe_runtime.render.grounds import hollows
 from recipe_runtime.render.images import IMAGE, Album, image_at
 from recipe_runtime.render.nearby import Bodies, Lamps, contact, lamp_light
 from recipe_runtime.render.noise import noise2, noise3, step_between, unit
-from recipe_runtime.render.recall import AT_REST, RESTLESS, SKY, TOUCHED, Asked, Before, asked_of, spoil
+from recipe_runtime.render.recall import AT_REST, LEAF, SKY, TOUCHED, Asked, Before, asked_of, spoil, stirring, turn_in
 from recipe_runtime.render.shadow import Sunbeam, holds, lit
 from recipe_runtime.render.vectors import direction, inner, mix, times
 
@@ -103,6 +103,8 @@ def unchanged(
     before: wp.array[Before],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
+    bodies: wp.array[Bodies],
+    body_lists: wp.array2d[wp.int32],
     known: wp.uint8,
     tile: wp.int32,
     p: wp.vec3f,
@@ -112,7 +114,7 @@ def unchanged(
     if known == TOUCHED:
         return False
     bits = before[0].tiles[tile]
-    if (bits & 1) == 0:
+    if contact(bodies, body_lists, tile, p, n) < 1.0:
         return False
     if air[0].night > 0.0 and (bits & 2) == 0:
         return False
@@ -319,10 +321,11 @@ def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], low: wp.float32) -
 
 
 @wp.func
-def fluttered(m: Matter, air: wp.array[Air], p: wp.vec3f, near: wp.float32) -> Matter:
+def fluttered(m: Matter, air: wp.array[Air], p: wp.vec3f, near: wp.float32, stir: wp.int32) -> Matter:
     """Leaves and blades in the wind: their light and shade move to and fro, more so where a gust passes."""
-    gust = noise2(p[0] * 0.25 - air[0].sway[2], p[1] * 0.25 + 0.3 * p[2], wp.uint32(41))
-    swing = air[0].sway[0] * (1.0 - gust) + air[0].sway[1] * gust
+    gust = noise2(p[0] * 0.25 - air[0].breeze * wp.float32(stir), p[1] * 0.25 + 0.3 * p[2], wp.uint32(41))
+    ends = air[0].swings[index((stir + SWING_STIRS) % SWING_STIRS)]
+    swing = ends[0] * (1.0 - gust) + ends[1] * gust
     leaf = noise3(p[0] * 7.0 + swing * 7.0, p[1] * 7.0 + swing * 5.0, p[2] * 7.0 - swing * 4.0, wp.uint32(42)) - 0.5
     amount = air[0].flutter * (0.4 + 0.6 * gust) * lesser(2.0 * near, 1.0)
     m.albedo = m.albedo * (1.0 + 0.9 * amount * leaf)
@@ -356,11 +359,8 @@ def far_sky(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f) -> wp.vec3f:
 
 
 @wp.func
-def open_sky(
-    bodies: wp.array[Bodies], lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f
-) -> wp.float32:
-    """The share of the sky that a point sees past the bodies beside it and the street before it."""
-    left = contact(bodies, lists, tile, p, n)
+def open_sky(left: wp.float32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+    """The share of the sky that a point sees past the street before it, of what bodies beside it leave."""
     if n[2] < 0.5 and p[2] < 3.0:
         # Walls see less of the sky near the ground.
         low = 1.0 / (1.0 + greater(p[2], 0.0) * 2.0)
@@ -462,10 +462,13 @@ def shade(
     swaying = air[0].flutter > 0.0 and (pattern == patterns.FOLIAGE or pattern == patterns.GRASS)
     if swaying:
         swaying = inner(to_point, to_point) < UNSEEN * UNSEEN
+    turn = wp.int32(0)
     if swaying:
-        earlier = False
+        turn = turn_in(p)
+        if stirring(turn, air[0].stirs) != stirring(turn, before[0].stirs):
+            earlier = False
     # (A normal that turns away is bent first, below: too few to ask for.)
-    if earlier and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, known[i], tile, p, n):
+    if earlier and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, bodies, body_lists, known[i], tile, p, n):
         return
     spoil(before, samples[0].pixels[i])
     detail = samples[0].details[i]
@@ -495,13 +498,17 @@ def shade(
         m.coat = moist.coat
         m.gloss = moist.gloss
     if swaying:
-        moving = fluttered(m, air, p, 1.0 - distance / UNSEEN)
+        moving = fluttered(m, air, p, 1.0 - distance / UNSEEN, stirring(turn, air[0].stirs))
         m.albedo = moving.albedo
         m.normal = moving.normal
-    sky_left = open_sky(bodies, body_lists, tile, p, n)
+    free = contact(bodies, body_lists, tile, p, n)
+    sky_left = open_sky(free, p, n)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
     light, shine, past = sun_on(air, beams, m, p, back, ambient(air, n) * sky_left)
-    known[i] = wp.where(past < 1.0, TOUCHED, wp.where(swaying, RESTLESS, AT_REST))
+    rest = AT_REST
+    if swaying:
+        rest = LEAF + wp.uint8(turn)
+    known[i] = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
     if air[0].night > 0.0:
         light, shine = lamps_on(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
     radiance = times(m.albedo, light) + m.glow + shine

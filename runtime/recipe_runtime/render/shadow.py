@@ -207,6 +207,21 @@ def clear(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) 
     return True
 
 
+@wp.func
+def spans(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
+    """Whether map k `holds` every point of a box."""
+    middle = (low + high) * 0.5
+    half = (high - low) * 0.5
+    a = beams[k].u
+    du = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + 13.0
+    a = beams[k].v
+    dv = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + 13.0
+    u = along(beams[k].u, middle)
+    v = along(beams[k].v, middle)
+    end = wp.float32(beams[k].size)
+    return u > du and v > dv and u + du < end and v + dv < end
+
+
 @wp.kernel
 def calm(
     lows: wp.array[wp.vec3f],
@@ -219,7 +234,15 @@ def calm(
     tile = wp.tid()
     if (same[tile] & needed) != needed:
         return
-    if clear(beams, 2, lows[tile], highs[tile]) and clear(beams, 3, lows[tile], highs[tile]):
+    low = lows[tile]
+    high = highs[tile]
+    if not clear(beams, 2, low, high):
+        return
+    # (Where the fine map holds all, nobody looks into the coarse one.)
+    untouched = spans(beams, 2, low, high)
+    if not untouched:
+        untouched = clear(beams, 3, low, high)
+    if untouched:
         same[tile] = same[tile] | UNTOUCHED
 
 
