@@ -49,6 +49,7 @@ class Shaded:
     rays: tuple[Any, Any, Any]  # reach, asked and ways, as `reflection.march` writes them
     shown: Any  # the light with what wet ground mirrors; out itself where nothing is wet
     sources: Any  # by kept sample, as `reflection.reflect` writes them
+    quiet: Any  # by tile, as `recall.enlist` writes it
     stirs: int = 0  # in which leaves stirred
     moment: int = -1  # of the ripples there
     mirrors: Any = None  # what `reflection.pools` lists: what a sample is made of decides, and that stays
@@ -144,7 +145,7 @@ class Painter:
         base = points.base
         assert base is not None
         count, listed = self._list(base.count)
-        inputs = [base.firsts, air, before, shaded.light[2], count, listed]
+        inputs = [base.firsts, air, before, shaded.light[2], shaded.quiet, count, listed]
         launch(recall.enlist, base.firsts.size - 1, inputs, self._device)
         return asked_for(count, listed, base.count)
 
@@ -154,8 +155,10 @@ class Painter:
         """Put what wet ground mirrors into what is shown."""
         (out, gleam, _), rays, lens = shaded.light, shaded.rays, lens_of(obs.camera, 1)
         view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-        inputs = [data, gleam, self._depth(obs), points.starts, view, lens, before, self._moved(obs), *rays]
-        launch(reflection.march, rays[0].size, inputs, self._device)
+        rows, columns = -(-obs.camera.height // 2), -(-obs.camera.width // 2)
+        span = columns if self._device == "cpu" else 1  # a GPU has threads to spare
+        inputs = [data, gleam, self._depth(obs), points.starts, view, lens, before, self._moved(obs), span, *rays]
+        launch(reflection.march, rows * -(-columns // span), inputs, self._device)
         asked = every_sample()
         if before.told_of[0].known:
             asked = self._due(data, air, before, shaded)
@@ -232,7 +235,8 @@ class Painter:
         rays = empty(blocks, wp.float32), asked, empty(blocks, wp.uint32)
         shown = empty(room, wp.vec3f) if wet else light[0]
         sources = wp.full(max(kept, 1) if wet else 1, -2, dtype=wp.int32, device=self._device)
-        return Shaded(light, lists, clouds, kept, levels, rays, shown, sources)
+        quiet = wp.zeros(lists[0].shape[0], dtype=wp.uint8, device=self._device)
+        return Shaded(light, lists, clouds, kept, levels, rays, shown, sources, quiet)
 
     def _depth(self, obs: Observation) -> Any:
         """The observation's depth, on the device and row by row."""
@@ -299,7 +303,7 @@ class Painter:
             shower = shower_of(obs.world_from_sensor, light, time)
             shower.key = keyed(seed, "rain", 0)
             view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-            inputs = [record(shower, self._device), obs.keys, view, lens_of(obs.camera, 1), cover]
+            inputs = [record(shower, self._device), self._depth(obs), view, lens_of(obs.camera, 1), cover]
             launch(rain.streaks, shower.count, inputs, self._device)
         return cover
 

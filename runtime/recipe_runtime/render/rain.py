@@ -8,10 +8,9 @@ before what is seen there; covers are whole numbers, so their sum does not depen
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
-from recipe_runtime.render.bounds import greater, lesser
+from recipe_runtime.render.bounds import greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import scramble, unit, whole
-from recipe_runtime.render.observation import depth_of
 from recipe_runtime.render.visibility import Lens
 
 wp.set_module_options(OPTIONS)
@@ -47,7 +46,7 @@ def wrapped(start: wp.uint32, moved: wp.float64, low: wp.float64, cube: wp.float
 @wp.kernel
 def streaks(
     shower: wp.array[Shower],
-    keys: wp.array[wp.uint64],
+    depth: wp.array[wp.float32],
     view: wp.array2d[wp.float32],
     lens: Lens,
     rain: wp.array[wp.int32],
@@ -105,7 +104,6 @@ def streaks(
                 if k == broad:
                     part = past
                 if qx >= 0 and qx < lens.width:
-                    pixel = py * lens.width + qx
-                    key = keys[pixel]
-                    if key == wp.uint64(0) or wp.float32(depth_of(key, lens.near)) > z:
+                    pixel = index(py * lens.width + qx)
+                    if depth[pixel] > z:
                         wp.atomic_add(rain, pixel, wp.int32(cover * part))

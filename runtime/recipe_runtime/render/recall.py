@@ -98,22 +98,33 @@ def enlist(
     air: wp.array[Air],
     before: wp.array[Before],
     known: wp.array[wp.uint8],
+    quiet: wp.array[wp.uint8],
     count: wp.array[wp.int32],
     listed: wp.array[wp.int32],
 ):
-    """List a tile's samples whose light may change; `count` comes zeroed. Their order tells in no byte."""
+    """List a tile's samples whose light may change; `count` comes zeroed. Their order tells in no byte.
+
+    A tile is `quiet` if none of them changes unless something else comes near: it need not be looked through again.
+    """
     tile = wp.tid()
     bits = before[0].tiles[tile]
     calm = (bits & UNTOUCHED) != 0
     still_sky = before[0].sky != 0
     if air[0].glow > 0.0 and (bits & 4) == 0:
         still_sky = False
+    still = calm and still_sky
+    if still and quiet[tile] != wp.uint8(0):
+        return
     resting = resting_leaves(air[0].stirs, before[0].stirs)
     first = index(firsts[tile])
     end = firsts[tile + 1]
     n = wp.int32(0)
+    leaves = wp.int32(0)
     for i in range(first, end):
-        n = n + wp.where(rests(known[index(i)], calm, still_sky, resting), 0, 1)
+        of_sample = known[index(i)]
+        n = n + wp.where(rests(of_sample, calm, still_sky, resting), 0, 1)
+        leaves = leaves + wp.where(of_sample >= LEAF, 1, 0)
+    quiet[tile] = wp.where(still and n + leaves == 0, wp.uint8(1), wp.uint8(0))
     if n == 0:
         return
     at = wp.atomic_add(count, 0, n)

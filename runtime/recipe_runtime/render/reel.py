@@ -498,7 +498,7 @@ class Lane:
         launch(shade.shade, self.room, [*inputs, self._nothing_before, self._all, *out], self.device)
         if look.wet:
             inputs = [data, self._gleam, self._r["depth"], self._starts, b["view"], lens, self._nothing_before]
-            inputs += [self._nothing_moved, self._reach, self._asked, self._ways]
+            inputs += [self._nothing_moved, 1, self._reach, self._asked, self._ways]
             launch(reflection.march, self._reach.size, inputs, self.device)
             inputs = [data, air, self._gleam, self._reach, self._starts, b["view"], lens]
             inputs += [self._nothing_before, self._all, self._light, self._sources, shown]
@@ -506,7 +506,7 @@ class Lane:
         self._cover.zero_()
         if look.light.rain > 0.0:
             count = int(shower_of(np.zeros((3, 4)), look.light, 0.0).count)
-            inputs = [b[f"shower {v}"], self._coarse, b["view"], lens, self._cover]
+            inputs = [b[f"shower {v}"], self._r["depth"], b["view"], lens, self._cover]
             launch(rain.streaks, count, inputs, self.device)
         streak = streak_of(look.light)
         inputs = [shown, self._starts, self._groups, self._weights, self._cover, streak, b[f"response {v}"]]

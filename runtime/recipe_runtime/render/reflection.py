@@ -39,14 +39,13 @@ def seen_from(view: wp.array2d[wp.float32], v: wp.vec3f) -> wp.vec3f:
 
 
 @wp.func
-def pixel_at(q: wp.vec3f, lens: Lens) -> wp.int32:
-    """The pixel that a point before the camera falls on; -1 outside of the picture."""
+def place_of(q: wp.vec3f, lens: Lens) -> wp.vec2i:
+    """The column and the row of the pixel that a point before the camera falls on; -1 and -1 outside of the picture."""
     scale = wp.float32(lens.focal) / q[2]
     x = q[0] * scale + wp.float32(lens.cx)
     y = q[1] * scale + wp.float32(lens.cy)
-    if x < 0.0 or y < 0.0 or x >= wp.float32(lens.width) or y >= wp.float32(lens.height):
-        return -1
-    return wp.int32(y) * lens.width + wp.int32(x)
+    within = x >= 0.0 and y >= 0.0 and x < wp.float32(lens.width) and y < wp.float32(lens.height)
+    return wp.vec2i(wp.where(within, wp.int32(x), -1), wp.where(within, wp.int32(y), -1))
 
 
 @wp.func
@@ -78,39 +77,31 @@ def mirrored(to_point: wp.vec3f, ripple: wp.float32) -> wp.vec3f:
 
 
 @wp.func
-def first_wet(block: wp.int32, gleam: wp.array[wp.vec2f], starts: wp.array[wp.int32], lens: Lens) -> wp.int32:
+def first_wet(x0: wp.int32, y0: wp.int32, gleam: wp.array[wp.vec2f], starts: wp.array[wp.int32], lens: Lens) -> wp.int32:
     """The first sample of a block of 2 x 2 pixels that mirrors enough to be followed; -1 if none does."""
-    columns = (lens.width + 1) / 2
-    x0 = (block % columns) * 2
-    y0 = (block / columns) * 2
     found = wp.int32(-1)
     for y in range(y0, wp.min(y0 + 2, lens.height)):
         for x in range(x0, wp.min(x0 + 2, lens.width)):
-            s = starts[y * lens.width + x]
+            s = index(starts[index(y * lens.width + x)])
             if found < 0 and gleam[s][0] > FAINT:
                 found = s
     return found
 
 
 @wp.func
-def undisturbed(block: wp.int32, before: wp.array[Before], lens: Lens) -> bool:
+def undisturbed(x0: wp.int32, y0: wp.int32, before: wp.array[Before], lens: Lens) -> bool:
     """Whether the light of a block's pixels is what it was when they were last developed."""
-    columns = (lens.width + 1) / 2
-    x0 = (block % columns) * 2
-    y0 = (block / columns) * 2
     x1 = wp.min(x0 + 1, lens.width - 1)
-    y1 = wp.min(y0 + 1, lens.height - 1)
-    top = before[0].stale[y0 * lens.width + x0] | before[0].stale[y0 * lens.width + x1]
-    bottom = before[0].stale[y1 * lens.width + x0] | before[0].stale[y1 * lens.width + x1]
-    return (top | bottom) == wp.uint8(0)
+    top = y0 * lens.width
+    bottom = wp.min(y0 + 1, lens.height - 1) * lens.width
+    first = before[0].stale[index(top + x0)] | before[0].stale[index(top + x1)]
+    second = before[0].stale[index(bottom + x0)] | before[0].stale[index(bottom + x1)]
+    return (first | second) == wp.uint8(0)
 
 
 @wp.func
-def disturb(block: wp.int32, before: wp.array[Before], lens: Lens):
+def disturb(x0: wp.int32, y0: wp.int32, before: wp.array[Before], lens: Lens):
     """What a block of 2 x 2 pixels mirrors changes."""
-    columns = (lens.width + 1) / 2
-    x0 = (block % columns) * 2
-    y0 = (block / columns) * 2
     for y in range(y0, wp.min(y0 + 2, lens.height)):
         for x in range(x0, wp.min(x0 + 2, lens.width)):
             spoil(before, y * lens.width + x)
@@ -126,10 +117,10 @@ def close_in(
     for _halving in range(4):
         middle = (low + high) * 0.5
         q = start + way * middle
-        at = pixel_at(q, lens)
+        at = place_of(q, lens)
         hidden = False
-        if at >= 0:
-            hidden = depth[at] < q[2] - 0.03
+        if at[0] >= 0:
+            hidden = depth[index(at[1] * lens.width + at[0])] < q[2] - 0.03
         if hidden:
             high = middle
         else:
@@ -138,12 +129,12 @@ def close_in(
 
 
 @wp.func
-def tiles_of(low: wp.vec2i, high: wp.vec2i, lens: Lens) -> wp.uint32:
+def tiles_of(left: wp.int32, top: wp.int32, right: wp.int32, bottom: wp.int32, lens: Lens) -> wp.uint32:
     """The tiles, fewer than 255 a side, that hold a rectangle of pixels and those beside it: four bytes."""
-    x0 = wp.uint32(wp.max(low[0] - 1, 0) / TILE)
-    y0 = wp.uint32(wp.max(low[1] - 1, 0) / TILE)
-    x1 = wp.uint32(wp.min(high[0] + 1, lens.width - 1) / TILE)
-    y1 = wp.uint32(wp.min(high[1] + 1, lens.height - 1) / TILE)
+    x0 = wp.uint32(wp.max(left - 1, 0) / TILE)
+    y0 = wp.uint32(wp.max(top - 1, 0) / TILE)
+    x1 = wp.uint32(wp.min(right + 1, lens.width - 1) / TILE)
+    y1 = wp.uint32(wp.min(bottom + 1, lens.height - 1) / TILE)
     return x0 | (y0 << wp.uint32(8)) | (x1 << wp.uint32(16)) | (y1 << wp.uint32(24))
 
 
@@ -157,6 +148,52 @@ def calm(moved: wp.array2d[wp.int32], tiles: wp.uint32) -> wp.bool:
     return moved[y1, x1] - moved[y0, x1] - moved[y1, x0] + moved[y0, x0] == 0
 
 
+@wp.func
+def followed(
+    i: wp.int32,
+    x0: wp.int32,
+    y0: wp.int32,
+    samples: wp.array[Samples],
+    depth: wp.array[wp.float32],
+    view: wp.array2d[wp.float32],
+    lens: Lens,
+):
+    """How far the mirrored ray of a sample goes to what it meets, -1 if it meets nothing; and the tiles on its way."""
+    to_point = samples[0].positions[i] - samples[0].eye
+    start = seen_from(view, to_point)
+    way = seen_from(view, mirrored(to_point, 0.0))
+    hit = wp.int32(0)
+    last = wp.float32(0.05)
+    t = wp.float32(0.2)
+    left = x0
+    top = y0
+    right = x0 + 1
+    bottom = y0 + 1
+    for _step in range(STEPS):
+        q = start + way * t
+        if q[2] <= 0.2:
+            break
+        at = place_of(q, lens)
+        x = at[0]
+        y = at[1]
+        if x < 0:
+            break
+        left = wp.min(left, x)
+        top = wp.min(top, y)
+        right = wp.max(right, x)
+        bottom = wp.max(bottom, y)
+        seen = depth[index(y * lens.width + x)]
+        if seen < q[2] - 0.03 and seen > q[2] - 0.3 - 1.3 * (t - last):
+            hit = 1
+            break
+        last = t
+        t = t * GROWTH
+    found = wp.float32(-1.0)
+    if hit != 0:
+        found = close_in(start, way, last, t, depth, lens)
+    return found, tiles_of(left, top, right, bottom, lens)
+
+
 @wp.kernel
 def march(
     samples: wp.array[Samples],
@@ -167,74 +204,46 @@ def march(
     lens: Lens,
     before: wp.array[Before],
     moved: wp.array2d[wp.int32],
+    span: wp.int32,
     reach: wp.array[wp.float32],
     asked: wp.array[wp.int32],
     ways: wp.array[wp.uint32],
 ):
-    """How far the mirrored ray of a block of 2 x 2 pixels goes to what it meets; -1 if it meets nothing.
+    """How far the mirrored rays of blocks of 2 x 2 pixels go to what they meet; `span` blocks of a row to a thread.
 
     The ray of an earlier frame, from sample `asked` past the tiles `ways`, is kept where all of them are still; so is
     the knowledge (`DRY`) that a block mirrors nothing. A block whose ray goes another way than it did is disturbed.
     """
-    block = wp.tid()
-    known = asked[block]
+    columns = (lens.width + 1) / 2
+    spans = (columns + span - 1) / span
+    row = wp.tid() / spans
+    first = (wp.tid() % spans) * span
     small = before[0].kept > 0 and wp.max(lens.width, lens.height) <= WIDEST
-    # (A kernel works out both sides of an `and`.)
-    if small and known != -1:  # noqa: SIM102
-        if undisturbed(block, before, lens):
-            same = known == DRY
-            if not same:
-                same = calm(moved, ways[block])
-            if same:
-                return
-    i = first_wet(block, gleam, starts, lens)
-    keep = small and i < before[0].kept
-    was = reach[block]
-    reach[block] = -1.0
-    asked[block] = -1
-    if i < 0:
-        asked[block] = DRY
-        if was != -1.0:
-            disturb(block, before, lens)
-        return
-    to_point = samples[0].positions[i] - samples[0].eye
-    start = seen_from(view, to_point)
-    way = seen_from(view, mirrored(to_point, 0.0))
-    hit = wp.int32(0)
-    last = wp.float32(0.05)
-    t = wp.float32(0.2)
-    at = pixel_at(start + way * last, lens)
-    if at < 0:
-        at = samples[0].pixels[i]
-    low = wp.vec2i(at % lens.width, at / lens.width)
-    high = low
-    for _step in range(STEPS):
-        q = start + way * t
-        if q[2] <= 0.2:
-            break
-        at = pixel_at(q, lens)
-        if at < 0:
-            break
-        x = at % lens.width
-        y = at / lens.width
-        low = wp.vec2i(wp.min(low[0], x), wp.min(low[1], y))
-        high = wp.vec2i(wp.max(high[0], x), wp.max(high[1], y))
-        seen = depth[at]
-        if seen < q[2] - 0.03 and seen > q[2] - 0.3 - 1.3 * (t - last):
-            hit = 1
-            break
-        last = t
-        t = t * GROWTH
-    if keep:
-        ways[block] = tiles_of(low, high, lens)
-        if calm(moved, ways[block]):
-            asked[block] = i
-    found = wp.float32(-1.0)
-    if hit != 0:
-        found = close_in(start, way, last, t, depth, lens)
-        reach[block] = found
-    if was != found:
-        disturb(block, before, lens)
+    y0 = row * 2
+    for column in range(first, wp.min(first + span, columns)):
+        x0 = column * 2
+        block = index(row * columns + column)
+        known = asked[block]
+        same = bool(False)
+        # (A kernel works out both sides of an `and`.)
+        if small and known != -1:  # noqa: SIM102
+            if undisturbed(x0, y0, before, lens):
+                same = known == DRY
+                if not same:
+                    same = calm(moved, ways[block])
+        if not same:
+            i = first_wet(x0, y0, gleam, starts, lens)
+            was = reach[block]
+            now = wp.float32(-1.0)
+            if i >= 0:
+                now, way = followed(i, x0, y0, samples, depth, view, lens)
+                ways[block] = way
+                asked[block] = wp.where(small and i < before[0].kept and calm(moved, way), i, -1)
+            else:
+                asked[block] = DRY
+            reach[block] = now
+            if was != now:
+                disturb(x0, y0, before, lens)
 
 
 @wp.kernel
@@ -312,7 +321,9 @@ def reflect(
     if t > 0.0:
         q = seen_from(view, to_point + d * t)
         if q[2] > 0.2:
-            at = pixel_at(q, lens)
+            place = place_of(q, lens)
+            if place[0] >= 0:
+                at = place[1] * lens.width + place[0]
     if at >= 0:
         # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
         most = air[0].sideways * (4.0 + 500.0 * greater(gleam[i][1] - 0.82, 0.0))
