@@ -82,18 +82,21 @@ def level(x: wp.float32, deviate: wp.float32, noise: wp.float32) -> wp.int32:
 
 @wp.func
 def record_levels(
-    out: wp.array2d[wp.uint8],
+    out: wp.array[wp.uint8],
     i: wp.int32,
-    colour: wp.vec3f,
+    red: wp.float32,
+    green: wp.float32,
+    blue: wp.float32,
     r: Response,
     srgb: wp.array[wp.uint8],
     bells: wp.array[wp.float32],
 ):
     """Write a pixel's bytes: noise, each channel's of its own bits of the pixel's hash, and the tone table."""
     h = scramble(wp.uint32(i) ^ r.key)
-    out[i, 0] = srgb[level(colour[0], deviate(bells, h), r.noise)]
-    out[i, 1] = srgb[level(colour[1], deviate(bells, h << wp.uint32(10)), r.noise)]
-    out[i, 2] = srgb[level(colour[2], deviate(bells, h << wp.uint32(20)), r.noise)]
+    at = index(3 * i)
+    out[at] = srgb[level(red, deviate(bells, h), r.noise)]
+    out[at + 1] = srgb[level(green, deviate(bells, h << wp.uint32(10)), r.noise)]
+    out[at + 2] = srgb[level(blue, deviate(bells, h << wp.uint32(20)), r.noise)]
 
 
 @wp.kernel
@@ -146,28 +149,44 @@ def develop(
     gains: wp.array[wp.float32],
     srgb: wp.array[wp.uint8],
     bells: wp.array[wp.float32],
-    out: wp.array2d[wp.uint8],
+    span: wp.int32,
+    out: wp.array[wp.uint8],
 ):
-    """One pixel's three bytes; `gains` is what `fall_off` found.
+    """The three bytes of `span` pixels to a thread; `gains` is what `fall_off` found.
 
-    Where its samples are below `kept` and it is not stale, its levels before the noise are those of an earlier frame.
+    Where a pixel is not stale, its levels before the noise are those of an earlier frame: its samples are below `kept`
+    then. `rain` has one element only where no drop falls.
     """
-    i = index(wp.tid())
     r = responses[0]
-    first = index(starts[i])
-    keep = first < kept and rain[i] == 0
-    fresh = not keep
-    colour = wp.vec3f(0.0, 0.0, 0.0)
-    if keep:
-        fresh = stale[i] != wp.uint8(0)
-        colour = levels[i]
-    if fresh:
-        gain = r.exposure * gains[i]
-        colour = toned(first, groups[i] & 7, radiance, weights, rain[i], streak, gain, r.white)
-        if keep:
-            levels[i] = colour
-            stale[i] = wp.uint8(0)
-    record_levels(out, i, colour, r, srgb, bells)
+    raining = rain.shape[0] > 1
+    begin = wp.tid() * span
+    for place in range(begin, wp.min(begin + span, r.width * r.height)):
+        i = index(place)
+        drops = wp.int32(0)
+        if raining:
+            drops = rain[i]
+        fresh = drops != 0 or kept == 0
+        if not fresh:
+            fresh = stale[i] != wp.uint8(0)
+        red = wp.float32(0.0)
+        green = wp.float32(0.0)
+        blue = wp.float32(0.0)
+        if fresh:
+            first = index(starts[i])
+            gain = r.exposure * gains[i]
+            colour = toned(first, groups[i] & 7, radiance, weights, drops, streak, gain, r.white)
+            red = colour[0]
+            green = colour[1]
+            blue = colour[2]
+            if first < kept and drops == 0:
+                levels[i] = colour
+                stale[i] = wp.uint8(0)
+        else:
+            held = levels[i]
+            red = held[0]
+            green = held[1]
+            blue = held[2]
+        record_levels(out, i, red, green, blue, r, srgb, bells)
 
 
 @wp.kernel
@@ -183,5 +202,8 @@ def expose(
 ):
     """One plate pixel's light, exposed and balanced, its samples averaged as `develop` does; what blurs acts on it."""
     i = wp.tid()
-    colour = toned(starts[i], groups[i] & 7, radiance, weights, rain[i], streak, r.exposure, r.white)
+    drops = wp.int32(0)
+    if rain.shape[0] > 1:
+        drops = rain[i]
+    colour = toned(starts[i], groups[i] & 7, radiance, weights, drops, streak, r.exposure, r.white)
     plate[i] = wp.vec3f(untone(colour[0]), untone(colour[1]), untone(colour[2]))

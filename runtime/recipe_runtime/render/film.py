@@ -92,7 +92,7 @@ def finish(
     moment: blur.Moment | None,
     device: str,
 ) -> Any:
-    """The bytes of a picture, uint8 [H * W, 3], from the light of its plate, which `seen` is the observation of."""
+    """The bytes of a picture, uint8 [H * W * 3], from the light of its plate, which `seen` is the observation of."""
     if moment is not None and response.motion_blur_intensity > 0.0:
         rows = device_rows(blur.then_from_now(seen.world_from_sensor, seen.parts, moment), device)
         frames = blur.frames_open(response, moment)
@@ -104,7 +104,7 @@ def finish(
     end.bloom = bloom.SHARE * response.bloom_intensity
     end.coarse = bloom.side_of(seen.camera)
     shed = bloom.spread(plate, seen.camera, device) if response.bloom_intensity > 0.0 else plate
-    out = wp.empty((obs.camera.width * obs.camera.height, 3), dtype=wp.uint8, device=device)
+    out = wp.empty(obs.camera.width * obs.camera.height * 3, dtype=wp.uint8, device=device)
     curve = lens.curve_of(obs.camera, response.supersample)
     inputs = [plate, shed, curve, end, *told, out]
     launch(lens.finish, obs.camera.width * obs.camera.height, inputs, device)

@@ -169,7 +169,7 @@ def finish(
     rims: wp.array[wp.float32],
     srgb: wp.array[wp.uint8],
     bells: wp.array[wp.float32],
-    out: wp.array2d[wp.uint8],
+    out: wp.array[wp.uint8],
 ):
     """One pixel's three bytes from the plate: its samples toned one by one, then averaged, and noise on top."""
     i = wp.tid()
@@ -196,4 +196,4 @@ def finish(
         green = green + tone(light[1] * gain)
         blue = blue + tone(light[2] * gain)
     share = 1.0 / wp.float32(c.fine * c.fine)
-    record_levels(out, i, wp.vec3f(red * share, green * share, blue * share), r, srgb, bells)
+    record_levels(out, i, red * share, green * share, blue * share, r, srgb, bells)

@@ -103,10 +103,11 @@ class Painter:
                 told = [r, *self._tables.of(response)]
                 out = film.finish(exposed, plate, obs, response, told, self._g, moment, self._device)
             else:
-                out = wp.empty((r.width * r.height, 3), dtype=wp.uint8, device=self._device)
+                out = wp.empty(r.width * r.height * 3, dtype=wp.uint8, device=self._device)
                 inputs[-1] = record(r, self._device)
                 inputs += [shaded.kept, *shaded.levels, *self._tables.straight(response, obs.camera)]
-                launch(camera.develop, r.width * r.height, [*inputs, out], self._device)
+                span = r.width if self._device == "cpu" else 1  # a GPU has threads to spare
+                launch(camera.develop, r.width * r.height // span, [*inputs, span, out], self._device)
             picture: NDArray[np.uint8] = out.numpy().reshape(r.height, r.width, 3)
         return picture
 
@@ -298,13 +299,14 @@ class Painter:
         return self._looks[name]
 
     def _rain(self, obs: Observation, seed: int, light: Light, time: float) -> Any:
+        if light.rain <= 0.0:
+            return wp.zeros(1, dtype=wp.int32, device=self._device)
         cover = wp.zeros(obs.camera.width * obs.camera.height, dtype=wp.int32, device=self._device)
-        if light.rain > 0.0:
-            shower = shower_of(obs.world_from_sensor, light, time)
-            shower.key = keyed(seed, "rain", 0)
-            view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-            inputs = [record(shower, self._device), self._depth(obs), view, lens_of(obs.camera, 1), cover]
-            launch(rain.streaks, shower.count, inputs, self._device)
+        shower = shower_of(obs.world_from_sensor, light, time)
+        shower.key = keyed(seed, "rain", 0)
+        view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
+        inputs = [record(shower, self._device), self._depth(obs), view, lens_of(obs.camera, 1), cover]
+        launch(rain.streaks, shower.count, inputs, self._device)
         return cover
 
     def _empty(self, count: int, kind: Any) -> Any:

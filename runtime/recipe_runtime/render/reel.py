@@ -358,7 +358,7 @@ class Lane:
         self._sources = zeros(1, wp.int32)
         self._nothing_moved = wp.zeros((1, 1), dtype=wp.int32, device=device)
         self._no_levels = 0, zeros(1, wp.uint8), zeros(1, wp.vec3f)
-        self._cover = zeros(reel.pixels, wp.int32)
+        self._cover, self._dry = zeros(reel.pixels, wp.int32), zeros(1, wp.int32)
         lists = (reel.tiles.size, int(nearby.MOST) + 1)
         kinds = {look.lit for look in reel.looks}
         self._lists = {lit: [wp.zeros(lists, dtype=wp.int32, device=device) for _ in range(3)] for lit in kinds}
@@ -503,15 +503,17 @@ class Lane:
             inputs = [data, air, self._gleam, self._reach, self._starts, b["view"], lens]
             inputs += [self._nothing_before, self._all, self._light, self._sources, shown]
             launch(reflection.reflect, self.room, inputs, self.device)
-        self._cover.zero_()
+        cover = self._dry
         if look.light.rain > 0.0:
+            cover = self._cover
+            cover.zero_()
             count = int(shower_of(np.zeros((3, 4)), look.light, 0.0).count)
-            inputs = [b[f"shower {v}"], self._r["depth"], b["view"], lens, self._cover]
+            inputs = [b[f"shower {v}"], self._r["depth"], b["view"], lens, cover]
             launch(rain.streaks, count, inputs, self.device)
         streak = streak_of(look.light)
-        inputs = [shown, self._starts, self._groups, self._weights, self._cover, streak, b[f"response {v}"]]
+        inputs = [shown, self._starts, self._groups, self._weights, cover, streak, b[f"response {v}"]]
         inputs += self._no_levels
-        launch(camera.develop, reel.pixels, [*inputs, *look.tables, self._r[f"rgb {v}"]], self.device)
+        launch(camera.develop, reel.pixels, [*inputs, *look.tables, 1, self._r[f"rgb {v}"]], self.device)
 
 
 def _results(reel: Reel, actors: int) -> list[tuple[str, Any, tuple[int, ...]]]:
@@ -521,7 +523,7 @@ def _results(reel: Reel, actors: int) -> list[tuple[str, Any, tuple[int, ...]]]:
         *((name, kind, (reel.pixels,)) for name, kind in labels),
         ("extents", wp.int32, (4, actors, 5)),
         ("cursor", wp.int32, (1,)),
-        *((f"rgb {v}", wp.uint8, (reel.pixels, 3)) for v in range(len(reel.looks))),
+        *((f"rgb {v}", wp.uint8, (reel.pixels * 3,)) for v in range(len(reel.looks))),
     ]
 
 
