@@ -17,8 +17,8 @@ from recipe_runtime.render.visibility import Lens
 wp.set_module_options(OPTIONS)
 
 MOST = wp.constant(24)  # things a tile can hold; the list's first ones are kept
-FADED = wp.constant(wp.float32(1.0 / 81.0))  # the darkening at nine times the half of it; nothing is left from there on
-FADES_AT = wp.constant(wp.float32(2.83))  # spreads from a body
+FADES_AT = wp.constant(wp.float32(8.0))  # squared, in spreads from a body: from there on it darkens nothing
+FADED = wp.constant(wp.float32(1.0 / 81.0))  # what it would darken there
 
 
 @wp.struct
@@ -136,7 +136,7 @@ def list_bodies(bodies: wp.array[Bodies], low: wp.vec3f, high: wp.vec3f, tile: w
     """List the bodies that stand so near to the box that they may darken it."""
     n = wp.int32(0)
     for i in range(bodies[0].count):
-        reach = bodies[0].half[i][0] + bodies[0].half[i][1] + FADES_AT * bodies[0].spread[i]
+        reach = bodies[0].half[i][0] + bodies[0].half[i][1] + wp.sqrt(FADES_AT) * bodies[0].spread[i] + 0.001
         g = gaps(low, high, bodies[0].centre[i])
         if g[0] * g[0] + g[1] * g[1] < reach * reach and g[2] < 0.6 and n < MOST:
             n = n + 1
@@ -232,11 +232,13 @@ def contact(
             v = dy * a[0] - dx * a[1]
             gu = gap(-h[0], h[0], u)
             gv = gap(-h[1], h[1], v)
-            spread = bodies[0].spread[i]
-            r = (gu * gu + gv * gv) / (spread * spread)
-            share = greater(1.0 / (1.0 + 2.0 * r + r * r) - FADED, 0.0) * (1.0 / (1.0 - FADED))
-            # The parts of one body stand in each other's way: the darkest of them counts, not their product.
-            left = lesser(left, 1.0 - bodies[0].strength[i] * clamp01(n[2]) * share)
+            square = gu * gu + gv * gv
+            spread = bodies[0].spread[i] * bodies[0].spread[i]
+            if square < FADES_AT * spread:
+                r = square / spread
+                share = greater(1.0 / (1.0 + 2.0 * r + r * r) - FADED, 0.0) * (1.0 / (1.0 - FADED))
+                # The parts of one body stand in each other's way: the darkest of them counts, not their product.
+                left = lesser(left, 1.0 - bodies[0].strength[i] * clamp01(n[2]) * share)
     return left
 
 
