@@ -19,7 +19,7 @@ DOORS = {
     "click": {"recipe_cli/"},
     "yaml": {"recipe_compiler/source.py"},
     "astral": {"recipe_compiler/sun.py"},
-    "deflate": {"recipe_runtime/encode.py"},
+    "zlib_ng": {"recipe_runtime/encode.py"},
     "pycocotools": {"recipe_runtime/annotate/", "recipe_runtime/report/"},
     "PIL": {"recipe_compiler/assets/png.py", "recipe_runtime/report/", "recipe_runtime/build.py"},
     "fsspec": {"recipe_runtime/remote.py"},

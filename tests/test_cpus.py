@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.runtime.test_encode import PINNED
 from tests.sources import ROOT
 
 pytestmark = [
@@ -56,6 +57,14 @@ def test_the_tiny_recipe_verifies_whole(cpu: str, tmp_path: Path) -> None:
     done = _run([python, "-c", _RUN, python, "verify", TINY, "--all", "--workers", "1"])
     assert done.returncode == 0, done.stdout + done.stderr
     assert "PASS" in done.stdout
+
+
+@pytest.mark.parametrize("cpu", ["Nehalem", "SandyBridge", "Haswell"])
+def test_files_are_encoded_alike(cpu: str, tmp_path: Path) -> None:
+    """The encoder chooses its code by the CPU, and must find the same repeats and codes in each."""
+    python = _emulated(cpu, tmp_path)
+    done = _run([python, "-c", "from tests.runtime.test_encode import digests; print(digests())"])
+    assert done.stdout.strip() == str(PINNED), done.stderr
 
 
 def test_plans_and_motion_are_equal_without_avx(tmp_path: Path) -> None:

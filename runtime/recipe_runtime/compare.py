@@ -20,7 +20,7 @@ _DEPENDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "labels": (("observe", "annotate"), ("pycocotools", "numpy")),
     "shading": (("observe", "shade"), ("warp-lang", "numpy")),
     "texts": (("observe", "annotate"), ("dataset-recipe", "pycocotools")),
-    "encoding": (("encode",), ("deflate", "numpy")),
+    "encoding": (("encode",), ("zlib-ng", "numpy")),
 }
 _STAGE_OF = {"rgb": "shading", "labels": "labels", "depth": "observation"}
 

@@ -1,6 +1,6 @@
-"""Arrays to file bytes: PNG through libdeflate, CARLA's depth, `.npy`.
+"""Arrays to file bytes: PNG through zlib-ng, CARLA's depth, `.npy`.
 
-The bytes depend on the pixels and on the `deflate` package's version only. A picture is hashed as pixels
+The bytes depend on the pixels and on the `zlib-ng` package's version only. A picture is hashed as pixels
 (`frames.pixel_digest`) and as a file, apart: another encoder is then seen as that, not as another picture.
 """
 
@@ -9,36 +9,44 @@ from __future__ import annotations
 import struct
 from typing import Any
 
-import deflate
 import numpy as np
 from numpy.typing import NDArray
+from zlib_ng import zlib_ng
 
 CARLA_FAR = 1000.0  # metres; CARLA's depth pictures end there
 _STEPS = float((1 << 24) - 1)
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _SUB = 1  # PNG filter type: each byte less the one a pixel to its left
 _UP = 2  # PNG filter type: each byte less the one above it
+_WINDOW, _MEMORY = 15, 9  # zlib's largest
 
 
-def png(pixels: NDArray[Any], level: int = 1) -> bytes:
-    """A PNG of uint8 [H, W, 3] (RGB), uint8 [H, W] (grey) or uint16 [H, W] (16-bit grey).
+def photograph(pixels: NDArray[np.uint8]) -> bytes:
+    """A PNG of what a camera took, uint8 [H, W, 3] (RGB).
 
-    Colour is filtered against the left neighbour. Labels are filtered against the row above, which leaves nearly
-    nothing but zeros.
+    Its noise leaves nothing that repeats: bytes, less those of the left neighbour, are coded by how often they come
+    (Huffman), and no repeats are looked for.
     """
+    if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] != 3:
+        raise ValueError(f"no photograph of {pixels.dtype} {pixels.shape}")
+    return _file(pixels, 8, 2, _compressed(_filter_sub(np.ascontiguousarray(pixels)), 1, zlib_ng.Z_HUFFMAN_ONLY))
+
+
+def png(pixels: NDArray[Any], level: int = 2) -> bytes:
+    """A PNG of drawn or measured values: uint8 [H, W, 3] (RGB), uint8 [H, W] (grey) or uint16 [H, W] (16-bit grey).
+
+    They are filtered against the row above, which leaves nearly nothing but zeros of labels, and small steps of depth.
+    """
+    rows: NDArray[np.uint8]
     if pixels.dtype == np.uint8 and pixels.ndim == 3 and pixels.shape[2] == 3:
-        depth, kind, filtered = 8, 2, _filter_sub(np.ascontiguousarray(pixels))
+        depth, kind, rows = 8, 2, np.ascontiguousarray(pixels).reshape(pixels.shape[0], -1)
     elif pixels.dtype == np.uint8 and pixels.ndim == 2:
-        depth, kind, filtered = 8, 0, _filter_up(np.ascontiguousarray(pixels))
+        depth, kind, rows = 8, 0, np.ascontiguousarray(pixels)
     elif pixels.dtype == np.uint16 and pixels.ndim == 2:
-        bytes_ = np.ascontiguousarray(pixels.astype(">u2")).view(np.uint8)
-        depth, kind, filtered = 16, 0, _filter_up(bytes_)
+        depth, kind, rows = 16, 0, np.ascontiguousarray(pixels.astype(">u2")).view(np.uint8)
     else:
         raise ValueError(f"no PNG form for {pixels.dtype} {pixels.shape}")
-    height, width = pixels.shape[:2]
-    header = struct.pack(">IIBBBBB", width, height, depth, kind, 0, 0, 0)
-    body = deflate.zlib_compress(filtered.data, level)
-    return b"".join([_SIGNATURE, *_chunk(b"IHDR", header), *_chunk(b"IDAT", body), *_chunk(b"IEND", b"")])
+    return _file(pixels, depth, kind, _compressed(_filter_up(rows), level, zlib_ng.Z_DEFAULT_STRATEGY))
 
 
 def carla_depth(metres: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -93,6 +101,17 @@ def _filter_up(rows: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return out
 
 
-def _chunk(name: bytes, body: bytes | bytearray) -> tuple[bytes | bytearray, ...]:
-    crc = deflate.crc32(body, deflate.crc32(name))
+def _compressed(rows: NDArray[np.uint8], level: int, strategy: int) -> bytes:
+    packer = zlib_ng.compressobj(level, zlib_ng.DEFLATED, _WINDOW, _MEMORY, strategy)
+    return bytes(packer.compress(rows.data) + packer.flush())
+
+
+def _file(pixels: NDArray[Any], depth: int, kind: int, body: bytes) -> bytes:
+    height, width = pixels.shape[:2]
+    header = struct.pack(">IIBBBBB", width, height, depth, kind, 0, 0, 0)
+    return b"".join([_SIGNATURE, *_chunk(b"IHDR", header), *_chunk(b"IDAT", body), *_chunk(b"IEND", b"")])
+
+
+def _chunk(name: bytes, body: bytes) -> tuple[bytes, ...]:
+    crc = zlib_ng.crc32(body, zlib_ng.crc32(name))
     return struct.pack(">I", len(body)), name, body, struct.pack(">I", crc)

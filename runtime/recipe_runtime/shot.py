@@ -43,7 +43,8 @@ class Shot:
     def write(self, path: Path) -> None:
         """Write the picture as a PNG, whole or not at all."""
         with host_errors(str(path), "choose another --output"):
-            write_atomic(path, encode.png(self.picture()))
+            encoded = encode.photograph if self.modality == "rgb" else encode.png
+            write_atomic(path, encoded(self.picture()))
 
 
 def shot(

@@ -16,7 +16,7 @@ STAGES: dict[str, int] = {"plan": 1, "simulate": 1, "observe": 1, "shade": 1, "e
 SHARED = {"assets", "canonical", "errors", "exact", "files", "lockfile", "optics", "plan", "streams", "wording"}
 
 _NOT_SIMULATING = {"annotate", "render", "report"}
-_TOOLS = ("dataset-recipe", "astral", "deflate", "numpy", "pybullet", "pycocotools", "rfc8785", "warp-lang")
+_TOOLS = ("dataset-recipe", "astral", "numpy", "pybullet", "pycocotools", "rfc8785", "warp-lang", "zlib-ng")
 
 
 def tool_versions() -> dict[str, str]:

@@ -177,6 +177,8 @@ class _FrameTask:
 
 
 def _encoded(modality: str, array: NDArray[Any], depth: str) -> bytes:
+    if modality == "rgb":
+        return encode.photograph(array)
     if modality != "depth":
         return encode.png(array)
     metres = array.astype(np.float32)

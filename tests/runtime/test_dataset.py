@@ -312,7 +312,7 @@ def test_what_is_no_plain_file_is_told_and_never_opened(copy: Path, tmp_path: Pa
 def test_a_manifest_that_does_not_add_up_or_of_other_tools_is_not_whole(copy: Path) -> None:
     edited, older = manifest_of(copy), manifest_of(copy)
     edited["variants"]["weather=w0,jitter=still"]["frames"]["street"]["rgb"][0] = "0" * 64
-    older["tools"]["deflate"] = "0.1"
+    older["tools"]["zlib-ng"] = "0.1"
     assert not is_whole(edited, PLAN, copy)
     assert not is_whole(older, PLAN, copy)
     picture = copy / STREET / "rgb" / "000000.png"

@@ -130,7 +130,7 @@ def test_files_that_differ_come_last_and_in_the_order_in_which_they_are_made(our
         "file: plans/x.json is in theirs only",
         *(f"file: {path} has other bytes" for path in made),
     ]
-    caused = differences(one, replace(other, lock=replace(ours.lock, tools={**ours.lock.tools, "deflate": "9"})))
+    caused = differences(one, replace(other, lock=replace(ours.lock, tools={**ours.lock.tools, "zlib-ng": "9"})))
     assert [f.stage for f in caused] == ["tools", "file"]
     assert caused[-1].message == "6 of 6 files differ, the first: plans/x.json is in theirs only"
 

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 from recipe_runtime import encode
 
-PINNED = ["8be65a9a3bda014b", "f53cbc0f3fb010f2", "a0002f044097d223"]
+PINNED = ["ba7a692cf63fa9e2", "066bee1204be7dbd", "ae32eceb1716bb0d", "d49ceadc736ad0cc", "8a838b024e55f0c0"]
 
 
 def noisy(shape: tuple[int, ...], top: int, dtype: type) -> np.ndarray:
@@ -35,13 +35,45 @@ def test_pillow_reads_what_was_written(pixels: np.ndarray, mode: str) -> None:
     assert np.array_equal(np.asarray(picture), pixels)
 
 
+def ramp(height: int, width: int) -> np.ndarray:
+    """Depth as of a plane that is walked away upon, with a wall on it."""
+    rows = np.arange(height)[::-1, None] * 0.37 + np.arange(width) * 0.011 + 2.0
+    rows[height // 4 : height // 2, width // 3 :] = 7.5
+    return encode.carla_depth(rows.astype(np.float32))
+
+
+def digests() -> list[str]:
+    """Of files of every kind."""
+    labels, wide = noisy((480, 640), 28, np.uint8), noisy((48, 64), 15999, np.uint16)
+    labels[:, 40:600] //= 8
+    files = [encode.photograph(noisy((480, 640, 3), 90, np.uint8)), encode.png(ramp(480, 640))]
+    files += [encode.png(labels), encode.png(wide), encode.png(labels, level=6)]
+    return [hashlib.sha256(file).hexdigest()[:16] for file in files]
+
+
 def test_png_bytes_are_pinned() -> None:
     """A changed encoder is a changed stage version, never an accident."""
-    digests = [
-        hashlib.sha256(encode.png(a)).hexdigest()[:16]
-        for a in (noisy((48, 64, 3), 255, np.uint8), noisy((48, 64), 28, np.uint8), noisy((48, 64), 15999, np.uint16))
-    ]
-    assert digests == PINNED
+    assert digests() == PINNED
+
+
+@pytest.mark.parametrize("shape", [(7, 5, 3), (1, 1, 3), (480, 640, 3)])
+def test_pillow_reads_a_photograph(shape: tuple[int, ...]) -> None:
+    pixels = noisy(shape, 255, np.uint8)
+    picture = Image.open(io.BytesIO(encode.photograph(pixels)))
+    picture.load()
+    assert picture.mode == "RGB"
+    assert np.array_equal(np.asarray(picture), pixels)
+
+
+def test_a_photograph_of_noise_is_smaller_than_the_search_for_repeats_makes_it() -> None:
+    steps = noisy((480, 640, 3), 15, np.uint8).cumsum(axis=1, dtype=np.uint8)
+    assert len(encode.photograph(steps)) < len(encode.png(steps))
+
+
+@pytest.mark.parametrize("pixels", [np.zeros((4, 4), np.uint8), np.zeros((4, 4, 3), np.uint16)])
+def test_no_photograph_of_labels(pixels: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="no photograph"):
+        encode.photograph(pixels)
 
 
 def test_no_png_of_what_has_no_form() -> None:

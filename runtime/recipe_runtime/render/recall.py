@@ -49,10 +49,9 @@ def asked_of(asked: wp.array[Asked], thread: wp.int32) -> wp.int32:
     i = thread
     listed = asked[0].listed
     if listed >= 0:
+        i = asked[0].fresh + thread - listed
         if thread < listed:
             i = asked[0].samples[index(thread)]
-        else:
-            i = asked[0].fresh + thread - listed
     return index(i)
 
 

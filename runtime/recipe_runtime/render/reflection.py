@@ -77,7 +77,9 @@ def mirrored(to_point: wp.vec3f, ripple: wp.float32) -> wp.vec3f:
 
 
 @wp.func
-def first_wet(x0: wp.int32, y0: wp.int32, gleam: wp.array[wp.vec2f], starts: wp.array[wp.int32], lens: Lens) -> wp.int32:
+def first_wet(
+    x0: wp.int32, y0: wp.int32, gleam: wp.array[wp.vec2f], starts: wp.array[wp.int32], lens: Lens
+) -> wp.int32:
     """The first sample of a block of 2 x 2 pixels that mirrors enough to be followed; -1 if none does."""
     found = wp.int32(-1)
     for y in range(y0, wp.min(y0 + 2, lens.height)):

@@ -468,7 +468,11 @@ def shade(
         if stirring(turn, air[0].stirs) != stirring(turn, before[0].stirs):
             earlier = False
     # (A normal that turns away is bent first, below: too few to ask for.)
-    if earlier and inner(n, to_point) <= 0.0 and unchanged(before, air, beams, bodies, body_lists, known[i], tile, p, n):
+    if (
+        earlier
+        and inner(n, to_point) <= 0.0
+        and unchanged(before, air, beams, bodies, body_lists, known[i], tile, p, n)
+    ):
         return
     spoil(before, samples[0].pixels[i])
     detail = samples[0].details[i]
