@@ -6,6 +6,7 @@ where it must be equal, so that remembering saves time and changes no byte.
 """
 
 import hashlib
+import weakref
 from dataclasses import dataclass
 from typing import Any
 
@@ -255,7 +256,9 @@ class Painter:
             if name not in obs.derived:
                 world = device_rows(world_from_parts(obs.parts), self._device)
                 vertices = world_vertices(self._g, world, self._device)
-                obs.derived[name] = self._shadows.moving(light.sun, vertices, world, eye, ahead)
+                sheets = self._shadows.moving(light.sun, vertices, world, eye, ahead)
+                obs.derived[name] = [sheet.beam for sheet in sheets]
+                weakref.finalize(obs, self._shadows.give_back, sheets).atexit = False
             beams = [*still, *obs.derived[name]]
         else:
             beams = [self._shadows.none()] * 4

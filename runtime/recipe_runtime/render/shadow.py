@@ -124,12 +124,20 @@ def cast(
 
 @wp.kernel
 def nearness(
-    keys: wp.array[wp.uint64], used: wp.array[wp.int32], size: wp.int32, rows: wp.int32, out: wp.array[wp.float32]
+    keys: wp.array[wp.uint64],
+    used: wp.array[wp.int32],
+    before: wp.array[wp.int32],
+    size: wp.int32,
+    rows: wp.int32,
+    out: wp.array[wp.float32],
 ):
-    """Some rows of a used tile: keys as nearness in 0..1, half as large to keep, and cleared; `out` comes zeroed."""
+    """Some rows of a used tile: keys as nearness in 0..1, half as large to keep, and cleared.
+
+    `out` comes zeroed but for the tiles that were used `before`, which are cleared.
+    """
     shares = TILE / rows
     tile = wp.tid() / shares
-    if used[tile] == 0:
+    if used[tile] == 0 and before[tile] == 0:
         return
     side = size / TILE
     first = (tile / side) * TILE * size + (tile % side) * TILE

@@ -1,5 +1,7 @@
 """Shadow maps: made for a sun's place over the whole town once, and for what moves every frame."""
 
+from __future__ import annotations
+
 from collections import OrderedDict
 from typing import Any
 
@@ -19,6 +21,7 @@ _STATIC_MAPS = ((3072, 0.03, 32.0), (2048, 0.2, 128.0))  # texels, metres a texe
 _MOVING_SIZE = 1024
 _MOVING_TEXELS = (0.022, 0.09)  # metres: about 22 m across, and 92 m
 _KEPT = 6  # static maps kept of each kind
+_SPARE = 8  # moving maps, 4 MB each
 _REACH = 1200.0  # metres along the sun's rays that a map spans
 
 
@@ -29,6 +32,7 @@ class Shadows:
         self._g, self._device = geometry, device
         self._keys: dict[int, Any] = {}  # by a map's size
         self._static: list[OrderedDict[tuple[bytes, int, int], Any]] = [OrderedDict() for _ in _STATIC_MAPS]
+        self._spare: list[Sheet] = []  # of maps that nobody looks into any more
 
     def static(self, sun: NDArray[np.float64], eye: Array) -> tuple[Any, Any]:
         """The fine and the coarse map of what stands still, about the eye; for a sun above the horizon.
@@ -60,12 +64,26 @@ class Shadows:
         beam.bounds = wp.zeros(1, dtype=wp.vec2f, device=self._device)
         return beam
 
-    def moving(self, sun: NDArray[np.float64], vertices: Any, world: Any, eye: Array, ahead: Array) -> tuple[Any, Any]:
+    def moving(self, sun: NDArray[np.float64], vertices: Any, world: Any, eye: Array, ahead: Array) -> list[Sheet]:
         """The fine and the coarse map of the moving parts, from their vertices in the world, moved there by `world`."""
         first = self._g.static_chunks
         count = self._g.chunk_count - first
-        fine, coarse = (self._draw(beam, vertices, world, first, count) for beam in about(sun, eye, ahead))
-        return fine, coarse
+        sheets = [self._sheet(beam) for beam in about(sun, eye, ahead)]
+        for sheet in sheets:
+            sheet.draw(record(sheet.beam, self._device), vertices, world, first, count)
+        return sheets
+
+    def give_back(self, sheets: list[Sheet]) -> None:
+        """Keep the memory of moving maps for others."""
+        self._spare += sheets[: _SPARE - len(self._spare)]
+
+    def _sheet(self, beam: Any) -> Sheet:
+        """Room for a moving map."""
+        if not self._spare:
+            return Sheet(beam, self._g, self._device, self._cleared(beam.size))
+        sheet = self._spare.pop()
+        sheet.turn(beam)
+        return sheet
 
     def _cleared(self, size: int) -> Any:
         """A map of keys, all 0, as `shadow.nearness` leaves it."""
@@ -74,8 +92,9 @@ class Shadows:
         return self._keys[size]
 
     def _draw(self, beam: Any, vertices: Any, world: Any, first: int, count: int) -> Any:
-        sheet = Sheet(beam, self._g, self._device, self._cleared(beam.size))
-        sheet.draw(record(beam, self._device), vertices, world, first, count)
+        Sheet(beam, self._g, self._device, self._cleared(beam.size)).draw(
+            record(beam, self._device), vertices, world, first, count
+        )
         return beam
 
 
@@ -86,10 +105,16 @@ class Sheet:
         self.beam, self._g, self._device = beam, geometry, device
         tiles = (beam.size // TILE) * (beam.size // TILE)
         self._keys = keys  # all 0, as `shadow.nearness` leaves them
-        self._used = wp.zeros(tiles, dtype=wp.int32, device=device)
+        self._used, self._before = (wp.zeros(tiles, dtype=wp.int32, device=device) for _ in range(2))
         self._seen = wp.empty(max(geometry.chunk_count, 1), dtype=wp.int32, device=device)
         beam.depths = zeros(beam.size * beam.size, wp.float32, device)
         beam.bounds = wp.empty(tiles, dtype=wp.vec2f, device=device)
+
+    def turn(self, beam: Any) -> None:
+        """Serve another beam, as large; what was drawn goes with the next drawing."""
+        beam.depths, beam.bounds = self.beam.depths, self.beam.bounds
+        self.beam, self._used, self._before = beam, self._before, self._used
+        self._used.zero_()
 
     def clear(self) -> None:
         """Make it empty again."""
@@ -97,7 +122,7 @@ class Sheet:
             array.zero_()
 
     def draw(self, told: Any, vertices: Any, world: Any, first: int, count: int) -> None:
-        """Draw chunks into an empty map, whose frame is the record `told`."""
+        """Draw chunks into an empty map, or over what was there before a `turn`; its frame is the record `told`."""
         g, size = self._g, int(self.beam.size)
         lens = Lens()
         lens.near, lens.far, lens.width, lens.height, lens.side = 1.0, 1.0e9, size, size, 1
@@ -108,7 +133,7 @@ class Sheet:
             launch(shadow.cast, count * CHUNK, [*tables, told, lens, self._keys, self._used], self._device)
         tiles, depths = self._used.size, self.beam.depths
         rows = int(TILE) if self._device == "cpu" else 1  # a GPU has threads to spare
-        inputs = [self._keys, self._used, size, rows, depths]
+        inputs = [self._keys, self._used, self._before, size, rows, depths]
         launch(shadow.nearness, tiles * (int(TILE) // rows), inputs, self._device)
         launch(shadow.bound, tiles, [depths, self._used, size, self.beam.bounds], self._device)
 
