@@ -310,8 +310,11 @@ def reflect(
     share = gleam[i][0]
     if share <= 0.0:
         return
+    pixel = samples[0].pixels[i]
+    if pixel < 0:  # a slot that no sample took
+        return
     light = radiance[i]
-    pixel = index(samples[0].pixels[i])
+    pixel = index(pixel)
     block = index((pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2)
     keep = i < before[0].kept
     spoil(before, pixel)
