@@ -46,7 +46,7 @@ from recipe_runtime.render.sunlight import Shadows, Sheet, about
 from recipe_runtime.render.view import lens_of, view_from_parts, world_from_parts, world_from_view
 from recipe_runtime.transforms import Array
 
-_CHUNK = 32  # frames whose numbers are made at once
+_CHUNK = 8  # frames whose numbers are made at once, while those of before are drawn
 _BANDS = 1 << 17  # of large triangles that a list holds
 _EDGES = 0.5  # samples at edges that there is room for at first, a pixel
 
@@ -191,7 +191,8 @@ class Reel:
                     shower.key = keyed(look.plan.seed, "rain", 0)
                     self.block.put_records(row, f"shower {v}", [shower])
                 self.block.put_records(row, f"response {v}", [self._response(look, number)])
-        self._beams = (self._beams + held)[-4 * _CHUNK * max(len(self.suns), 1) :]
+        under_way = _CHUNK + len(self._lanes)
+        self._beams = (self._beams + held)[-2 * under_way * max(len(self.suns), 1) :]
         if self.device != "cpu":
             wp.synchronize_stream(wp.get_stream(self.device))  # static shadows are drawn there
         return rows
