@@ -16,7 +16,18 @@ if TYPE_CHECKING:
     from recipe_compiler.errors import Problem
     from recipe_runtime.engines import Engines
 
-RECIPE = click.argument("recipe", type=click.Path(path_type=Path))
+
+class LocalPath(click.Path):
+    """A path of this host: a URL is refused, and shown without its password."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """A `Path`."""
+        if isinstance(value, str) and "://" in value:
+            self.fail(f"{shown(value)} is a URL; copy what is there to this host, and give its path", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+RECIPE = click.argument("recipe", type=LocalPath(path_type=Path))
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document for a program to read.")
 ALLOW_LARGE = click.option("--allow-large", is_flag=True, help="Go on though the recipe is over the size limit.")
 DEVICE = click.option(

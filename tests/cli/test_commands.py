@@ -96,6 +96,15 @@ def test_a_mistyped_command_is_answered_with_the_nearest(tmp_path: Path) -> None
     assert "no such command 'biuld'; did you mean 'build'?" in shown.stderr
 
 
+@pytest.mark.parametrize("command", ["plan", "build", "check", "shot", "lock", "pack", "export", "diff"])
+def test_a_url_where_a_path_is_wanted_is_refused_and_its_password_is_not_shown(command: str, tmp_path: Path) -> None:
+    url = "ftp://user:secret@host/x.yaml"
+    shown = run(command, url, url, cwd=tmp_path)
+    assert shown.returncode == 2
+    assert "ftp://user:***@host/x.yaml is a URL; copy what is there to this host" in shown.stderr
+    assert "secret" not in shown.stdout + shown.stderr
+
+
 def test_identity_is_one_in_lock_build_and_verify(folder: Path) -> None:
     locked = run("lock", "small.yaml", "--workers", "1", cwd=folder)
     built = run("build", "small.yaml", cwd=folder)

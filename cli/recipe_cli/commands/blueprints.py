@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import JSON, print_json, writing
+from recipe_cli.arguments import JSON, LocalPath, print_json, writing
 
 if TYPE_CHECKING:
     from recipe_compiler.blueprints import Blueprint
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.option(
     "--pictures",
     metavar="FOLDER",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=LocalPath(path_type=Path, file_okay=False),
     help="Also render each into FOLDER, as a PNG, and all of them on one sheet, blueprints.jpg.",
 )
 @JSON

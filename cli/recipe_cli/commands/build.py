@@ -17,6 +17,7 @@ from recipe_cli.arguments import (
     DEVICE,
     JSON,
     WORKERS,
+    LocalPath,
     compile_quietly,
     engines_for,
     print_json,
@@ -54,7 +55,7 @@ def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @click.command("build")
-@click.argument("recipe", type=click.Path(path_type=Path), required=False, metavar="RECIPE")
+@click.argument("recipe", type=LocalPath(path_type=Path), required=False, metavar="RECIPE")
 @click.option(
     "--out",
     metavar="DIR|URL",

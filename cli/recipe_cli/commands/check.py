@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import JSON, opened, print_json, print_warning
+from recipe_cli.arguments import JSON, LocalPath, opened, print_json, print_warning
 
 if TYPE_CHECKING:
     from recipe_compiler.errors import Problem
 
 
 @click.command("check")
-@click.argument("recipes", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("recipes", nargs=-1, required=True, type=LocalPath(path_type=Path))
 @JSON
 def command(recipes: tuple[Path, ...], as_json: bool) -> None:
     """Read RECIPES and report every mistake in them, each as one line: file:line:column, what, remedy."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, compile_quietly, opened, print_json
+from recipe_cli.arguments import ALLOW_LARGE, JSON, LocalPath, compile_quietly, opened, print_json
 from recipe_cli.places import lockfile_path
 
 if TYPE_CHECKING:
@@ -17,8 +17,8 @@ _MOST_SHOWN = 40
 
 
 @click.command("diff")
-@click.argument("first", type=click.Path(path_type=Path))
-@click.argument("second", type=click.Path(path_type=Path))
+@click.argument("first", type=LocalPath(path_type=Path))
+@click.argument("second", type=LocalPath(path_type=Path))
 @ALLOW_LARGE
 @JSON
 def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None:

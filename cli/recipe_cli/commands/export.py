@@ -7,13 +7,13 @@ from pathlib import Path
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import JSON, print_json
+from recipe_cli.arguments import JSON, LocalPath, print_json
 from recipe_cli.progress import Progress
 
 
 @click.command("export")
-@click.argument("dataset", type=click.Path(path_type=Path))
-@click.argument("out", type=click.Path(path_type=Path))
+@click.argument("dataset", type=LocalPath(path_type=Path))
+@click.argument("out", type=LocalPath(path_type=Path))
 @click.option(
     "--format",
     "form",

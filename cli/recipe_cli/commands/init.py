@@ -9,13 +9,15 @@ from pathlib import Path
 
 import click
 
+from recipe_cli.arguments import LocalPath
+
 
 @click.command("init")
 @click.argument("name")
 @click.option(
     "--dir",
     "folder",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=LocalPath(path_type=Path, file_okay=False),
     default=Path(),
     show_default=True,
     help="The folder to write it to; made if it is not there.",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, DEVICE, WORKERS, compile_quietly, engines_for, worker_count
+from recipe_cli.arguments import ALLOW_LARGE, DEVICE, WORKERS, LocalPath, compile_quietly, engines_for, worker_count
 from recipe_cli.places import lockfile_path, source_of
 from recipe_cli.progress import Progress
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command("lock")
-@click.argument("recipes", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("recipes", nargs=-1, required=True, type=LocalPath(path_type=Path))
 @click.option("--update", is_flag=True, help="Replace a lockfile that says something else.")
 @click.option(
     "--with-traces",

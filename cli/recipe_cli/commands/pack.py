@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, writing
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, LocalPath, compile_quietly, print_json, writing
 from recipe_cli.places import FOLDER, lockfile_path
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.command("pack")
 @RECIPE
-@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="<recipe>.recipe by default.")
+@click.option("-o", "--output", type=LocalPath(path_type=Path, dir_okay=False), help="<recipe>.recipe by default.")
 @click.option(
     "--with-traces", is_flag=True, help="Insist on the traces beside the lockfile; they go in if they are there."
 )

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from recipe_cli.arguments import writing
+from recipe_cli.arguments import LocalPath, writing
 
 
 @click.command("schema")
-@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="Write it to this file.")
+@click.option("-o", "--output", type=LocalPath(path_type=Path, dir_okay=False), help="Write it to this file.")
 def command(output: Path | None) -> None:
     """Print the JSON Schema of recipes, so that editors complete and check them."""
     import json

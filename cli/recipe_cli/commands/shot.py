@@ -11,6 +11,7 @@ from recipe_cli.arguments import (
     DEVICE,
     JSON,
     RECIPE,
+    LocalPath,
     compile_quietly,
     engines_for,
     print_json,
@@ -25,7 +26,7 @@ from recipe_cli.arguments import (
 @click.option("--sensor", metavar="NAME", help="The sensor; the first by default.")
 @click.option("--frame", type=click.IntRange(0), help="The frame; the middle one by default.")
 @click.option("--modality", metavar="NAME", help="rgb, depth, instance or semantic; rgb if it is captured.")
-@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="The PNG; by default its name.")
+@click.option("-o", "--output", type=LocalPath(path_type=Path, dir_okay=False), help="The PNG; by default its name.")
 @DEVICE
 @ALLOW_LARGE
 @JSON

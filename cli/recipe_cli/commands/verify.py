@@ -13,6 +13,7 @@ from recipe_cli.arguments import (
     DEVICE,
     JSON,
     WORKERS,
+    LocalPath,
     PlaceOrUrl,
     dataset_at,
     engines_for,
@@ -60,7 +61,7 @@ _MOST_SHOWN = 20
 )
 @click.option(
     "--pictures",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=LocalPath(path_type=Path, file_okay=False),
     default=Path("differences"),
     show_default=True,
     help="Where pictures of differing frames go.",
