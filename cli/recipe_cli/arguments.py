@@ -21,7 +21,7 @@ class LocalPath(click.Path):
     """A path of this host: a URL is refused, and shown without its password."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """A `Path`."""
+        """A `Path`; a usage error for a URL."""
         if isinstance(value, str) and "://" in value:
             self.fail(f"{shown(value)} is a URL; copy what is there to this host, and give its path", param, ctx)
         return super().convert(value, param, ctx)

@@ -1,14 +1,15 @@
 """What a camera at rest need not ask again: each rule alone, with numbers made by hand."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 import pytest
-from recipe_runtime.render import recall, shadow
+from recipe_runtime.render import nearby, recall, reflection, shadow
 from recipe_runtime.render.air import Air
-from recipe_runtime.render.device import launch, record, records, wp
+from recipe_runtime.render.device import OPTIONS, launch, record, records, wp
+from recipe_runtime.render.shade import Samples
+
+wp.set_module_options(OPTIONS)
 
 AT_REST, SKY, TOUCHED, LEAF = (int(c) for c in (recall.AT_REST, recall.SKY, recall.TOUCHED, recall.LEAF))
 CALM = int(shadow.UNTOUCHED)
@@ -99,3 +100,80 @@ def test_elsewhere_the_coarse_shadow_map_tells() -> None:
     assert not calm_at(10.0, 0.0, None, (8, 11))
     assert calm_at(10.0, 0.0, None, (11, 8))
     assert not calm_at(2.4, 0.0, None, (8, 8)), "beyond the fine map's rim"
+
+
+class Puddle:
+    """Samples in one row of pixels, as `due` is told of them."""
+
+    def __init__(self, gleams: list[float], sources: list[int]) -> None:
+        count = len(gleams)
+        self.data = Samples()
+        self.data.positions = wp.array([[0.7 * i, 0.3, 0.0] for i in range(count)], dtype=wp.vec3f, device="cpu")
+        self.data.pixels = wp.array(np.arange(count, dtype=np.int32), dtype=wp.int32, device="cpu")
+        gleam = wp.array([[g, 0.9] for g in gleams], dtype=wp.vec2f, device="cpu")
+        found, listed = self._list(count)
+        launch(reflection.pools, count, [record(self.data, "cpu"), gleam, found, listed], "cpu")
+        self.mirrors = wp.clone(listed[: int(found.numpy()[0])])
+        self.sources = wp.array(np.array(sources, np.int32), dtype=wp.int32, device="cpu")
+
+    @staticmethod
+    def _list(count: int) -> tuple[Any, Any]:
+        return tuple(wp.zeros(n, dtype=wp.int32, device="cpu") for n in (1, count))
+
+    def due(self, stale: tuple[int, ...] = (), then: int = 0, now: int = 0) -> set[int]:
+        """The samples that mirror something else, when the light of some pixels has changed."""
+        air, before, spoilt = Air(), recall.Before(), np.zeros(self.sources.size, np.uint8)
+        spoilt[list(stale)] = 1
+        air.moment, before.stale = now, wp.array(spoilt, dtype=wp.uint8, device="cpu")
+        count, listed = self._list(self.sources.size)
+        told = [record(v, "cpu") for v in (self.data, air, before)]
+        inputs = [*told, self.mirrors, then, self.sources, count, listed]
+        launch(reflection.due, self.mirrors.size, inputs, "cpu")
+        return set(listed.numpy()[: count.numpy()[0]].tolist())
+
+
+def test_what_mirrors_nothing_is_never_due() -> None:
+    assert Puddle([0.0, 0.2, 0.0, 0.1], [-2, -2, -2, -2]).due() == {1, 3}
+
+
+def test_a_mirror_image_is_due_when_its_own_light_or_its_sources_has_changed() -> None:
+    puddle = Puddle([0.2] * 4, [3, 3, 0, -1])
+    assert puddle.due() == set()
+    assert puddle.due(stale=(1,)) == {1}
+    assert puddle.due(stale=(3,)) == {0, 1, 3}
+    assert puddle.due(stale=(0,)) == {0, 2}
+
+
+def test_rings_are_due_by_turns_and_each_once_in_four_moments() -> None:
+    puddle = Puddle([0.2] * 64, [-1] * 64)
+    due = [puddle.due(then=moment, now=moment + 1) for moment in range(4)]
+    assert set().union(*due) == set(range(64))
+    assert sum(map(len, due)) == 64
+    assert all(due)
+    assert puddle.due(then=0, now=4) == set(range(64))
+
+
+def test_a_body_darkens_nothing_from_where_its_darkening_ends() -> None:
+    """Its list ends no earlier: what a tile does not list would have had all of the sky."""
+    spread = 0.2
+    end = spread * float(np.sqrt(8.0))
+    found = [_sky_beside(0.1 + reach, spread) for reach in (0.0, 0.5 * end, 0.99 * end, 1.0001 * end, 3.0 * end)]
+    assert found[0] < found[1] < found[2] < 1.0
+    assert found[3:] == [1.0, 1.0]
+
+
+@wp.kernel
+def _ask(bodies: wp.array[nearby.Bodies], lists: wp.array2d[wp.int32], x: wp.float32, out: wp.array[wp.float32]):
+    out[0] = nearby.contact(bodies, lists, 0, wp.vec3f(x, 0.0, 0.0), wp.vec3f(0.0, 0.0, 1.0))
+
+
+def _sky_beside(x: float, spread: float) -> float:
+    """What a body 0.2 m wide leaves of the sky to the ground at a distance from its middle."""
+    bodies = nearby.Bodies()
+    bodies.centre = wp.array([[0.0, 0.0, 0.0]], dtype=wp.vec3f, device="cpu")
+    bodies.axis, bodies.half = (wp.array([v], dtype=wp.vec2f, device="cpu") for v in ([1.0, 0.0], [0.1, 0.1]))
+    bodies.spread, bodies.strength = (wp.array([v], dtype=wp.float32, device="cpu") for v in (spread, 0.7))
+    bodies.count = 1
+    lists, out = wp.array([[1, 0]], dtype=wp.int32, device="cpu"), wp.zeros(1, dtype=wp.float32, device="cpu")
+    launch(_ask, 1, [record(bodies, "cpu"), lists, x, out], "cpu")
+    return float(out.numpy()[0])

@@ -10,11 +10,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recipe_compiler.plan import CameraResponse
+from recipe_compiler.plan import CameraPlan, CameraResponse, Pose
+from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render import Renderer
+from recipe_runtime.transforms import from_pose
 
 from tests.golden.renew_render import GOLDEN
-from tests.runtime.render_scene import CAMERA, EYE, WEATHERS, appearance, golden_digests, parts_at, street
+from tests.runtime.render_scene import (
+    CAMERA,
+    CLOTH,
+    EYE,
+    WEATHERS,
+    appearance,
+    box,
+    golden_digests,
+    ground,
+    parts_at,
+    street,
+)
 
 ROOT = Path(__file__).parents[2]
 STANDING_WATER = {
@@ -78,6 +91,23 @@ def test_what_still_water_mirrored_before_changes_nothing(weather: str, order: S
         alone = Renderer(street(), keep_static=False)
         expected = alone.shade(alone.observe(CAMERA, EYE, parts_at(frame)), plan, "street", frame, now)
         np.testing.assert_array_equal(keeping.shade(seen, plan, "street", frame, now), expected)
+
+
+def test_a_shadow_that_comes_onto_blades_in_the_wind_is_seen() -> None:
+    """They are lit as the wind has turned them: a shadow's rim may take from them what it leaves to a still lawn."""
+    looks, blades = {"lawn": {"blades": "#4c6b2c"}, "hero": {"shirt": "#b03030"}}, Surface("blades", Pattern.GRASS, 9)
+    walker = Body("hero", 12001, (("body", box([-0.2, -0.25, 0.0], [0.2, 0.25, 1.7], CLOTH)),))
+    bodies = [Body("lawn", 0, (("base", ground(60, blades)),)), walker]
+    plan = appearance(35.0, 200.0, looks, wind_intensity=60)
+    plan = plan.model_copy(update={"responses": {"street": CameraResponse(noise=0.0)}})
+    camera, eye = CameraPlan(width=200, height=200, fov=24), from_pose(Pose(x=2.0, y=-1.0, z=1.7, yaw=4, pitch=30))
+    keeping, forgetting = Renderer(bodies), Renderer(bodies, keep_static=False)
+    for frame in range(40):
+        parts = np.stack([from_pose(Pose(x=5.0 + 0.003 * frame, y=-1.0 + 0.004 * frame, yaw=20))])
+        kept, alone = (
+            r.shade(r.observe(camera, eye, parts), plan, "street", frame, frame / 30) for r in (keeping, forgetting)
+        )
+        np.testing.assert_array_equal(kept, alone)
 
 
 def test_two_cameras_at_one_place_keep_their_own() -> None:

@@ -24,6 +24,7 @@ The pipeline in order. Modules marked * are kernels; each is launched by the hos
     nearby*        which of them reach a tile of the picture
     glow*          lamps' light in fog
     air*           the sky, and what fog does to light on its way
+    recall*        what of an earlier frame's light must be asked again
     shade*         the light that leaves each sample towards the eye
     reflection*    what wet ground mirrors of it
     rain*          drops before the camera

@@ -353,7 +353,7 @@ class Lane:
         self._positions, self._normals = zeros(room, wp.vec3f), zeros(room, wp.vec3f)
         self._details = zeros(room, wp.vec4f)
         self._light, self._shown = zeros(room, wp.vec3f), zeros(room, wp.vec3f)
-        self._gleam, self._steady = zeros(room, wp.vec2f), zeros(room, wp.uint8)
+        self._gleam, self._known = zeros(room, wp.vec2f), zeros(room, wp.uint8)
         blocks = -(-reel.camera.width // 2) * -(-reel.camera.height // 2)
         self._reach, self._asked, self._ways = (zeros(blocks, kind) for kind in (wp.float32, wp.int32, wp.uint32))
         self._sources = zeros(1, wp.int32)
@@ -495,7 +495,7 @@ class Lane:
         beams = b[f"beams {look.sun}"] if look.sun >= 0 else reel.dark
         inputs = [data, look.looks, air, beams, self._lamps[look.lit], self._bodies, *self._lists[look.lit]]
         shown = self._shown if look.wet else self._light
-        out = [self._light, self._gleam, self._steady, shown]
+        out = [self._light, self._gleam, self._known, shown]
         launch(shade.shade, self.room, [*inputs, self._nothing_before, self._all, *out], self.device)
         if look.wet:
             inputs = [data, self._gleam, self._r["depth"], self._starts, b["view"], lens, self._nothing_before]

@@ -227,7 +227,7 @@ def march(
         block = index(row * columns + column)
         known = asked[block]
         same = bool(False)
-        # (A kernel works out both sides of an `and`.)
+        # (Nested, for what a kernel works out of an `and` is Warp's affair, and `calm` needs a small picture.)
         if small and known != -1:  # noqa: SIM102
             if undisturbed(x0, y0, before, lens):
                 same = known == DRY
@@ -237,12 +237,14 @@ def march(
             i = first_wet(x0, y0, gleam, starts, lens)
             was = reach[block]
             now = wp.float32(-1.0)
+            asked[block] = DRY
             if i >= 0:
                 now, way = followed(i, x0, y0, samples, depth, view, lens)
                 ways[block] = way
-                asked[block] = wp.where(small and i < before[0].kept and calm(moved, way), i, -1)
-            else:
-                asked[block] = DRY
+                asked[block] = -1
+                if small and i < before[0].kept:  # noqa: SIM102
+                    if calm(moved, way):
+                        asked[block] = i
             reach[block] = now
             if was != now:
                 disturb(x0, y0, before, lens)

@@ -463,10 +463,9 @@ def shade(
     if swaying:
         swaying = inner(to_point, to_point) < UNSEEN * UNSEEN
     turn = wp.int32(0)
-    if swaying:
+    if swaying:  # (A leaf that is asked is shaded: `unchanged` does not know which way the wind has turned it.)
         turn = turn_in(p)
-        if stirring(turn, air[0].stirs) != stirring(turn, before[0].stirs):
-            earlier = False
+        earlier = False
     # (A normal that turns away is bent first, below: too few to ask for.)
     if (
         earlier

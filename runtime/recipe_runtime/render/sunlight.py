@@ -75,7 +75,9 @@ class Shadows:
 
     def give_back(self, sheets: list[Sheet]) -> None:
         """Keep the memory of moving maps for others."""
-        self._spare += sheets[: _SPARE - len(self._spare)]
+        for sheet in sheets:
+            if len(self._spare) < _SPARE:
+                self._spare.append(sheet)
 
     def _sheet(self, beam: Any) -> Sheet:
         """Room for a moving map."""
@@ -118,7 +120,7 @@ class Sheet:
 
     def clear(self) -> None:
         """Make it empty again."""
-        for array in (self._used, self.beam.depths):
+        for array in (self._used, self._before, self.beam.depths):
             array.zero_()
 
     def draw(self, told: Any, vertices: Any, world: Any, first: int, count: int) -> None:
