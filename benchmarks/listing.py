@@ -44,7 +44,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.listing", description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON document")
     parser.add_argument("--frames", type=int, default=300, help="of our builds of one weather (default: 300)")
-    parser.add_argument("--weather-frames", type=int, default=300, help="of our builds of two weathers (default: 300)")
+    parser.add_argument("--weather-frames", type=int, default=150, help="of our builds of two weathers (default: 150)")
     parser.add_argument("--twelve-frames", type=int, default=30, help="of our builds of twelve weathers (default: 30)")
     parser.add_argument("--town-frames", type=int, default=120, help="of our builds of the town (default: 120)")
     parser.add_argument("--slow-frames", type=int, default=12, help="of the plain script (default: 12)")
@@ -63,7 +63,7 @@ def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -
     load = [round(x, 2) for x in os.getloadavg()]
     scenario = next(v for v in dataset.variants if v.variant == FIRST)
     trace = real_engines().simulate(scenario.scene)
-    found: Result = {"machine": machine(), "load before": load, "ours": {}, "further": {}, "plain": {}, "skipped": []}
+    found: Result = {"machine": machine(), "load before": load, "ours": {}, "plain": {}, "skipped": []}
     if arguments.cold:
         found["cold start"] = cold_start(folder)
     warm_up(dataset, trace)
@@ -74,11 +74,7 @@ def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -
             rates[workers].append(row["rate"])
             found["ours"][f"{workers} worker{'s' * (workers > 1)}"] = row
     found["workers"] = [two / one for one, two in zip(rates[1], rates[2], strict=True)]
-    first = ours(RECIPE, folder / "first", [FIRST], arguments.weather_frames, 1)
-    found["first"] = first
-    for name in FURTHER:
-        both = ours(RECIPE, folder / name, [FIRST, name], arguments.weather_frames, 1)
-        found["further"][name] = {**both, "share": (both["steady"] - first["steady"]) / first["steady"]}
+    found["further"] = further(folder, arguments.weather_frames)
     found["twelve"] = twelve(folder, arguments.twelve_frames)
     found["plain"], found["skipped"] = plain(folder / "listing", scenario, trace, arguments.slow_frames)
     town = compile_recipe(TOWN).plan.variants[0]
@@ -91,6 +87,18 @@ def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -
     found["town plain"], _ = plain(folder / "town", town, trace, arguments.slow_frames // 2)
     found["kernels"] = {name: kernels(recipe, variant) for name, (recipe, variant) in STAGED.items()}
     found["load after"] = [round(x, 2) for x in os.getloadavg()]
+    return found
+
+
+def further(folder: Path, frames: int) -> Result:
+    """What a further weather of the scene costs, by turns: seconds a frame, and the share of the first's."""
+    found: Result = {name: {"seconds": [], "shares": []} for name in FURTHER}
+    for turn in range(TURNS):
+        first = ours(RECIPE, folder / f"first-{turn}", [FIRST], frames, 1)["steady"]
+        for name in FURTHER:
+            more = ours(RECIPE, folder / f"{name}-{turn}", [FIRST, name], frames, 1)["steady"] - first
+            found[name]["seconds"].append(more / frames)
+            found[name]["shares"].append(more / first)
     return found
 
 
