@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from typing import Any
 
 BUSY = 0.5  # processes running in the minute before the first contestant
@@ -37,9 +38,9 @@ def _goals(found: dict[str, Any]) -> list[str]:
         *_times("listing: 20 times the plain script", two, found["plain"], "TinyRenderer"),
         *_times("listing: 4 times the same through EGL", two, found["plain"], "EGL"),
         *_times("town, moving camera: 10 times the plain script", town, found["town plain"], "TinyRenderer"),
-        *[(f"a further weather, {n}: 0.6 of the first", _mean(r["shares"])) for n, r in found["further"].items()],
+        *[(f"a further weather, {n}: 0.6 of the first", _middle(r["shares"])) for n, r in found["further"].items()],
         *[
-            (f"the same, {n}: 0.6 of a first at its own goal", _mean(_owed(r, found)))
+            (f"the same, {n}: 0.6 of a first at its own goal", _middle(_owed(r, found)))
             for n, r in found["further"].items()
         ],
         ("twelve weathers: 8 times one (the mean of the twelve, each built alone)", f"{_twelve(found):.1f}"),
@@ -49,8 +50,8 @@ def _goals(found: dict[str, Any]) -> list[str]:
     return [f"| {goal} | {reached} |" for goal, reached in rows]
 
 
-def _mean(values: list[float]) -> str:
-    return f"{sum(values) / len(values):.2f}"
+def _middle(values: list[float]) -> str:
+    return f"{statistics.median(values):.2f}"
 
 
 def _owed(row: dict[str, Any], found: dict[str, Any]) -> list[float]:
