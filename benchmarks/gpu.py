@@ -1,6 +1,6 @@
 """Frames a second of a reel on a GPU: rgb, depth and instance, as the renderer draws them, before any encoding.
 
-`python -m benchmarks.gpu [--device cuda:0] [--recipe recipes/weather_sweep.yaml] [--frames 600] [--lanes 12]`
+`python -m benchmarks.gpu [--device cuda:0] [--recipe recipes/weather_sweep.yaml] [--frames 600] [--lanes 16]`
 
 It prints, for a camera that stands still and for one that moves, the rate with the pixels in the host's memory, and
 first holds some frames to those that the renderer draws one by one on the CPU.
@@ -82,7 +82,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--recipe", type=Path, default=Path("recipes/weather_sweep.yaml"))
     parser.add_argument("--frames", type=int, default=600)
     parser.add_argument("--compare", type=int, default=4)
-    parser.add_argument("--lanes", type=int, default=12)
+    parser.add_argument("--lanes", type=int, default=16)
     parser.add_argument("--variants", type=int, default=1)
     return parser.parse_args()
 

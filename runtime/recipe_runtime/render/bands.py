@@ -14,7 +14,7 @@ from recipe_runtime.render.visibility import Corner, Lens, bias, cut, draw, edge
 wp.set_module_options(OPTIONS)
 
 ROWS = wp.constant(16)  # of a band
-ALONE = wp.constant(wp.int64(512))  # samples in a triangle's box up to which one thread draws it
+ALONE = wp.constant(wp.int64(256))  # samples in a triangle's box up to which one thread draws it
 CREW = wp.constant(32)  # threads that share a band
 CREWS = wp.constant(4096)
 LISTED = wp.constant(wp.uint64(0x8000000000000000))  # marks an entry that holds a band
@@ -124,7 +124,7 @@ def draw_band(
     first: wp.int32,
     bit: wp.uint64,
 ):
-    """Offer a triangle to the samples of a band, in every CREW-th column from the first on."""
+    """Offer a triangle to a share of a band's samples: the `first` of CREW threads, which stand in rows over its box."""
     a = piece.a
     b = piece.b
     c = piece.c
@@ -138,20 +138,25 @@ def draw_band(
     bias0 = bias(b.x, b.y, c.x, c.y)
     bias1 = bias(c.x, c.y, a.x, a.y)
     bias2 = bias(a.x, a.y, b.x, b.y)
-    px = (left + wp.int64(first)) * step + half
+    # A crew is as broad as a narrow box needs, and the deeper for it.
+    wide = int(right - left) + 1
+    across = wp.int32(CREW)
+    while across > 4 and across >= wide * 2:
+        across = across / 2
+    px = (left + wp.int64(first % across)) * step + half
     y0 = int(top) + band * ROWS
     y1 = wp.min(y0 + ROWS - 1, int(bottom))
-    across = wp.int64(CREW) * step
-    dx0 = -(c.y - b.y) * across
-    dx1 = -(a.y - c.y) * across
-    dx2 = -(b.y - a.y) * across
-    for y in range(y0, y1 + 1):
+    stride = wp.int64(across) * step
+    dx0 = -(c.y - b.y) * stride
+    dx1 = -(a.y - c.y) * stride
+    dx2 = -(b.y - a.y) * stride
+    for y in range(y0 + first / across, y1 + 1, CREW / across):
         py = wp.int64(y) * step + half
         w0 = edge(b.x, b.y, c.x, c.y, px, py)
         w1 = edge(c.x, c.y, a.x, a.y, px, py)
         w2 = edge(a.x, a.y, b.x, b.y, px, py)
         base = y * lens.width * lens.side
-        for x in range(int(left) + first, int(right) + 1, wp.int32(CREW)):
+        for x in range(int(left) + first % across, int(right) + 1, across):
             if (w0 + bias0) >= wp.int64(0) and (w1 + bias1) >= wp.int64(0) and (w2 + bias2) >= wp.int64(0):
                 q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
                 offer(keys, base + x, q, limit, triangle, bit)

@@ -26,6 +26,8 @@ from recipe_runtime.store import kernel_cache
 # Warp makes its types when it runs; to mypy they are all one.
 wp: Any = warp
 
+_BLOCK = 128  # threads that a GPU starts together: in larger blocks too many wait for one that has much to do
+
 OPTIONS = {"enable_backward": False, "fuse_fp": False, "fast_math": False, "max_unroll": 4}
 
 
@@ -109,7 +111,7 @@ def cuda_devices() -> list[str]:
 
 def launch(kernel: Any, dim: int | tuple[int, ...], inputs: list[Any], device: str) -> None:
     """Run a kernel over a grid; arrays among the inputs are read and written in place."""
-    wp.launch(kernel, dim=dim, inputs=inputs, device=device)
+    wp.launch(kernel, dim=dim, inputs=inputs, device=device, block_dim=_BLOCK)
 
 
 def zeros(count: int, kind: Any, device: str) -> Any:

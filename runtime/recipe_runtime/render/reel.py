@@ -106,7 +106,7 @@ class Reel:
         camera_plan: CameraPlan,
         sensor: str,
         appearances: Sequence[AppearancePlan],
-        lanes: int = 12,
+        lanes: int = 16,
     ) -> None:
         self.g, self.device, self.camera, self.sensor = geometry, device, camera_plan, sensor
         self.shadows, self._albums = shadows, albums
