@@ -8,7 +8,7 @@ from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
 from recipe_runtime.engines import real_engines
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.opening import compiled
-from recipe_runtime.render import Renderer, reel
+from recipe_runtime.render import Renderer, lane, reel
 from recipe_runtime.render.device import cuda_devices
 from recipe_runtime.render.reel import Take
 from recipe_runtime.store import Store
@@ -58,7 +58,7 @@ def test_a_reel_has_the_renderers_bytes(plan: DatasetPlan, sensor: int, monkeypa
 
 
 def test_a_full_list_of_bands_loses_no_triangle(plan: DatasetPlan, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reel, "_BANDS", 40)
+    monkeypatch.setattr(lane, "_BANDS", 40)
     hold_to_renderer(plan, 0, "cpu")
 
 

@@ -25,6 +25,7 @@ The pipeline in order. Modules marked * are kernels; each is launched by the hos
     glow*          lamps' light in fog
     air*           the sky, and what fog does to light on its way
     recall*        what of an earlier frame's light must be asked again
+    matter*        what a surface is made of at a point, wet or dry
     shade*         the light that leaves each sample towards the eye
     reflection*    what wet ground mirrors of it
     rain*          drops before the camera
@@ -37,7 +38,8 @@ The pipeline in order. Modules marked * are kernels; each is launched by the hos
 
 For many frames of one camera on a GPU:
 
-    reel           all of the above, recorded and replayed; its numbers in a block
+    reel           the frames' numbers, made ahead, in a block of memory each
+    lane           all kernels of a frame, recorded and replayed
     bands*         large triangles shared out
     slots*         places for samples that nobody counts
 

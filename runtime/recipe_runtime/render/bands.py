@@ -124,7 +124,7 @@ def draw_band(
     first: wp.int32,
     bit: wp.uint64,
 ):
-    """Offer a triangle to a share of a band's samples: the `first` of CREW threads, which stand in rows over its box."""
+    """Offer a triangle to one thread's share of a band: the `first` of a crew, which stands in rows over it."""
     a = piece.a
     b = piece.b
     c = piece.c

@@ -7,7 +7,7 @@ reach does not meet the box is left out. Tiles keep the things in the order of t
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
-from recipe_runtime.render.bounds import clamp01, greater, lesser
+from recipe_runtime.render.bounds import clamp01, greater, index, lesser
 from recipe_runtime.render.device import OPTIONS, wp
 from recipe_runtime.render.noise import step_between
 from recipe_runtime.render.observation import TILE, depth_of
@@ -67,15 +67,15 @@ def meets_cone(v: wp.vec3f, radius: wp.float32, aim: wp.vec3f, cosine: wp.float3
 @wp.func
 def depths_in(keys: wp.array[wp.uint64], lens: Lens, x0: wp.int32, y0: wp.int32, x1: wp.int32, y1: wp.int32):
     """The nearest and the farthest key of a rectangle of pixels, the sky left out; a nearest of 0: all is sky."""
-    far = wp.uint64(0xFFFFFFFFFFFFFFF)
+    far = wp.uint64(0xFFFFFFFFFFFFFFFF)
     near = wp.uint64(0)
     for y in range(y0, y1):
+        row = y * lens.width
         for x in range(x0, x1):
-            key = keys[y * lens.width + x]
+            key = keys[index(row + x)]
             near = wp.max(near, key)
-            if key != wp.uint64(0):
-                far = wp.min(far, key)
-    return near, far
+            far = wp.min(far, key - wp.uint64(1))  # the sky's 0 becomes the largest number
+    return near, far + wp.uint64(1)
 
 
 @wp.func
