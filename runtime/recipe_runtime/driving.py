@@ -10,7 +10,7 @@ from recipe_compiler.plan import ActorPlan, TownPlan
 
 from recipe_runtime import riding
 from recipe_runtime.bullet import World
-from recipe_runtime.meshes.skeleton import Bike, axle_shift, has_rider, is_person
+from recipe_runtime.meshes.skeleton import Bike, axle_shift, has_rider, is_parked, is_person
 from recipe_runtime.mover import Mover, towards
 from recipe_runtime.posture import Placed, Quaternion, about, then
 from recipe_runtime.way import Way
@@ -22,11 +22,6 @@ _SLOPE = 1.3  # ... the tangent of the steepest angle of its front wheels
 _NEAREST = 1.7  # metres ahead of the rear axle that it steers for at least
 _BEHIND, _PREPARE = 1.5, 6.0  # metres from the rear axle back, from the front axle on, where bends matter
 _TIP = 50.0  # degrees a second that a two-wheeler leans over
-
-
-def is_parked(actor: ActorPlan) -> bool:
-    """Whether a vehicle has no way to go and no speed to go it with, and can stand without a rider's feet."""
-    return not actor.route and actor.speed == 0.0 and not has_rider(actor.shape)
 
 
 class Crossroads:

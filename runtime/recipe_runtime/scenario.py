@@ -32,7 +32,7 @@ from recipe_runtime.store import Store
 from recipe_runtime.versions import builder
 
 SCENES_KEPT = 2  # renderers in memory at once; each holds a town's triangles
-LANES = 12  # frames under way at once on a GPU
+LANES = 16  # frames under way at once on a GPU
 OBSERVATIONS_KEPT = 2  # so that the modalities of one frame, and its weathers, share what is seen
 
 

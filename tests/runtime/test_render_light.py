@@ -107,4 +107,4 @@ def test_night_is_lit_by_lamps_alone_and_noon_is_not() -> None:
     noon, night = (light_of(appearance(a), "cpu") for a in (60.0, -30.0))
     assert (noon.night, night.night) == (0.0, 1.0)
     assert night.sunlight.max() == 0.0
-    assert night.exposure > 50 * noon.exposure
+    assert night.exposure() > 50 * noon.exposure()

@@ -60,16 +60,17 @@ class Finish:
     plate: Surface
 
     @classmethod
-    def of(cls, tag: int) -> Finish:
-        """The surfaces with that tag."""
+    def of(cls, tag: int, lit: bool = True) -> Finish:
+        """The surfaces with that tag; lamps stay dark by night unless `lit`."""
+        ahead, behind = (Pattern.HEADLIGHT, Pattern.TAILLIGHT) if lit else (Pattern.LENS, Pattern.LENS)
         return cls(
             Surface("paint", Pattern.CAR_PAINT, tag),
             Surface("glass", Pattern.GLASS, tag),
             Surface("trim", Pattern.PLAIN, tag),
             Surface("rubber", Pattern.RUBBER, tag),
             Surface("rim", Pattern.METAL, tag),
-            Surface("headlight", Pattern.HEADLIGHT, tag),
-            Surface("taillight", Pattern.TAILLIGHT, tag),
+            Surface("headlight", ahead, tag),
+            Surface("taillight", behind, tag),
             Surface("plate", Pattern.PLAIN, tag),
         )
 

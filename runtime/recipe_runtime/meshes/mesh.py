@@ -34,6 +34,7 @@ class Pattern(IntEnum):
     HEADLIGHT = 19  # glows when the sun is down
     TAILLIGHT = 20  # glows when the sun is down
     HAIR = 21
+    LENS = 22  # the glass of a vehicle's lamp that is never lit
     CLAPBOARD = 30  # level boards that overlap, uv in metres
     STONE = 31  # dressed blocks, uv in metres
     WOOD = 32  # planks along v, uv in metres

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+from recipe_compiler.plan import ActorPlan
+
 Offset = tuple[float, float, float]
 SIDES = (("left", 1.0), ("right", -1.0))
 
@@ -135,6 +137,11 @@ def is_person(shape: Mapping[str, float]) -> bool:
 def has_rider(shape: Mapping[str, float]) -> bool:
     """Whether a shape is a two-wheeler's, with somebody on it."""
     return "rider" in shape
+
+
+def is_parked(actor: ActorPlan) -> bool:
+    """Whether a vehicle has no way to go and no speed to go it with, and can stand without a rider's feet."""
+    return not actor.route and actor.speed == 0.0 and not has_rider(actor.shape)
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ from recipe_compiler.plan import ActorPlan
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.coachwork import Finish, Shell
 from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
-from recipe_runtime.meshes.skeleton import BODIES, BUS, PICKUP, TRUCK, wheel_joints
+from recipe_runtime.meshes.skeleton import BODIES, BUS, PICKUP, TRUCK, is_parked, wheel_joints
 from recipe_runtime.meshes.styles import STYLES
 from recipe_runtime.meshes.wheels import car_wheel
 
 
 def vehicle_parts(actor: ActorPlan) -> tuple[tuple[str, Mesh], ...]:
     """The base `chassis`, its origin on the ground below the vehicle's middle, then the wheels about their hubs."""
-    finish, shape = Finish.of(actor.tag), actor.shape
+    finish, shape = Finish.of(actor.tag, lit=not is_parked(actor)), actor.shape
     heavy = shape["width"] > 2.1
     wide, spokes = (0.28, 8) if heavy else (0.215, int(shape["spokes"]))
     parts = [("chassis", _chassis(finish, actor))]
@@ -35,7 +35,9 @@ def _chassis(f: Finish, actor: ActorPlan) -> Mesh:
     shell = Shell(style, {**actor.shape, "height": actor.shape["height"] - sign})
     shell.add(b, f)
     _underside(b, f, shell, body)
-    _plates_and_lights(b, f, shell, body)
+    _plates(b, f, shell, body)
+    if not is_parked(actor):
+        _beams(b, shell)
     if body == TRUCK:
         _cargo(b, f, shell)
     elif body == PICKUP:
@@ -60,8 +62,8 @@ def _underside(b: Builder, f: Finish, shell: Shell, body: int) -> None:
     b.box(f.trim, (rear - 1.2 * wheel, -y, clearance - 0.02), (front + 1.2 * wheel, y, top))
 
 
-def _plates_and_lights(b: Builder, f: Finish, shell: Shell, body: int) -> None:
-    """Number plates at both ends; the headlights light the road."""
+def _plates(b: Builder, f: Finish, shell: Shell, body: int) -> None:
+    """Number plates at both ends."""
     for sign, u in ((1.0, 0.999), (-1.0, 0.001)):
         x = sign * (shell.length / 2 + 0.056)
         z = shell.flank(max(u, shell.style.start), 0.33 if sign > 0 else 0.34)[1] - 0.055
@@ -73,11 +75,14 @@ def _plates_and_lights(b: Builder, f: Finish, shell: Shell, body: int) -> None:
             if k != 2:
                 y = -0.205 + 0.061 * k
                 _panel(b, f.trim, x + sign * 0.003, sign, y, y + 0.038, z + 0.024, z + 0.086)
-        if sign > 0:
-            y, z = shell.flank(0.985, sum(shell.style.lamps) / 2)
-            for s in (1.0, -1.0):
-                place = (round(shell.length / 2 + 0.06, 6), round(s * 0.82 * y, 6), round(z, 6))
-                b.lights.append(Light(place, (0.994988, 0.0, -0.1), (1.0, 0.93, 0.82), 9000.0, 0.88))
+
+
+def _beams(b: Builder, shell: Shell) -> None:
+    """The headlights light the road."""
+    y, z = shell.flank(0.985, sum(shell.style.lamps) / 2)
+    for side in (1.0, -1.0):
+        place = (round(shell.length / 2 + 0.06, 6), round(side * 0.82 * y, 6), round(z, 6))
+        b.lights.append(Light(place, (0.994988, 0.0, -0.1), (1.0, 0.93, 0.82), 9000.0, 0.88))
 
 
 def _panel(b: Builder, surface: Surface, x: float, sign: float, y0: float, y1: float, z0: float, z1: float) -> None:

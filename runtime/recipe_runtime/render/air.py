@@ -49,6 +49,8 @@ class Air:
     pelting: wp.float32  # how far drops tilt the water that they fall on
     moment: wp.int32  # tells the rings on it apart in time
     night: wp.float32  # 0 by day, 1 with all lamps on
+    lit: wp.float32  # how brightly those that burn, and windows, shine themselves: 1 in a clear night
+    signal: wp.float32  # radiance of a traffic light
     seed: wp.uint32
     decay: wp.array[wp.float32]  # e^-x for x = i / 64
     thinning: wp.array[wp.float32]  # the mean of e^-t for t from 0 to x = i / 64

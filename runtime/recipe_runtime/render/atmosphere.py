@@ -1,8 +1,8 @@
 """From weather and sun to light: the numbers of an appearance, worked out on the host by exact arithmetic.
 
 Sunlight is white light dimmed by Rayleigh and Mie extinction along the air mass of Kasten and Young (1989). Fog's
-visual range V gives its extinction by Koschmieder's law, 3.912 / V. Automatic exposure follows from these alone:
-never from a picture, never from the frame before.
+visual range V gives its extinction by Koschmieder's law, 3.912 / V. Automatic exposure follows from these and from the
+street lamps about a camera: never from a picture, never from the frame before.
 """
 
 from dataclasses import dataclass
@@ -24,6 +24,8 @@ LAMPS_ON, LAMPS_OFF = -1.0, 5.0  # sun altitudes, degrees, between which lamps f
 _MOLECULES = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass of them
 _AEROSOL = np.array([0.8, 1.0, 1.35])  # haze takes more of the blue: Angstrom's law with an exponent of 1.3
 _STREET_LIGHT = 1.0e-3  # what lamps give the eye to adapt to
+_NIGHT_GAIN = 400.0  # the exposure of a clear night
+_SIGNAL, _SIGNAL_SHOWN = 0.35, 0.9  # radiance of a traffic light, and the most that it is to be after the exposure
 _LAMPLIGHT = np.array([1.0, 0.8, 0.58])  # the colour of lamps' light, thrown about
 _DUST = np.array([1.0, 0.60, 0.30])
 _RINGS = 12  # a second; a patch of ground has each pattern of rings for four of them
@@ -40,10 +42,16 @@ class Light:
     air: Any
     sun: Colour  # unit, towards the sun
     sunlight: Colour
-    exposure: float
+    daylight: float  # what sun and sky give the eye to adapt to
+    lamplight: float  # and lamps, in a street that is lit as streets are
+    response: float  # how bright a picture is to become
     night: float
     rain: float  # 0 to 1
     wind: float  # 0 to 1
+
+    def exposure(self, lamps: float = 1.0) -> float:
+        """The gain that a camera chooses for a street in this light, which `lamps` times a common street's light."""
+        return fixed(self.response * exact.power(self.daylight + self.lamplight * lamps, -0.86))
 
 
 @dataclass(frozen=True)
@@ -109,8 +117,14 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
     air.breeze = fixed(_GUSTS / _STIRS * w.wind_intensity / 100.0)
     air.seed = appearance.seed & 0xFFFFFFFF
     _fill_tables(air, s, device)
-    exposure = _exposure(s, sunlight, falling.overhead)
-    return Light(air, s.sun, sunlight, exposure, s.night, s.rain, w.wind_intensity / 100.0)
+    daylight, response = _daylight(s, sunlight, falling.overhead), _response(s)
+    lamplight = _STREET_LIGHT * s.night
+    light = Light(air, s.sun, sunlight, daylight, lamplight, response, s.night, s.rain, w.wind_intensity / 100.0)
+    # A picture holds far fewer steps of light than an eye: what shines itself keeps its place in it as all else dims.
+    gain = light.exposure()
+    air.lit = fixed(exact.power(_NIGHT_GAIN / gain, 0.8))
+    air.signal = fixed(min(_SIGNAL, _SIGNAL_SHOWN / gain))
+    return light
 
 
 def drift(light: Light, time: float) -> None:
@@ -233,20 +247,19 @@ def _unhazed(s: _State) -> Colour:
     return 5.6 * s.shine * _past(s.altitude, _MOLECULES * min(s.haze.rayleigh, 1.0)) * _ease(-1.2, 0.8, s.altitude)
 
 
-def _exposure(s: _State, sunlight: Colour, overhead: Colour) -> float:
-    """The gain that a camera chooses for a street in this light."""
+def _daylight(s: _State, sunlight: Colour, overhead: Colour) -> float:
+    """What sun and sky give a camera in a street to adapt to."""
     # A low sun lights the tops of houses; the street, which the exposure is for, lies in their shade.
     open_street = 0.33 + 0.67 * _ease(4.0, 40.0, s.altitude)
     seen = sunlight * (max(float(s.sun[2]), 0.3) * open_street * _ease(-1.0, 1.0, s.altitude)) + 1.25 * overhead
-    luminance = 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2]) + _STREET_LIGHT * s.night
-    dim = (
-        1.0
-        - 0.12 * _ease(30.0, 12.0, s.altitude)
-        - 0.2 * _ease(9.0, -3.0, s.altitude)
-        + 0.95 * _ease(-4.0, -10.0, s.altitude)
-    )
-    dim = dim - 0.2 * s.rain * (1.0 - s.night) - 0.06 * s.fog + 0.65 * s.night * max(s.rain, s.fog)
-    return fixed((dim - 0.36 * s.dust) * exact.power(luminance, -0.86))
+    return 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2])
+
+
+def _response(s: _State) -> float:
+    """How bright a picture is to become: dusk is darker than day, and night than dusk, whatever the weather."""
+    deep = _ease(-3.0, -13.0, s.altitude)
+    dim = 1.0 - 0.12 * _ease(30.0, 12.0, s.altitude) - 0.2 * _ease(9.0, -3.0, s.altitude) + 0.4 * deep
+    return dim - 0.2 * s.rain * (1.0 - deep) - 0.06 * s.fog + 0.4 * deep * max(s.rain, s.fog) - 0.36 * s.dust
 
 
 def _ease(start: float, end: float, x: float) -> float:

@@ -1,5 +1,6 @@
 """The lamps that burn and the bodies that stand near the ground, gathered on the host for one frame or many."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,6 +16,7 @@ from recipe_runtime.transforms import Array
 _CANDELA = 1.0 / 11000.0  # light on a white surface a metre away, in the scale of `air`, of one candela
 _SPILL = 1400.0  # candela above which a lamp's light near by grows by the square root only
 _MOST_LAMPS = 256
+_LAMPLIT, _UNLIT = 3.1e-3, 0.3  # the light of all lamps about a street that is lit; the least that one counts as, of it
 _LOWEST = 0.4  # metres above its actor's foot at which a part no longer darkens the ground
 _UNDER = 0.72  # share of the sky's light that a wide body flat on the ground keeps from it
 _NOWHERE = 1.0e9  # metres
@@ -22,6 +24,16 @@ LAMP_NAMES = ("position", "direction", "power", "cone", "reach")
 LAMP_KINDS = (wp.vec3f, wp.vec3f, wp.vec3f, wp.vec2f, wp.float32)
 BODY_NAMES = ("centre", "axis", "half", "spread", "strength")
 BODY_KINDS = (wp.vec3f, wp.vec2f, wp.vec2f, wp.float32, wp.float32)
+
+
+def lamplight(geometry: Geometry, eye: Array) -> float:
+    """How much light the lamps that stand still give the street about an eye [3], of what is common; it changes slowly.
+
+    Whoever drives by a lamp comes nearer to it by little, for its light counts as if it hung 10 m away at the least.
+    """
+    still = [mounted.light for mounted in geometry.lights if mounted.part == 0]
+    near = [_softened(light, [light.position[axis] - float(eye[axis]) for axis in range(3)]) for light in still]
+    return min(max(math.fsum(near) / _LAMPLIT, _UNLIT), 2.0)
 
 
 def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: str) -> Any:
@@ -108,11 +120,20 @@ def body_columns(geometry: Geometry, parts: Array) -> tuple[Array, ...]:
     return centre, box[..., 3:5], box[..., 5:7], spread, _UNDER / (1.0 + lift * lift)
 
 
+def _softened(light: Light, way: list[float]) -> float:
+    """A lamp's light, falling off with the square of its distance as from 10 m on."""
+    return _power(light) / ((way[0] * way[0] + way[1] * way[1]) + way[2] * way[2] + 100.0)
+
+
+def _power(light: Light) -> float:
+    """What a lamp gives a white surface a metre away."""
+    # What falls near a strong lamp is the spill of a beam that is aimed far ahead.
+    return light.intensity * min(1.0, float(np.sqrt(_SPILL / light.intensity))) * _CANDELA
+
+
 def _lamp(light: Light) -> list[float]:
     """Position and direction on its carrier, power, cone and reach."""
-    # What falls near a strong lamp is the spill of a beam that is aimed far ahead.
-    spill = min(1.0, float(np.sqrt(_SPILL / light.intensity)))
-    power = [light.intensity * spill * _CANDELA * c for c in light.colour]
+    power = [_power(light) * c for c in light.colour]
     full = light.cone + (1.0 - light.cone) * 0.75
     return [*light.position, *light.direction, *power, light.cone, full, 3.0 + 0.6 * float(np.sqrt(light.intensity))]
 

@@ -226,7 +226,7 @@ class Lane:
         self._gleam, self._known = zeros(room, wp.vec2f), zeros(room, wp.uint8)
         blocks = -(-stage.camera.width // 2) * -(-stage.camera.height // 2)
         self._reach, self._asked, self._ways = (zeros(blocks, kind) for kind in (wp.float32, wp.int32, wp.uint32))
-        self._sources = zeros(1, wp.int32)
+        self._sources = zeros(1, wp.vec2i)
         self._nothing_moved = wp.zeros((1, 1), dtype=wp.int32, device=device)
         self._no_levels = 0, zeros(1, wp.uint8), zeros(1, wp.vec3f)
         self._cover, self._dry = zeros(stage.pixels, wp.int32), zeros(1, wp.int32)
@@ -371,7 +371,7 @@ class Lane:
             inputs = [data, self._gleam, self._r["depth"], self._starts, b["view"], lens, self._nothing_before]
             inputs += [self._nothing_moved, 1, self._reach, self._asked, self._ways]
             launch(reflection.march, self._reach.size, inputs, self.device)
-            inputs = [data, air, self._gleam, self._reach, self._starts, b["view"], lens]
+            inputs = [data, air, self._gleam, self._reach, self._r["depth"], self._starts, b["view"], lens]
             inputs += [self._nothing_before, self._all, self._light, self._sources, shown]
             launch(reflection.reflect, self.room, inputs, self.device)
         cover = self._dry

@@ -24,6 +24,7 @@ RUBBER = wp.constant(int(Pattern.RUBBER))
 LAMP = wp.constant(int(Pattern.LAMP))
 HEADLIGHT = wp.constant(int(Pattern.HEADLIGHT))
 TAILLIGHT = wp.constant(int(Pattern.TAILLIGHT))
+LENS = wp.constant(int(Pattern.LENS))
 SOFTEST = wp.constant(wp.float32(0.35))  # the furthest that light wraps around anything
 LEVEL = wp.constant(wp.float32(0.95))  # what turns so far upward holds water
 SHALLOW = wp.constant(wp.float32(0.02))  # deposits up to this make no puddle
@@ -88,11 +89,12 @@ def pane(
     m.street = 1.0
     lit_by = woken(air, code, awake)
     bright = wp.float32(0.0)
-    if lit_by >= 0.0:
+    if lit_by >= 0.0 and lit_by < air[0].night:  # one after the other, as it gets dark
         bright = 0.6 + 0.7 * lit_by
     if pattern != patterns.SHOP_WINDOW:
         # Where many windows share a pixel, their mean is seen.
-        bright = 0.95 * awake + (bright - 0.95 * awake) * detail[3]
+        mean = 0.95 * awake * air[0].night
+        bright = mean + (bright - mean) * detail[3]
         lit_by = 0.5 + (lit_by - 0.5) * detail[3]
     if air[0].night > 0.0 and bright > 0.0:
         colour = mix(wp.vec3f(1.0, 0.86, 0.66), mix(wp.vec3f(1.0, 0.52, 0.19), wp.vec3f(1.0, 0.78, 0.5), lit_by), warm)
@@ -102,7 +104,7 @@ def pane(
         elif pattern == patterns.SHOP_WINDOW:
             colour = mix(colour, times(colour, veil) * 2.5, detail[2])
             through = glass * 1.2
-        m.glow = colour * (air[0].night * 0.8e-3 * detail[0] * through * bright)
+        m.glow = colour * (air[0].lit * 0.8e-3 * detail[0] * through * bright)
     return m
 
 
@@ -144,16 +146,19 @@ def matter_of(
         m.coat = 0.12
         m.gloss = 0.6
     elif pattern == LAMP:
-        m.glow = first * (air[0].night * 3.0e-2)
+        m.glow = first * (air[0].night * air[0].lit * 3.0e-2)
     elif pattern == patterns.SIGNAL:
-        m.glow = first * (0.35 - 0.335 * air[0].night)
+        m.glow = first * air[0].signal
     elif pattern == HEADLIGHT:
-        m.glow = first * (air[0].night * 5.0e-2)
+        m.glow = first * (air[0].night * air[0].lit * 5.0e-2)
         m.coat = 0.2
         m.gloss = 0.9
     elif pattern == TAILLIGHT:
-        m.glow = first * (air[0].night * 6.0e-3)
+        m.glow = first * (air[0].night * air[0].lit * 6.0e-3)
         m.coat = 0.08
+        m.gloss = 0.9
+    elif pattern == LENS:
+        m.coat = 0.14
         m.gloss = 0.9
     elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS:
         m.soft = SOFTEST

@@ -21,7 +21,7 @@ from recipe_runtime.render.blur import Moment
 from recipe_runtime.render.colours import looks_of
 from recipe_runtime.render.device import launch, record, records, wp
 from recipe_runtime.render.geometry import Geometry
-from recipe_runtime.render.lamps import bodies_at, lamps_at, no_lamps
+from recipe_runtime.render.lamps import bodies_at, lamplight, lamps_at, no_lamps
 from recipe_runtime.render.observation import TILE
 from recipe_runtime.render.observe import Observation, Observer, device_rows
 from recipe_runtime.render.points import Points, Surveyor
@@ -95,7 +95,8 @@ class Painter:
         with self._timings("rain"):
             drops = self._rain(plate, appearance.seed, light, time)
         with self._timings("develop"):
-            r = film.response_of(response, light.exposure, keyed(appearance.seed, sensor, frame), obs.camera)
+            key = keyed(appearance.seed, sensor, frame)
+            r = film.response_of(response, self._exposure(obs, light), key, obs.camera)
             streak = streak_of(light)
             inputs = [linear, points.starts, points.groups, points.weights, drops, streak, r]
             if film.needs_plate(obs.camera, response, moment):
@@ -165,7 +166,18 @@ class Painter:
         if before.told_of[0].known:
             asked = self._due(data, air, before, shaded)
         shaded.moment = moment
-        inputs = [data, air, gleam, rays[0], points.starts, view, lens, before, record(asked, self._device)]
+        inputs = [
+            data,
+            air,
+            gleam,
+            rays[0],
+            self._depth(obs),
+            points.starts,
+            view,
+            lens,
+            before,
+            record(asked, self._device),
+        ]
         inputs += [out, shaded.sources, shaded.shown]
         launch(reflection.reflect, threads(asked, points.count), inputs, self._device)
 
@@ -236,7 +248,7 @@ class Painter:
         asked = wp.full(blocks, -1, dtype=wp.int32, device=self._device)
         rays = empty(blocks, wp.float32), asked, empty(blocks, wp.uint32)
         shown = empty(room, wp.vec3f) if wet else light[0]
-        sources = wp.full(max(kept, 1) if wet else 1, -2, dtype=wp.int32, device=self._device)
+        sources = wp.full(max(kept, 1) if wet else 1, wp.vec2i(-2, -1), dtype=wp.vec2i, device=self._device)
         quiet = wp.zeros(lists[0].shape[0], dtype=wp.uint8, device=self._device)
         return Shaded(light, lists, clouds, kept, levels, rays, shown, sources, quiet)
 
@@ -293,6 +305,10 @@ class Painter:
             self._lights[name] = light_of(appearance, self._device)
         drift(self._lights[name], time)
         return self._lights[name]
+
+    def _exposure(self, obs: Observation, light: Light) -> float:
+        """What a camera would choose here by itself."""
+        return light.exposure(lamplight(self._g, obs.world_from_sensor[:, 3]) if light.lamplight > 0.0 else 1.0)
 
     def _looks_of(self, appearance: AppearancePlan) -> Any:
         name = appearance.colours

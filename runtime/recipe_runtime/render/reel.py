@@ -145,16 +145,17 @@ class Reel:
                     shower = shower_of(pose, look.light, time)
                     shower.key = keyed(look.plan.seed, "rain", 0)
                     block.put_records(row, f"shower {v}", [shower])
-                block.put_records(row, f"response {v}", [self._response(look, number)])
+                block.put_records(row, f"response {v}", [self._response(look, pose, number)])
         under_way = _CHUNK + len(self._lanes)
         self._beams = (self._beams + held)[-2 * under_way * max(len(self._suns), 1) :]
         if self._device != "cpu":
             wp.synchronize_stream(wp.get_stream(self._device))  # static shadows are drawn there
         return rows
 
-    def _response(self, look: Look, number: int) -> Any:
+    def _response(self, look: Look, pose: Array, number: int) -> Any:
         key = keyed(look.plan.seed, self._sensor, number)
-        return film.response_of(look.response, look.light.exposure, key, self._camera)
+        lit = lamps.lamplight(self._g, pose[:, 3]) if look.light.lamplight > 0.0 else 1.0
+        return film.response_of(look.response, look.light.exposure(lit), key, self._camera)
 
 
 def _layout(g: Geometry, suns: Sequence[Any], looks: Sequence[Look]) -> Block:

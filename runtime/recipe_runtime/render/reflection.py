@@ -103,9 +103,9 @@ def undisturbed(x0: wp.int32, y0: wp.int32, before: wp.array[Before], lens: Lens
 
 @wp.func
 def disturb(x0: wp.int32, y0: wp.int32, before: wp.array[Before], lens: Lens):
-    """What a block of 2 x 2 pixels mirrors changes."""
-    for y in range(y0, wp.min(y0 + 2, lens.height)):
-        for x in range(x0, wp.min(x0 + 2, lens.width)):
+    """What a block of 2 x 2 pixels mirrors changes, and perhaps what the blocks beside it do."""
+    for y in range(wp.max(y0 - 2, 0), wp.min(y0 + 4, lens.height)):
+        for x in range(wp.max(x0 - 2, 0), wp.min(x0 + 4, lens.width)):
             spoil(before, y * lens.width + x)
 
 
@@ -267,26 +267,74 @@ def due(
     before: wp.array[Before],
     mirrors: wp.array[wp.int32],
     moment: wp.int32,
-    sources: wp.array[wp.int32],
+    sources: wp.array[wp.vec2i],
     count: wp.array[wp.int32],
     listed: wp.array[wp.int32],
 ):
     """List those of `pools` that mirror something else than before, when the rings were those of `moment`.
 
-    So do they where their own light or ray has changed, the water, or the light of the pixel `sources` tells: -1 is
-    what lies beyond the picture, -2: it is not known. `count` comes zeroed. Their order tells in no byte.
+    So do they where their own light or ray has changed, the water, or what is seen at the two pixels that `sources`
+    tells: -1 is what lies beyond the picture, -2: it is not known. `count` comes zeroed. Their order tells in no byte.
     """
     entry = mirrors[wp.tid()]
     i = index(entry & 0x1FFFFFFF)
     turn = entry >> 29
     source = sources[i]
-    same = rings_at(turn, moment) == rings_at(turn, air[0].moment) and source > -2
+    same = rings_at(turn, moment) == rings_at(turn, air[0].moment) and source[0] > -2
     if same:
         same = before[0].stale[index(samples[0].pixels[i])] == wp.uint8(0)
-        if same and source >= 0:
-            same = before[0].stale[index(source)] == wp.uint8(0)
+        if same and source[0] >= 0:
+            same = before[0].stale[index(source[0])] == wp.uint8(0)
+        if same and source[1] >= 0:
+            same = before[0].stale[index(source[1])] == wp.uint8(0)
     if not same:
         listed[wp.atomic_add(count, 0, 1)] = i
+
+
+@wp.func
+def met(
+    t: wp.float32,
+    to_point: wp.vec3f,
+    d: wp.vec3f,
+    depth: wp.array[wp.float32],
+    view: wp.array2d[wp.float32],
+    lens: Lens,
+) -> wp.vec2i:
+    """The pixel that a ray which goes t metres from a point ends on, and whether what is seen there lies at its end.
+
+    -1 and 0 if t is not above 0, or if that is beyond the picture.
+    """
+    at = wp.int32(-1)
+    close = wp.int32(0)
+    if t > 0.0:
+        q = seen_from(view, to_point + d * t)
+        if q[2] > 0.2:
+            place = place_of(q, lens)
+            if place[0] >= 0:
+                at = place[1] * lens.width + place[0]
+                seen = depth[index(at)]
+                close = wp.where(seen < q[2] + 0.1 + 0.03 * t and seen > q[2] - 0.3 - 0.2 * t, 1, 0)
+    return wp.vec2i(at, close)
+
+
+@wp.func
+def block_beside(block: wp.int32, pixel: wp.int32, t: wp.float32, reach: wp.array[wp.float32], lens: Lens) -> wp.int32:
+    """The block next to a pixel of a block whose ray went t metres, if that one's went another way; else its own.
+
+    It is the one on the pixel's side; or, if that is no other, the one above or below.
+    """
+    columns = (lens.width + 1) / 2
+    rows = (lens.height + 1) / 2
+    column = block % columns
+    row = block / columns
+    c = wp.clamp(column + ((pixel % lens.width) & 1) * 2 - 1, 0, columns - 1)
+    r = wp.clamp(row + ((pixel / lens.width) & 1) * 2 - 1, 0, rows - 1)
+    found = row * columns + c
+    if wp.abs(reach[index(found)] - t) <= 0.15 * wp.abs(t):
+        found = r * columns + column
+        if wp.abs(reach[index(found)] - t) <= 0.15 * wp.abs(t):
+            found = block
+    return found
 
 
 @wp.kernel
@@ -295,18 +343,21 @@ def reflect(
     air: wp.array[Air],
     gleam: wp.array[wp.vec2f],
     reach: wp.array[wp.float32],
+    depth: wp.array[wp.float32],
     starts: wp.array[wp.int32],
     view: wp.array2d[wp.float32],
     lens: Lens,
     before: wp.array[Before],
     asked: wp.array[Asked],
     radiance: wp.array[wp.vec3f],
-    sources: wp.array[wp.int32],
+    sources: wp.array[wp.vec2i],
     out: wp.array[wp.vec3f],
 ):
     """Add to the samples that are asked what they mirror: along their own ray, as far as their block's ray went.
 
-    `sources` is told which pixel's light that was, as `due` takes it.
+    Where that ends in the air or behind something, as it may at the edge of what is mirrored, or goes nowhere, the ray
+    of a block beside it may end better. `sources` is told which pixel's light it was, and which other pixel's depth had
+    a part in that, as `due` takes it.
     """
     i = asked_of(asked, wp.tid())
     share = gleam[i][0]
@@ -324,20 +375,24 @@ def reflect(
     to_point = p - samples[0].eye
     d = mirrored(to_point, rippled(air, p, rings_at(turn_at(p), air[0].moment), gleam[i][1]))
     t = reach[block]
-    at = wp.int32(-1)
-    if t > 0.0:
-        q = seen_from(view, to_point + d * t)
-        if q[2] > 0.2:
-            place = place_of(q, lens)
-            if place[0] >= 0:
-                at = place[1] * lens.width + place[0]
+    own = met(t, to_point, d, depth, view, lens)
+    at = own[0]
+    other = wp.int32(-1)
+    if own[1] == 0:
+        beside = reach[index(block_beside(block, pixel, t, reach, lens))]
+        if beside > 0.0 and beside != t:
+            end = met(beside, to_point, d, depth, view, lens)
+            other = end[0]
+            if end[1] != 0:
+                other = at
+                at = end[0]
     if at >= 0:
         # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
         most = air[0].sideways * (4.0 + 500.0 * greater(gleam[i][1] - 0.82, 0.0))
         seen = index(starts[index(at)])
-        r = radiance[seen]
-        r = wp.vec3f(lesser(r[0], most[0]), lesser(r[1], most[1]), lesser(r[2], most[2]))
-        out[i] = light + r * share
+        shown = radiance[seen]
+        shown = wp.vec3f(lesser(shown[0], most[0]), lesser(shown[1], most[1]), lesser(shown[2], most[2]))
+        out[i] = light + shown * share
         if seen >= before[0].kept:
             at = -2
     else:
@@ -345,4 +400,4 @@ def reflect(
         beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
         out[i] = light + mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * FAR)) * share
     if keep:
-        sources[i] = at
+        sources[i] = wp.vec2i(at, other)
