@@ -1,4 +1,4 @@
-"""What a recipe may mean, but hardly does: bodies in one another or far from the town, cameras in the ground."""
+"""What a recipe may mean, but hardly does: bodies in one another or far from the town, cameras in ground or walls."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from recipe_compiler import exact
 from recipe_compiler.errors import Problem
-from recipe_compiler.plan import ActorPlan, RigPlan
+from recipe_compiler.plan import ActorPlan, Element, Pose, RigPlan
 from recipe_compiler.source import Value
 from recipe_compiler.towns import Town
 
@@ -35,8 +35,19 @@ def of_starts(base: Value, actors: Sequence[ActorPlan], town: Town) -> Iterator[
 
 
 def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
-    """Warnings of cameras that are, at any frame, at or below the ground (on an actor: its feet or wheels)."""
+    """Warnings of cameras that are, at any frame, at or below the ground (on an actor: its feet or wheels).
+
+    Or that see a house from within: nobody lives there, and its walls are all that is seen.
+    """
+    houses = [element for element in town.plan.elements if element.kind in ("building", "house")]
     for sensor in rig.sensors:
+        poses = [] if sensor.on is not None else sensor.poses
+        inside = ((n, house) for n, pose in enumerate(poses) for house in houses if _within(house, pose))
+        frame, house = next(inside, (0, None))
+        if house is not None:
+            when = f" at frame {frame}" if frame else ""
+            message = f"sensors.{sensor.name}: it is inside {house.name}{when}, and sees its walls from within"
+            yield Problem(f"{message}; move the mount", base.place_of("sensors", sensor.name, "mount"))
         for frame, pose in enumerate(sensor.poses):
             ground = town.ground(pose.x, pose.y) if sensor.on is None else 0.0
             if pose.z <= ground:
@@ -45,6 +56,17 @@ def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
                 message = f"sensors.{sensor.name}: z is {pose.z:g}{when}, not above {what}, which is at {ground:g}"
                 yield Problem(f"{message}; raise the mount", base.place_of("sensors", sensor.name, "mount", "z"))
                 break
+
+
+def _within(house: Element, pose: Pose) -> bool:
+    """Whether a pose is inside a building, which stands behind the middle of its front, below the eaves."""
+    depth, width, height = house.size
+    dx, dy, up = pose.x - house.pose.x, pose.y - house.pose.y, pose.z - house.pose.z
+    if abs(dx) + abs(dy) > depth + width or not 0.0 < up < height:
+        return False
+    s, c = exact.sin_cos_deg(house.pose.yaw)
+    x, y = c * dx + s * dy, c * dy - s * dx
+    return -depth < x < 0.0 and abs(y) < width / 2
 
 
 def _discs(actor: ActorPlan) -> list[Disc]:

@@ -64,6 +64,14 @@ def test_a_camera_in_the_ground_is_warned_of() -> None:
     assert warned(on="hero1", z=0.1) == []
 
 
+def test_a_camera_in_a_house_is_warned_of() -> None:
+    (message,) = warned(x=-14, y=-19, z=6)
+    assert message.startswith("sensors.street: it is inside building.")
+    assert message.endswith(", and sees its walls from within; move the mount")
+    assert warned(x=-14, y=-19, z=60) == []  # above the roofs
+    assert warned(x=-8, y=-19, z=6) == []  # before the front
+
+
 def test_a_camera_that_sinks_into_the_ground_is_warned_of_once() -> None:
     recipe = small(clock={"fps": 10, "frames": 30})
     recipe["base"]["sensors"]["street"] |= {"motion": {"linear": {"to": {"z": -2}, "speed": 2}}}

@@ -32,6 +32,7 @@ _KINDS = {
     "list": "a list",
 }
 _BY_NAME = {"town": "a name, such as downtown,", "weather": "a preset's name, such as ClearNoon,"}  # or a map
+_CARLA = {"image_size_x": "width", "image_size_y": "height"}
 _PATTERNS = {
     "#": 'is not a colour; write it as "#rrggbb"',
     "(19|20)": 'is not a date; write it as "2022-08-12"',
@@ -118,6 +119,9 @@ def _message(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wr
         if path[-2:] == ("camera", "exposure"):
             return f'unknown key "exposure"{inside}; as in CARLA, it is "exposure_compensation"'
         keys = fields_at(model, _without_markers(detail["loc"][:-1]))
+        ours = _CARLA.get(str(path[-1]))
+        if ours in keys:
+            return f"unknown key {show(str(path[-1]))}{inside}; what CARLA calls so is {show(ours)} here"
         return f"unknown key {show(str(path[-1]))}{inside}; {nearest(str(path[-1]), keys)}"
     if kind == "missing":
         if isinstance(path[-1], int):

@@ -300,7 +300,8 @@ class Camera(Model):
         float, Field(ge=-1, le=1, allow_inf_nan=False, description="Distortion that grows faster to the corners.")
     ] = 0.0
     exposure_mode: Annotated[
-        Literal["auto", "manual"], Field(description="auto: by sun and weather; manual: by shutter, iso and fstop.")
+        Literal["auto", "manual"],
+        Field(description="auto: by sun, weather and lamps; manual: by shutter, iso and fstop."),
     ] = "auto"
     exposure_compensation: Annotated[
         float, Field(ge=-15, le=15, allow_inf_nan=False, description="Stops on top of the exposure.")

@@ -70,6 +70,11 @@ def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
         leaf = noise3(p[0] * 19.0, p[1] * 19.0, p[2] * 23.0, wp.uint32(9)) - 0.5
         tone = tone + (0.95 * leaf - 0.3 * hole(leaf + 0.3 * twig)) * near
         d.normal = direction(d.normal + wp.vec3f(0.6 * leaf * near, -0.5 * leaf * near, 0.8 * leaf * near))
+        close = fade(0.03, foot)
+        if close > 0.0:
+            edge = noise3(p[0] * 61.0, p[1] * 61.0, p[2] * 67.0, wp.uint32(11)) - 0.5
+            tone = tone + (0.75 * edge - 0.35 * hole(edge + 0.4 * leaf)) * close
+            d.normal = direction(d.normal + wp.vec3f(0.7 * edge * close, 0.6 * edge * close, -0.5 * edge * close))
     d.tone = greater(tone, 0.2) * (0.34 + 0.66 * uv[1])
     d.second = clamp01(0.35 + 1.4 * bough + 0.9 * twig * near)
     return d
