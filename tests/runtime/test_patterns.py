@@ -38,7 +38,7 @@ UNITS = {
     Pattern.FOLIAGE: 1.0e6,  # its uv is a share of the sky
 }
 EVEN = {Pattern.PLAIN, Pattern.METAL, Pattern.SKIN, Pattern.RUBBER, Pattern.CAR_PAINT, Pattern.GLASS, Pattern.LAMP}
-EVEN |= {Pattern.HEADLIGHT, Pattern.TAILLIGHT, Pattern.SIGNAL, Pattern.IMAGE}
+EVEN |= {Pattern.HEADLIGHT, Pattern.TAILLIGHT, Pattern.LENS, Pattern.SIGNAL, Pattern.IMAGE}
 DRAWN = {Pattern.LETTER, Pattern.NICHE}  # over one face alone
 PATTERNS = [p for p in Pattern if p not in EVEN | DRAWN]
 

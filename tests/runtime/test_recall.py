@@ -105,7 +105,7 @@ def test_elsewhere_the_coarse_shadow_map_tells() -> None:
 class Puddle:
     """Samples in one row of pixels, as `due` is told of them."""
 
-    def __init__(self, gleams: list[float], sources: list[int]) -> None:
+    def __init__(self, gleams: list[float], sources: list[int], others: list[int] | None = None) -> None:
         count = len(gleams)
         self.data = Samples()
         self.data.positions = wp.array([[0.7 * i, 0.3, 0.0] for i in range(count)], dtype=wp.vec3f, device="cpu")
@@ -114,7 +114,8 @@ class Puddle:
         found, listed = self._list(count)
         launch(reflection.pools, count, [record(self.data, "cpu"), gleam, found, listed], "cpu")
         self.mirrors = wp.clone(listed[: int(found.numpy()[0])])
-        self.sources = wp.array(np.array(sources, np.int32), dtype=wp.int32, device="cpu")
+        pairs = np.stack([sources, others or [-1] * count], axis=-1).astype(np.int32)
+        self.sources = wp.array(pairs, dtype=wp.vec2i, device="cpu")
 
     @staticmethod
     def _list(count: int) -> tuple[Any, Any]:
@@ -141,6 +142,13 @@ def test_a_mirror_image_is_due_when_its_own_light_or_its_sources_has_changed() -
     assert puddle.due() == set()
     assert puddle.due(stale=(1,)) == {1}
     assert puddle.due(stale=(3,)) == {0, 1, 3}
+    assert puddle.due(stale=(0,)) == {0, 2}
+
+
+def test_a_mirror_image_is_due_when_what_was_seen_beside_its_source_has_changed() -> None:
+    puddle = Puddle([0.2] * 4, [-1, 1, 1, 3], [3, -1, 0, -1])
+    assert puddle.due() == set()
+    assert puddle.due(stale=(3,)) == {0, 3}
     assert puddle.due(stale=(0,)) == {0, 2}
 
 

@@ -5,6 +5,7 @@ It comes before every frame: visibility, shadow maps and samples all look into t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -85,6 +86,12 @@ class Geometry:
     def parts(self) -> int:
         """Count of moving parts."""
         return len(self.part_bounds)
+
+    @cached_property
+    def standing_lights(self) -> NDArray[np.float64]:
+        """Place in the world and candela of the lights that stand still, [L, 4]."""
+        still = [mounted.light for mounted in self.lights if mounted.part == 0]
+        return np.array([[*light.position, light.intensity] for light in still]).reshape(-1, 4)
 
 
 def upload(bodies: Sequence[Body], device: str) -> Geometry:

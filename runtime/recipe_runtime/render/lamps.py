@@ -1,6 +1,5 @@
 """The lamps that burn and the bodies that stand near the ground, gathered on the host for one frame or many."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -31,9 +30,11 @@ def lamplight(geometry: Geometry, eye: Array) -> float:
 
     Whoever drives by a lamp comes nearer to it by little, for its light counts as if it hung 10 m away at the least.
     """
-    still = [mounted.light for mounted in geometry.lights if mounted.part == 0]
-    near = [_softened(light, [light.position[axis] - float(eye[axis]) for axis in range(3)]) for light in still]
-    return min(max(math.fsum(near) / _LAMPLIT, _UNLIT), 2.0)
+    lights = geometry.standing_lights
+    dx, dy, dz = (lights[:, axis] - float(eye[axis]) for axis in range(3))
+    near = _power(lights[:, 3]) / (dx * dx + dy * dy + dz * dz + 100.0)
+    total = float(np.add.accumulate(near)[-1]) if len(near) else 0.0  # one after the other, on every processor
+    return min(max(total / _LAMPLIT, _UNLIT), 2.0)
 
 
 def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: str) -> Any:
@@ -120,20 +121,16 @@ def body_columns(geometry: Geometry, parts: Array) -> tuple[Array, ...]:
     return centre, box[..., 3:5], box[..., 5:7], spread, _UNDER / (1.0 + lift * lift)
 
 
-def _softened(light: Light, way: list[float]) -> float:
-    """A lamp's light, falling off with the square of its distance as from 10 m on."""
-    return _power(light) / ((way[0] * way[0] + way[1] * way[1]) + way[2] * way[2] + 100.0)
-
-
-def _power(light: Light) -> float:
-    """What a lamp gives a white surface a metre away."""
+def _power(candela: Array) -> Array:
+    """What lamps give a white surface a metre away."""
     # What falls near a strong lamp is the spill of a beam that is aimed far ahead.
-    return light.intensity * min(1.0, float(np.sqrt(_SPILL / light.intensity))) * _CANDELA
+    power: Array = candela * np.minimum(1.0, np.sqrt(_SPILL / candela)) * _CANDELA
+    return power
 
 
 def _lamp(light: Light) -> list[float]:
     """Position and direction on its carrier, power, cone and reach."""
-    power = [_power(light) * c for c in light.colour]
+    power = [float(_power(np.array(light.intensity))) * c for c in light.colour]
     full = light.cone + (1.0 - light.cone) * 0.75
     return [*light.position, *light.direction, *power, light.cone, full, 3.0 + 0.6 * float(np.sqrt(light.intensity))]
 

@@ -327,8 +327,8 @@ def block_beside(block: wp.int32, pixel: wp.int32, t: wp.float32, reach: wp.arra
     rows = (lens.height + 1) / 2
     column = block % columns
     row = block / columns
-    c = wp.clamp(column + ((pixel % lens.width) & 1) * 2 - 1, 0, columns - 1)
-    r = wp.clamp(row + ((pixel / lens.width) & 1) * 2 - 1, 0, rows - 1)
+    c = wp.min(wp.max(column + ((pixel % lens.width) & 1) * 2 - 1, 0), columns - 1)
+    r = wp.min(wp.max(row + ((pixel / lens.width) & 1) * 2 - 1, 0), rows - 1)
     found = row * columns + c
     if wp.abs(reach[index(found)] - t) <= 0.15 * wp.abs(t):
         found = r * columns + column
