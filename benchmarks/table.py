@@ -43,6 +43,7 @@ def _goals(found: dict[str, Any]) -> list[str]:
             (f"the same, {n}: 0.6 of a first at its own goal", _middle(_owed(r, found)))
             for n, r in found["further"].items()
         ],
+        (f"a further weather, the mean of {len(found['twelve']['alone']) - 1}: 0.6 of a first", f"{_mean(found):.2f}"),
         ("twelve weathers: 8 times one (the mean of the twelve, each built alone)", f"{_twelve(found):.1f}"),
         ("2 workers: 1.9 times one, while frames are made (the mean of turns)", f"{sum(turns) / len(turns):.2f}"),
         ("memory of a worker: under 1,536 MiB", f"{peak:.0f} MiB"),
@@ -64,6 +65,11 @@ def _owed(row: dict[str, Any], found: dict[str, Any]) -> list[float]:
 def _twelve(found: dict[str, Any]) -> float:
     alone = found["twelve"]["alone"]
     return float(found["twelve"]["together"] * len(alone) / sum(alone))
+
+
+def _mean(found: dict[str, Any]) -> float:
+    """What a further weather costs on the mean, of what one costs on the mean that is built alone."""
+    return (_twelve(found) - 1.0) / (len(found["twelve"]["alone"]) - 1)
 
 
 def _times(goal: str, ours: dict[str, Any], plain: dict[str, Any], kind: str) -> list[tuple[str, str]]:
