@@ -42,7 +42,8 @@ def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
     houses = [element for element in town.plan.elements if element.kind in ("building", "house")]
     for sensor in rig.sensors:
         poses = [] if sensor.on is not None else sensor.poses
-        inside = ((n, house) for n, pose in enumerate(poses) for house in houses if _within(house, pose))
+        near = _about(houses, poses)
+        inside = ((n, house) for n, pose in enumerate(poses) for house in near if _within(house, pose))
         frame, house = next(inside, (0, None))
         if house is not None:
             when = f" at frame {frame}" if frame else ""
@@ -56,6 +57,20 @@ def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
                 message = f"sensors.{sensor.name}: z is {pose.z:g}{when}, not above {what}, which is at {ground:g}"
                 yield Problem(f"{message}; raise the mount", base.place_of("sensors", sensor.name, "mount", "z"))
                 break
+
+
+def _about(houses: Sequence[Element], poses: Sequence[Pose]) -> list[Element]:
+    """The houses that a way may lead into: those whose surroundings meet the box about all of it."""
+    if not poses:
+        return []
+    xs, ys = [pose.x for pose in poses], [pose.y for pose in poses]
+    low, high = (min(xs), min(ys)), (max(xs), max(ys))
+    return [
+        house
+        for house in houses
+        if low[0] - (house.size[0] + house.size[1]) < house.pose.x < high[0] + (house.size[0] + house.size[1])
+        and low[1] - (house.size[0] + house.size[1]) < house.pose.y < high[1] + (house.size[0] + house.size[1])
+    ]
 
 
 def _within(house: Element, pose: Pose) -> bool:

@@ -70,6 +70,13 @@ def test_a_camera_in_a_house_is_warned_of() -> None:
     assert message.endswith(", and sees its walls from within; move the mount")
     assert warned(x=-14, y=-19, z=60) == []  # above the roofs
     assert warned(x=-8, y=-19, z=6) == []  # before the front
+    recipe = small(clock={"fps": 10, "frames": 30})
+    recipe["base"]["sensors"]["street"] |= {
+        "mount": {"x": -6, "y": -19, "z": 3, "yaw": 180},
+        "motion": {"linear": {"to": {"x": -14}, "speed": 4}},
+    }
+    (warning,) = compiled(recipe).warnings
+    assert " at frame 8, and sees its walls from within" in warning.message
 
 
 def test_a_camera_that_sinks_into_the_ground_is_warned_of_once() -> None:

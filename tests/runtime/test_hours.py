@@ -23,10 +23,12 @@ from tests.sources import ROOT
 
 NOBODY = np.zeros((0, 3, 4))
 HOURS = (15.0, 9.0, 5.0, 3.0, 1.0, 0.0, -2.0, -4.0, -6.0, -8.0, -10.0, -13.0, -20.0, -90.0)
-STEP = 3.0  # levels of 255 that a picture may brighten by from one hour to the next, of all that it darkens
+STEP, RISE = 3.0, 6.0  # levels of 255 that a picture may brighten by, from one hour to the next, and in all
 WEATHERS: dict[str, dict[str, float]] = {
     "clear": {"cloudiness": 10.0, "precipitation": 0.0, "fog_density": 0.0},
     "rain": {"cloudiness": 80.0, "precipitation": 60.0, "precipitation_deposits": 60.0, "wetness": 80.0},
+    "downpour": {"cloudiness": 100.0, "precipitation": 100.0, "precipitation_deposits": 90.0, "wetness": 100.0},
+    "dust": {"cloudiness": 10.0, "precipitation": 0.0, "fog_density": 0.0, "dust_storm": 100.0},
     "fog": {"cloudiness": 40.0, "precipitation": 0.0, "fog_density": 70.0, "fog_distance": 0.0},
 }
 
@@ -47,8 +49,9 @@ def test_dusk_is_darker_than_day_and_night_than_dusk(town: str) -> None:
             look = type(variant.appearance).model_validate(variant.appearance.model_dump() | told)
             light.append(float(renderer.shade(seen, look, sensor.name, 0, 0.0).mean()))
         assert all(later <= earlier + STEP for earlier, later in pairwise(light)), (name, light)
+        assert all(value <= min(light[: n + 1]) + RISE for n, value in enumerate(light)), (name, light)
         evening, dusk, night = light[2], light[HOURS.index(-2.0)], light[-1]
-        assert 18.0 < night < dusk < evening, (name, light)
+        assert (8.0 if name == "dust" else 18.0) < night < dusk < evening, (name, light)
 
 
 def test_windows_are_lit_one_by_one_as_it_gets_dark() -> None:
@@ -91,11 +94,11 @@ def test_a_street_without_lamps_is_exposed_for_longer() -> None:
     assert noon.exposure(0.3) == noon.exposure(2.0)
 
 
-def test_a_parked_car_is_dark_and_one_that_drives_is_not() -> None:
-    car = plan(next(b for b in blueprints.LIBRARY if b.id == "vehicle.sedan.a"))
-    parked, driven = (actor_body(car.model_copy(update={"speed": speed})) for speed in (0.0, 8.0))
+@pytest.mark.parametrize("car", [b for b in blueprints.LIBRARY if blueprints.parks(b)], ids=lambda b: b.id)
+def test_a_parked_car_is_dark_and_one_that_drives_is_not(car: blueprints.Blueprint) -> None:
+    parked, driven = (actor_body(plan(car).model_copy(update={"speed": speed})) for speed in (0.0, 8.0))
     assert sum(len(mesh.lights) for _, mesh in driven.parts) == 2
     assert sum(len(mesh.lights) for _, mesh in parked.parts) == 0
-    assert {s.pattern for _, mesh in parked.parts for s in mesh.surfaces}.isdisjoint(
-        {Pattern.HEADLIGHT, Pattern.TAILLIGHT}
-    )
+    shining = {Pattern.HEADLIGHT, Pattern.TAILLIGHT, Pattern.LAMP}
+    shown = [{s.pattern for _, mesh in body.parts for s in mesh.surfaces} & shining for body in (driven, parked)]
+    assert shown[0] >= {Pattern.HEADLIGHT, Pattern.TAILLIGHT} and shown[1] == set()

@@ -45,7 +45,7 @@ def _chassis(f: Finish, actor: ActorPlan) -> Mesh:
     elif body == BUS:
         _destination(b, f, shell)
     elif sign > 0.0:
-        _roof_sign(b, f, shell, sign)
+        _roof_sign(b, f, shell, sign, lit=not is_parked(actor))
     _mirrors(b, f, shell, body)
     _handles(b, f, shell, body)
     return b.mesh()
@@ -97,12 +97,12 @@ def _destination(b: Builder, f: Finish, shell: Shell) -> None:
     b.box(f.trim, (x - 0.3, -w, 0.87 * shell.height), (x - 0.02, w, 0.955 * shell.height))
 
 
-def _roof_sign(b: Builder, f: Finish, shell: Shell, tall: float) -> None:
-    """A taxi's sign, lit at night."""
-    lit = Surface("plate", Pattern.LAMP, f.plate.tag)
+def _roof_sign(b: Builder, f: Finish, shell: Shell, tall: float, lit: bool) -> None:
+    """A taxi's sign, lit at night unless it is parked."""
+    face = Surface("plate", Pattern.LAMP if lit else Pattern.PLAIN, f.plate.tag)
     x, z = shell.x(0.46), shell.height
     b.box(f.trim, (x - 0.09, -0.28, z - 0.02), (x + 0.09, 0.28, z + 0.02))
-    b.box(lit, (x - 0.07, -0.25, z + 0.02), (x + 0.07, 0.25, z + tall))
+    b.box(face, (x - 0.07, -0.25, z + 0.02), (x + 0.07, 0.25, z + tall))
 
 
 def _cargo(b: Builder, f: Finish, shell: Shell) -> None:

@@ -256,10 +256,11 @@ def _daylight(s: _State, sunlight: Colour, overhead: Colour) -> float:
 
 
 def _response(s: _State) -> float:
-    """How bright a picture is to become: dusk is darker than day, and night than dusk, whatever the weather."""
+    """How bright a picture is to become: dusk is darker than day, and a lit street by night than dusk."""
     deep = _ease(-3.0, -13.0, s.altitude)
-    dim = 1.0 - 0.12 * _ease(30.0, 12.0, s.altitude) - 0.2 * _ease(9.0, -3.0, s.altitude) + 0.4 * deep
-    return dim - 0.2 * s.rain * (1.0 - deep) - 0.06 * s.fog + 0.6 * deep * max(s.rain, s.fog) - 0.36 * s.dust
+    clear = 1.0 - 0.12 * _ease(30.0, 12.0, s.altitude) - 0.2 * _ease(9.0, -3.0, s.altitude) + 0.4 * deep
+    veiled = (1.0 - 0.2 * s.rain * (1.0 - deep)) * (1.0 - 0.06 * s.fog) * (1.0 - 0.36 * s.dust)
+    return clear * veiled * (1.0 + 0.5 * deep * max(s.rain, s.fog) * (1.0 - s.dust))
 
 
 def _ease(start: float, end: float, x: float) -> float:

@@ -1,8 +1,8 @@
 """Bands: what `visibility` draws, for a device of many small cores.
 
 A thread draws a small triangle by itself. A large one would keep all the others waiting, so it is put on a list, cut
-into bands of rows; then crews of threads take the bands, a column each. Keys are maxima and bits are sums of bits, so
-neither the list's order nor the crews' tells in them: they are the keys that `visibility.raster` makes.
+into bands of rows; then crews of threads take the bands, as broad as the triangle is. Keys are maxima and bits are sums
+of bits, so neither the list's order nor the crews' tells in them: they are the keys that `visibility.raster` makes.
 """
 
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.

@@ -16,7 +16,7 @@ _DEVIATES = 1024
 
 
 def gain(response: CameraResponse, automatic: float) -> float:
-    """What light is multiplied by; `automatic` is the gain for the sun and weather at hand.
+    """What light is multiplied by; `automatic` is the gain for the sun, weather and lamps at hand.
 
     Manual: in proportion to shutter time, sensitivity and aperture's area, iso / (100 shutter_speed fstop^2), so that
     the sunny-sixteen rule holds at clear noon.

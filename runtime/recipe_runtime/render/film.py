@@ -50,7 +50,7 @@ class Tables:
 
 
 def response_of(response: CameraResponse, automatic: float, key: int, plan: CameraPlan) -> Any:
-    """A response as kernels want it; `automatic` is the exposure for sun and weather."""
+    """A response as kernels want it; `automatic` is the exposure for sun, weather and lamps."""
     r = camera.Response()
     r.exposure, r.noise = exposure.gain(response, automatic), exposure.grain(response)
     r.white = wp.vec3f(*exposure.white(response))

@@ -88,10 +88,16 @@ class Geometry:
         return len(self.part_bounds)
 
     @cached_property
-    def standing_lights(self) -> NDArray[np.float64]:
-        """Place in the world and candela of the lights that stand still, [L, 4]."""
-        still = [mounted.light for mounted in self.lights if mounted.part == 0]
-        return np.array([[*light.position, light.intensity] for light in still]).reshape(-1, 4)
+    def light_rows(self) -> NDArray[np.float64]:
+        """Of every light its place and aim on its part, colour, candela and cone's cosine, [L, 11]."""
+        all_lights = [mounted.light for mounted in self.lights]
+        rows = [[*li.position, *li.direction, *li.colour, li.intensity, li.cone] for li in all_lights]
+        return np.array(rows, np.float64).reshape(-1, 11)
+
+    @cached_property
+    def light_parts(self) -> NDArray[np.int64]:
+        """The part that carries each light, [L]; 0 is the world."""
+        return np.array([mounted.part for mounted in self.lights], np.int64)
 
 
 def upload(bodies: Sequence[Body], device: str) -> Geometry:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recipe_runtime.meshes.mesh import Light
 from recipe_runtime.render.device import wp
 from recipe_runtime.render.geometry import Geometry
 from recipe_runtime.render.nearby import Bodies, Lamps
@@ -30,9 +29,9 @@ def lamplight(geometry: Geometry, eye: Array) -> float:
 
     Whoever drives by a lamp comes nearer to it by little, for its light counts as if it hung 10 m away at the least.
     """
-    lights = geometry.standing_lights
+    lights = geometry.light_rows[geometry.light_parts == 0]
     dx, dy, dz = (lights[:, axis] - float(eye[axis]) for axis in range(3))
-    near = _power(lights[:, 3]) / (dx * dx + dy * dy + dz * dz + 100.0)
+    near = _power(lights[:, 9]) / (dx * dx + dy * dy + dz * dz + 100.0)
     total = float(np.add.accumulate(near)[-1]) if len(near) else 0.0  # one after the other, on every processor
     return min(max(total / _LAMPLIT, _UNLIT), 2.0)
 
@@ -62,11 +61,13 @@ def lamp_columns(geometry: Geometry, world: Array, eye: Array) -> tuple[Array, .
     if not geometry.lights:
         none = np.zeros((*eye.shape[:-1], 1, 3))
         return none, none, none, none[..., :2], none[..., 0]
-    still = np.array([_lamp(mounted.light) for mounted in geometry.lights])
-    carrier = world[..., [mounted.part for mounted in geometry.lights], :, :]
-    to = _turned(carrier, still[:, 3:6])
-    rest = np.broadcast_to(still[:, 6:], (*to.shape[:-1], 6))
-    rows = np.concatenate([_turned(carrier, still[:, 0:3]) + carrier[..., 3], to, rest], axis=-1)
+    lights, carrier = geometry.light_rows, world[..., geometry.light_parts, :, :]
+    candela, cone = lights[:, 9], lights[:, 10]
+    power = _power(candela)[:, None] * lights[:, 6:9]
+    shape = np.stack([cone, cone + (1.0 - cone) * 0.75, 3.0 + 0.6 * np.sqrt(candela)], axis=-1)
+    to = _turned(carrier, lights[:, 3:6])
+    rest = np.broadcast_to(np.concatenate([power, shape], axis=-1), (*to.shape[:-1], 6))
+    rows = np.concatenate([_turned(carrier, lights[:, 0:3]) + carrier[..., 3], to, rest], axis=-1)
     if len(geometry.lights) > _MOST_LAMPS:
         away = rows[..., 0:3] - eye[..., None, :]
         gaps = (away[..., 0] * away[..., 0] + away[..., 1] * away[..., 1]) + away[..., 2] * away[..., 2]
@@ -126,13 +127,6 @@ def _power(candela: Array) -> Array:
     # What falls near a strong lamp is the spill of a beam that is aimed far ahead.
     power: Array = candela * np.minimum(1.0, np.sqrt(_SPILL / candela)) * _CANDELA
     return power
-
-
-def _lamp(light: Light) -> list[float]:
-    """Position and direction on its carrier, power, cone and reach."""
-    power = [float(_power(np.array(light.intensity))) * c for c in light.colour]
-    full = light.cone + (1.0 - light.cone) * 0.75
-    return [*light.position, *light.direction, *power, light.cone, full, 3.0 + 0.6 * float(np.sqrt(light.intensity))]
 
 
 def _turned(world: Array, v: Array) -> Array:

@@ -93,7 +93,7 @@ def pane(
         bright = 0.6 + 0.7 * lit_by
     if pattern != patterns.SHOP_WINDOW:
         # Where many windows share a pixel, their mean is seen.
-        mean = 0.95 * awake * air[0].night
+        mean = awake * air[0].night * (0.6 + 0.35 * air[0].night)
         bright = mean + (bright - mean) * detail[3]
         lit_by = 0.5 + (lit_by - 0.5) * detail[3]
     if air[0].night > 0.0 and bright > 0.0:

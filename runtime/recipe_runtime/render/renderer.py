@@ -59,7 +59,7 @@ class Renderer:
         return self._painter.radiance(obs, appearance, time)
 
     def reel(
-        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 12
+        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 16
     ) -> Reel:
         """What draws many frames of a plain camera (`reel.takes`) fast on a GPU, with the bytes of the calls above."""
         shadows = Shadows(self._geometry, self._device)
