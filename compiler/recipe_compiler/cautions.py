@@ -63,14 +63,15 @@ def _about(houses: Sequence[Element], poses: Sequence[Pose]) -> list[Element]:
     """The houses that a way may lead into: those whose surroundings meet the box about all of it."""
     if not poses:
         return []
-    xs, ys = [pose.x for pose in poses], [pose.y for pose in poses]
-    low, high = (min(xs), min(ys)), (max(xs), max(ys))
-    return [
-        house
-        for house in houses
-        if low[0] - (house.size[0] + house.size[1]) < house.pose.x < high[0] + (house.size[0] + house.size[1])
-        and low[1] - (house.size[0] + house.size[1]) < house.pose.y < high[1] + (house.size[0] + house.size[1])
-    ]
+    west, east = min(pose.x for pose in poses), max(pose.x for pose in poses)
+    south, north = min(pose.y for pose in poses), max(pose.y for pose in poses)
+
+    def meets(house: Element) -> bool:
+        reach = house.size[0] + house.size[1]
+        x, y = house.pose.x, house.pose.y
+        return west - reach < x < east + reach and south - reach < y < north + reach
+
+    return [house for house in houses if meets(house)]
 
 
 def _within(house: Element, pose: Pose) -> bool:

@@ -1,7 +1,7 @@
 """Reflections on wet ground: what a puddle mirrors is looked up in the picture itself.
 
 The mirrored ray is followed until it passes behind something that the camera sees; that sample's light is reflected.
-Four pixels share one ray's length, each goes that far along a ray of its own.
+Four pixels share one ray's length, each goes that far along a ray of its own; at an edge, as far as those beside it.
 A ray that meets nothing sees the sky, or, if it is low, the street beyond the picture.
 """
 
