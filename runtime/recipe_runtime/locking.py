@@ -66,11 +66,12 @@ def with_rows(
 
 
 def fresh_traces(scenes: list[ScenePlan], engines: Engines, store: Store, progress: Progress) -> dict[str, Trace]:
-    """Simulate every scene anew, into a store that workers read."""
+    """Simulate every scene anew, into a store that workers read; a bad entry of the user's cache is replaced."""
     traces = {}
     for number, scene in enumerate(scenes):
         progress("simulate", number, len(scenes))
         traces[scene.digest] = store.trace(scene, lambda scene=scene: engines.simulate(scene))  # type: ignore[misc]
+        Store().replace_bad_trace(scene, traces[scene.digest])
     progress("simulate", len(scenes), len(scenes))
     return traces
 

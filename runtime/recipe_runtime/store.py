@@ -25,7 +25,9 @@ from recipe_compiler.plan import ScenePlan
 from recipe_runtime.trace import Trace
 from recipe_runtime.versions import simulation_maker
 
-_FORMAT = b"recipe/store/1 "
+FORMAT = "recipe/store/2"
+KINDS = ("built", "pixels", "traces")
+"""All kinds of entries; what lies elsewhere in a cache folder is not this project's."""
 
 
 def default_cache() -> Path:
@@ -40,7 +42,10 @@ def kernel_cache() -> Path:
 
 
 class Store:
-    """Content by kind and key, in a folder that is made when first written."""
+    """Content by kind and key, in a folder that is made when first written.
+
+    An entry is a file: the line `recipe/store/2 KIND KEY SHA-256`, then the body that the digest is of.
+    """
 
     def __init__(self, root: Path | None = None) -> None:
         self.root = root or default_cache()
@@ -50,44 +55,83 @@ class Store:
         return self.root / kind / key[:2] / key
 
     def get(self, kind: str, key: str) -> bytes | None:
-        """An entry's bytes; None if it is absent or damaged."""
+        """An entry's bytes; None if it is absent, damaged, or another key's."""
         path = self.path(kind, key)
         try:
             head, _, body = path.read_bytes().partition(b"\n")
         except OSError:
             return None
+        if head + b"\n" != header(kind, key, hashlib.sha256(body).hexdigest()):
+            return None
         with suppress(OSError):
             os.utime(path)  # in use: pruning takes what was not used for longest
-        return body if head == _seal(body) else None
+        return body
 
     def put(self, kind: str, key: str, body: bytes) -> None:
         """Keep an entry; RunError if the folder cannot be written."""
+        if kind not in KINDS:
+            raise ValueError(f"the store has no kind {kind!r}")
         ours = self.root == default_cache()
         remedy = (
             "free some space, or set RECIPE_CACHE to another folder" if ours else "free some space or allow writing"
         )
         with host_errors(f"the {'cache' if ours else 'folder'} {self.root}", remedy):
-            write_atomic(self.path(kind, key), _seal(body) + b"\n" + body)
+            write_atomic(self.path(kind, key), header(kind, key, hashlib.sha256(body).hexdigest()) + body)
 
     def trace(self, scene: ScenePlan, simulate: Callable[[], Trace]) -> Trace:
         """The Trace of a scene: from the store if it is there and whole, else simulated, and kept."""
-        body = self.get("traces", _trace_key(scene))
-        if body is not None:
-            try:
-                return Trace.from_bytes(body)
-            except (ValueError, KeyError):
-                pass  # of an older form: simulate again
+        kept = self._trace(scene)
+        if kept is not None:
+            return kept
         trace = simulate()
         self.keep_trace(scene, trace)
         return trace
 
     def has_trace(self, scene: ScenePlan) -> bool:
         """Whether a scene's Trace is there and whole."""
-        return self.get("traces", _trace_key(scene)) is not None
+        return self._trace(scene) is not None
 
     def keep_trace(self, scene: ScenePlan, trace: Trace) -> None:
         """Keep a scene's Trace, in place of any that is there."""
         self.put("traces", _trace_key(scene), trace.to_bytes())
+
+    def replace_bad_trace(self, scene: ScenePlan, trace: Trace) -> None:
+        """Replace a scene's kept Trace if it is not this one, which was simulated anew.
+
+        Nothing is done where none is kept, or where the folder cannot be written.
+        """
+        key, body = _trace_key(scene), trace.to_bytes()
+        if self.path("traces", key).is_file() and self.get("traces", key) != body:
+            with suppress(RunError):
+                self.put("traces", key, body)
+
+    def _trace(self, scene: ScenePlan) -> Trace | None:
+        body = self.get("traces", _trace_key(scene))
+        if body is None:
+            return None
+        try:
+            trace = Trace.from_bytes(body)
+        except (ValueError, KeyError):
+            return None  # written in an older form
+        return trace if is_motion_of(trace, scene) else None
+
+
+def header(kind: str, key: str, sha256: str) -> bytes:
+    """The first line of an entry, which binds its body to its kind and key."""
+    return f"{FORMAT} {kind} {key} {sha256}\n".encode()
+
+
+def is_motion_of(trace: Trace, scene: ScenePlan) -> bool:
+    """Whether a Trace has the frames, the actors and the parts of a scene, in the plan's order."""
+    from recipe_runtime.meshes.skeleton import part_names
+
+    if trace.frames != scene.clock.frames or trace.actors != tuple(actor.name for actor in scene.actors):
+        return False
+    parts = {name: tuple(group) for name, group in itertools.groupby(trace.parts, lambda part: part.rpartition("/")[0])}
+    return tuple(parts) == trace.actors and all(
+        not actor.shape or parts[actor.name] == tuple(f"{actor.name}/{part}" for part in part_names(actor.shape))
+        for actor in scene.actors  # (one without a shape has the parts that its engine gives it)
+    )
 
 
 def regular_file(root: Path, path: str) -> os.stat_result | None:
@@ -173,7 +217,3 @@ def host_errors(what: str, remedy: str) -> Iterator[None]:
 
 def _trace_key(scene: ScenePlan) -> str:
     return digest("store/trace/1", [scene.digest, simulation_maker()])
-
-
-def _seal(body: bytes) -> bytes:
-    return _FORMAT + hashlib.sha256(body).hexdigest().encode()

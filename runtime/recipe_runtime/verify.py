@@ -163,6 +163,7 @@ class _Check:
             try:
                 trace = self.engines.simulate(scene)
                 store.keep_trace(scene, trace)
+                Store().replace_bad_trace(scene, trace)
             except RunError as error:
                 if kept is None:
                     raise

@@ -2,23 +2,34 @@
 
 import os
 import resource
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+from recipe_compiler import lockfile
 from recipe_compiler.errors import RunError
+from recipe_compiler.plan import DatasetPlan, ScenePlan
 from recipe_runtime import store as store_module
-from recipe_runtime.store import Store, default_cache, link_or_copy, write_atomic
+from recipe_runtime.build import build
+from recipe_runtime.locking import lock
+from recipe_runtime.meshes.skeleton import part_names
+from recipe_runtime.shot import shot
+from recipe_runtime.store import Store, default_cache, is_motion_of, link_or_copy, write_atomic
+from recipe_runtime.trace import Trace
+from recipe_runtime.verify import Options, verify
 
-from tests.runtime.fakes import scene_plan, simulate
+from tests.runtime.fakes import ENGINES, dataset_plan, scene_plan, simulate
 
 KEY = "ab" * 32
 
 
 def test_what_was_put_is_got(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    assert store.get("things", KEY) is None
-    store.put("things", KEY, b"line\nline\n")
-    assert Store(tmp_path).get("things", KEY) == b"line\nline\n"
+    assert store.get("pixels", KEY) is None
+    store.put("pixels", KEY, b"line\nline\n")
+    assert Store(tmp_path).get("pixels", KEY) == b"line\nline\n"
 
 
 @pytest.mark.parametrize(
@@ -26,10 +37,10 @@ def test_what_was_put_is_got(tmp_path: Path) -> None:
 )
 def test_a_damaged_entry_counts_as_absent(tmp_path: Path, damage: object) -> None:
     store = Store(tmp_path)
-    store.put("things", KEY, b"x" * 50)
-    path = store.path("things", KEY)
+    store.put("pixels", KEY, b"x" * 50)
+    path = store.path("pixels", KEY)
     path.write_bytes(damage(path.read_bytes()))
-    assert store.get("things", KEY) is None
+    assert store.get("pixels", KEY) is None
 
 
 def test_a_scene_is_simulated_once_and_again_when_damaged(tmp_path: Path) -> None:
@@ -47,6 +58,120 @@ def test_a_scene_is_simulated_once_and_again_when_damaged(tmp_path: Path) -> Non
     assert len(calls) == 2
 
 
+def test_an_entry_is_bound_to_its_kind_and_key(tmp_path: Path) -> None:
+    """An entry that is copied over another is whole in itself; its first line says whose it is."""
+    store, other = Store(tmp_path), "ab" + "cd" * 31
+    store.put("pixels", KEY, b"mine")
+    for kind, key in (("pixels", other), ("traces", KEY)):
+        path = store.path(kind, key)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(store.path("pixels", KEY).read_bytes())
+        assert store.get(kind, key) is None
+    assert store.get("pixels", KEY) == b"mine"
+
+
+def test_the_store_has_no_kinds_but_its_own(tmp_path: Path) -> None:
+    """Pruning goes by the list of kinds: what was stored as another would never be removed."""
+    with pytest.raises(ValueError, match="no kind 'things'"):
+        Store(tmp_path).put("things", KEY, b"")
+
+
+def _copied(store: Store, scene: ScenePlan) -> Path:
+    """Put another scene's entry in place of a scene's."""
+    other = scene_plan(speed=2.0)
+    store.keep_trace(other, _shifted(other))
+    (theirs,) = (p for p in store.root.glob("traces/*/*") if p.is_file())
+    store.keep_trace(scene, simulate(scene))
+    (mine,) = (p for p in store.root.glob("traces/*/*") if p != theirs)
+    mine.write_bytes(theirs.read_bytes())
+    return mine
+
+
+def _shifted(scene: ScenePlan) -> Trace:
+    made = simulate(scene)
+    return replace(made, positions=made.positions + 7)
+
+
+def test_another_scenes_trace_is_not_taken_for_a_scenes_own(tmp_path: Path) -> None:
+    scene, store = scene_plan(), Store(tmp_path)
+    _copied(store, scene)
+    assert not store.has_trace(scene)
+    assert store.trace(scene, lambda: simulate(scene)).digest == simulate(scene).digest
+    assert store.has_trace(scene)
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [
+        lambda scene: simulate(scene_plan(frames=11)),
+        lambda scene: replace(simulate(scene), actors=("hero2", "hero1", "van")),
+        lambda scene: replace(simulate(scene), parts=("hero2/base", "hero1/base", "van/base")),
+    ],
+)
+def test_a_trace_has_the_frames_actors_and_parts_of_its_scene(tmp_path: Path, forged: Any) -> None:
+    """Also where the seal is right, as whoever can write to the cache can make it."""
+    scene, store = scene_plan(), Store(tmp_path)
+    store.keep_trace(scene, forged(scene))
+    assert not store.has_trace(scene)
+    assert store.trace(scene, lambda: simulate(scene)).digest == simulate(scene).digest
+
+
+def test_a_trace_has_the_parts_that_its_actors_shapes_have() -> None:
+    plan = scene_plan()
+    shape = {"height": 1.7, "shoulder": 1.0, "girth": 1.0, "head": 1.0, "limb": 1.0}
+    scene = plan.model_copy(update={"actors": (plan.actors[0].model_copy(update={"shape": shape}),)})
+    names = tuple(f"hero1/{part}" for part in part_names(shape))
+    arrays = simulate(plan)
+
+    def trace(parts: tuple[str, ...]) -> Trace:
+        return replace(arrays, actors=("hero1",), parts=parts)
+
+    assert is_motion_of(trace(names), scene)
+    for wrong in (names[:-1], (*names, "hero1/tail"), names[::-1], ()):
+        assert not is_motion_of(trace(wrong), scene)
+
+
+def test_only_a_bad_trace_is_replaced(tmp_path: Path) -> None:
+    scene, store = scene_plan(), Store(tmp_path)
+    store.replace_bad_trace(scene, simulate(scene))
+    assert not store.has_trace(scene)  # absent: nothing was wrong
+    store.keep_trace(scene, _shifted(scene))
+    store.replace_bad_trace(scene, simulate(scene))
+    assert store.trace(scene, lambda: _shifted(scene)).digest == simulate(scene).digest
+
+
+def _build(plan: DatasetPlan, folder: Path) -> None:
+    build(plan, folder / "made", workers=0, engines=ENGINES)
+
+
+def _lock(plan: DatasetPlan, folder: Path) -> None:
+    lock(plan, "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=ENGINES)
+
+
+def _verify(plan: DatasetPlan, folder: Path) -> None:
+    options, held = Options(nonce=1, count=1, workers=0), lockfile.read(folder / "tiny.lock")
+    assert verify(plan, held, options, lambda *_: None, engines=ENGINES).verdict == "PASS"
+
+
+def _shot(plan: DatasetPlan, folder: Path) -> None:
+    shot(plan.variants[0], engines=ENGINES)
+
+
+@pytest.mark.parametrize("work", [_build, _lock, _verify, _shot])
+def test_every_command_replaces_a_bad_trace(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, work: Callable[[DatasetPlan, Path], None]
+) -> None:
+    """`build` took another scene's motion from the cache and made a dataset of it, exit 0."""
+    plan = dataset_plan(frames=12, weathers=1)
+    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "empty"))
+    lock(plan, "t", {}, workers=0, progress=lambda *_: None, engines=ENGINES).write(tmp_path / "tiny.lock")
+    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
+    scene, store = plan.variants[0].scene, Store()
+    _copied(store, scene)
+    work(plan, tmp_path)
+    assert store.trace(scene, lambda: _shifted(scene)).digest == simulate(scene).digest
+
+
 @pytest.mark.parametrize("ours", [True, False])
 def test_a_full_disk_leaves_neither_file_nor_scrap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ours: bool) -> None:
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path if ours else tmp_path / "elsewhere"))
@@ -55,7 +180,7 @@ def test_a_full_disk_leaves_neither_file_nor_scrap(tmp_path: Path, monkeypatch: 
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
     try:
         with pytest.raises(RunError, match=f"File too large; {remedy}"):
-            Store(tmp_path).put("things", KEY, b"x" * 1000)
+            Store(tmp_path).put("pixels", KEY, b"x" * 1000)
         with pytest.raises(OSError, match="File too large") as caught:
             write_atomic(tmp_path / "picture.png", b"x" * 1000)
     finally:
