@@ -13,6 +13,7 @@ import pytest
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, Looks, Pose
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.render import Renderer
+from recipe_runtime.render.reuse import NO_REUSE, TemporalReuse
 from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render_scene import BRICKS, CLOTH, LOOKS, appearance, box, street
@@ -72,17 +73,19 @@ def test_kept_mirror_images_are_those_of_a_fresh_renderer(seed: int) -> None:
     response = CameraResponse(antialias=draw.random() < 0.7, noise=0.0)
     told = {"looks": Looks(looks), "responses": {"street": response}}
     weathers = [WET[name].model_copy(update=told) for name in names]
-    kept, fresh = Renderer(bodies), Renderer(bodies, keep_static=False)
+    fresh = Renderer(bodies, reuse=NO_REUSE)
+    keeping = [Renderer(bodies), Renderer(bodies, reuse=TemporalReuse(pixels=False))]
     places = [[draw.uniform(2, 16), draw.uniform(-6, 3), draw.uniform(0, 360)] for _ in range(2 + movers)]
     frame = 0
     for step in range(draw.randint(8, 20)):
         moved(draw, places)
         frame = max(frame + draw.choice([0, 1, 1, 1, 4, 7, -3]), 0)
         parts = np.stack([from_pose(Pose(x=x, y=y, yaw=yaw)) for x, y, yaw in places])
-        seen, alone = kept.observe(camera, eye, parts), fresh.observe(camera, eye, parts)
+        seen, alone = [kept.observe(camera, eye, parts) for kept in keeping], fresh.observe(camera, eye, parts)
         for weather in weathers:
             if draw.random() < 0.25:
                 continue
-            picture = kept.shade(seen, weather, "street", frame, frame / 30)
             expected = fresh.shade(alone, weather, "street", frame, frame / 30)
-            assert np.array_equal(picture, expected), (seed, step)
+            for kept, observation in zip(keeping, seen, strict=True):
+                picture = kept.shade(observation, weather, "street", frame, frame / 30)
+                assert np.array_equal(picture, expected), (seed, step)

@@ -18,6 +18,7 @@ from recipe_runtime.build import build
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render import Renderer
 from recipe_runtime.render.lens import plate_of
+from recipe_runtime.render.reuse import NO_REUSE
 from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render_scene import EYE, LOOKS, WEATHERS, appearance, box, ground, parts_at, street
@@ -178,6 +179,6 @@ def test_what_a_renderer_remembers_does_not_matter_to_a_bend() -> None:
     for frame in range(3):
         seen = observe(running, 0.3, 0.0, EYE, parts_at(frame))
         last = running.shade(seen, plan, "street", frame, frame / 30)
-    alone = Renderer(street(), keep_static=False)
+    alone = Renderer(street(), reuse=NO_REUSE)
     again = alone.shade(observe(alone, 0.3, 0.0, EYE, parts_at(2)), plan, "street", 2, 2 / 30)
     assert last.tobytes() == again.tobytes()

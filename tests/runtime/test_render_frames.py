@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 from recipe_compiler.plan import CameraPlan, CameraResponse, Pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render import Renderer
+from recipe_runtime.render.reuse import ALL_REUSE, NO_REUSE, TemporalReuse
 from recipe_runtime.transforms import from_pose
 
 from tests.golden.renew_render import GOLDEN
@@ -64,7 +66,7 @@ def test_a_frame_alone_is_the_frame_of_the_sequence() -> None:
 
 
 def test_order_of_appearances_and_caches_changes_nothing() -> None:
-    forward, backward = Renderer(street()), Renderer(street(), keep_static=False)
+    forward, backward = Renderer(street()), Renderer(street(), reuse=NO_REUSE)
     a, b = (r.observe(CAMERA, EYE, parts_at()) for r in (forward, backward))
     names = list(WEATHERS)
     first = {n: forward.shade(a, WEATHERS[n], "street", 0, 0.0).tobytes() for n in names}
@@ -75,10 +77,19 @@ def test_order_of_appearances_and_caches_changes_nothing() -> None:
 
 def test_what_a_static_camera_remembers_changes_nothing() -> None:
     """The walker and the car pass; lamps, shadows and puddles are theirs as if no frame had come before."""
-    keeping, forgetting = Renderer(street()), Renderer(street(), keep_static=False)
+    keeping, forgetting = Renderer(street()), Renderer(street(), reuse=NO_REUSE)
     for frame in (0, 1, 2, 9, 30):
         for weather in WEATHERS:
             assert picture(keeping, frame, weather) == picture(forgetting, frame, weather)
+
+
+@pytest.mark.parametrize("level", [field.name for field in fields(TemporalReuse)])
+def test_each_level_of_reuse_may_be_off_and_changes_nothing(level: str) -> None:
+    """The benchmark of the levels compares like with like; the others work without the level."""
+    without, alone = Renderer(street(), reuse=replace(ALL_REUSE, **{level: False})), Renderer(street(), reuse=NO_REUSE)
+    for frame in (0, 1, 2, 9):
+        for weather in WEATHERS:
+            assert picture(without, frame, weather) == picture(alone, frame, weather)
 
 
 @pytest.mark.parametrize("order", [range(0, 60, 4), (0, 1, 30, 1, 2, 2, 31, 0, 9, 45, 9)], ids=["on", "to and fro"])
@@ -88,7 +99,7 @@ def test_what_still_water_mirrored_before_changes_nothing(weather: str, order: S
     keeping, plan = Renderer(street()), STANDING_WATER[weather]
     for frame in order:
         seen, now = keeping.observe(CAMERA, EYE, parts_at(frame)), frame / 30
-        alone = Renderer(street(), keep_static=False)
+        alone = Renderer(street(), reuse=NO_REUSE)
         expected = alone.shade(alone.observe(CAMERA, EYE, parts_at(frame)), plan, "street", frame, now)
         np.testing.assert_array_equal(keeping.shade(seen, plan, "street", frame, now), expected)
 
@@ -101,7 +112,7 @@ def test_a_shadow_that_comes_onto_blades_in_the_wind_is_seen() -> None:
     plan = appearance(35.0, 200.0, looks, wind_intensity=60)
     plan = plan.model_copy(update={"responses": {"street": CameraResponse(noise=0.0)}})
     camera, eye = CameraPlan(width=200, height=200, fov=24), from_pose(Pose(x=2.0, y=-1.0, z=1.7, yaw=4, pitch=30))
-    keeping, forgetting = Renderer(bodies), Renderer(bodies, keep_static=False)
+    keeping, forgetting = Renderer(bodies), Renderer(bodies, reuse=NO_REUSE)
     for frame in range(40):
         parts = np.stack([from_pose(Pose(x=5.0 + 0.003 * frame, y=-1.0 + 0.004 * frame, yaw=20))])
         kept, alone = (
@@ -119,7 +130,7 @@ def test_two_cameras_at_one_place_keep_their_own() -> None:
     for frame in (0, 1, 2, 3):
         seen = both.observe(CAMERA, EYE, parts_at(frame))
         for sensor in ("street", "bright"):
-            alone = Renderer(street(), keep_static=False)
+            alone = Renderer(street(), reuse=NO_REUSE)
             expected = alone.shade(alone.observe(CAMERA, EYE, parts_at(frame)), bright, sensor, frame, 0.0)
             np.testing.assert_array_equal(both.shade(seen, bright, sensor, frame, 0.0), expected)
 

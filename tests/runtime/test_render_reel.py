@@ -11,6 +11,7 @@ from recipe_runtime.opening import compiled
 from recipe_runtime.render import Renderer, lane, reel
 from recipe_runtime.render.device import cuda_devices
 from recipe_runtime.render.reel import Take
+from recipe_runtime.render.reuse import NO_REUSE
 from recipe_runtime.store import Store
 from recipe_runtime.trace import Trace
 from recipe_runtime.transforms import part_transforms, sensor_transform
@@ -37,7 +38,7 @@ def hold_to_renderer(plan: DatasetPlan, sensor_at: int, device: str) -> None:
     variant, appearances = plan.variants[0], [v.appearance for v in plan.variants]
     trace = Store().trace(variant.scene, lambda: real_engines().simulate(variant.scene))
     bodies = [*town_bodies(variant.scene.town), *[actor_body(actor) for actor in variant.scene.actors]]
-    slow, fast, sensor = Renderer(bodies, keep_static=False), Renderer(bodies, device), variant.rig.sensors[sensor_at]
+    slow, fast, sensor = Renderer(bodies, reuse=NO_REUSE), Renderer(bodies, device), variant.rig.sensors[sensor_at]
     take = take_of(variant, sensor, trace)
     for at, made in enumerate(fast.reel(sensor.camera, sensor.name, appearances, lanes=2).frames(take)):
         seen = slow.observe(sensor.camera, take.poses[at], take.parts[at])

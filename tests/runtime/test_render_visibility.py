@@ -10,6 +10,7 @@ from recipe_compiler.plan import CameraPlan, Pose
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.render import Renderer
 from recipe_runtime.render.device import wp
+from recipe_runtime.render.reuse import NO_REUSE
 from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render_scene import CAMERA, EYE, ball, box, ground, parts_at, street
@@ -137,7 +138,7 @@ def test_more_actors_than_a_word_has_bits() -> None:
 
 
 def test_a_standing_camera_sees_what_a_fresh_one_sees() -> None:
-    keeping, fresh = Renderer(street()), Renderer(street(), keep_static=False)
+    keeping, fresh = Renderer(street()), Renderer(street(), reuse=NO_REUSE)
     for frame in (0, 1, 2, 5):
         a, b = (r.observe(CAMERA, EYE, parts_at(frame)) for r in (keeping, fresh))
         assert np.array_equal(a.depth, b.depth) and np.array_equal(a.instance, b.instance)

@@ -19,6 +19,7 @@ from recipe_runtime.render import observation, visibility
 from recipe_runtime.render.device import launch, wp
 from recipe_runtime.render.geometry import CHUNK, Geometry
 from recipe_runtime.render.lens import curve_of, plate_of, through_lens
+from recipe_runtime.render.reuse import TemporalReuse
 from recipe_runtime.render.timing import Timings
 from recipe_runtime.render.view import lens_of, view_from_parts
 from recipe_runtime.transforms import Array
@@ -98,9 +99,9 @@ def all_tiles(camera: CameraPlan) -> NDArray[np.int32]:
 class Observer:
     """Sees one scene's geometry. A camera that stands still draws what does not move once."""
 
-    def __init__(self, geometry: Geometry, device: str, timings: Timings, keep_static: bool = True) -> None:
+    def __init__(self, geometry: Geometry, device: str, timings: Timings, reuse: TemporalReuse) -> None:
         self._g, self._device, self._timings = geometry, device, timings
-        self._keep_static = keep_static
+        self._reuse = reuse.visibility
         self._poses: OrderedDict[bytes, _Still | None] = OrderedDict()  # None: seen once, and so perhaps moving
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
@@ -151,7 +152,7 @@ class Observer:
 
     def _still(self, pose: bytes, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> _Still | None:
         """What stands still from a pose; None for a pose not seen before, which may not come again."""
-        if not self._keep_static or bends(camera):
+        if not self._reuse or bends(camera):
             return None
         known = pose in self._poses
         still = self._poses.pop(pose, None)

@@ -7,6 +7,8 @@ where it must be equal, so that remembering saves time and changes no byte.
 
 import hashlib
 import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +27,7 @@ from recipe_runtime.render.lamps import bodies_at, lamplight, lamps_at, no_lamps
 from recipe_runtime.render.observation import TILE
 from recipe_runtime.render.observe import Observation, Observer, device_rows
 from recipe_runtime.render.points import Points, Surveyor
+from recipe_runtime.render.reuse import TemporalReuse
 from recipe_runtime.render.sunlight import Shadows, world_vertices
 from recipe_runtime.render.timing import Timings
 from recipe_runtime.render.view import lens_of, view_from_parts, world_from_parts, world_from_view
@@ -66,14 +69,15 @@ class Painter:
         albums: Albums,
         device: str,
         timings: Timings,
-        keep_static: bool,
+        reuse: TemporalReuse,
     ) -> None:
         self._albums = albums
         self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
         self._shadows = Shadows(geometry, device)
         self._lights: dict[str, Light] = {}  # by the appearance's digest
         self._looks: dict[str, Any] = {}  # by the identity of the colours
-        self._surveyor = Surveyor(geometry, observer, device, timings, keep_static)
+        self._surveyor = Surveyor(geometry, observer, device, timings, reuse)
+        self._reuse = reuse
         self._tables = film.Tables(device)
         self._listed = wp.empty(1, dtype=wp.int32, device=device)
 
@@ -109,9 +113,22 @@ class Painter:
                 inputs[-1] = record(r, self._device)
                 inputs += [shaded.kept, *shaded.levels, *self._tables.straight(response, obs.camera)]
                 span = r.width if self._device == "cpu" else 1  # a GPU has threads to spare
-                launch(camera.develop, r.width * r.height // span, [*inputs, span, out], self._device)
+                with self._developed_anew(shaded):
+                    launch(camera.develop, r.width * r.height // span, [*inputs, span, out], self._device)
             picture: NDArray[np.uint8] = out.numpy().reshape(r.height, r.width, 3)
         return picture
+
+    @contextmanager
+    def _developed_anew(self, shaded: Shaded) -> Iterator[None]:
+        """With pixel reuse off, mark every pixel as stale; afterwards only those are that the kernel leaves so."""
+        if self._reuse.pixels or not shaded.kept:
+            yield
+            return
+        stale = shaded.levels[0].numpy()
+        before = stale.copy()
+        stale.fill(1)
+        yield
+        stale &= before
 
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float) -> NDArray[np.float32]:
         """Linear radiance at pixel centres, float32 [H, W, 3]."""
@@ -160,10 +177,11 @@ class Painter:
         view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
         rows, columns = -(-obs.camera.height // 2), -(-obs.camera.width // 2)
         span = columns if self._device == "cpu" else 1  # a GPU has threads to spare
-        inputs = [data, gleam, self._depth(obs), points.starts, view, lens, before, self._moved(obs), span, *rays]
+        known = before if self._reuse.reflections else record(recall.Before(), self._device)
+        inputs = [data, gleam, self._depth(obs), points.starts, view, lens, known, self._moved(obs), span, *rays]
         launch(reflection.march, rows * -(-columns // span), inputs, self._device)
         asked = every_sample()
-        if before.told_of[0].known:
+        if before.told_of[0].known and self._reuse.reflections:
             asked = self._due(data, air, before, shaded)
         shaded.moment = moment
         inputs = [
@@ -229,7 +247,8 @@ class Painter:
             if base is not None:
                 room = base.columns.room
                 # (A GPU is quicker to shade all anew than to tell what it need not.)
-                keep = base.count if len(base.lights) < _LIGHTS_KEPT_BY_POSE and self._device == "cpu" else 0
+                few = len(base.lights) < _LIGHTS_KEPT_BY_POSE
+                keep = base.count if few and self._device == "cpu" and self._reuse.light else 0
             found = self._room(plan, room, keep, lists, clouds, light.air.wet > 0.0)
         found.stirs = int(light.air.stirs)
         before.kept, before.stale = found.kept, found.levels[0]

@@ -18,6 +18,7 @@ from recipe_runtime.render import observation, samples, shade
 from recipe_runtime.render.device import launch, record, wp
 from recipe_runtime.render.geometry import Geometry
 from recipe_runtime.render.observe import Observation, Observer, all_tiles, device_rows
+from recipe_runtime.render.reuse import TemporalReuse
 from recipe_runtime.render.timing import Timings
 from recipe_runtime.render.view import lens_of, world_from_parts, world_from_view
 
@@ -73,10 +74,10 @@ class Surveyor:
     """Places and surveys the samples of one scene's observations."""
 
     def __init__(
-        self, geometry: Geometry, observer: Observer, device: str, timings: Timings, keep_static: bool
+        self, geometry: Geometry, observer: Observer, device: str, timings: Timings, reuse: TemporalReuse
     ) -> None:
         self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
-        self._keep_static = keep_static
+        self._reuse = reuse.samples
         self._bases: OrderedDict[tuple[bytes, bool], Base | None] = OrderedDict()  # None: seen once
 
     def points(self, obs: Observation, antialias: bool) -> Points:
@@ -92,7 +93,7 @@ class Surveyor:
 
     def _base(self, obs: Observation, antialias: bool) -> Base | None:
         """What is kept of a pose; None if it was not seen before."""
-        if not self._keep_static:
+        if not self._reuse:
             return None
         name = obs.pose, antialias
         known, base = name in self._bases, self._bases.pop(name, None)

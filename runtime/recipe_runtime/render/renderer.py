@@ -16,6 +16,7 @@ from recipe_runtime.render.geometry import upload
 from recipe_runtime.render.observe import Observation, Observer
 from recipe_runtime.render.picture import Painter
 from recipe_runtime.render.reel import Reel
+from recipe_runtime.render.reuse import ALL_REUSE, TemporalReuse
 from recipe_runtime.render.sunlight import Shadows
 from recipe_runtime.render.timing import Timings
 from recipe_runtime.transforms import Array
@@ -25,14 +26,19 @@ class Renderer:
     """Draws one scene: the town's bodies (instance 0) first, then the actors', parts in the Trace's order."""
 
     def __init__(
-        self, bodies: Sequence[Body], device: str = "cpu", *, keep_static: bool = True, images: Images | None = None
+        self,
+        bodies: Sequence[Body],
+        device: str = "cpu",
+        *,
+        reuse: TemporalReuse = ALL_REUSE,
+        images: Images | None = None,
     ) -> None:
-        """`images` tells an image's pixels; without it, no appearance has any."""
+        """`images` returns an image's pixels; without it no appearance may have any."""
         self.timings, self._device = Timings(), device
         self._geometry = upload(bodies, device)
-        self._observer = Observer(self._geometry, device, self.timings, keep_static)
+        self._observer = Observer(self._geometry, device, self.timings, reuse)
         self._albums = Albums(self._geometry, images, device)
-        self._painter = Painter(self._geometry, self._observer, self._albums, device, self.timings, keep_static)
+        self._painter = Painter(self._geometry, self._observer, self._albums, device, self.timings, reuse)
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
         """What is where. `world_from_sensor` [3, 4], x forward, y left, z up; `parts` [P, 3, 4] in the world."""

@@ -1,0 +1,83 @@
+"""What each level of temporal reuse saves: processor time a frame with the level, and without it.
+
+    python -m benchmarks.reuse --frames 24
+
+Two renderers make the same frames of the paper's listing in turn, one with every level and one without the level in
+question and without those that build on it. Times are the thread's own, so that other processes matter less, and their
+ratio is of frames made side by side. The last line is a JSON object.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import replace
+
+import numpy as np
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.plan import ScenarioPlan
+from recipe_runtime.engines import real_engines
+from recipe_runtime.frames import SceneSource
+from recipe_runtime.meshes import scene_bodies
+from recipe_runtime.render import Renderer
+from recipe_runtime.render.reuse import ALL_REUSE, NO_REUSE, TemporalReuse
+from recipe_runtime.trace import Trace
+
+from benchmarks.listing import RECIPE
+
+VARIANTS = {"dry": "weather=sunny", "wet": "weather=rainy"}
+LEVELS = {
+    "all": NO_REUSE,
+    "visibility": replace(ALL_REUSE, visibility=False),
+    "samples": replace(ALL_REUSE, samples=False, light=False, reflections=False, pixels=False),
+    "light": replace(ALL_REUSE, light=False, reflections=False, pixels=False),
+    "reflections": replace(ALL_REUSE, reflections=False),
+    "pixels": replace(ALL_REUSE, pixels=False),
+}
+WARM = 3  # frames after which a camera at rest has everything that it keeps
+
+
+def main() -> None:
+    """Measure every level in both weathers, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--frames", type=int, default=24)
+    arguments = parser.parse_args()
+    variants = {v.variant: v for v in compile_recipe(RECIPE).plan.variants}
+    trace = real_engines().simulate(variants[VARIANTS["dry"]].scene)
+    found: dict[str, dict[str, list[float]]] = {}
+    print("| level off | dry: ms with, ms without | more | wet: ms with, ms without | more |\n|---|---|---|---|---|")
+    for level, reuse in LEVELS.items():
+        found[level] = {name: compare(variants[v], trace, reuse, arguments.frames) for name, v in VARIANTS.items()}
+        cells = [f"{on:.1f}, {off:.1f} | {100 * (off / on - 1):+.0f} %" for on, off in found[level].values()]
+        print(f"| {level} | {' | '.join(cells)} |", flush=True)
+    print(json.dumps(found))
+
+
+def compare(variant: ScenarioPlan, trace: Trace, reuse: TemporalReuse, frames: int) -> list[float]:
+    """Milliseconds a frame with every level, and with those of `reuse`, of frames made in turn."""
+    sources = [source(variant, trace, levels) for levels in (ALL_REUSE, reuse)]
+    sensor, begin = variant.rig.sensors[0], variant.scene.clock.frames // 3
+    seconds = [0.0, 0.0]
+    for frame in range(begin, begin + WARM + frames):
+        pictures = []
+        for place in (0, 1) if frame % 2 else (1, 0):
+            start = time.thread_time()
+            seen = sources[place].observe(sensor, frame)
+            pictures.append(sources[place].shade(seen, variant.appearance, sensor, frame))
+            if frame >= begin + WARM:
+                seconds[place] += time.thread_time() - start
+        if not np.array_equal(*pictures):
+            raise SystemExit(f"frame {frame} differs without {reuse}")
+    return [1000 * s / frames for s in seconds]
+
+
+def source(variant: ScenarioPlan, trace: Trace, reuse: TemporalReuse) -> SceneSource:
+    """A source of frames whose renderer reuses the given levels."""
+    engines = real_engines()
+    renderer = Renderer(scene_bodies(variant.scene, engines.assets), reuse=reuse)
+    return SceneSource(variant.scene, trace, engines=engines, renderer=renderer)
+
+
+if __name__ == "__main__":
+    main()
