@@ -1,18 +1,38 @@
 """An actor's body: its rigid parts, each in its own frame."""
 
+from functools import lru_cache
+
 from recipe_compiler.plan import ActorPlan
 
-from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.meshes.mesh import Body, Mesh
 from recipe_runtime.meshes.pedestrian import pedestrian_parts
-from recipe_runtime.meshes.skeleton import has_rider, is_person
+from recipe_runtime.meshes.skeleton import has_rider, is_parked, is_person
 from recipe_runtime.meshes.twowheeler import twowheeler_parts
 from recipe_runtime.meshes.vehicle import vehicle_parts
 
+SHAPES_CACHE_SIZE = 256  # of some 300 kB each
+
 
 def actor_body(actor: ActorPlan) -> Body:
-    """The body of a pedestrian or vehicle; its base part, first, has its origin on the ground and looks along +x."""
-    if is_person(actor.shape):
-        parts = pedestrian_parts
+    """The body of a pedestrian or vehicle; its base part, first, has its origin on the ground and looks along +x.
+
+    Actors of one shape share their meshes, whose arrays are read-only.
+    """
+    shape = tuple(sorted(actor.shape.items()))
+    return Body(actor.name, actor.tag * 1000 + actor.instance, _parts(shape, actor.tag, is_parked(actor)))
+
+
+@lru_cache(maxsize=SHAPES_CACHE_SIZE)
+def _parts(sorted_shape: tuple[tuple[str, float], ...], tag: int, parked: bool) -> tuple[tuple[str, Mesh], ...]:
+    """The parts of a shape; all that a mesh depends on is an argument."""
+    shape = dict(sorted_shape)
+    if is_person(shape):
+        parts = pedestrian_parts(shape, tag)
+    elif has_rider(shape):
+        parts = twowheeler_parts(shape, tag)
     else:
-        parts = twowheeler_parts if has_rider(actor.shape) else vehicle_parts
-    return Body(actor.name, actor.tag * 1000 + actor.instance, parts(actor))
+        parts = vehicle_parts(shape, tag, lit=not parked)
+    for _, mesh in parts:
+        for array in (mesh.vertices, mesh.normals, mesh.uvs, mesh.triangles, mesh.surface):
+            array.flags.writeable = False
+    return parts

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler import exact
 
 from recipe_runtime.meshes.mesh import Light, Mesh, Surface
+from recipe_runtime.meshes.smoothing import Sheet, flatten
+from recipe_runtime.meshes.vectors import Array, Index, cross, unit
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 Vec = Sequence[float]
 
 
@@ -28,31 +29,21 @@ def noise(key: int, index: int) -> float:
     return float((z ^ (z >> 31)) >> 11) * 2.0**-52 - 1.0
 
 
-def circle(count: int, start: float = 0.0) -> list[tuple[float, float]]:
-    """Points of a unit circle (cosine, sine), counter-clockwise from `start` degrees."""
-    angles = [exact.sin_cos_deg(start + 360.0 * k / count) for k in range(count)]
-    return [(c, s) for s, c in angles]
-
-
-def unit(v: Array) -> Array:
-    """Vectors of length one along the last axis; a null vector becomes +z."""
-    length = np.sqrt(v[..., 0] * v[..., 0] + v[..., 1] * v[..., 1] + v[..., 2] * v[..., 2])
-    safe = np.where(length > 0.0, length, 1.0)
-    out: Array = v / safe[..., None]
-    out[length == 0.0] = (0.0, 0.0, 1.0)
+def noises(key: int, indices: Index) -> Array:
+    """`noise` of one key for many indices."""
+    seed = np.uint64((key * 0x9E3779B97F4A7C15 + 0x632BE59BD9B4E019) & 0xFFFFFFFFFFFFFFFF)
+    z = indices.astype(np.uint64) * np.uint64(0xD1B54A32D192ED03) + seed  # modulo 2^64
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    out: Array = ((z ^ (z >> np.uint64(31))) >> np.uint64(11)).astype(np.float64) * 2.0**-52 - 1.0
     return out
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Vector product along the last axis."""
-    return np.stack(
-        [
-            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
-            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
-            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
-        ],
-        axis=-1,
-    )
+@lru_cache(maxsize=1024)
+def circle(count: int, start: float = 0.0) -> tuple[tuple[float, float], ...]:
+    """Points of a unit circle (cosine, sine), counter-clockwise from `start` degrees."""
+    angles = [exact.sin_cos_deg(start + 360.0 * k / count) for k in range(count)]
+    return tuple((c, s) for s, c in angles)
 
 
 class Builder:
@@ -60,6 +51,7 @@ class Builder:
 
     def __init__(self) -> None:
         self._surfaces: dict[Surface, int] = {}
+        self._pending: list[Surface | Sheet] = []  # surfaces and sheets that have no number yet, in order of mention
         self._points: list[Array] = []
         self._normals: list[Array] = []
         self._uvs: list[Array] = []
@@ -71,24 +63,31 @@ class Builder:
 
     def add(self, surface: Surface, points: Array, normals: Array, uvs: Array, triangles: Index) -> None:
         """Vertices with their normals and uv, and triangles over them, of one surface."""
+        self._settle()
+        self._append(points, normals, uvs, triangles, np.full(len(triangles), self._number(surface), np.int64))
+
+    def _append(self, points: Array, normals: Array, uvs: Array, triangles: Index, ids: Index) -> None:
         self._points.append(points)
         self._normals.append(normals)
         self._uvs.append(uvs)
         self._triangles.append(triangles + self._count)
-        number = self._surfaces.setdefault(surface, len(self._surfaces))
-        self._ids.append(np.full(len(triangles), number, np.int64))
+        self._ids.append(ids)
         self._count += len(points)
+
+    def _number(self, surface: Surface) -> int:
+        return self._surfaces.setdefault(surface, len(self._surfaces))
 
     def quads(self, surface: Surface, corners: Iterable[Sequence[Vec]], uvs: Array | None = None) -> None:
         """Flat quadrilaterals [N, 4, 3], counter-clockwise seen from outside; uv in metres unless given [N, 4, 2]."""
         quad = np.asarray(corners if isinstance(corners, np.ndarray) else list(corners), np.float64).reshape(-1, 4, 3)
         if not len(quad):
             return
-        self._surfaces.setdefault(surface, len(self._surfaces))
+        self._pending.append(surface)
         self._quads.setdefault((surface, uvs is None), []).append((quad, np.asarray(quad if uvs is None else uvs)))
 
     def _flush(self) -> None:
         """Add all quadrilaterals at once, which is quicker than one by one."""
+        self._settle()
         for (surface, plain), found in self._quads.items():
             quad = np.concatenate([corners for corners, _ in found])
             normal = unit(cross(quad[:, 2] - quad[:, 0], quad[:, 3] - quad[:, 1]))
@@ -136,44 +135,44 @@ class Builder:
         """
         p = np.asarray(points, np.float64)
         rows, columns = p.shape[:2]
-        wide = columns if closed else columns - 1
-        r, c = (g.reshape(-1) for g in np.meshgrid(np.arange(rows - 1), np.arange(wide), indexing="ij"))
-        n = (c + 1) % columns
-        flat = np.stack([r * columns + c, r * columns + n, (r + 1) * columns + n, (r + 1) * columns + c], axis=1)
-        triangles = np.stack([flat[:, [0, 1, 2]], flat[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
-        names: list[Surface | None]
+        triangles = _lattice(rows, columns, closed)
         if isinstance(surfaces, Surface):
-            names = [surfaces] * len(flat)
+            runs: list[tuple[Surface | None, int]] = [(surfaces, len(triangles))]
         else:
-            names = [surfaces[i][j] for i, j in zip(r.tolist(), c.tolist(), strict=True)]
-        names = [name for name in names for _ in (0, 1)]
-        for end, ring in ((0, p[0][::-1]), (1, p[-1])):
+            wide = columns if closed else columns - 1
+            runs = [(name, 2) for row in surfaces[: rows - 1] for name in row[:wide]]
+        for end in (0, 1):
             cap = caps[end]
             if cap is not None:
                 base = 0 if end == 0 else (rows - 1) * columns
-                order = [base + (columns - 1 - k if end == 0 else k) for k in range(len(ring))]
+                order = [base + (columns - 1 - k if end == 0 else k) for k in range(columns)]
                 fan = [(order[0], order[k], order[k + 1]) for k in range(1, columns - 1)]
                 triangles = np.concatenate([triangles, np.array(fan, triangles.dtype)])
-                names += [cap] * len(fan)
-        self.smooth(names, p.reshape(-1, 3), triangles, crease)
+                runs.append((cap, len(fan)))
+        self._pending.append(Sheet(runs, p.reshape(-1, 3), triangles, crease))
 
-    def smooth(self, names: Sequence[Surface | None], points: Array, triangles: Index, crease: float) -> None:
+    def smooth(self, surface: Surface, points: Array, triangles: Index, crease: float) -> None:
         """Triangles over shared points, with normals shared across edges flatter than the crease (a cosine)."""
-        corners = np.round(points, 6)[triangles]
-        face = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        area = np.sqrt(face[:, 0] * face[:, 0] + face[:, 1] * face[:, 1] + face[:, 2] * face[:, 2])
-        kept = (area > 1e-10) & np.array([name is not None for name in names])
-        normals = _corner_normals(corners[area > 1e-10], face[area > 1e-10], crease)[kept[area > 1e-10]]
-        corners, solid = corners[kept], [name for name, k in zip(names, kept.tolist(), strict=True) if k]
-        uvs = _plane_uv(corners, unit(face[kept]))
-        for surface in dict.fromkeys(solid):
-            assert surface is not None
-            mine = np.array([name == surface for name in solid])
-            count = int(mine.sum())
-            index = np.arange(3 * count, dtype=np.int64).reshape(-1, 3)
-            self.add(
-                surface, corners[mine].reshape(-1, 3), normals[mine].reshape(-1, 3), uvs[mine].reshape(-1, 2), index
-            )
+        self._pending.append(Sheet([(surface, len(triangles))], points, triangles, crease))
+
+    def _settle(self) -> None:
+        """Number the pending surfaces and add the pending sheets: all in one pass, which is quicker than one by one."""
+        pending, self._pending = self._pending, []
+        sheets = [item for item in pending if isinstance(item, Sheet)]
+        flat = flatten(sheets) if sheets else None
+        numbers: dict[int, int] = {}
+        used = iter(flat.used if flat else ())
+        for item in pending:
+            if isinstance(item, Surface):
+                self._number(item)
+            elif flat:
+                numbers |= {code: self._number(flat.surfaces[code]) for code in next(used)}
+        if flat is None or not len(flat.codes):
+            return
+        table = np.array([numbers.get(code, -1) for code in range(len(flat.surfaces))], np.int64)
+        uvs = _plane_uv(flat.corners, flat.faces).reshape(-1, 2)
+        index = np.arange(3 * len(flat.codes), dtype=np.int64).reshape(-1, 3)
+        self._append(flat.corners.reshape(-1, 3), flat.normals.reshape(-1, 3), uvs, index, table[flat.codes])
 
     def mesh(self, transform: Array | None = None) -> Mesh:
         """All that was added, moved by `transform` [3, 4] if given; equal vertices are stored once."""
@@ -186,21 +185,56 @@ class Builder:
         rows = np.concatenate([points, normals, np.concatenate(self._uvs)], axis=1)
         rows = (np.round(rows, 6) + 0.0).astype(np.float32)
         triangles, ids = np.concatenate(self._triangles), np.concatenate(self._ids)
-        view = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.dtype.itemsize * rows.shape[1]))).reshape(-1)
-        _, first, inverse = np.unique(view, return_index=True, return_inverse=True)
-        rank = np.empty(len(first), np.int64)  # keep vertices in the order in which they were added
-        order = np.argsort(first, kind="stable")
-        rank[order] = np.arange(len(first))
-        rows = rows[first[order]]
+        first, inverse = _distinct(rows)
+        rows = rows[first]
         return Mesh(
             vertices=np.ascontiguousarray(rows[:, 0:3]),
             normals=np.ascontiguousarray(rows[:, 3:6]),
             uvs=np.ascontiguousarray(rows[:, 6:8]),
-            triangles=rank[inverse.reshape(-1)][triangles].astype(np.int32),
+            triangles=inverse[triangles].astype(np.int32),
             surface=ids.astype(np.int32),
             surfaces=tuple(self._surfaces),
             lights=lights,
         )
+
+
+@lru_cache(maxsize=256)
+def _lattice(rows: int, columns: int, closed: bool) -> Index:
+    """Two triangles a cell over rings of points, cell by cell; closed rings join their last point to their first."""
+    wide = columns if closed else columns - 1
+    r, c = (g.reshape(-1) for g in np.meshgrid(np.arange(rows - 1), np.arange(wide), indexing="ij"))
+    n = (c + 1) % columns
+    flat = np.stack([r * columns + c, r * columns + n, (r + 1) * columns + n, (r + 1) * columns + c], axis=1)
+    triangles = np.stack([flat[:, [0, 1, 2]], flat[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
+    triangles.flags.writeable = False
+    return triangles
+
+
+_MIX = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB, 0xD1B54A32D192ED03], np.uint64)
+
+
+def _distinct(rows: NDArray[np.float32]) -> tuple[Index, Index]:
+    """Of rows [N, 8] the first of each kind, ascending, and for every row which of those it equals, bit for bit."""
+    keys = np.ascontiguousarray(rows).view(np.uint64)  # [N, 4], two numbers each
+    mixed = keys * _MIX  # modulo 2^64
+    mixed ^= mixed >> np.uint64(32)
+    hashes = (mixed * _MIX).sum(axis=1, dtype=np.uint64)
+    order = np.argsort(hashes)
+    new = _changes(keys[order])
+    if (new != _changes(hashes[order][:, None])).any():  # two kinds of row share a hash
+        order = np.lexsort(keys.T)
+        new = _changes(keys[order])
+    first = np.minimum.reduceat(order, np.flatnonzero(new))
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    kind = np.empty(len(rows), np.int64)
+    kind[order] = rank[np.cumsum(new) - 1]
+    return np.sort(first), kind
+
+
+def _changes(rows: NDArray[np.uint64]) -> NDArray[np.bool_]:
+    """Which rows differ from the one before them; the first does."""
+    return np.concatenate([[True], (rows[1:] != rows[:-1]).any(axis=1)])
 
 
 def _plane_uv(points: Array, normal: Array) -> Array:
@@ -213,31 +247,6 @@ def _plane_uv(points: Array, normal: Array) -> Array:
     u = points[..., 0] * x[:, None] + points[..., 1] * y[:, None]
     v = np.where(steep[:, None], points[..., 2], points[..., 1])
     return np.stack([u, v], axis=-1)
-
-
-def _corner_normals(corners: Array, face: Array, crease: float) -> Array:
-    """For each triangle's corner the area-weighted mean of the faces around it within the crease angle."""
-    count = len(corners)
-    grid = np.round(corners.reshape(-1, 3) * 1e6).astype(np.int64)
-    _, point = np.unique(grid.view(np.dtype((np.void, 24))).reshape(-1), return_inverse=True)
-    point = point.reshape(-1)
-    order = np.argsort(point, kind="stable")
-    start = np.searchsorted(point[order], np.arange(int(point.max()) + 1))
-    valence = np.diff(np.append(start, len(order)))
-    # every pair (corner a, corner b) at one point
-    repeat = valence[point]
-    a = np.repeat(np.arange(3 * count), repeat)
-    offset = np.arange(len(a)) - np.repeat(np.cumsum(repeat) - repeat, repeat)
-    b = order[start[point[a]] + offset]
-    direction = unit(face)
-    fa, fb = a // 3, b // 3
-    cosine = (
-        direction[fa, 0] * direction[fb, 0] + direction[fa, 1] * direction[fb, 1] + direction[fa, 2] * direction[fb, 2]
-    )
-    weight = np.where((cosine >= crease) | (fa == fb), 1.0, 0.0)
-    total = np.zeros((3 * count, 3))
-    np.add.at(total, a, face[fb] * weight[:, None])
-    return unit(total).reshape(count, 3, 3)
 
 
 def _apply(transform: Array, v: Array, w: float) -> Array:

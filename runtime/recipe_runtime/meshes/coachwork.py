@@ -142,8 +142,7 @@ class Shell:
         (first, _), (last, _) = self.style.roof[0], self.style.roof[-1]
         if not first < u < last:
             return self.belt(u)
-        inner = list(self.style.roof)
-        inner[0], inner[-1] = (first, smooth(self.style.belt, first)), (last, smooth(self.style.belt, last))
+        inner = ((first, smooth(self.style.belt, first)), *self.style.roof[1:-1], (last, smooth(self.style.belt, last)))
         return max(self.belt(u), self.height * smooth(inner, u))
 
     def profile(self, x: float) -> list[tuple[float, float]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 Curve = Sequence[tuple[float, float]]  # places, ascending, and values
 
@@ -16,10 +17,15 @@ def smooth(curve: Curve, u: float) -> float:
         (u0, v0), (u1, v1) = curve[n], curve[n + 1]
         if u <= u1:
             step, t = u1 - u0, (u - u0) / (u1 - u0)
-            a, b = _slope(curve, n), _slope(curve, n + 1)
+            a, b = _slopes(tuple(curve))[n : n + 2]
             s = 1.0 - t
             return s * s * (v0 * (1.0 + 2.0 * t) + step * a * t) + t * t * (v1 * (3.0 - 2.0 * t) - step * b * s)
     return curve[-1][1]
+
+
+@lru_cache(maxsize=256)
+def _slopes(curve: tuple[tuple[float, float], ...]) -> tuple[float, ...]:
+    return tuple(_slope(curve, n) for n in range(len(curve)))
 
 
 def _slope(curve: Curve, n: int) -> float:

@@ -104,7 +104,7 @@ def _face(b: Builder, s: Features, size: float, base: float) -> None:
         middle = np.mean(np.array(ring), axis=0)
         points = np.concatenate([np.array(ring), middle[None]])
         faces = np.array([(6, k, (k + 1) % 6) for k in range(6)])
-        b.smooth([surface] * 6, points, faces, -1.0)
+        b.smooth(surface, points, faces, -1.0)
 
     for side in (1.0, -1.0):
         y = side * 0.145
@@ -122,7 +122,7 @@ def _face(b: Builder, s: Features, size: float, base: float) -> None:
     under = (x + 0.02 * size, 0.0, z - 0.105 * size)
     left, right = (x - 0.03 * size, 0.075 * size, z - 0.085 * size), (x - 0.03 * size, -0.075 * size, z - 0.085 * size)
     faces = np.array([(0, 1, 2), (0, 3, 1), (0, 2, 4), (0, 4, 3)])
-    b.smooth([s.skin] * 4, np.array([tip, bridge, left, right, under]), faces, 0.1)
+    b.smooth(s.skin, np.array([tip, bridge, left, right, under]), faces, 0.1)
 
 
 def _dome(size: float, base: float, grow: float, rim: tuple[float, float, float], rows: int = 5) -> Array:

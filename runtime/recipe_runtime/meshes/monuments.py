@@ -73,7 +73,7 @@ def _figure(b: Builder, key: int, foot: float, tall: float) -> None:
     head = points * np.array([0.058, 0.05, 0.07]) * tall + np.array(
         [0.01 * tall, 0.01 * noise(key, 20), foot + 0.93 * tall]
     )
-    b.smooth([_BRONZE] * len(faces), head, faces, 0.0)
+    b.smooth(_BRONZE, head, faces, 0.0)
     raised = noise(key, 21) > 0.0
     for side in (1, -1):
         shoulder = (0.0, side * 0.125 * tall, foot + 0.775 * tall)

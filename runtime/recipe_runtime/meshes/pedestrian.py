@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from recipe_compiler.plan import ActorPlan
 
 from recipe_runtime.meshes.builder import Builder, circle
 from recipe_runtime.meshes.heads import Features, head
@@ -16,6 +15,7 @@ from recipe_runtime.meshes.skeleton import Figure, Joint
 
 _SHORTS, _TROUSERS, _SKIRT = 0, 1, 2
 _BACKPACK, _SATCHEL = 1, 2
+_TWINS = ("upper_arm", "thigh", "shin", "foot")  # limbs that are alike on both sides
 _FLARE, _HEM = 0.150, 0.37  # of a skirt: half depth at its hem, and the hem's height, of the person's
 
 
@@ -43,13 +43,10 @@ class Clothes:
         )
 
 
-def pedestrian_parts(actor: ActorPlan) -> tuple[tuple[str, Mesh], ...]:
+def pedestrian_parts(shape: Mapping[str, float], tag: int) -> tuple[tuple[str, Mesh], ...]:
     """The base `pelvis`, then the parts of `Figure.joints` in their order, each about its joint."""
-    figure, clothes = Figure.of(actor.shape), Clothes.of(actor.tag)
-    return (
-        ("pelvis", _pelvis(figure, clothes, actor.shape, 0.0)),
-        *_limbs(figure, clothes, actor.shape, figure.joints),
-    )
+    figure, clothes = Figure.of(shape), Clothes.of(tag)
+    return (("pelvis", _pelvis(figure, clothes, shape, 0.0)), *_limbs(figure, clothes, shape, figure.joints))
 
 
 def rider_parts(shape: Mapping[str, float], tag: int, joints: Sequence[Joint]) -> list[tuple[str, Mesh]]:
@@ -61,9 +58,12 @@ def rider_parts(shape: Mapping[str, float], tag: int, joints: Sequence[Joint]) -
 def _limbs(
     figure: Figure, clothes: Clothes, shape: Mapping[str, float], joints: Sequence[Joint]
 ) -> list[tuple[str, Mesh]]:
-    parts = []
+    made: dict[str, Mesh] = {}
     for joint in joints:
         kind, _, side = joint.part.rpartition("_")
+        if kind in _TWINS and f"{kind}_left" in made:
+            made[joint.part] = made[f"{kind}_left"]
+            continue
         b, long, legs = Builder(), shape["sleeves"] > 0, int(shape["legs"])
         if joint.part == "torso":
             _torso(b, figure, clothes, shape)
@@ -79,8 +79,8 @@ def _limbs(
             _shin(b, figure, clothes, legs)
         else:
             _foot(b, figure, clothes, legs)
-        parts.append((joint.part, b.mesh()))
-    return parts
+        made[joint.part] = b.mesh()
+    return list(made.items())
 
 
 def _scaled(rows: Sequence[Section], h: float, g: float) -> list[Section]:

@@ -14,7 +14,7 @@ import numpy as np
 from recipe_compiler import exact
 from recipe_compiler.plan import Element
 
-from recipe_runtime.meshes.builder import Array, Builder, Index, cross, icosphere, noise, tube, unit
+from recipe_runtime.meshes.builder import Array, Builder, Index, cross, icosphere, noise, noises, tube, unit
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.tags import Tag
 
@@ -155,29 +155,26 @@ def _outwards(points: Array, faces: Index) -> Array:
 
 def _sprays(hull: Array, outs: Array, faces: Index, key: int, count: int, size: float) -> tuple[Array, Array, Index]:
     """Leafy kites that stand out of a hull at every angle: corners [4 count, 3], outward directions, faces."""
-    spots, leaning = [], []
-    for k in range(count):
-        face = faces[int((k + 0.5 + 0.49 * noise(key, k)) * len(faces) / count)]
-        share = np.array([1.02 + noise(key, 8 * k + 1000 + n) for n in range(3)])
-        share = share / (share[0] + share[1] + share[2])
-        at = hull[face[0]] * share[0] + hull[face[1]] * share[1] + hull[face[2]] * share[2]
-        out = unit((outs[face[0]] * share[0] + outs[face[1]] * share[1] + outs[face[2]] * share[2])[None])[0]
-        tip, turn = (np.array([noise(key, 8 * k + 1003 + 3 * m + n) for n in range(3)]) for m in range(2))
-        tip = unit((0.75 * out + 0.8 * tip)[None])[0]
-        side = unit(cross(tip, out + 0.9 * turn)[None])[0]
-        long = size * (1.0 + 0.3 * noise(key, 9000 + k))
-        wide = 0.52 * long * side
-        at = at - 0.2 * long * tip
-        spots += [
-            at - 0.4 * long * tip,
-            at + wide + 0.3 * long * tip,
-            at + 0.8 * long * tip,
-            at - wide + 0.45 * long * tip,
-        ]
-        leaning += [out, out, out, out]
-    first = 4 * np.arange(count, dtype=np.int64)[:, None]
+    k = np.arange(count)
+    face = faces[((k + 0.5 + 0.49 * noises(key, k)) * len(faces) / count).astype(np.int64)]  # [count, 3]
+    share = np.stack([1.02 + noises(key, 8 * k + 1000 + n) for n in range(3)], axis=1)
+    share = share / (share[:, 0] + share[:, 1] + share[:, 2])[:, None]
+
+    def at_shares(values: Array) -> Array:
+        corners = [values[face[:, n]] * share[:, n : n + 1] for n in range(3)]
+        return corners[0] + corners[1] + corners[2]
+
+    out = unit(at_shares(outs))
+    tip, turn = (np.stack([noises(key, 8 * k + 1003 + 3 * m + n) for n in range(3)], axis=1) for m in range(2))
+    tip = unit(0.75 * out + 0.8 * tip)
+    side = unit(cross(tip, out + 0.9 * turn))
+    long = (size * (1.0 + 0.3 * noises(key, 9000 + k)))[:, None]
+    wide = 0.52 * long * side
+    at = at_shares(hull) - 0.2 * long * tip
+    kite = [at - 0.4 * long * tip, at + wide + 0.3 * long * tip, at + 0.8 * long * tip, at - wide + 0.45 * long * tip]
+    first = 4 * k[:, None]
     quads = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
-    return np.array(spots), unit(np.array(leaning)), quads
+    return np.stack(kite, axis=1).reshape(-1, 3), unit(np.repeat(out, 4, axis=0)), quads
 
 
 def _fitted(leaves: Leaves, low: Array, high: Array) -> Leaves:

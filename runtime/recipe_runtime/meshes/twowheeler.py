@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-
-from recipe_compiler.plan import ActorPlan
 
 from recipe_runtime.meshes.builder import Builder, circle
 from recipe_runtime.meshes.lofts import loft, tube
@@ -40,9 +39,9 @@ class _Finish:
         )
 
 
-def twowheeler_parts(actor: ActorPlan) -> tuple[tuple[str, Mesh], ...]:
+def twowheeler_parts(shape: Mapping[str, float], tag: int) -> tuple[tuple[str, Mesh], ...]:
     """The base `chassis`, its origin on the ground between the wheels, then the parts of `Bike.joints`."""
-    bike, f = Bike.of(actor.shape), _Finish.of(actor.tag)
+    bike, f = Bike.of(shape), _Finish.of(tag)
     joints = bike.joints()
     wheel = spoked_wheel(
         f.rubber, f.frame, bike.wheel, bike.tyre, 10 if bike.motor else 14, f.trim if bike.motor else None
@@ -52,7 +51,7 @@ def twowheeler_parts(actor: ActorPlan) -> tuple[tuple[str, Mesh], ...]:
     own = 3 if bike.motor else 4
     machine = [("chassis", _motor(f, bike) if bike.motor else _frame(f, bike))]
     machine += [(joint.part, made[joint.part]) for joint in joints[:own]]
-    return (*machine, *rider_parts(actor.shape, Tag.RIDER, joints[own:]))
+    return (*machine, *rider_parts(shape, Tag.RIDER, joints[own:]))
 
 
 def _frame(f: _Finish, k: Bike) -> Mesh:

@@ -2,41 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-
-from recipe_compiler.plan import ActorPlan
 
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.coachwork import Finish, Shell
 from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
-from recipe_runtime.meshes.skeleton import BODIES, BUS, PICKUP, TRUCK, is_parked, wheel_joints
+from recipe_runtime.meshes.skeleton import BODIES, BUS, PICKUP, TRUCK, wheel_joints
 from recipe_runtime.meshes.styles import STYLES
 from recipe_runtime.meshes.wheels import car_wheel
 
 
-def vehicle_parts(actor: ActorPlan) -> tuple[tuple[str, Mesh], ...]:
+def vehicle_parts(shape: Mapping[str, float], tag: int, lit: bool) -> tuple[tuple[str, Mesh], ...]:
     """The base `chassis`, its origin on the ground below the vehicle's middle, then the wheels about their hubs."""
-    finish, shape = Finish.of(actor.tag, lit=not is_parked(actor)), actor.shape
+    finish = Finish.of(tag, lit)
     heavy = shape["width"] > 2.1
     wide, spokes = (0.28, 8) if heavy else (0.215, int(shape["spokes"]))
-    parts = [("chassis", _chassis(finish, actor))]
-    for joint in wheel_joints(shape):
-        side = 1.0 if joint.offset[1] > 0 else -1.0
-        parts.append((joint.part, car_wheel(finish, shape["wheel"], wide, side, spokes)))
-    return tuple(parts)
+    wheels = {side: car_wheel(finish, shape["wheel"], wide, side, spokes) for side in (1.0, -1.0)}
+    joints = [(joint.part, wheels[1.0 if joint.offset[1] > 0 else -1.0]) for joint in wheel_joints(shape)]
+    return (("chassis", _chassis(finish, shape, lit)), *joints)
 
 
-def _chassis(f: Finish, actor: ActorPlan) -> Mesh:
-    b, body = Builder(), int(actor.shape["body"])
+def _chassis(f: Finish, shape: Mapping[str, float], lit: bool) -> Mesh:
+    b, body = Builder(), int(shape["body"])
     style = STYLES[BODIES[body]]
-    if actor.shape["blind"]:
+    if shape["blind"]:
         style = replace(style, windows=(0.63, style.windows[1]), pillars=())
-    sign = actor.shape["sign"]
-    shell = Shell(style, {**actor.shape, "height": actor.shape["height"] - sign})
+    sign = shape["sign"]
+    shell = Shell(style, {**shape, "height": shape["height"] - sign})
     shell.add(b, f)
     _underside(b, f, shell, body)
     _plates(b, f, shell, body)
-    if not is_parked(actor):
+    if lit:
         _beams(b, shell)
     if body == TRUCK:
         _cargo(b, f, shell)
@@ -45,7 +42,7 @@ def _chassis(f: Finish, actor: ActorPlan) -> Mesh:
     elif body == BUS:
         _destination(b, f, shell)
     elif sign > 0.0:
-        _roof_sign(b, f, shell, sign, lit=not is_parked(actor))
+        _roof_sign(b, f, shell, sign, lit)
     _mirrors(b, f, shell, body)
     _handles(b, f, shell, body)
     return b.mesh()
