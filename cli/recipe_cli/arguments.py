@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -11,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from recipe_cli.console import State, warn
+
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
-    from recipe_compiler.errors import Problem
     from recipe_runtime.engines import Engines
 
 
@@ -28,7 +28,21 @@ class LocalPath(click.Path):
 
 
 RECIPE = click.argument("recipe", type=LocalPath(path_type=Path))
-JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document for a program to read.")
+
+
+def _note_json(context: click.Context, option: click.Parameter, value: bool) -> bool:
+    context.ensure_object(State).as_json |= value
+    return value
+
+
+JSON = click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    is_eager=True,
+    callback=_note_json,
+    help="Print one JSON document for a program to read.",
+)
 ALLOW_LARGE = click.option("--allow-large", is_flag=True, help="Go on though the recipe is over the size limit.")
 DEVICE = click.option(
     "--device",
@@ -53,9 +67,9 @@ def shown(place: Path | str) -> str:
     """A path, or a URL without its password, to print."""
     if isinstance(place, Path):
         return str(place)
-    from recipe_runtime.remote import without_password
+    from recipe_runtime import urls
 
-    return without_password(place)
+    return urls.shown(place)
 
 
 @contextmanager
@@ -102,7 +116,7 @@ def compile_quietly(path: Path, *, allow_large: bool = False, free_disk: int | N
 
     compiled = compile_recipe(path, allow_large=allow_large, free_disk=free_disk)
     for warning in compiled.warnings:
-        print_warning(warning)
+        warn(warning)
     return compiled
 
 
@@ -112,11 +126,6 @@ def engines_for(compiled: Compiled) -> Engines:
     from recipe_runtime.engines import real_engines
 
     return real_engines(Assets(compiled.places))
-
-
-def print_warning(warning: Problem) -> None:
-    """One line on standard error."""
-    click.echo(f"{warning.place}: warning: {warning.message}" if warning.place else f"warning: {warning}", err=True)
 
 
 @contextmanager
@@ -133,11 +142,6 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise RunError(f"{path} cannot be written: {error.strerror or error}; choose another place") from None
-
-
-def print_json(value: Any) -> None:
-    """One JSON document on standard output."""
-    click.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
 def worker_count(asked: int | None, device: str = "cpu") -> int:

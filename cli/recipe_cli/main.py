@@ -7,8 +7,15 @@ from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import click
+
+from recipe_cli.console import State, fail, say
+
+if TYPE_CHECKING:
+    from recipe_compiler.errors import Problem
 
 # name -> what `recipe --help` says of it; the module of that name holds the command.
 COMMANDS = {
@@ -69,32 +76,58 @@ def recipe() -> None:
 
 
 def main() -> None:
-    """Run the command; every mistake ends in a line that says where, what and how to mend it."""
-    import errno
+    """Run the command; every error is printed with its place and remedy, and ends in an exit code."""
     import signal
 
-    from recipe_compiler.errors import InputError, RunError, printable
-
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that temporary folders go, as they do on an error
+    run = State(as_json="--json" in sys.argv[1:])
     try:
-        sys.exit(recipe.main(standalone_mode=False) or 0)  # what it returns is the code of an Exit
-    except click.ClickException as error:
-        error.show()
-        sys.exit(2)
-    except InputError as error:
-        for problem in error.problems:
-            click.echo(printable(str(problem)), err=True)
-        sys.exit(2)
-    except RunError as error:
-        click.echo(printable(str(error)), err=True)
-        sys.exit(1)
-    except MemoryError:
-        click.echo("out of memory; close other programs, or ask for fewer workers or smaller pictures", err=True)
-        sys.exit(1)
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        click.echo(printable(f"{where}{error.strerror or error}"), err=True)
-        sys.exit(2 if error.errno == errno.ENAMETOOLONG else 1)
-    except (click.Abort, KeyboardInterrupt):
-        click.echo("interrupted", err=True)
+        sys.exit(recipe.main(standalone_mode=False, obj=run) or 0)  # what it returns is the code of an Exit
+    except Exception as error:
+        problems, code = _explained(error)
+        fail(problems, run)
+        sys.exit(code)
+    except KeyboardInterrupt:
+        from recipe_compiler.errors import Code, Problem
+
+        fail([Problem("interrupted", code=Code.INTERRUPTED)], run)
         sys.exit(130)
+
+
+def _explained(error: Exception) -> tuple[Sequence[Problem], int]:
+    """The problems of an error, and the exit code that it ends in."""
+    import errno
+    import traceback
+
+    from recipe_compiler.errors import Code, InputError, Problem, RecipeError
+
+    if isinstance(error, RecipeError):
+        return error.problems, 2 if isinstance(error, InputError) else 1
+    if isinstance(error, click.ClickException):
+        return [_usage(error)], 2
+    if isinstance(error, click.Abort):
+        return [Problem("interrupted", code=Code.INTERRUPTED)], 130
+    if isinstance(error, MemoryError):
+        remedy = "close other programs, or ask for fewer workers or smaller pictures"
+        return [Problem("out of memory", help=remedy, code=Code.OUT_OF_MEMORY)], 1
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        problem = Problem(f"{where}{error.strerror or error}", help="", code=Code.HOST)
+        return [problem], 2 if error.errno == errno.ENAMETOOLONG else 1
+    for line in traceback.format_exception(error):
+        for each in line.rstrip("\n").split("\n"):
+            say(each, err=True)
+    report = "this is a fault of the program: please report it with the lines above"
+    return [Problem(f"{type(error).__name__}: {error}", help=report, code=Code.INTERNAL)], 1
+
+
+def _usage(error: click.ClickException) -> Problem:
+    """What is wrong with a command line, and where to read how it is used."""
+    from recipe_compiler.errors import Code, Problem
+
+    message = error.format_message().rstrip(".")
+    message = message[:1].lower() + message[1:]
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    command = context.command_path if context else "recipe"
+    found = Problem(message, code=Code.USAGE)
+    return found if found.help else Problem(message, help=f"`{command} --help` says how it is used", code=Code.USAGE)

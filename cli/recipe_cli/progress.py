@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from recipe_cli.console import safe, show_cursor
+
 
 class Progress:
     """Call it with (stage, done, total); it draws a bar a stage and closes each when it is full."""
@@ -25,7 +27,7 @@ class Progress:
         if stage != self._stage:
             self._close()
             self._stage, self._done = stage, 0
-            label = f"{stage:<9}"
+            label = f"{safe(stage):<9}"
             self._bar = click.progressbar(length=max(total, 1), label=label, file=sys.stderr, show_pos=True, width=0)
             self._bar.__enter__()
         self._bar.length = max(total, 1)
@@ -40,7 +42,7 @@ class Progress:
 
     def _close(self, interrupted: bool = False) -> None:
         if self._bar is not None and interrupted:  # the command line ends the line itself, where Ctrl-C shows
-            click.echo("\x1b[?25h", file=sys.stderr, nl=False)
+            show_cursor()
         elif self._bar is not None:
             self._bar.__exit__(None, None, None)
         self._bar = None

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from recipe_compiler import brought, compose, expand, limits, optics, placing, towns
 from recipe_compiler.check import Checker, check_deltas, check_removals
-from recipe_compiler.errors import InputError, Place, Problem
+from recipe_compiler.errors import InputError, Place, Problem, with_source
 from recipe_compiler.expand import Axes, Variant
 from recipe_compiler.lower import MAX_ROUTE, Lowering
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan
@@ -54,9 +54,17 @@ def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | No
     `free_disk` is the number of bytes free where the dataset would go, if known. InputError with all problems;
     TooLargeError, which is one, before any plan is made if the recipe is over the limits and `allow_large` is not set.
     """
-    problems: list[Problem] = []
     sources = compose.read(path)
-    problems += sources.problems
+    try:
+        compiled = _compile(path, sources, allow_large, free_disk)
+    except InputError as error:
+        error.with_source(sources.lines)
+        raise
+    return dataclasses.replace(compiled, warnings=with_source(compiled.warnings, sources.lines))
+
+
+def _compile(path: Path, sources: compose.Sources, allow_large: bool, free_disk: int | None) -> Compiled:
+    problems = list(sources.problems)
     root = sources.root
     stumbles = {problem.place for problem in problems}  # where YAML itself stumbled; no second blame there
     if root is None:
@@ -123,11 +131,15 @@ def _sorted(*problems: Iterable[Problem]) -> list[Problem]:
     """Problems by place, each once."""
     unique: dict[tuple[Place | None, str], Problem] = {}
     for problem in itertools.chain(*problems):
-        message = printable(problem.message)
-        key = (problem.place, re.sub(r"[0-9.]+", "0", message))  # a thousand draws out of range are one mistake
-        unique.setdefault(key, Problem(message, problem.place))
+        key = (problem.place, re.sub(r"[0-9.]+", "0", problem.message))  # a thousand draws out of range are one mistake
+        unique.setdefault(key, _printable(problem))
     nowhere = Place("", 0, 0)
     return sorted(unique.values(), key=lambda problem: problem.place or nowhere)
+
+
+def _printable(problem: Problem) -> Problem:
+    help = None if problem.help is None else printable(problem.help)
+    return dataclasses.replace(problem, message=printable(problem.message), help=help)
 
 
 def _fatal(problems: list[Problem], of_reading: list[Problem]) -> bool:

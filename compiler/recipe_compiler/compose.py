@@ -73,6 +73,7 @@ class Sources:
 
     root: Value | None = None
     files: dict[str, str] = field(default_factory=dict)
+    lines: dict[str, list[str]] = field(default_factory=dict)  # of each file by its path in messages
     problems: list[Problem] = field(default_factory=list)
 
 
@@ -153,7 +154,9 @@ def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) ->
         _report(sources, f"{_label(name, place) if place else f'{path}: '}cannot be read: {cause}", place)
         return None
     sources.files[name] = hashlib.sha256(content).hexdigest()
-    value, problems = source.parse(content, source.printable(str(path)))
+    shown = source.printable(str(path))
+    sources.lines[shown] = source.lines(content)
+    value, problems = source.parse(content, shown)
     sources.problems += problems
     if value is not None and not isinstance(value.data, dict):
         _report(sources, f"a recipe is a map that starts with `recipe: its_name`, not {_kind(value)}", value.place)

@@ -137,6 +137,16 @@ def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:
     return root, reader.problems
 
 
+_LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
+
+
+def lines(content: bytes) -> list[str]:
+    """The lines of a file, to show where a problem is; none of a file that is too large."""
+    if len(content) > MAX_BYTES:
+        return []
+    return _LINE_BREAK.split(content.decode("utf-8-sig", errors="replace"))
+
+
 def _explain(error: yaml.MarkedYAMLError, text: str, place: Place) -> str:
     lines = text.splitlines()
     rest = lines[place.line - 1][place.column - 1 :] if place.line <= len(lines) else ""

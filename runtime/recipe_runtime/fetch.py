@@ -18,10 +18,10 @@ from typing import Any
 
 from recipe_compiler.errors import InputError, RunError
 
-from recipe_runtime import layout
+from recipe_runtime import layout, urls
 from recipe_runtime.engines import Progress
 from recipe_runtime.manifest import listed_files, stays_inside
-from recipe_runtime.remote import located, schemes, told, without_password
+from recipe_runtime.remote import located, schemes, told
 from recipe_runtime.workspace import MOST_MANIFEST_BYTES, read_manifest
 
 MOST_SURPLUS = 1_000  # names of files that no manifest lists; of more, the first are noted
@@ -39,7 +39,7 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
 
     InputError if there is none, or its manifest is damaged; RunError if the store or this host fails.
     """
-    shown = without_password(url)
+    shown = urls.shown(url)
     if next((scheme for scheme in schemes(url) if scheme not in _CACHES), "") in _LISTLESS:
         raise InputError(
             f"{shown}: a web server does not say which files it holds; download the dataset, name its folder"

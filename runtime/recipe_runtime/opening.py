@@ -23,9 +23,9 @@ def compiled(recipe: str | PathLike[str], allow_large: bool = False) -> DatasetP
 def opened(recipe: str | PathLike[str], allow_large: bool = False) -> tuple[DatasetPlan, Engines]:
     """The plan of a recipe's file, and the engines that know where its assets lie."""
     if "://" in str(recipe):
-        from recipe_runtime.remote import without_password
+        from recipe_runtime import urls
 
-        url = without_password(str(recipe))
+        url = urls.shown(str(recipe))
         raise InputError(
             f"{url}: a recipe is opened from a file of this host; copy it here, with the files that it names"
         )

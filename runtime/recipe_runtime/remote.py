@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -21,7 +20,7 @@ import fsspec
 from recipe_compiler.canonical import canonical_bytes
 from recipe_compiler.errors import InputError, RecipeError, RunError
 
-from recipe_runtime import layout
+from recipe_runtime import layout, urls
 from recipe_runtime.engines import Progress
 from recipe_runtime.entropy import fresh_nonce
 from recipe_runtime.manifest import DAMAGE, listed_files
@@ -29,7 +28,6 @@ from recipe_runtime.store import file_sha256, host_errors
 
 NOTE = ".recipe-upload.json"
 _AT_ONCE = 8  # files on their way
-_PASSWORD = re.compile(r"(://[^/:@\s]*):[^/\s]*@")
 _EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs"}
 Rows = dict[str, tuple[int, str]]  # path -> size, SHA-256
 
@@ -48,7 +46,7 @@ class Target:
 
     def __init__(self, url: str) -> None:
         self._full = url.rstrip("/")
-        self.url = without_password(self._full)
+        self.url = urls.shown(self._full)
         with self._told():
             self._fs, self._prefix = located(self._full)
             self._there = self._manifest()
@@ -170,11 +168,6 @@ class Target:
         return told(self._full, "try again: what was copied is kept")
 
 
-def without_password(text: str) -> str:
-    """A URL, or text that holds some, fit to be shown: `ftp://user:***@host` for `ftp://user:secret@host`."""
-    return _PASSWORD.sub(r"\1:***@", text)
-
-
 def schemes(url: str) -> list[str]:
     """What a URL's chain leads through, in small letters: `simplecache`, `s3` for `SimpleCache::s3://bucket`."""
     return [link.partition("://")[0].lower() for link in url.split("::")]
@@ -183,7 +176,7 @@ def schemes(url: str) -> list[str]:
 def located(url: str) -> tuple[Any, str]:
     """The file system that a URL leads to, and the place in it; InputError if it names none."""
     if not url.partition("://")[2].strip("/"):
-        raise InputError(f"{without_password(url)} names no place; write for example s3://bucket/name")
+        raise InputError(f"{urls.shown(url)} names no place; write for example s3://bucket/name")
     fs, prefix = fsspec.core.url_to_fs(url.rstrip("/"), use_listings_cache=False)
     return fs, prefix
 
@@ -194,7 +187,7 @@ def told(url: str, remedy: str) -> Iterator[None]:
 
     What is told holds no password of a URL.
     """
-    shown = without_password(url)
+    shown = urls.shown(url)
     try:
         yield
     except RecipeError:
@@ -203,23 +196,23 @@ def told(url: str, remedy: str) -> Iterator[None]:
         extra = next((_EXTRAS[scheme] for scheme in schemes(url) if scheme in _EXTRAS), None)
         raise InputError(
             f"{shown}: its library is not installed; "
-            + (f"pip install 'dataset-recipe[{extra}]'" if extra else _plain(error))
+            + (f"pip install 'dataset-recipe[{extra}]'" if extra else _plain(error, url))
         ) from None
     except FileNotFoundError:
         raise InputError(f"{shown}: there is no such place (a bucket must be there already)") from None
     except PermissionError as error:
-        raise RunError(f"{shown}: access was refused ({_plain(error)}); see to credentials and rights") from None
+        raise RunError(f"{shown}: access was refused ({_plain(error, url)}); see to credentials and rights") from None
     except ValueError as error:
-        raise InputError(f"{shown}: {_plain(error)}") from None
+        raise InputError(f"{shown}: {_plain(error, url)}") from None
     except Exception as error:  # each store has errors of its own
         if type(error).__name__ == "NoCredentialsError":
             found = "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
             raise RunError(f"{shown}: there are no credentials; {found}") from None
-        raise RunError(f"{shown}: {type(error).__name__}: {_plain(error)}; {remedy}") from error
+        raise RunError(f"{shown}: {type(error).__name__}: {_plain(error, url)}; {remedy}") from error
 
 
-def _plain(error: Exception) -> str:
-    return without_password(str(error))
+def _plain(error: Exception, url: str) -> str:
+    return urls.without_secrets(str(error), url)
 
 
 class _Journal:

@@ -76,5 +76,5 @@ def test_a_strangers_pack_is_refused_with_the_place_of_its_asset(
     files |= {"recipe.yaml": text.encode(), **({path: content} if content else {})}
     (tmp_path / "evil.recipe").write_bytes(Pack("recipe.yaml", files).dumps())
     told = run("build", "evil.recipe", "--out", "set", cwd=tmp_path, code=2)
-    assert told.startswith("evil.recipe/recipe.yaml:5:") and words in told
+    assert "\n --> evil.recipe/recipe.yaml:5:" in told and words in told
     assert [file.name for file in tmp_path.iterdir()] == ["evil.recipe"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -83,7 +84,8 @@ def test_check_as_json_holds_warnings_and_the_file_of_every_problem(tmp_path: Pa
     assert (done.exit_code, done.stderr) == (2, "")
     assert [row["file"] for row in answer["problems"]] == [str(missing)]
     (warning,) = answer["warnings"]
-    assert warning["message"] == "axis w and sweep.draw both set weather.wetness; the draw wins"
+    assert warning["message"] == "axis w and sweep.draw both set weather.wetness"
+    assert warning["help"] == "the draw wins"
     assert (warning["file"], warning["line"]) == (str(path), 1)
 
 
@@ -139,5 +141,6 @@ def test_a_name_is_never_obeyed_by_the_terminal(tmp_path: Path, command: str, su
     )
     assert told.returncode == 2, told.stderr
     assert "\x1b" not in told.stderr + told.stdout
-    (line,) = told.stderr.splitlines()
-    assert r"two\nlines\x1b[31m" in line
+    first, *rest = told.stderr.splitlines()
+    assert first.startswith("error[") and r"two\nlines\x1b[31m" in told.stderr
+    assert all(re.match(r"help: |note: | *--> | *\d* \|", line) for line in rest), told.stderr

@@ -70,5 +70,6 @@ def test_the_extends_case_reads_its_chain_and_hashes_each_file() -> None:
 
 def test_warnings_name_both_axes_that_clash() -> None:
     (warning,) = compile_recipe(CASES / "good/deltas/recipe.yaml").warnings
-    assert warning.message == "axes weather and view both set weather.wetness; the later one, view, wins"
+    assert warning.message == "axes weather and view both set weather.wetness"
+    assert warning.help == "the later one, view, wins"
     assert warning.place is not None and warning.place.line == 24

@@ -15,7 +15,7 @@ def warned(actors: dict[str, Any] | None = None, **mount: Any) -> list[str]:
     recipe["base"]["sensors"]["street"]["mount"] |= mount
     warnings = compiled(recipe).warnings
     assert all(warning.place is not None for warning in warnings)
-    return [warning.message for warning in warnings]
+    return [str(warning).partition(": ")[2] for warning in warnings]
 
 
 def at(x: float, y: float, yaw: float = 0.0, blueprint: str = "walker.pedestrian.0001") -> dict[str, Any]:

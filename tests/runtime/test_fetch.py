@@ -19,7 +19,8 @@ from recipe_runtime import fetch, workspace
 from recipe_runtime.build import build
 from recipe_runtime.dataset import read
 from recipe_runtime.fetch import fetched
-from recipe_runtime.remote import Target, without_password
+from recipe_runtime.remote import Target
+from recipe_runtime.urls import without_secrets
 from recipe_runtime.verdict import Report
 from recipe_runtime.verify import Options, verify, verify_files
 
@@ -163,7 +164,7 @@ def test_a_password_is_not_told(url: str) -> None:
 
 def test_what_is_no_password_is_told_as_it_is() -> None:
     for url in ("s3://bucket/a:b@c", "ftp://user@host:21/x", "ftp://host:21/a@b", "file:///a:b@c", "a/b:c@d"):
-        assert without_password(url) == url
+        assert without_secrets(url) == url
 
 
 def test_a_file_that_goes_after_it_was_listed_is_missing(

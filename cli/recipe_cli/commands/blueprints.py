@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import JSON, LocalPath, print_json, writing
+from recipe_cli.arguments import JSON, LocalPath, writing
+from recipe_cli.console import print_json, say
 
 if TYPE_CHECKING:
     from recipe_compiler.blueprints import Blueprint
@@ -74,7 +75,7 @@ def _print_table(found: tuple[Blueprint, ...]) -> None:
         rows.append((blueprint.id, kind, size, tag, f"{blueprint.default_speed:g}", slots))
     widths = [max(len(row[n]) for row in rows) for n in range(5)]
     for row in rows:
-        click.echo("  ".join([*(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=False)), row[5]]))
+        say("  ".join([*(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=False)), row[5]]))
 
 
 def _draw(found: tuple[Blueprint, ...], folder: Path) -> None:
@@ -96,4 +97,4 @@ def _draw(found: tuple[Blueprint, ...], folder: Path) -> None:
             drawn.append((blueprint.id, pixels))
         progress("pictures", len(found), len(found))
         write_atomic(folder / "blueprints.jpg", sheet(drawn))
-    click.echo(f"{folder}: {count(len(found), 'picture')}, and blueprints.jpg", err=True)
+    say(f"{folder}: {count(len(found), 'picture')}, and blueprints.jpg", err=True)

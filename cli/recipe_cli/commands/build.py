@@ -20,12 +20,11 @@ from recipe_cli.arguments import (
     LocalPath,
     compile_quietly,
     engines_for,
-    print_json,
-    print_warning,
     shown,
     unpacks,
     worker_count,
 )
+from recipe_cli.console import print_json, say, warn
 from recipe_cli.places import free_disk, lockfile_path, source_of
 from recipe_cli.progress import Progress
 
@@ -131,7 +130,7 @@ def command(
             )
             copied = target.put(result.path, progress) if target else None
     except KeyboardInterrupt:
-        click.echo(_interrupted(compiled.plan, folder, repair, target), err=True)
+        say(_interrupted(compiled.plan, folder, repair, target), err=True)
         raise click.exceptions.Exit(130) from None
     differences = _against(lock, recipe, compiled, result)
     if as_json:
@@ -147,14 +146,14 @@ def command(
         )
     else:
         for reason in reasons if explain else ():
-            click.echo(reason)
+            say(reason)
         _say(compiled, folder, result, repair)
         if target and copied:
             told = f"{count(copied.sent, 'file')} sent, {copied.copied:,} copied there, {copied.kept:,} there already"
-            click.echo(f"{target.url}: {told}")
+            say(f"{target.url}: {told}")
     if differences:
         for difference in differences:
-            click.echo(difference, err=True)
+            say(difference, err=True)
         raise click.exceptions.Exit(1)
 
 
@@ -220,7 +219,7 @@ def _warn_if_outdated(compiled: Compiled, path: Path, known: Lockfile) -> None:
     found = compare_files(known, compiled.files) or compare_plans(compiled.plan, known)
     if found:
         remedy = "this builds what the recipe says now, and ends with exit code 1; --locked refuses to"
-        print_warning(Problem(f"{path} is outdated: {found[0].message}; {remedy}"))
+        warn(Problem(f"{path} is outdated: {found[0].message}; {remedy}"))
 
 
 def _against(
@@ -261,21 +260,21 @@ def _frames(plan: DatasetPlan) -> int:
 
 def _say(compiled: Compiled, out: Path, result: BuildResult, repair: bool) -> None:
     for line in result.mended[:_MOST_SHOWN]:
-        click.echo(f"mended: {line}")
+        say(f"mended: {line}")
     if len(result.mended) > _MOST_SHOWN:
-        click.echo(f"  ... and {len(result.mended) - _MOST_SHOWN} more; --json lists all")
+        say(f"  ... and {len(result.mended) - _MOST_SHOWN} more; --json lists all")
     if result.built:
         number, every = len(compiled.plan.variants), compiled.cost.variants  # a frozen build may leave some out
         what = count(every, "variant") if number == every else f"{number} of {count(every, 'variant')}"
         if number == every and not (result.taken_frames or result.resumed_frames):
             what = str(compiled.cost)  # all of it was this build's work
-        click.echo(f"{out}: {what}; {_done(result)}")
+        say(f"{out}: {what}; {_done(result)}")
     elif repair:
-        click.echo(f"{out}: there already, and every file has the bytes that its manifest says")
+        say(f"{out}: there already, and every file has the bytes that its manifest says")
     else:
-        click.echo(f"{out}: there already (sizes checked; `recipe verify {out}` checks bytes, --repair mends them)")
-    click.echo(f"look at {out / 'preview' / 'contact_sheet.png'}")
-    click.echo(result.identity)
+        say(f"{out}: there already (sizes checked; `recipe verify {out}` checks bytes, --repair mends them)")
+    say(f"look at {out / 'preview' / 'contact_sheet.png'}")
+    say(result.identity)
 
 
 def _done(result: BuildResult) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import JSON, print_json
+from recipe_cli.arguments import JSON
+from recipe_cli.console import print_json, say
 
 
 @click.command("cache")
@@ -41,7 +42,7 @@ def command(prune: bool, size: str | None, as_json: bool) -> None:
         return
     if prune:
         gone = told_size(sum(entry.size for entry in removed))
-        click.echo(f"removed {count(len(removed), 'entry', 'entries')}, {gone}")
-    click.echo(f"{', '.join(map(str, roots))}: {told_size(sum(total for _, total in told.values()))}")
+        say(f"removed {count(len(removed), 'entry', 'entries')}, {gone}")
+    say(f"{', '.join(map(str, roots))}: {told_size(sum(total for _, total in told.values()))}")
     for kind, (number, total) in told.items():
-        click.echo(f"  {kind:8} {number:6}  {told_size(total)}")
+        say(f"  {kind:8} {number:6}  {told_size(total)}")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import JSON, LocalPath, opened, print_json, print_warning
+from recipe_cli.arguments import JSON, LocalPath, opened
+from recipe_cli.console import print_json, row, say, warn
 
 if TYPE_CHECKING:
     from recipe_compiler.errors import Problem
@@ -33,10 +34,11 @@ def command(recipes: tuple[Path, ...], as_json: bool) -> None:
         warnings += [(path, warning) for warning in found]
         if not as_json:
             for warning in found:
-                print_warning(warning)
-            click.echo(f"{path}: in order, {count(variants, 'variant')}")
+                warn(warning)
+            say(f"{path}: in order, {count(variants, 'variant')}")
     if as_json:
-        rows = {"problems": [_row(*each) for each in problems], "warnings": [_row(*each) for each in warnings]}
+        errors = [_row(*each) for each in problems]
+        rows = {"errors": errors, "problems": errors, "warnings": [_row(*each) for each in warnings]}
         print_json({"ok": not problems, **rows})
         raise click.exceptions.Exit(2 if problems else 0)
     if problems:
@@ -61,10 +63,5 @@ def _checked(path: Path) -> tuple[int, list[Problem]]:
 
 
 def _row(path: Path, problem: Problem) -> dict[str, object]:
-    place = problem.place
-    return {
-        "message": problem.message,
-        "file": place.file if place else str(path),
-        "line": place.line if place else None,
-        "column": place.column if place else None,
-    }
+    found = row(problem)
+    return found if problem.place else found | {"file": str(path)}

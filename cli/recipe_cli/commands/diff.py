@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, LocalPath, compile_quietly, opened, print_json
+from recipe_cli.arguments import ALLOW_LARGE, JSON, LocalPath, compile_quietly, opened
+from recipe_cli.console import print_json, say
 from recipe_cli.places import lockfile_path
 
 if TYPE_CHECKING:
@@ -38,13 +39,13 @@ def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None
         print_json({"first": str(first), "second": str(second), "differences": rows, "left_out": notes})
     else:
         for finding in found[:_MOST_SHOWN]:
-            click.echo(str(finding))
+            say(str(finding))
         if len(found) > _MOST_SHOWN:
-            click.echo(f"... and {len(found) - _MOST_SHOWN} more; --json lists all")
+            say(f"... and {len(found) - _MOST_SHOWN} more; --json lists all")
         if not found:
-            click.echo("nothing differs")
+            say("nothing differs")
         for note in notes:
-            click.echo(note, err=True)
+            say(note, err=True)
     raise click.exceptions.Exit(1 if found else 0)
 
 

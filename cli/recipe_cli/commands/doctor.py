@@ -6,10 +6,12 @@ from dataclasses import asdict
 
 import click
 
-from recipe_cli.arguments import JSON, print_json
+from recipe_cli.arguments import JSON
+from recipe_cli.console import Styled, print_json, say
 from recipe_cli.progress import Progress
 
 _MARKS = {"equal": "ok", "differs": "DIFFERS", "may differ": "may differ", "not reached": "-"}
+_COLOURS = {"equal": "green", "differs": "red", "may differ": "yellow"}
 
 
 @click.command("doctor")
@@ -30,12 +32,13 @@ def command(as_json: bool) -> None:
         )
     else:
         told = found.fingerprint
-        click.echo(f"{told['processor']}, {told['cores']} cores, {' '.join(told['features'])}")
-        click.echo(f"{told['system']}; {', '.join(f'{name} {value}' for name, value in told['versions'].items())}")
+        say(f"{told['processor']}, {told['cores']} cores, {' '.join(told['features'])}")
+        say(f"{told['system']}; {', '.join(f'{name} {value}' for name, value in told['versions'].items())}")
         for title, checks in (("processor", found.checks), (", ".join(told["gpus"]), found.gpu)):
             for check in checks:
                 reason = f"  {check.reason}" if check.reason else ""
-                click.echo(f"  {title:9}  {check.stage:12} {STAGES[check.stage]:30} {_MARKS[check.state]}{reason}")
+                mark = Styled(_MARKS[check.state], _COLOURS.get(check.state, ""))
+                say(f"  {title:9}  {check.stage:12} {STAGES[check.stage]:30} ", mark, reason)
         for tier, answer in found.tiers.items():
-            click.echo(f"tier {tier}: {answer}")
+            say(f"tier {tier}: {answer}")
     raise click.exceptions.Exit(0 if found.healthy else 1)

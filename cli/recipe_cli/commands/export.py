@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import JSON, LocalPath, print_json
+from recipe_cli.arguments import JSON, LocalPath
+from recipe_cli.console import print_json, say
 from recipe_cli.progress import Progress
 
 
@@ -47,5 +48,5 @@ def command(dataset: Path, out: Path, form: str, shard_size: str, as_json: bool)
     shards = index["shards"]
     total = sum(shard["size"] for shard in shards)
     samples = sum(shard["samples"] for shard in shards)
-    click.echo(f"{out}: {count(samples, 'sample')} in {count(len(shards), 'shard')}, {size(total)}")
-    click.echo(index["dataset"])
+    say(f"{out}: {count(samples, 'sample')} in {count(len(shards), 'shard')}, {size(total)}")
+    say(index["dataset"])

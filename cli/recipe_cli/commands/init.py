@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from recipe_cli.arguments import LocalPath
+from recipe_cli.console import say
 
 
 @click.command("init")
@@ -36,10 +37,10 @@ def command(name: str, folder: Path) -> None:
         path.write_text(template(name), encoding="utf-8")
     except OSError as error:
         raise RunError(f"{path} cannot be written: {error.strerror or error}; choose another --dir") from None
-    click.echo(f"{path} written. Next:")
+    say(f"{path} written. Next:")
     shown = shlex.quote(str(path))
     for line in (f"recipe plan {shown}", f"recipe shot {shown} -o shot.png", f"recipe build {shown}"):
-        click.echo(f"  {line}")
+        say(f"  {line}")
 
 
 def _check_name(name: str) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from recipe_cli.arguments import ALLOW_LARGE, DEVICE, WORKERS, LocalPath, compile_quietly, engines_for, worker_count
+from recipe_cli.console import say
 from recipe_cli.places import lockfile_path, source_of
 from recipe_cli.progress import Progress
 
@@ -60,7 +61,8 @@ def command(
         written = made.write(path)
         if with_traces or traces.beside(path).exists():  # a file that is there must not fall behind
             written |= traces.write(traces.beside(path), motion)
-        click.echo(f"{path} {'written' if written else 'is up to date'}\n{lockfile.read(path).identity}")
+        say(f"{path} {'written' if written else 'is up to date'}")
+        say(lockfile.read(path).identity)
 
 
 def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool) -> None:

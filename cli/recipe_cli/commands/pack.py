@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, LocalPath, compile_quietly, print_json, writing
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, LocalPath, compile_quietly, writing
+from recipe_cli.console import print_json, say
 from recipe_cli.places import FOLDER, lockfile_path
 
 if TYPE_CHECKING:
@@ -45,8 +46,8 @@ def command(recipe: Path, output: Path | None, with_traces: bool, allow_large: b
         print_json({"file": str(output), "bytes": len(body), "identity": pack.identity(body), "files": rows})
         return
     for path, content in sorted(files.items()):
-        click.echo(f"  {path}  {count(len(content), 'byte')}")
-    click.echo(f"{output}  {pack.identity(body)}")
+        say(f"  {path}  {count(len(content), 'byte')}")
+    say(f"{output}  {pack.identity(body)}")
 
 
 def _sources(recipe: Path, compiled: Compiled) -> dict[str, bytes]:

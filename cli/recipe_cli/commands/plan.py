@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, print_json, unpacks, worker_count
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, unpacks, worker_count
+from recipe_cli.console import print_document, print_json, say
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
@@ -27,7 +28,7 @@ def command(recipe: Path, allow_large: bool, variant: str | None, as_json: bool)
     if variant is not None:
         from recipe_compiler.canonical import pretty
 
-        click.echo(pretty(compiled.plan.named(variant).document()), nl=False)
+        print_document(pretty(compiled.plan.named(variant).document()))
     elif as_json:
         print_json(_document(compiled))
     else:
@@ -53,29 +54,33 @@ def _document(compiled: Compiled) -> dict[str, object]:
 
 def _table(compiled: Compiled) -> None:
     from recipe_compiler.limits import size
-    from recipe_compiler.source import printable
 
     plan = compiled.plan
-    click.echo(f"{plan.recipe}: {plan.description}" if plan.description else plan.recipe)
+    say(plan.recipe)
+    if plan.description:
+        say(f"  {plan.description}")
     width = max(len(name) for name in [*(v.variant for v in plan.variants), *(a.name for a in compiled.assets)])
-    click.echo(f"\n  {'variant':<{width}}  scene     rig       appearance")
+    say()
+    say(f"  {'variant':<{width}}  scene     rig       appearance")
     for v in plan.variants[:40]:
         digests = "  ".join(d[:8] for d in (v.scene.digest, v.rig.digest, v.appearance.digest))
-        click.echo(f"  {v.variant:<{width}}  {digests}")
+        say(f"  {v.variant:<{width}}  {digests}")
     if len(plan.variants) > 40:
-        click.echo(f"  ... and {len(plan.variants) - 40} more; --json lists all")
+        say(f"  ... and {len(plan.variants) - 40} more; --json lists all")
     if compiled.assets:
-        click.echo(f"\n  {'asset':<{width}}  digest    size")
+        say()
+        say(f"  {'asset':<{width}}  digest    size")
     for asset in compiled.assets:
-        about = f"{size(asset.file.bytes)}, {asset.contents}, {printable(asset.path)}"
-        click.echo(f"  {asset.name:<{width}}  {asset.file.sha256[:8]}  {about}")
-    click.echo(f"\n{compiled.cost}")
+        about = f"{size(asset.file.bytes)}, {asset.contents}, {asset.path}"
+        say(f"  {asset.name:<{width}}  {asset.file.sha256[:8]}  {about}")
+    say()
+    say(str(compiled.cost))
     cost = compiled.cost
-    click.echo(
+    say(
         f"{count(cost.frames, 'frame')}, {count(cost.images, 'image')}, about {size(cost.bytes)}, "
         f"about {_duration(cost.minutes)} of one core{_here(cost)}"
     )
-    click.echo(f"plan sha256:{plan.digest}")
+    say(f"plan sha256:{plan.digest}")
 
 
 def _here(cost: Cost) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from recipe_cli.arguments import LocalPath, writing
+from recipe_cli.console import print_document, say
 
 
 @click.command("schema")
@@ -19,8 +20,8 @@ def command(output: Path | None) -> None:
 
     text = json.dumps(json_schema(), indent=2, ensure_ascii=False)
     if output is None:
-        click.echo(text)
+        print_document(text)
     else:
         with writing(output):
             output.write_text(text + "\n", encoding="utf-8")
-        click.echo(f"{output} written", err=True)
+        say(f"{output} written", err=True)

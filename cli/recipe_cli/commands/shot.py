@@ -14,10 +14,10 @@ from recipe_cli.arguments import (
     LocalPath,
     compile_quietly,
     engines_for,
-    print_json,
     unpacks,
     writing,
 )
+from recipe_cli.console import print_json, say
 
 
 @click.command("shot")
@@ -63,5 +63,5 @@ def command(
             | {"modality": made.modality, "digest": made.digest}
         )
     else:
-        click.echo(f"{path}: {scenario.variant}, {made.sensor}, {made.modality}, frame {made.frame}")
-        click.echo(f"pixels sha256:{made.digest}")
+        say(f"{path}: {scenario.variant}, {made.sensor}, {made.modality}, frame {made.frame}")
+        say(f"pixels sha256:{made.digest}")

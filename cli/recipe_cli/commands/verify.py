@@ -18,10 +18,10 @@ from recipe_cli.arguments import (
     dataset_at,
     engines_for,
     opened,
-    print_json,
     shown,
     worker_count,
 )
+from recipe_cli.console import COLOURS, Styled, print_json, say
 from recipe_cli.places import FOLDER, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 
@@ -183,12 +183,12 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
 
 def _say(target: Path | str, report: Report) -> None:
     stage = f" at {report.stage}" if report.stage else ""
-    click.echo(f"{report.verdict}{stage}  {shown(target)}")
-    click.echo(f"  {report.identity}")
+    say(Styled(report.verdict, COLOURS[report.verdict]), f"{stage}  {shown(target)}")
+    say(f"  {report.identity}")
     for difference in report.differences[:_MOST_SHOWN]:
-        click.echo(f"  {difference}")
+        say(f"  {difference}")
     if len(report.differences) > _MOST_SHOWN:
-        click.echo(f"  ... and {len(report.differences) - _MOST_SHOWN} more; --json lists all")
+        say(f"  ... and {len(report.differences) - _MOST_SHOWN} more; --json lists all")
     for picture in report.pictures:
-        click.echo(f"  see {picture}")
-    click.echo(f"  {report.extent} (nonce {report.nonce})")
+        say(f"  see {picture}")
+    say(f"  {report.extent} (nonce {report.nonce})")

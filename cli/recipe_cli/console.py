@@ -1,0 +1,176 @@
+"""The one place where the command line writes to the terminal.
+
+Every text is escaped here: recipes, datasets, lockfiles and file names come from outside, and a terminal obeys control
+characters. A text is one line: a line break in it is escaped, and where a terminal would wrap a line, it goes on
+indented. So only what a command prints as a line of its own stands at the start of a line, such as a verdict.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import sys
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TextIO
+
+import click
+
+if TYPE_CHECKING:
+    from recipe_compiler.errors import Problem
+
+COLOURS = {"error": "red", "warning": "yellow", "PASS": "green", "FAIL": "red", "INCONCLUSIVE": "yellow"}
+_INDENT = "    "
+_VERDICT = re.compile(r"PASS\b|FAIL\b|INCONCLUSIVE\b|(error|warning)\[")
+
+
+@dataclass(frozen=True)
+class Styled:
+    """A part of a line in a colour, bold."""
+
+    text: str
+    colour: str = ""
+
+
+@dataclass
+class State:
+    """What one run of a command prints in the end: whether as JSON, and the warnings so far."""
+
+    as_json: bool = False
+    warnings: list[Problem] = field(default_factory=list)
+    printed: bool = False
+
+
+def state() -> State:
+    """The state of the run in progress."""
+    context = click.get_current_context(silent=True)
+    return State() if context is None else context.ensure_object(State)
+
+
+def safe(text: str) -> str:
+    """Text from outside as the terminal may have it: escaped, on one line, without secrets of URLs."""
+    from recipe_compiler.errors import printable
+
+    if "://" in text:
+        from recipe_runtime.urls import without_secrets
+
+        text = without_secrets(text)
+    return printable(text)
+
+
+def say(*parts: str | Styled, err: bool = False) -> None:
+    """Print one line, on standard error if `err`; its parts are escaped."""
+    stream = sys.stderr if err else sys.stdout
+    safe_parts = [(safe(part), "") if isinstance(part, str) else (safe(part.text), part.colour) for part in parts]
+    colour = in_colour(stream)
+    if stream.isatty():
+        safe_parts = _wrapped(safe_parts, shutil.get_terminal_size().columns)
+    if safe_parts and not safe_parts[0][1] and _VERDICT.match(safe_parts[0][0]):
+        text = safe_parts[0][0]  # a text from outside that poses as a verdict
+        safe_parts[0] = (f"\\x{ord(text[0]):02x}{text[1:]}", "")
+    line = "".join(click.style(text, fg=fg or None, bold=True) if fg and colour else text for text, fg in safe_parts)
+    click.echo(line, err=err, color=True)
+
+
+def in_colour(stream: TextIO, environment: Mapping[str, str] = os.environ) -> bool:
+    """Whether to print in colour: NO_COLOR, FORCE_COLOR or CLICOLOR_FORCE, CLICOLOR=0, else on a terminal."""
+    if environment.get("NO_COLOR"):
+        return False
+    if any(environment.get(name, "0") not in ("", "0") for name in ("FORCE_COLOR", "CLICOLOR_FORCE")):
+        return True
+    if environment.get("CLICOLOR") == "0" or environment.get("TERM") == "dumb":
+        return False
+    return stream.isatty()
+
+
+def print_document(text: str) -> None:
+    """Print a JSON text of many lines; what a terminal would obey is escaped as JSON escapes it."""
+    click.echo(_json_safe(text.rstrip("\n")))
+
+
+def print_json(value: Mapping[str, Any] | Sequence[Any]) -> None:
+    """Print the one JSON document of a run. A map also holds `errors` and `warnings`."""
+    run = state()
+    if isinstance(value, Mapping):
+        value = {"errors": [], "warnings": [row(problem) for problem in run.warnings], **value}
+    run.printed = True
+    print_document(json.dumps(value, indent=2, ensure_ascii=False))
+
+
+def warn(problem: Problem) -> None:
+    """Print a warning on standard error, or keep it for the JSON document."""
+    from recipe_cli.diagnostics import print_problems
+
+    run = state()
+    run.warnings.append(problem)
+    if not run.as_json:
+        print_problems("warning", [problem])
+
+
+def fail(problems: Sequence[Problem], run: State | None = None) -> None:
+    """Print errors on standard error, or as the JSON document."""
+    from recipe_cli.diagnostics import print_problems
+
+    run = run or state()
+    if run.as_json and not run.printed:
+        run.printed = True
+        document = {"errors": [row(p) for p in problems], "warnings": [row(p) for p in run.warnings]}
+        print_document(json.dumps(document, indent=2, ensure_ascii=False))
+    else:
+        print_problems("error", problems)
+
+
+def row(problem: Problem) -> dict[str, object]:
+    """A problem as JSON."""
+    from recipe_cli.diagnostics import remedy
+
+    place, help = problem.place, remedy(problem)
+    return {
+        "code": str(problem.code),
+        "message": safe(problem.message),
+        "help": None if help is None else safe(help),
+        "note": problem.note,
+        "file": place.file if place else None,
+        "line": place.line if place else None,
+        "column": place.column if place else None,
+    }
+
+
+def show_cursor() -> None:
+    """Show the cursor again, which a progress bar hides."""
+    click.echo("\x1b[?25h", file=sys.stderr, nl=False)
+
+
+def width(text: str) -> int:
+    """The columns that escaped text takes on a terminal."""
+    if text.isascii():
+        return len(text)
+    return sum(0 if unicodedata.combining(c) else 1 + (unicodedata.east_asian_width(c) in "WF") for c in text)
+
+
+def _wrapped(parts: list[tuple[str, str]], columns: int) -> list[tuple[str, str]]:
+    """The parts with line breaks between words, each followed by an indent, where the line is wider than a terminal."""
+    column, wrapped = 0, []
+    for text, colour in parts:
+        words = []
+        for word in re.findall(r" +|[^ ]+", text):
+            if column + width(word) > columns and column > len(_INDENT):
+                words.append(f"\n{_INDENT}")
+                column = len(_INDENT)
+                word = word.lstrip(" ")
+            words.append(word)
+            column += width(word)
+        wrapped.append(("".join(words), colour))
+    return wrapped
+
+
+def _json_safe(text: str) -> str:
+    return "\n".join(
+        "".join(c if c == part else json.dumps(c)[1:-1] for c, part in zip(line, map(safe, line), strict=True))
+        if not (line.isascii() and line.isprintable())
+        else line
+        for line in text.split("\n")
+    )

@@ -1,0 +1,78 @@
+"""Errors and warnings as people read them: code, message, place, source line with a caret, remedy.
+
+error[unknown-key]: unknown key "fsp" in clock
+ --> rain_bench.yaml:3:11
+  |
+3 |   clock: {fsp: 10, frames: 60}
+  |           ^^^
+help: did you mean "fps"?
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from recipe_compiler.wording import count
+
+from recipe_cli.console import COLOURS, Styled, safe, say, width
+from recipe_cli.words import option_help
+
+if TYPE_CHECKING:
+    from recipe_compiler.errors import Problem
+
+_BEFORE, _AFTER = 50, 60  # characters of a long source line that are shown around the place
+_TOKEN = re.compile(r""""(?:[^"\\]|\\.)*"|'[^']*'|[^\s,:{}\[\]#]+|.""")
+
+
+def print_problems(severity: str, problems: Sequence[Problem]) -> None:
+    """Print problems on standard error, at most MAX_SHOWN of them, and how many more there are."""
+    from recipe_compiler.errors import MAX_SHOWN
+
+    for number, problem in enumerate(problems[:MAX_SHOWN]):
+        if number:
+            say(err=True)
+        for line in _lines(severity, problem):
+            say(*line, err=True)
+    rest = len(problems) - MAX_SHOWN
+    if rest > 0:
+        say(Styled(severity, COLOURS[severity]), f": and {count(rest, severity)} more; --json lists all", err=True)
+
+
+def remedy(problem: Problem) -> str | None:
+    """The remedy in the words of the command line, if its options are part of it; else in the library's."""
+    return option_help(problem) or problem.help
+
+
+def _lines(severity: str, problem: Problem) -> list[tuple[str | Styled, ...]]:
+    lines: list[tuple[str | Styled, ...]] = [
+        (Styled(f"{severity}[{problem.code}]", COLOURS[severity]), ": ", problem.message)
+    ]
+    if problem.place is not None:
+        number = str(problem.place.line) if problem.source is not None else ""
+        margin = " " * max(1, len(number))
+        lines.append((Styled(f"{margin}-->", "blue"), f" {problem.place}"))
+        if problem.source is not None:
+            text, caret = _excerpt(problem.source, problem.place.column)
+            lines.append((Styled(f"{margin} |", "blue"),))
+            lines.append((Styled(f"{number} |", "blue"), f" {text}"))
+            lines.append((Styled(f"{margin} |", "blue"), " ", Styled(caret, COLOURS[severity])))
+    if problem.note:
+        lines.append((Styled("note", "blue"), ": ", problem.note))
+    advice = remedy(problem)
+    if advice:
+        lines.append((Styled("help", "cyan"), ": ", advice))
+    return lines
+
+
+def _excerpt(source: str, column: int) -> tuple[str, str]:
+    """A line of text, shortened about a column, and the carets under what stands there."""
+    at = min(max(column - 1, 0), len(source))
+    start = at - _BEFORE if at > _BEFORE else 0
+    end = at + _AFTER if len(source) - at > _AFTER else len(source)
+    head = ("..." if start else "") + safe(source[start:at])
+    tail = safe(source[at:end]) + ("..." if end < len(source) else "")
+    token = _TOKEN.match(source, at, end)
+    marked = max(1, width(safe(token[0]))) if token else 1
+    return f"{head}{tail}".rstrip(), " " * width(head) + "^" * marked

@@ -1,0 +1,77 @@
+"""URLs as they may be shown: without passwords, tokens and signatures.
+
+A URL may hold a secret as the password before `@`, as a long user name (a token), in its query (`?sig=...`,
+`?X-Amz-Signature=...`, `?token=...`), or in its fragment. Passwords of S3 URLs hold `/` and `@` as they are, so
+everything up to the last `@` is taken for the password. Where a part may or may not be a secret it is masked.
+"""
+
+from __future__ import annotations
+
+import re
+from urllib.parse import unquote
+
+MASK = "***"
+
+_URL = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]*)://(?P<rest>\S*)")
+_END = re.compile(r"""['"`:;,.)\]}>]*\Z""")  # punctuation of the sentence around a URL
+_PORTS = {"http", "https", "ftp", "ftps", "sftp", "ssh", "smb", "hdfs", "webhdfs", "memory"}  # `host:21`, not `key:21`
+_TOKEN_LENGTH = 20  # a user name so long is a token
+_MIN_SECRET = 4  # shorter texts are masked within their URL only
+
+
+def without_secrets(text: str, *urls: str) -> str:
+    """Text with the secrets of all URLs in it masked: `ftp://user:***@host/x?***` for `ftp://user:pw@host/x?sig=1`.
+
+    Args:
+        text: a URL, or text with some, such as a library's error.
+        urls: further URLs, whose secrets are masked wherever they stand in the text, with or without their URL.
+    """
+    found = {secret for url in urls for secret in _secrets(url)}
+    for secret in sorted(found, key=len, reverse=True):
+        text = text.replace(secret, MASK)
+    return _URL.sub(lambda match: f"{match['scheme']}://{_masked(match['scheme'], match['rest'])}", text)
+
+
+def shown(url: str) -> str:
+    """One whole URL, to be shown; its white space is part of it."""
+    return without_secrets(re.sub(r"\s", "%20", url))
+
+
+def _masked(scheme: str, rest: str) -> str:
+    end = _END.search(rest)
+    rest, tail = (rest[: end.start()], end[0]) if end else (rest, "")
+    user, password, place = _split(scheme, rest)
+    head = "" if place == rest else f"{user}:{MASK}@" if password is not None else f"{MASK}@"
+    place, hash_, fragment = place.partition("#")
+    place, mark, query = place.partition("?")
+    inner = _URL.sub(lambda match: f"{match['scheme']}://{_masked(match['scheme'], match['rest'])}", place)
+    query = f"?{MASK}" if query else mark
+    return f"{head}{inner}{query}{f'#{MASK}' if fragment else hash_}{tail}"
+
+
+def _split(scheme: str, rest: str) -> tuple[str, str | None, str]:
+    """User, password and the rest of a URL after `://`. Without a secret there, the rest is all of it."""
+    first = rest.partition("/")[0]
+    user, colon, after = first.partition(":")
+    link = scheme.lower().rpartition("+")[2]
+    if colon and "@" not in user and "@" in rest[len(user) :]:
+        is_port = "@" not in after and re.fullmatch(r"[0-9]{1,5}", after) and link in _PORTS
+        if user and not is_port:
+            password, _, place = rest[len(user) + 1 :].rpartition("@")
+            return user, password, place
+    name, at, _ = first.rpartition("@")
+    if at and len(name) >= _TOKEN_LENGTH:
+        return name, None, rest[len(name) + 1 :]
+    return "", None, rest
+
+
+def _secrets(url: str) -> set[str]:
+    """The secrets of a URL, and of those chained in it, as they stand in it and decoded."""
+    found: set[str] = set()
+    for match in _URL.finditer(url):
+        user, password, place = _split(match["scheme"], match["rest"])
+        place, _, fragment = place.partition("#")
+        values = [value for pair in place.partition("?")[2].split("&") for value in (pair.partition("=")[2], pair)]
+        found |= {password or "", fragment, *values} | ({user} if password is None else set())
+    found |= {unquote(secret) for secret in found}
+    return {secret for secret in found if len(secret) >= _MIN_SECRET}
