@@ -120,12 +120,12 @@ def compile_quietly(path: Path, *, allow_large: bool = False, free_disk: int | N
     return compiled
 
 
-def engines_for(compiled: Compiled) -> Engines:
-    """The real engines, told where the recipe's assets lie."""
+def engines_for(compiled: Compiled, simulated: Callable[[int, int], None] | None = None) -> Engines:
+    """The real engines, told where the recipe's assets lie; `simulated` hears of the steps of a simulation."""
     from recipe_runtime.assets import Assets
     from recipe_runtime.engines import real_engines
 
-    return real_engines(Assets(compiled.places))
+    return real_engines(Assets(compiled.places), simulated)
 
 
 @contextmanager

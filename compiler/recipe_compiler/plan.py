@@ -145,6 +145,16 @@ class ScenePlan(Plan):
         own = self.model_dump(mode="json", exclude={"town"} if self.props else {"town", "props"})
         return digest("plan/scene/1", {**own, "town": self.town.digest})
 
+    def first(self, frames: int) -> ScenePlan:
+        """The same scene, `frames` (at least 1) long or as long as it is, whichever is less.
+
+        A simulation decides nothing by how long it lasts, so the Trace of this scene is a prefix of the whole one's.
+        """
+        if frames >= self.clock.frames:
+            return self
+        clock = self.clock.model_copy(update={"frames": frames})
+        return ScenePlan(clock=clock, town=self.town, actors=self.actors, props=self.props)
+
 
 class CameraPlan(Plan):
     """A camera's intrinsics. `fov` is horizontal, in degrees, and a pinhole's; pixel (0, 0) is the top-left corner."""

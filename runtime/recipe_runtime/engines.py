@@ -76,10 +76,14 @@ class Engines:
     assets: Assets = field(default_factory=Assets)  # where the files lie that a recipe brings
 
 
-def real_engines(assets: Assets | None = None) -> Engines:
-    """PyBullet's simulation, the library's meshes, and the Warp renderer; each imported when first used."""
+def real_engines(assets: Assets | None = None, simulated: Callable[[int, int], None] | None = None) -> Engines:
+    """PyBullet's simulation, the library's meshes, and the Warp renderer; each imported when first used.
+
+    `simulated` is called with (steps done, steps in all) of each simulation; with it, engines cannot be pickled.
+    """
     assets = assets or Assets()
-    return Engines(simulate=_simulate, actors=_actors, renderer=partial(_renderer, assets=assets), assets=assets)
+    simulate = partial(_simulate, progress=simulated) if simulated else _simulate
+    return Engines(simulate=simulate, actors=_actors, renderer=partial(_renderer, assets=assets), assets=assets)
 
 
 def devices(name: str) -> tuple[str, ...]:
@@ -106,10 +110,10 @@ def devices(name: str) -> tuple[str, ...]:
     return tuple(there) if name == "cuda" else (name,)
 
 
-def _simulate(scene: ScenePlan) -> Trace:
+def _simulate(scene: ScenePlan, progress: Callable[[int, int], None] | None = None) -> Trace:
     from recipe_runtime.simulate import simulate
 
-    return simulate(scene)
+    return simulate(scene, progress)
 
 
 def _actors(scene: ScenePlan) -> list[Body]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,14 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.errors import InputError
-from recipe_compiler.plan import ScenarioPlan, SensorPlan
+from recipe_compiler.plan import ScenarioPlan, ScenePlan, SensorPlan
 
 from recipe_runtime import encode
-from recipe_runtime.engines import Engines, devices, real_engines
-from recipe_runtime.frames import FrameSource, pixel_digest
+from recipe_runtime.engines import Engines, Progress, devices, real_engines
+from recipe_runtime.frames import SceneSource, label_array, pixel_digest
 from recipe_runtime.housekeeping import leased
 from recipe_runtime.report.colours import depth_picture, instance_picture, semantic_picture
 from recipe_runtime.store import Store, host_errors, write_atomic
+from recipe_runtime.trace import Trace
 
 
 @dataclass(frozen=True)
@@ -56,22 +58,49 @@ def shot(
     engines: Engines | None = None,
     store: Store | None = None,
     device: str = "cpu",
+    progress: Progress | None = None,
 ) -> Shot:
-    """Render one frame; by default the first sensor's, the middle one, in colour. InputError for what is not there."""
-    engines, store = engines or real_engines(), store or Store()
-    rig = {s.name: s for s in scenario.rig.sensors}
+    """Render one frame; by default the first sensor's, the middle one, in colour.
+
+    The scene is simulated no further than the frame, while its renderer is loaded. A Trace of the whole scene is used
+    if the store has one; one that ends at the frame is kept as that of a scene which does.
+
+    Raises:
+        InputError: the sensor, the frame or the modality does not exist.
+    """
+    engines, store, progress = engines or real_engines(), store or Store(), progress or _silence
+    rig, scene = {s.name: s for s in scenario.rig.sensors}, scenario.scene
     plan = _pick(rig, sensor)
-    frames = scenario.scene.clock.frames
+    frames = scene.clock.frames
     frame = frames // 2 if frame is None else frame
     if frame >= frames:
         raise InputError(f"frame {frame} is not there: {scenario.variant} has frames 0 to {frames - 1}")
     modality = modality or ("rgb" if "rgb" in plan.capture else plan.capture[0])
     if modality not in plan.capture:
         raise InputError(f"the sensor {plan.name} captures {', '.join(plan.capture)}, not {modality!r}")
-    with leased(store.root):
-        trace = store.trace(scenario.scene, lambda: engines.simulate(scenario.scene))
-        pixels = FrameSource(scenario, trace, devices(device)[0], engines=engines).render(plan.name, frame)[modality]
+    place = devices(device)[0]
+    with leased(store.root), ThreadPoolExecutor(max_workers=1) as background:
+        loading = background.submit(engines.renderer, scene, place)
+        trace = _trace(store, engines, scene, frame)
+        progress("render", 0, 1)
+        source = SceneSource(scene, trace, device=place, engines=engines, renderer=loading.result())
+        seen = source.observe(plan, frame)
+        if modality == "rgb":
+            pixels = source.shade(seen, scenario.appearance, plan, frame)
+        else:
+            pixels = label_array(seen, modality)
+        progress("render", 1, 1)
     return Shot(plan.name, frame, modality, pixels)
+
+
+def _trace(store: Store, engines: Engines, scene: ScenePlan, frame: int) -> Trace:
+    """A Trace that reaches the frame, and the one after it where that is frame 0: motion blur looks there."""
+    part = scene if store.has_trace(scene) else scene.first(max(frame, 1) + 1)
+    return store.trace(part, lambda: engines.simulate(part))
+
+
+def _silence(stage: str, done: int, total: int) -> None:
+    """Report no progress."""
 
 
 def _pick(rig: dict[str, SensorPlan], name: str | None) -> SensorPlan:

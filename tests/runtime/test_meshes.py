@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+from unittest import mock
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from recipe_compiler import towns
 from recipe_compiler.blueprints import LIBRARY, Blueprint
 from recipe_compiler.plan import ActorPlan, Pose
 from recipe_runtime.meshes import actor_body, town_bodies
-from recipe_runtime.meshes.builder import Builder, icosphere, noise
+from recipe_runtime.meshes import builder as builder_module
+from recipe_runtime.meshes.builder import Builder, icosphere, noise, noises
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.meshes.skeleton import part_names
+from recipe_runtime.meshes.smoothing import Sheet, flatten
 from recipe_runtime.meshes.tags import Tag
+from recipe_runtime.meshes.vectors import cross, unit
 from recipe_runtime.studio import matrices, stance
 
 TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
@@ -159,9 +165,77 @@ def test_windows_have_names() -> None:
 def test_smooth_normals_of_a_sphere_point_outwards() -> None:
     points, faces = icosphere(2)
     builder = Builder()
-    builder.smooth([Surface("a", Pattern.PLAIN, 1)] * len(faces), points, faces, crease=0.5)
+    builder.smooth(Surface("a", Pattern.PLAIN, 1), points, faces, crease=0.5)
     mesh = builder.mesh()
     assert np.abs(mesh.normals - mesh.vertices).max() < 0.05
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    crease=st.sampled_from([-1.0, 0.3, 0.9]),
+    hole=st.integers(0, 7),
+    copies=st.integers(1, 3),
+)
+@settings(max_examples=30, deadline=None)
+def test_corner_normals_are_the_sums_of_the_faces_about_a_corner(
+    seed: int, crease: float, hole: int, copies: int
+) -> None:
+    """Sheets shaded together have, bit for bit, the normals that a plain loop over each sheet alone gives."""
+    rng = np.random.default_rng(seed)
+    points = np.round(rng.integers(-3, 4, (3, 4, 3)) * 0.25, 6)
+    surface = Surface("a", Pattern.PLAIN, 1)
+    cells: list[list[Surface | None]] = [[surface] * 4 for _ in range(2)]
+    cells[hole // 4][hole % 4] = None
+    builder = Builder()
+    for _ in range(copies):
+        builder.grid(cells, points, crease=crease)
+    flat = flatten([sheet for sheet in builder._pending if isinstance(sheet, Sheet)])
+    expected = _shaded_by_a_loop(points.reshape(-1, 3), crease, hole)
+    assert flat.normals.tolist() == expected * copies  # (-0.0 == 0.0: a mesh stores no sign of zero)
+
+
+def _shaded_by_a_loop(points: NDArray[np.float64], crease: float, hole: int) -> list[list[list[float]]]:
+    """Corner normals of the triangles of a closed grid of 3 rings of 4 points, without those of one cell."""
+    quads = [
+        (4 * r + c, 4 * r + (c + 1) % 4, 4 * r + 4 + (c + 1) % 4, 4 * r + 4 + c) for r in range(2) for c in range(4)
+    ]
+    named = [(cell, t) for cell, (a, b, c, d) in enumerate(quads) for t in ((a, b, c), (a, c, d))]
+    faces = []
+    for cell, triangle in named:
+        p = [points[k] for k in triangle]
+        normal = cross((p[1] - p[0])[None], (p[2] - p[0])[None])[0]
+        if np.sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]) > 1e-10:
+            faces.append((cell, [tuple(v) for v in p], normal, unit(normal[None])[0]))
+    found = []
+    for cell, corners, _, mine in faces:
+        row = []
+        for corner in corners:
+            total = np.zeros(3)
+            for _, around, normal, direction in faces:
+                near = mine[0] * direction[0] + mine[1] * direction[1] + mine[2] * direction[2] >= crease
+                if near or direction is mine:
+                    for _ in range(around.count(corner)):
+                        total = total + normal
+            row.append(unit(total[None])[0].tolist())
+        if cell != hole:
+            found.append(row)
+    return found
+
+
+@given(st.lists(st.integers(0, 3), min_size=1, max_size=40), st.booleans())
+def test_equal_vertices_are_found_whatever_their_hashes(kinds: list[int], collide: bool) -> None:
+    rows = np.array([[kind, 1, 2, 3, 4, 5, 6, kind % 2] for kind in kinds], np.float32)
+    mix = builder_module._MIX
+    with mock.patch.object(builder_module, "_MIX", mix * np.uint64(0) if collide else mix):
+        first, which = builder_module._distinct(rows)
+    order = list(dict.fromkeys(kinds))
+    assert first.tolist() == [kinds.index(kind) for kind in order]
+    assert which.tolist() == [order.index(kind) for kind in kinds]
+
+
+@given(st.integers(0, 2**40), st.lists(st.integers(0, 2**40), min_size=1))
+def test_many_noises_are_those_of_one(key: int, indices: list[int]) -> None:
+    assert noises(key, np.array(indices)).tolist() == [noise(key, index) for index in indices]
 
 
 def test_noise_is_pinned() -> None:

@@ -9,6 +9,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from recipe_compiler import blueprints, towns
 from recipe_compiler.errors import RunError
@@ -85,9 +87,18 @@ def test_an_actor_far_away_changes_no_bit_of_the_others() -> None:
         assert more.actor_digest(name) == alone.actor_digest(name)
 
 
-def test_fewer_frames_are_a_prefix() -> None:
-    short, long = simulate(scene(HERO1, CAR, frames=9)), simulate(scene(HERO1, CAR, frames=20))
-    assert [short.actor_digest(a) for a in short.actors] == [long.actor_digest(a, 9) for a in short.actors]
+@given(frames=st.integers(1, 20))
+@settings(max_examples=4, deadline=None)
+def test_fewer_frames_are_a_prefix(frames: int) -> None:
+    """`recipe shot` simulates no further than its frame."""
+    whole = scene(HERO1, HERO2, CAR, frames=20)
+    short, long = simulate(whole.first(frames)), _twenty()
+    assert [short.actor_digest(a) for a in short.actors] == [long.actor_digest(a, frames) for a in long.actors]
+
+
+@cache
+def _twenty() -> Trace:
+    return simulate(scene(HERO1, HERO2, CAR, frames=20))
 
 
 def test_frame_0_is_the_start() -> None:

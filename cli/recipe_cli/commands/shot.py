@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import click
@@ -18,6 +19,7 @@ from recipe_cli.arguments import (
     writing,
 )
 from recipe_cli.console import print_json, say
+from recipe_cli.progress import Progress
 
 
 @click.command("shot")
@@ -53,7 +55,9 @@ def command(
     from recipe_runtime.shot import shot
 
     with writing(output or Path("shot.png")):  # a folder that is not there is said before the work
-        made = shot(scenario, sensor, frame, modality, engines=engines_for(compiled), device=device)
+        with Progress(quiet=as_json) as progress:
+            engines = engines_for(compiled, partial(progress, "simulate"))
+            made = shot(scenario, sensor, frame, modality, engines=engines, device=device, progress=progress)
         name = f"{plan.recipe}-{scenario.variant.replace('.', '_')}-{made.sensor}-{made.modality}-{made.frame:06d}.png"
         path = output or Path(name)
         made.write(path)

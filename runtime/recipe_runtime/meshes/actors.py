@@ -18,12 +18,12 @@ def actor_body(actor: ActorPlan) -> Body:
 
     Actors of one shape share their meshes, whose arrays are read-only.
     """
-    shape = tuple(sorted(actor.shape.items()))
-    return Body(actor.name, actor.tag * 1000 + actor.instance, _parts(shape, actor.tag, is_parked(actor)))
+    shape, lit = tuple(sorted(actor.shape.items())), is_person(actor.shape) or not is_parked(actor)
+    return Body(actor.name, actor.tag * 1000 + actor.instance, _parts(shape, actor.tag, lit))
 
 
 @lru_cache(maxsize=SHAPES_CACHE_SIZE)
-def _parts(sorted_shape: tuple[tuple[str, float], ...], tag: int, parked: bool) -> tuple[tuple[str, Mesh], ...]:
+def _parts(sorted_shape: tuple[tuple[str, float], ...], tag: int, lit: bool) -> tuple[tuple[str, Mesh], ...]:
     """The parts of a shape; all that a mesh depends on is an argument."""
     shape = dict(sorted_shape)
     if is_person(shape):
@@ -31,7 +31,7 @@ def _parts(sorted_shape: tuple[tuple[str, float], ...], tag: int, parked: bool) 
     elif has_rider(shape):
         parts = twowheeler_parts(shape, tag)
     else:
-        parts = vehicle_parts(shape, tag, lit=not parked)
+        parts = vehicle_parts(shape, tag, lit)
     for _, mesh in parts:
         for array in (mesh.vertices, mesh.normals, mesh.uvs, mesh.triangles, mesh.surface):
             array.flags.writeable = False

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recipe_runtime.meshes.builder import Array, Vec
+from recipe_runtime.meshes.builder import Vec
+from recipe_runtime.meshes.vectors import Array
 
 Quad = tuple[Vec, ...]
 

@@ -6,11 +6,12 @@ import numpy as np
 from recipe_compiler import exact
 from recipe_compiler.plan import Element
 
-from recipe_runtime.meshes.builder import Array, Builder, Vec, noise, tube
+from recipe_runtime.meshes.builder import Builder, Vec, noise, tube
 from recipe_runtime.meshes.facades import Facade
 from recipe_runtime.meshes.lettering import write
 from recipe_runtime.meshes.mesh import Light, Pattern, Surface
 from recipe_runtime.meshes.tags import Tag
+from recipe_runtime.meshes.vectors import Array
 
 
 def _static(slot: str, pattern: Pattern) -> Surface:

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from recipe_runtime.meshes.builder import Array, Builder, Vec, circle, cross, unit
+from recipe_runtime.meshes.builder import Builder, Vec, circle
 from recipe_runtime.meshes.mesh import Surface
+from recipe_runtime.meshes.vectors import Array, cross, unit
 
 Section = tuple[float, float, float, float]  # z, half depth (x), half width (y), x of its centre
 

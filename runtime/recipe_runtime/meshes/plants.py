@@ -14,9 +14,10 @@ import numpy as np
 from recipe_compiler import exact
 from recipe_compiler.plan import Element
 
-from recipe_runtime.meshes.builder import Array, Builder, Index, cross, icosphere, noise, noises, tube, unit
+from recipe_runtime.meshes.builder import Builder, icosphere, noise, noises, tube
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.tags import Tag
+from recipe_runtime.meshes.vectors import Array, Index, cross, unit
 
 _BARK = Surface("bark", Pattern.BARK, Tag.VEGETATION)
 _LEAVES = Surface("leaves", Pattern.FOLIAGE, Tag.VEGETATION)
