@@ -72,8 +72,8 @@ class Examination:
 
     @property
     def healthy(self) -> bool:
-        """Whether nothing differs that must not."""
-        return all(check.state != "differs" for check in (*self.checks, *self.gpu))
+        """Whether nothing differs that must not, and tier A is not denied."""
+        return self.tiers["A"] != "no" and all(check.state != "differs" for check in (*self.checks, *self.gpu))
 
 
 def examine(progress: Progress, engines: Engines | None = None, gpus: list[str] | None = None) -> Examination:

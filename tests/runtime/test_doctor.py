@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
+from recipe_cli.commands.doctor import command
 from recipe_compiler import lockfile
 from recipe_compiler.errors import RunError
 from recipe_compiler.lockfile import Lockfile
@@ -100,7 +102,23 @@ def test_a_host_that_cannot_is_told_why(golden: Path) -> None:
 
     checks = doctor.self_test(PLAN, quiet, engines=replace(ENGINES, simulate=barred))
     assert {(c.state, c.reason) for c in checks} == {("not reached", "there is no PyBullet here")}
-    assert doctor.Examination({}, checks).tiers["A"] == "no"
+    found = doctor.Examination({}, checks)
+    assert (found.tiers["A"], found.healthy) == ("no", False)
+
+
+@pytest.mark.parametrize("options", [[], ["--json"]])
+@pytest.mark.parametrize(("state", "code"), [("equal", 0), ("differs", 1), ("not reached", 1), ("may differ", 0)])
+def test_the_exit_code_is_1_where_tier_a_is_denied(
+    monkeypatch: pytest.MonkeyPatch, options: list[str], state: Any, code: int
+) -> None:
+    """A host without PyBullet was told `tier A: no`, and the command's exit code was 0."""
+    host = doctor.fingerprint([])
+    found = doctor.Examination(host, [doctor.Check(stage, state, "a reason") for stage in doctor.STAGES])
+    monkeypatch.setattr(doctor, "examine", lambda progress: found)
+    told = CliRunner().invoke(command, options)
+    assert told.exit_code == code, told.output
+    denied = '"A": "no"' if options else "tier A: no\n"
+    assert (denied in told.output) == (code == 1)
 
 
 def test_the_fingerprint_names_no_host_user_or_place() -> None:
