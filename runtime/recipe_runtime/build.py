@@ -98,7 +98,7 @@ def build(
     kept = [studio.cache] if cache else housekeeping.folders()
     # What a repair leaves as it was is believed no more than it was before: a stranger's stays a stranger's.
     trusted = not damage or earlier(Store(studio.cache), out) is not None
-    with _workspace(dataset, out) as work, housekeeping.leased(studio.cache), ExitStack() as hired:
+    with housekeeping.leased(studio.cache), _workspace(dataset, out) as work, ExitStack() as hired:
         new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
         alone = len(simulations(dataset)) == 1 and not repair  # else workers could not know what they will need
         if new and alone and workers and run is pool.run:  # they start and load the scene while it is simulated

@@ -1,16 +1,15 @@
 """What the cache holds, and how it is kept small: entries that nobody used for longest go first.
 
-Everything in it can be made again: traces by simulation, kernels by compiling. So it may be pruned by hand at any time,
-under a running build too, which then makes again what it misses. After a build that made something it is tidied: what
-exceeds RECIPE_CACHE_LIMIT (10 GiB by default, `none` for no bound) goes, but nothing that a living build, lock,
-verification, shot or scenario has read since it began.
+Only what `cache_folder` recognises is counted and removed. All of that can be made again: traces by simulation, kernels
+by compiling. So it may be pruned by hand at any time, under a running build too, which then makes again what it misses.
+After a build that made something it is tidied: what exceeds RECIPE_CACHE_LIMIT (10 GiB by default, `none` for no bound)
+goes, but nothing that a living build, lock, verification, shot or scenario has read since it began.
 """
 
 from __future__ import annotations
 
 import os
 import re
-import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from pathlib import Path
 
 from recipe_compiler.errors import InputError
 
+from recipe_runtime.cache_folder import claim, contents, remove
 from recipe_runtime.leases import in_use_since, lease
 from recipe_runtime.store import default_cache, kernel_cache
 
@@ -30,16 +30,10 @@ class Entry:
     """A file of the store, or a folder of compiled kernels. `used` is when it was last read or written, in seconds."""
 
     kind: str
+    root: Path  # the cache folder
     path: Path
     size: int
     used: float
-
-    def remove(self) -> None:
-        """Delete it; another process may have been quicker."""
-        if self.path.is_dir() and not self.path.is_symlink():
-            shutil.rmtree(self.path, ignore_errors=True)
-        else:
-            self.path.unlink(missing_ok=True)
 
     def used_now(self) -> float:
         """When it was used last, looked up again."""
@@ -55,7 +49,10 @@ def folders() -> list[Path]:
 
 
 def entries(roots: Iterable[Path]) -> list[Entry]:
-    """Everything that this project keeps in these folders, the least recently used first; other files are not ours."""
+    """Everything that this project keeps in these folders, the least recently used first.
+
+    InputError if one of them holds other things and was never marked as a cache.
+    """
     return sorted((e for root in roots for e in _entries(root)), key=lambda entry: (entry.used, str(entry.path)))
 
 
@@ -71,16 +68,19 @@ def sizes(found: list[Entry]) -> dict[str, tuple[int, int]]:
 def prune(roots: Iterable[Path], limit: int, before: float = float("inf")) -> list[Entry]:
     """Remove the least recently used entries until no more than `limit` bytes are left; what was removed.
 
-    Entries that were used at `before` or later stay, also if that was while this was at work.
+    Entries that were used at `before` or later stay, also if that was while this was at work. InputError, and nothing
+    is removed, if one of the folders holds other things and was never marked as a cache.
     """
     found = entries(roots)
+    for root in dict.fromkeys(entry.root for entry in found):
+        claim(root)  # made by an earlier version
     left, removed = sum(entry.size for entry in found), []
     for entry in found:
         if left <= limit or entry.used >= before:
             break
         if before < float("inf") and entry.used_now() >= before:
             continue
-        entry.remove()
+        remove(entry.path, entry.root)
         removed.append(entry)
         left -= entry.size
     return removed
@@ -100,7 +100,7 @@ def limit() -> int | None:
 def tidy(roots: Iterable[Path], most: int | None) -> list[Entry]:
     """Prune to `most` bytes, but for what running builds have read; never an error, for the work is done by then."""
     roots = list(roots)
-    with suppress(OSError):  # read-only, say
+    with suppress(OSError, InputError):  # read-only, say
         return [] if most is None else prune(roots, most, in_use(roots))
     return []
 
@@ -128,36 +128,17 @@ def bytes_of(text: str) -> int:
 
 
 def _entries(root: Path) -> Iterator[Entry]:
-    for folder in sorted(p for p in _listed(root) if p.is_dir() and not p.is_symlink()):
-        if folder.name == "kernels":
-            yield from _kernels(folder)
-            continue
-        for path in sorted(folder.glob("[0-9a-f][0-9a-f]/*")):
-            if re.fullmatch(r"[0-9a-f]{64}", path.name) or path.name.endswith(".tmp"):
-                yield from _file(folder.name, path)
+    found = contents(root)
+    for kind, path in found.entries:
+        yield from _file(kind, root, path)
+    for module in found.modules:
+        files = [e for path in sorted(module.iterdir()) for e in _file("kernels", root, path)]
+        if files:
+            release = module.parent.parent.stat().st_mtime  # renewed by each process that may load its kernels
+            yield Entry("kernels", root, module, sum(e.size for e in files), max(release, *(e.used for e in files)))
 
 
-def _kernels(folder: Path) -> Iterator[Entry]:
-    """Compiled kernels, a module's folder an entry: they lie by release and machine, then by Warp's version."""
-    for module in sorted(folder.glob("*/*/*")):
-        if module.is_dir():
-            files = [e for path in sorted(module.rglob("*")) for e in _file("kernels", path)]
-            if files:
-                release = module.parent.parent.stat().st_mtime  # renewed by each process that may load its kernels
-                yield Entry("kernels", module, sum(e.size for e in files), max(release, *(e.used for e in files)))
-
-
-def _file(kind: str, path: Path) -> Iterator[Entry]:
-    try:
+def _file(kind: str, root: Path, path: Path) -> Iterator[Entry]:
+    with suppress(OSError):
         found = path.lstat()
-    except OSError:
-        return
-    if not path.is_dir():
-        yield Entry(kind, path, found.st_size, max(found.st_mtime, found.st_atime))
-
-
-def _listed(root: Path) -> list[Path]:
-    try:
-        return sorted(root.iterdir())
-    except OSError:
-        return []
+        yield Entry(kind, root, path, found.st_size, max(found.st_mtime, found.st_atime))

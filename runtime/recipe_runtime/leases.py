@@ -13,18 +13,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-_FOLDER = "in-use"
+from recipe_runtime.cache_folder import LEASES, claim, lease_files
 
 
 @contextmanager
 def lease(root: Path) -> Iterator[None]:
     """While inside, nothing read from the cache at `root` is tidied away. One that cannot be written needs no lease.
 
+    InputError if the folder holds what is not of a cache.
+
     A fork of this process shares the lock; to give it back is for this one alone.
     """
     owner = os.getpid()
-    handle, path = -1, root / _FOLDER / str(owner)
+    handle, path = -1, root / LEASES / str(owner)
     with suppress(OSError):
+        claim(root)
         path.parent.mkdir(parents=True, exist_ok=True)
         for number in range(1000):  # another host's or thread's may have our number
             path = path.with_name(f"{owner}.{number}")
@@ -54,7 +57,7 @@ def _still_there(path: Path, handle: int) -> bool:
 def in_use_since(root: Path) -> float:
     """When the oldest of the living uses began, in seconds; infinity if there is none."""
     oldest = float("inf")
-    for path in sorted((root / _FOLDER).glob("*.*")):
+    for path in lease_files(root):
         with suppress(OSError):
             handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
             try:

@@ -68,7 +68,9 @@ class Store:
         return body
 
     def put(self, kind: str, key: str, body: bytes) -> None:
-        """Keep an entry; RunError if the folder cannot be written."""
+        """Keep an entry; RunError if the folder cannot be written, InputError if it is not a cache."""
+        from recipe_runtime.cache_folder import claim
+
         if kind not in KINDS:
             raise ValueError(f"the store has no kind {kind!r}")
         ours = self.root == default_cache()
@@ -76,6 +78,7 @@ class Store:
             "free some space, or set RECIPE_CACHE to another folder" if ours else "free some space or allow writing"
         )
         with host_errors(f"the {'cache' if ours else 'folder'} {self.root}", remedy):
+            claim(self.root)
             write_atomic(self.path(kind, key), header(kind, key, hashlib.sha256(body).hexdigest()) + body)
 
     def trace(self, scene: ScenePlan, simulate: Callable[[], Trace]) -> Trace:

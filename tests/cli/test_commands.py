@@ -389,7 +389,20 @@ def test_the_cache_is_shown_and_pruned(tmp_path: Path) -> None:
     told = json.loads(run("cache", "--prune", "--size", "0", "--json", cwd=tmp_path, **places).stdout)
     assert (told["removed"], told["kinds"]) == (1, {})
     refused = run("cache", "--size", "3", cwd=tmp_path, **places)
-    assert (refused.returncode, refused.stderr) == (2, "--size says how much --prune leaves; give both\n")
+    told_so = "error[invalid-input]: --size says how much --prune leaves\nhelp: give both\n"
+    assert (refused.returncode, refused.stderr) == (2, told_so)
+
+
+@pytest.mark.parametrize("options", [[], ["--prune", "--size", "0"]])
+def test_a_folder_that_is_not_a_cache_is_neither_shown_nor_pruned(tmp_path: Path, options: list[str]) -> None:
+    theirs = tmp_path / "backup" / "data" / "ab" / ("ab" * 32)
+    theirs.parent.mkdir(parents=True)
+    theirs.write_text("theirs")
+    told = run("cache", *options, cwd=tmp_path, RECIPE_CACHE=str(tmp_path / "backup"), RECIPE_KERNEL_CACHE="")
+    assert told.returncode == 2 and told.stdout == ""
+    assert f"RECIPE_CACHE {tmp_path}/backup: it holds data, which is not of a cache" in told.stderr
+    assert "set RECIPE_CACHE to an empty folder" in told.stderr
+    assert theirs.read_text() == "theirs"
 
 
 def test_traces_lie_beside_the_lockfile_if_asked_for(folder: Path, tmp_path: Path) -> None:

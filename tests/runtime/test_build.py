@@ -410,7 +410,7 @@ def test_a_full_disk_is_an_error_and_what_is_done_is_kept(
 def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(RunError, match=r"tiny.partial cannot be written: File exists; free some space or allow"):
-        build(dataset_plan(), tmp_path / "file" / "tiny", workers=0, cache=tmp_path, engines=ENGINES)
+        build(dataset_plan(), tmp_path / "file" / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
 
 
 def test_two_builds_do_not_write_one_folder(tmp_path: Path) -> None:

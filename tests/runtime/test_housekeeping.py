@@ -11,6 +11,7 @@ import pytest
 from recipe_compiler.errors import InputError
 from recipe_runtime import housekeeping
 from recipe_runtime.build import build
+from recipe_runtime.cache_folder import claim
 from recipe_runtime.housekeeping import bytes_of, entries, prune, sizes, tidy
 from recipe_runtime.leases import in_use_since, lease
 from recipe_runtime.store import Store
@@ -25,10 +26,11 @@ def _filled(root: Path) -> Store:
         store.put("traces", key, b"x" * 1000)
         os.utime(store.path("traces", key), (100.0 + number, 100.0 + number))
     assert store.get("traces", "bb" * 32) is not None
-    module = root / "kernels" / "0.1.0-x86_64" / "1.19.0" / "wp_shade"
+    module = root / "kernels" / "0.1.0-x86_64" / "1.19.0" / "wp_render.shade_0123abc"
     module.mkdir(parents=True)
-    (module / "shade.o").write_bytes(b"k" * 500)
-    for path in (module / "shade.o", module, module.parent.parent):
+    kernel = module / "wp_render.shade_0123abc.cpu27609690.o"
+    kernel.write_bytes(b"k" * 500)
+    for path in (kernel, module, module.parent.parent):
         os.utime(path, (50.0, 50.0))
     (root / "notes.txt").write_text("mine")
     (root / "traces" / "README").write_text("mine")
@@ -54,14 +56,19 @@ def test_pruning_to_nothing_leaves_what_is_not_ours(tmp_path: Path) -> None:
     _filled(tmp_path)
     prune([tmp_path], 0)
     assert entries([tmp_path]) == []
-    assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == ["README", "notes.txt"]
+    assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == [
+        "CACHEDIR.TAG",
+        "README",
+        "dataset-recipe-cache",
+        "notes.txt",
+    ]
 
 
 def test_a_link_out_of_the_cache_is_not_followed(tmp_path: Path) -> None:
     outside = tmp_path / "outside" / "aa"
     outside.mkdir(parents=True)
     (outside / ("a" * 64)).write_text("mine")
-    (tmp_path / "cache").mkdir()
+    claim(tmp_path / "cache")
     (tmp_path / "cache" / "traces").symlink_to(tmp_path / "outside")
     assert prune([tmp_path / "cache"], 0) == []
     assert (outside / ("a" * 64)).read_text() == "mine"

@@ -25,8 +25,9 @@ def test_kernels_follow_the_cache_and_are_counted_there(
     moved = Path(device._cache_folder())
     assert moved.parent == tmp_path / "moved" / "kernels"
     assert housekeeping.folders() == [tmp_path / "moved"]
-    (moved / "1.0" / "wp_shade").mkdir(parents=True)
-    (moved / "1.0" / "wp_shade" / "shade.o").write_bytes(b"x" * 70)
+    module = moved / "1.19.0" / "wp_render.shade_0123abc"
+    module.mkdir(parents=True)
+    (module / "wp_render.shade_0123abc.o").write_bytes(b"x" * 70)
     assert housekeeping.sizes(housekeeping.entries(housekeeping.folders())) == {"kernels": (1, 70)}
     monkeypatch.setenv("RECIPE_KERNEL_CACHE", str(tmp_path / "apart"))
     assert Path(device._cache_folder()).parent == tmp_path / "apart" / "kernels"

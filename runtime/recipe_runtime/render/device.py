@@ -20,7 +20,9 @@ from typing import Any
 import numpy as np
 import platformdirs
 import warp
+from recipe_compiler.errors import InputError, RunError
 
+from recipe_runtime.cache_folder import claim
 from recipe_runtime.store import kernel_cache
 
 # Warp makes its types when it runs; to mypy they are all one.
@@ -35,22 +37,29 @@ def _cache_folder() -> str:
     """The folder for compiled kernels, by package version and machine: RECIPE_KERNEL_CACHE or RECIPE_CACHE, if set.
 
     Else, or if that is barred or may be written by others, the user's own; one among temporary files if that is barred.
+    InputError if the folder that was named holds what is not of a cache.
     """
     name = f"{version('dataset-recipe')}-{platform.machine()}"
     own = Path(platformdirs.user_cache_dir("dataset-recipe"))
-    homes: tuple[Callable[[], Path], ...] = (kernel_cache, lambda: own, _aside)
+    homes: tuple[Callable[[], Path], ...] = (kernel_cache, lambda: own, _aside, _fresh)
     for home in homes:
         folder = home() / "kernels" / name
         try:
-            for path in (folder.parent.parent, folder.parent, folder):
-                path.mkdir(mode=0o755, parents=True, exist_ok=True)  # whatever the umask lets others do
+            folder.parent.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
+            claim(folder.parent.parent)
+            for path in (folder.parent, folder):
+                path.mkdir(mode=0o755, exist_ok=True)  # whatever the umask lets others do
         except OSError:
+            continue
+        except InputError:
+            if home is kernel_cache:
+                raise
             continue
         barred = home is kernel_cache and not all(map(_is_mine, (folder, folder.parent, folder.parent.parent)))
         if os.access(folder, os.W_OK) and not barred:
             os.utime(folder)  # in use: pruning takes what was not used for longest
             return str(folder)
-    return tempfile.mkdtemp(prefix="dataset-recipe-kernels-")
+    raise RunError("no folder for compiled kernels can be written to; set RECIPE_KERNEL_CACHE to one that can")
 
 
 def _aside() -> Path:
@@ -63,6 +72,10 @@ def _aside() -> Path:
         folder.mkdir(mode=0o700, exist_ok=True)
         if _is_mine(folder):
             return folder
+    return _fresh()
+
+
+def _fresh() -> Path:
     return Path(tempfile.mkdtemp(prefix="dataset-recipe-kernels-"))
 
 

@@ -1,0 +1,227 @@
+"""A cache folder is marked, only the project's own files in it are removed, and one with other things is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from recipe_compiler.errors import InputError
+from recipe_runtime import cache_folder, housekeeping
+from recipe_runtime.build import build
+from recipe_runtime.cache_folder import claim, contents, is_marked, recognised
+from recipe_runtime.housekeeping import entries, prune, tidy
+from recipe_runtime.leases import in_use_since, lease
+from recipe_runtime.render import device
+from recipe_runtime.store import Store
+
+from tests.runtime.fakes import ENGINES, dataset_plan, tree
+
+KEY = "ab" * 32
+KERNELS = "kernels/0.1.0-x86_64/1.19.0"
+MODULE = "wp_recipe_runtime.render.shade_0123abc"
+
+OURS = {
+    f"traces/ab/{KEY}": b"recipe/store/1 traces",
+    f"built/ab/{KEY}": b"recipe/store/2 built",
+    f"pixels/ab/.{KEY}.17.0.tmp": b"recipe/sto",
+    f"{KERNELS}/{MODULE}/{MODULE}.cpu27609690.o": b"x",
+    f"{KERNELS}/{MODULE}/{MODULE}.meta": b"{}",
+    f"{KERNELS}/{MODULE}/{MODULE}.sha256": b"x",
+    f"{KERNELS}/{MODULE}_p17_t18/{MODULE}.cpp": b"x",
+    f"{KERNELS}/wp_a_0000000/wp_a_0000000.sm90.cubin": b"x",
+}
+THEIRS = [
+    f"data/ab/{KEY}",  # a backup's
+    f"traces/cd/{KEY}",
+    f"traces/ab/{KEY}.bak",
+    f"traces/ab/{KEY[:-1]}",
+    f"traces/{KEY}",
+    "traces/ab/notes.tmp",
+    f"traces/AB/{KEY}",
+    "kernels/a/b/c/d.o",
+    f"kernels/linux-6.1-x86_64/1.19.0/{MODULE}/{MODULE}.o",
+    f"kernels/0.1.0-x86_64/mine/{MODULE}/{MODULE}.o",
+    f"{KERNELS}/wp_mine/wp_mine.o",
+    f"{KERNELS}/{MODULE[:-1]}d/thesis.tex",
+    "in-use/17",
+    "photos/1.jpg",
+    "README",
+]
+
+
+def _write(root: Path, files: dict[str, bytes]) -> None:
+    for path, body in files.items():
+        (root / path).parent.mkdir(parents=True, exist_ok=True)
+        (root / path).write_bytes(body)
+
+
+def test_a_new_cache_is_tagged_and_marked(tmp_path: Path) -> None:
+    """Backup programs know CACHEDIR.TAG by its first 43 bytes."""
+    Store(tmp_path / "new" / "cache").put("traces", KEY, b"")
+    root = tmp_path / "new" / "cache"
+    assert (root / "CACHEDIR.TAG").read_bytes()[:43] == b"Signature: 8a477f597d28d172789f06886806bc55"
+    assert (root / "dataset-recipe-cache").read_bytes().startswith(b"recipe/cache/1\n")
+    assert is_marked(root)
+
+
+def test_an_absent_and_an_empty_folder_are_no_cache_yet(tmp_path: Path) -> None:
+    assert not recognised(tmp_path) and not recognised(tmp_path / "gone")
+    assert prune([tmp_path, tmp_path / "gone"], 0) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_cache_of_an_earlier_version_is_adopted(tmp_path: Path) -> None:
+    _write(tmp_path, {**OURS, "in-use/17.0": b""})
+    claim(tmp_path)
+    assert is_marked(tmp_path)
+    assert len(prune([tmp_path], 0)) == 6
+    assert sorted(tree(tmp_path)) == ["CACHEDIR.TAG", "dataset-recipe-cache", "in-use/17.0"]
+
+
+@pytest.mark.parametrize("mark", ["CACHEDIR.TAG", "dataset-recipe-cache"])
+@pytest.mark.parametrize("size", [0, 7])
+def test_a_marker_that_power_loss_cut_short_is_written_again(tmp_path: Path, mark: str, size: int) -> None:
+    claim(tmp_path)
+    whole = (tmp_path / mark).read_bytes()
+    (tmp_path / "dataset-recipe-cache").unlink(missing_ok=mark != "CACHEDIR.TAG")
+    (tmp_path / mark).write_bytes(whole[:size])
+    claim(tmp_path)
+    assert (tmp_path / mark).read_bytes() == whole
+    assert is_marked(tmp_path)
+
+
+def _put(root: Path) -> None:
+    Store(root).put("traces", KEY, b"")
+
+
+def _leased(root: Path) -> None:
+    with lease(root):
+        pass
+
+
+def _kernels(root: Path) -> None:
+    device._cache_folder()
+
+
+def _built(root: Path) -> None:
+    build(dataset_plan(frames=2, weathers=1), root.parent / "out" / "tiny", workers=0, engines=ENGINES)
+
+
+USES: list[Callable[[Path], object]] = [
+    claim,
+    contents,
+    in_use_since,
+    lambda root: entries([root]),
+    lambda root: prune([root], 0),
+    _put,
+    _leased,
+    _kernels,
+    _built,
+]
+
+
+@pytest.mark.parametrize("use", USES)
+@pytest.mark.parametrize("path", THEIRS)
+def test_a_folder_that_holds_anything_else_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str, use: Callable[[Path], object]
+) -> None:
+    """A backup's `data/ab/...` was removed when RECIPE_CACHE named it."""
+    root = tmp_path / "backup"
+    monkeypatch.setenv("RECIPE_CACHE", str(root))
+    monkeypatch.delenv("RECIPE_KERNEL_CACHE", raising=False)
+    _write(root, {**OURS, path: b"theirs"})
+    before = tree(tmp_path)
+    with pytest.raises(InputError, match=r"^RECIPE_CACHE /.*/backup: it holds .*; set RECIPE_CACHE to an empty folder"):
+        use(root)
+    assert tidy([root], 0) == []
+    assert tree(tmp_path) == before
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_entry_that_begins_otherwise_is_not_adopted(tmp_path: Path) -> None:
+    _write(tmp_path, {f"traces/ab/{KEY}": b"\x7fELF"})
+    with pytest.raises(InputError, match=f"it holds traces/ab/{KEY}"):
+        claim(tmp_path)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(ours=st.sets(st.sampled_from(sorted(OURS))), theirs=st.sets(st.sampled_from(THEIRS)))
+def test_of_a_marked_cache_exactly_the_projects_own_is_removed(
+    tmp_path_factory: pytest.TempPathFactory, ours: set[str], theirs: set[str]
+) -> None:
+    root = tmp_path_factory.mktemp("cache")
+    claim(root)
+    _write(root, {path: OURS[path] for path in ours} | dict.fromkeys(theirs, b"theirs"))
+    prune([root], 0)
+    in_use_since(root)
+    assert set(tree(root)) == {*theirs, "CACHEDIR.TAG", "dataset-recipe-cache"}
+
+
+def test_a_modules_folder_that_holds_anything_else_stays(tmp_path: Path) -> None:
+    claim(tmp_path)
+    _write(tmp_path, {f"{KERNELS}/{MODULE}/{MODULE}.o": b"", f"{KERNELS}/{MODULE}/notes/thesis.tex": b""})
+    before = tree(tmp_path)
+    assert prune([tmp_path], 0) == []
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("level", range(1, 4))
+@pytest.mark.parametrize("path", [f"traces/ab/{KEY}", f"{KERNELS}/{MODULE}/{MODULE}.o", "in-use/17.0"])
+def test_no_link_below_the_cache_is_followed(tmp_path: Path, path: str, level: int) -> None:
+    """Links at any depth: to a kind's folder, to one within it, to a file."""
+    parts = path.split("/")
+    level = min(level, len(parts))
+    root, outside = tmp_path / "cache", tmp_path / "outside"
+    claim(root)
+    _write(outside, {"/".join(parts[level:]) or "file": b"theirs"})
+    (root / "/".join(parts[:level])).parent.mkdir(parents=True, exist_ok=True)
+    (root / "/".join(parts[:level])).symlink_to(outside if level < len(parts) else outside / "file")
+    before = tree(outside)
+    assert prune([root], 0) == []
+    in_use_since(root)
+    assert tree(outside) == before
+
+
+@pytest.mark.parametrize("path", [f"traces/ab/{KEY}", f"{KERNELS}/{MODULE}/{MODULE}.o"])
+def test_a_link_that_takes_a_folders_place_meanwhile_is_not_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str
+) -> None:
+    """Between the listing and the removal another user of a shared cache may put a link there."""
+    root, outside = tmp_path / "cache", tmp_path / "outside"
+    claim(root)
+    _write(root, {path: OURS.get(path, b"")})
+    _write(outside, {Path(path).name: b"theirs"})
+    listed = entries([root])
+    folder = (root / path).parent
+    folder.rename(tmp_path / "aside")
+    folder.symlink_to(outside)
+    monkeypatch.setattr(housekeeping, "entries", lambda roots: listed)
+    prune([root], 0)
+    assert tree(outside) == {Path(path).name: b"theirs"}
+
+
+def test_the_folder_itself_may_be_a_link(tmp_path: Path) -> None:
+    """To a larger disk, say; that is the user's own doing."""
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "cache").symlink_to(tmp_path / "disk")
+    Store(tmp_path / "cache").put("traces", KEY, b"")
+    assert [entry.kind for entry in prune([tmp_path / "cache"], 0)] == ["traces"]
+
+
+def test_two_processes_mark_a_folder_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the other has half written is no reason to refuse the folder."""
+    write = cache_folder.write_atomic
+
+    def slower(path: Path, body: bytes) -> None:
+        half = path.with_name(f".{path.name}.17.0.tmp")
+        half.write_bytes(body[:5])
+        assert recognised(tmp_path)
+        half.unlink()
+        write(path, body)
+
+    monkeypatch.setattr(cache_folder, "write_atomic", slower)
+    claim(tmp_path)
+    assert is_marked(tmp_path)
