@@ -20,7 +20,7 @@ ALLOWED = {
     "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float32", "float64",
     "vec2d", "vec2f", "vec2i", "vec3f", "vec4f", "vec3i", "vec3d", "array", "array2d", "zeros", "empty", "full",
     "set_module_options", "is_cuda_available", "get_cuda_device_count", "dtype_to_numpy", "copy", "empty_like",
-    "Stream", "ScopedStream", "Event", "capture_begin", "capture_end", "capture_launch", "get_stream",
+    "load_module", "Stream", "ScopedStream", "Event", "capture_begin", "capture_end", "capture_launch", "get_stream",
     "int", "uint", "synchronize_stream", "record_event", "synchronize_event",
     "where", "atomic_add", "atomic_min", "atomic_max", "atomic_or",
 }  # fmt: skip

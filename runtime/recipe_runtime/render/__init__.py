@@ -3,6 +3,7 @@
 The pipeline in order. Modules marked * are kernels; each is launched by the host's module named above it.
 
     device         Warp, set up so that every machine computes the same bytes
+    compiled       compiled kernels, checked by digest when they are loaded
     renderer       one scene's door: `observe` a pose once, then `shade` it in each weather
     geometry       all bodies' triangles, on the device
     view           a pose and a camera, as the numbers that kernels are given

@@ -23,12 +23,15 @@ import warp
 from recipe_compiler.errors import InputError, RunError
 
 from recipe_runtime.cache_folder import claim
+from recipe_runtime.render import compiled
 from recipe_runtime.store import kernel_cache
 
 # Warp makes its types when it runs; to mypy they are all one.
 wp: Any = warp
 
 _BLOCK = 128  # threads that a GPU starts together: in larger blocks too many wait for one that has much to do
+
+_loaded: set[tuple[Any, str]] = set()  # modules, with the devices they were loaded for
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False, "fast_math": False, "max_unroll": 4}
 
@@ -124,6 +127,9 @@ def cuda_devices() -> list[str]:
 
 def launch(kernel: Any, dim: int | tuple[int, ...], inputs: list[Any], device: str) -> None:
     """Run a kernel over a grid; arrays among the inputs are read and written in place."""
+    if (kernel.module, device) not in _loaded:
+        compiled.load(wp, kernel.module, device, _BLOCK)
+        _loaded.add((kernel.module, device))
     wp.launch(kernel, dim=dim, inputs=inputs, device=device, block_dim=_BLOCK)
 
 
