@@ -6,12 +6,17 @@ import io
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from numpy.typing import NDArray
 from PIL import Image
 from recipe_cli.commands.blueprints import command
-from recipe_compiler.blueprints import LIBRARY
+from recipe_compiler.blueprints import LIBRARY, Blueprint, specimen
 from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.plan import CameraPlan
+from recipe_runtime.meshes import actor_body
+from recipe_runtime.studio import matrices, stance
 
 
 def run(*arguments: str) -> Result:
@@ -20,10 +25,10 @@ def run(*arguments: str) -> Result:
 
 def test_the_table_has_a_row_for_each() -> None:
     lines = run().stdout.splitlines()
-    assert lines[0].split() == ["blueprint", "kind", "size,", "m", "tag", "m/s", "colours"]
+    assert lines[0].split() == ["blueprint", "kind", "size,", "m", "tag", "m/s", "dashcam", "colours"]
     assert [line.split()[0] for line in lines[1:]] == [blueprint.id for blueprint in LIBRARY]
     (bus,) = run("vehicle.bus.city").stdout.splitlines()[1:]
-    assert bus.startswith("vehicle.bus.city  bus   8.30 x 2.35 x 2.95  16 Bus  7    glass, headlight, paint")
+    assert bus.startswith("vehicle.bus.city  bus   8.30 x 2.35 x 2.95  16 Bus  7    x: 4.3, z: 1.9  glass, headlight")
 
 
 def test_json_tells_what_a_program_needs() -> None:
@@ -34,6 +39,45 @@ def test_json_tells_what_a_program_needs() -> None:
     assert rows[0]["look"].keys() >= {"paint", "shirt", "hat"}
     child = next(row for row in json.loads(run("--json").stdout) if row["id"] == "walker.pedestrian.0013")
     assert (child["attributes"], child["size"]) == ({"generation": "child"}, {"height": 1.05})
+
+
+@pytest.mark.parametrize("blueprint", [b for b in LIBRARY if b.category == "vehicle"], ids=lambda b: b.id)
+def test_a_dashcam_is_outside_its_vehicle_and_sees_the_road(blueprint: Blueprint) -> None:
+    """Glass is opaque: a camera behind the windscreen shows nothing but its inside, and no message says why."""
+    (row,) = json.loads(run(blueprint.id, "--json").stdout)
+    eye = np.array([row["dashcam"][axis] for axis in "xyz"])
+    actor, _ = specimen(blueprint)
+    triangles = np.concatenate(
+        [
+            (mesh.vertices.astype(np.float64) @ t[:, :3].T + t[:, 3])[mesh.triangles]
+            for (_, mesh), t in zip(actor_body(actor).parts, matrices(stance(actor)), strict=True)
+        ]
+    )
+    samples = triangles[:, None] * _BARYCENTRIC[None, :, :, None]
+    assert np.sqrt(((samples.sum(axis=2) - eye) ** 2).sum(axis=2)).min() > CameraPlan(width=1, height=1, fov=1).near
+    for yaw in (-35, -20, 0, 20, 35):
+        for pitch in (-25, -10, 0):  # up to the sky and ahead; below, a bonnet or a mudguard may be seen
+            a, b = np.radians(yaw), np.radians(pitch)
+            ray = np.array([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), -np.sin(b)])
+            assert not _hit(triangles, eye, ray), f"the body is in the way at yaw {yaw}, pitch {pitch}"
+
+
+_BARYCENTRIC = np.array([[i, j, 6 - i - j] for i in range(7) for j in range(7 - i)]) / 6
+
+
+def _hit(triangles: NDArray[np.float64], eye: NDArray[np.float64], ray: NDArray[np.float64]) -> bool:
+    """Whether a ray meets a triangle (Moeller and Trumbore)."""
+    e1, e2, to = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0], eye - triangles[:, 0]
+    p, q = np.cross(ray, e2), np.cross(to, e1)
+    det = (e1 * p).sum(1)
+    safe = np.where(np.abs(det) > 1e-12, det, np.inf)
+    u, v, t = (to * p).sum(1) / safe, (q * ray).sum(1) / safe, (e2 * q).sum(1) / safe
+    return bool(((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)).any())
+
+
+def test_a_pedestrian_has_no_dashcam() -> None:
+    (row,) = json.loads(run("walker.pedestrian.0001", "--json").stdout)
+    assert row["dashcam"] is None
 
 
 def test_only_what_is_worn_has_a_colour() -> None:

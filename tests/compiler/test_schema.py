@@ -9,6 +9,7 @@ from typing import Any
 
 import jsonschema
 import pytest
+import yaml
 from recipe_compiler import compile as compiler
 from recipe_compiler import towns, weather
 from recipe_compiler.schema import json_schema, models, template
@@ -94,3 +95,9 @@ def test_a_new_recipe_has_its_name_and_compiles(tmp_path: Path) -> None:
     path = tmp_path / "rain_bench.yaml"
     path.write_text(template("rain_bench"))
     assert compiler.compile_recipe(path).plan.recipe == "rain_bench"
+
+
+def test_the_recipe_of_the_readme_is_the_template() -> None:
+    """A newcomer reads one recipe and is written another: whatever is said of the one must hold of the other."""
+    (block,) = re.findall(r"```yaml\n(recipe: rain_bench\n.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert yaml.safe_load(block) == yaml.safe_load(template("rain_bench"))

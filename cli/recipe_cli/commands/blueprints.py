@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 )
 @JSON
 def command(pattern: str, pictures: Path | None, as_json: bool) -> None:
-    """List the blueprints whose id matches PATTERN, a glob such as `vehicle.*`; all of them by default."""
+    """List the blueprints whose id matches PATTERN, a glob such as `vehicle.*`; all of them by default.
+
+    `dashcam` is a mount on the vehicle, in metres, that sees the road ahead: `mount: {on: car, x: 1.2, z: 1.25}`.
+    """
     found = _matching(pattern)
     if as_json:
         print_json([_row(blueprint) for blueprint in found])
@@ -49,8 +52,9 @@ def _matching(pattern: str) -> tuple[Blueprint, ...]:
 
 def _row(blueprint: Blueprint) -> dict[str, object]:
     from recipe_compiler.blueprints import TAG_NAMES
+    from recipe_runtime.meshes.dashcam import dashcam_mount
 
-    shape = blueprint.shape
+    shape, mount = blueprint.shape, dashcam_mount(blueprint.shape)
     return {
         "id": blueprint.id,
         "category": blueprint.category,
@@ -59,23 +63,27 @@ def _row(blueprint: Blueprint) -> dict[str, object]:
         "attributes": blueprint.attributes,
         "size": {key: shape[key] for key in ("length", "width", "height") if key in shape},
         "speed": blueprint.default_speed,
+        "dashcam": dict(zip("xyz", mount, strict=True)) if mount else None,
         "look": {slot: list(colours) for slot, colours in sorted(blueprint.palette.items())},
     }
 
 
 def _print_table(found: tuple[Blueprint, ...]) -> None:
     from recipe_compiler.blueprints import TAG_NAMES
+    from recipe_runtime.meshes.dashcam import dashcam_mount
 
-    rows = [("blueprint", "kind", "size, m", "tag", "m/s", "colours")]
+    rows = [("blueprint", "kind", "size, m", "tag", "m/s", "dashcam", "colours")]
     for blueprint in found:
         kind = blueprint.attributes.get("base_type") or blueprint.attributes["generation"]
         size = " x ".join(f"{blueprint.shape[k]:.2f}" for k in ("length", "width", "height") if k in blueprint.shape)
         tag = f"{blueprint.tag} {TAG_NAMES[blueprint.tag]}"
         slots = ", ".join(sorted(blueprint.palette))
-        rows.append((blueprint.id, kind, size, tag, f"{blueprint.default_speed:g}", slots))
-    widths = [max(len(row[n]) for row in rows) for n in range(5)]
+        mount = dashcam_mount(blueprint.shape)
+        dashcam = f"x: {mount[0]:g}, z: {mount[2]:g}" if mount else "-"
+        rows.append((blueprint.id, kind, size, tag, f"{blueprint.default_speed:g}", dashcam, slots))
+    widths = [max(len(row[n]) for row in rows) for n in range(6)]
     for row in rows:
-        say("  ".join([*(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=False)), row[5]]))
+        say("  ".join([*(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=False)), row[6]]))
 
 
 def _draw(found: tuple[Blueprint, ...], folder: Path) -> None:

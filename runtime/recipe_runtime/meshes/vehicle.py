@@ -23,13 +23,17 @@ def vehicle_parts(shape: Mapping[str, float], tag: int, lit: bool) -> tuple[tupl
     return (("chassis", _chassis(finish, shape, lit)), *joints)
 
 
-def _chassis(f: Finish, shape: Mapping[str, float], lit: bool) -> Mesh:
-    b, body = Builder(), int(shape["body"])
-    style = STYLES[BODIES[body]]
+def shell_of(shape: Mapping[str, float]) -> Shell:
+    """The shell of a vehicle with a body, without a taxi's sign."""
+    style = STYLES[BODIES[int(shape["body"])]]
     if shape["blind"]:
         style = replace(style, windows=(0.63, style.windows[1]), pillars=())
-    sign = shape["sign"]
-    shell = Shell(style, {**shape, "height": shape["height"] - sign})
+    return Shell(style, {**shape, "height": shape["height"] - shape["sign"]})
+
+
+def _chassis(f: Finish, shape: Mapping[str, float], lit: bool) -> Mesh:
+    b, body, sign = Builder(), int(shape["body"]), shape["sign"]
+    shell = shell_of(shape)
     shell.add(b, f)
     _underside(b, f, shell, body)
     _plates(b, f, shell, body)
