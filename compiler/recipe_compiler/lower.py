@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from recipe_compiler import blueprints, cautions, exact, motion, placing, props, sun, towns, weather
+from recipe_compiler import blueprints, cautions, enclosures, exact, motion, placing, props, sun, towns, weather
 from recipe_compiler.blueprints import Blueprint
 from recipe_compiler.brought import Brought
 from recipe_compiler.errors import Problem
@@ -109,7 +109,9 @@ class Lowering:
         if actors is None or stage.problems:
             return None
         given = [actor for actor in actors if actor.name in base.actors and base.actors[actor.name].start is not None]
+        routed = {name for name, actor in base.actors.items() if actor.goal is not None or actor.route is not None}
         self.warnings += cautions.of_starts(variant.base, given, town)
+        self.warnings += enclosures.of_enclosed_starts(variant.base, given, routed, town)
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics)
         # Every colour is a palette's or has been checked; to check and copy a town's again would take the longest here.
         looks = Looks.model_construct(root={**town.looks, **cast.looks, **stage.looks})
