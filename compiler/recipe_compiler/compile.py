@@ -10,8 +10,8 @@ import dataclasses
 import itertools
 import json
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -25,6 +25,7 @@ from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.schema.messages import nearest, translate
 from recipe_compiler.schema.models import Base, Motion, Recipe
 from recipe_compiler.source import Value, printable, show
+from recipe_compiler.towns import Town
 
 _CHECKED_APART = {"base", "deltas"}
 _LOOKS = {100, 300, 1000, 3000}  # numbers of variants after which to look whether they are too much already
@@ -41,6 +42,7 @@ class Compiled:
     cost: limits.Cost
     assets: tuple[brought.Brought, ...] = ()
     folder: Path = Path()  # the recipe's
+    towns: Mapping[str, Town] = field(default_factory=dict)  # by their plans' digests
 
     @property
     def places(self) -> dict[str, Path]:
@@ -114,7 +116,7 @@ def _compile(path: Path, sources: compose.Sources, allow_large: bool, free_disk:
     )
     warnings = _sorted([*expand.clashes(root, axes, recipe.sweep), *lowering.warnings])
     files = dict(sorted(sources.files.items()))
-    return Compiled(plan, tuple(warnings), files, cost, tuple(assets.values()), path.parent)
+    return Compiled(plan, tuple(warnings), files, cost, tuple(assets.values()), path.parent, lowering.towns)
 
 
 def _kinds(recipe: Recipe | None) -> dict[str, str]:

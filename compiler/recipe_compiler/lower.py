@@ -69,6 +69,11 @@ class Lowering:
             self._made[key] = (holding, make())
         return self._made[key][1]  # type: ignore[no-any-return]
 
+    @property
+    def towns(self) -> dict[str, Town]:
+        """The towns of the variants lowered so far, by their plans' digests."""
+        return {made.plan.digest: made for _, made in self._made.values() if isinstance(made, Town)}
+
     def scenario(self, variant: Variant, base: Base) -> ScenarioPlan | None:
         """The variant's plans; None if it has problems."""
         cast = (base.clock, base.town, base.actors, base.traffic, base.props)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from recipe_runtime.shot import shot
 from recipe_runtime.store import Store
 from recipe_runtime.trace import Trace
 
+from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES, dataset_plan, simulate
 
 FRAMES = 12
@@ -71,6 +73,41 @@ def test_a_shot_reports_simulation_and_rendering(tmp_path: Path) -> None:
     seen: list[Any] = []
     shot(SCENARIO, engines=ENGINES, store=Store(tmp_path), progress=lambda *step: seen.append(step))
     assert seen == [("render", 0, 1), ("render", 1, 1)]
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_the_command_shows_progress_but_for_programs(
+    as_json: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A shot of a late frame was silent for as long as the simulation took."""
+    from click.testing import CliRunner
+    from recipe_cli.commands import shot as module
+
+    stages: list[tuple[str, bool]] = []
+
+    class Noting(module.Progress):
+        def __init__(self, quiet: bool = False) -> None:
+            super().__init__(quiet)
+            self._quiet = quiet
+
+        def __call__(self, stage: str, done: int, total: int) -> None:
+            stages.append((stage, self._quiet))
+
+    def engines_for(compiled: object, simulated: Callable[[int, int], None]) -> engines.Engines:
+        def simulating(scene: ScenePlan) -> Trace:
+            simulated(1, 2)
+            return simulate(scene)
+
+        return replace(ENGINES, simulate=simulating)
+
+    (tmp_path / "small.yaml").write_text(RECIPE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(module, "Progress", Noting)
+    monkeypatch.setattr(module, "engines_for", engines_for)
+    done = CliRunner().invoke(module.command, ["small.yaml", *(["--json"] if as_json else [])], catch_exceptions=False)
+    assert done.exit_code == 0
+    assert stages == [("simulate", as_json), ("render", as_json), ("render", as_json)]
 
 
 def test_a_failure_to_load_is_that_of_the_shot(tmp_path: Path) -> None:

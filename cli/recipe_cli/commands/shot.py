@@ -29,6 +29,7 @@ from recipe_cli.progress import Progress
 @click.option("--frame", type=click.IntRange(0), help="The frame; the middle one by default.")
 @click.option("--modality", metavar="NAME", help="rgb, depth, instance or semantic; rgb if it is captured.")
 @click.option("-o", "--output", type=LocalPath(path_type=Path, dir_okay=False), help="The PNG; by default its name.")
+@click.option("--map", "as_map", is_flag=True, help="Draw the town from above instead; RECIPE may be a town's name.")
 @DEVICE
 @ALLOW_LARGE
 @JSON
@@ -40,15 +41,25 @@ def command(
     frame: int | None,
     modality: str | None,
     output: Path | None,
+    as_map: bool,
     device: str,
     allow_large: bool,
     as_json: bool,
 ) -> None:
-    """Render one frame of RECIPE into a PNG: the very pixels of the full build (depth and labels in colours)."""
+    """Render one frame of RECIPE into a PNG: the very pixels of the full build (depth and labels in colours).
+
+    With --map draw its town from above: lanes, sidewalks, crossings, parking places, spawn points, and the recipe's
+    actors and sensors, with coordinates in metres.
+    """
     from recipe_compiler.errors import InputError
 
     if output is not None and output.suffix.lower() != ".png":
         raise InputError(f"{output}: a shot is a PNG; give --output a name that ends in .png")
+    if as_map:
+        if (sensor, frame, modality) != (None, None, None):
+            raise InputError("--map draws a town, not a frame; leave out --sensor, --frame and --modality")
+        _draw_map(recipe, variant, output, allow_large, as_json)
+        return
     compiled = compile_quietly(recipe, allow_large=allow_large)
     plan = compiled.plan
     scenario = plan.named(variant)
@@ -69,3 +80,28 @@ def command(
     else:
         say(f"{path}: {scenario.variant}, {made.sensor}, {made.modality}, frame {made.frame}")
         say(f"pixels sha256:{made.digest}")
+
+
+def _draw_map(recipe: Path, variant: str | None, output: Path | None, allow_large: bool, as_json: bool) -> None:
+    """Write a map of a recipe's town, or of the town of that name where there is no such file."""
+    from recipe_compiler import towns
+
+    if str(recipe) in towns.NAMES and not recipe.exists():
+        town, scenario, name = towns.build(str(recipe), 0, {}), None, str(recipe)
+        title = f"{name}, as it is without parameters"
+    else:
+        compiled = compile_quietly(recipe, allow_large=allow_large)
+        scenario = compiled.plan.named(variant)
+        town, name = compiled.towns[scenario.scene.town.digest], compiled.plan.recipe
+        title = f"{name}: {town.plan.name}"
+    path = output or Path(f"{name}-map.png")
+    with writing(path):
+        from recipe_runtime.report.town_map import Spots, town_map
+        from recipe_runtime.store import write_atomic
+
+        spots = Spots(town.spots["vehicle"], town.spots["pedestrian"], town.parking, town.streets.bounds)
+        write_atomic(path, town_map(town.plan, spots, title, scenario))
+    if as_json:
+        print_json({"file": str(path), "town": town.plan.name, "variant": scenario.variant if scenario else None})
+    else:
+        say(f"{path}: {town.plan.name} from above")

@@ -1,0 +1,365 @@
+"""A town from above: lanes with their direction, sidewalks, crossings, parking, spawn points, and a recipe's cast.
+
+Drawn with Pillow, whose fonts and scaling may change; so maps are in no digest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import ceil, floor
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+from recipe_compiler import exact
+from recipe_compiler.plan import ActorPlan, Element, Pose, ScenarioPlan, SensorPlan, TownPlan
+
+from recipe_runtime import encode
+from recipe_runtime.report.canvas import Box, Canvas, Point, placed, rectangle
+
+_LONGEST, _MOST, _MARGIN = 1800, 320.0, 30.0  # pixels; metres shown along an axis; metres about what is of interest
+_GRID, _AXIS, _LEGEND = 10, 74, 350  # metres; pixels for the axes' numbers; pixels for the legend
+_INK, _PAPER, _GRID_LINE = "#1d2126", "#ffffff", "#9aa3ab"
+_GRASS, _WALK, _ASPHALT, _MARK, _PATH = "#dfe8d2", "#efe6d3", "#b4b8be", "#ffffff", "#d8ccb6"
+_BUILDING, _WALL, _GREEN, _THING = "#8f857b", "#5d544c", "#9dbb84", "#8a8f96"
+_LANE, _PARKING = "#5b636d", "#2d7f78"
+_VEHICLE, _PEDESTRIAN, _SENSOR = "#1f5fb0", "#c2571a", "#7a2a9b"
+_CAST = ("#c01f3a", "#0a7d3c", "#0b63c9", "#a85b00", "#8a1f8f", "#00707a")
+_FRONTED = ("building", "house", "wall")  # their pose is the middle of their front
+_THINGS = (
+    "bench",
+    "billboard",
+    "bollard",
+    "bus_stop",
+    "fountain",
+    "kiosk",
+    "lamp",
+    "planter",
+    "statue",
+    "traffic_light",
+)
+
+
+@dataclass(frozen=True)
+class Spots:
+    """Where a town lets actors be: spawn points, each facing the way it goes, and parking places."""
+
+    vehicles: Sequence[Pose]
+    pedestrians: Sequence[Pose]
+    parking: Sequence[Pose]
+    bounds: tuple[tuple[float, float], tuple[float, float]]  # along x and along y, metres
+
+
+def town_map(town: TownPlan, spots: Spots, title: str, scenario: ScenarioPlan | None = None) -> bytes:
+    """A PNG of a town from above, with the named actors and the sensors of a scenario.
+
+    Of a town of more than 320 m along an axis the part about the scenario's cast is shown, or its middle.
+    """
+    cast = [a for a in scenario.scene.actors if not a.name.startswith("traffic.")] if scenario else []
+    box = _shown(spots, scenario, cast)
+    canvas = Canvas(box, _LONGEST / max(box[2] - box[0], box[3] - box[1]), _GRASS)
+    for kinds, draw in _LAYERS:
+        for element in town.elements:
+            if element.kind in kinds:
+                draw(canvas, element)
+    _grid(canvas)
+    _spots(canvas, spots)
+    if scenario:
+        for actor in scenario.scene.actors:
+            if actor.name.startswith("traffic."):
+                canvas.disc((actor.start.x, actor.start.y), 0.5, _PAPER, _INK, 1.5)
+        for n, actor in enumerate(cast):
+            _actor(canvas, actor, _CAST[n % len(_CAST)])
+        for sensor in scenario.rig.sensors:
+            _sensor(canvas, sensor, scenario)
+    return encode.png(np.asarray(_page(canvas, title, scenario is not None)), level=6)
+
+
+def _shown(spots: Spots, scenario: ScenarioPlan | None, cast: Sequence[ActorPlan]) -> Box:
+    """The part of the world to draw: all that traffic may start in, or what is about the cast."""
+    points = [(p.x, p.y) for p in (*spots.vehicles, *spots.pedestrians)]
+    interest = [(a.start.x, a.start.y) for a in cast]
+    if scenario:
+        interest += [(s.poses[0].x, s.poses[0].y) for s in scenario.rig.sensors if s.on is None]
+    ends = []
+    for axis in (0, 1):
+        low, high = spots.bounds[axis]
+        values = [p[axis] for p in points] or [low, high]
+        low, high = max(low, min(values) - _MARGIN), min(high, max(values) + _MARGIN)
+        if high - low > _MOST:
+            here = [p[axis] for p in interest] or [low, high]
+            middle = (min(here) + max(here)) / 2
+            start = min(max(middle - _MOST / 2, low), high - _MOST)
+            low, high = start, start + _MOST
+        ends.append((floor(low / _GRID) * _GRID, ceil(high / _GRID) * _GRID))
+    return float(ends[0][0]), float(ends[1][0]), float(ends[0][1]), float(ends[1][1])
+
+
+# What a town is made of
+
+
+def _sidewalk(canvas: Canvas, e: Element) -> None:
+    x, y, walk = e.size[0] / 2, e.size[1] / 2, e.shape["walk"]
+    canvas.polygon(_rounded(e.pose, x, y, e.shape["radius"]), _WALK, _THING)
+    if not e.shape["paved"] and walk < min(x, y):
+        canvas.polygon(rectangle(e.pose, walk - x, x - walk, walk - y, y - walk), _GRASS)
+
+
+def _rounded(pose: Pose, x: float, y: float, radius: float) -> list[Point]:
+    points = []
+    for quarter, (sx, sy) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        for k in range(6):
+            s, c = exact.sin_cos_deg(90.0 * quarter + 18.0 * k)
+            points.append((sx * (x - radius) + radius * c, sy * (y - radius) + radius * s))
+    return placed(pose, points)
+
+
+def _asphalt(canvas: Canvas, e: Element) -> None:
+    x, y = e.size[0] / 2, e.size[1] / 2
+    canvas.polygon(rectangle(e.pose, -x, x, -y, y), _ASPHALT)
+
+
+def _road_marks(canvas: Canvas, e: Element) -> None:
+    """The middle line, bays, stop lines, and an arrow in each lane: traffic towards +x keeps to -y."""
+    half, side, bay = e.size[0] / 2, e.size[1] / 2, e.shape["bay"]
+    a, b, lane = e.shape["stop_a"] - half, half - e.shape["stop_b"], side - bay
+    for k in range(int((b - a) / 4.5) + 1):
+        canvas.line(placed(e.pose, [(a + 4.5 * k, 0.0), (min(a + 4.5 * k + 2.5, b), 0.0)]), _MARK, 2.0)
+    for x, sign, stop in ((a, 1, e.shape["stop_a"]), (b, -1, e.shape["stop_b"])):
+        if stop:
+            canvas.line(placed(e.pose, [(x, 0.0), (x, sign * lane)]), _MARK, 3.0)
+    low, high = e.shape["bay_from"], e.shape["bay_from"] + e.shape["bays"] * e.shape["bay_length"]
+    for sign in (1, -1) if e.shape["bays"] else ():
+        canvas.line(placed(e.pose, [(low, sign * lane), (high, sign * lane)]), _MARK)
+        for k in range(int(e.shape["bays"]) + 1):
+            x = low + k * e.shape["bay_length"]
+            canvas.line(placed(e.pose, [(x, sign * lane), (x, sign * side)]), _MARK)
+    _arrows(canvas, e.pose, (a, b), ((-lane / 2, 0.0), (lane / 2, 180.0)))
+
+
+def _carriageway_marks(canvas: Canvas, e: Element) -> None:
+    """Lines between lanes, and an arrow in each: all go along x, the median is on the left."""
+    half, side, lane, lanes = e.size[0] / 2, e.size[1] / 2, e.shape["lane"], int(e.shape["lanes"])
+    strip = e.size[1] - e.shape["shoulder"] - lanes * lane
+    for n in range(lanes + 1):
+        y = side - strip - n * lane
+        if n in (0, lanes):
+            canvas.line(placed(e.pose, [(-half, y), (half, y)]), _MARK, 2.0)
+        else:
+            for k in range(int(2 * half / 6.0)):
+                canvas.line(placed(e.pose, [(6.0 * k - half, y), (6.0 * k + 3.0 - half, y)]), _MARK, 1.5)
+    _arrows(canvas, e.pose, (-half, half), tuple((side - strip - (n + 0.5) * lane, 0.0) for n in range(lanes)))
+
+
+def _arrows(canvas: Canvas, pose: Pose, span: tuple[float, float], lanes: Sequence[tuple[float, float]]) -> None:
+    """Arrows some twelve metres apart; `lanes` are offsets along the pose's y, with the turn of who drives there."""
+    count = max(1, int((span[1] - span[0]) / 12.0))
+    for y, turn in lanes:
+        for k in range(count):
+            ((x, at),) = placed(pose, [(span[0] + (span[1] - span[0]) * (k + 0.5) / count, y)])
+            canvas.arrow(Pose(x=x, y=at, yaw=pose.yaw + turn), 3.4, _LANE)
+
+
+def _crossings(canvas: Canvas, e: Element) -> None:
+    for over, wide, turn in ((e.shape["over_x"], e.shape["wide_x"], 0.0), (e.shape["over_y"], e.shape["wide_y"], 90.0)):
+        pose, count = Pose(x=e.pose.x, y=e.pose.y, yaw=e.pose.yaw + turn), int(2 * wide)
+        for sign in (1, -1):
+            for k in range(count):
+                y = -wide + 2 * wide * (k + 0.5) / count
+                canvas.polygon(rectangle(pose, sign * over - 1.5, sign * over + 1.5, y - 0.25, y + 0.25), _MARK)
+
+
+def _path(canvas: Canvas, e: Element) -> None:
+    x, y = e.size[0] / 2, e.size[1] / 2
+    canvas.polygon(rectangle(e.pose, -x, x, -y, y), _PATH)
+
+
+def _building(canvas: Canvas, e: Element) -> None:
+    x0 = -e.size[0] if e.kind in _FRONTED else -e.size[0] / 2
+    corners = rectangle(e.pose, x0, x0 + e.size[0], -e.size[1] / 2, e.size[1] / 2)
+    canvas.polygon(corners, _BUILDING, _WALL, 1.5)
+
+
+def _barrier(canvas: Canvas, e: Element) -> None:
+    colour = _GREEN if e.kind == "hedge" else _WALL
+    canvas.line(
+        placed(e.pose, [(0.0, -e.size[1] / 2), (0.0, e.size[1] / 2)]), colour, max(2.0, e.size[0] * canvas.scale)
+    )
+
+
+def _plant(canvas: Canvas, e: Element) -> None:
+    canvas.disc((e.pose.x, e.pose.y), e.size[0] / 2, _GREEN)
+
+
+def _thing(canvas: Canvas, e: Element) -> None:
+    x, y = max(e.size[0], 0.4) / 2, max(e.size[1], 0.4) / 2
+    canvas.polygon(rectangle(e.pose, -x, x, -y, y), _THING)
+
+
+_LAYERS: tuple[tuple[tuple[str, ...], Callable[[Canvas, Element], None]], ...] = (
+    (("road", "junction", "carriageway"), _asphalt),
+    (("sidewalk",), _sidewalk),
+    (("path",), _path),
+    (("road",), _road_marks),
+    (("carriageway",), _carriageway_marks),
+    (("junction",), _crossings),
+    (("building", "house", "tower"), _building),
+    (("tree", "bush"), _plant),
+    (("wall", "fence", "hedge", "guardrail"), _barrier),
+    (_THINGS, _thing),
+)
+
+
+# What is marked
+
+
+def _grid(canvas: Canvas) -> None:
+    x0, y0, x1, y1 = canvas.box
+    for x in range(ceil(x0 / _GRID) * _GRID, floor(x1) + 1, _GRID):
+        canvas.line([(x, y0), (x, y1)], _GRID_LINE, 1.4 if x == 0 else 0.4)
+    for y in range(ceil(y0 / _GRID) * _GRID, floor(y1) + 1, _GRID):
+        canvas.line([(x0, y), (x1, y)], _GRID_LINE, 1.4 if y == 0 else 0.4)
+
+
+def _spots(canvas: Canvas, spots: Spots) -> None:
+    for pose in spots.parking:
+        _parking_place(canvas, pose)
+    for pose in spots.vehicles:
+        _vehicle_spot(canvas, pose)
+    for pose in spots.pedestrians:
+        canvas.disc((pose.x, pose.y), 0.45, _PEDESTRIAN)
+
+
+def _parking_place(canvas: Canvas, pose: Pose) -> None:
+    canvas.polygon(rectangle(pose, -2.3, 2.3, -0.9, 0.9), None, _PARKING, 1.5)
+
+
+def _vehicle_spot(canvas: Canvas, pose: Pose) -> None:
+    canvas.polygon(placed(pose, [(1.2, 0.0), (-0.8, 0.8), (-0.8, -0.8)]), _VEHICLE)
+
+
+def _actor(canvas: Canvas, actor: ActorPlan, colour: str) -> None:
+    """Where an actor starts, which way it looks, and the way that it goes."""
+    start = (actor.start.x, actor.start.y)
+    way = [start, *((p.x, p.y) for p in actor.route)]
+    if len(way) > 1:
+        canvas.line(way, colour, 2.5)
+        x, y = way[-1]
+        for k in (1, -1):
+            canvas.line([(x - 0.7, y - 0.7 * k), (x + 0.7, y + 0.7 * k)], colour, 2.5)
+    canvas.disc(start, 0.9, colour, _PAPER, 1.5)
+    ((x, y),) = placed(actor.start, [(1.5, 0.0)])
+    canvas.line([start, (x, y)], colour, 3.0)
+    canvas.text(start, actor.name, colour, 21)
+
+
+def _sensor(canvas: Canvas, sensor: SensorPlan, scenario: ScenarioPlan) -> None:
+    """A sensor's place at the first frame and its horizontal field of view."""
+    poses, carrier = sensor.poses, next((a.start for a in scenario.scene.actors if a.name == sensor.on), Pose())
+    first = poses[0]
+    ((x, y),) = placed(carrier, [(first.x, first.y)])
+    pose = Pose(x=x, y=y, yaw=carrier.yaw + first.yaw)
+    edges = []
+    for turn in (sensor.camera.fov / 2, 0.0, -sensor.camera.fov / 2):
+        s, c = exact.sin_cos_deg(turn)
+        edges.append((9.0 * c, 9.0 * s))
+    fan = placed(pose, [(0.0, 0.0), *edges])
+    canvas.polygon(fan, None, _SENSOR, 2.0)
+    canvas.line(placed(carrier, [(p.x, p.y) for p in poses] * (2 if len(poses) == 1 else 1)), _SENSOR, 2.0)
+    canvas.polygon(rectangle(pose, -0.8, 0.8, -0.8, 0.8), _SENSOR)
+    canvas.text((x, y), sensor.name, _SENSOR, 21)
+
+
+# The page
+
+
+def _page(canvas: Canvas, title: str, cast: bool) -> Image.Image:
+    """The map between its axes, with a title and a legend."""
+    picture = canvas.finished()
+    left, top = _AXIS + 16, 64
+    size = left + canvas.size[0] + 24 + _LEGEND, max(top + canvas.size[1] + _AXIS, 760)
+    page = Image.new("RGB", size, _PAPER)
+    page.paste(picture, (left, top))
+    pen = ImageDraw.Draw(page)
+    pen.text((left + 40, 12), title, fill=_INK, font=ImageFont.load_default(30))
+    pen.rectangle((left - 1, top - 1, left + canvas.size[0], top + canvas.size[1]), outline=_INK)
+    _axes(pen, canvas, (left, top))
+    page.paste(_legend(canvas.scale, cast), (left + canvas.size[0] + 24, top))
+    return page
+
+
+def _axes(pen: ImageDraw.ImageDraw, canvas: Canvas, corner: tuple[int, int]) -> None:
+    """Numbers at the grid's lines, every 10 or 20 metres, and the axes' names."""
+    x0, y0, x1, y1 = canvas.box
+    step, font = _GRID if canvas.scale * _GRID > 60 else 2 * _GRID, ImageFont.load_default(19)
+    (left, top), bottom = corner, corner[1] + canvas.size[1]
+    for x in range(ceil(x0 / step) * step, floor(x1) + 1, step):
+        at = left + canvas.pixel((x, y0))[0]
+        pen.line((at, bottom, at, bottom + 6), fill=_INK)
+        pen.text((at, bottom + 9), f"{x}", fill=_INK, font=font, anchor="ma")
+    for y in range(ceil(y0 / step) * step, floor(y1) + 1, step):
+        at = top + canvas.pixel((x0, y))[1]
+        pen.line((left - 7, at, left - 1, at), fill=_INK)
+        pen.text((left - 10, at), f"{y}", fill=_INK, font=font, anchor="rm")
+    pen.text((left + canvas.size[0] / 2, bottom + 36), "x, metres", fill=_INK, font=font, anchor="ma")
+    pen.text((10, top - 34), "y, metres", fill=_INK, font=font)
+
+
+def _legend(scale: float, cast: bool) -> Image.Image:
+    """What the signs mean: each is drawn by what draws it on the map."""
+    rows: list[tuple[str, Callable[[Canvas, float], None]]] = [
+        ("lane, with its direction", _sample_lane),
+        ("crossing", _sample_crossing),
+        ("sidewalk", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _WALK, _THING)),
+        ("foot path, driveway", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _PATH)),
+        ("building", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _BUILDING, _WALL)),
+        ("wall, fence, guard rail", lambda c, y: c.line([(0.5, y), (6.5, y)], _WALL, 2.5)),
+        ("tree, hedge", lambda c, y: c.disc((3.5, y), 1.2, _GREEN)),
+        (
+            "parking place",
+            lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -2.3, 2.3, -0.9, 0.9), None, _PARKING, 1.5),
+        ),
+        ("vehicle's spawn point", lambda c, y: _vehicle_spot(c, Pose(x=3.5, y=y))),
+        ("pedestrian's spawn point", lambda c, y: c.disc((3.5, y), 0.5, _PEDESTRIAN)),
+    ]
+    if cast:
+        rows += [
+            ("actor: start and route", _sample_actor),
+            ("traffic: start", lambda c, y: c.disc((3.5, y), 0.5, _PAPER, _INK, 1.5)),
+            ("sensor and field of view", _sample_sensor),
+        ]
+    high, metre = 3.4, 10.0
+    canvas = Canvas((0.0, 0.0, _LEGEND / metre, high * (len(rows) + 1.5)), metre, _PAPER)
+    for n, (_, draw) in enumerate(rows):
+        draw(canvas, canvas.box[3] - high * (n + 0.7))
+    picture = canvas.finished()
+    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(19)
+    for n, (words, _) in enumerate(rows):
+        pen.text((82, metre * high * (n + 0.7)), words, fill=_INK, font=font, anchor="lm")
+    y, wide = metre * high * (len(rows) + 0.8), (20 if 20 * scale < _LEGEND - 90 else 10) * scale
+    pen.line((8, y, 8 + wide, y), fill=_INK, width=3)
+    pen.text((18 + wide, y), f"{wide / scale:.0f} m", fill=_INK, font=font, anchor="lm")
+    return picture
+
+
+def _sample_lane(canvas: Canvas, y: float) -> None:
+    canvas.polygon(rectangle(Pose(x=3.5, y=y), -3.0, 3.0, -1.2, 1.2), _ASPHALT)
+    canvas.arrow(Pose(x=3.5, y=y), 3.4, _LANE)
+
+
+def _sample_crossing(canvas: Canvas, y: float) -> None:
+    canvas.polygon(rectangle(Pose(x=3.5, y=y), -3.0, 3.0, -1.2, 1.2), _ASPHALT)
+    for k in range(6):
+        canvas.polygon(rectangle(Pose(x=1.0 + k, y=y), -0.25, 0.25, -1.2, 1.2), _MARK)
+
+
+def _sample_actor(canvas: Canvas, y: float) -> None:
+    canvas.line([(1.5, y), (6.0, y)], _CAST[0], 2.5)
+    for k in (1, -1):
+        canvas.line([(5.5, y - 0.6 * k), (6.7, y + 0.6 * k)], _CAST[0], 2.5)
+    canvas.disc((1.5, y), 0.9, _CAST[0], _PAPER, 1.5)
+
+
+def _sample_sensor(canvas: Canvas, y: float) -> None:
+    canvas.polygon(rectangle(Pose(x=1.6, y=y), -0.7, 0.7, -0.7, 0.7), _SENSOR)
+    canvas.polygon([(1.6, y), (6.4, y + 1.4), (6.4, y - 1.4)], None, _SENSOR, 2.0)

@@ -1,0 +1,126 @@
+"""`recipe shot --map`: a town from above says truly where lanes lead, and where a recipe's cast is."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+from recipe_cli.commands.shot import command
+from recipe_compiler import exact, towns
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.errors import InputError
+from recipe_compiler.plan import Pose
+from recipe_compiler.schema import template
+from recipe_runtime.report import town_map
+from recipe_runtime.report.canvas import Canvas
+from recipe_runtime.report.town_map import Spots
+
+
+def spots(town: towns.Town) -> Spots:
+    return Spots(town.spots["vehicle"], town.spots["pedestrian"], town.parking, town.streets.bounds)
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
+    """What is drawn, by kind: the arrows' poses, the words with their places, the canvas last made."""
+    seen: dict[str, list[Any]] = {"arrow": [], "text": [], "canvas": []}
+    whole = {name: getattr(Canvas, name) for name in ("arrow", "text", "finished")}
+
+    def arrow(self: Canvas, pose: Pose, *rest: Any) -> None:
+        seen["arrow"].append(pose)
+        whole["arrow"](self, pose, *rest)
+
+    def text(self: Canvas, place: Any, words: str, *rest: Any) -> None:
+        seen["text"].append((words, place))
+        whole["text"](self, place, words, *rest)
+
+    def finished(self: Canvas) -> Image.Image:
+        picture: Image.Image = whole["finished"](self)
+        seen["canvas"].append((self, picture))
+        return picture
+
+    for name, spy in (("arrow", arrow), ("text", text), ("finished", finished)):
+        monkeypatch.setattr(Canvas, name, spy)
+    return seen
+
+
+@pytest.mark.parametrize("name", towns.NAMES)
+def test_arrows_show_the_way_that_traffic_goes(name: str, drawn: dict[str, list[Any]]) -> None:
+    """A newcomer who guessed a lane's direction met every car head on."""
+    town = towns.build(name, 0, {})
+    body = town_map.town_map(town.plan, spots(town), name)
+    with Image.open(io.BytesIO(body)) as page:
+        assert (page.format, page.mode) == ("PNG", "RGB")
+        assert max(page.size) < 2600
+    canvas, picture = drawn["canvas"][0]
+    x0, y0, x1, y1 = canvas.box
+    inside = [p for p in town.spots["vehicle"] if x0 + 20 < p.x < x1 - 20 and y0 + 20 < p.y < y1 - 20]
+    assert len(inside) > 10
+    for spot in inside:
+        s, c = exact.sin_cos_deg(spot.yaw)
+        beside = [
+            arrow
+            for arrow in drawn["arrow"]
+            if abs(c * (arrow.y - spot.y) - s * (arrow.x - spot.x)) < 0.5
+            and abs(c * (arrow.x - spot.x) + s * (arrow.y - spot.y)) < 14.0
+        ]
+        assert beside and all((arrow.yaw - spot.yaw) % 360 == 0 for arrow in beside)
+        u, v = canvas.pixel((spot.x, spot.y))
+        red, _, blue = picture.getpixel((int(u), int(v)))
+        assert blue > red + 60, "a spawn point is marked where it is"
+
+
+@pytest.mark.parametrize("name", towns.NAMES)
+def test_pedestrians_spawn_on_what_is_drawn_as_pavement(name: str, drawn: dict[str, list[Any]]) -> None:
+    town = towns.build(name, 0, {})
+    town_map.town_map(town.plan, Spots((), (), (), town.streets.bounds), name)
+    canvas, picture = drawn["canvas"][0]
+    pixels, paved = np.asarray(picture).astype(int), 0
+    walks = [tuple(int(c[k : k + 2], 16) for k in (1, 3, 5)) for c in (town_map._WALK, town_map._PATH)]
+    points = [p for p in town.spots["pedestrian"] if canvas.box[1] < p.y < canvas.box[3]]
+    for point in points:
+        u, v = canvas.pixel((point.x + 0.4, point.y + 0.4))  # (beside the grid's lines)
+        paved += any(np.abs(pixels[int(v), int(u)] - walk).max() < 12 for walk in walks)
+    assert paved > 0.8 * len(points)  # the others are under a tree
+
+
+def test_a_recipes_cast_is_marked_by_name(tmp_path: Path, drawn: dict[str, list[Any]]) -> None:
+    path = tmp_path / "first.yaml"
+    path.write_text(template("first"))
+    compiled = compile_recipe(path)
+    scenario = compiled.plan.variants[0]
+    town = compiled.towns[scenario.scene.town.digest]
+    town_map.town_map(town.plan, spots(town), "first", scenario)
+    assert dict(drawn["text"]) == {
+        "hero": (-6.0, 4.0),
+        "friend": (-4.6, -1.0),
+        "car": (-1.6, 24.0),
+        "street": (-4.8, -8.5),
+    }
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(command, list(arguments), catch_exceptions=False)
+
+
+def test_the_command_draws_a_recipe_or_a_town(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "first.yaml").write_text(template("first"))
+    assert run("--map", "first.yaml").stdout == "first-map.png: downtown from above\n"
+    told = json.loads(run("--map", "plaza", "-o", "square.png", "--json").stdout)
+    assert told == {"file": "square.png", "town": "plaza", "variant": None}
+    for name in ("first-map.png", "square.png"):
+        with Image.open(tmp_path / name) as picture:
+            assert picture.size[0] > 1000
+
+
+def test_a_map_is_of_no_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="--map draws a town, not a frame"):
+        run("--map", "plaza", "--frame", "3")
