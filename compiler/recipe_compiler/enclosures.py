@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from recipe_compiler import exact
-from recipe_compiler.errors import Problem
+from recipe_compiler.errors import Code, Problem
 from recipe_compiler.plan import ActorPlan, Element
 from recipe_compiler.source import Value
 from recipe_compiler.towns import Town
@@ -18,7 +18,7 @@ _BEHIND = ("building", "house", "wall")  # elements whose pose is the middle of 
 _AROUND = ("fence", "guardrail", "hedge", "tower")  # elements whose pose is their middle
 _CELL = 0.5  # metres
 _REACH = 40.0  # metres; who gets so far is not enclosed
-_REMEDY = "move it to a lane or a sidewalk, which `recipe shot --map` shows"
+_REMEDY = "move it to a lane or a sidewalk, as a map of the town shows them"
 
 Cell = tuple[int, int]
 
@@ -46,7 +46,8 @@ def of_enclosed_starts(
             if not yard or (actor.name in routed and all(_cell(p.x, p.y) in yard for p in actor.route)):
                 continue
             what = "it is in a yard that it cannot leave, with buildings and walls all round"
-        yield Problem(f"actors.{actor.name}.start: {what}; {_REMEDY}", base.place_of("actors", actor.name, "start"))
+        place = base.place_of("actors", actor.name, "start")
+        yield Problem(f"actors.{actor.name}.start: {what}", place, _REMEDY, Code.PLACEMENT)
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ def test_a_start_inside_a_building_is_warned_of() -> None:
     """A newcomer who guesses where the sidewalk is gets a picture without the actor, and no word why."""
     (message,) = warned({"lost": at(-14, -19)})
     assert message.startswith("actors.lost.start: it is inside building.")
-    assert message.endswith("; move it to a lane or a sidewalk, which `recipe shot --map` shows")
+    assert message.endswith("; move it to a lane or a sidewalk, as a map of the town shows them")
     assert warned({"early": at(-8, -19)}) == []  # on the sidewalk before it
 
 
