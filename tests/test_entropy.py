@@ -29,6 +29,7 @@ ALLOWED_ADDRESSES = {
     "recipe_compiler/compile.py": "the key of parts that were weighed before, and are held",
     "recipe_compiler/compose.py": "the key of values that were merged before, and are held",
     "recipe_compiler/lower.py": "the key of a scene or rig that was lowered before, and is held",
+    "recipe_runtime/meshes/smoothing.py": "the key of a surface that was numbered before, and is held",
 }
 LIBM = {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log2", "log10", "pow", "cbrt", "sinh",
         "cosh", "tanh", "hypot", "radians", "degrees", "dist", "expm1", "log1p", "exp2", "arctan2", "arctan",
