@@ -50,6 +50,9 @@ DEVICE = click.option(
     show_default=True,
     help="Where frames are rendered: cpu, cuda (every GPU here) or cuda:N.",
 )
+REPLACE = click.option(
+    "--replace", is_flag=True, help="Write over what is there, though this command did not make it of this recipe."
+)
 WORKERS = click.option(
     "--workers", type=click.IntRange(1, 256), default=None, help="Worker processes; one a CPU core by default."
 )
@@ -96,14 +99,18 @@ def opened(path: Path) -> Iterator[Path]:
         yield recipe
 
 
-def unpacks(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """A command whose arguments of these names may be packs: it is given the recipes in them."""
+def unpacks(*names: str, keep: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A command whose arguments of these names may be packs: it is given the recipes in them.
+
+    `keep` names an argument in which the command gets the path of the first as the user wrote it.
+    """
 
     def around(command: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(command)
         def opening(**values: Any) -> None:
+            kept = {keep: values[names[0]]} if keep else {}
             with ExitStack() as stack:
-                command(**{k: stack.enter_context(opened(v)) if k in names else v for k, v in values.items()})
+                command(**kept, **{k: stack.enter_context(opened(v)) if k in names else v for k, v in values.items()})
 
         return opening
 

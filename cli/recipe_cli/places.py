@@ -8,17 +8,80 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from recipe_compiler.lockfile import Lockfile
+    from recipe_compiler.plan import DatasetPlan
 
 FOLDER = "lockfiles"
+_MARKERS = ("pyproject.toml", ".git", FOLDER)  # a folder that holds one of these is a project's root
 
 
 def lockfile_path(recipe: Path, name: str) -> Path:
-    """The lockfile of a recipe: in the nearest `lockfiles` folder above it, else in one beside it."""
+    """Where the lockfile of a recipe is, or is to be written.
+
+    It is NAME.lock beside the recipe if that is there, else lockfiles/NAME.lock of the recipe's project. No other
+    folder is searched.
+    """
     start = recipe.resolve().parent
+    owners = _trusted_owners(recipe)
+    beside = start / f"{name}.lock"
+    if _owner(beside) in owners:
+        return _short(beside)
+    return _short(_project(start, owners) / FOLDER / f"{name}.lock")
+
+
+def read_lockfile(recipe: Path, plan: DatasetPlan) -> tuple[Path, Lockfile] | None:
+    """The lockfile of a recipe and its place; None if there is none.
+
+    Raises:
+        InputError: it cannot be read, or another recipe of the same name has that lockfile.
+    """
+    from recipe_compiler import lockfile
+
+    path = lockfile_path(recipe, plan.recipe)
+    if not path.exists():
+        return None
+    lock = lockfile.read(path)
+    check_lockfile_is_of(recipe, plan, path, lock)
+    return path, lock
+
+
+def check_lockfile_is_of(recipe: Path, plan: DatasetPlan, path: Path, lock: Lockfile) -> None:
+    """InputError if a lockfile belongs to another recipe of the same name, naming both and the remedy."""
+    from recipe_compiler.errors import InputError
+
+    other = lock.other_recipe(path, recipe, plan.digest)
+    if other is not None:
+        raise InputError(
+            f"{path} is the lockfile of {_short(other)}, another recipe that is named {plan.recipe!r} as {recipe} is;"
+            f" give one of them another name (`recipe: NAME`), or make a folder {recipe.parent / FOLDER} for its own"
+            f" lockfile; `recipe lock {recipe} --replace` takes this one for {recipe}"
+        )
+
+
+def _project(start: Path, owners: frozenset[int]) -> Path:
+    """The root of the project that a folder belongs to: the nearest folder upwards with one of `_MARKERS`.
+
+    The search ends at the first folder of another user, and a marker of another user does not count: nobody but the
+    caller and the owner of the recipe decides which lockfile is used. The folder itself, if it is in no project.
+    """
     for folder in (start, *start.parents):
-        if (folder / FOLDER).is_dir():
-            return _short(folder / FOLDER / f"{name}.lock")
-    return _short(start / FOLDER / f"{name}.lock")
+        if any(_owner(folder / marker) in owners for marker in _MARKERS):
+            return folder
+        if _owner(folder.parent) not in owners:
+            break
+    return start
+
+
+def _trusted_owners(recipe: Path) -> frozenset[int]:
+    """The users whose folders may hold the recipe's lockfile: the caller, and the owner of the recipe."""
+    return frozenset({os.geteuid(), _owner(recipe.resolve())} - {None})  # type: ignore[arg-type]
+
+
+def _owner(path: Path) -> int | None:
+    """The user id that owns a file, folder or link; None if it is not there."""
+    try:
+        return path.lstat().st_uid
+    except OSError:
+        return None
 
 
 def source_of(recipe: Path, lockfile: Path) -> str:

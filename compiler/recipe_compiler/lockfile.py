@@ -34,6 +34,7 @@ from recipe_compiler.files import read_regular
 from recipe_compiler.plan import DatasetPlan
 
 FORMAT = 1
+_HEAD = b"recipe-lock "
 MAX_BYTES = 1 << 28
 SHORT = 16  # digits of a digest that serve as a key within one lockfile
 _WIDTHS = {
@@ -109,9 +110,39 @@ class Lockfile:
         """Whether two lockfiles differ in nothing but the tools that they were made with, and this one is whole."""
         return self.sealed and replace(self, tools={}) == replace(other, tools={})
 
-    def write(self, path: Path) -> bool:
-        """Write it unless the file already says the same (tools aside); whether it was written."""
-        if path.is_file():
+    def means_the_same(self, other: Lockfile) -> bool:
+        """Whether two lockfiles differ in nothing but tools and the text and name of the recipe's files."""
+        return self.says_the_same(replace(other, source=self.source, files=self.files))
+
+    def other_recipe(self, path: Path, recipe: Path, plan: str) -> Path | None:
+        """The other recipe that this lockfile belongs to.
+
+        Args:
+            path: where this lockfile is.
+            recipe: the recipe file at hand.
+            plan: the digest of its plan.
+
+        Returns:
+            The recipe file that the lockfile was made of, if it is there, is not `recipe`, and the plans differ;
+            else None. A recipe that was renamed or moved keeps its lockfile.
+        """
+        source = path.parent / self.source
+        try:
+            if self.plan == plan or Path(self.source).is_absolute() or not source.is_file():
+                return None
+            return None if recipe.exists() and source.samefile(recipe) else Path(os.path.normpath(source))
+        except (OSError, ValueError):  # a name that cannot be
+            return None
+
+    def write(self, path: Path, *, replace: bool = False) -> bool:
+        """Write it unless the file already says the same (tools aside); whether it was written.
+
+        Raises:
+            InputError: the file there is not a lockfile, or is the lockfile of another recipe, and not `replace`.
+        """
+        if os.path.lexists(path):
+            if not replace:
+                self._check_replaceable(path)
             with contextlib.suppress(InputError):
                 if read(path).says_the_same(self):
                     return False
@@ -128,6 +159,22 @@ class Lockfile:
             temporary.unlink(missing_ok=True)
             raise
         return True
+
+    def _check_replaceable(self, path: Path) -> None:
+        """InputError unless the file at `path` is a lockfile, whole or damaged, of this very recipe."""
+        if not is_lockfile(path):
+            raise InputError(f"{path} is there already and is not a lockfile; move it away, or replace it (--replace)")
+        try:
+            there = read(path)
+        except InputError:
+            return  # damaged: nothing to lose
+        ours = Path(os.path.normpath(path.parent / self.source))
+        other = there.other_recipe(path, ours, self.plan)
+        if there.recipe != self.recipe or other is not None:
+            raise InputError(
+                f"{path} is the lockfile of another recipe, {other or there.recipe}, and not of {ours};"
+                " give one of them another name, or replace it (--replace)"
+            )
 
     def _rows(self) -> Iterator[tuple[str, ...]]:
         yield "recipe-lock", str(FORMAT)
@@ -169,6 +216,14 @@ def skeleton(
         stages=stages,
         variants={v.variant: VariantRow(v.scene.digest, v.rig.digest, v.appearance.digest) for v in plan.variants},
     )
+
+
+def is_lockfile(path: Path) -> bool:
+    """Whether a file begins as a lockfile does. OSError if it cannot be read."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(_HEAD)) == _HEAD
 
 
 def read(path: Path) -> Lockfile:

@@ -22,7 +22,7 @@ from typing import Any
 
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 
-from recipe_runtime import housekeeping, pool
+from recipe_runtime import housekeeping, pool, provenance
 from recipe_runtime.admission import check_plan
 from recipe_runtime.dataset import Dataset
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
@@ -73,13 +73,16 @@ def build(
     explain: Callable[[list[str]], None] | None = None,
     run: Runner = pool.run,
     repair: bool = False,
+    source: Path | None = None,
+    replace: bool = False,
 ) -> BuildResult:
     """Make the dataset in `out`, with so many worker processes (0: in this one).
 
     Returns at once if it is there, whole by its files' sizes; with `repair`, by their bytes, and else makes again the
-    frames that are not. Replaces another dataset of ours, and takes over from it what is the same;
-    InputError if `out` holds anything else. `explain` is told, before frames are made, why each stage runs. `run` does
-    the shards: processes of this host, or a cluster's (`cluster.joined`).
+    frames that are not. Replaces an earlier dataset of the same recipe, and takes over from it what is the same;
+    InputError if `out` holds anything else, or, unless `replace`, the dataset of another recipe. `source` is the
+    recipe's file: with it, two recipes of one name are told apart (`provenance`). `explain` is told, before frames are
+    made, why each stage runs. `run` does the shards: processes of this host, or a cluster's (`cluster.joined`).
     RunError if the host fails: what is done is kept, and the next build goes on from there.
     """
     explain = explain or (lambda lines: None)
@@ -91,14 +94,17 @@ def build(
     examined = examine(dataset, out, progress or _silence) if repair else None
     damage = examined.damage if examined else ()
     if manifest is not None and not damage and is_whole(manifest, dataset, out):
+        provenance.record(out, manifest, source)
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out)
+    if not replace:
+        provenance.check_replaceable(out, manifest, dataset, source)
     studio = _Studio(dataset, engines or real_engines(), places, cache or default_cache(), progress or _silence)
     studio.held = examined.held if examined else None
     kept = [studio.cache] if cache else housekeeping.folders()
     # What a repair leaves as it was is believed no more than it was before: a stranger's stays a stranger's.
     trusted = not damage or earlier(Store(studio.cache), out) is not None
-    with housekeeping.leased(studio.cache), _workspace(dataset, out) as work, ExitStack() as hired:
+    with housekeeping.leased(studio.cache), _workspace(dataset, out, replace) as work, ExitStack() as hired:
         new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
         alone = len(simulations(dataset)) == 1 and not repair  # else workers could not know what they will need
         if new and alone and workers and run is pool.run:  # they start and load the scene while it is simulated
@@ -120,6 +126,7 @@ def build(
     housekeeping.tidy(kept, most)
     manifest = read_manifest(out)
     assert manifest is not None
+    provenance.record(out, manifest, source)
     seconds, wall = studio.watch.seconds, time.perf_counter() - start
     made, resumed = sum(shard.pictures for shard in todo), [shard for shard in shards if shard not in todo]
     return BuildResult(
@@ -148,8 +155,8 @@ def _by(crew: pool.Crew) -> Runner:
     return lambda job, shards, workers, done, tick: crew.run(shards, done, tick)
 
 
-def _workspace(dataset: DatasetPlan, out: Path) -> Workspace:
-    return Workspace(out, {**head(dataset), "builder": builder()})
+def _workspace(dataset: DatasetPlan, out: Path, replace: bool = False) -> Workspace:
+    return Workspace(out, {**head(dataset), "builder": builder()}, replace=replace)
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from recipe_compiler.lockfile import Lockfile
@@ -30,14 +31,35 @@ def stage_of(modality: str) -> str:
     return _STAGE_OF.get(modality, "observation")
 
 
-def compare_files(lock: Lockfile, files: dict[str, str]) -> list[Difference]:
-    """The recipe's files, by their bytes."""
+def compare_files(plan: DatasetPlan, lock: Lockfile, files: dict[str, str]) -> list[Difference]:
+    """The recipe's files, by their bytes, where the plan is another than the locked one.
+
+    Text is not identity: a comment or another file name changes no plan. `text_note` says that the text changed.
+    """
+    if plan.digest == lock.plan:
+        return []
     found = []
     for path in sorted({*lock.files, *files}):
         if lock.files.get(path) != files.get(path):
             how = "is new" if path not in lock.files else "is gone" if path not in files else "has changed"
             found.append(Difference("recipe", f"{path} {how} since it was locked; `recipe lock --update` accepts it"))
     return found
+
+
+def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None:
+    """One line on files whose text changed since they were locked, though the plan did not; None if there are none.
+
+    Args:
+        lock: the lockfile.
+        plan: the digest of the plan that the files compile to now.
+        files: SHA-256 of the recipe's files, by path.
+    """
+    locked = set(lock.files.values())
+    changed = sorted(path for path, value in files.items() if value not in locked)
+    if lock.plan != plan or not (lock.files and changed):
+        return None
+    rest = f" and {count(len(changed) - 1, 'more file')}" if len(changed) > 1 else ""
+    return f"the text of {changed[0]}{rest} has changed since it was locked; the plan has not"
 
 
 def compare_plans(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
@@ -86,7 +108,7 @@ def _uneven(kind: str, missing: list[str], surplus: list[str]) -> list[str]:
 
 def compare_locks(plan: DatasetPlan, lock: Lockfile, made: Lockfile) -> list[Difference]:
     """What a finished build differs in from a lockfile, stage by stage."""
-    found = compare_rows(plan, lock) + compare_files(lock, made.files) + compare_plans(plan, lock)
+    found = compare_rows(plan, lock) + compare_files(plan, lock, made.files) + compare_plans(plan, lock)
     return sorted(found + _digests(lock, made), key=lambda difference: ORDER.index(difference.stage))
 
 

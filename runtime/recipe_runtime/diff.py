@@ -66,6 +66,10 @@ def differences(a: Side, b: Side) -> list[Finding]:
 def left_out(a: Side, b: Side) -> list[str]:
     """What was not compared, and why; nothing if all was."""
     notes = [side.note for side in (a, b) if side.note]
+    if a.lock.files and b.lock.files and a.lock.plan == b.lock.plan:
+        others = _alone(a.lock.files, b.lock.files), _alone(b.lock.files, a.lock.files)
+        if any(others):
+            notes.append(f"the text of {a.name} and {b.name} differs; the plan does not")
     silent = [side.name for side in (a, b) if not side.locked]
     if silent:
         told = f"{' and '.join(silent)} {form(len(silent), 'holds', 'hold')} none"
@@ -80,8 +84,8 @@ def left_out(a: Side, b: Side) -> list[str]:
 
 def _files(a: Side, b: Side) -> Iterator[Finding]:
     ours, theirs = a.lock.files, b.lock.files
-    if not ours or not theirs:
-        return  # a dataset, or a plan: of no file
+    if not ours or not theirs or a.lock.plan == b.lock.plan:
+        return  # a dataset or a plan, of no file; or other text of one plan
     first, second = _alone(ours, theirs), _alone(theirs, ours)
     for path in [path for path in first if path in second]:
         yield Finding("recipe", f"{path} differs")

@@ -67,8 +67,10 @@ class _Shard:
         return {"file": self.path.name, "samples": self.samples, "size": size, "sha256": digest}
 
 
-def webdataset(dataset: Dataset, out: Path, progress: Progress, shard_bytes: int = SHARD_BYTES) -> dict[str, Any]:
-    """Write all frames into `out`, a folder that is not there yet, and give its index.
+def webdataset(
+    dataset: Dataset, out: Path, progress: Progress, shard_bytes: int = SHARD_BYTES, *, replace: bool = False
+) -> dict[str, Any]:
+    """Write all frames into `out`, a folder that is not there yet, and give its index; with `replace`, over an export.
 
     A shard is closed before the sample that would make it larger than `shard_bytes`; only one frame alone may. The
     folder gets its name when it is whole. InputError if it is there already with something else in it, or a file of
@@ -77,12 +79,18 @@ def webdataset(dataset: Dataset, out: Path, progress: Progress, shard_bytes: int
     known = _index_of(out)
     if known is not None and known.get("dataset") == dataset.lock.identity and known.get("shard_bytes") == shard_bytes:
         return known
-    if out.exists() or out.is_symlink():
-        raise InputError(f"{out} is there already, and is another export; remove it or name another folder")
+    if out.is_symlink() or (out.exists() and (known is None or _strangers(out, known))):
+        raise InputError(f"{out} is there already, and is not an export alone; move it away or name another folder")
+    if known is not None and not replace:
+        raise InputError(
+            f"{out} is there already, and is another export; name another folder, or replace it (--replace)"
+        )
     with host_errors(str(out), _REMEDY), _alone(out) as work:
         rows = _write(dataset, work, progress, shard_bytes)
         index = {"format": _FORMAT, "dataset": dataset.lock.identity, "shard_bytes": shard_bytes, "shards": rows}
         (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
+        if known is not None:
+            shutil.rmtree(out)
         work.rename(out)
     return index
 
@@ -178,6 +186,11 @@ def _damaged(dataset: Dataset, what: str) -> InputError:
 
 def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:
     return work / f"{dataset.plan.recipe}-{number:06d}.tar"
+
+
+def _strangers(out: Path, index: dict[str, Any]) -> bool:
+    """Whether a folder holds anything but the export that its index lists."""
+    return {path.name for path in out.iterdir()} != {INDEX, *(row["file"] for row in index["shards"])}
 
 
 def _index_of(out: Path) -> dict[str, Any] | None:

@@ -93,6 +93,7 @@ def unpacked(path: Path) -> Iterator[Path]:
             for name, body in pack.files.items():
                 (root / name).parent.mkdir(parents=True, exist_ok=True)
                 (root / name).write_bytes(body)
+            (root / "lockfiles").mkdir(exist_ok=True)  # a project of its own: no lockfile of a folder above is meant
         try:
             yield root / pack.recipe
         except InputError as error:

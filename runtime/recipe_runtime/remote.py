@@ -57,10 +57,26 @@ class Target:
             with self._told():
                 self._write(NOTE, b"{}")  # now rather than after the build: may we write here at all?
 
-    def put(self, root: Path, progress: Progress) -> Copied:
-        """Copy the dataset in a folder here, in place of the one that is here."""
+    def check_replaceable(self, recipe: str) -> None:
+        """InputError if the dataset that is here is of a recipe of another name."""
+        name = str(self._there.get("recipe"))[:100] if self._there else recipe
+        if name != recipe:
+            raise InputError(
+                f"{self.url} holds the dataset of another recipe, {name!r}, and this is {recipe!r};"
+                " choose another place with --out, or replace that dataset (--replace)"
+            )
+
+    def put(self, root: Path, progress: Progress, *, replace: bool = False) -> Copied:
+        """Copy the dataset in a folder here, in place of an earlier one of the same recipe that is here.
+
+        Raises:
+            InputError: what is here is no dataset or, unless `replace`, the dataset of another recipe.
+            RunError: the copy failed; the next goes on from there.
+        """
         body = (root / layout.MANIFEST).read_bytes()
         manifest = json.loads(body)
+        if not replace:
+            self.check_replaceable(manifest["recipe"])
         rows, sizes = listed_files(manifest), self._sizes()
         if self._there == manifest and self._is_whole(rows, sizes):
             return Copied(0, 0, len(rows))

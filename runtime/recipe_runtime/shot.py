@@ -16,8 +16,9 @@ from recipe_runtime import encode
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.frames import SceneSource, label_array, pixel_digest
 from recipe_runtime.housekeeping import leased
+from recipe_runtime.outputs import write_output
 from recipe_runtime.report.colours import depth_picture, instance_picture, semantic_picture
-from recipe_runtime.store import Store, host_errors, write_atomic
+from recipe_runtime.store import Store, host_errors
 from recipe_runtime.trace import Trace
 
 
@@ -42,11 +43,14 @@ class Shot:
         paint = {"depth": depth_picture, "instance": instance_picture, "semantic": semantic_picture}
         return paint[self.modality](self.pixels)
 
-    def write(self, path: Path) -> None:
-        """Write the picture as a PNG, whole or not at all."""
+    def encoded(self) -> bytes:
+        """The picture as a PNG file; of a colour frame, the bytes that a build writes."""
+        return (encode.photograph if self.modality == "rgb" else encode.png)(self.picture())
+
+    def write(self, path: Path, *, replace: bool = False) -> None:
+        """Write the picture as a PNG, whole or not at all. InputError if a file is there, and not `replace`."""
         with host_errors(str(path), "choose another --output"):
-            encoded = encode.photograph if self.modality == "rgb" else encode.png
-            write_atomic(path, encoded(self.picture()))
+            write_output(path, self.encoded(), replace=replace)
 
 
 def shot(

@@ -42,11 +42,19 @@ def dumps(traces: Mapping[str, Trace]) -> bytes:
     return b"".join(pieces)
 
 
-def write(path: Path, traces: Mapping[str, Trace]) -> bool:
-    """Write them unless the file says the same already; whether it was written."""
+def write(path: Path, traces: Mapping[str, Trace], *, replace: bool = False) -> bool:
+    """Write them unless the file says the same already; whether it was written.
+
+    Raises:
+        InputError: what is there is not a file of traces, and not `replace`.
+    """
     body = dumps(traces)
     if path.is_file() and path.read_bytes() == body:
         return False
+    if path.is_file() and not replace:
+        with path.open("rb") as file:
+            if file.read(len(_HEAD)) != _HEAD:
+                raise InputError(f"{path} is there already and is not a file of traces; move it away, or add --replace")
     with host_errors(str(path), "free some space or allow writing"):
         write_atomic(path, body)
     return True

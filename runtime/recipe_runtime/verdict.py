@@ -49,6 +49,7 @@ class Report:
     differences: list[Difference] = field(default_factory=list)
     pictures: list[str] = field(default_factory=list)
     files: int | None = None  # hashed, where nothing was rendered
+    notes: list[str] = field(default_factory=list)  # what a reader should know and no verdict depends on
 
     @property
     def stage(self) -> str | None:
@@ -87,4 +88,5 @@ class Report:
             "differing_below": below,
             "differences": [asdict(difference) for difference in self.differences],
             "pictures": self.pictures,
+            "notes": self.notes,
         }

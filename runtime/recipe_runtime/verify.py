@@ -19,7 +19,15 @@ from recipe_compiler.plan import DatasetPlan, ScenePlan
 from recipe_compiler.wording import count, form
 
 from recipe_runtime import host, layout, locking
-from recipe_runtime.compare import compare_datasets, compare_files, compare_plans, compare_rows, excuse_of, stage_of
+from recipe_runtime.compare import (
+    compare_datasets,
+    compare_files,
+    compare_plans,
+    compare_rows,
+    excuse_of,
+    stage_of,
+    text_note,
+)
 from recipe_runtime.dataset import Dataset, Fault, damaged_files, regular_file, text_differences
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.housekeeping import leased
@@ -71,7 +79,7 @@ def verify(
     choices = all_choices(plan)
     differences = compare_rows(plan, lock)
     if files is not None:
-        differences += compare_files(lock, files)
+        differences += compare_files(plan, lock, files)
     differences += compare_plans(plan, lock)
     if dataset is not None and dataset.lock is not lock:
         differences += compare_datasets(plan, lock, dataset.lock, dataset.name)
@@ -88,7 +96,9 @@ def verify(
         if options.pictures is not None:
             pictures = check.draw(differences, options.pictures)
     bound = Bound(compared, len(choices), options.confidence)
-    return Report(plan.recipe, lock.identity, options.nonce, bound, differences, pictures)
+    note = text_note(lock, plan.digest, files or {})
+    notes = [note] if note else []
+    return Report(plan.recipe, lock.identity, options.nonce, bound, differences, pictures, notes=notes)
 
 
 def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Report:

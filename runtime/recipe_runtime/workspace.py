@@ -38,8 +38,9 @@ _REMEDY = "free some space or allow writing, then build again: what is done is k
 class Workspace:
     """The work on one dataset folder; a context manager that holds the lock."""
 
-    def __init__(self, out: Path, job: dict[str, Any]) -> None:
+    def __init__(self, out: Path, job: dict[str, Any], *, replace: bool = False) -> None:
         self.out = out
+        self._recipe, self._replace = job.get("recipe"), replace
         self._job = pretty({"format": "recipe/partial/1", **job})
         self._partial = out.parent / f".{out.name}.partial"
         self._shards = self._partial / "shards"
@@ -195,10 +196,26 @@ class Workspace:
         path = self._partial / "job.json"
         return path.is_file() and path.read_text() == self._job
 
+    def _other_recipe(self) -> str | None:
+        """The name of the recipe whose unfinished frames are here, if it is another."""
+        try:
+            name = json.loads((self._partial / "job.json").read_text())["recipe"]
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            return None
+        return (
+            str(name)[:100] if name != self._recipe and self._shards.is_dir() and any(self._shards.iterdir()) else None
+        )
+
     def _clear(self) -> None:
-        """Begin afresh. What is not a build's work is left alone."""
+        """Begin afresh. What is not a build's work is left alone, and another recipe's without `replace`."""
         if any(self._partial.iterdir()) and not (self._partial / "job.json").is_file():
             raise InputError(f"{self._partial} is in the way and is not a build's work; move it away")
+        other = self._other_recipe()
+        if other is not None and not self._replace:
+            raise InputError(
+                f"{self._partial} holds the unfinished build of another recipe, {other!r}, and this is"
+                f" {self._recipe!r}; choose another folder with --out, or discard that work (--replace)"
+            )
         for child in sorted(self._partial.iterdir()):
             if child.is_dir() and child.name in ("dataset", "shards"):
                 shutil.rmtree(child)

@@ -78,7 +78,7 @@ def test_an_interrupted_copy_says_that_the_dataset_is_whole(
 ) -> None:
     from recipe_runtime.remote import Target
 
-    def put(self: Target, *_: Any) -> None:
+    def put(self: Target, *_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Target, "put", put)

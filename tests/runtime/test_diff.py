@@ -87,6 +87,7 @@ def test_files_stages_and_tools_come_first(ours: Side) -> None:
         files={"tiny.yaml": "bb", "street.yaml": "cc"},
         tools={**ours.lock.tools, "numpy": "9"},
         stages={**ours.lock.stages, "shade": 9},
+        plan="0" * 64,
     )
     numpy = ours.lock.tools["numpy"]
     assert [str(f) for f in differences(ours, other)] == [
@@ -99,8 +100,15 @@ def test_files_stages_and_tools_come_first(ours: Side) -> None:
 
 def test_a_renamed_recipe_with_the_same_bytes_is_the_same(ours: Side) -> None:
     assert differences(ours, _with(ours, files={"other.yaml": "aa"})) == []
-    (found,) = differences(ours, _with(ours, files={"other.yaml": "bb"}))
+    (found,) = differences(ours, _with(ours, files={"other.yaml": "bb"}, plan="0" * 64))
     assert found.message == "tiny.yaml and other.yaml differ"
+
+
+def test_other_text_of_one_plan_is_a_note(ours: Side) -> None:
+    """A comment is not another recipe."""
+    other = _with(ours, files={"tiny.yaml": "bb"})
+    assert differences(ours, other) == []
+    assert left_out(ours, other) == ["the text of ours and theirs differs; the plan does not"]
 
 
 def test_what_one_side_does_not_tell_is_said(ours: Side) -> None:

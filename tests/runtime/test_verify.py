@@ -139,8 +139,13 @@ def test_a_build_is_compared_with_its_lockfile_stage_by_stage(locked: Lockfile) 
 
 
 def test_an_edited_recipe_is_told(locked: Lockfile) -> None:
-    report = check(replace(locked, files={"tiny.yaml": "b" * 64}))
-    assert (report.verdict, report.stage) == ("FAIL", "recipe")
+    """Another text of the same plan is a note; another plan is a difference, and names the file."""
+    edited = replace(locked, files={"tiny.yaml": "b" * 64})
+    report = check(edited)
+    assert (report.verdict, report.differences) == ("PASS", [])
+    assert report.notes == ["the text of tiny.yaml has changed since it was locked; the plan has not"]
+    report = check(edited, fakes.dataset_plan(frames=6, weathers=1))
+    assert (report.verdict, report.stage, report.notes) == ("FAIL", "recipe", [])
     assert "tiny.yaml has changed since it was locked" in str(report.differences[0])
 
 

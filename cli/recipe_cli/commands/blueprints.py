@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import JSON, LocalPath, writing
+from recipe_cli.arguments import JSON, REPLACE, LocalPath, writing
 from recipe_cli.console import print_json, say
 
 if TYPE_CHECKING:
@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     type=LocalPath(path_type=Path, file_okay=False),
     help="Also render each into FOLDER, as a PNG, and all of them on one sheet, blueprints.jpg.",
 )
+@REPLACE
 @JSON
-def command(pattern: str, pictures: Path | None, as_json: bool) -> None:
+def command(pattern: str, pictures: Path | None, replace: bool, as_json: bool) -> None:
     """List the blueprints whose id matches PATTERN, a glob such as `vehicle.*`; all of them by default.
 
     `dashcam` is a mount on the vehicle, in metres, that sees the road ahead: `mount: {on: car, x: 1.2, z: 1.25}`.
@@ -35,7 +36,7 @@ def command(pattern: str, pictures: Path | None, as_json: bool) -> None:
     else:
         _print_table(found)
     if pictures is not None:
-        _draw(found, pictures)
+        _draw(found, pictures, replace)
 
 
 def _matching(pattern: str) -> tuple[Blueprint, ...]:
@@ -86,23 +87,25 @@ def _print_table(found: tuple[Blueprint, ...]) -> None:
         say("  ".join([*(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=False)), row[6]]))
 
 
-def _draw(found: tuple[Blueprint, ...], folder: Path) -> None:
+def _draw(found: tuple[Blueprint, ...], folder: Path, replace: bool) -> None:
     from recipe_compiler.blueprints import specimen
     from recipe_runtime import encode
+    from recipe_runtime.outputs import check_output, write_output
     from recipe_runtime.report.catalogue import sheet
-    from recipe_runtime.store import write_atomic
     from recipe_runtime.studio import portrait
 
     from recipe_cli.progress import Progress
 
     drawn = []
+    for path in (*(folder / f"{blueprint.id}.png" for blueprint in found), folder / "blueprints.jpg"):
+        check_output(path, replace=replace)
     with writing(folder), Progress() as progress:
         folder.mkdir(exist_ok=True)
         for number, blueprint in enumerate(found):
             progress("pictures", number, len(found))
             pixels = portrait(*specimen(blueprint))
-            write_atomic(folder / f"{blueprint.id}.png", encode.png(pixels))
+            write_output(folder / f"{blueprint.id}.png", encode.png(pixels), replace=replace)
             drawn.append((blueprint.id, pixels))
         progress("pictures", len(found), len(found))
-        write_atomic(folder / "blueprints.jpg", sheet(drawn))
+        write_output(folder / "blueprints.jpg", sheet(drawn), replace=replace)
     say(f"{folder}: {count(len(found), 'picture')}, and blueprints.jpg", err=True)

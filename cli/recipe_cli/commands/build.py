@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from recipe_cli.arguments import (
     ALLOW_LARGE,
     DEVICE,
     JSON,
+    REPLACE,
     WORKERS,
     LocalPath,
     compile_quietly,
@@ -25,7 +27,7 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.console import print_json, say, warn
-from recipe_cli.places import free_disk, lockfile_path, source_of
+from recipe_cli.places import free_disk, lockfile_path, read_lockfile, source_of
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -72,20 +74,23 @@ def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
 @click.option(
     "--repair", is_flag=True, help="Hash every file of the dataset that is there, and make again what is damaged."
 )
+@REPLACE
 @click.option("--explain", is_flag=True, help="Say why each stage runs, or does not.")
 @DEVICE
 @WORKERS
 @ALLOW_LARGE
 @JSON
 @_recipe_first
-@unpacks("recipe")
+@unpacks("recipe", keep="source")
 def command(
     recipe: Path,
+    source: Path,
     out: str | None,
     locked: bool,
     frozen: bool,
     ray: str | None,
     repair: bool,
+    replace: bool,
     explain: bool,
     device: str,
     workers: int | None,
@@ -103,13 +108,16 @@ def command(
         raise InputError(f"--repair mends a folder, not {url}; repair that, then build with --out {url} to copy it")
     compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(folder or Path()))
     folder = folder or Path("datasets") / compiled.plan.recipe
-    lock = _lockfile(recipe, compiled)
+    lock = read_lockfile(recipe, compiled.plan)
+    _note_text(compiled, lock)
     if locked or frozen:
         plan = _agreed(recipe, compiled, lock, frozen)
-        compiled = replace(compiled, plan=plan, files=compiled.files if locked or lock is None else lock[1].files)
+        compiled = dataclasses.replace(
+            compiled, plan=plan, files=compiled.files if locked or lock is None else lock[1].files
+        )
     elif lock is not None:
         _warn_if_outdated(compiled, *lock)
-    target = _target(out) if out and "://" in out else None
+    target = _target(out, compiled.plan, replace) if out and "://" in out else None
     from recipe_runtime.build import build
 
     reasons: list[str] = []
@@ -127,8 +135,10 @@ def command(
                 explain=reasons.extend,
                 run=run,
                 repair=repair,
+                source=source,
+                replace=replace,
             )
-            copied = target.put(result.path, progress) if target else None
+            copied = target.put(result.path, progress, replace=replace) if target else None
     except KeyboardInterrupt:
         say(_interrupted(compiled.plan, folder, repair, target), err=True)
         raise click.exceptions.Exit(130) from None
@@ -157,11 +167,14 @@ def command(
         raise click.exceptions.Exit(1)
 
 
-def _target(url: str) -> Target:
-    """Where a URL leads; says before the work if that is nowhere."""
+def _target(url: str, plan: DatasetPlan, replace: bool) -> Target:
+    """Where a URL leads; says before the work if that is nowhere, or holds another recipe's dataset."""
     from recipe_runtime.remote import Target
 
-    return Target(url)
+    target = Target(url)
+    if not replace:
+        target.check_replaceable(plan.recipe)
+    return target
 
 
 @contextmanager
@@ -178,14 +191,6 @@ def _runner(ray: str | None) -> Iterator[Runner]:
         yield run
 
 
-def _lockfile(recipe: Path, compiled: Compiled) -> tuple[Path, Lockfile] | None:
-    """The recipe's lockfile, read before anything is built; None if there is none."""
-    from recipe_compiler import lockfile
-
-    path = lockfile_path(recipe, compiled.plan.recipe)
-    return (path, lockfile.read(path)) if path.exists() else None
-
-
 def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None, frozen: bool) -> DatasetPlan:
     """The plan as far as the lockfile knows it; InputError if a locked variant is another now, or there is no lockfile.
 
@@ -200,11 +205,13 @@ def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None
             f"{lockfile_path(recipe, compiled.plan.recipe)}: there is no lockfile; `recipe lock` writes it"
         )
     path, known = lock
-    plan, differences = compiled.plan, [] if frozen else compare_files(known, compiled.files)
+    plan, differences = compiled.plan, [] if frozen else compare_files(compiled.plan, known, compiled.files)
     if frozen:
         by_name = {v.variant: v for v in plan.variants}
         variants = tuple(by_name[name] for name in known.variants if name in by_name)
-        plan = DatasetPlan.model_validate({**dict(plan), "variants": variants})
+        plan = DatasetPlan.model_validate(
+            {n: getattr(plan, n) for n in DatasetPlan.model_fields} | {"variants": variants}
+        )
     differences += compare_plans(plan, known)
     if differences:
         raise InputError([Problem(f"{path}: {difference}") for difference in differences])
@@ -216,10 +223,19 @@ def _warn_if_outdated(compiled: Compiled, path: Path, known: Lockfile) -> None:
     from recipe_compiler.errors import Problem
     from recipe_runtime.compare import compare_files, compare_plans
 
-    found = compare_files(known, compiled.files) or compare_plans(compiled.plan, known)
+    found = compare_files(compiled.plan, known, compiled.files) or compare_plans(compiled.plan, known)
     if found:
         remedy = "this builds what the recipe says now, and ends with exit code 1; --locked refuses to"
         warn(Problem(f"{path} is outdated: {found[0].message}; {remedy}"))
+
+
+def _note_text(compiled: Compiled, lock: tuple[Path, Lockfile] | None) -> None:
+    """Say in one line that the recipe's text is not the locked one, where that changes nothing."""
+    from recipe_runtime.compare import text_note
+
+    note = text_note(lock[1], compiled.plan.digest, compiled.files) if lock else None
+    if note:
+        say(f"note: {note}", err=True)
 
 
 def _against(

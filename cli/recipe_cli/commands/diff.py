@@ -51,6 +51,8 @@ def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None
 
 def _side(path: Path, allow_large: bool) -> Side:
     """What a path stands for, by what it is."""
+    from dataclasses import replace
+
     from recipe_compiler import lockfile
     from recipe_runtime import dataset
     from recipe_runtime.diff import Side
@@ -69,7 +71,7 @@ def _side(path: Path, allow_large: bool) -> Side:
         found, note = lockfile_path(recipe, compiled.plan.recipe), None
         if found.exists():  # so it tells of motion and pixels too
             lock = lockfile.read(found)
-            if lock.plan == compiled.plan.digest and lock.files == compiled.files:
-                return Side(str(path), lock, compiled.plan)
+            if lock.plan == compiled.plan.digest:
+                return Side(str(path), replace(lock, files=compiled.files), compiled.plan)
             note = f"{found} is not what {path} makes now, and was left aside; `recipe lock --update` renews it"
         return Side(str(path), bare(compiled.plan, "", compiled.files), compiled.plan, note=note)

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import JSON, LocalPath
+from recipe_cli.arguments import JSON, REPLACE, LocalPath
 from recipe_cli.console import print_json, say
 from recipe_cli.progress import Progress
 
@@ -30,8 +30,9 @@ from recipe_cli.progress import Progress
     show_default=True,
     help="A shard is at most so large, unless one frame alone is larger.",
 )
+@REPLACE
 @JSON
-def command(dataset: Path, out: Path, form: str, shard_size: str, as_json: bool) -> None:
+def command(dataset: Path, out: Path, form: str, shard_size: str, replace: bool, as_json: bool) -> None:
     """Write the frames of DATASET, a folder that `recipe build` made, into OUT.
 
     As WebDataset: tar files in which the pictures and the records of a frame lie side by side.
@@ -41,7 +42,7 @@ def command(dataset: Path, out: Path, form: str, shard_size: str, as_json: bool)
     from recipe_runtime.dataset import read
 
     with Progress(quiet=as_json) as progress:
-        index = export.webdataset(read(dataset), out, progress, housekeeping.bytes_of(shard_size))
+        index = export.webdataset(read(dataset), out, progress, housekeeping.bytes_of(shard_size), replace=replace)
     if as_json:
         print_json(index)
         return

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from recipe_cli.arguments import LocalPath
+from recipe_cli.arguments import REPLACE, LocalPath
 from recipe_cli.console import say
 
 
@@ -23,7 +23,8 @@ from recipe_cli.console import say
     show_default=True,
     help="The folder to write it to; made if it is not there.",
 )
-def command(name: str, folder: Path) -> None:
+@REPLACE
+def command(name: str, folder: Path, replace: bool) -> None:
     """Write NAME.yaml: a street with people and cars, a camera, three weathers; and what to run next."""
     from recipe_compiler.errors import InputError, RunError
     from recipe_compiler.schema import template
@@ -31,8 +32,8 @@ def command(name: str, folder: Path) -> None:
     _check_name(name)
     path = folder / f"{name}.yaml"
     try:
-        if os.path.lexists(path):
-            raise InputError(f"{path} is there already; choose another name, or remove it")
+        if not replace and os.path.lexists(path):
+            raise InputError(f"{path} is there already; choose another name, or add --replace to write over it")
         folder.mkdir(parents=True, exist_ok=True)
         path.write_text(template(name), encoding="utf-8")
     except OSError as error:

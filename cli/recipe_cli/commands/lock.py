@@ -7,19 +7,30 @@ from typing import TYPE_CHECKING
 
 import click
 
-from recipe_cli.arguments import ALLOW_LARGE, DEVICE, WORKERS, LocalPath, compile_quietly, engines_for, worker_count
+from recipe_cli.arguments import (
+    ALLOW_LARGE,
+    DEVICE,
+    REPLACE,
+    WORKERS,
+    LocalPath,
+    compile_quietly,
+    engines_for,
+    worker_count,
+)
 from recipe_cli.console import say
-from recipe_cli.places import lockfile_path, source_of
+from recipe_cli.places import check_lockfile_is_of, lockfile_path, source_of
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
+    from recipe_compiler.lockfile import Lockfile
     from recipe_runtime.trace import Trace
 
 
 @click.command("lock")
 @click.argument("recipes", nargs=-1, required=True, type=LocalPath(path_type=Path))
-@click.option("--update", is_flag=True, help="Replace a lockfile that says something else.")
+@click.option("--update", is_flag=True, help="Replace the recipe's lockfile if it says something else.")
+@REPLACE
 @click.option(
     "--with-traces",
     is_flag=True,
@@ -29,7 +40,13 @@ if TYPE_CHECKING:
 @WORKERS
 @ALLOW_LARGE
 def command(
-    recipes: tuple[Path, ...], update: bool, with_traces: bool, device: str, workers: int | None, allow_large: bool
+    recipes: tuple[Path, ...],
+    update: bool,
+    replace: bool,
+    with_traces: bool,
+    device: str,
+    workers: int | None,
+    allow_large: bool,
 ) -> None:
     """Render every frame of RECIPES and write its digest into lockfiles/<recipe>.lock; nothing else is kept."""
     from recipe_compiler import lockfile
@@ -40,8 +57,10 @@ def command(
     count = worker_count(workers, device)
     compiled = [compile_quietly(recipe, allow_large=allow_large) for recipe in recipes]
     places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]
+    _check_apart(recipes, places)
+    update = update or replace
     for recipe, one, path in zip(recipes, compiled, places, strict=True):
-        _check_before(recipe, one, path, update)
+        _check_before(recipe, one, path, update, replace)
     for recipe, one, path in zip(recipes, compiled, places, strict=True):
         source = source_of(recipe, path)
         motion: dict[str, Trace] = {}
@@ -56,36 +75,73 @@ def command(
                 device=device,
                 traces=motion,
             )
-        if path.exists() and not update and not lockfile.read(path).says_the_same(made):
+        there = lockfile.read(path) if path.exists() and not update else None
+        if there is not None and not there.means_the_same(made):
             raise InputError(_otherwise(path, recipe))
-        written = made.write(path)
+        written = there is None and made.write(path, replace=replace)
         if with_traces or traces.beside(path).exists():  # a file that is there must not fall behind
-            written |= traces.write(traces.beside(path), motion)
-        say(f"{path} {'written' if written else 'is up to date'}")
-        say(lockfile.read(path).identity)
+            written |= traces.write(traces.beside(path), motion, replace=replace)
+        say(f"{path} {'written' if written else 'is up to date'}{_note(there, made)}")
+        say(made.identity)
 
 
-def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool) -> None:
+def _note(there: Lockfile | None, made: Lockfile) -> str:
+    """That the text of the recipe changed since it was locked, and its meaning did not."""
+    from recipe_runtime.compare import text_note
+
+    note = text_note(there, made.plan, made.files) if there is not None else None
+    return f"; {note} (--update records the new text)" if note else ""
+
+
+def _check_apart(recipes: tuple[Path, ...], places: list[Path]) -> None:
+    """InputError if two recipes would write one lockfile."""
+    from recipe_compiler.errors import InputError
+
+    for number, place in enumerate(places):
+        first = places.index(place)
+        if first != number and recipes[first].resolve() != recipes[number].resolve():
+            raise InputError(
+                f"{recipes[first]} and {recipes[number]} have one name, and so one lockfile, {place};"
+                " give one of them another name (`recipe: NAME`)"
+            )
+
+
+def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, replace: bool) -> None:
     """What can be known before anything is rendered: that the file can be written, and would not say otherwise."""
     import os
 
-    from recipe_compiler import lockfile
     from recipe_compiler.errors import InputError, RunError
 
     try:
         str(recipe).encode()
     except UnicodeEncodeError:
         raise InputError(f"{str(recipe)!r}: a lockfile names its recipe in UTF-8; rename the file") from None
-    if path.exists() and not update:
-        there = lockfile.read(path)
-        if there.plan != compiled.plan.digest or there.files != compiled.files:
-            raise InputError(_otherwise(path, recipe))
+    if path.is_file() and not replace:
+        _check_ours(recipe, compiled, path, update)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunError(f"{path.parent}: cannot be made: {error.strerror}") from error
     if path.is_dir() or not os.access(path.parent, os.W_OK):
         raise RunError(f"{path}: cannot be written; make the folder writable, or move what is in the way")
+
+
+def _check_ours(recipe: Path, compiled: Compiled, path: Path, update: bool) -> None:
+    """InputError unless the file that is there is this recipe's lockfile; without `update`, of this very plan."""
+    from recipe_compiler import lockfile
+    from recipe_compiler.errors import InputError
+
+    if update and not lockfile.is_lockfile(path):
+        raise InputError(f"{path} is there already and is not a lockfile; move it away, or add --replace")
+    try:
+        there = lockfile.read(path)
+    except InputError:
+        if not update:
+            raise
+        return  # damaged, and about to be written anew
+    check_lockfile_is_of(recipe, compiled.plan, path, there)
+    if not update and there.plan != compiled.plan.digest:
+        raise InputError(_otherwise(path, recipe))
 
 
 def _otherwise(path: Path, recipe: Path) -> str:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, LocalPath, compile_quietly, writing
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, REPLACE, LocalPath, compile_quietly, writing
 from recipe_cli.console import print_json, say
-from recipe_cli.places import FOLDER, lockfile_path
+from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
@@ -22,25 +22,29 @@ if TYPE_CHECKING:
 @click.option(
     "--with-traces", is_flag=True, help="Insist on the traces beside the lockfile; they go in if they are there."
 )
+@REPLACE
 @ALLOW_LARGE
 @JSON
-def command(recipe: Path, output: Path | None, with_traces: bool, allow_large: bool, as_json: bool) -> None:
+def command(
+    recipe: Path, output: Path | None, with_traces: bool, replace: bool, allow_large: bool, as_json: bool
+) -> None:
     """Put RECIPE, every file that it uses, its lockfile and traces into one file, and print its identity.
 
     `plan`, `check`, `shot`, `build`, `verify` and `diff` take such a file in place of a recipe.
     """
     from recipe_compiler.errors import InputError
     from recipe_runtime import pack
-    from recipe_runtime.store import write_atomic
+    from recipe_runtime.outputs import check_output, write_output
 
     compiled = compile_quietly(recipe, allow_large=allow_large)
     output = output or Path(f"{compiled.plan.recipe}{pack.SUFFIX}")
     if not pack.is_pack(output):
         raise InputError(f"{output}: give --output a name that ends in {pack.SUFFIX}")
+    check_output(output, replace=replace)
     files = {**_sources(recipe, compiled), **_locked(recipe, compiled, with_traces)}
     body = pack.Pack(recipe.name, files).dumps()
     with writing(output):
-        write_atomic(output, body)
+        write_output(output, body, replace=replace)
     if as_json:
         rows = {path: len(content) for path, content in sorted(files.items())}
         print_json({"file": str(output), "bytes": len(body), "identity": pack.identity(body), "files": rows})
@@ -80,10 +84,11 @@ def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, by
     if not path.exists():
         return {}
     lock = lockfile.read(path)
-    if not lock.sealed or lock.plan != compiled.plan.digest or lock.files != compiled.files:
+    check_lockfile_is_of(recipe, compiled.plan, path, lock)
+    if not lock.sealed or lock.plan != compiled.plan.digest:
         raise InputError(f"{path} says something else than {recipe} makes now; `recipe lock --update` first")
     name = f"{FOLDER}/{compiled.plan.recipe}"
-    found = {f"{name}.lock": replace(lock, source=f"../{recipe.name}").dumps().encode()}
+    found = {f"{name}.lock": replace(lock, source=f"../{recipe.name}", files=compiled.files).dumps().encode()}
     if motion.exists():
         found[f"{name}{traces.SUFFIX}"] = traces.dumps(traces.read(motion, lock.traces))
     return found

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import click
 
-from recipe_cli.arguments import LocalPath, writing
+from recipe_cli.arguments import REPLACE, LocalPath, writing
 from recipe_cli.console import print_document, say
 
 
 @click.command("schema")
 @click.option("-o", "--output", type=LocalPath(path_type=Path, dir_okay=False), help="Write it to this file.")
-def command(output: Path | None) -> None:
+@REPLACE
+def command(output: Path | None, replace: bool) -> None:
     """Print the JSON Schema of recipes, so that editors complete and check them."""
     import json
 
@@ -22,6 +23,8 @@ def command(output: Path | None) -> None:
     if output is None:
         print_document(text)
     else:
+        from recipe_runtime.outputs import write_output
+
         with writing(output):
-            output.write_text(text + "\n", encoding="utf-8")
+            write_output(output, f"{text}\n".encode(), replace=replace)
         say(f"{output} written", err=True)

@@ -12,6 +12,7 @@ from recipe_cli.arguments import (
     DEVICE,
     JSON,
     RECIPE,
+    REPLACE,
     LocalPath,
     compile_quietly,
     engines_for,
@@ -30,6 +31,7 @@ from recipe_cli.progress import Progress
 @click.option("--modality", metavar="NAME", help="rgb, depth, instance or semantic; rgb if it is captured.")
 @click.option("-o", "--output", type=LocalPath(path_type=Path, dir_okay=False), help="The PNG; by default its name.")
 @click.option("--map", "as_map", is_flag=True, help="Draw the town from above instead; RECIPE may be a town's name.")
+@REPLACE
 @DEVICE
 @ALLOW_LARGE
 @JSON
@@ -42,6 +44,7 @@ def command(
     modality: str | None,
     output: Path | None,
     as_map: bool,
+    replace: bool,
     device: str,
     allow_large: bool,
     as_json: bool,
@@ -58,20 +61,26 @@ def command(
     if as_map:
         if (sensor, frame, modality) != (None, None, None):
             raise InputError("--map draws a town, not a frame; leave out --sensor, --frame and --modality")
-        _draw_map(recipe, variant, output, allow_large, as_json)
+        _draw_map(recipe, variant, output, replace, allow_large, as_json)
         return
     compiled = compile_quietly(recipe, allow_large=allow_large)
     plan = compiled.plan
     scenario = plan.named(variant)
+    from recipe_runtime.outputs import check_output, unused_names
     from recipe_runtime.shot import shot
 
     with writing(output or Path("shot.png")):  # a folder that is not there is said before the work
+        if output is not None:
+            check_output(output, replace=replace)
         with Progress(quiet=as_json) as progress:
             engines = engines_for(compiled, partial(progress, "simulate"))
             made = shot(scenario, sensor, frame, modality, engines=engines, device=device, progress=progress)
-        name = f"{plan.recipe}-{scenario.variant.replace('.', '_')}-{made.sensor}-{made.modality}-{made.frame:06d}.png"
-        path = output or Path(name)
-        made.write(path)
+        name = f"{plan.recipe}-{scenario.variant.replace('.', '_')}-{made.sensor}-{made.modality}-{made.frame:06d}"
+        if output is None and not replace:
+            (path,) = unused_names(lambda suffix: {Path(f"{name}{suffix}.png"): made.encoded()})
+        else:
+            path = output or Path(f"{name}.png")
+        made.write(path, replace=replace or output is None)
     if as_json:
         print_json(
             {"file": str(path), "variant": scenario.variant, "sensor": made.sensor, "frame": made.frame}
@@ -82,7 +91,9 @@ def command(
         say(f"pixels sha256:{made.digest}")
 
 
-def _draw_map(recipe: Path, variant: str | None, output: Path | None, allow_large: bool, as_json: bool) -> None:
+def _draw_map(
+    recipe: Path, variant: str | None, output: Path | None, replace: bool, allow_large: bool, as_json: bool
+) -> None:
     """Write a map of a recipe's town, or of the town of that name where there is no such file."""
     from recipe_compiler import towns
 
@@ -94,13 +105,18 @@ def _draw_map(recipe: Path, variant: str | None, output: Path | None, allow_larg
         scenario = compiled.plan.named(variant)
         town, name = compiled.towns[scenario.scene.town.digest], compiled.plan.recipe
         title = f"{name}: {town.plan.name}"
-    path = output or Path(f"{name}-map.png")
-    with writing(path):
-        from recipe_runtime.report.town_map import Spots, town_map
-        from recipe_runtime.store import write_atomic
+    from recipe_runtime.outputs import check_output, unused_names, write_output
+    from recipe_runtime.report.town_map import Spots, town_map
 
+    with writing(output or Path("map.png")):
+        if output is not None:
+            check_output(output, replace=replace)
         spots = Spots(town.spots["vehicle"], town.spots["pedestrian"], town.parking, town.streets.bounds)
-        write_atomic(path, town_map(town.plan, spots, title, scenario))
+        body = town_map(town.plan, spots, title, scenario)
+        path = output or Path(f"{name}-map.png")
+        if output is None and not replace:
+            (path,) = unused_names(lambda suffix: {Path(f"{name}-map{suffix}.png"): body})
+        write_output(path, body, replace=replace or output is None)
     if as_json:
         print_json({"file": str(path), "town": town.plan.name, "variant": scenario.variant if scenario else None})
     else:

@@ -22,7 +22,7 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.console import COLOURS, Styled, print_json, say
-from recipe_cli.places import FOLDER, lockfile_path, recipe_of
+from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -168,6 +168,8 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
             compiled = compile_recipe(target, allow_large=allow_large)
             path = lockfile_path(target, compiled.plan.recipe)
             lock = held.lock if held is not None and not path.exists() else lockfile.read(path)
+            if held is None or lock is not held.lock:
+                check_lockfile_is_of(target, compiled.plan, path, lock)
         held_traces = traces.read(traces.beside(path), lock.traces)
         return verify(
             compiled.plan,
@@ -189,6 +191,8 @@ def _say(target: Path | str, report: Report) -> None:
         say(f"  {difference}")
     if len(report.differences) > _MOST_SHOWN:
         say(f"  ... and {len(report.differences) - _MOST_SHOWN} more; --json lists all")
+    for note in report.notes:
+        say(f"  note: {note}")
     for picture in report.pictures:
         say(f"  see {picture}")
     say(f"  {report.extent} (nonce {report.nonce})")

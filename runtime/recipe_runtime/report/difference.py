@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from recipe_runtime import encode
+from recipe_runtime.outputs import unused_names
 from recipe_runtime.store import host_errors, write_atomic
 
 _MODES = ("RGB", "L", "I;16")  # what encode.png writes
@@ -91,6 +92,7 @@ def read_pixels(path: Path) -> NDArray[Any] | None:
 def write_difference(stem: Path, made: Shot, there: Path | None) -> list[Path]:
     """Write `STEM-rendered.png`, and with a file to compare with, `-recorded.png` and `-difference.png`: red differs.
 
+    Nothing is written over: where a picture of that name is another one, they are `STEM.2-rendered.png` and so on.
     RunError if the folder cannot be written.
     """
     rendered = made.picture()
@@ -103,13 +105,14 @@ def write_difference(stem: Path, made: Shot, there: Path | None) -> list[Path]:
         faded[_differs(pixels, recorded)] = (255, 40, 40)
         shown = encode.metres_from_carla(recorded) if as_carla else np.nan_to_num(recorded)
         pictures |= {"recorded": replace(made, pixels=shown).picture(), "difference": faded}
-    paths = []
     with host_errors(str(stem.parent), "choose another folder for pictures"):
-        for kind, picture in pictures.items():
-            path = stem.with_name(f"{stem.name}-{kind}.png")
-            write_atomic(path, encode.png(picture))
-            paths.append(path)
-    return paths
+        bodies = {kind: encode.png(picture) for kind, picture in pictures.items()}
+        files = unused_names(
+            lambda suffix: {stem.with_name(f"{stem.name}{suffix}-{k}.png"): body for k, body in bodies.items()}
+        )
+        for path, body in files.items():
+            write_atomic(path, body)
+    return list(files)
 
 
 def _alike(a: NDArray[Any], b: NDArray[Any]) -> bool:

@@ -1,0 +1,288 @@
+"""What a command may write over, whose lockfile a recipe takes, and that text is not identity."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from recipe_cli import places
+from recipe_cli.commands import blueprints, build, diff, lock, pack, schema, shot, verify
+from recipe_compiler import lockfile
+from recipe_compiler.errors import InputError
+from recipe_runtime import housekeeping, provenance
+
+from tests.cli.test_commands import RECIPE
+from tests.runtime.fakes import ENGINES
+
+OTHER_PLAN = RECIPE.replace("HardRainNoon", "WetNoon")
+COMMANDS = {"build": build, "lock": lock, "verify": verify, "diff": diff, "shot": shot, "pack": pack}
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """The commands, in this process and an empty project, with engines that are quick."""
+    (tmp_path / "pyproject.toml").touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(housekeeping, "tidy", lambda *_: None)
+    for module in (build, lock, verify, shot):
+        monkeypatch.setattr(module, "engines_for", lambda *_: ENGINES)
+    for module in (build, lock, verify):
+        monkeypatch.setattr(module, "worker_count", lambda *_: 0)
+
+    def run(command: str, *arguments: str | Path) -> Result:
+        return CliRunner().invoke(COMMANDS[command].command, [*map(str, arguments)], catch_exceptions=False)
+
+    return run
+
+
+def write(path: str, text: str) -> Path:
+    place = Path(path)
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.write_text(text)
+    return place
+
+
+def manifest(folder: str) -> dict[str, str]:
+    found: dict[str, str] = json.loads((Path(folder) / "manifest.json").read_text())
+    return found
+
+
+def test_another_recipes_finished_dataset_is_not_replaced_unasked(recipe: Run) -> None:
+    write("a.yaml", RECIPE)
+    write("b.yaml", OTHER_PLAN.replace("recipe: small", "recipe: other"))
+    assert recipe("build", "a.yaml", "--out", "X").exit_code == 0
+    before = manifest("X")
+    with pytest.raises(
+        InputError, match=r"X holds the dataset of another recipe, 'small', and this is 'other'.*--repl"
+    ):
+        recipe("build", "b.yaml", "--out", "X")
+    assert manifest("X") == before
+    assert recipe("build", "b.yaml", "--out", "X", "--replace").exit_code == 0
+    assert manifest("X")["recipe"] == "other"
+
+
+def test_two_recipes_of_one_name_do_not_share_a_dataset(recipe: Run) -> None:
+    write("a/r.yaml", RECIPE)
+    write("b/r.yaml", OTHER_PLAN)
+    assert recipe("build", "a/r.yaml").exit_code == 0
+    first = manifest("datasets/small")
+    with pytest.raises(
+        InputError, match=r"the dataset of a/r\.yaml, another recipe that is named 'small' as b/r\.yaml"
+    ):
+        recipe("build", "b/r.yaml")
+    assert manifest("datasets/small") == first
+    assert recipe("build", "b/r.yaml", "--replace").exit_code == 0
+    with pytest.raises(InputError, match="--replace"):  # it is b's now
+        recipe("build", "a/r.yaml")
+
+
+def test_a_recipe_replaces_its_own_dataset_after_every_edit(recipe: Run) -> None:
+    """Also after another recipe of the same meaning found it there, and where the project was moved as a whole."""
+    write("p/a.yaml", RECIPE)
+    os.chdir("p")
+    for text in (RECIPE, OTHER_PLAN, RECIPE.replace("seed: 1", "seed: 2")):
+        write("a.yaml", text)
+        assert recipe("build", "a.yaml").exit_code == 0
+    write("copy/same.yaml", RECIPE.replace("seed: 1", "seed: 2"))
+    assert "there already" in recipe("build", "copy/same.yaml").stdout
+    os.chdir("..")
+    Path("p").rename("q")
+    os.chdir("q")
+    write("a.yaml", RECIPE)
+    assert recipe("build", "a.yaml").exit_code == 0
+
+
+def test_a_dataset_that_came_from_elsewhere_is_not_replaced_unasked(recipe: Run) -> None:
+    write("a.yaml", RECIPE)
+    assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
+    provenance.record_path(Path("downloaded")).unlink()
+    write("a.yaml", OTHER_PLAN)
+    with pytest.raises(InputError, match=r"not known to be built from a\.yaml; .*--replace"):
+        recipe("build", "a.yaml", "--out", "downloaded")
+    write("a.yaml", RECIPE)  # that makes this very dataset, so it may
+    assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
+    write("a.yaml", OTHER_PLAN)
+    assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
+
+
+def test_no_path_of_the_recipe_enters_the_dataset(recipe: Run) -> None:
+    write("somewhere/secret_place.yaml", RECIPE)
+    assert recipe("build", "somewhere/secret_place.yaml").exit_code == 0
+    assert "secret_place" in provenance.record_path(Path("datasets/small")).read_text()
+    for path in Path("datasets/small").rglob("*"):
+        assert not path.is_file() or b"secret_place" not in path.read_bytes()
+
+
+def test_a_dataset_at_a_url_is_not_replaced_by_a_recipe_of_another_name(recipe: Run, tmp_path: Path) -> None:
+    write("a.yaml", RECIPE)
+    write("b.yaml", OTHER_PLAN.replace("recipe: small", "recipe: other"))
+    url = f"file://{tmp_path}/there"
+    assert recipe("build", "a.yaml", "--out", url).exit_code == 0
+    before = manifest("there")
+    with pytest.raises(InputError, match=r"holds the dataset of another recipe, 'small'.*--replace"):
+        recipe("build", "b.yaml", "--out", url)
+    assert not Path("datasets/other").exists()  # said before the work
+    assert manifest("there") == before
+    assert recipe("build", "b.yaml", "--out", url, "--replace").exit_code == 0
+
+
+def test_two_recipes_of_one_name_do_not_share_a_lockfile(recipe: Run) -> None:
+    write("a/r.yaml", RECIPE)
+    write("b/r.yaml", OTHER_PLAN)
+    assert recipe("lock", "a/r.yaml").exit_code == 0
+    before = Path("lockfiles/small.lock").read_bytes()
+    for command in (
+        ["build"],
+        ["build", "--locked"],
+        ["build", "--frozen"],
+        ["lock"],
+        ["lock", "--update"],
+        ["verify"],
+    ):
+        with pytest.raises(InputError, match=r"small\.lock is the lockfile of a/r\.yaml, another recipe that is named"):
+            recipe(command[0], "b/r.yaml", *command[1:])
+    with pytest.raises(InputError, match=r"a/r\.yaml and b/r\.yaml have one name, and so one lockfile"):
+        recipe("lock", "a/r.yaml", "b/r.yaml", "--update")
+    assert Path("lockfiles/small.lock").read_bytes() == before
+    Path("b/lockfiles").mkdir()  # one of the two remedies: then it has a project of its own
+    assert recipe("lock", "b/r.yaml").stdout.startswith("b/lockfiles/small.lock written")
+    assert recipe("lock", "a/r.yaml").stdout.startswith("lockfiles/small.lock is up to date")
+
+
+def test_a_lockfile_in_python_is_not_written_over_another_recipes(recipe: Run) -> None:
+    write("a/r.yaml", RECIPE)
+    write("b/r.yaml", OTHER_PLAN)
+    recipe("lock", "a/r.yaml")
+    path = Path("lockfiles/small.lock")
+    mine = lockfile.read(path)
+    theirs = lockfile.replace(mine, plan="0" * 64, source="../b/r.yaml")
+    with pytest.raises(InputError, match=r"another recipe, a/r\.yaml, and not of b/r\.yaml"):
+        theirs.write(path)
+    notes = write("lockfiles/notes.lock", "mine\n")
+    with pytest.raises(InputError, match="is there already and is not a lockfile"):
+        mine.write(notes)
+    assert (lockfile.read(path), notes.read_text()) == (mine, "mine\n")
+    assert theirs.write(path, replace=True) and mine.write(notes, replace=True)
+
+
+@pytest.mark.parametrize("marker", ["pyproject.toml", ".git", "lockfiles"])
+def test_the_lockfile_is_sought_beside_the_recipe_and_in_its_project_alone(tmp_path: Path, marker: str) -> None:
+    (tmp_path / "lockfiles").mkdir()
+    (tmp_path / "lockfiles" / "r.lock").touch()
+    project = tmp_path / "project"
+    (project / "recipes" / "deep").mkdir(parents=True)
+    (project / marker).mkdir()
+    recipe = project / "recipes" / "deep" / "r.yaml"
+    recipe.touch()
+    assert places.lockfile_path(recipe, "r").resolve() == project / "lockfiles" / "r.lock"
+    (recipe.parent / "r.lock").touch()
+    assert places.lockfile_path(recipe, "r").resolve() == recipe.parent / "r.lock"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
+def test_a_folder_of_another_user_is_no_project(tmp_path: Path) -> None:
+    start = tmp_path / "shared" / "mine"
+    start.mkdir(parents=True)
+    (tmp_path / "shared" / "lockfiles").mkdir()
+    recipe = start / "r.yaml"
+    recipe.touch()
+    assert places.lockfile_path(recipe, "r").resolve().parent == tmp_path / "shared" / "lockfiles"
+    os.chown(tmp_path / "shared" / "lockfiles", 4711, 4711)  # as somebody puts one into /tmp
+    assert places.lockfile_path(recipe, "r").resolve().parent == start / "lockfiles"
+    os.chown(tmp_path / "shared" / "lockfiles", 0, 0)
+    os.chown(tmp_path / "shared", 4711, 4711)
+    assert places.lockfile_path(recipe, "r").resolve().parent == start / "lockfiles"
+    os.chown(recipe, 4711, 4711)  # whoever wrote the recipe may also say what it makes
+    assert places.lockfile_path(recipe, "r").resolve().parent == tmp_path / "shared" / "lockfiles"
+
+
+def test_a_comment_or_another_file_name_is_not_another_recipe(recipe: Run) -> None:
+    write("small.yaml", RECIPE)
+    assert recipe("lock", "small.yaml").exit_code == 0
+    locked = Path("lockfiles/small.lock").read_bytes()
+    Path("small.yaml").unlink()
+    write("renamed.yaml", f"# a remark\n\n{RECIPE}description: The same plan.\n")
+    note = "the text of renamed.yaml has changed since it was locked; the plan has not"
+    verified = recipe("verify", "renamed.yaml", "--frames", "1")
+    assert (verified.exit_code, verified.stdout.splitlines()[0]) == (0, "PASS  renamed.yaml"), verified.stdout
+    assert f"  note: {note}" in verified.stdout.splitlines()
+    for option in ("--locked", "--frozen"):
+        built = recipe("build", "renamed.yaml", option)
+        assert (built.exit_code, built.stderr) == (0, f"note: {note}\n")
+    kept = recipe("lock", "renamed.yaml")
+    assert kept.stdout.startswith(f"lockfiles/small.lock is up to date; {note} (--update records the new text)\n")
+    assert Path("lockfiles/small.lock").read_bytes() == locked
+    assert recipe("pack", "renamed.yaml").exit_code == 0
+    assert "note" not in recipe("verify", "small.recipe", "--frames", "1").stdout  # a pack holds the text of now
+    write("plain.yaml", RECIPE)
+    compared = recipe("diff", "plain.yaml", "renamed.yaml")
+    assert (compared.exit_code, compared.stdout) == (0, "nothing differs\n")
+    assert "the text of plain.yaml and renamed.yaml differs; the plan does not" in compared.stderr
+    assert "written" in recipe("lock", "renamed.yaml", "--update").stdout
+    assert "note" not in recipe("verify", "renamed.yaml", "--frames", "1").stdout
+
+
+def test_a_changed_plan_still_fails_and_names_the_file(recipe: Run) -> None:
+    write("small.yaml", RECIPE)
+    recipe("lock", "small.yaml")
+    write("small.yaml", OTHER_PLAN)
+    failed = recipe("verify", "small.yaml", "--frames", "1", "--json")
+    (report,) = json.loads(failed.stdout)
+    assert (failed.exit_code, report["stage"], report["notes"]) == (1, "recipe", [])
+    with pytest.raises(InputError, match=r"small\.yaml has changed since it was locked"):
+        recipe("build", "small.yaml", "--locked")
+
+
+def test_no_command_writes_over_a_file_that_is_there(recipe: Run, tmp_path: Path) -> None:
+    write("small.yaml", RECIPE)
+    precious = {name: write(name, "precious") for name in ("a.png", "a.json", "a.recipe", "f/blueprints.jpg")}
+    cases = (
+        (shot.command, ["small.yaml", "-o", "a.png"]),
+        (schema.command, ["-o", "a.json"]),
+        (pack.command, ["small.yaml", "-o", "a.recipe"]),
+        (blueprints.command, ["vehicle.bicycle.b", "--pictures", "f"]),
+    )
+    for command, arguments in cases:
+        with pytest.raises(InputError, match=r"is there already; name another file, or add --replace"):
+            CliRunner().invoke(command, arguments, catch_exceptions=False)
+    assert {path.read_text() for path in precious.values()} == {"precious"}
+    assert not Path("f/vehicle.bicycle.b.png").exists()
+    for command, arguments in cases[:3]:
+        assert CliRunner().invoke(command, [*arguments, "--replace"], catch_exceptions=False).exit_code == 0
+    assert "precious" not in {precious[name].read_text(errors="replace") for name in ("a.png", "a.json", "a.recipe")}
+
+
+def test_a_shot_without_a_name_takes_one_that_is_free(recipe: Run) -> None:
+    write("small.yaml", RECIPE)
+    first = Path("small-weather=dry-street-rgb-000001.png")
+    first.write_text("precious")
+    for _ in range(2):  # the same picture is the same file
+        assert recipe("shot", "small.yaml").stdout.startswith("small-weather=dry-street-rgb-000001.2.png: ")
+    assert first.read_text() == "precious"
+    assert recipe("shot", "small.yaml", "--replace").stdout.startswith(f"{first}: ")
+    assert first.read_bytes() == Path("small-weather=dry-street-rgb-000001.2.png").read_bytes()
+
+
+def test_an_unfinished_build_of_another_recipe_is_not_discarded_unasked(
+    recipe: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tests.cli.test_stops import FRAMES, _stopping
+
+    write("a.yaml", RECIPE.replace("frames: 2", f"frames: {FRAMES // 2}"))
+    write("b.yaml", OTHER_PLAN.replace("recipe: small", "recipe: other"))
+    with monkeypatch.context() as patched:
+        from contextlib import nullcontext
+
+        patched.setattr(build, "_runner", lambda ray: nullcontext(_stopping(1)))
+        assert recipe("build", "a.yaml", "--out", "X").exit_code == 130
+    with pytest.raises(
+        InputError, match=r"unfinished build of another recipe, 'small', and this is 'other'.*--replace"
+    ):
+        recipe("build", "b.yaml", "--out", "X")
+    assert "10 taken up from the stopped build" in recipe("build", "a.yaml", "--out", "X").stdout
