@@ -21,7 +21,7 @@ DOORS = {
     "astral": {"recipe_compiler/sun.py"},
     "zlib_ng": {"recipe_runtime/encode.py"},
     "pycocotools": {"recipe_runtime/annotate/", "recipe_runtime/report/"},
-    "PIL": {"recipe_compiler/assets/png.py", "recipe_runtime/report/", "recipe_runtime/build.py"},
+    "PIL": {"recipe_compiler/assets/png.py", "recipe_runtime/report/", "recipe_runtime/webdataset.py"},
     "fsspec": {"recipe_runtime/remote.py"},
     "ray": {"recipe_runtime/cluster.py"},
     "torch": {"recipe_runtime/torch.py"},

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from recipe_compiler.compile import Compiled
     from recipe_compiler.lockfile import Lockfile
     from recipe_compiler.plan import DatasetPlan
 
@@ -107,6 +108,21 @@ def recipe_of(lockfile: Path, lock: Lockfile) -> Path:
             f"{lockfile}: its recipe {lock.source[:100]!r} is not a file of the folder {project}; name the recipe"
         )
     return _short(recipe)
+
+
+def recipe_files(recipe: Path, compiled: Compiled) -> dict[str, bytes]:
+    """The recipe and all that it includes, the very bytes that were compiled."""
+    import hashlib
+
+    from recipe_compiler.errors import RunError
+
+    found = {}
+    for path, value in compiled.files.items():
+        body = (recipe.parent / path).read_bytes()
+        if hashlib.sha256(body).hexdigest() != value:
+            raise RunError(f"{recipe.parent / path} changed since it was compiled; start again")
+        found[path] = body
+    return found
 
 
 def free_disk(folder: Path) -> int:

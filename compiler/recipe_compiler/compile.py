@@ -20,6 +20,7 @@ from recipe_compiler import brought, compose, expand, limits, optics, placing, t
 from recipe_compiler.check import Checker, check_deltas, check_removals
 from recipe_compiler.errors import InputError, Place, Problem, with_source
 from recipe_compiler.expand import Axes, Variant
+from recipe_compiler.limits import TooLargeError as TooLargeError
 from recipe_compiler.lower import MAX_ROUTE, Lowering
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.schema.messages import nearest, translate

@@ -29,9 +29,10 @@ from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.finish import Finisher
 from recipe_runtime.harvest import Harvest
 from recipe_runtime.manifest import head, is_whole
+from recipe_runtime.recipe_files import RecipeFiles
 from recipe_runtime.repair import examine
-from recipe_runtime.reuse import Reuse, Taken, earlier, missing_shards, reasons, remember
-from recipe_runtime.schedule import SHARD_FRAMES, Shard, all_shards, simulations, views
+from recipe_runtime.reuse import Reuse, earlier, reasons, remember
+from recipe_runtime.schedule import SHARD_FRAMES, Shard, Taken, all_shards, missing_shards, simulations, views
 from recipe_runtime.stopwatch import Stopwatch
 from recipe_runtime.store import Store, default_cache
 from recipe_runtime.trace import Trace
@@ -75,6 +76,7 @@ def build(
     repair: bool = False,
     source: Path | None = None,
     replace: bool = False,
+    recipe_files: RecipeFiles | None = None,
 ) -> BuildResult:
     """Make the dataset in `out`, with so many worker processes (0: in this one).
 
@@ -83,6 +85,7 @@ def build(
     InputError if `out` holds anything else, or, unless `replace`, the dataset of another recipe. `source` is the
     recipe's file: with it, two recipes of one name are told apart (`provenance`). `explain` is told, before frames are
     made, why each stage runs. `run` does the shards: processes of this host, or a cluster's (`cluster.joined`).
+    `recipe_files` are put into the dataset.
     RunError if the host fails: what is done is kept, and the next build goes on from there.
     """
     explain = explain or (lambda lines: None)
@@ -117,12 +120,12 @@ def build(
         explain(list(reasons(studio.reuse, [scene.digest for scene in new], taken)))
         shards, todo = studio.render(work, harvest, taken, workers, shard_frames, run)
         hired.close()
-        finisher = Finisher(dataset, harvest, work, studio.progress, studio.watch)
+        finisher = Finisher(dataset, harvest, work, studio.progress, studio.watch, recipe_files)
         if examined:
             examined.check(finisher.identity, work)
         work.publish(finisher.finish(studio.trace))
     if trusted:
-        remember(Store(studio.cache), out)
+        remember(Store(studio.cache), out, dataset)
     housekeeping.tidy(kept, most)
     manifest = read_manifest(out)
     assert manifest is not None

@@ -27,7 +27,7 @@ from recipe_runtime.build import Runner
 from recipe_runtime.engines import real_engines
 from recipe_runtime.pool import PINNED, Done, Seconds
 from recipe_runtime.schedule import Shard, simulations
-from recipe_runtime.store import Store, host_errors, link_or_copy, write_atomic
+from recipe_runtime.store import Store, host_errors, link_or_copy, stamp_of, write_atomic
 from recipe_runtime.trace import Trace
 from recipe_runtime.versions import renderer
 from recipe_runtime.worker import FrameRecord, Job, Worker
@@ -94,7 +94,7 @@ class Hand:
         records = self._worker.do(shard, lambda count: None)
         bodies: dict[str, bytes] = {}
         for record in records:
-            for path, (_, sha256) in record["files"].items():
+            for path, (_, sha256, *_) in record["files"].items():
                 place = self._root / "made" / path
                 if sha256 not in bodies:
                     bodies[sha256] = place.read_bytes()
@@ -277,7 +277,7 @@ def _put(root: Path | None, parcel: Parcel) -> None:
         return
     first: dict[str, Path] = {}
     for record in parcel.records:
-        for path, (_, sha256) in record["files"].items():
+        for path, (_, sha256, *_) in record["files"].items():
             place = root / path
             with host_errors(str(place), "free some space or allow writing, then build again: what is done is kept"):
                 if sha256 in first:
@@ -285,6 +285,8 @@ def _put(root: Path | None, parcel: Parcel) -> None:
                 else:
                     write_atomic(place, parcel.bodies[sha256])
                     first[sha256] = place
+    for record in parcel.records:  # when all links are made, which change a file's stamp
+        record["files"] = {p: [*row[:2], stamp_of((root / p).lstat())] for p, row in record["files"].items()}
 
 
 def _place(job: Job, shard: Shard) -> str:

@@ -47,6 +47,7 @@ class Dataset:
     lock: Lockfile
     files: dict[str, tuple[int, str]]  # path -> size, SHA-256
     name: str  # what people call the folder
+    recipe_file: str | None = None  # where the recipe lies in it
 
 
 def read(root: Path, name: str = "") -> Dataset:
@@ -64,12 +65,13 @@ def read(root: Path, name: str = "") -> Dataset:
         check_plan(plan)
         check_bounds(plan)
         lock = lock_of(manifest)
+        recipe_file = recipe_file_of(manifest, files)
     except InputError as error:
         raise InputError(f"{name}: {str(error).splitlines()[0]}; no dataset of this project says so") from None
     except (OSError, *DAMAGE) as error:  # pydantic's ValidationError is a ValueError
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{name}: its manifest or a plan is damaged ({reason}); build the dataset again") from None
-    return Dataset(root, plan, lock, files, name)
+    return Dataset(root, plan, lock, files, name, recipe_file)
 
 
 def plan_alone(path: Path) -> DatasetPlan:
@@ -93,6 +95,8 @@ def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
     Every file is read once, in pieces; links are told, and not followed.
     """
     expected, listed = layout.expected_files(dataset.plan), {*dataset.files, layout.MANIFEST}
+    if dataset.recipe_file is not None:  # which files these must be, the recipe says
+        expected |= {path for path in listed if layout.is_recipe_file(path)}
     folders = {parent.as_posix() for path in expected | listed for parent in PurePosixPath(path).parents}
     kinds = dict(_entries(dataset.root, folders))
     found = _frames_without_digest(dataset)
@@ -135,7 +139,7 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
     if found and len(videos) < len({(v.variant, s.name) for v in dataset.plan.variants for s in v.rig.sensors}):
         return found  # without all labels nothing can be made from them
     known = dataset.plan, dataset.lock.identity, videos
-    for path, make in (*annotation_texts(*known), *closing_texts(*known)):
+    for path, make in (*annotation_texts(*known), *closing_texts(*known, dataset.recipe_file)):
         found += _text_difference(dataset.root, path, make)
     return found
 
@@ -223,6 +227,14 @@ def _text_difference(root: Path, path: str, make: Callable[[], str]) -> list[Fau
     if there.st_size == len(text) and (root / path).read_bytes() == text:
         return []
     return [(path, f"{path} is not what plan, labels and traces make it")]
+
+
+def recipe_file_of(manifest: Mapping[str, Any], files: Collection[str]) -> str | None:
+    """Where a manifest says that the recipe lies; ValueError if that is no file of the recipe that it lists."""
+    path = manifest.get("recipe_file")
+    if path is not None and (path not in files or not layout.is_recipe_file(path)):
+        raise ValueError("recipe_file is no file of the recipe")
+    return path
 
 
 def _plan(root: Path, manifest: Mapping[str, Any], files: Mapping[str, Any]) -> DatasetPlan:

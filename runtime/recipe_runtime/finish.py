@@ -15,6 +15,7 @@ from recipe_runtime.annotate.validate import problems
 from recipe_runtime.engines import Progress
 from recipe_runtime.harvest import Harvest, Video
 from recipe_runtime.manifest import file_row, manifest_text
+from recipe_runtime.recipe_files import RecipeFiles
 from recipe_runtime.report.sheets import contact_sheet, overlay_sheet
 from recipe_runtime.schedule import simulations, views
 from recipe_runtime.stopwatch import Stopwatch
@@ -23,7 +24,7 @@ from recipe_runtime.trace import Trace
 from recipe_runtime.tracks import tracks_csv
 from recipe_runtime.workspace import Workspace
 
-FileRow = list[Any]  # size, SHA-256
+FileRow = list[Any]  # size, SHA-256; of frames' files also the stamp of the written file
 Task = Callable[[], dict[str, FileRow]]
 
 
@@ -36,6 +37,7 @@ class Finisher:
     work: Workspace
     progress: Progress
     watch: Stopwatch
+    sources: RecipeFiles | None = None
     videos: list[Video] = field(init=False)
     identity: str = field(init=False)
     labels: dict[str, tuple[str, list[str]]] = field(init=False)  # by view: the text, and its files
@@ -54,12 +56,13 @@ class Finisher:
             self.videos.append(replace(video, frames=seen[home].frames))
             self.labels[home][1].append(layout.labels_file(video.variant, video.sensor.name))
 
-    def finish(self, trace: Callable[[ScenePlan], Trace]) -> set[str]:
-        """Write all of it; the paths of every file that belongs to the dataset."""
+    def finish(self, trace: Callable[[ScenePlan], Trace]) -> dict[str, FileRow]:
+        """Write all of it; the rows of every file that belongs to the dataset, by path."""
         files = self.harvest.files()
         known = self.dataset, self.identity, self.videos
         annotate = [self._labels, *self._texts(annotation_texts(*known)), lambda: self._tracks(trace), self._check]
-        rest = [*self._texts(closing_texts(*known)), *self._sheets()]
+        place = self.sources.place if self.sources else None
+        rest = [*self._texts(closing_texts(*known, place)), *self._sheets(), self._recipe]
         for stage, tasks in (("annotate", annotate), ("finish", rest)):
             self.progress(stage, 0, len(tasks))
             for done, task in enumerate(tasks, start=1):
@@ -67,8 +70,7 @@ class Finisher:
                     files.update(task())
                 self.progress(stage, done, len(tasks))
         with self.watch("finish"):
-            self._write(layout.MANIFEST, manifest_text(self.dataset, self.harvest, files))
-        return {*files, layout.MANIFEST}
+            return files | self._write(layout.MANIFEST, manifest_text(self.dataset, self.harvest, files, place))
 
     def _write(self, path: str, content: str | bytes) -> dict[str, FileRow]:
         body = content.encode() if isinstance(content, str) else content
@@ -110,6 +112,14 @@ class Finisher:
                 more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
                 raise RunError(f"{path} fails its check, which is a fault of this program: {found[0]}{more}")
         return {}
+
+    def _recipe(self) -> dict[str, FileRow]:
+        """The recipe, all that it uses, and its lockfile if that is of this identity."""
+        files: dict[str, FileRow] = {}
+        found = self.sources.contents(self.dataset.recipe, self.identity) if self.sources else {}
+        for path, body in sorted(found.items()):
+            files |= self._write(path, body)
+        return files
 
     def _sheets(self) -> Iterator[Task]:
         title = self.dataset.recipe

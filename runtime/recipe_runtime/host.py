@@ -20,6 +20,11 @@ def unfit(stage: str) -> str | None:
     return None
 
 
+def name() -> list[str]:
+    """What tells this host from others that may share its cache: its name, its architecture, its CPU's features."""
+    return [platform.node(), platform.machine(), *features()]
+
+
 def features() -> list[str]:
     """Those of this CPU's features that have been seen to change other programs' bytes, as numpy detects them."""
     from numpy._core._multiarray_umath import __cpu_features__ as found

@@ -7,6 +7,7 @@ from recipe_compiler.plan import DatasetPlan
 
 MANIFEST = "manifest.json"
 CARD = "README.md"
+RECIPE = "recipe"  # the folder of the recipe and of all that it uses
 KWCOCO = "annotations/kwcoco.json"
 MOTS_SPLIT = "MOTS-train"
 MOTS_SEQUENCES = f"mots/{MOTS_SPLIT}"
@@ -66,8 +67,18 @@ def mots_png_file(variant: str, sensor: str, frame: int) -> str:
     return f"mots/instances/{sequence(variant, sensor)}/{frame + 1:06d}.png"
 
 
+def recipe_lockfile(name: str) -> str:
+    """The lockfile beside the recipe of that name."""
+    return f"{RECIPE}/lockfiles/{name}.lock"
+
+
+def is_recipe_file(path: str) -> bool:
+    """Whether a file belongs to the recipe in the dataset: the recipe, a file that it uses, its lockfile."""
+    return path.startswith(f"{RECIPE}/")
+
+
 def expected_files(plan: DatasetPlan) -> set[str]:
-    """The path of every file of a plan's dataset: no more and no fewer are in it."""
+    """The path of every file of a plan's dataset: no more and no fewer are in it, but for the recipe's own files."""
     files = {MANIFEST, CARD, CONTACT_SHEET, OVERLAY_SHEET}
     files |= {KWCOCO} if "kwcoco" in plan.annotations else set()
     files |= {coco_file("rgb")} if "coco" in plan.annotations else set()
@@ -92,6 +103,7 @@ def check_names(dataset: DatasetPlan) -> None:
     """
     _claim({}, dataset.recipe, "recipe")
     taken: dict[str, str] = {"plans": "plans", "annotations": "annotations", "mots": "mots", "preview": "preview"}
+    taken[RECIPE] = RECIPE
     sequences: dict[str, str] = {}
     for variant in dataset.variants:
         _claim(taken, variant.variant, "variant")

@@ -6,6 +6,7 @@
     variants   digests of plan, scene, rig, appearance and trace; per sensor and modality a digest for every frame
                (`labels`: the records of what is seen)
     files      size and SHA-256 of every file, apart from this one and the pictures
+    recipe_file  the recipe's path in the dataset, if the recipe and what it uses lie there
     pictures   the same of what is under preview/: drawn for people, and not part of any digest, because fonts and
                scaling may change with Pillow
 
@@ -36,7 +37,7 @@ _PICTURES = "preview/"
 # What reading a manifest that anyone may have written can raise.
 DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RecursionError)
 
-FileRows = Mapping[str, list[Any]]  # path: [size, SHA-256]
+FileRows = Mapping[str, list[Any]]  # path: [size, SHA-256, ...]; what follows these two is not for the manifest
 
 
 def head(dataset: DatasetPlan) -> dict[str, Any]:
@@ -51,8 +52,8 @@ def head(dataset: DatasetPlan) -> dict[str, Any]:
     }
 
 
-def manifest_text(dataset: DatasetPlan, harvest: Harvest, files: FileRows) -> str:
-    """The manifest of a finished dataset."""
+def manifest_text(dataset: DatasetPlan, harvest: Harvest, files: FileRows, recipe_file: str | None) -> str:
+    """The manifest of a finished dataset. `recipe_file`: where the recipe lies in it, if it does."""
     sensors: dict[str, dict[str, Any]] = {}
     for video in harvest.videos():
         pixels = {m: [v for _, v in sorted(frames.items())] for m, frames in harvest.pixels(video).items()}
@@ -79,6 +80,7 @@ def manifest_text(dataset: DatasetPlan, harvest: Harvest, files: FileRows) -> st
             "variants": variants,
             "files": {p: row for p, row in rows.items() if not p.startswith(_PICTURES)},
             "pictures": {p: row for p, row in rows.items() if p.startswith(_PICTURES)},
+            **({} if recipe_file is None else {"recipe_file": recipe_file}),
         }
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
+from recipe_compiler.compile import TooLargeError as TooLargeError
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.errors import InputError
 from recipe_compiler.plan import DatasetPlan
@@ -18,6 +19,12 @@ from recipe_runtime.scenario import Scenario, Scenes
 def compiled(recipe: str | PathLike[str], allow_large: bool = False) -> DatasetPlan:
     """The plan of a recipe's file; InputError with all that is wrong with it."""
     return opened(recipe, allow_large)[0]
+
+
+def compiled_with_files(recipe: Path, allow_large: bool = False) -> tuple[DatasetPlan, dict[str, str]]:
+    """The plan of a recipe's file, and the SHA-256 of every file read, by its path below the recipe's folder."""
+    found = compile_recipe(recipe, allow_large=allow_large)
+    return found.plan, found.files
 
 
 def opened(recipe: str | PathLike[str], allow_large: bool = False) -> tuple[DatasetPlan, Engines]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from recipe_compiler.errors import RunError
 from recipe_compiler.plan import DatasetPlan
 
-from recipe_runtime.dataset import Dataset, damaged_files, lock_of
+from recipe_runtime.dataset import Dataset, damaged_files, lock_of, recipe_file_of
 from recipe_runtime.engines import Progress
 from recipe_runtime.manifest import DAMAGE, is_of, listed_files
 from recipe_runtime.workspace import Workspace, read_manifest
@@ -42,7 +42,8 @@ def examine(plan: DatasetPlan, out: Path, progress: Progress) -> Examined | None
     try:
         if manifest is None or not is_of(manifest, plan):
             return None
-        held = Dataset(out, plan, lock_of(manifest), listed_files(manifest), str(out))
+        files = listed_files(manifest)
+        held = Dataset(out, plan, lock_of(manifest), files, str(out), recipe_file_of(manifest, files))
     except DAMAGE:
         return None
     return Examined(held, tuple(line for _, line in damaged_files(held, progress)))

@@ -8,6 +8,7 @@ this host, which the cache remembers, and every file is read and held against it
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -22,8 +23,10 @@ from recipe_compiler.wording import count
 from recipe_runtime import dataset as datasets
 from recipe_runtime import layout
 from recipe_runtime.dataset import Dataset
+from recipe_runtime.engines import Progress
+from recipe_runtime.locking import Known
 from recipe_runtime.manifest import DAMAGE
-from recipe_runtime.schedule import Shard, View, views
+from recipe_runtime.schedule import Shard, Taken, View, views
 from recipe_runtime.store import Store, file_sha256, regular_file
 from recipe_runtime.texts import labels_of
 from recipe_runtime.versions import builder
@@ -31,10 +34,18 @@ from recipe_runtime.worker import FrameRecord
 from recipe_runtime.workspace import Workspace
 
 
-def remember(store: Store, out: Path) -> None:
-    """Note that this program built the dataset that stands there. It is whole, whether or not a cache can say so."""
+def remember(store: Store, out: Path, plan: DatasetPlan) -> None:
+    """Note that this program built the dataset of that plan there. It is whole, whether or not a cache can say so."""
     with suppress(RunError):
         store.put("built", _name(out), b"")
+        store.put("built", _place(plan), os.fsencode(out))
+
+
+def built(store: Store, plan: DatasetPlan) -> Dataset | None:
+    """The dataset of a plan that this program, on this host, built last; None if it is not there any more."""
+    place = store.get("built", _place(plan))
+    before = None if place is None else earlier(store, Path(os.fsdecode(place)))
+    return before if before is not None and before.plan.digest == plan.digest else None
 
 
 def earlier(store: Store, out: Path) -> Dataset | None:
@@ -50,6 +61,10 @@ def earlier(store: Store, out: Path) -> Dataset | None:
 def _name(out: Path) -> str:
     manifest = hashlib.sha256((out / layout.MANIFEST).read_bytes()).hexdigest()
     return digest("store/built/1", [manifest, builder()])
+
+
+def _place(plan: DatasetPlan) -> str:
+    return digest("store/built-at/1", [plan.digest, builder()])
 
 
 @dataclass
@@ -82,8 +97,11 @@ class Reuse:
         plain = "rgb" not in view.sensor.capture
         return tuple(n for n in view.variants if plain or self._picture(view, n) is not None)
 
-    def take(self, work: Workspace, view: View, variants: Sequence[int]) -> list[FrameRecord]:
-        """Link the frames of a view for these variants into a workspace, but those of which a file is damaged."""
+    def take(self, work: Workspace | None, view: View, variants: Sequence[int]) -> list[FrameRecord]:
+        """The records of a view's frames for these variants, except those of which a file is damaged.
+
+        Every file is hashed. It is then linked into the workspace; without one, nothing is written.
+        """
         records = []
         for frame in range(view.scene.clock.frames):
             with suppress(OSError, *DAMAGE):
@@ -93,7 +111,7 @@ class Reuse:
     def _picture(self, view: View, index: int) -> str | None:
         return self._pictures.get((view.key, self.plan.variants[index].appearance.digest))
 
-    def _frame(self, work: Workspace, view: View, frame: int, variants: Sequence[int]) -> FrameRecord:
+    def _frame(self, work: Workspace | None, view: View, frame: int, variants: Sequence[int]) -> FrameRecord:
         assert self.before is not None
         old, sensor = self._labels[view.key]
         names = [self.plan.variants[n].variant for n in variants]
@@ -118,17 +136,23 @@ class Reuse:
         seen = labels_of(self._lines(view)[frame], digests["labels"], sensor)
         return {"frame": frame, "objects": seen, "digests": digests, "rgb": rgb, "files": files}
 
-    def _linked(self, work: Workspace, source: str, paths: list[str]) -> dict[str, list[int | str]]:
-        """Give a verified file of the earlier dataset its names in this one."""
+    def _linked(self, work: Workspace | None, source: str, paths: list[str]) -> dict[str, list[int | str]]:
+        """Verify a file of the earlier dataset, and give it its names in this one."""
         assert self.before is not None
         size, sha256 = self.before.files[source]
         found = regular_file(self.before.root, source)
         if found is None or found.st_size != size or file_sha256(self.before.root / source) != sha256:
             raise ValueError(f"{source} is not what the manifest says")
-        work.take(self.before.root / source, paths[0])
-        for path in paths[1:]:
-            work.link(paths[0], path)
-        return {path: [size, sha256] for path in paths}
+        row: list[int | str] = [size, sha256]
+        if work is not None:
+            work.take(self.before.root / source, paths[0])
+            for path in paths[1:]:
+                work.link(paths[0], path)
+            row.append(work.stamp(paths[0]))
+            now = regular_file(self.before.root, source)  # links change the stamp, and not this time
+            if now is None or (now.st_ino, now.st_mtime_ns) != (found.st_ino, found.st_mtime_ns):
+                raise ValueError(f"{source} was changed while it was taken over")
+        return dict.fromkeys(paths, row)
 
     def _digest(self, variant: str, sensor: SensorPlan, modality: str, frame: int) -> str:
         assert self.before is not None
@@ -145,27 +169,6 @@ class Reuse:
             body = (self.before.root / path).read_bytes() if whole else b""
             self._seen = {view.key: body.splitlines(keepends=True)}
         return self._seen[view.key]
-
-
-@dataclass(frozen=True)
-class Taken:
-    """What was taken over of a view: these frames, for these variants."""
-
-    variants: tuple[int, ...]
-    frames: frozenset[int]
-
-
-def missing_shards(shards: Sequence[Shard], taken: Mapping[int, Taken]) -> list[Shard]:
-    """The shards without what was taken over, by view; those of which nothing is left are dropped."""
-    found = []
-    for shard in shards:
-        there = taken.get(shard.view, Taken((), frozenset()))
-        known = tuple(k for k in shard.frames if k in there.frames)
-        other = tuple(k for k in shard.frames if k not in there.frames)
-        rest = tuple(n for n in shard.variants if n not in there.variants)
-        parts = (known, rest), (other, shard.variants)
-        found += [Shard(shard.view, frames, variants) for frames, variants in parts if frames and variants]
-    return found
 
 
 def reasons(reuse: Reuse, simulated: Sequence[str], taken: Mapping[int, Taken]) -> Iterator[str]:
@@ -212,3 +215,35 @@ def _forms(plan: DatasetPlan) -> tuple[str, bool]:
 
 def _some(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{count(len(names), 'variant')} ({names[0]}, ...)"
+
+
+def proven(
+    plan: DatasetPlan, before: Dataset, traces: Mapping[str, str], progress: Progress
+) -> list[tuple[Shard, list[FrameRecord]]]:
+    """The frames of a plan that a dataset built by this program proves: their records, by view.
+
+    The manifest, remembered by its digest, holds the digests that were made of the pixels before they were encoded.
+    A frame counts if all of its files, hashed now, are still the ones that were written then, and if its scene's motion
+    is the given one (`traces`: scene digest -> trace digest). The others are left out.
+    """
+    found, reuse, seen = [], Reuse(plan, before), views(plan)
+    for number, view in enumerate(seen):
+        progress("take over", number, len(seen))
+        variants = reuse.covered(view)
+        scene = view.scene.digest
+        if not variants or scene not in traces or before.lock.traces.get(scene) != traces[scene]:
+            continue
+        records = reuse.take(None, view, variants)
+        if records:
+            found.append((Shard(number, tuple(record["frame"] for record in records), variants), records))
+    progress("take over", len(seen), len(seen))
+    return found
+
+
+def known_frames(plan: DatasetPlan, cache: Path | None = None) -> Known:
+    """The frames that `lock` takes over: those of the dataset that this host built last, and of a stopped lock."""
+    store = Store(cache)
+    before = built(store, plan)
+    if before is None:
+        return Known(store.root)
+    return Known(store.root, lambda traces, progress: proven(plan, before, traces, progress))

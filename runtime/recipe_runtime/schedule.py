@@ -7,7 +7,7 @@ few frames of one view; shards may be done in any order, by any number of worker
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.canonical import digest
@@ -90,3 +90,24 @@ def chosen_shards(dataset: DatasetPlan, chosen: Iterable[tuple[str, str, int]]) 
 def simulations(dataset: DatasetPlan) -> list[ScenePlan]:
     """Every scene of a dataset, once."""
     return list({v.scene.digest: v.scene for v in dataset.variants}.values())
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What was taken over of a view: these frames, for these variants."""
+
+    variants: tuple[int, ...]
+    frames: frozenset[int]
+
+
+def missing_shards(shards: Sequence[Shard], taken: Mapping[int, Taken]) -> list[Shard]:
+    """The shards without what was taken over, by view; those of which nothing is left are dropped."""
+    found = []
+    for shard in shards:
+        there = taken.get(shard.view, Taken((), frozenset()))
+        known = tuple(k for k in shard.frames if k in there.frames)
+        other = tuple(k for k in shard.frames if k not in there.frames)
+        rest = tuple(n for n in shard.variants if n not in there.variants)
+        parts = (known, rest), (other, shard.variants)
+        found += [Shard(shard.view, frames, variants) for frames, variants in parts if frames and variants]
+    return found

@@ -26,7 +26,7 @@ from recipe_runtime.trace import Trace
 from recipe_runtime.versions import simulation_maker
 
 FORMAT = "recipe/store/2"
-KINDS = ("built", "pixels", "traces")
+KINDS = ("built", "pixels", "shards", "traces")
 """All kinds of entries; what lies elsewhere in a cache folder is not this project's."""
 
 
@@ -149,6 +149,14 @@ def regular_file(root: Path, path: str) -> os.stat_result | None:
     except OSError:
         return None
     return found if stat.S_ISREG(found.st_mode) else None
+
+
+def stamp_of(found: os.stat_result) -> str:
+    """Inode and time of last change in nanoseconds: equal as long as nobody writes to a file, renames or links it.
+
+    The time is the inode's (ctime), which no program can set; a copy that keeps the other times has another one.
+    """
+    return f"{found.st_ino} {found.st_ctime_ns}"
 
 
 def file_sha256(path: Path) -> str:

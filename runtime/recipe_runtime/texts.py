@@ -65,11 +65,13 @@ def annotation_texts(dataset: DatasetPlan, identity: str, videos: Sequence[Video
             yield layout.seqinfo_file(video.variant, video.sensor.name), lambda v=video: _seqinfo(v)  # type: ignore[misc]
 
 
-def closing_texts(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> Iterator[Text]:
-    """The plans and the card."""
+def closing_texts(
+    dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_file: str | None
+) -> Iterator[Text]:
+    """The plans and the card. `recipe_file`: where the recipe lies in the dataset, if it does."""
     for variant in dataset.variants:
         yield layout.plan_file(variant.variant), lambda v=variant: pretty(v.document())  # type: ignore[misc]
-    yield layout.CARD, lambda: card(dataset, identity, videos)
+    yield layout.CARD, lambda: card(dataset, identity, videos, recipe_file)
 
 
 def _sequence(video: Video) -> str:

@@ -50,6 +50,7 @@ class Report:
     pictures: list[str] = field(default_factory=list)
     files: int | None = None  # hashed, where nothing was rendered
     notes: list[str] = field(default_factory=list)  # what a reader should know and no verdict depends on
+    resumed: int = 0  # of the frames compared, those that a run that was stopped had rendered
 
     @property
     def stage(self) -> str | None:
@@ -68,11 +69,12 @@ class Report:
         """How much was compared, and what that shows; a bound is shown only where nothing differs."""
         if self.files is not None:
             return f"{count(self.files, 'file')} hashed, no frame rendered"
+        resumed = f"; {self.resumed:,} were rendered by the run that was stopped" if self.resumed else ""
         if self.verdict == "PASS":
-            return str(self.bound)
+            return f"{self.bound}{resumed}"
         frames = {(d.variant, d.sensor, d.frame) for d in self.differences if d.frame is not None}
         told = f"{len(frames)} of them {form(len(frames), 'differs', 'differ')}"
-        return f"{self.bound.checked} of {count(self.bound.total, 'frame')} compared, {told}"
+        return f"{self.bound.checked} of {count(self.bound.total, 'frame')} compared, {told}{resumed}"
 
     def document(self) -> dict[str, Any]:
         """The report as plain JSON values."""
@@ -89,4 +91,5 @@ class Report:
             "differences": [asdict(difference) for difference in self.differences],
             "pictures": self.pictures,
             "notes": self.notes,
+            "resumed_frames": self.resumed,
         }

@@ -13,12 +13,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from recipe_compiler import canonical
 from recipe_compiler.errors import RunError
 from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 from recipe_compiler.wording import count, form
 
 from recipe_runtime import host, layout, locking
+from recipe_runtime.assets import Assets
 from recipe_runtime.compare import (
     compare_datasets,
     compare_files,
@@ -31,14 +33,17 @@ from recipe_runtime.compare import (
 from recipe_runtime.dataset import Dataset, Fault, damaged_files, regular_file, text_differences
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.housekeeping import leased
+from recipe_runtime.journal import CacheJournal
+from recipe_runtime.recipe_files import asset_places, recipe_differences
 from recipe_runtime.report.difference import first_difference, write_difference
 from recipe_runtime.sample import Bound, draw, sample_size
 from recipe_runtime.schedule import chosen_shards
 from recipe_runtime.shot import shot
-from recipe_runtime.store import Store
+from recipe_runtime.store import Store, file_sha256
 from recipe_runtime.trace import Trace
 from recipe_runtime.verdict import Difference, Report
-from recipe_runtime.worker import Job
+from recipe_runtime.versions import builder
+from recipe_runtime.worker import FrameRecord, Job
 
 Choice = tuple[str, str, int]  # variant, sensor, frame
 
@@ -57,6 +62,7 @@ class Options:
     workers: int = 1
     device: str = "cpu"
     pictures: Path | None = None  # a folder for pictures of frames that differ
+    allow_large: bool = False  # also for the recipe in a dataset's folder
 
 
 def verify(
@@ -69,13 +75,15 @@ def verify(
     dataset: Dataset | None = None,
     traces: Mapping[str, Trace] | None = None,
     engines: Engines | None = None,
+    cache: Path | None = None,
 ) -> Report:
     """Compare what a plan makes on this host with a lockfile, and with a dataset's files, as far as the options ask.
 
     `files` are the digests of the recipe's files as they are now; None where there is only a dataset's plan. `traces`
-    by scene are the locked motion, for hosts whose own simulation need not agree.
+    by scene are the locked motion, for hosts whose own simulation need not agree. `cache` is where a run over
+    everything keeps a journal of the frames that it has rendered, and takes up that of one that was stopped.
     """
-    engines = engines or real_engines()
+    engines = engines or real_engines(Assets(asset_places(dataset) if dataset is not None else {}))
     choices = all_choices(plan)
     differences = compare_rows(plan, lock)
     if files is not None:
@@ -88,22 +96,33 @@ def verify(
     pictures: list[str] = []
     with leased(), tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
         check = _Check(plan, lock, engines, options, progress, Path(folder), dataset, traces or {})
+        check.cache = cache if options.everything else None
         compared, found = check.run(chosen)
         differences += found
         if dataset is not None:
+            differences += recipe_differences(dataset, options.allow_large)
             differences += _untold(differences, damaged_files(dataset, progress))
             differences += _untold(differences, text_differences(dataset, check.traces), excuse_of("texts", lock))
         if options.pictures is not None:
             pictures = check.draw(differences, options.pictures)
+        check.close()
     bound = Bound(compared, len(choices), options.confidence)
     note = text_note(lock, plan.digest, files or {})
-    notes = [note] if note else []
-    return Report(plan.recipe, lock.identity, options.nonce, bound, differences, pictures, notes=notes)
+    return Report(
+        plan.recipe,
+        lock.identity,
+        options.nonce,
+        bound,
+        differences,
+        pictures,
+        notes=[note] if note else [],
+        resumed=check.resumed,
+    )
 
 
 def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Report:
     """Compare a dataset's files with its manifest, and that with its plan; nothing is simulated or rendered."""
-    differences = compare_rows(dataset.plan, dataset.lock)
+    differences = compare_rows(dataset.plan, dataset.lock) + recipe_differences(dataset, options.allow_large)
     differences += _untold(differences, damaged_files(dataset, progress))
     bound = Bound(0, len(all_choices(dataset.plan)), options.confidence)
     return Report(
@@ -148,6 +167,9 @@ class _Check:
     dataset: Dataset | None
     locked_traces: Mapping[str, Trace]
     traces: dict[str, Trace] = field(default_factory=dict)  # by scene, those that frames are made from
+    cache: Path | None = None  # where the journal is kept
+    resumed: int = 0  # frames taken up from the journal of a run that was stopped
+    _journal: CacheJournal | None = None
 
     def run(self, chosen: list[Choice]) -> tuple[int, list[Difference]]:
         """Simulate the scenes of the chosen frames and render the frames alone: how many were, and what differs."""
@@ -198,7 +220,9 @@ class _Check:
         root = self.folder / "made" if self.dataset else None
         shards, options = chosen_shards(self.plan, chosen), self.options
         job = Job(self.plan, self.engines, devices(options.device), self.folder, root)
-        rows = locking.render_rows(job, shards, options.workers, self.progress)
+        resumption = self._resumption(job)
+        rows = locking.render_rows(job, shards, options.workers, self.progress, resumption)
+        self.resumed = resumption.frames if resumption else 0
         keys = locking.bare(self.plan, "", {}).variants
         found = [self._frame(choice, keys[choice[0]], rows) for choice in chosen]
         differences = [difference for difference in found if difference is not None]
@@ -206,6 +230,27 @@ class _Check:
             return differences
         made = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
         return differences + [d for path in made if (d := self._file(root, path, self.dataset)) is not None]
+
+    def _resumption(self, job: Job) -> locking.Resumption | None:
+        """The journal of a run of the same plan and motion by the same code, on this very host and device."""
+        if self.cache is None:
+            return None
+        traces = {scene: trace.digest for scene, trace in self.traces.items()}
+        parts = [self.plan.digest, builder(), traces, host.name(), list(job.devices)]
+        self._journal = CacheJournal(self.cache, canonical.digest("journal/verify/1", parts), self.plan)
+        return locking.Resumption(self._journal, self._are_the_datasets)
+
+    def _are_the_datasets(self, records: list[FrameRecord]) -> bool:
+        """Whether the files made of these frames were those that the dataset has; they themselves were not kept."""
+        if self.dataset is None:
+            return True
+        root, rows = self.dataset.root, [row for record in records for row in record["files"].items()]
+        return bool(rows) and all(_has_bytes(root, path, row[0], row[1]) for path, row in rows)
+
+    def close(self) -> None:
+        """Delete the journal: the run is finished."""
+        if self._journal is not None:
+            self._journal.remove()
 
     def _frame(self, choice: Choice, key: VariantRow, rows: dict[FrameKey, str]) -> Difference | None:
         """The first of a frame's modalities that differs from the lockfile; what comes later follows from it."""
@@ -287,6 +332,11 @@ class _Check:
             except (RunError, OSError) as error:
                 return [*pictures, f"no picture could be written to {out}: {error}"]
         return pictures
+
+
+def _has_bytes(root: Path, path: str, size: int, sha256: str) -> bool:
+    there = regular_file(root, path)
+    return there is not None and there.st_size == size and file_sha256(root / path) == sha256
 
 
 def _parting(lock: Lockfile, scene: ScenePlan, ours: dict[str, Any]) -> str:

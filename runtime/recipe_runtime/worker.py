@@ -23,9 +23,10 @@ from recipe_runtime.engines import Engines, Observed, SceneRenderer
 from recipe_runtime.frames import LABEL_MODALITIES, Made, SceneSource, label_array, label_digest, pixel_digest
 from recipe_runtime.schedule import Shard, View, views
 from recipe_runtime.stopwatch import Stopwatch
-from recipe_runtime.store import Store, link_or_copy, write_atomic
+from recipe_runtime.store import Store, link_or_copy, stamp_of, write_atomic
 
-# frame, objects, digests {modality: digest}, rgb {variant: digest}, files {path: [size, SHA-256]}
+# frame, objects, digests {modality: digest}, rgb {variant: digest},
+# files {path: [size, SHA-256, stamp of the written file]}
 FrameRecord = dict[str, Any]
 
 
@@ -168,11 +169,12 @@ class _FrameTask:
         with self.watch("encode"):
             data = body()
         with self.watch("hash"):
-            row = [len(data), hashlib.sha256(data).hexdigest()]
+            row: list[Any] = [len(data), hashlib.sha256(data).hexdigest()]
         with self.watch("write"):
             write_atomic(root / paths[0], data)
             for path in paths[1:]:
                 link_or_copy(root / paths[0], root / path)
+            row.append(stamp_of((root / paths[0]).lstat()))
         files.update(dict.fromkeys(paths, row))
 
 

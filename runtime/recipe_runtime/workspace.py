@@ -15,20 +15,20 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from recipe_compiler.canonical import digest, pretty
+from recipe_compiler.canonical import pretty
 from recipe_compiler.errors import InputError, RunError
 
 from recipe_runtime import layout
-from recipe_runtime.manifest import listed_files
+from recipe_runtime.journal import FolderJournal
+from recipe_runtime.manifest import FileRows, listed_files
 from recipe_runtime.schedule import Shard, View
-from recipe_runtime.store import file_sha256, host_errors, link_or_copy, regular_file, write_atomic
+from recipe_runtime.store import file_sha256, host_errors, link_or_copy, regular_file, stamp_of, write_atomic
 from recipe_runtime.worker import FrameRecord
 
 MOST_MANIFEST_BYTES = 2 * 2**30
@@ -43,7 +43,7 @@ class Workspace:
         self._recipe, self._replace = job.get("recipe"), replace
         self._job = pretty({"format": "recipe/partial/1", **job})
         self._partial = out.parent / f".{out.name}.partial"
-        self._shards = self._partial / "shards"
+        self._shards = FolderJournal(self._partial / "shards")
         self.dataset = self._partial / "dataset"
         self._lock = -1
 
@@ -55,7 +55,7 @@ class Workspace:
                 if not self._is_mine():
                     self._clear()
                 self.dataset.mkdir(exist_ok=True)
-                self._shards.mkdir(exist_ok=True)
+                self._shards.folder.mkdir(exist_ok=True)
             except BaseException:
                 os.close(self._lock)
                 raise
@@ -66,18 +66,19 @@ class Workspace:
 
     def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:
         """The records of a shard that an earlier build finished and whose files have all their bytes; else None."""
-        try:
-            kept = json.loads(self._record(shard, view).read_text())
-            records: list[FrameRecord] = kept["records"]
-            rows = [(path, row) for record in records for path, row in record["files"].items()]
-            whole = all(self._holds(path, *row) for path, row in rows)
-        except (OSError, ValueError, KeyError, TypeError):
+        records = self._shards.read(shard, view)
+        if records is None:
             return None
-        return records if whole and kept["seal"] == digest("shard-record/1", records) else None
+        try:
+            rows = [(path, row) for record in records for path, row in record["files"].items()]
+            whole = all(self._holds(path, row[0], row[1]) for path, row in rows)
+        except (OSError, ValueError, KeyError, TypeError, IndexError):
+            return None
+        return records if whole else None
 
     def noted(self, shard: Shard, view: View) -> bool:
         """Whether an earlier build noted a shard as finished; its files are for `finished` to read."""
-        return self._record(shard, view).is_file()
+        return (shard, view) in self._shards
 
     def _holds(self, path: str, size: int, sha256: str) -> bool:
         return (self.dataset / path).lstat().st_size == size and file_sha256(self.dataset / path) == sha256
@@ -85,16 +86,14 @@ class Workspace:
     def kept(self) -> int:
         """How many frames are finished, by the names of the shards' records; may be asked of another's work."""
         try:
-            names = [path.stem for path in sorted(self._shards.iterdir())] if self._is_mine() else []
+            return self._shards.frames() if self._is_mine() else 0
         except OSError:
             return 0
-        return sum(int(name.partition("-")[2]) for name in names if re.fullmatch(r"[0-9a-f]{32}-[0-9]+", name))
 
     def keep(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
         """Note that a shard's files are in place."""
-        body = {"seal": digest("shard-record/1", list(records)), "records": list(records)}
         with host_errors(str(self._partial), _REMEDY):
-            write_atomic(self._record(shard, view), json.dumps(body).encode())
+            self._shards.write(shard, view, records)
 
     def write(self, path: str, body: bytes) -> None:
         """Write one of the dataset's files."""
@@ -110,6 +109,11 @@ class Workspace:
         """Give a file from elsewhere a name among the dataset's."""
         with host_errors(f"{self._partial}: {path}", _REMEDY):
             link_or_copy(source, self.dataset / path)
+
+    def stamp(self, path: str) -> str:
+        """The stamp of one of the dataset's files as it is now."""
+        with host_errors(f"{self._partial}: {path}", _REMEDY):
+            return stamp_of((self.dataset / path).lstat())
 
     @classmethod
     def settle(cls, out: Path) -> None:
@@ -127,9 +131,18 @@ class Workspace:
             finally:
                 os.close(work._lock)
 
-    def publish(self, files: set[str]) -> None:
-        """Put the dataset of these files into place, in place of the one that was there."""
+    def publish(self, files: FileRows) -> None:
+        """Put the dataset of these files into place, in place of the one that was there.
+
+        RunError, with nothing published, if another program changed or removed one of them since it was written.
+        """
         with host_errors(str(self.out), _REMEDY):
+            changed = next((path for path, row in files.items() if not self._as_written(path, row)), None)
+            if changed is not None:
+                raise RunError(
+                    f"{self.dataset / changed} was changed or removed by another program during the build; nothing was"
+                    " published. Find out what writes there, then build again: the file is made again, the rest is kept"
+                )
             self._sweep(files)
             if self.out.exists():
                 self.out.rename(self._partial / "old")
@@ -148,15 +161,21 @@ class Workspace:
                 shutil.rmtree(child)
         shutil.rmtree(self._partial)
 
-    def _sweep(self, files: set[str]) -> None:
+    def _as_written(self, path: str, row: Sequence[Any]) -> bool:
+        """Whether a file has the bytes that the build wrote: `row` is size, SHA-256, and the written file's stamp.
+
+        A file with the same inode, size and time of last change was not written to, so it is not read again.
+        """
+        found = regular_file(self.dataset, path)
+        if found is None or found.st_size != row[0]:
+            return False
+        return [stamp_of(found)] == list(row[2:]) or file_sha256(self.dataset / path) == row[1]
+
+    def _sweep(self, files: Collection[str]) -> None:
         """Remove what is none of the dataset's: halves of files that a killed build left."""
         for path in sorted(p for p in self.dataset.rglob("*") if not p.is_dir()):
             if path.relative_to(self.dataset).as_posix() not in files:
                 path.unlink()
-
-    def _record(self, shard: Shard, view: View) -> Path:
-        name = digest("shard/1", [view.key, list(shard.frames), list(shard.variants)])
-        return self._shards / f"{name[:32]}-{shard.pictures}.json"
 
     def _take(self) -> None:
         """Make the folder and lock it; a lock on a folder that was published meanwhile is no lock."""
@@ -202,9 +221,7 @@ class Workspace:
             name = json.loads((self._partial / "job.json").read_text())["recipe"]
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None
-        return (
-            str(name)[:100] if name != self._recipe and self._shards.is_dir() and any(self._shards.iterdir()) else None
-        )
+        return str(name)[:100] if name != self._recipe and self._shards.frames() else None
 
     def _clear(self) -> None:
         """Begin afresh. What is not a build's work is left alone, and another recipe's without `replace`."""

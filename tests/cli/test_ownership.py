@@ -111,9 +111,9 @@ def test_a_dataset_that_came_from_elsewhere_is_not_replaced_unasked(recipe: Run)
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
 
 
-def test_no_path_of_the_recipe_enters_the_dataset(recipe: Run) -> None:
-    write("somewhere/secret_place.yaml", RECIPE)
-    assert recipe("build", "somewhere/secret_place.yaml").exit_code == 0
+def test_no_folder_of_the_recipe_enters_the_dataset(recipe: Run) -> None:
+    write("secret_place/small.yaml", RECIPE)
+    assert recipe("build", "secret_place/small.yaml").exit_code == 0
     assert "secret_place" in provenance.record_path(Path("datasets/small")).read_text()
     for path in Path("datasets/small").rglob("*"):
         assert not path.is_file() or b"secret_place" not in path.read_bytes()

@@ -27,7 +27,7 @@ from recipe_cli.arguments import (
     worker_count,
 )
 from recipe_cli.console import print_json, say, warn
-from recipe_cli.places import free_disk, lockfile_path, read_lockfile, source_of
+from recipe_cli.places import free_disk, lockfile_path, read_lockfile, recipe_files, source_of
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -110,6 +110,9 @@ def command(
     folder = folder or Path("datasets") / compiled.plan.recipe
     lock = read_lockfile(recipe, compiled.plan)
     _note_text(compiled, lock)
+    from recipe_runtime.recipe_files import RecipeFiles
+
+    files = RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
     if locked or frozen:
         plan = _agreed(recipe, compiled, lock, frozen)
         compiled = dataclasses.replace(
@@ -137,6 +140,7 @@ def command(
                 repair=repair,
                 source=source,
                 replace=replace,
+                recipe_files=files,
             )
             copied = target.put(result.path, progress, replace=replace) if target else None
     except KeyboardInterrupt:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from recipe_compiler.wording import count as counted
 
 from recipe_cli.arguments import (
     ALLOW_LARGE,
@@ -24,6 +25,7 @@ from recipe_cli.progress import Progress
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.lockfile import Lockfile
+    from recipe_runtime.locking import Known
     from recipe_runtime.trace import Trace
 
 
@@ -48,11 +50,16 @@ def command(
     workers: int | None,
     allow_large: bool,
 ) -> None:
-    """Render every frame of RECIPES and write its digest into lockfiles/<recipe>.lock; nothing else is kept."""
+    """Write a digest of every frame of RECIPES into lockfiles/<recipe>.lock.
+
+    Frames are rendered, and not kept; those of the dataset that `recipe build` made of the same plan here are taken
+    over, once its files have been hashed. A lock that was stopped goes on where it was.
+    """
     from recipe_compiler import lockfile
     from recipe_compiler.errors import InputError
     from recipe_runtime import traces
     from recipe_runtime.locking import lock
+    from recipe_runtime.reuse import known_frames
 
     count = worker_count(workers, device)
     compiled = [compile_quietly(recipe, allow_large=allow_large) for recipe in recipes]
@@ -64,25 +71,38 @@ def command(
     for recipe, one, path in zip(recipes, compiled, places, strict=True):
         source = source_of(recipe, path)
         motion: dict[str, Trace] = {}
-        with Progress() as progress:
-            made = lock(
-                one.plan,
-                source,
-                one.files,
-                workers=count,
-                progress=progress,
-                engines=engines_for(one),
-                device=device,
-                traces=motion,
-            )
+        known = known_frames(one.plan)
+        try:
+            with Progress() as progress:
+                made = lock(
+                    one.plan,
+                    source,
+                    one.files,
+                    workers=count,
+                    progress=progress,
+                    engines=engines_for(one),
+                    device=device,
+                    traces=motion,
+                    known=known,
+                )
+        except KeyboardInterrupt:
+            say(_interrupted(recipe, known), err=True)
+            raise click.exceptions.Exit(130) from None
         there = lockfile.read(path) if path.exists() and not update else None
         if there is not None and not there.means_the_same(made):
             raise InputError(_otherwise(path, recipe))
         written = there is None and made.write(path, replace=replace)
         if with_traces or traces.beside(path).exists():  # a file that is there must not fall behind
             written |= traces.write(traces.beside(path), motion, replace=replace)
+        known.close()
         say(f"{path} {'written' if written else 'is up to date'}{_note(there, made)}")
         say(made.identity)
+        for number, whence in (
+            (known.taken_frames, "the dataset built here"),
+            (known.resumed_frames, "a stopped lock"),
+        ):
+            if number:
+                say(f"{counted(number, 'frame')} taken over from {whence}")
 
 
 def _note(there: Lockfile | None, made: Lockfile) -> str:
@@ -104,6 +124,11 @@ def _check_apart(recipes: tuple[Path, ...], places: list[Path]) -> None:
                 f"{recipes[first]} and {recipes[number]} have one name, and so one lockfile, {place};"
                 " give one of them another name (`recipe: NAME`)"
             )
+
+
+def _interrupted(recipe: Path, known: Known) -> str:
+    kept = known.kept_frames()
+    return f"interrupted; {counted(kept, 'frame')} kept; lock {recipe} again to go on" if kept else "interrupted"
 
 
 def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, replace: bool) -> None:

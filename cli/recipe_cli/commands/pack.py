@@ -10,7 +10,7 @@ from recipe_compiler.wording import count
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, REPLACE, LocalPath, compile_quietly, writing
 from recipe_cli.console import print_json, say
-from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path
+from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recipe_files
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
@@ -41,7 +41,7 @@ def command(
     if not pack.is_pack(output):
         raise InputError(f"{output}: give --output a name that ends in {pack.SUFFIX}")
     check_output(output, replace=replace)
-    files = {**_sources(recipe, compiled), **_locked(recipe, compiled, with_traces)}
+    files = {**recipe_files(recipe, compiled), **_locked(recipe, compiled, with_traces)}
     body = pack.Pack(recipe.name, files).dumps()
     with writing(output):
         write_output(output, body, replace=replace)
@@ -52,21 +52,6 @@ def command(
     for path, content in sorted(files.items()):
         say(f"  {path}  {count(len(content), 'byte')}")
     say(f"{output}  {pack.identity(body)}")
-
-
-def _sources(recipe: Path, compiled: Compiled) -> dict[str, bytes]:
-    """The recipe and all that it includes, the very bytes that were compiled."""
-    import hashlib
-
-    from recipe_compiler.errors import RunError
-
-    found = {}
-    for path, value in compiled.files.items():
-        body = (recipe.parent / path).read_bytes()
-        if hashlib.sha256(body).hexdigest() != value:
-            raise RunError(f"{recipe.parent / path} changed while it was packed; pack it again")
-        found[path] = body
-    return found
 
 
 def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, bytes]:

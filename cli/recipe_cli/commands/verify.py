@@ -104,6 +104,7 @@ def command(
         workers=worker_count(workers, device),
         device=device,
         pictures=pictures,
+        allow_large=allow_large,
     )
     reports = []
     if against is not None and (len(targets) != 1 or _is_dataset(targets[0]) or integrity):
@@ -152,12 +153,13 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
     from recipe_compiler import lockfile
     from recipe_compiler.compile import compile_recipe
     from recipe_runtime import dataset, traces
+    from recipe_runtime.store import default_cache
     from recipe_runtime.verify import verify
 
     with Progress() as progress, ExitStack() as stack:
         if not isinstance(target, Path) or target.is_dir():
             folder = dataset.read(stack.enter_context(dataset_at(target, progress)), shown(target))
-            return verify(folder.plan, folder.lock, options, progress, dataset=folder)
+            return verify(folder.plan, folder.lock, options, progress, dataset=folder, cache=default_cache())
         held = None
         if against is not None:
             held = dataset.read(stack.enter_context(dataset_at(against, progress)), shown(against))
@@ -180,6 +182,7 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
             dataset=held,
             traces=held_traces,
             engines=engines_for(compiled),
+            cache=default_cache(),
         )
 
 

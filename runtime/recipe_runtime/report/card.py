@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Sequence
 
@@ -11,6 +12,7 @@ from recipe_compiler.wording import count
 from recipe_runtime import layout
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.harvest import Video
+from recipe_runtime.report.markdown import one_line, paragraphs
 
 _DEPTH = {
     "carla": "PNG in CARLA's 24-bit form: metres = 1000 * (R + 256 G + 65536 B) / 16777215; 1000 m and more, sky "
@@ -19,24 +21,33 @@ _DEPTH = {
 }
 
 
-def card(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> str:
-    """The text of README.md."""
+def card(dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_file: str | None = None) -> str:
+    """The text of README.md; `recipe_file` is the recipe's place in the dataset, if it lies there."""
     parts = [
-        f"# {dataset.recipe}",
-        dataset.description,
+        f"# {one_line(dataset.recipe)}",
+        paragraphs(dataset.description),
         f"    {identity}",
         f"![every variant]({layout.CONTACT_SHEET})",
         _counts(videos),
         _objects(videos),
         _layout(dataset),
-        "## The same again",
-        "This dataset is made by a recipe, and can be made again, byte for byte, from the recipe alone, with "
-        "Dataset Recipe (`manifest.json` names the version):",
-        f"    recipe build {dataset.recipe}.yaml\n    recipe verify {dataset.recipe}.yaml",
+        *_again(dataset, recipe_file),
         f"`{layout.MANIFEST}` holds the SHA-256 of every file and a digest of every frame's pixels; "
         "`plans/` holds each variant with nothing left to decide.",
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _again(dataset: DatasetPlan, recipe_file: str | None) -> list[str]:
+    """How to make the dataset again; what a shell reads is quoted."""
+    recipe = shlex.quote(recipe_file or f"{dataset.recipe}.yaml")
+    return [
+        "## The same again",
+        "This dataset is made by a recipe, and can be made again, byte for byte, from the recipe alone, with "
+        "Dataset Recipe (`manifest.json` names the version):",
+        f"    recipe build {recipe}\n    recipe verify {'.' if recipe_file else recipe}",
+        *([f"`{layout.RECIPE}/` holds the recipe and every file that it uses."] if recipe_file else []),
+    ]
 
 
 def _counts(videos: Sequence[Video]) -> str:
@@ -44,7 +55,8 @@ def _counts(videos: Sequence[Video]) -> str:
     for video in videos:
         camera, captured = video.sensor.camera, ", ".join(video.sensor.capture)
         size = f"{camera.width}x{camera.height}"
-        rows.append(f"| {video.variant} | {video.sensor.name} | {len(video.frames)} | {size} | {captured} |")
+        names = f"{one_line(video.variant)} | {one_line(video.sensor.name)}"
+        rows.append(f"| {names} | {len(video.frames)} | {size} | {captured} |")
     frames = sum(len(v.frames) for v in videos)
     pictures = sum(len(v.frames) * len(v.sensor.capture) for v in videos)
     variants = len({v.variant for v in videos})

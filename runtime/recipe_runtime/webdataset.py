@@ -1,0 +1,70 @@
+"""Decoder for the WebDataset shards that `recipe export` writes, for use in a `webdataset` pipeline.
+
+    webdataset.WebDataset(shards).decode(recipe_runtime.webdataset.decode)
+
+webdataset's own picture decoders convert to 8 bits: they turn the 16-bit instance pictures into 0 and 255. This one
+gives every file as the dataset has it. It needs no webdataset itself, and can be sent to DataLoader workers.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from recipe_runtime.encode import metres_from_carla
+
+_PICTURES = {"rgb", "instance", "semantic", "depth"}
+
+
+def decode(key: str, data: bytes) -> Any:
+    """The value of one file of a sample, by its key, such as `.instance.png`.
+
+    Args:
+        key: The file's ending, from the first dot of its name.
+        data: The file's bytes.
+
+    Returns:
+        rgb.png: uint8 [H, W, 3], sRGB. instance.png: uint16 [H, W], CARLA tag * 1000 + number; 0 for town and sky.
+        semantic.png: uint8 [H, W], CARLA tags. depth.png and depth.npy: float32 [H, W], metres along the optical axis;
+        a PNG's are within half a step (0.03 mm) and end at 1000. json: variant, sensor, fps, frame, and objects. None
+        for any other file, which webdataset then leaves to its other decoders.
+
+    Raises:
+        ValueError: The file is damaged, or is not of the kind that its name says.
+    """
+    name, _, ending = key.lstrip(".").rpartition(".")
+    if not name and ending == "json":
+        return json.loads(data)
+    if ending == "npy" and name == "depth":
+        return _metres(data)
+    if ending != "png" or name not in _PICTURES:
+        return None
+    pixels = _pixels(key, data)
+    kind, axes = {"instance": ("uint16", 2), "semantic": ("uint8", 2)}.get(name, ("uint8", 3))
+    if pixels.dtype.name != kind or pixels.ndim != axes:
+        raise ValueError(f"{key}: a picture of {pixels.dtype} {pixels.shape} is not one of this project")
+    return metres_from_carla(pixels).astype(np.float32) if name == "depth" else pixels
+
+
+def _pixels(key: str, data: bytes) -> NDArray[Any]:
+    try:
+        with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:
+            return np.array(picture)
+    except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ValueError(f"{key}: cannot be decoded: {error}") from None
+
+
+def _metres(data: bytes) -> NDArray[np.float32]:
+    try:
+        metres: NDArray[np.float32] = np.load(io.BytesIO(data), allow_pickle=False)
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f".depth.npy: cannot be decoded: {error}") from None
+    if not isinstance(metres, np.ndarray) or metres.dtype != np.float32 or metres.ndim != 2:
+        raise ValueError(".depth.npy: is not a picture of float32 metres")
+    return metres

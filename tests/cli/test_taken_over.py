@@ -1,0 +1,56 @@
+"""Build, then lock: nothing is rendered twice; and a copied dataset is verified and built again from itself."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_commands import RECIPE, run
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recipe that extends another, its dataset and a lockfile that was made after that."""
+    root = tmp_path_factory.mktemp("project")
+    (root / "parts").mkdir()
+    (root / "parts" / "base.yaml").write_text(RECIPE)
+    (root / "small.yaml").write_text("recipe: small\nextends: parts/base.yaml\ndescription: '<script>a</script>'\n")
+    built = run("build", "small.yaml", "--workers", "1", cwd=root)
+    assert built.returncode == 0, built.stderr
+    return root
+
+
+def test_a_lock_after_a_build_takes_it_over_and_is_the_lockfile_of_a_fresh_one(project: Path) -> None:
+    locked = run("lock", "small.yaml", "--workers", "1", cwd=project)
+    assert locked.returncode == 0, locked.stderr
+    assert "4 frames taken over from the dataset built here\n" in locked.stdout
+    text = (project / "lockfiles/small.lock").read_text()
+    (project / "lockfiles/small.lock").unlink()
+    shutil.move(project / "datasets", project / "elsewhere")
+    try:
+        fresh = run("lock", "small.yaml", "--workers", "1", cwd=project)
+    finally:
+        shutil.move(project / "elsewhere", project / "datasets")
+    assert fresh.returncode == 0 and "taken over" not in fresh.stdout
+    assert (project / "lockfiles/small.lock").read_text() == text
+
+
+def test_a_copied_dataset_is_verified_and_built_again_from_itself(project: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(project / "datasets/small", tmp_path / "copy")
+    assert {p.relative_to(copy).as_posix() for p in copy.glob("recipe/**/*.yaml")} == {
+        "recipe/small.yaml",
+        "recipe/parts/base.yaml",
+    }
+    readme = (copy / "README.md").read_text()
+    assert "<script>" not in readme and "recipe build recipe/small.yaml" in readme
+    verified = run("verify", copy, "--workers", "1", cwd=tmp_path)
+    assert verified.returncode == 0 and verified.stdout.startswith("PASS"), verified.stdout + verified.stderr
+    built = run("build", copy / "recipe/small.yaml", "--out", "again", "--workers", "1", "--json", cwd=tmp_path)
+    assert built.returncode == 0, built.stderr
+    assert json.loads(built.stdout)["identity"] == json.loads((copy / "manifest.json").read_text())["identity"]
+    (copy / "recipe/parts/base.yaml").write_text(RECIPE + "# changed\n")
+    changed = run("verify", copy, "--integrity", cwd=tmp_path)
+    assert changed.returncode == 1 and "recipe/parts/base.yaml" in changed.stdout

@@ -1,0 +1,94 @@
+"""A file that another program changes while its dataset is built is noticed, and nothing is published."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from recipe_compiler.errors import RunError
+from recipe_runtime import workspace
+from recipe_runtime.build import BuildResult, build
+
+from tests.runtime.fakes import ENGINES, dataset_plan, tree
+
+PLAN = dataset_plan(frames=4, weathers=1)
+PICTURE = "weather=w0,jitter=still/street/rgb/000001.png"
+TEXT = "annotations/kwcoco.json"
+
+
+def made(folder: Path, disturb: Callable[[Path], None] = lambda root: None, at: str = "finish") -> BuildResult:
+    """Build, and let somebody at the files when a stage begins."""
+
+    def progress(stage: str, done: int, total: int) -> None:
+        if (stage, done) == (at, 0):
+            disturb(folder / ".tiny.partial" / "dataset")
+
+    return build(PLAN, folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES, progress=progress)
+
+
+def overwrite(path: Path) -> None:
+    body = path.read_bytes()
+    path.write_bytes(body[:-1] + bytes([body[-1] ^ 1]))
+
+
+def swap(path: Path) -> None:
+    """As editors save: another file under the same name, with the times of the first."""
+    found, body = path.stat(), path.read_bytes()
+    path.unlink()
+    path.write_bytes(body[:-1] + bytes([body[-1] ^ 1]))
+    os.utime(path, ns=(found.st_atime_ns, found.st_mtime_ns))
+
+
+def lengthen(path: Path) -> None:
+    with path.open("ab") as file:
+        file.write(b"\n")
+
+
+def link(path: Path) -> None:
+    elsewhere = path.with_name("elsewhere")
+    path.rename(elsewhere)
+    path.symlink_to(elsewhere)
+
+
+@pytest.mark.parametrize("how", [overwrite, swap, lengthen, link, Path.unlink])
+@pytest.mark.parametrize("path", [PICTURE, TEXT])
+def test_a_changed_file_is_named_and_nothing_is_published(
+    tmp_path: Path, how: Callable[[Path], None], path: str
+) -> None:
+    with pytest.raises(RunError, match="was changed or removed by another program during the build") as error:
+        made(tmp_path, lambda root: how(root / path))
+    assert path in str(error.value)
+    assert not (tmp_path / "tiny").exists()
+    again, fresh = made(tmp_path), made(tmp_path / "fresh")
+    assert tree(again.path) == tree(fresh.path)
+
+
+def test_what_is_only_touched_or_copied_is_no_change(tmp_path: Path) -> None:
+    def touch(root: Path) -> None:
+        (root / PICTURE).touch()
+        copy = root / "copy"
+        shutil.copyfile(root / TEXT, copy)
+        copy.replace(root / TEXT)
+
+    assert made(tmp_path, touch).built
+
+
+def test_a_file_taken_over_and_then_changed_is_noticed(tmp_path: Path) -> None:
+    """It is one file with the earlier dataset's; that is damaged then, too, and made again."""
+    first = made(tmp_path)
+    (first.path / "weather=w0,jitter=still/street/rgb/000003.png").unlink()
+    with pytest.raises(RunError, match="was changed or removed by another program"):
+        made(tmp_path, lambda root: overwrite(root / PICTURE))
+    again, fresh = made(tmp_path), made(tmp_path / "fresh")
+    assert tree(again.path) == tree(fresh.path)
+
+
+def test_files_that_nobody_touched_are_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[str] = []
+    hashed = workspace.file_sha256
+    monkeypatch.setattr(workspace, "file_sha256", lambda path: read.append(path.suffix) or hashed(path))
+    made(tmp_path)
+    assert [suffix for suffix in read if suffix == ".png"] == [".png"] * 2  # the two drawings

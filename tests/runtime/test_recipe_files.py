@@ -1,0 +1,195 @@
+"""A dataset holds the recipe that it was built from, with all that it uses, and is no place for anything else."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from recipe_compiler import lockfile
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.errors import InputError
+from recipe_runtime import dataset as datasets
+from recipe_runtime.assets import Assets
+from recipe_runtime.build import BuildResult, build
+from recipe_runtime.dataset import damaged_files
+from recipe_runtime.locking import lock
+from recipe_runtime.recipe_files import RecipeFiles, asset_places, recipe_differences
+from recipe_runtime.verdict import Report
+from recipe_runtime.verify import Options, verify, verify_files
+
+from tests.runtime.fakes import ENGINES, dataset_plan, tree
+
+CASE = Path(__file__).parents[1] / "cases" / "good" / "assets"
+COMPILED = compile_recipe(CASE / "recipe.yaml")
+FILES = {path: (CASE / path).read_bytes() for path in COMPILED.files}
+
+
+def quiet(stage: str, done: int, total: int) -> None:
+    pass
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("built")
+    locked = lock(COMPILED.plan, "../../x.yaml", COMPILED.files, workers=0, progress=quiet, engines=ENGINES)
+    sources = RecipeFiles("recipe.yaml", FILES, locked)
+    made = build(
+        COMPILED.plan, folder / "assets", workers=0, cache=folder / "cache", engines=ENGINES, recipe_files=sources
+    )
+    assert made.identity == locked.identity
+    return made.path
+
+
+@pytest.fixture
+def copied(original: Path, tmp_path: Path) -> Path:
+    """The dataset as somebody else has it: a copy, and nothing besides."""
+    return shutil.copytree(original, tmp_path / "copied")
+
+
+def checked(root: Path) -> Report:
+    held = datasets.read(root)
+    engines = replace(ENGINES, assets=Assets(asset_places(held)))
+    return verify(held.plan, held.lock, Options(1, count=2, workers=0), quiet, dataset=held, engines=engines)
+
+
+def forge(root: Path, path: str, body: bytes) -> None:
+    """Put other bytes into a dataset, and into its manifest what they are."""
+    (root / path).parent.mkdir(parents=True, exist_ok=True)
+    (root / path).write_bytes(body)
+    manifest = json.loads((root / "manifest.json").read_text())
+    manifest["files"][path] = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
+    (root / "manifest.json").write_text(json.dumps(manifest))
+
+
+def test_the_recipe_and_all_that_it_uses_lie_in_the_dataset(original: Path) -> None:
+    held = {path.removeprefix("recipe/"): body for path, body in tree(original).items() if path.startswith("recipe/")}
+    lock_there = held.pop("lockfiles/assets.lock")
+    assert held == FILES
+    assert {"recipe.yaml", "common.yaml"} < set(held) and any(path.endswith(".glb") for path in held)
+    manifest = json.loads((original / "manifest.json").read_text())
+    assert manifest["recipe_file"] == "recipe/recipe.yaml"
+    assert manifest["files"]["recipe/recipe.yaml"]["sha256"] == COMPILED.files["recipe.yaml"]
+    known = lockfile.loads(lock_there.decode(), "assets.lock")
+    assert known.sealed and known.source == "../recipe.yaml" and known.files == COMPILED.files
+    assert "    recipe build recipe/recipe.yaml\n    recipe verify .\n" in (original / "README.md").read_text()
+
+
+def test_a_copy_compiles_to_the_same_plan_and_passes(copied: Path) -> None:
+    assert compile_recipe(copied / "recipe" / "recipe.yaml").plan == COMPILED.plan
+    report = checked(copied)
+    assert (report.verdict, report.differences) == ("PASS", [])
+    assert verify_files(datasets.read(copied), Options(1), quiet).verdict == "PASS"
+
+
+def test_a_copy_brings_the_assets_that_its_plan_names(copied: Path) -> None:
+    places = asset_places(datasets.read(copied))
+    for variant in COMPILED.plan.variants:
+        assert set(variant.files) <= set(places)
+    assert all(hashlib.sha256(places[digest].read_bytes()).hexdigest() == digest for digest in COMPILED.places)
+
+
+@pytest.mark.parametrize("path", ["recipe/recipe.yaml", "recipe/common.yaml", "recipe/lockfiles/assets.lock"])
+def test_a_changed_file_of_the_recipe_is_found(copied: Path, path: str) -> None:
+    with (copied / path).open("ab") as file:
+        file.write(b"\n# changed\n")
+    report = checked(copied)
+    assert report.verdict == "FAIL"
+    assert path in {d.path for d in report.differences}
+
+
+def test_a_recipe_of_another_plan_is_found_though_the_manifest_lists_it(copied: Path) -> None:
+    forge(copied, "recipe/recipe.yaml", FILES["recipe.yaml"].replace(b"z: 1.6", b"z: 1.7"))
+    (found,) = (d for d in checked(copied).differences if d.stage == "recipe")
+    assert found.message.startswith("recipe/recipe.yaml is not the recipe of poster=shown,wedge=there")
+
+
+def test_a_recipe_of_other_outputs_is_found(copied: Path) -> None:
+    forge(copied, "recipe/recipe.yaml", FILES["recipe.yaml"] + b"output: {depth: npy}\n")
+    assert "asks for other outputs" in recipe_differences(datasets.read(copied))[0].message
+
+
+def test_a_recipe_that_is_none_is_found(copied: Path) -> None:
+    forge(copied, "recipe/recipe.yaml", b"recipe: [")
+    (found,) = recipe_differences(datasets.read(copied))
+    assert found.excuse is None
+    assert found.message.startswith("recipe/recipe.yaml cannot be compiled: recipe/recipe.yaml:1")
+
+
+def test_a_comment_in_a_listed_recipe_changes_nothing_that_it_makes(copied: Path) -> None:
+    forge(copied, "recipe/recipe.yaml", FILES["recipe.yaml"] + b"# a comment\n")
+    assert recipe_differences(datasets.read(copied)) == []
+
+
+def test_what_the_recipe_does_not_use_has_no_place_in_its_folder(copied: Path) -> None:
+    forge(copied, "recipe/run_me.sh", b"#!/bin/sh\n")
+    assert [d.path for d in checked(copied).differences] == ["recipe/run_me.sh"]
+
+
+def test_another_datasets_lockfile_is_found(copied: Path) -> None:
+    path = copied / "recipe/lockfiles/assets.lock"
+    known = lockfile.read(path)
+    other = replace(known, frames=dict.fromkeys(known.frames, "0" * 64))
+    forge(copied, "recipe/lockfiles/assets.lock", other.dumps().encode())
+    (found,) = (d for d in checked(copied).differences)
+    assert (found.stage, found.path) == ("lockfile", "recipe/lockfiles/assets.lock")
+
+
+def test_a_link_in_the_recipes_place_is_not_followed(copied: Path, tmp_path: Path) -> None:
+    (tmp_path / "secret.yaml").write_text("password: hunter2\n")
+    (copied / "recipe/recipe.yaml").unlink()
+    (copied / "recipe/recipe.yaml").symlink_to(tmp_path / "secret.yaml")
+    report = checked(copied)
+    assert any("is a link" in d.message for d in report.differences)
+    assert "hunter2" not in str(report.document()) and "password" not in str(report.document())
+
+
+@pytest.mark.parametrize("place", ["manifest.json", "../recipe/x.yaml", "recipe/missing.yaml", 7, ["recipe"]])
+def test_a_manifest_that_names_no_file_of_the_recipe_is_damaged(copied: Path, place: object) -> None:
+    manifest = json.loads((copied / "manifest.json").read_text())
+    (copied / "manifest.json").write_text(json.dumps({**manifest, "recipe_file": place}))
+    with pytest.raises(InputError, match="damaged"):
+        datasets.read(copied)
+
+
+def test_a_manifest_that_hides_the_recipe_is_found(copied: Path) -> None:
+    manifest = json.loads((copied / "manifest.json").read_text())
+    del manifest["recipe_file"]
+    (copied / "manifest.json").write_text(json.dumps(manifest))
+    assert "recipe/recipe.yaml" in {path for path, _ in damaged_files(datasets.read(copied), quiet)}
+
+
+def test_a_repair_mends_the_recipe_and_nothing_that_is_whole(copied: Path, tmp_path: Path) -> None:
+    def repaired() -> BuildResult:
+        sources = RecipeFiles("recipe.yaml", FILES, lockfile.read(copied / "recipe/lockfiles/assets.lock"))
+        cache = tmp_path / "cache"
+        return build(COMPILED.plan, copied, workers=0, cache=cache, engines=ENGINES, recipe_files=sources, repair=True)
+
+    before = tree(copied)
+    assert repaired().mended == ()
+    (copied / "recipe/common.yaml").write_text("recipe: another\n")
+    assert len(repaired().mended) == 1
+    assert tree(copied) == before
+
+
+def test_a_lockfile_of_another_dataset_stays_out(tmp_path: Path) -> None:
+    plan = dataset_plan(frames=2, weathers=1)
+    other = replace(lock(plan, "x.yaml", {}, workers=0, progress=quiet, engines=ENGINES), plan="0" * 64)
+    sources = RecipeFiles("tiny.yaml", {"tiny.yaml": b"recipe: tiny\n"}, other)
+    made = build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES, recipe_files=sources)
+    assert [path for path in tree(made.path) if path.startswith("recipe/")] == ["recipe/tiny.yaml"]
+
+
+@pytest.mark.parametrize("path", ["../up.yaml", "/etc/passwd", "a//b.yaml", "back\\slash.yaml", "line\nbreak.yaml"])
+def test_a_path_that_leads_elsewhere_is_refused(path: str) -> None:
+    with pytest.raises(InputError, match="cannot be a file of a dataset"):
+        RecipeFiles("tiny.yaml", {"tiny.yaml": b"", path: b""})
+
+
+def test_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("recipe_runtime.recipe_files.MAX_BYTES", 10)
+    with pytest.raises(InputError, match="have 11 bytes, over 10"):
+        RecipeFiles("tiny.yaml", {"tiny.yaml": b"01234567890"})

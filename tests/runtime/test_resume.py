@@ -1,0 +1,275 @@
+"""`lock` and `verify --all` continue a run that was stopped, and a lock takes over the dataset that was built."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recipe_compiler.errors import RunError
+from recipe_compiler.lockfile import Lockfile
+from recipe_runtime import dataset as datasets
+from recipe_runtime import host, locking, reuse, verify
+from recipe_runtime.build import build
+from recipe_runtime.engines import Engines
+from recipe_runtime.locking import Known, lock
+from recipe_runtime.reuse import known_frames
+from recipe_runtime.verdict import Report
+from recipe_runtime.verify import Options
+
+from tests.runtime.fakes import BROKEN, ENGINES, Renderer, dataset_plan, simulate, tree
+
+PLAN = dataset_plan()
+FRAMES = 4 * 2 * 12  # variants, sensors, frames of each
+STOPPED = 5 * 2  # the broken renderer fails in the second shard of the first view, which two variants share
+PICTURE = "weather=w0,jitter=still/street/rgb/000003.png"
+
+
+def quiet(stage: str, done: int, total: int) -> None:
+    pass
+
+
+def counting(frames: list[float]) -> Engines:
+    """Engines that note the times at which pictures are taken; in this process only."""
+
+    class Counted(Renderer):
+        def observe(self, camera: Any, world_from_sensor: Any, parts: Any) -> Any:
+            frames.append(0.0)
+            return super().observe(camera, world_from_sensor, parts)
+
+    return replace(ENGINES, renderer=lambda scene, device: Counted(scene))
+
+
+@pytest.fixture(scope="module")
+def fresh() -> Lockfile:
+    return lock(PLAN, "tiny.yaml", {}, workers=0, progress=quiet, engines=ENGINES)
+
+
+def relock(cache: Path, engines: Engines = ENGINES) -> tuple[Lockfile, Known]:
+    known = known_frames(PLAN, cache)
+    made = lock(PLAN, "tiny.yaml", {}, workers=0, progress=quiet, engines=engines, known=known)
+    return made, known
+
+
+@pytest.fixture
+def built(tmp_path: Path) -> Path:
+    return build(PLAN, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+
+
+def test_a_lock_after_a_build_renders_nothing(fresh: Lockfile, built: Path, tmp_path: Path) -> None:
+    seen: list[float] = []
+    made, known = relock(tmp_path / "cache", counting(seen))
+    assert made == fresh and made.dumps() == fresh.dumps()
+    assert (seen, known.taken_frames, known.resumed_frames) == ([], FRAMES, 0)
+
+
+def test_what_the_dataset_does_not_prove_is_rendered(fresh: Lockfile, built: Path, tmp_path: Path) -> None:
+    picture = built / PICTURE
+    picture.write_bytes(bytes(picture.stat().st_size))
+    (built / "weather=w0,jitter=shaky/street/depth/000004.png").unlink()
+    seen: list[float] = []
+    made, known = relock(tmp_path / "cache", counting(seen))
+    assert made == fresh
+    assert len(seen) == 2
+    assert known.taken_frames == FRAMES - 2 * 2  # a frame is taken for all variants of its view, or for none
+
+
+@pytest.mark.parametrize("how", ["another cache", "changed manifest", "other code", "gone"])
+def test_only_a_dataset_of_this_host_is_taken_over(
+    fresh: Lockfile, built: Path, tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stranger's manifest may say anything; it is believed by its digest, which this host's cache knows."""
+    cache = tmp_path / "cache"
+    if how == "another cache":
+        cache = tmp_path / "other"
+    elif how == "changed manifest":
+        value = fresh.frames[next(iter(fresh.frames))]
+        manifest = built / "manifest.json"
+        manifest.write_text(manifest.read_text().replace(value, "0" * 64))
+    elif how == "other code":
+        monkeypatch.setattr(reuse, "builder", lambda: "another")
+    else:
+        shutil.rmtree(built)
+    made, known = relock(cache)
+    assert known.taken_frames == 0
+    assert made == fresh
+
+
+def test_a_dataset_of_another_motion_proves_nothing(built: Path, tmp_path: Path) -> None:
+    def other(scene: Any) -> Any:
+        trace = simulate(scene)
+        return replace(trace, positions=trace.positions + 1)
+
+    engines = replace(ENGINES, simulate=other)
+    made, known = relock(tmp_path / "cache", engines)
+    assert known.taken_frames == 0
+    assert made == lock(PLAN, "tiny.yaml", {}, workers=0, progress=quiet, engines=engines)
+
+
+def stopped_lock(cache: Path) -> Path:
+    """The journal of a lock that failed in its second shard: one record."""
+    with pytest.raises(RunError, match="frame 7"):
+        relock(cache, BROKEN)
+    (record,) = cache.glob("shards/??/*")
+    return record
+
+
+def test_a_lock_that_failed_is_continued_and_clears_up(fresh: Lockfile, tmp_path: Path) -> None:
+    stopped_lock(tmp_path)
+    seen: list[float] = []
+    made, known = relock(tmp_path, counting(seen))
+    assert made == fresh and made.dumps() == fresh.dumps()
+    assert (known.resumed_frames, len(seen)) == (STOPPED, 3 * 12 - 5)
+    assert known.kept_frames() == FRAMES  # the lockfile may still fail to be written
+    known.close()
+    assert not list(tmp_path.glob("shards/??/*"))
+
+
+@pytest.mark.parametrize("how", ["edited", "cut off", "other code", "other plan"])
+def test_a_journal_that_is_not_of_this_run_is_not_believed(
+    fresh: Lockfile, tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = stopped_lock(tmp_path)
+    if how == "edited":
+        record.write_bytes(record.read_bytes().replace(b'"rgb": {', b'"rgb": {"x": "y", '))
+    elif how == "cut off":
+        record.write_bytes(record.read_bytes()[:-20])
+    elif how == "other code":
+        monkeypatch.setattr(locking, "builder", lambda: "another")
+    plan = dataset_plan(weathers=1) if how == "other plan" else PLAN
+    known = known_frames(plan, tmp_path)
+    made = lock(plan, "tiny.yaml", {}, workers=0, progress=quiet, engines=ENGINES, known=known)
+    assert known.resumed_frames == 0
+    if plan is PLAN:
+        assert made == fresh
+
+
+def test_a_cache_that_cannot_be_written_is_no_error(fresh: Lockfile, tmp_path: Path) -> None:
+    (tmp_path / "shards").write_text("in the way")
+    assert relock(tmp_path)[0] == fresh
+
+
+LOCK_SLOWLY = """
+from pathlib import Path
+from recipe_runtime.locking import lock
+from recipe_runtime.reuse import known_frames
+from tests.runtime.fakes import SLOW, dataset_plan
+plan = dataset_plan()
+known = known_frames(plan, Path({cache!r}))
+lock(plan, "", {{}}, workers=1, progress=lambda *_: None, engines=SLOW, known=known)
+"""
+VERIFY_SLOWLY = """
+from pathlib import Path
+from recipe_compiler.lockfile import read
+from recipe_runtime.verify import Options, verify
+from tests.runtime.fakes import SLOW, dataset_plan
+verify(dataset_plan(), read(Path({lock!r})), Options(1, everything=True), lambda *_: None, engines=SLOW,
+       cache=Path({cache!r}))
+"""
+
+
+def stop(code: str, cache: Path, how: signal.Signals) -> None:
+    """Run that, and end it when it has finished a shard."""
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    with (cache.parent / "stderr").open("wb") as errors:
+        process = subprocess.Popen([sys.executable, "-c", code], cwd=cache.parent, stderr=errors, env=environment)
+    deadline = time.monotonic() + 60
+    while not list(cache.glob("shards/??/*")):
+        assert process.poll() is None and time.monotonic() < deadline, (cache.parent / "stderr").read_text()
+        time.sleep(0.02)
+    process.send_signal(how)
+    process.wait(10)
+
+
+def test_a_lock_that_was_killed_is_continued(fresh: Lockfile, tmp_path: Path) -> None:
+    stop(LOCK_SLOWLY.format(cache=str(tmp_path / "cache")), tmp_path / "cache", signal.SIGKILL)
+    made, known = relock(tmp_path / "cache")
+    assert STOPPED <= known.resumed_frames < FRAMES
+    assert replace(made, source="tiny.yaml") == fresh
+
+
+def check(lockfile: Lockfile, cache: Path, engines: Engines = ENGINES, **more: Any) -> Report:
+    options = Options(nonce=1, everything=more.pop("everything", True), workers=0)
+    return verify.verify(PLAN, lockfile, options, quiet, engines=engines, cache=cache, **more)
+
+
+def test_a_verification_that_was_interrupted_is_continued(fresh: Lockfile, tmp_path: Path) -> None:
+    fresh.write(tmp_path / "tiny.lock")
+    cache = tmp_path / "cache"
+    stop(VERIFY_SLOWLY.format(cache=str(cache), lock=str(tmp_path / "tiny.lock")), cache, signal.SIGINT)
+    report = check(fresh, cache)
+    assert report.verdict == "PASS"
+    assert STOPPED <= report.resumed < FRAMES
+    assert f"{report.resumed} were rendered by the run that was stopped" in report.extent
+    assert report.document()["resumed_frames"] == report.resumed
+    assert not list(cache.glob("shards/??/*"))
+
+
+def stopped_verification(lockfile: Lockfile, cache: Path, **more: Any) -> None:
+    with pytest.raises(RunError, match="frame 7"):
+        check(lockfile, cache, BROKEN, **more)
+    assert list(cache.glob("shards/??/*"))
+
+
+def test_a_resumed_verification_finds_what_differs(fresh: Lockfile, tmp_path: Path) -> None:
+    """Also in a frame that the stopped run had rendered."""
+    stopped_verification(fresh, tmp_path)
+    row = next(key for key in fresh.frames if key[1:] == ("street", "rgb", 2))
+    report = check(replace(fresh, frames={**fresh.frames, row: "0" * 64}), tmp_path)
+    assert report.resumed == STOPPED
+    assert [d.frame for d in report.differences if d.stage == "shading"] == [2]
+
+
+def _other_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verify, "devices", lambda device: ("cpu", "cpu"))
+
+
+def _other_host(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(host, "name", lambda: ["elsewhere"])
+
+
+def _other_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verify, "builder", lambda: "another")
+
+
+@pytest.mark.parametrize("change", [_other_device, _other_host, _other_code])
+def test_a_verification_takes_up_what_this_host_and_device_rendered(
+    fresh: Lockfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[pytest.MonkeyPatch], None]
+) -> None:
+    stopped_verification(fresh, tmp_path)
+    change(monkeypatch)
+    report = check(fresh, tmp_path)
+    assert (report.verdict, report.resumed) == ("PASS", 0)
+
+
+def test_a_sample_is_rendered_whatever_was_stopped(fresh: Lockfile, tmp_path: Path) -> None:
+    stopped_verification(fresh, tmp_path)
+    assert check(fresh, tmp_path, everything=False).resumed == 0
+
+
+def test_a_locks_journal_is_none_of_a_verifications(fresh: Lockfile, tmp_path: Path) -> None:
+    stopped_lock(tmp_path)
+    assert check(fresh, tmp_path).resumed == 0
+
+
+def test_a_resumed_verification_of_a_dataset_reads_the_files_again(
+    fresh: Lockfile, built: Path, tmp_path: Path
+) -> None:
+    """The files made by the stopped run were not kept: those of the dataset must be the ones that it recorded."""
+    cache, held = tmp_path / "cache", datasets.read(built)
+    stopped_verification(fresh, cache, dataset=held)
+    assert check(fresh, cache, dataset=held).resumed == STOPPED
+    stopped_verification(fresh, cache, dataset=held)
+    before = tree(built)[PICTURE]
+    (built / PICTURE).write_bytes(before[:-1] + b"\0")
+    report = check(fresh, cache, dataset=held)
+    assert report.resumed == 0
+    assert {d.path for d in report.differences} == {PICTURE}

@@ -1,0 +1,118 @@
+"""The decoder for exported shards gives files as the dataset has them, and the page's example uses it as it stands."""
+
+from __future__ import annotations
+
+import gc
+import pickle
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import webdataset
+from recipe_compiler.plan import DatasetPlan
+from recipe_runtime import encode, export
+from recipe_runtime.build import build
+from recipe_runtime.dataset import Dataset, read
+from recipe_runtime.frames import FrameSource
+from recipe_runtime.webdataset import decode
+
+from tests.runtime.fakes import ENGINES, dataset_plan, sensor_plan, simulate
+from tests.sources import ROOT
+
+PAGE = (ROOT / "docs" / "dataset.md").read_text(encoding="utf-8")
+QUIET = pytest.mark.filterwarnings(
+    "ignore::pytest.PytestUnraisableExceptionWarning", "ignore:unclosed:ResourceWarning"
+)  # the library leaves shards open
+
+
+def plan_of(**outputs: str) -> DatasetPlan:
+    """One camera, which captures everything."""
+    plan = dataset_plan(frames=4, weathers=1)
+    (variant, _) = plan.variants
+    rig = variant.rig.model_copy(update={"sensors": (sensor_plan("street", frames=4),)})
+    alone = variant.model_copy(update={"rig": rig})
+    return plan.model_copy(update={"recipe": "weather_sweep", "variants": (alone,), **outputs})
+
+
+def exported(plan: DatasetPlan, folder: Path) -> Dataset:
+    made = build(plan, folder / "data", engines=ENGINES, workers=0, cache=folder / "cache")
+    held = read(made.path)
+    index = export.webdataset(held, folder / "shards" / "weather_sweep", lambda *_: None, 1)
+    assert [row["file"] for row in index["shards"]] == [f"weather_sweep-{n:06d}.tar" for n in range(4)]
+    return held
+
+
+@QUIET
+@pytest.mark.parametrize("depth", ["carla", "npy"])
+def test_what_is_decoded_are_the_frames_that_were_rendered(tmp_path: Path, depth: str) -> None:
+    plan = plan_of(depth=depth)
+    exported(plan, tmp_path)
+    shards = [str(path) for path in sorted(tmp_path.glob("shards/*/*.tar"))]
+    samples = list(webdataset.WebDataset(shards, shardshuffle=False).decode(decode))
+    gc.collect()
+    (variant,) = plan.variants
+    source = FrameSource(variant, simulate(variant.scene), engines=ENGINES)
+    assert len(samples) == 4
+    for number, sample in enumerate(samples):
+        made = source.render("street", number)
+        for modality in ("rgb", "instance", "semantic"):
+            assert sample[f"{modality}.png"].dtype == made[modality].dtype
+            np.testing.assert_array_equal(sample[f"{modality}.png"], made[modality])
+        assert sample["instance.png"].max() > 255
+        metres = sample["depth.npy" if depth == "npy" else "depth.png"]
+        assert metres.dtype == np.float32
+        np.testing.assert_allclose(metres, made["depth"], atol=0 if depth == "npy" else 4e-5, rtol=0)
+        seen = {int(value) for value in np.unique(made["instance"])} - {0}
+        assert {thing["instance"] for thing in sample["json"]["objects"]} == seen
+        assert sample["json"]["frame"] == number
+
+
+@QUIET
+def test_the_pages_example_runs_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    exported(plan_of(), tmp_path)
+    (example,) = (code for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "webdataset" in code)
+    monkeypatch.chdir(tmp_path)
+    known: dict[str, object] = {}
+    exec(example, known)
+    frame = known["frame"]
+    assert isinstance(frame, dict)
+    told = re.findall(r'frame\["(\w+\.png)"\]  # (\w+) \[H, W(, 3)?\]', example)
+    assert len(told) == 4
+    for key, kind, colours in told:
+        assert (frame[key].dtype.name, frame[key].ndim) == (kind, 3 if colours else 2)
+    assert {value // 1000 for value in np.unique(frame["instance.png"]) if value} <= {12, 15}
+    assert len(np.unique(frame["instance.png"])) > 2
+    gc.collect()
+
+
+def test_other_files_are_left_to_other_decoders() -> None:
+    for key in (".txt", ".rgb.jpg", ".mask.png", ".cls", ".points.npy", ".meta.json"):
+        assert decode(key, b"anything") is None
+
+
+def test_it_can_be_sent_to_workers() -> None:
+    assert pickle.loads(pickle.dumps(decode)) is decode
+
+
+GREY = encode.png(np.zeros((2, 3), np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("key", "data"),
+    [
+        (".instance.png", GREY),
+        (".rgb.png", GREY),
+        (".depth.png", GREY),
+        (".semantic.png", encode.png(np.zeros((2, 3), np.uint16))),
+        (".rgb.png", b"no picture"),
+        (".rgb.png", GREY[:40]),
+        (".depth.npy", b"no array"),
+        (".depth.npy", encode.npy(np.zeros((2, 3), np.float64))),
+        (".depth.npy", encode.npy(np.zeros(3, np.float32))),
+        (".json", b"{"),
+    ],
+)
+def test_what_is_damaged_or_of_another_kind_is_an_error(key: str, data: bytes) -> None:
+    with pytest.raises(ValueError):
+        decode(key, data)
