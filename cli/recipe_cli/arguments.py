@@ -93,9 +93,10 @@ def opened(path: Path) -> Iterator[Path]:
     if path.suffix != ".recipe":
         yield path
         return
+    from recipe_compiler.compile import named_files
     from recipe_runtime import pack
 
-    with pack.unpacked(path) as recipe:
+    with pack.unpacked(path, named_files) as recipe:
         yield recipe
 
 

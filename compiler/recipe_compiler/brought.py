@@ -70,7 +70,7 @@ def read(
     for name, asset in assets.items():
         key = "mesh" if asset.mesh is not None else "image"
         place = root.place_of("assets", name, key)
-        path = str(PurePosixPath(names.get(place.file, "")).parent / (asset.mesh or asset.image or ""))
+        path = _path(names.get(place.file, ""), asset.mesh or asset.image or "")
         try:
             one = _read_one(name, asset, folder, path)
         except (OSError, ValueError) as error:
@@ -92,6 +92,23 @@ def read(
             problems.append(Problem(message, place))
             return found, problems
     return found, problems
+
+
+def named(root: Value, folder: Path, sources: Sources) -> set[str]:
+    """The paths, relative to the recipe's folder, of all assets that a recipe names; nothing is read or checked."""
+    names = {printable(str(folder / name)): name for name in sources.files}
+    assets, found = root.get("assets"), set()
+    for name, asset in (assets.map if assets else {}).items():
+        for key in ("mesh", "image"):
+            given = asset.get(key)
+            if given is not None and isinstance(given.data, str):
+                found.add(_path(names.get(root.place_of("assets", name, key).file, ""), given.data))
+    return found
+
+
+def _path(names_it: str, given: str) -> str:
+    """The path of an asset from the recipe's folder, of one that is given relative to a file."""
+    return str(PurePosixPath(names_it).parent / given)
 
 
 def _sums(total: int, triangles: int, pixels: int) -> Iterator[tuple[int, str, int]]:

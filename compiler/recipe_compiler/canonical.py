@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Iterable
 from functools import lru_cache
 from json.encoder import encode_basestring
 from typing import TYPE_CHECKING, Any
@@ -57,12 +58,17 @@ def digest(domain: str, value: Any) -> str:
     return digest_bytes(domain, canonical_bytes(value))
 
 
-def digest_bytes(domain: str, *chunks: bytes | memoryview) -> str:
-    """SHA-256, in hex, of bytes within a domain."""
+def digest_chunks(domain: str, chunks: Iterable[bytes | memoryview]) -> str:
+    """SHA-256, in hex, of bytes within a domain, which come in pieces of any size."""
     hasher = hashlib.sha256(f"recipe/{domain}\n".encode())
     for chunk in chunks:
         hasher.update(chunk)
     return hasher.hexdigest()
+
+
+def digest_bytes(domain: str, *chunks: bytes | memoryview) -> str:
+    """SHA-256, in hex, of bytes within a domain."""
+    return digest_chunks(domain, chunks)
 
 
 def digest_array(domain: str, array: np.ndarray[Any, Any]) -> str:

@@ -120,6 +120,15 @@ def _compile(path: Path, sources: compose.Sources, allow_large: bool, free_disk:
     return Compiled(plan, tuple(warnings), files, cost, tuple(assets.values()), path.parent, lowering.towns)
 
 
+def named_files(path: Path) -> tuple[str, set[str]] | None:
+    """A recipe's name and the files that it names, itself among them, without compiling it; None if it is broken."""
+    sources = compose.read(path)
+    if sources.root is None or sources.problems:
+        return None
+    name = sources.root.get("recipe")
+    return str(name.data if name else ""), {*sources.files, *brought.named(sources.root, path.parent, sources)}
+
+
 def _kinds(recipe: Recipe | None) -> dict[str, str]:
     """Whether an asset is a mesh or an image, by name."""
     assets = recipe.assets if recipe else {}

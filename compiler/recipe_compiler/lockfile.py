@@ -20,27 +20,40 @@ or path is in it. Rows:
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import io
 import os
+import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from urllib.parse import quote, unquote
 
-from recipe_compiler.canonical import digest, digest_bytes
+from recipe_compiler.canonical import canonical_bytes, digest, digest_chunks
 from recipe_compiler.errors import InputError, Place, Problem
-from recipe_compiler.files import read_regular
+from recipe_compiler.files import open_regular
 from recipe_compiler.plan import DatasetPlan
 
 FORMAT = 1
 _HEAD = b"recipe-lock "
 MAX_BYTES = 1 << 28
+MAX_LINE = 1 << 14  # bytes
 SHORT = 16  # digits of a digest that serve as a key within one lockfile
 _WIDTHS = {
     "recipe": 3, "identity": 1, "file": 2, "tool": 2, "stage": 2, "variant": 4, "trace": 2, "body": 5, "frame": 5,
     "seal": 1,
 }  # fmt: skip
+# The most rows of each kind that are read: those of the largest dataset that is built.
+_MOST = {
+    "recipe": 1, "identity": 1, "file": 10_000, "tool": 100, "stage": 100, "variant": 10_000, "trace": 10_000,
+    "body": 100_000, "frame": 600_000, "seal": 1,
+}  # fmt: skip
+_DIGEST = re.compile(r"[0-9a-f]{64}")
+_CHECKPOINTS = re.compile(r"-|[0-9a-f]{8}(,[0-9a-f]{8}){0,63}")
+_WHOLE = re.compile(r"[0-9]{1,9}")
+_MODALITIES = {name: name for name in ("rgb", "depth", "instance", "semantic", "labels")}
 
 FrameKey = tuple[str, str, str, int]  # key, sensor, modality, frame
 
@@ -96,15 +109,20 @@ class Lockfile:
     @cached_property
     def identity(self) -> str:
         """What a paper prints: the recipe's name and one digest over plans, traces and pixels."""
-        pixels = [[*key, value] for key, value in sorted(self.frames.items())]
+        return f"{quote(self.recipe)}@sha256:{digest_chunks('dataset/1', self._identity_chunks())}"
+
+    def _identity_chunks(self) -> Iterator[bytes]:
+        """The canonical bytes of what the identity is over, frame by frame: all of them would fill the memory."""
+        yield b'{"frames":['
+        for number, (key, value) in enumerate(sorted(self.frames.items())):
+            yield (b"," if number else b"") + canonical_bytes([*key, value])
         variants = [[n, v.scene, v.rig, v.appearance] for n, v in self.variants.items()]
-        body = {"plan": self.plan, "variants": variants, "traces": dict(self.traces), "frames": pixels}
-        return f"{quote(self.recipe)}@sha256:{digest('dataset/1', body)}"
+        rest = {"plan": self.plan, "variants": variants, "traces": dict(self.traces)}
+        yield b"]," + canonical_bytes(rest)[1:]
 
     def dumps(self) -> str:
         """The text of the lockfile."""
-        body = "\n".join(" ".join(row) for row in self._rows()) + "\n"
-        return f"{body}seal {_seal(body)}\n"
+        return "".join(self._lines())
 
     def says_the_same(self, other: Lockfile) -> bool:
         """Whether two lockfiles differ in nothing but the tools that they were made with, and this one is whole."""
@@ -146,13 +164,12 @@ class Lockfile:
             with contextlib.suppress(InputError):
                 if read(path).says_the_same(self):
                     return False
-        text = self.dumps()
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         temporary = Path(name)
         try:
             with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-                file.write(text)
+                file.writelines(self._lines())
             temporary.chmod(0o644)
             temporary.replace(path)
         except BaseException:
@@ -175,6 +192,15 @@ class Lockfile:
                 f"{path} is the lockfile of another recipe, {other or there.recipe}, and not of {ours};"
                 " give one of them another name, or replace it (--replace)"
             )
+
+    def _lines(self) -> Iterator[str]:
+        """The lockfile's lines, the seal last."""
+        seal = hashlib.sha256(b"recipe/lockfile/1\n")
+        for row in self._rows():
+            line = " ".join(row) + "\n"
+            seal.update(line.encode())
+            yield line
+        yield f"seal {seal.hexdigest()}\n"
 
     def _rows(self) -> Iterator[tuple[str, ...]]:
         yield "recipe-lock", str(FORMAT)
@@ -226,76 +252,157 @@ def is_lockfile(path: Path) -> bool:
         return file.read(len(_HEAD)) == _HEAD
 
 
-def read(path: Path) -> Lockfile:
-    """A lockfile from its text; InputError, with the line, if it is not one."""
+def read(path: Path, plan: DatasetPlan | None = None) -> Lockfile:
+    """A lockfile from its file; InputError, with the line, if it is not one.
+
+    With the plan that it is to be compared with, it may have a few times as many rows as that stands for, and no more.
+    """
     try:
-        content = read_regular(path, MAX_BYTES)
-        if len(content) > MAX_BYTES:
-            raise ValueError(f"it is larger than {MAX_BYTES >> 20} MiB")
-        text = content.decode()
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size
+            if size > MAX_BYTES:
+                raise ValueError(f"it has {size:,} bytes, and at most {MAX_BYTES >> 20} MiB are read")
+            lines = iter(lambda: file.readline(MAX_LINE), b"")
+            return _parse(lines, str(path), _MOST if plan is None else _most_for(plan))
     except FileNotFoundError:
         raise InputError(f"{path}: there is no lockfile; `recipe lock` writes it") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: cannot be read as a lockfile: it is not UTF-8 text") from None
     except (OSError, ValueError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or error
         raise InputError(f"{path}: cannot be read as a lockfile: {reason}") from None
-    return loads(text, str(path))
 
 
 def loads(text: str, name: str) -> Lockfile:
     """A lockfile from its text; `name` is the file that errors point at."""
-    lines = text.splitlines()
-    if not lines or lines[0].split()[:1] != ["recipe-lock"]:
-        raise _bad(name, 1, "this is not a lockfile: its first line is not `recipe-lock 1`")
-    if lines[0] != f"recipe-lock {FORMAT}":
-        raise _bad(name, 1, f"lockfile format {lines[0][12:]!r} is not format {FORMAT}, the one this release reads")
-    lock = Lockfile(recipe="", source="", plan="", files={}, tools={}, stages={}, variants={})
-    head = [""] * 3
-    for number, line in enumerate(lines[1:], start=2):
+    return _parse(io.BytesIO(text.encode()), name)
+
+
+def _most_for(plan: DatasetPlan) -> dict[str, int]:
+    """The most rows of each kind that are read where they are compared with a plan: more than differ by an edit."""
+    scenes = {variant.scene.digest: variant.scene for variant in plan.variants}.values()
+    numbers = {
+        "variant": len(plan.variants),
+        "trace": len(scenes),
+        "body": sum(len(scene.actors) for scene in scenes),
+        "frame": sum(
+            variant.scene.clock.frames * (len(sensor.capture) + 1)
+            for variant in plan.variants
+            for sensor in variant.rig.sensors
+        ),
+    }
+    return {kind: min(most, 4 * numbers[kind] + 10_000) if kind in numbers else most for kind, most in _MOST.items()}
+
+
+def _parse(lines: Iterable[bytes], name: str, most: Mapping[str, int] = _MOST) -> Lockfile:
+    """A lockfile from its lines, which are not kept: a second text of it is compared by its digest."""
+    reader, seen = _Reader(name, most), hashlib.sha256()
+    for number, line in enumerate(lines, start=1):
+        seen.update(line)
+        if len(line) >= MAX_LINE:
+            raise _bad(name, number, f"the line is longer than {MAX_LINE:,} bytes")
+        try:
+            reader.add(number, line.decode().rstrip("\r\n"))
+        except UnicodeDecodeError:
+            raise _bad(name, number, "the line is not UTF-8 text") from None
+    lock, again = reader.lock(), hashlib.sha256()
+    for text in lock._lines():
+        again.update(text.encode())
+    return replace(lock, sealed=again.digest() == seen.digest())  # one text for one meaning: order, doubles, the seal
+
+
+class _Reader:
+    """The rows of a lockfile, read one by one."""
+
+    def __init__(self, name: str, most: Mapping[str, int]) -> None:
+        self._name, self._most, self._head = name, most, ("", "", "")
+        self._lock = Lockfile(recipe="", source="", plan="", files={}, tools={}, stages={}, variants={})
+        self._numbers = dict.fromkeys(_WIDTHS, 0)
+        self._shared: dict[str, str] = {}  # keys and names, each of which is in many rows
+        self._lines = 0
+
+    def add(self, number: int, line: str) -> None:
+        """One more line; InputError, with its number, if it cannot be in a lockfile."""
+        self._lines = number
+        if number == 1:
+            if line.split()[:1] != ["recipe-lock"]:
+                raise _bad(self._name, 1, "this is not a lockfile: its first line is not `recipe-lock 1`")
+            if line != f"recipe-lock {FORMAT}":
+                found = line[12:60]
+                raise _bad(
+                    self._name, 1, f"lockfile format {found!r} is not format {FORMAT}, the one this release reads"
+                )
+            return
         kind, *cells = line.split(" ")
         if kind not in _WIDTHS:
-            raise _bad(name, number, f"unknown row {kind[:40]!r}; rows are {', '.join(_WIDTHS)}")
+            raise _bad(self._name, number, f"unknown row {kind[:40]!r}; rows are {', '.join(_WIDTHS)}")
         if len(cells) != _WIDTHS[kind]:
-            raise _bad(name, number, f"a {kind} row has {_WIDTHS[kind]} cells after its kind, this one {len(cells)}")
+            message = f"a {kind} row has {_WIDTHS[kind]} cells after its kind, this one {len(cells)}"
+            raise _bad(self._name, number, message)
+        self._numbers[kind] += 1
+        if self._numbers[kind] > self._most[kind]:
+            raise _bad(self._name, number, f"there are more than {self._most[kind]:,} {kind} rows")
         try:
-            if kind == "recipe":
-                head = [unquote(cells[0]), unquote(cells[1]), cells[2]]
-            elif kind not in ("identity", "seal"):
-                _add_row(lock, kind, cells)
+            self._row(kind, cells)
         except ValueError as error:
-            raise _bad(name, number, f"a broken {kind} row: {error}") from None
-    if not head[0]:
-        raise _bad(name, 1, "the lockfile names no recipe: its `recipe` row is missing")
-    lock = replace(lock, recipe=head[0], source=head[1], plan=head[2])
-    return replace(lock, sealed=lock.dumps() == text)  # one text for one meaning: order, doubles and the seal count
+            raise _bad(self._name, number, f"a broken {kind} row: {error}") from None
+
+    def lock(self) -> Lockfile:
+        """All of them."""
+        if not self._lines:
+            raise _bad(self._name, 1, "this is not a lockfile: its first line is not `recipe-lock 1`")
+        recipe, source, plan = self._head
+        if not recipe:
+            raise _bad(self._name, 1, "the lockfile names no recipe: its `recipe` row is missing")
+        return replace(self._lock, recipe=recipe, source=source, plan=plan)
+
+    def _row(self, kind: str, cells: list[str]) -> None:
+        lock = self._lock
+        if kind == "frame":
+            key, sensor, modality, number, value = cells
+            if modality not in _MODALITIES:
+                raise ValueError(f"there is no modality {modality[:40]!r}")
+            place = (self._name_of(key), self._name_of(sensor), _MODALITIES[modality], _whole(number))
+            lock.frames[place] = _digest(value)
+        elif kind == "body":
+            scene, stride, actor, value, checkpoints = cells
+            if not _CHECKPOINTS.fullmatch(checkpoints):
+                raise ValueError("its checkpoints are not at most 64 of 8 hexadecimal digits")
+            points = () if checkpoints == "-" else tuple(checkpoints.split(","))
+            motion = BodyMotion(_digest(value), _whole(stride), points)
+            lock.bodies[self._name_of(_digest(scene)), self._name_of(actor)] = motion
+        elif kind == "variant":
+            values = dict(cell.split("=", 1) for cell in cells[1:])
+            if sorted(values) != ["appearance", "rig", "scene"]:
+                raise ValueError("it needs scene=, rig= and appearance=")
+            lock.variants[unquote(cells[0])] = VariantRow(**{k: self._name_of(_digest(v)) for k, v in values.items()})
+        elif kind == "trace":
+            lock.traces[_digest(cells[0])] = _digest(cells[1])
+        elif kind == "file":
+            lock.files[unquote(cells[0])] = cells[1]
+        elif kind == "tool":
+            lock.tools[cells[0]] = cells[1]
+        elif kind == "stage":
+            lock.stages[cells[0]] = _whole(cells[1])
+        elif kind == "recipe":
+            self._head = unquote(cells[0]), unquote(cells[1]), cells[2]
+
+    def _name_of(self, cell: str) -> str:
+        """A cell without its escapes; the same object for the same text."""
+        found = self._shared.get(cell)
+        if found is None:
+            found = self._shared[cell] = unquote(cell)
+        return found
 
 
-def _seal(body: str) -> str:
-    return digest_bytes("lockfile/1", body.encode())
+def _digest(cell: str) -> str:
+    if not _DIGEST.fullmatch(cell):
+        raise ValueError(f"{cell[:20]!r} is not a SHA-256 digest")
+    return cell
 
 
-def _add_row(lock: Lockfile, kind: str, cells: list[str]) -> None:
-    if kind == "file":
-        lock.files[unquote(cells[0])] = cells[1]
-    elif kind == "tool":
-        lock.tools[cells[0]] = cells[1]
-    elif kind == "stage":
-        lock.stages[cells[0]] = int(cells[1])
-    elif kind == "variant":
-        values = dict(cell.split("=", 1) for cell in cells[1:])
-        if sorted(values) != ["appearance", "rig", "scene"]:
-            raise ValueError("it needs scene=, rig= and appearance=")
-        lock.variants[unquote(cells[0])] = VariantRow(**values)
-    elif kind == "trace":
-        lock.traces[cells[0]] = cells[1]
-    elif kind == "body":
-        checkpoints = () if cells[4] == "-" else tuple(cells[4].split(","))
-        lock.bodies[cells[0], unquote(cells[2])] = BodyMotion(cells[3], int(cells[1]), checkpoints)
-    else:
-        if len(cells[3]) > 9:
-            raise ValueError("its frame number is too large")
-        lock.frames[cells[0], unquote(cells[1]), cells[2], int(cells[3])] = cells[4]
+def _whole(cell: str) -> int:
+    if not _WHOLE.fullmatch(cell):
+        raise ValueError(f"{cell[:20]!r} is not a whole number of at most nine digits")
+    return int(cell)
 
 
 def _bad(name: str, line: int, message: str) -> InputError:

@@ -20,6 +20,16 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel
 from recipe_compiler.canonical import digest
 from recipe_compiler.errors import InputError
 
+# The most of each that a plan may hold, whether it is compiled here or read from a file. `plan_bounds` has the ranges
+# of bodies' shapes, and how many things a town may have of each kind.
+MAX_VARIANTS, MAX_SENSORS, MAX_FRAMES = 10_000, 1_000, 1_000_000
+MAX_ELEMENTS, MAX_ACTORS, MAX_PROPS, MAX_POINTS = 10_000, 1_000, 1_000, 10_000
+MAX_BODIES = MAX_ELEMENTS + MAX_ACTORS + MAX_PROPS
+MAX_SLOTS = 64
+MAX_FILE_BYTES = 32 << 20
+MAX_PIXELS_A_SIDE = 4096
+MAX_VARIANT_NAME, MAX_DESCRIPTION = 240, 2000  # characters
+
 
 def fixed(value: float) -> float:
     """The value as a fixed decimal of six places; -0 becomes 0."""
@@ -27,9 +37,18 @@ def fixed(value: float) -> float:
 
 
 Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(fixed)]
+Metres = Annotated[Number, Field(ge=-100_000, le=100_000)]
+Degrees = Annotated[Number, Field(ge=-10_000, le=10_000)]
+Percent = Annotated[Number, Field(ge=0, le=100)]
 Colour = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]  # sRGB
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Share = Annotated[Number, Field(ge=0, le=1)]
+Ten = Annotated[Number, Field(ge=0, le=10)]
+Tag = Annotated[int, Field(ge=0, le=255)]  # CARLA 0.9.14+ semantic tag
+Slot = Annotated[str, Field(max_length=1000)]
+Shape = Annotated[dict[Name, Number], Field(max_length=32)]
+Slots = Annotated[dict[Slot, Colour], Field(max_length=MAX_SLOTS)]
 
 
 class Plan(BaseModel):
@@ -45,27 +64,27 @@ class Plan(BaseModel):
 class Pose(Plan):
     """A position in metres and an orientation in degrees."""
 
-    x: Number = 0.0
-    y: Number = 0.0
-    z: Number = 0.0
-    yaw: Number = 0.0
-    pitch: Number = 0.0
-    roll: Number = 0.0
+    x: Metres = 0.0
+    y: Metres = 0.0
+    z: Metres = 0.0
+    yaw: Degrees = 0.0
+    pitch: Degrees = 0.0
+    roll: Degrees = 0.0
 
 
 class Point(Plan):
     """A point on the ground plan, in metres."""
 
-    x: Number
-    y: Number
+    x: Metres
+    y: Metres
 
 
 class Clock(Plan):
     """When frames are taken: frame k at physics step k * (physics / fps), frame 0 before the first step."""
 
-    fps: int
-    frames: int
-    physics: int  # steps a second
+    fps: Annotated[int, Field(ge=1, le=1000)]
+    frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)]
+    physics: Annotated[int, Field(ge=1, le=1000)]  # steps a second
 
     @property
     def steps_per_frame(self) -> int:
@@ -79,15 +98,15 @@ class Element(Plan):
     name: Name
     kind: Name
     pose: Pose
-    size: tuple[Number, Number, Number]  # metres along its own x, y, z
-    shape: dict[str, Number] = {}
+    size: tuple[Metres, Metres, Metres]  # metres along its own x, y, z
+    shape: Shape = {}
 
 
 class TownPlan(Plan):
     """A town's layout. Meshes and collision shapes follow from it alone."""
 
     name: Name
-    elements: tuple[Element, ...]
+    elements: Annotated[tuple[Element, ...], Field(max_length=MAX_ELEMENTS)]
 
     @cached_property
     def digest(self) -> str:
@@ -101,19 +120,21 @@ class ActorPlan(Plan):
     name: Name
     blueprint: Name  # an id of the library, such as walker.pedestrian.0003
     category: Literal["pedestrian", "vehicle"]
-    tag: int  # CARLA 0.9.14+ semantic tag
+    tag: Tag
     instance: Annotated[int, Field(ge=1, le=999)]  # unique within the tag, the same in every variant
-    shape: dict[str, Number]  # what its mesh and joints need
+    shape: Shape  # what its mesh and joints need
     start: Pose
-    route: tuple[Point, ...]  # waypoints after the start, the goal last; empty: it stands
-    speed: Annotated[Number, Field(ge=0)]  # m/s
+    route: Annotated[
+        tuple[Point, ...], Field(max_length=MAX_POINTS)
+    ]  # after the start, the goal last; empty: it stands
+    speed: Annotated[Number, Field(ge=0, le=1000)]  # m/s
 
 
 class FilePlan(Plan):
     """A file that a recipe brings, by its content; where it lies is no part of a plan."""
 
     sha256: Sha256
-    bytes: int
+    bytes: Annotated[int, Field(ge=0, le=MAX_FILE_BYTES)]
     kind: Literal["glb", "gltf", "obj", "png", "stl"]
 
 
@@ -123,11 +144,11 @@ class PropPlan(Plan):
     name: Name
     mesh: FilePlan | None  # None: a board
     up: Literal["y", "z"] = "z"  # the file's axis that points up; y: its z is our x
-    scale: Number = 1.0  # metres of one unit of the file
+    scale: Annotated[Number, Field(gt=0, le=100_000)] = 1.0  # metres of one unit of the file
     pose: Pose
-    tag: int  # CARLA 0.9.14+ semantic tag
-    low: tuple[Number, Number, Number]  # its box in its own frame, in metres; what collides
-    high: tuple[Number, Number, Number]
+    tag: Tag
+    low: tuple[Metres, Metres, Metres]  # its box in its own frame, in metres; what collides
+    high: tuple[Metres, Metres, Metres]
 
 
 class ScenePlan(Plan):
@@ -136,8 +157,8 @@ class ScenePlan(Plan):
     version: Literal[1] = 1
     clock: Clock
     town: TownPlan
-    actors: tuple[ActorPlan, ...]
-    props: tuple[PropPlan, ...] = ()
+    actors: Annotated[tuple[ActorPlan, ...], Field(max_length=MAX_ACTORS)]
+    props: Annotated[tuple[PropPlan, ...], Field(max_length=MAX_PROPS)] = ()
 
     @cached_property
     def digest(self) -> str:
@@ -159,13 +180,13 @@ class ScenePlan(Plan):
 class CameraPlan(Plan):
     """A camera's intrinsics. `fov` is horizontal, in degrees, and a pinhole's; pixel (0, 0) is the top-left corner."""
 
-    width: int
-    height: int
-    fov: Number
-    near: Number = 0.1  # metres along the optical axis
-    far: Number = 1000.0
-    lens_k: Number = 0.0  # distortion, as `optics` has it
-    lens_kcube: Number = 0.0
+    width: Annotated[int, Field(ge=1, le=MAX_PIXELS_A_SIDE)]
+    height: Annotated[int, Field(ge=1, le=MAX_PIXELS_A_SIDE)]
+    fov: Annotated[Number, Field(gt=0, lt=180)]
+    near: Annotated[Number, Field(gt=0, le=100_000)] = 0.1  # metres along the optical axis
+    far: Annotated[Number, Field(gt=0, le=100_000)] = 1000.0
+    lens_k: Annotated[Number, Field(ge=-1, le=1)] = 0.0  # distortion, as `optics` has it
+    lens_kcube: Annotated[Number, Field(ge=-1, le=1)] = 0.0
 
 
 class SensorPlan(Plan):
@@ -174,8 +195,10 @@ class SensorPlan(Plan):
     name: Name
     on: Name | None = None  # an actor; None: the world
     camera: CameraPlan
-    capture: tuple[Literal["rgb", "depth", "instance", "semantic"], ...]
-    poses: tuple[Pose, ...]  # one if it never moves, else one a frame; in the frame of `on`
+    capture: Annotated[tuple[Literal["rgb", "depth", "instance", "semantic"], ...], Field(max_length=4)]
+    poses: Annotated[
+        tuple[Pose, ...], Field(max_length=MAX_FRAMES)
+    ]  # one if it never moves, else one a frame; in the frame of `on`
 
     def pose(self, frame: int) -> Pose:
         """Pose at a frame, jitter and all."""
@@ -186,7 +209,7 @@ class RigPlan(Plan):
     """What every pixel hits."""
 
     version: Literal[1] = 1
-    sensors: tuple[SensorPlan, ...]
+    sensors: Annotated[tuple[SensorPlan, ...], Field(max_length=MAX_SENSORS)]
 
     @cached_property
     def digest(self) -> str:
@@ -197,52 +220,52 @@ class RigPlan(Plan):
 class Weather(Plan):
     """CARLA's weather parameters, with their names and units; the sun is in `Sun`."""
 
-    cloudiness: Number
-    precipitation: Number
-    precipitation_deposits: Number
-    wind_intensity: Number
-    fog_density: Number
-    fog_distance: Number  # metres
-    fog_falloff: Number
-    wetness: Number
-    scattering_intensity: Number
-    mie_scattering_scale: Number
-    rayleigh_scattering_scale: Number
-    dust_storm: Number
+    cloudiness: Percent
+    precipitation: Percent
+    precipitation_deposits: Percent
+    wind_intensity: Percent
+    fog_density: Percent
+    fog_distance: Annotated[Number, Field(ge=0, le=10_000)]  # metres
+    fog_falloff: Annotated[Number, Field(ge=0, le=1000)]
+    wetness: Percent
+    scattering_intensity: Percent
+    mie_scattering_scale: Annotated[Number, Field(ge=0, le=5)]
+    rayleigh_scattering_scale: Annotated[Number, Field(ge=0, le=2)]
+    dust_storm: Percent
 
 
 class Sun(Plan):
     """Where the sun stands. `azimuth` counter-clockwise from world +x, `altitude` above the horizon, in degrees."""
 
-    azimuth: Number
-    altitude: Number
+    azimuth: Degrees
+    altitude: Annotated[Number, Field(ge=-90, le=90)]
 
 
 class CameraResponse(Plan):
     """How a sensor turns light into 8-bit sRGB. Names are CARLA's where it has one."""
 
     exposure_mode: Literal["auto", "manual"] = "auto"
-    exposure_compensation: Number = 0.0  # stops
-    shutter_speed: Number = 200.0  # 1 / seconds
-    iso: Number = 100.0
-    fstop: Number = 1.4
-    gamma: Number = 2.2
-    temp: Number = 6500.0  # kelvin
-    tint: Number = 0.0
-    noise: Number = 1.0  # read and shot noise, 0 off, 1 a good street camera at ISO 100
-    vignette_intensity: Number = 0.4
-    lens_circle_multiplier: Number = 0.0
-    lens_circle_falloff: Number = 5.0
-    chromatic_aberration_intensity: Number = 0.0
-    chromatic_aberration_offset: Number = 0.0
-    bloom_intensity: Number = 0.0
-    motion_blur_intensity: Number = 0.0
-    motion_blur_max_distortion: Number = 0.35  # of the picture's width
+    exposure_compensation: Annotated[Number, Field(ge=-15, le=15)] = 0.0  # stops
+    shutter_speed: Annotated[Number, Field(ge=1, le=10_000)] = 200.0  # 1 / seconds
+    iso: Annotated[Number, Field(ge=25, le=102_400)] = 100.0
+    fstop: Annotated[Number, Field(ge=0.7, le=32)] = 1.4
+    gamma: Annotated[Number, Field(ge=0.5, le=5)] = 2.2
+    temp: Annotated[Number, Field(ge=1500, le=15_000)] = 6500.0  # kelvin
+    tint: Annotated[Number, Field(ge=-1, le=1)] = 0.0
+    noise: Ten = 1.0  # read and shot noise, 0 off, 1 a good street camera at ISO 100
+    vignette_intensity: Share = 0.4
+    lens_circle_multiplier: Ten = 0.0
+    lens_circle_falloff: Ten = 5.0
+    chromatic_aberration_intensity: Ten = 0.0
+    chromatic_aberration_offset: Annotated[Number, Field(ge=0, le=0.99)] = 0.0
+    bloom_intensity: Annotated[Number, Field(ge=0, le=5)] = 0.0
+    motion_blur_intensity: Ten = 0.0
+    motion_blur_max_distortion: Share = 0.35  # of the picture's width
     antialias: bool = True
-    supersample: int = 1  # samples along a pixel's side
+    supersample: Annotated[int, Field(ge=1, le=4)] = 1  # samples along a pixel's side
 
 
-class Looks(RootModel[dict[str, dict[str, Colour]]]):
+class Looks(RootModel[Annotated[dict[Name, Slots], Field(max_length=MAX_BODIES)]]):
     """Colours: body or town element -> slot (skin, shirt, paint, wall ...) -> colour. A value that variants share."""
 
     model_config = ConfigDict(frozen=True, ignored_types=(cached_property,))
@@ -260,20 +283,25 @@ class TexturePlan(Plan):
     """An image on a slot of a body, by the texture coordinates of its mesh; the slot's colour is multiplied by it."""
 
     file: FilePlan
-    number: int | None = None  # which of a glTF file's images; None: the file is the image
+    number: Annotated[int, Field(ge=0, le=100_000)] | None = (
+        None  # which of a glTF file's images; None: the file is the image
+    )
     repeat: bool = False  # beyond its edges it starts again, else its edge goes on
+
+
+Textures = Annotated[dict[Slot, TexturePlan], Field(max_length=MAX_SLOTS)]  # by slot
 
 
 class AppearancePlan(Plan):
     """What colour everything has."""
 
     version: Literal[1] = 1
-    seed: int  # for rain, sensor noise and lit windows
+    seed: Annotated[int, Field(ge=0, lt=1 << 64)]  # for rain, sensor noise and lit windows
     weather: Weather
     sun: Sun
     looks: Looks
-    textures: dict[str, dict[str, TexturePlan]] = {}  # body -> slot -> image
-    responses: dict[str, CameraResponse]  # by sensor
+    textures: Annotated[dict[Name, Textures], Field(max_length=MAX_PROPS)] = {}  # body -> slot -> image
+    responses: Annotated[dict[Name, CameraResponse], Field(max_length=MAX_SENSORS)]  # by sensor
 
     @cached_property
     def colours(self) -> str:
@@ -291,7 +319,7 @@ class AppearancePlan(Plan):
 class ScenarioPlan(Plan):
     """One variant of a recipe, nothing left to decide."""
 
-    variant: str
+    variant: Annotated[str, Field(max_length=MAX_VARIANT_NAME)]
     scene: ScenePlan
     rig: RigPlan
     appearance: AppearancePlan
@@ -318,9 +346,9 @@ class DatasetPlan(Plan):
     """All variants of a recipe, in file order, and what to write."""
 
     recipe: Name
-    description: str
-    variants: tuple[ScenarioPlan, ...]
-    annotations: tuple[Literal["kwcoco", "coco", "mots_txt", "mots_png"], ...]
+    description: Annotated[str, Field(max_length=MAX_DESCRIPTION)]
+    variants: Annotated[tuple[ScenarioPlan, ...], Field(max_length=MAX_VARIANTS)]
+    annotations: Annotated[tuple[Literal["kwcoco", "coco", "mots_txt", "mots_png"], ...], Field(max_length=4)]
     depth: Literal["carla", "npy"]  # depth on disk: CARLA's 24-bit PNG, or float32 metres
 
     def named(self, name: str | None) -> ScenarioPlan:

@@ -1,27 +1,41 @@
 """What a plan must be before anything is made of it.
 
-The compiler makes only plans that can be built. A plan read from a dataset's folder may be anyone's: it is held to
-the same bounds first, so that no name leads out of a folder and no number asks for more than a machine has.
+A plan read from a dataset's folder may be anyone's, so no name may lead out of a folder and no number ask for more than
+a machine has. The models of `recipe_compiler.plan` bound each number by itself, and `recipe_compiler.plan_bounds` the
+shapes of bodies. Here are the sums, and what the parts of a plan must have in common. A plan that is compiled here is
+held to the same bounds before it is built, so that every dataset can be read again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from recipe_compiler import optics
+from recipe_compiler import optics, plan_bounds
 from recipe_compiler.errors import InputError, Problem
-from recipe_compiler.plan import DatasetPlan, RigPlan, ScenarioPlan, ScenePlan, SensorPlan
+from recipe_compiler.plan import (
+    MAX_ACTORS,
+    MAX_ELEMENTS,
+    MAX_FILE_BYTES,
+    MAX_PIXELS_A_SIDE,
+    MAX_POINTS,
+    MAX_PROPS,
+    DatasetPlan,
+    RigPlan,
+    ScenarioPlan,
+    ScenePlan,
+    SensorPlan,
+)
 from recipe_compiler.wording import count
 
 from recipe_runtime import layout
 from recipe_runtime.annotate.categories import CATEGORIES
 
 MOST_PICTURES = 1_000_000  # frames, over all sensors and variants
-MOST_PIXELS_A_SIDE = 4096
-MOST_ACTORS, MOST_ELEMENTS, MOST_POINTS = 1_000, 200_000, 10_000
+MAX_ROWS = 600_000  # digests of frames: a frame's labels, and each of its modalities
+MAX_FILES = 600_000  # of a dataset; of each, a manifest has a row
+MAX_POSES = 300_000  # over all rigs that differ
 MOST_STEPS = 100_000_000  # of physics, over all scenes
 MOST_METRES = 100_000.0
-MOST_PROPS, MOST_FILE_BYTES = 1_000, 32 << 20
 MOST_SETTING = 1e6  # of a camera
 
 
@@ -40,16 +54,52 @@ def check_bounds(dataset: DatasetPlan) -> None:
     """InputError for a plan that no recipe compiles to, or that is larger than any that this project builds."""
     if not dataset.variants:
         raise InputError("the plan has no variants")
-    found = [p for v in dataset.variants for p in [*_clock(v.scene), *_cast(v.scene), *_props(v), *_rig(v.rig, v)]]
-    pictures = sum(v.scene.clock.frames * len(v.rig.sensors) for v in dataset.variants)
-    if pictures > MOST_PICTURES:
-        found.append(f"{pictures} frames are over {MOST_PICTURES}")
+    if len({v.variant for v in dataset.variants}) < len(dataset.variants):
+        raise InputError("two variants have one name")
+    scenes_of = {v.scene.digest: v.scene for v in dataset.variants}
+    towns_of = {scene.town.digest: scene.town for scene in scenes_of.values()}
+    found = [p for town in towns_of.values() for p in plan_bounds.town_faults(town.elements)]
+    found += [p for scene in scenes_of.values() for p in [*_clock(scene), *_cast(scene)]]
+    found += [p for v in dataset.variants for p in [*_props(v), *_rig(v.rig, v)]]
+    found += _sums(dataset)
     if not found:
         scenes = {v.scene.digest: v.scene.clock for v in dataset.variants}.values()
         steps = sum(clock.frames * clock.steps_per_frame for clock in scenes)
         found += [f"{steps} steps of simulation are over {MOST_STEPS}"] if steps > MOST_STEPS else []
     if found:
         raise InputError(Problem(message) for message in dict.fromkeys(found))
+
+
+def _sums(dataset: DatasetPlan) -> Iterator[str]:
+    """Frames, digests, files and poses of the whole dataset."""
+    frames = [(v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors]
+    rigs = {v.rig.digest: v.rig for v in dataset.variants}
+    numbers = (
+        (sum(number for number, _ in frames), MOST_PICTURES, "frames"),
+        (row_count(dataset), MAX_ROWS, "digests of frames"),
+        (file_count(dataset), MAX_FILES, "files"),
+        (sum(len(sensor.poses) for rig in rigs.values() for sensor in rig.sensors), MAX_POSES, "poses of sensors"),
+    )
+    for number, most, what in numbers:
+        if number > most:
+            yield f"{number} {what} are over {most}; split the recipe into several"
+
+
+def row_count(dataset: DatasetPlan) -> int:
+    """How many digests of frames the plan's dataset has."""
+    videos = ((v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors)
+    return sum(frames * (len(sensor.capture) + 1) for frames, sensor in videos)
+
+
+def file_count(dataset: DatasetPlan) -> int:
+    """How many files the plan's dataset has, without listing them; up to a dozen more."""
+    masks = "mots_png" in dataset.annotations
+    total = 12
+    for variant in dataset.variants:
+        total += 2  # plan and tracks
+        for sensor in variant.rig.sensors:
+            total += 3 + variant.scene.clock.frames * (len(sensor.capture) + masks)  # labels, and two texts of MOTS
+    return total
 
 
 def _clock(scene: ScenePlan) -> Iterator[str]:
@@ -59,7 +109,7 @@ def _clock(scene: ScenePlan) -> Iterator[str]:
 
 
 def _cast(scene: ScenePlan) -> Iterator[str]:
-    if len(scene.actors) > MOST_ACTORS or len(scene.town.elements) > MOST_ELEMENTS:
+    if len(scene.actors) > MAX_ACTORS or len(scene.town.elements) > MAX_ELEMENTS:
         cast, things = count(len(scene.actors), "actor"), count(len(scene.town.elements), "thing")
         yield f"{cast} and {things} of the town are over the limit"
     if len({a.name for a in scene.actors}) < len(scene.actors):
@@ -68,18 +118,17 @@ def _cast(scene: ScenePlan) -> Iterator[str]:
         yield "two actors have one instance number"
     for actor in scene.actors:
         points = [actor.start.x, actor.start.y, actor.start.z, *(v for p in actor.route for v in (p.x, p.y))]
-        if len(actor.route) > MOST_POINTS or _beyond([*points, actor.speed]):
+        if len(actor.route) > MAX_POINTS or _beyond([*points, actor.speed]):
             yield f"actor {actor.name!r}: its start, route or speed is out of bounds"
-    for element in scene.town.elements:
-        pose = element.pose
-        if _beyond([pose.x, pose.y, pose.z, *element.size]):
-            yield f"{element.name!r} of the town is out of bounds"
+        wrong = plan_bounds.actor_fault(actor)
+        if wrong is not None:
+            yield f"actor {actor.name!r}: {wrong}"
 
 
 def _props(variant: ScenarioPlan) -> Iterator[str]:
     props = variant.scene.props
-    if len(props) > MOST_PROPS:
-        yield f"{len(props)} props are over {MOST_PROPS}"
+    if len(props) > MAX_PROPS:
+        yield f"{len(props)} props are over {MAX_PROPS}"
     for prop in props:
         pose = prop.pose
         if _beyond([pose.x, pose.y, pose.z, *prop.low, *prop.high, prop.scale]) or prop.scale <= 0.0:
@@ -87,8 +136,8 @@ def _props(variant: ScenarioPlan) -> Iterator[str]:
         if prop.mesh is None and any(a >= b for a, b in zip(prop.low, prop.high, strict=True)):
             yield f"{prop.name!r} is a board without a size"
     for file in variant.files.values():
-        if not 0 <= file.bytes <= MOST_FILE_BYTES:
-            yield f"the file sha256:{file.sha256} of {file.bytes} bytes is over {MOST_FILE_BYTES}"
+        if not 0 <= file.bytes <= MAX_FILE_BYTES:
+            yield f"the file sha256:{file.sha256} of {file.bytes} bytes is over {MAX_FILE_BYTES}"
 
 
 def _rig(rig: RigPlan, variant: ScenarioPlan) -> Iterator[str]:
@@ -105,8 +154,8 @@ def _rig(rig: RigPlan, variant: ScenarioPlan) -> Iterator[str]:
 
 def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
     camera = sensor.camera
-    if not (0 < camera.width <= MOST_PIXELS_A_SIDE and 0 < camera.height <= MOST_PIXELS_A_SIDE):
-        yield f"a picture of {camera.width}x{camera.height} is over {MOST_PIXELS_A_SIDE}x{MOST_PIXELS_A_SIDE} or empty"
+    if not (0 < camera.width <= MAX_PIXELS_A_SIDE and 0 < camera.height <= MAX_PIXELS_A_SIDE):
+        yield f"a picture of {camera.width}x{camera.height} is over {MAX_PIXELS_A_SIDE}x{MAX_PIXELS_A_SIDE} or empty"
     if not (0.0 < camera.fov < 180.0 and 0.0 < camera.near < camera.far <= MOST_METRES):
         yield f"a camera of {camera.fov} degrees from {camera.near} to {camera.far} m is none"
     if sensor.on is not None and sensor.on not in actors:

@@ -23,7 +23,7 @@ from typing import Any
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime import housekeeping, pool, provenance
-from recipe_runtime.admission import check_plan
+from recipe_runtime.admission import check_bounds, check_plan
 from recipe_runtime.dataset import Dataset
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.finish import Finisher
@@ -92,6 +92,7 @@ def build(
     places = devices(device) if run is pool.run else (device,)  # another host's devices are not for this one to know
     start, out, most = time.perf_counter(), out.absolute(), housekeeping.limit()
     check_plan(dataset)
+    check_bounds(dataset)  # or the dataset could not be read again
     Workspace.settle(out)
     manifest = read_manifest(out)
     examined = examine(dataset, out, progress or _silence) if repair else None

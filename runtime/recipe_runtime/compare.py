@@ -1,28 +1,21 @@
-"""Digests against digests: a recipe's files, plans and frames against a lockfile; and what may excuse a difference."""
+"""Digests against digests: a recipe's files, plans and frames against a lockfile."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from recipe_compiler.lockfile import Lockfile
 from recipe_compiler.plan import DatasetPlan
 from recipe_compiler.wording import count
 
-from recipe_runtime import host, locking
+from recipe_runtime import locking
+from recipe_runtime.excuses import excuse_of
 from recipe_runtime.verdict import ORDER, Difference
-from recipe_runtime.versions import STAGES, host_versions
+from recipe_runtime.versions import STAGES
 
-# What a stage's bytes depend on, once all before it agree: stages by their names in versions.STAGES, and tools.
-_DEPENDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "plan": (("plan",), ("astral", "rfc8785")),
-    "trace": (("simulate",), ("pybullet", "numpy", "glibc", "python")),
-    "observation": (("observe",), ("warp-lang", "numpy")),
-    "labels": (("observe", "annotate"), ("pycocotools", "numpy")),
-    "shading": (("observe", "shade"), ("warp-lang", "numpy")),
-    "texts": (("observe", "annotate"), ("dataset-recipe", "pycocotools")),
-    "encoding": (("encode",), ("zlib-ng", "numpy")),
-}
+Excuse = Callable[[str, Lockfile], str | None]  # why a stage may differ from a lockfile, as `excuses` says
+
 _STAGE_OF = {"rgb": "shading", "labels": "labels", "depth": "observation"}
 
 
@@ -62,9 +55,9 @@ def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None
     return f"the text of {changed[0]}{rest} has changed since it was locked; the plan has not"
 
 
-def compare_plans(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
+def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse_of) -> list[Difference]:
     """Every variant's three plans, by their digests."""
-    found, excuse = [], excuse_of("plan", lock)
+    found, excuse = [], excuse_for("plan", lock)
     ours = locking.bare(plan, lock.source, {}).variants
     for name in [*lock.variants, *(name for name in ours if name not in lock.variants)]:
         if name not in ours or name not in lock.variants:
@@ -106,10 +99,12 @@ def _uneven(kind: str, missing: list[str], surplus: list[str]) -> list[str]:
     return [f"it {word} {count(len(keys), f'{kind} row')}, {keys[0]} the first" for keys, word in rows if keys]
 
 
-def compare_locks(plan: DatasetPlan, lock: Lockfile, made: Lockfile) -> list[Difference]:
+def compare_locks(
+    plan: DatasetPlan, lock: Lockfile, made: Lockfile, excuse_for: Excuse = excuse_of
+) -> list[Difference]:
     """What a finished build differs in from a lockfile, stage by stage."""
-    found = compare_rows(plan, lock) + compare_files(plan, lock, made.files) + compare_plans(plan, lock)
-    return sorted(found + _digests(lock, made), key=lambda difference: ORDER.index(difference.stage))
+    found = compare_rows(plan, lock) + compare_files(plan, lock, made.files) + compare_plans(plan, lock, excuse_for)
+    return sorted(found + _digests(lock, made, excuse_for), key=lambda difference: ORDER.index(difference.stage))
 
 
 def compare_datasets(plan: DatasetPlan, lock: Lockfile, held: Lockfile, name: str) -> list[Difference]:
@@ -118,35 +113,17 @@ def compare_datasets(plan: DatasetPlan, lock: Lockfile, held: Lockfile, name: st
     return [replace(difference, message=f"{name}: {difference.message}") for difference in found]
 
 
-def _digests(lock: Lockfile, made: Lockfile) -> list[Difference]:
+def _digests(lock: Lockfile, made: Lockfile, excuse_for: Excuse = excuse_of) -> list[Difference]:
     """Motion and frames that both tell of, and that differ."""
     found = []
     for scene, trace in made.traces.items():
         if scene in lock.traces and lock.traces[scene] != trace:
-            found.append(Difference("trace", f"scene {scene[:16]} moves otherwise", excuse_of("trace", lock)))
+            found.append(Difference("trace", f"scene {scene[:16]} moves otherwise", excuse_for("trace", lock)))
     names = {v.frame_key(m): n for n, v in reversed(made.variants.items()) for m in ("rgb", "labels")}
     for row, value in made.frames.items():
         if row in lock.frames and lock.frames[row] != value:
             key, sensor, modality, frame = row
             stage, name = stage_of(modality), names[key]
             message = f"{name}, {sensor}, frame {frame}: {modality} differs"
-            found.append(Difference(stage, message, excuse_of(stage, lock), name, sensor, frame, modality))
+            found.append(Difference(stage, message, excuse_for(stage, lock), name, sensor, frame, modality))
     return found
-
-
-def excuse_of(stage: str, lock: Lockfile) -> str | None:
-    """Why this host need not agree with the lockfile at a stage; None if it must."""
-    stages, tools = _DEPENDS.get(stage, ((), ()))
-    for key in stages:
-        if lock.stages.get(key) != STAGES[key]:
-            release = lock.tools.get("dataset-recipe", "of another release")
-            versions = f"the lockfile is of {key} version {lock.stages.get(key)}, this is {STAGES[key]}"
-            return f"{versions}; dataset-recipe {release} reproduces it"
-    reason = host.unfit(stage)
-    if reason:
-        return reason
-    if stage == "trace" and "glibc" not in lock.tools:
-        return "it is not said with which C library and Python it was made"
-    ours = host_versions()
-    others = [f"{t} {lock.tools[t]}, here {ours[t]}" for t in tools if t in lock.tools and lock.tools[t] != ours[t]]
-    return "the lockfile was made with " + ", ".join(others) if others else None

@@ -19,21 +19,20 @@ from recipe_compiler.lockfile import Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
 from recipe_compiler.wording import count
 
-from recipe_runtime import layout, locking
-from recipe_runtime.admission import check_bounds, check_plan
+from recipe_runtime import layout, locking, manifest_reader
+from recipe_runtime.admission import check_bounds, check_plan, file_count, row_count
 from recipe_runtime.engines import Progress
 from recipe_runtime.harvest import Video
 from recipe_runtime.manifest import DAMAGE, listed_files
 from recipe_runtime.manifest import lock_of as lock_of
+from recipe_runtime.plan_reader import MAX_PLAN_BYTES, PlanReader
 from recipe_runtime.store import file_sha256
 from recipe_runtime.store import regular_file as regular_file
 from recipe_runtime.texts import annotation_texts, closing_texts, labels_of
 from recipe_runtime.trace import Trace
 from recipe_runtime.tracks import tracks_csv
-from recipe_runtime.workspace import read_manifest
 
-_MOST_PLAN_BYTES = 256 * 2**20
-_MOST_LINE = 64 * 2**20  # bytes of one frame's labels
+_MOST_LINE = 16 * 2**20  # bytes of one frame's labels
 
 Fault = tuple[str, str]  # the path of a file, and a line that names it and says what is wrong
 
@@ -56,37 +55,54 @@ def read(root: Path, name: str = "") -> Dataset:
     It is told of by `name` where that is given: a URL, of which the folder is a copy.
     """
     name = name or str(root)
-    manifest = read_manifest(root)
-    if manifest is None:
-        raise InputError(f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project")
     try:
+        manifest = manifest_reader.read(root)
         files = listed_files(manifest)
         plan = _plan(root, manifest, files)
         check_plan(plan)
         check_bounds(plan)
+        _check_rows(manifest, files, plan)
         lock = lock_of(manifest)
         recipe_file = recipe_file_of(manifest, files)
+    except manifest_reader.NotAManifestError:
+        raise InputError(f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project") from None
     except InputError as error:
         raise InputError(f"{name}: {str(error).splitlines()[0]}; no dataset of this project says so") from None
-    except (OSError, *DAMAGE) as error:  # pydantic's ValidationError is a ValueError
+    except (OSError, *DAMAGE) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{name}: its manifest or a plan is damaged ({reason}); build the dataset again") from None
     return Dataset(root, plan, lock, files, name, recipe_file)
+
+
+def _check_rows(manifest: Mapping[str, Any], files: Collection[str], plan: DatasetPlan) -> None:
+    """ValueError for a manifest that has many more rows than its plan stands for; a few are told one by one."""
+    rows = [row["frames"] for row in manifest["variants"].values()]
+    frames = sum(len(values) for sensors in rows for sensor in sensors.values() for values in sensor.values())
+    for number, most, what in (
+        (len(files), file_count(plan), "files"),
+        (frames, row_count(plan), "digests of frames"),
+    ):
+        if number > 4 * most + 10_000:
+            raise ValueError(f"it lists {number:,} {what}, and its plan stands for {most:,}")
 
 
 def plan_alone(path: Path) -> DatasetPlan:
     """One expanded plan from its file, as a dataset of one variant; InputError if it is none."""
     try:
         found = path.lstat()
-        if not stat.S_ISREG(found.st_mode) or found.st_size > _MOST_PLAN_BYTES:
+        if not stat.S_ISREG(found.st_mode) or found.st_size > MAX_PLAN_BYTES:
             raise ValueError("it is no plain file, or too large")
-        variant = ScenarioPlan.model_validate_json(path.read_bytes())
+        variant = PlanReader().read(path.read_bytes())
+        alone = DatasetPlan(recipe=path.stem[:100], description="", variants=(variant,), annotations=(), depth="carla")
+        check_bounds(alone)
+    except InputError as error:
+        raise InputError(f"{path}: {str(error).splitlines()[0]}; no plan of this project says so") from None
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file") from None
     except (OSError, *DAMAGE) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: cannot be read as a plan: {reason}") from None
-    return DatasetPlan(recipe=path.stem, description="", variants=(variant,), annotations=(), depth="carla")
+    return alone
 
 
 def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
@@ -241,12 +257,15 @@ def _plan(root: Path, manifest: Mapping[str, Any], files: Mapping[str, Any]) -> 
     order = manifest["order"]
     if not isinstance(order, list) or not order or not all(isinstance(name, str) for name in order):
         raise ValueError("order is no list of variants' names")
-    variants = []
+    variants, reader = [], PlanReader()
     for name in order:
         path = layout.plan_file(name)
         if path not in files:  # its own list holds no path that leads out of the folder
             raise ValueError(f"the plan of {name!r} is not among its files")
-        variant = ScenarioPlan.model_validate_json(_bytes_of(root, path))
+        try:
+            variant = reader.read(_bytes_of(root, path))
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
         if variant.variant != name:
             raise ValueError(f"{path} is the plan of {variant.variant!r}")
         variants.append(variant)
@@ -262,6 +281,6 @@ def _plan(root: Path, manifest: Mapping[str, Any], files: Mapping[str, Any]) -> 
 
 def _bytes_of(root: Path, path: str) -> bytes:
     found = regular_file(root, path)
-    if found is None or found.st_size > _MOST_PLAN_BYTES:
+    if found is None or found.st_size > MAX_PLAN_BYTES:
         raise ValueError(f"{path} is missing, not a plain file, or too large")
     return (root / path).read_bytes()

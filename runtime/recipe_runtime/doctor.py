@@ -20,8 +20,9 @@ from recipe_compiler.plan import DatasetPlan
 
 from recipe_runtime import host, layout
 from recipe_runtime.build import build
-from recipe_runtime.compare import compare_locks, excuse_of
+from recipe_runtime.compare import compare_locks
 from recipe_runtime.engines import Engines, Progress
+from recipe_runtime.excuses import own_excuse_of
 from recipe_runtime.manifest import lock_of
 from recipe_runtime.opening import compiled
 from recipe_runtime.verdict import Difference
@@ -113,9 +114,9 @@ def self_test(
         except RecipeError as error:
             return [Check(stage, "not reached", str(error).splitlines()[0]) for stage in STAGES]
         lock = lock_of(made.manifest, golden.source, golden.files)
-        differences = [d for d in compare_locks(plan, golden, lock) if d.stage != "recipe"]
+        differences = [d for d in compare_locks(plan, golden, lock, own_excuse_of) if d.stage != "recipe"]
         differences += [
-            Difference(stage, f"{path} differs", excuse_of("texts" if stage == "annotate" else stage, golden))
+            Difference(stage, f"{path} differs", own_excuse_of("texts" if stage == "annotate" else stage, golden))
             for stage, path in _other_files(made.manifest["files"])
         ]
     return _told(differences)

@@ -32,6 +32,7 @@ from recipe_compiler.wording import count
 from recipe_runtime import layout
 from recipe_runtime.dataset import Dataset, labels
 from recipe_runtime.engines import Progress
+from recipe_runtime.manifest import DAMAGE
 from recipe_runtime.store import file_sha256, host_errors, regular_file
 
 INDEX = "index.json"
@@ -200,6 +201,6 @@ def _index_of(out: Path) -> dict[str, Any] | None:
         whole = index["format"] == _FORMAT and all(
             (out / row["file"]).stat().st_size == row["size"] for row in index["shards"]
         )
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, *DAMAGE):
         return None
     return index if whole else None

@@ -12,25 +12,26 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from recipe_compiler.errors import InputError, RunError
 
-from recipe_runtime import layout, urls
+from recipe_runtime import layout, manifest_reader, urls
+from recipe_runtime.admission import MAX_FILES
 from recipe_runtime.engines import Progress
 from recipe_runtime.manifest import listed_files, stays_inside
-from recipe_runtime.remote import located, schemes, told
-from recipe_runtime.workspace import MOST_MANIFEST_BYTES, read_manifest
+from recipe_runtime.manifest_reader import MAX_BYTES
+from recipe_runtime.remote import located, scheme_of, told
 
+MOST_LISTED_BEYOND = 100_000  # entries of a dataset's folders, beyond the files that a manifest may list
 MOST_SURPLUS = 1_000  # names of files that no manifest lists; of more, the first are noted
 _AT_ONCE = 8  # files on their way
 _PIECE = 1 << 20
 _UNKNOWN = -1  # the size of a file whose store does not tell
-_LARGEST, _LONGEST = 1 << 40, 2_000  # bytes of a file that is not fetched; of a path
+_LARGEST = 1 << 40  # bytes of a file that is not fetched
 _LISTLESS = ("http", "https")
-_CACHES = ("simplecache", "filecache", "blockcache", "cached")  # what these hold is what the next of a chain holds
 
 
 @contextmanager
@@ -40,7 +41,7 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
     InputError if there is none, or its manifest is damaged; RunError if the store or this host fails.
     """
     shown = urls.shown(url)
-    if next((scheme for scheme in schemes(url) if scheme not in _CACHES), "") in _LISTLESS:
+    if scheme_of(url) in _LISTLESS:
         raise InputError(
             f"{shown}: a web server does not say which files it holds; download the dataset, name its folder"
         )
@@ -83,25 +84,27 @@ class _Fetch:
 
     def _manifest(self) -> dict[str, tuple[int, str]]:
         """The files that the manifest lists, which is in the folder then."""
+        there = None
+        with suppress(FileNotFoundError, NotImplementedError):  # a store need not tell
+            there = self._fs.size(f"{self._prefix}/{layout.MANIFEST}")
+        if there is not None and there > MAX_BYTES:
+            raise InputError(
+                f"{self._url}: its {layout.MANIFEST} has {there:,} bytes, and at most {MAX_BYTES:,} are fetched"
+            )
         try:
-            self._copy(layout.MANIFEST, MOST_MANIFEST_BYTES)
+            self._copy(layout.MANIFEST, MAX_BYTES)
         except FileNotFoundError:
             raise InputError(f"{self._url} is not a dataset: it holds no {layout.MANIFEST}") from None
-        manifest = read_manifest(self._root)
-        if manifest is None:
-            raise InputError(f"{self._url} is not a dataset: its {layout.MANIFEST} is none of this project")
         try:
-            rows = listed_files(manifest)
+            return listed_files(manifest_reader.read(self._root))
+        except manifest_reader.NotAManifestError:
+            raise InputError(f"{self._url} is not a dataset: its {layout.MANIFEST} is none of this project") from None
         except ValueError as error:
             raise InputError(f"{self._url}: its {layout.MANIFEST} is damaged ({error})") from None
-        for path in rows:
-            if len(path.encode()) > _LONGEST or any(len(part.encode()) > 255 for part in path.split("/")):
-                raise InputError(f"{self._url}: its {layout.MANIFEST} is damaged ({path[:40]}... is too long)")
-        return rows
 
     def _entries(self, folders: set[str]) -> Iterator[tuple[str, int | None]]:
         """Every entry of the manifest's folders, with the size of a file, and None for another folder."""
-        waiting = ["."]
+        waiting, left = ["."], MAX_FILES + MOST_LISTED_BEYOND
         while waiting:
             folder = waiting.pop()
             head = f"{self._prefix}/" if folder == "." else f"{self._prefix}/{folder}/"
@@ -109,6 +112,9 @@ class _Fetch:
                 rows = self._fs.ls(head.rstrip("/"), detail=True)
             except (FileNotFoundError, NotADirectoryError):
                 continue
+            left -= len(rows)
+            if left < 0:
+                raise InputError(f"{self._url} holds far more than any dataset does; remove what is not its own there")
             for row in rows:
                 name = str(row["name"]).rstrip("/")
                 if name == head.rstrip("/"):  # some stores keep an empty object for a folder

@@ -14,6 +14,7 @@ from recipe_compiler.lockfile import BodyMotion, FrameKey, Lockfile, VariantRow,
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime import pool
+from recipe_runtime.admission import check_bounds
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
 from recipe_runtime.housekeeping import leased
 from recipe_runtime.journal import CacheJournal, ShardJournal, digests_only
@@ -83,6 +84,7 @@ def lock(
 
     `traces` is filled with the motion of each scene, by its digest.
     """
+    check_bounds(plan)  # or the lockfile could not be read again
     engines = engines or real_engines()
     with leased(), tempfile.TemporaryDirectory(prefix="recipe-lock-") as folder:
         made = fresh_traces(simulations(plan), engines, Store(Path(folder)), progress)

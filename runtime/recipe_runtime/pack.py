@@ -17,10 +17,10 @@ import json
 import re
 import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from recipe_compiler.canonical import canonical_bytes
 from recipe_compiler.errors import InputError, Place, Problem
@@ -83,9 +83,16 @@ def read(path: Path) -> Pack:
         raise InputError(f"{path}: is not a pack that can be used: {reason}") from None
 
 
+Named = tuple[str, Collection[str]]  # a recipe's name, and the files that it names
+
+
 @contextmanager
-def unpacked(path: Path) -> Iterator[Path]:
-    """The recipe of a pack, in a folder of its own for as long as it is needed; mistakes point into the pack."""
+def unpacked(path: Path, named: Callable[[Path], Named | None] = lambda recipe: None) -> Iterator[Path]:
+    """The recipe of a pack, in a folder of its own for as long as it is needed; mistakes point into the pack.
+
+    `named` says which files a recipe names, None of a broken one, which is for the compiler to refuse. InputError if
+    the pack holds any other, besides the recipe's lockfile and traces.
+    """
     pack = read(path)
     with tempfile.TemporaryDirectory(prefix="recipe-pack-") as folder:
         root = Path(folder)
@@ -94,6 +101,7 @@ def unpacked(path: Path) -> Iterator[Path]:
                 (root / name).parent.mkdir(parents=True, exist_ok=True)
                 (root / name).write_bytes(body)
             (root / "lockfiles").mkdir(exist_ok=True)  # a project of its own: no lockfile of a folder above is meant
+        _check_used(path, pack, named(root / pack.recipe))
         try:
             yield root / pack.recipe
         except InputError as error:
@@ -137,6 +145,19 @@ def _check(recipe: str, sizes: Mapping[str, int]) -> None:
                 raise InputError(f"{path!r} and {taken[place.casefold()]!r} cannot both be in a pack; rename one")
             if n < len(parts) and place in sizes:
                 raise InputError(f"{place!r} cannot be a file and a folder of a pack")
+
+
+def _check_used(path: Path, pack: Pack, named: Named | None) -> None:
+    if named is None:
+        return
+    name, files = named
+    below = PurePosixPath(pack.recipe).parent  # files are named from the recipe's folder
+    used = {str(below / file) for file in files}
+    used |= {str(below / "lockfiles" / f"{name}{ending}") for ending in (".lock", ".traces")}
+    unused = sorted(set(pack.files) - used)
+    if unused:
+        more = f" and {len(unused) - 1:,} more" if len(unused) > 1 else ""
+        raise InputError(f"{path}: holds {unused[0]!r}{more}, which its recipe does not use; pack the recipe again")
 
 
 def _placed(error: InputError, folder: str, pack: str) -> list[Problem]:

@@ -20,8 +20,8 @@ from recipe_compiler.errors import InputError
 from recipe_compiler.lockfile import Lockfile
 
 from recipe_runtime import layout
-from recipe_runtime.compare import excuse_of
 from recipe_runtime.dataset import Dataset
+from recipe_runtime.excuses import excuse_of
 from recipe_runtime.manifest import stays_inside
 from recipe_runtime.opening import TooLargeError, compiled_with_files
 from recipe_runtime.store import regular_file

@@ -20,13 +20,18 @@ import fsspec
 from recipe_compiler.canonical import canonical_bytes
 from recipe_compiler.errors import InputError, RecipeError, RunError
 
-from recipe_runtime import layout, urls
+from recipe_runtime import layout, manifest_reader, urls
 from recipe_runtime.engines import Progress
 from recipe_runtime.entropy import fresh_nonce
 from recipe_runtime.manifest import DAMAGE, listed_files
 from recipe_runtime.store import file_sha256, host_errors
 
 NOTE = ".recipe-upload.json"
+SCHEMES = (
+    "s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "file", "local", "memory", "ftp", "sftp", "ssh", "hdfs",
+    "webhdfs", "smb", "oci", "oss", "http", "https",
+)  # fmt: skip
+_MOST_NOTE = 10_000  # bytes
 _AT_ONCE = 8  # files on their way
 _EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs"}
 Rows = dict[str, tuple[int, str]]  # path -> size, SHA-256
@@ -151,7 +156,7 @@ class Target:
     def _note(self) -> str | None:
         """Which copy is under way here, by the note that it left; None if none is known."""
         try:
-            return str(json.loads(self._fs.cat_file(self._at(NOTE)))["copy"])
+            return str(json.loads(self._fs.cat_file(self._at(NOTE), end=_MOST_NOTE))["copy"])
         except (FileNotFoundError, *DAMAGE):
             return None
 
@@ -171,11 +176,13 @@ class Target:
     def _manifest(self) -> dict[str, Any] | None:
         """The manifest that is there; None if none of ours is."""
         try:
-            manifest = json.loads(self._fs.cat_file(self._at(layout.MANIFEST)))
-            listed_files(manifest)
+            place = self._at(layout.MANIFEST)
+            if (self._fs.size(place) or 0) > manifest_reader.MAX_BYTES:
+                return None
+            with self._fs.open(place, "rb") as file:
+                return manifest_reader.parse(file)
         except (FileNotFoundError, *DAMAGE):
             return None
-        return manifest if str(manifest.get("format", "")).startswith("recipe/manifest/") else None
 
     def _at(self, path: str) -> str:
         return f"{self._prefix.rstrip('/')}/{path}"
@@ -184,15 +191,25 @@ class Target:
         return told(self._full, "try again: what was copied is kept")
 
 
-def schemes(url: str) -> list[str]:
-    """What a URL's chain leads through, in small letters: `simplecache`, `s3` for `SimpleCache::s3://bucket`."""
-    return [link.partition("://")[0].lower() for link in url.split("::")]
+def scheme_of(url: str) -> str:
+    """A URL's scheme, in small letters; InputError for one that is not in `SCHEMES`, and for a chain of several.
+
+    fsspec would unpack what a chain such as `zip::https://host/file` names, without a bound.
+    """
+    scheme = url.partition("://")[0].lower()
+    if "::" in url.partition("?")[0]:
+        raise InputError(f"{urls.shown(url)} chains several schemes with `::`; name one place, without a chain")
+    if scheme not in SCHEMES:
+        known = ", ".join(f"{name}://" for name in SCHEMES)
+        raise InputError(f"{urls.shown(url)}: {scheme}:// is no scheme for a dataset; use one of {known}")
+    return scheme
 
 
 def located(url: str) -> tuple[Any, str]:
     """The file system that a URL leads to, and the place in it; InputError if it names none."""
     if not url.partition("://")[2].strip("/"):
         raise InputError(f"{urls.shown(url)} names no place; write for example s3://bucket/name")
+    scheme_of(url)
     fs, prefix = fsspec.core.url_to_fs(url.rstrip("/"), use_listings_cache=False)
     return fs, prefix
 
@@ -209,7 +226,7 @@ def told(url: str, remedy: str) -> Iterator[None]:
     except RecipeError:
         raise
     except ImportError as error:
-        extra = next((_EXTRAS[scheme] for scheme in schemes(url) if scheme in _EXTRAS), None)
+        extra = _EXTRAS.get(url.partition("://")[0].lower())
         raise InputError(
             f"{shown}: its library is not installed; "
             + (f"pip install 'dataset-recipe[{extra}]'" if extra else _plain(error, url))

@@ -20,7 +20,10 @@ from recipe_runtime.annotate.mots import mots_lines, runs_fill, seqinfo, seqmap
 from recipe_runtime.annotate.objects import Record
 from recipe_runtime.frames import label_digest
 from recipe_runtime.harvest import Video
+from recipe_runtime.json_stream import loads
 from recipe_runtime.report.card import card
+
+_MOST_VALUES = 2_000_000  # of one frame's labels; the codes of masks hold brackets, which are counted
 
 Text = tuple[str, Callable[[], str]]  # a file's path, and what makes it
 
@@ -39,7 +42,7 @@ def with_labels(video: Video, text: str) -> Video:
 
 def labels_of(line: bytes, digest: str | None, sensor: SensorPlan) -> list[Record]:
     """The records of one line of labels; ValueError unless they are those of that digest, in canonical form."""
-    records = json.loads(line)
+    records = loads(line, _MOST_VALUES)
     if label_digest(records) != digest:
         raise ValueError("it is not what the manifest's digest stands for")
     if canonical_bytes(records) + b"\n" != line:

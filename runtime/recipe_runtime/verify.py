@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from recipe_compiler import canonical
@@ -26,12 +27,12 @@ from recipe_runtime.compare import (
     compare_files,
     compare_plans,
     compare_rows,
-    excuse_of,
     stage_of,
     text_note,
 )
 from recipe_runtime.dataset import Dataset, Fault, damaged_files, regular_file, text_differences
 from recipe_runtime.engines import Engines, Progress, devices, real_engines
+from recipe_runtime.excuses import excuse_of
 from recipe_runtime.housekeeping import leased
 from recipe_runtime.journal import CacheJournal
 from recipe_runtime.recipe_files import asset_places, recipe_differences
@@ -102,7 +103,9 @@ def verify(
         if dataset is not None:
             differences += recipe_differences(dataset, options.allow_large)
             differences += _untold(differences, damaged_files(dataset, progress))
-            differences += _untold(differences, text_differences(dataset, check.traces), excuse_of("texts", lock))
+            excuses = {layout.CARD: excuse_of("card", lock)}
+            faults = text_differences(dataset, check.traces)
+            differences += _untold(differences, faults, excuse_of("texts", lock), excuses)
         if options.pictures is not None:
             pictures = check.draw(differences, options.pictures)
         check.close()
@@ -130,10 +133,20 @@ def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Repo
     )
 
 
-def _untold(known: list[Difference], faults: Iterable[Fault], excuse: str | None = None) -> list[Difference]:
-    """The faults of files as differences, but of those that a difference without excuse has told of already."""
+def _untold(
+    known: list[Difference],
+    faults: Iterable[Fault],
+    excuse: str | None = None,
+    excuses: Mapping[str, str | None] = MappingProxyType({}),
+) -> list[Difference]:
+    """The faults of files as differences, but of those that a difference without excuse has told of already.
+
+    `excuse` is that of every file, and `excuses` are further ones, by path.
+    """
     told = {d.path for d in known if d.stage == "file" and d.excuse is None}
-    return [Difference("file", line, excuse, path=path) for path, line in faults if path not in told]
+    return [
+        Difference("file", line, excuse or excuses.get(path), path=path) for path, line in faults if path not in told
+    ]
 
 
 def all_choices(plan: DatasetPlan) -> list[Choice]:
@@ -166,7 +179,7 @@ class _Check:
     folder: Path
     dataset: Dataset | None
     locked_traces: Mapping[str, Trace]
-    traces: dict[str, Trace] = field(default_factory=dict)  # by scene, those that frames are made from
+    traces: dict[str, Trace] = field(default_factory=dict)  # by scene, those that are the locked ones
     cache: Path | None = None  # where the journal is kept
     resumed: int = 0  # frames taken up from the journal of a run that was stopped
     _journal: CacheJournal | None = None
@@ -201,8 +214,9 @@ class _Check:
                     raise
                 message, reason = "it was not simulated here", str(error).splitlines()[0]
             else:
-                self.traces[digest], reason = trace, excuse or ""
+                reason = excuse or ""
                 if self.lock.traces.get(digest) == trace.digest:
+                    self.traces[digest] = trace
                     whole.add(digest)
                     continue
                 motions = {actor: locking.body_motion(trace, actor) for actor in trace.actors}

@@ -13,7 +13,19 @@ from recipe_compiler.canonical import digest, digest_bytes
 STAGES: dict[str, int] = {"plan": 1, "simulate": 1, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
 
 # Of the compiler, what the runtime may import: values, readers of assets, arithmetic. Never the language.
-SHARED = {"assets", "canonical", "errors", "exact", "files", "lockfile", "optics", "plan", "streams", "wording"}
+SHARED = {
+    "assets",
+    "canonical",
+    "errors",
+    "exact",
+    "files",
+    "lockfile",
+    "optics",
+    "plan",
+    "plan_bounds",
+    "streams",
+    "wording",
+}
 
 _NOT_SIMULATING = {"annotate", "render", "report"}
 _TOOLS = ("dataset-recipe", "astral", "numpy", "pybullet", "pycocotools", "rfc8785", "warp-lang", "zlib-ng")

@@ -24,14 +24,13 @@ from typing import Any
 from recipe_compiler.canonical import pretty
 from recipe_compiler.errors import InputError, RunError
 
-from recipe_runtime import layout
+from recipe_runtime import layout, manifest_reader
 from recipe_runtime.journal import FolderJournal
-from recipe_runtime.manifest import FileRows, listed_files
+from recipe_runtime.manifest import DAMAGE, FileRows, listed_files
 from recipe_runtime.schedule import Shard, View
 from recipe_runtime.store import file_sha256, host_errors, link_or_copy, regular_file, stamp_of, write_atomic
 from recipe_runtime.worker import FrameRecord
 
-MOST_MANIFEST_BYTES = 2 * 2**30
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
 
 
@@ -72,7 +71,7 @@ class Workspace:
         try:
             rows = [(path, row) for record in records for path, row in record["files"].items()]
             whole = all(self._holds(path, row[0], row[1]) for path, row in rows)
-        except (OSError, ValueError, KeyError, TypeError, IndexError):
+        except (OSError, *DAMAGE):
             return None
         return records if whole else None
 
@@ -265,13 +264,8 @@ def check_out(out: Path) -> None:
 
 
 def read_manifest(out: Path) -> dict[str, Any] | None:
-    """The manifest in a folder; None if there is none that this project wrote."""
-    there = regular_file(out, layout.MANIFEST)
-    if there is None or there.st_size > MOST_MANIFEST_BYTES:
-        return None
+    """The manifest in a folder; None if there is none that this project wrote, or it is damaged."""
     try:
-        manifest = json.loads((out / layout.MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        return manifest_reader.read(out)
+    except (OSError, ValueError):
         return None
-    ours = isinstance(manifest, dict) and str(manifest.get("format", "")).startswith("recipe/manifest/")
-    return manifest if ours else None

@@ -148,7 +148,7 @@ def test_verify_is_inconclusive_on_another_stage_version(folder: Path, tmp_path:
 
     (tmp_path / "small.yaml").write_text(RECIPE)
     lock = lockfile.read(folder / "lockfiles" / "small.lock")
-    lock.stages["shade"] = 0
+    lock.stages["shade"], lock.tools["dataset-recipe"] = 2, "99.0"
     first = next(key for key in lock.frames if key[2] == "rgb")
     lock.frames[first] = "0" * 64
     lock.write(tmp_path / "lockfiles" / "small.lock")

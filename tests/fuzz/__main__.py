@@ -1,5 +1,7 @@
 """`python -m tests.fuzz TARGET [libFuzzer's options]`: feed one target with atheris, guided by what code it reaches.
 
+A case may take 60 s and 1 GiB. `tests/runtime/test_hostile_documents.py` holds the largest documents to the same.
+
 A finding is written to the current folder as `crash-...`; put it into tests/fuzz/findings/ as `TARGET-WHAT`, mend it,
 and the quick tests hold it from then on. Without a target, their names.
 """
@@ -24,7 +26,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="recipe-corpus-") as folder:
         for number, seed in enumerate(target.seeds()):
             (Path(folder) / str(number)).write_bytes(seed)
-        bounds = ["-timeout=20", "-rss_limit_mb=1500", "-max_len=200000"]
+        bounds = ["-timeout=60", "-rss_limit_mb=1024", "-max_len=200000"]
         with tempfile.NamedTemporaryFile("w", prefix="recipe-words-") as words:
             words.writelines(f'"{_escaped(word)}"\n' for word in target.words())
             words.flush()

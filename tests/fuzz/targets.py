@@ -18,16 +18,21 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler import assets, lockfile
+from recipe_compiler import assets, lockfile, towns
 from recipe_compiler.assets.png import SIGNATURE
 from recipe_compiler.canonical import canonical_bytes
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.errors import InputError
 from recipe_compiler.lockfile import VariantRow
+from recipe_compiler.plan import TownPlan
 from recipe_runtime import dataset, layout, pack, traces
 from recipe_runtime.build import build
+from recipe_runtime.compare import compare_datasets, compare_locks
+from recipe_runtime.diff import Side, differences
 from recipe_runtime.frames import label_digest
+from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.trace import Trace
+from recipe_runtime.verify import Options, verify_files
 
 from tests.runtime.fakes import ENGINES, dataset_plan, scene_plan, simulate
 from tests.sources import ROOT
@@ -128,9 +133,61 @@ def _dataset() -> Path:
 
 
 def _manifest(content: bytes) -> None:
+    """A manifest beside honest files; of what is accepted, all that is compared without rendering."""
     (_dataset() / layout.MANIFEST).write_bytes(content)
     with suppress(InputError):
-        dataset.damaged_files(dataset.read(_dataset()), lambda *_: None)
+        _compared(dataset.read(_dataset()))
+
+
+def _compared(held: dataset.Dataset) -> None:
+    verify_files(held, Options(nonce=1), lambda *_: None).document()
+    dataset.text_differences(held, {})
+    compare_datasets(held.plan, _locked(), held.lock, held.name)
+    side = Side(held.name, held.lock, held.plan, {path: row[1] for path, row in held.files.items()})
+    differences(side, Side("honest", _locked(), dataset_plan(2, 1)))
+
+
+@cache
+def _locked() -> lockfile.Lockfile:
+    return dataset.read(_planned()).lock
+
+
+@cache
+def _planned() -> Path:
+    """A dataset of which the first variant's plan is fed."""
+    made = build(dataset_plan(2, 1), _folder() / "planned", workers=0, cache=_folder() / "cache", engines=ENGINES)
+    dataset.read(made.path)
+    return made.path
+
+
+def _dataset_plan(content: bytes) -> None:
+    """A plan among a dataset's files, whose manifest is honest."""
+    _locked()
+    name = dataset_plan(2, 1).variants[0].variant
+    (_planned() / layout.plan_file(name)).write_bytes(content)
+    with suppress(InputError):
+        _compared(dataset.read(_planned()))
+
+
+def _town_plan(content: bytes) -> None:
+    """A plan whose town has every kind of element; of what is accepted, the meshes are made."""
+    try:
+        plan = dataset.plan_alone(_file("fed-town.json", content))
+    except InputError:
+        return
+    scene = plan.variants[0].scene
+    elements = scene.town.elements[:100]
+    town_bodies(scene.town.model_copy(update={"elements": elements}))
+    for actor in scene.actors[:20]:
+        actor_body(actor)
+
+
+def _verified(content: bytes) -> None:
+    """A lockfile that is compared with a plan and an honest lockfile."""
+    with suppress(InputError):
+        lock = lockfile.read(_file("fed.lock", content))
+        compare_locks(dataset_plan(2, 1), lock, _locked())
+        differences(Side("fed", lock, None), Side("honest", _locked(), None))
 
 
 @cache
@@ -251,13 +308,30 @@ def _plans() -> Iterator[bytes]:
     yield dataset_plan(2, 1).variants[0].model_dump_json().encode()
 
 
+def _town_plans() -> Iterator[bytes]:
+    plan = dataset_plan(1, 1).variants[0]
+    for name in towns.NAMES:
+        kinds = {element.kind: element for element in towns.build(name, 1, {}).plan.elements}
+        town = TownPlan(name=name, elements=tuple(kinds.values()))
+        scene = plan.scene.model_copy(update={"town": town})
+        yield plan.model_copy(update={"scene": scene}).model_dump_json().encode()
+
+
+def _locks() -> Iterator[bytes]:
+    yield _locked().dumps().encode()
+    yield from _found("tests/golden/lockfiles/*.lock")()
+
+
 TARGETS = {
     "recipe": Target(_recipe, _found("tests/cases/good/*/recipe.yaml", "tests/golden/*.yaml")),
     "lockfile": Target(_lockfile, _found("tests/golden/lockfiles/*.lock")),
+    "verified": Target(_verified, _locks),
     "pack": Target(_pack, _packs),
     "trace": Target(_trace, _trace_bytes, json=True),
     "traces": Target(_traces, _traces_bytes),
     "plan": Target(_plan, _plans, json=True),
+    "town": Target(_town_plan, _town_plans, json=True),
+    "dataset": Target(_dataset_plan, _plans, json=True),
     "manifest": Target(_manifest, _manifests, json=True),
     "labels": Target(_labels, _lines, json=True),
     "obj": Target(_mesh("obj"), _found("tests/cases/*/*/**/*.obj")),

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from recipe_compiler.blueprints import match
 from recipe_compiler.plan import (
     ActorPlan,
     AppearancePlan,
@@ -32,16 +33,18 @@ from recipe_runtime.trace import METRE, UNIT, Trace
 
 ACTORS = (("hero1", "pedestrian", 12, 1), ("hero2", "pedestrian", 12, 2), ("van", "vehicle", 15, 1))
 
+BLUEPRINTS = {"pedestrian": match("walker.pedestrian.0001")[0], "vehicle": match("vehicle.truck.box")[0]}
+
 
 def scene_plan(frames: int = 12, speed: float = 1.0) -> ScenePlan:
     actors = tuple(
         ActorPlan(
             name=name,
-            blueprint="walker",
+            blueprint=BLUEPRINTS[category].id,
             category=category,
             tag=tag,
             instance=number,
-            shape={},
+            shape=BLUEPRINTS[category].shape,
             start=Pose(x=4.0 + n, y=-2.0 + n),
             route=(),
             speed=speed,

@@ -15,7 +15,7 @@ import pytest
 import recipe_runtime
 from fsspec.spec import AbstractFileSystem
 from recipe_compiler.errors import InputError, RunError
-from recipe_runtime import fetch, workspace
+from recipe_runtime import fetch, manifest_reader, remote
 from recipe_runtime.build import build
 from recipe_runtime.dataset import read
 from recipe_runtime.fetch import fetched
@@ -134,10 +134,15 @@ def test_a_path_that_no_disk_takes_is_refused(store: dict[str, Any]) -> None:
     [
         ("memory://bucket/nothing", "is not a dataset: it holds no manifest.json"),
         ("memory://", "names no place"),
-        ("nowhere://x/y", "Protocol not known: nowhere"),
+        ("nowhere://x/y", "nowhere:// is no scheme for a dataset; use one of s3://"),
+        ("zip://x/y", "zip:// is no scheme for a dataset"),
+        ("data://x/y", "data:// is no scheme for a dataset"),
+        ("reference://x/y", "reference:// is no scheme for a dataset"),
+        ("zip::https://example.org/dataset.zip", "chains several schemes with `::`"),
+        ("zip://a::memory://b/c.zip", "chains several schemes with `::`"),
         ("https://example.org/dataset", "a web server does not say which files it holds"),
         ("HTTPS://example.org/dataset", "a web server does not say which files it holds"),
-        ("simplecache::https://example.org/dataset", "a web server does not say which files it holds"),
+        ("simplecache::https://example.org/dataset", "chains several schemes with `::`"),
     ],
 )
 def test_urls_that_hold_no_dataset(url: str, said: str) -> None:
@@ -229,6 +234,7 @@ class Hostile(AbstractFileSystem):  # type: ignore[misc]
 @pytest.fixture
 def hostile(monkeypatch: pytest.MonkeyPatch) -> type[Hostile]:
     fsspec.register_implementation("hostile", Hostile, clobber=True)
+    monkeypatch.setattr(remote, "SCHEMES", (*remote.SCHEMES, "hostile"))
     monkeypatch.setattr(Endless, "read_so_far", 0)
     return Hostile
 
@@ -250,11 +256,21 @@ def test_a_file_without_an_end_is_read_as_far_as_the_manifest_says(
 
 def test_a_manifest_without_an_end_is_refused(hostile: type[Hostile], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hostile, "manifest", None)
-    for module in (fetch, workspace):
-        monkeypatch.setattr(module, "MOST_MANIFEST_BYTES", 5_000_000)
-    with pytest.raises(InputError, match=r"its manifest\.json is none of this project"):
+    for module in (fetch, manifest_reader):
+        monkeypatch.setattr(module, "MAX_BYTES", 5_000_000)
+    with pytest.raises(InputError, match=r"has 5,000,001 bytes, and at most 5,000,000 are read"):
         integrity("hostile://x/y")
     assert Endless.read_so_far == 5_000_001
+
+
+def test_a_manifest_that_is_announced_too_large_is_not_begun(
+    hostile: type[Hostile], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hostile, "manifest", None)
+    monkeypatch.setattr(hostile, "size", lambda *_: 1 << 30)
+    with pytest.raises(InputError, match=r"has 1,073,741,824 bytes, and at most 268,435,456 are fetched"):
+        integrity("hostile://x/y")
+    assert Endless.read_so_far == 0
 
 
 @pytest.mark.parametrize("name", ["elsewhere/z", "x/y/../../z", "x/y/..", "x/y/\x1b[2J", "x/yz"])

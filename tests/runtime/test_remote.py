@@ -179,7 +179,7 @@ def test_damage_is_not_sent(url: str, built: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("url", "message"),
     [
-        ("nowhere://bucket/x", "nowhere://bucket/x: Protocol not known: nowhere"),
+        ("nowhere://bucket/x", "nowhere://bucket/x: nowhere:// is no scheme for a dataset"),
         ("gs://bucket/x", r"its library is not installed; pip install 'dataset-recipe\[gcs\]'"),
     ],
 )

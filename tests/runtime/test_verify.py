@@ -238,11 +238,51 @@ def test_a_random_number_in_the_renderer_is_caught(locked: Lockfile, renderer: A
 
 def test_another_stage_version_is_inconclusive_from_there_on(locked: Lockfile) -> None:
     engines = replace(fakes.ENGINES, renderer=lambda scene, device: _NoisyShader(scene))
-    older = replace(locked, stages={**locked.stages, "observe": 0}, tools={**locked.tools, "dataset-recipe": "0.0.9"})
-    report = check(older, engines=engines)
+    newer = replace(locked, stages={**locked.stages, "observe": 2}, tools={**locked.tools, "dataset-recipe": "99.0"})
+    report = check(newer, engines=engines)
     assert (report.verdict, report.stage) == ("INCONCLUSIVE", "shading")
-    assert "observe version 0, this is 1; dataset-recipe 0.0.9 reproduces it" in str(report.differences[0])
-    assert check(older).verdict == "PASS"  # equal bytes are equal, whatever made them
+    assert "observe version 2, this is 1; dataset-recipe 99.0 reproduces it" in str(report.differences[0])
+    assert check(newer).verdict == "PASS"  # equal bytes are equal, whatever made them
+
+
+@pytest.mark.parametrize(
+    ("stages", "tools"),
+    [
+        ({}, {"warp-lang": "0.1", "numpy": "1.0", "pycocotools": "1", "glibc": "2.17", "python": "3.9"}),
+        ({"shade": 2}, {}),  # of this very release, which has version 1
+        ({"shade": 2}, {"dataset-recipe": "0.0.1"}),  # an older release with a higher version
+        ({"shade": 0}, {"dataset-recipe": "0.0.1"}),
+        ({"shade": 10**6}, {"dataset-recipe": "99.0"}),
+        ({"shade": 2}, {"dataset-recipe": "ninety-nine"}),
+        ({"encode": 2, "simulate": 2, "plan": 2}, {"dataset-recipe": "99.0"}),  # other stages
+    ],
+)
+def test_a_forged_version_excuses_no_forged_frame(
+    locked: Lockfile, stages: dict[str, int], tools: dict[str, str]
+) -> None:
+    frames = {**locked.frames, next(k for k in locked.frames if k[2] == "rgb"): "0" * 64}
+    forged = replace(locked, frames=frames, stages={**locked.stages, **stages}, tools={**locked.tools, **tools})
+    assert check(forged).verdict == "FAIL"
+
+
+@pytest.mark.parametrize(
+    "tools", [{"glibc": "9999.1"}, {"glibc": "none of yours"}, {"python": "2.7"}, {"numpy": "1.0"}]
+)
+def test_an_absurd_c_library_excuses_no_motion(locked: Lockfile, tools: dict[str, str]) -> None:
+    moved = check(replace(locked, tools={**locked.tools, **tools}), engines=replace(fakes.ENGINES, simulate=_moved))
+    assert (moved.verdict, moved.stage) == ("FAIL", "trace")
+
+
+def test_forged_labels_are_not_excused_by_a_tool(built: Path, tmp_path: Path) -> None:
+    root = tmp_path / "tiny"
+    shutil.copytree(built, root)
+    path = "annotations/kwcoco.json"
+    (root / path).write_bytes((root / path).read_bytes().replace(b"hero1", b"hero7", 1))
+    _reseal(root, path)
+    manifest = json.loads((root / "manifest.json").read_text())
+    manifest["tools"] |= {"dataset-recipe": "0.0.9", "pycocotools": "1.0"}
+    (root / "manifest.json").write_text(pretty(manifest))
+    assert check_folder(root).verdict == "FAIL"
 
 
 def test_another_tool_is_an_excuse_for_its_own_stage_alone(locked: Lockfile) -> None:

@@ -169,7 +169,7 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
         else:
             compiled = compile_recipe(target, allow_large=allow_large)
             path = lockfile_path(target, compiled.plan.recipe)
-            lock = held.lock if held is not None and not path.exists() else lockfile.read(path)
+            lock = held.lock if held is not None and not path.exists() else lockfile.read(path, compiled.plan)
             if held is None or lock is not held.lock:
                 check_lockfile_is_of(target, compiled.plan, path, lock)
         held_traces = traces.read(traces.beside(path), lock.traces)

@@ -1,0 +1,321 @@
+"""Plans, manifests and lockfiles from outside, changed anywhere: each is refused with an InputError, or accepted.
+
+`make fuzz` searches further, with a memory limit of 1 GiB and 60 s a case.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from recipe_compiler import lockfile, towns
+from recipe_compiler.errors import InputError
+from recipe_compiler.plan import ScenarioPlan, TownPlan
+from recipe_runtime import dataset as datasets
+from recipe_runtime.build import build
+from recipe_runtime.pack import Pack, unpacked
+from recipe_runtime.plan_reader import PlanReader
+from recipe_runtime.verify import Options, verify_files
+
+from tests.runtime import fakes
+from tests.sources import ROOT
+
+PLAN = fakes.dataset_plan(frames=2, weathers=1)
+GOLDEN = ROOT / "tests" / "golden" / "lockfiles"
+JUNK = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.sampled_from([-1, 0, 2**31, 2**64, 10**400, 1e9, 1e308, -1e308, float("inf"), float("nan"), -0.0]),
+    st.sampled_from(["", ".", "..", "/etc/passwd", "a" * 5000, "\x1b[2J", "\ud800", "0" * 64, "street", "2001"]),
+    st.text(max_size=8),
+    st.lists(st.integers(), max_size=3),
+    st.dictionaries(st.text(max_size=4), st.integers(), max_size=3),
+    st.just([[]] * 200),
+    st.just({str(n): {} for n in range(200)}),
+)
+
+
+def mutated(document: Any, data: st.DataObject) -> Any:
+    """The document with one value, wherever it is, replaced, removed, added or given twice."""
+    document = json.loads(json.dumps(document))
+    here, parent, key = document, None, None
+    while isinstance(here, dict | list) and here and (parent is None or data.draw(st.integers(0, 7))):
+        parent, keys = here, sorted(here) if isinstance(here, dict) else list(range(len(here)))
+        key = data.draw(st.sampled_from(keys))
+        here = parent[key]
+    assert parent is not None
+    how = data.draw(st.sampled_from(["replace", "replace", "remove", "add"]))
+    if how == "remove":
+        del parent[key]
+    elif how == "add" and isinstance(parent, dict):
+        parent[data.draw(st.sampled_from(["x", "frames", "sha256", "", "a" * 300]) | st.text(max_size=5))] = here
+    elif how == "add":
+        parent.insert(0, here)
+    else:
+        parent[key] = data.draw(JUNK)
+    return document
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("built")
+    return build(PLAN, root / "tiny", workers=0, cache=root / "cache", engines=fakes.ENGINES).path
+
+
+def with_town() -> Any:
+    """An honest plan, of every kind of element that a small town has."""
+    return json.loads(_with_town())
+
+
+@cache
+def _with_town() -> str:
+    plan = PLAN.variants[0]
+    elements = towns.build("downtown", 1, {"blocks": (1, 1)}).plan.elements
+    one_of_each = {element.kind: element for element in elements}
+    town = TownPlan(name="downtown", elements=tuple(one_of_each.values()))
+    scene = plan.scene.model_copy(update={"town": town})
+    return ScenarioPlan(variant="a", scene=scene, rig=plan.rig, appearance=plan.appearance).model_dump_json()
+
+
+def accepted(read: Callable[[], Any]) -> bool:
+    """Whether a document is accepted; anything but an InputError of one printable line is a failure."""
+    try:
+        read()
+    except InputError as error:
+        assert len(str(error).splitlines()) == 1
+        assert len(str(error)) < 2000
+        return False
+    return True
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@given(st.data())
+def test_a_changed_plan_is_refused_or_accepted(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    path = tmp_path_factory.getbasetemp() / "plan.json"
+    path.write_text(json.dumps(mutated(with_town(), data)))
+    accepted(lambda: datasets.plan_alone(path).digest)
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@given(st.data(), st.booleans())
+def test_a_changed_dataset_is_refused_or_accepted(built: Path, data: st.DataObject, of_plan: bool) -> None:
+    """Of what is accepted, the files are compared, which tells of what is wrong and raises nothing."""
+    path = built / ("plans/weather=w0,jitter=still.json" if of_plan else "manifest.json")
+    before = path.read_bytes()
+    try:
+        path.write_text(json.dumps(mutated(json.loads(before), data)))
+        found: list[Any] = []
+        if accepted(lambda: found.append(datasets.read(built))):
+            verify_files(found[0], Options(nonce=1), lambda *_: None).document()
+            datasets.text_differences(found[0], {})
+    finally:
+        path.write_bytes(before)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@given(st.data())
+def test_a_changed_lockfile_is_refused_or_accepted(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    lines = sorted(GOLDEN.glob("*.lock"))[0].read_bytes().splitlines(keepends=True)
+    at = data.draw(st.integers(0, len(lines) - 1))
+    cells = lines[at].rstrip(b"\n").split(b" ")
+    which = data.draw(st.integers(0, len(cells) - 1))
+    junk = st.sampled_from([b"", b"-", b"%00", b"%", b"\xff", b"9" * 5000, b"a" * 20_000, b"0" * 64, b"\r", b"x y"])
+    cells[which] = data.draw(junk | st.binary(max_size=9) | st.text(max_size=9).map(str.encode))
+    lines[at] = b" ".join(cells) + b"\n"
+    lines = lines[: at + 1] + lines[at:] if data.draw(st.booleans()) else lines  # and perhaps twice
+    path = tmp_path_factory.getbasetemp() / "changed.lock"
+    path.write_bytes(b"".join(lines))
+    found: list[lockfile.Lockfile] = []
+    if accepted(lambda: found.append(lockfile.read(path))) and found[0].sealed:
+        assert found[0].dumps().encode() == path.read_bytes()
+
+
+def scene_with(**changes: Any) -> dict[str, Any]:
+    document = with_town()
+    document["scene"]["town"]["elements"][0].update(changes)
+    return document
+
+
+def repeated(kind: str, number: int) -> dict[str, Any]:
+    document = with_town()
+    elements = document["scene"]["town"]["elements"]
+    (one,) = (element for element in elements if element["kind"] == kind)
+    elements += [{**one, "name": f"more.{n}"} for n in range(number)]
+    return document
+
+
+def posed(number: int) -> dict[str, Any]:
+    document = with_town()
+    document["rig"]["sensors"][0]["poses"] = [{}] * number
+    document["scene"]["clock"]["frames"] = min(number, 1_000_000)
+    return document
+
+
+HOSTILE: dict[str, tuple[Callable[[], dict[str, Any]], str]] = {
+    "a huge tree": (lambda: shaped("tree", trunk=1e9), "its trunk is 1e+09"),
+    "many floors": (lambda: shaped("building", floors=1e9), "its floors is 1e+09"),
+    "a tower of kilometres": (lambda: scene_with(size=[1e5, 1e5, 1e5]), "its size along x is 100000 m"),
+    "an unknown kind": (lambda: scene_with(kind="castle"), "there is no kind of element 'castle'"),
+    "20,000 lamps": (lambda: repeated("lamp", 20_000), "elements"),
+    "2,000 lamps": (lambda: repeated("lamp", 2_000), "at most 1,500 are allowed"),
+    "a million poses": (lambda: posed(1_000_000), "poses of sensors are over 300,000"),
+    "a huge actor": (lambda: actor(shape={"height": 1e9}), "its shape lacks"),
+    "an unknown actor": (lambda: actor(blueprint="vehicle.tank"), "there is no blueprint 'vehicle.tank'"),
+    "a fog of ages": (lambda: weather(fog_density=1e9), "weather.fog_density"),
+}
+
+
+def shaped(kind: str, **shape: float) -> dict[str, Any]:
+    document = with_town()
+    (one,) = (element for element in document["scene"]["town"]["elements"] if element["kind"] == kind)
+    one["shape"] |= shape
+    return document
+
+
+def actor(**changes: Any) -> dict[str, Any]:
+    document = with_town()
+    document["scene"]["actors"][0] |= changes
+    return document
+
+
+def weather(**changes: float) -> dict[str, Any]:
+    document = with_town()
+    document["appearance"]["weather"] |= changes
+    return document
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_plan_that_asks_for_too_much_is_refused(tmp_path: Path, name: str) -> None:
+    make, says = HOSTILE[name]
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(make()))
+    with pytest.raises(InputError) as caught:
+        datasets.plan_alone(path)
+    assert says in str(caught.value)
+
+
+def test_parts_that_variants_share_are_read_once() -> None:
+    reader, document = PlanReader(), with_town()
+    first = reader.read(json.dumps(document).encode())
+    second = reader.read(json.dumps({**document, "variant": "b"}).encode())
+    assert first.scene is second.scene
+    assert first.rig is second.rig
+    assert first.appearance is second.appearance
+    document["scene"]["clock"]["frames"] = 1
+    assert reader.read(json.dumps(document).encode()).scene.town is first.scene.town
+
+
+def test_a_pack_with_a_file_that_its_recipe_does_not_use_is_refused(tmp_path: Path) -> None:
+    files = {"a.yaml": b"", "b/base.yaml": b"", "b/c.obj": b"", "lockfiles/x.lock": b"", "lockfiles/x.traces": b""}
+    used = "x", ["a.yaml", "b/base.yaml", "b/c.obj"]
+    path = tmp_path / "x.recipe"
+    path.write_bytes(Pack("a.yaml", files).dumps())
+    with unpacked(path, lambda recipe: used) as recipe:
+        assert recipe.name == "a.yaml"
+    for name in ("b/malware.exe", "lockfiles/y.lock", "README.md"):
+        path.write_bytes(Pack("a.yaml", {**files, name: b""}).dumps())
+        with (
+            pytest.raises(InputError, match=f"holds '{name}', which its recipe does not use"),
+            unpacked(path, lambda recipe: used),
+        ):
+            pass
+
+
+def test_a_lockfile_has_no_more_rows_than_its_plan_may_explain(tmp_path: Path) -> None:
+    path = tmp_path / "x.lock"
+    path.write_text(HEAD + frame_rows(10_500))
+    assert len(lockfile.read(path).frames) == 10_500
+    with pytest.raises(InputError, match=r"there are more than 10,\d{3} frame rows"):
+        lockfile.read(path, PLAN)
+
+
+def test_a_manifest_has_no_more_rows_than_its_plan_may_explain(built: Path) -> None:
+    path = built / "manifest.json"
+    before = path.read_bytes()
+    manifest = json.loads(before)
+    row = {"size": 1, "sha256": "0" * 64}
+    manifest["files"] |= {f"more/{n}": row for n in range(12_000)}
+    try:
+        path.write_text(json.dumps(manifest))
+        with pytest.raises(InputError, match=r"it lists 12,\d{3} files, and its plan stands for"):
+            datasets.read(built)
+    finally:
+        path.write_bytes(before)
+
+
+_READ = """
+import resource, sys, time
+from pathlib import Path
+from recipe_compiler import lockfile
+from recipe_compiler.errors import InputError
+from recipe_runtime import dataset, manifest_reader
+start = time.process_time()
+try:
+    kind, path = sys.argv[1], Path(sys.argv[2])
+    {"lockfile": lockfile.read, "manifest": manifest_reader.read, "plan": dataset.plan_alone}[kind](path)
+    said = "accepted"
+except (InputError, ValueError) as error:
+    said = str(error)[-200:]
+print(time.process_time() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, said)
+"""
+
+
+def measured(kind: str, path: Path) -> tuple[float, int, str]:
+    """Seconds of CPU and bytes of memory that reading a document takes in a process of its own, and what it says."""
+    done = subprocess.run([sys.executable, "-c", _READ, kind, str(path)], capture_output=True, text=True, check=True)
+    seconds, kilobytes, said = done.stdout.strip().split(" ", 2)
+    return float(seconds), int(kilobytes) * 1024, said
+
+
+def frame_rows(number: int) -> str:
+    return "".join(f"frame {'a' * 16} street rgb {n:06d} {n:064x}\n" for n in range(number))
+
+
+HEAD = f"recipe-lock 1\nrecipe x x.yaml {'0' * 64}\n"
+BODY = f"body {{n:064x}} 1 hero {'0' * 64} {','.join(['01234567'] * 64)}\n"
+LARGE: dict[str, tuple[str, Callable[[], str], str]] = {
+    "as many frames as there may be": ("lockfile", lambda: HEAD + frame_rows(600_000), "accepted"),
+    "more frames": ("lockfile", lambda: HEAD + frame_rows(600_001), "there are more than 600,000 frame rows"),
+    "bodies": ("lockfile", lambda: HEAD + "".join(BODY.format(n=n) for n in range(110_000)), "more than 100,000 body"),
+    "a long line": ("lockfile", lambda: HEAD + "tool " + "a" * 100_000_000, "the line is longer than 16,384 bytes"),
+    "files": (
+        "manifest",
+        lambda: '{"files": {' + ", ".join(f'"{n:060}": {{"size": 1, "sha256": "{n:064x}"}}' for n in range(700_000)),
+        "it lists more than 600,000 files",
+    ),
+    "digests": (
+        "manifest",
+        lambda: '{"variants": {"a": {"frames": {"s": {"rgb": [' + ",".join(f'"{n:064x}"' for n in range(700_000)),
+        "it lists more than 600,000 frames' digests",
+    ),
+    "poses": (
+        "plan",
+        lambda: json.dumps(posed(1_200_000), separators=(",", ":")),
+        "poses of sensors are over 300,000",
+    ),
+    "brackets": ("plan", lambda: "[" * 2_000_000, "it is nested too deeply"),
+    "lists": ("plan", lambda: "[" + ",".join(["[]"] * 20_000_000) + "]", "it has more than 2,600,000 values"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LARGE)
+def test_no_document_takes_a_gigabyte_or_a_minute(tmp_path: Path, name: str) -> None:
+    kind, make, says = LARGE[name]
+    path = tmp_path / ("manifest.json" if kind == "manifest" else "document")
+    path.write_text(make())
+    seconds, memory, said = measured(kind, path.parent if kind == "manifest" else path)
+    assert says in said
+    assert seconds < 60
+    assert memory < 1 << 30
