@@ -153,6 +153,8 @@ def _check_used(path: Path, pack: Pack, named: Named | None) -> None:
     name, files = named
     below = PurePosixPath(pack.recipe).parent  # files are named from the recipe's folder
     used = {str(below / file) for file in files}
+    if not used <= set(pack.files):
+        return  # the compiler says which file is not there, and where it is named
     used |= {str(below / "lockfiles" / f"{name}{ending}") for ending in (".lock", ".traces")}
     unused = sorted(set(pack.files) - used)
     if unused:
