@@ -76,8 +76,17 @@ def digest_array(domain: str, array: np.ndarray[Any, Any]) -> str:
     import numpy as np
 
     plain = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
-    header = json.dumps([plain.dtype.str.replace("=", "<"), list(plain.shape)], separators=(",", ":"))
-    return digest_bytes(domain, header.encode() + b"\n", plain.data.cast("B") if plain.size else b"")
+    hasher = array_hasher(domain, plain.dtype, plain.shape)
+    hasher.update(plain.data.cast("B") if plain.size else b"")
+    return hasher.hexdigest()
+
+
+def array_hasher(domain: str, kind: np.dtype[Any], shape: tuple[int, ...]) -> hashlib._Hash:
+    """What digests an array of this dtype and shape once its bytes are added, in pieces of any size."""
+    header = json.dumps([kind.str.replace("=", "<"), list(shape)], separators=(",", ":"))
+    hasher = hashlib.sha256(f"recipe/{domain}\n".encode())
+    hasher.update(header.encode() + b"\n")
+    return hasher
 
 
 def pretty(value: Any) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -151,7 +151,7 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
                 found.append((path, f"{path}: {reason}"))
         if variant.scene.digest in traces:
             path, trace = layout.tracks_file(variant.variant), traces[variant.scene.digest]
-            found += _text_difference(dataset.root, path, lambda s=variant.scene, t=trace: tracks_csv(s, t))  # type: ignore[misc]
+            found += _pieces_difference(dataset.root, path, tracks_csv(variant.scene, trace))
     if found and len(videos) < len({(v.variant, s.name) for v in dataset.plan.variants for s in v.rig.sensors}):
         return found  # without all labels nothing can be made from them
     known = dataset.plan, dataset.lock.identity, videos
@@ -237,12 +237,16 @@ def _text_difference(root: Path, path: str, make: Callable[[], str]) -> list[Fau
         text = make().encode()
     except DAMAGE as error:
         return [(path, f"{path} cannot be made from the labels: {type(error).__name__}")]
-    there = regular_file(root, path)
-    if there is None:
+    return _pieces_difference(root, path, [text])
+
+
+def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[Fault]:
+    """What is wrong with a file that is to consist of these pieces."""
+    if regular_file(root, path) is None:
         return [(path, f"{path} is missing or cannot be read")]
-    if there.st_size == len(text) and (root / path).read_bytes() == text:
-        return []
-    return [(path, f"{path} is not what plan, labels and traces make it")]
+    with (root / path).open("rb") as file:
+        same = all(file.read(len(piece)) == piece for piece in pieces) and not file.read(1)
+    return [] if same else [(path, f"{path} is not what plan, labels and traces make it")]
 
 
 def recipe_file_of(manifest: Mapping[str, Any], files: Collection[str]) -> str | None:

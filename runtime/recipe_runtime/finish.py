@@ -89,7 +89,9 @@ class Finisher:
         return files
 
     def _linked(self, first: str, others: list[str], content: str) -> dict[str, FileRow]:
-        row = self._write(first, content)[first]
+        return self._shared(self._write(first, content)[first], first, others)
+
+    def _shared(self, row: FileRow, first: str, others: list[str]) -> dict[str, FileRow]:
         for path in others:
             self.work.link(first, path)
         return dict.fromkeys([first, *others], row)
@@ -100,7 +102,7 @@ class Finisher:
         for scene in simulations(self.dataset):
             names = [v.variant for v in self.dataset.variants if v.scene.digest == scene.digest]
             first, *others = (layout.tracks_file(name) for name in names)
-            files |= self._linked(first, others, tracks_csv(scene, trace(scene)))
+            files |= self._shared(self.work.write_pieces(first, tracks_csv(scene, trace(scene))), first, others)
         return files
 
     def _check(self) -> dict[str, FileRow]:

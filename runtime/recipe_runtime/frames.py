@@ -22,6 +22,7 @@ from recipe_runtime.stopwatch import Stopwatch
 from recipe_runtime.trace import Trace
 from recipe_runtime.transforms import part_transforms, sensor_transform
 
+_REELED = 512  # frames whose numbers a reel is given at once
 LABEL_MODALITIES = ("depth", "instance", "semantic")  # follow from scene and rig alone
 
 
@@ -148,16 +149,18 @@ class SceneSource:
     ) -> Iterator[Made]:
         from recipe_runtime.render.reel import Take
 
-        poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in frames])
-        times = [frame / self.scene.clock.fps for frame in frames]
-        prints = reel[1].frames(Take(frames, times, poses, part_transforms(self.trace, np.array(frames))))
         left = len(frames)
         try:
-            for _ in frames:
-                with watch("render"):
-                    made = next(prints)
-                left -= 1
-                yield Made(made.number, made.observation, made.pictures)
+            for start in range(0, len(frames), _REELED):
+                numbers = frames[start : start + _REELED]
+                poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in numbers])
+                times = [frame / self.scene.clock.fps for frame in numbers]
+                prints = reel[1].frames(Take(numbers, times, poses, part_transforms(self.trace, np.array(numbers))))
+                for _ in numbers:
+                    with watch("render"):
+                        made = next(prints)
+                    left -= 1
+                    yield Made(made.number, made.observation, made.pictures)
         finally:
             if not left:  # else its lanes are still at work
                 self._reel = reel

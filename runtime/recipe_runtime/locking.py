@@ -112,9 +112,9 @@ def with_rows(
 ) -> Lockfile:
     """The same lockfile with its traces, bodies and frames filled in."""
     bodies = {
-        (scene.digest, actor): body_motion(traces[scene.digest], actor)
+        (scene.digest, actor): motion
         for scene in scenes
-        for actor in traces[scene.digest].actors
+        for actor, motion in body_motions(traces[scene.digest]).items()
     }
     return replace(bare_lock, traces={key: trace.digest for key, trace in traces.items()}, bodies=bodies, frames=frames)
 
@@ -207,12 +207,14 @@ def frame_keys(plan: DatasetPlan) -> Iterator[FrameKey]:
                 yield from ((key, sensor.name, modality, frame) for frame in range(v.scene.clock.frames))
 
 
-def body_motion(trace: Trace, actor: str) -> BodyMotion:
-    """The digest of an actor's motion, and short digests of how it went that far."""
+def body_motions(trace: Trace) -> dict[str, BodyMotion]:
+    """The digest of each actor's motion, and short digests of how it went that far."""
     stride = -(-trace.frames // CHECKPOINTS)
-    ends = range(stride, trace.frames + 1, stride)
-    points = tuple(trace.actor_digest(actor, end)[:CHECKPOINT_DIGITS] for end in ends)
-    return BodyMotion(trace.actor_digest(actor), stride, points)
+    digests = trace.prefix_digests([*range(stride, trace.frames + 1, stride), trace.frames])
+    return {
+        actor: BodyMotion(whole, stride, tuple(point[:CHECKPOINT_DIGITS] for point in points))
+        for actor, (*points, whole) in digests.items()
+    }
 
 
 def first_parting(locked: BodyMotion, ours: BodyMotion) -> tuple[int, int] | None:

@@ -2,18 +2,22 @@
 
 glibc picks its sin, cos, pow ... by CPU, with and without FMA, and Bullet calls them. So the simulation always runs
 in a child that hides those CPU features from glibc, whatever the parent's environment says. The child reads the plan
-as JSON from its standard input and answers on its standard output: lines `progress STEP STEPS`, then a line `trace`
-and the Trace's bytes.
+as JSON from its standard input and answers on its standard output, as it goes: a line `parts` with their names as
+JSON; lines `progress STEP STEPS`; for each frame a line `frame NUMBER` and its bytes, on the Trace's integer grid; at
+the end a line `end`. Neither process holds more than a frame: the parent writes each into a temporary file, from which
+the Trace is read.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +27,7 @@ from recipe_compiler.plan import ScenePlan
 
 from recipe_runtime import children
 from recipe_runtime.meshes.skeleton import part_names
-from recipe_runtime.trace import METRE, UNIT, Trace
+from recipe_runtime.trace import METRE, UNIT, Trace, TraceWriter, frame_bytes
 
 if TYPE_CHECKING:
     from recipe_runtime.bullet import World
@@ -51,7 +55,7 @@ def simulate(scene: ScenePlan, progress: Progress | None = None, *, timeout: flo
         timer = threading.Timer(timeout, child.kill)
         timer.start()
         try:
-            answer = _converse(child, scene.model_dump_json().encode(), progress)
+            trace = _converse(child, scene, progress)
         finally:
             hung = not timer.is_alive()
             timer.cancel()
@@ -60,31 +64,48 @@ def simulate(scene: ScenePlan, progress: Progress | None = None, *, timeout: flo
             code = child.wait()
         if hung:
             raise RunError(f"the simulation took more than {timeout:.0f} s and was stopped; try fewer frames or actors")
-        if answer is None or code != 0:
+        if trace is None or code != 0:
             errors.seek(0)
             raise RunError(_explain(code, errors.read()))
-    try:
-        return Trace.from_bytes(answer)
-    except ValueError as error:
-        raise RunError(f"the simulation's answer cannot be read: {error}") from error
+        return trace
 
 
-def _converse(child: subprocess.Popen[bytes], plan: bytes, progress: Progress | None) -> bytes | None:
-    """Send the plan; pass progress on; return the Trace's bytes, or None if the child ended without."""
+def _converse(child: subprocess.Popen[bytes], scene: ScenePlan, progress: Progress | None) -> Trace | None:
+    """Send the plan; pass progress on; write the frames down. None if the child ended before the last."""
     assert child.stdin is not None and child.stdout is not None
-    with child.stdout as out:
+    with child.stdout as out, ExitStack() as stack:
         try:
             with child.stdin as stdin:
-                stdin.write(plan)
+                stdin.write(scene.model_dump_json().encode())
         except BrokenPipeError:
             return None
+        writer, frames = None, 0
         for line in out:
-            word, *rest = line.split()
-            if word == b"trace":
-                return out.read()
-            if word == b"progress" and progress is not None:
-                progress(int(rest[0]), int(rest[1]))
+            word, _, rest = line.partition(b" ")
+            if word == b"parts":
+                names = [actor.name for actor in scene.actors]
+                writer = stack.enter_context(closing(TraceWriter(names, json.loads(rest), scene.clock.frames)))
+            elif word == b"progress" and progress is not None:
+                progress(*map(int, rest.split()))
+            elif word == b"frame" and writer is not None:
+                data = out.read(writer.frame_size)
+                if len(data) < writer.frame_size:
+                    return None
+                _keep(writer, int(rest), data)
+                frames += 1
+            elif line == b"end\n" and writer is not None and frames == scene.clock.frames:
+                return writer.trace()
     return None
+
+
+def _keep(writer: TraceWriter, frame: int, data: bytes) -> None:
+    try:
+        writer.write(frame, data)
+    except OSError as error:
+        raise RunError(
+            f"the folder for temporary files, {tempfile.gettempdir()}, cannot hold the simulation's motion: "
+            f"{error.strerror}; free some space there, or set TMPDIR to another folder"
+        ) from error
 
 
 def _explain(code: int, errors: bytes) -> str:
@@ -93,20 +114,19 @@ def _explain(code: int, errors: bytes) -> str:
     return f"the simulation ended with {ending}" + (f": {lines[-1]}" if lines else "")
 
 
-def _run(scene: ScenePlan, report: Progress) -> Trace:
-    """Simulate in this very process; `simulate` is the way in."""
+def _run(scene: ScenePlan, take: Callable[[int, bytes], None], report: Progress) -> None:
+    """Simulate in this very process; `simulate` is the way in. `take` is given each frame's number and its bytes."""
     from recipe_runtime.bullet import World
     from recipe_runtime.motion import movers
 
     clock = scene.clock
     world = World(scene.town, clock.physics, scene.props)
     cast = movers(world, scene)
-    record = _Record(scene)
     decide_every = max(1, clock.physics // 30)
     steps = (clock.frames - 1) * clock.steps_per_frame
     for step in range(steps + 1):
         if step % clock.steps_per_frame == 0:
-            record.take(step // clock.steps_per_frame, world, cast)
+            take(step // clock.steps_per_frame, _motion(world, cast))
             report(step, steps)
         if step == steps:
             break
@@ -120,44 +140,26 @@ def _run(scene: ScenePlan, report: Progress) -> Trace:
             m.sense()
             m.advance()
     world.close()
-    return record.trace()
 
 
-class _Record:
-    """The Trace while it is written."""
+def _motion(world: World, movers: Sequence[Mover]) -> bytes:
+    """Where everything is at this moment, as a frame of a Trace; of a rotation's two quaternions the one with w > 0."""
+    poses = [pose for m in movers for pose in m.parts()]
+    velocities = [world.velocity(m.body) for m in movers]
+    rotations = _snap(_rows([rotation for _, rotation in poses], 4), UNIT)
+    key = np.zeros(rotations.shape[:-1], np.int64)
+    for axis in (0, 1, 2, 3):  # the sign of w, or of the last component before it that is not 0
+        key = np.where(rotations[..., axis] != 0, rotations[..., axis], key)
+    return frame_bytes(
+        positions=_snap(_rows([position for position, _ in poses], 3), METRE),
+        rotations=np.where(key[..., None] < 0, -rotations, rotations).astype(np.int32),
+        linear=_snap(_rows([linear for linear, _ in velocities], 3), METRE),
+        angular=_snap(_rows([angular for _, angular in velocities], 3), METRE),
+    )
 
-    def __init__(self, scene: ScenePlan) -> None:
-        self._names = [(actor.name, part_names(actor.shape)) for actor in scene.actors]
-        frames, parts = scene.clock.frames, sum(len(names) for _, names in self._names)
-        self._positions = np.zeros((frames, parts, 3))
-        self._rotations = np.zeros((frames, parts, 4))
-        self._linear = np.zeros((frames, len(self._names), 3))
-        self._angular = np.zeros((frames, len(self._names), 3))
 
-    def take(self, frame: int, world: World, movers: list[Mover]) -> None:
-        """Write down where everything is."""
-        row = 0
-        for a, m in enumerate(movers):
-            for position, rotation in m.parts():
-                self._positions[frame, row], self._rotations[frame, row] = position, rotation
-                row += 1
-            self._linear[frame, a], self._angular[frame, a] = world.velocity(m.body)
-
-    def trace(self) -> Trace:
-        """What was written, on the grid; of a rotation's two quaternions the one with w > 0."""
-        rotations = _snap(self._rotations, UNIT)
-        key = np.zeros(rotations.shape[:-1], np.int64)
-        for axis in (0, 1, 2, 3):  # the sign of w, or of the last component before it that is not 0
-            key = np.where(rotations[..., axis] != 0, rotations[..., axis], key)
-        rotations = np.where(key[..., None] < 0, -rotations, rotations)
-        return Trace(
-            actors=tuple(name for name, _ in self._names),
-            parts=tuple(f"{name}/{part}" for name, parts in self._names for part in parts),
-            positions=_snap(self._positions, METRE),
-            rotations=rotations.astype(np.int32),
-            linear=_snap(self._linear, METRE),
-            angular=_snap(self._angular, METRE),
-        )
+def _rows(values: Sequence[Sequence[float]], width: int) -> NDArray[np.float64]:
+    return np.array(values, np.float64).reshape(-1, width)
 
 
 def _snap(values: NDArray[np.float64], grid: int) -> NDArray[np.int64]:
@@ -173,8 +175,14 @@ def _serve(plan: IO[bytes], answer: IO[Any]) -> None:
         answer.write(b"progress %d %d\n" % (step, steps))
         answer.flush()
 
-    trace = _run(scene, report)
-    answer.write(b"trace\n" + trace.to_bytes())
+    def take(frame: int, data: bytes) -> None:
+        answer.write(b"frame %d\n" % frame)
+        answer.write(data)
+
+    parts = [f"{actor.name}/{part}" for actor in scene.actors for part in part_names(actor.shape)]
+    answer.write(b"parts %s\n" % json.dumps(parts).encode())
+    _run(scene, take, report)
+    answer.write(b"end\n")
     answer.flush()
 
 

@@ -13,9 +13,10 @@ import itertools
 import os
 import shutil
 import stat
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 import platformdirs
 from recipe_compiler.canonical import digest
@@ -28,6 +29,7 @@ from recipe_runtime.versions import simulation_maker
 FORMAT = "recipe/store/2"
 KINDS = ("built", "pixels", "shards", "traces")
 """All kinds of entries; what lies elsewhere in a cache folder is not this project's."""
+_LONGEST_HEADER = 400
 
 
 def default_cache() -> Path:
@@ -56,19 +58,41 @@ class Store:
 
     def get(self, kind: str, key: str) -> bytes | None:
         """An entry's bytes; None if it is absent, damaged, or another key's."""
+        file = self.open(kind, key)
+        if file is None:
+            return None
+        with file:
+            return file.read()
+
+    def open(self, kind: str, key: str) -> BinaryIO | None:
+        """An entry's file, at the first byte of its body, which was compared with its digest piece by piece.
+
+        None if it is absent, damaged, or another key's.
+        """
         path = self.path(kind, key)
         try:
-            head, _, body = path.read_bytes().partition(b"\n")
+            with ExitStack() as stack:
+                file = stack.enter_context(path.open("rb"))
+                head, hasher = file.readline(_LONGEST_HEADER), hashlib.sha256()
+                while piece := file.read(1 << 20):
+                    hasher.update(piece)
+                if head != header(kind, key, hasher.hexdigest()):
+                    return None
+                file.seek(len(head))
+                with suppress(OSError):
+                    os.utime(path)  # in use: pruning takes what was not used for longest
+                stack.pop_all()
+                return file
         except OSError:
             return None
-        if head + b"\n" != header(kind, key, hashlib.sha256(body).hexdigest()):
-            return None
-        with suppress(OSError):
-            os.utime(path)  # in use: pruning takes what was not used for longest
-        return body
 
-    def put(self, kind: str, key: str, body: bytes) -> None:
-        """Keep an entry; RunError if the folder cannot be written, InputError if it is not a cache."""
+    def put(self, kind: str, key: str, body: bytes | Iterable[bytes]) -> None:
+        """Keep an entry, whole or in pieces.
+
+        Raises:
+            RunError: the folder cannot be written.
+            InputError: the folder is not a cache.
+        """
         from recipe_runtime.cache_folder import claim
 
         if kind not in KINDS:
@@ -77,46 +101,53 @@ class Store:
         remedy = (
             "free some space, or set RECIPE_CACHE to another folder" if ours else "free some space or allow writing"
         )
+        hasher = hashlib.sha256()
         with host_errors(f"the {'cache' if ours else 'folder'} {self.root}", remedy):
             claim(self.root)
-            write_atomic(self.path(kind, key), header(kind, key, hashlib.sha256(body).hexdigest()) + body)
+            with atomic_file(self.path(kind, key)) as file:
+                file.write(header(kind, key, hasher.hexdigest()))  # as long as the one that takes its place
+                for piece in [body] if isinstance(body, bytes) else body:
+                    hasher.update(piece)
+                    file.write(piece)
+                file.seek(0)
+                file.write(header(kind, key, hasher.hexdigest()))
 
     def trace(self, scene: ScenePlan, simulate: Callable[[], Trace]) -> Trace:
         """The Trace of a scene: from the store if it is there and whole, else simulated, and kept."""
-        kept = self._trace(scene)
-        if kept is not None:
-            return kept
-        trace = simulate()
-        self.keep_trace(scene, trace)
-        return trace
+        return self._trace(scene) or self.keep_trace(scene, simulate())
 
     def has_trace(self, scene: ScenePlan) -> bool:
         """Whether a scene's Trace is there and whole."""
         return self._trace(scene) is not None
 
-    def keep_trace(self, scene: ScenePlan, trace: Trace) -> None:
-        """Keep a scene's Trace, in place of any that is there."""
-        self.put("traces", _trace_key(scene), trace.to_bytes())
+    def keep_trace(self, scene: ScenePlan, trace: Trace) -> Trace:
+        """Keep a scene's Trace, in place of any that is there. Returns it as it is read from the store."""
+        self.put("traces", _trace_key(scene), trace.pieces())
+        return self._trace(scene) or trace
+
+    def _trace(self, scene: ScenePlan) -> Trace | None:
+        """A scene's Trace, mapped from its file and not read into memory; None if it is absent or damaged."""
+        file = self.open("traces", _trace_key(scene))
+        if file is None:
+            return None
+        with file:
+            try:
+                trace = Trace.from_file(file, checked=True)
+            except (ValueError, KeyError):
+                return None  # written in an older form
+        return trace if is_motion_of(trace, scene) else None
 
     def replace_bad_trace(self, scene: ScenePlan, trace: Trace) -> None:
         """Replace a scene's kept Trace if it is not this one, which was simulated anew.
 
         Nothing is done where none is kept, or where the folder cannot be written.
         """
-        key, body = _trace_key(scene), trace.to_bytes()
-        if self.path("traces", key).is_file() and self.get("traces", key) != body:
+        kept = self._trace(scene)
+        if kept is not None and all(a == b for a, b in itertools.zip_longest(kept.pieces(), trace.pieces())):
+            return
+        if self.path("traces", _trace_key(scene)).is_file():
             with suppress(RunError):
-                self.put("traces", key, body)
-
-    def _trace(self, scene: ScenePlan) -> Trace | None:
-        body = self.get("traces", _trace_key(scene))
-        if body is None:
-            return None
-        try:
-            trace = Trace.from_bytes(body)
-        except (ValueError, KeyError):
-            return None  # written in an older form
-        return trace if is_motion_of(trace, scene) else None
+                self.keep_trace(scene, trace)
 
 
 def header(kind: str, key: str, sha256: str) -> bytes:
@@ -171,10 +202,20 @@ def file_sha256(path: Path) -> str:
 
 def write_atomic(path: Path, body: bytes | bytearray | memoryview) -> None:
     """Write a file so that its name only ever stands for the whole of it. An OSError names the file."""
+    with atomic_file(path) as file:
+        file.write(body)
+
+
+@contextmanager
+def atomic_file(path: Path) -> Iterator[BinaryIO]:
+    """A new file to write, which takes its name when the block ends, and none after an error.
+
+    An OSError names the file.
+    """
     temporary, handle = _fresh(path)
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(body)
+            yield file
         temporary.replace(path)
     except OSError as error:
         temporary.unlink(missing_ok=True)

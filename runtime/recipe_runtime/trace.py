@@ -8,18 +8,26 @@ from __future__ import annotations
 
 import hashlib
 import io
+import json
 import math
+import mmap
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.canonical import canonical_bytes, digest_array, digest_bytes
+from recipe_compiler.canonical import array_hasher, canonical_bytes, digest_bytes
 
 METRE = 1 << 20
 UNIT = 1 << 24
 _FORMAT = "recipe/trace/1"
+_CHUNK = 1 << 20  # bytes of an array that are handled at once
+_POSITION, _ROTATION = 3 * 8, 4 * 4  # bytes a part
+_VELOCITY = 3 * 8  # bytes an actor
 
 
 @dataclass(frozen=True)
@@ -27,7 +35,7 @@ class Trace:
     """Motion of F frames, P rigid parts and A actors, in the world frame.
 
     `parts` names them `actor/part`, actors in plan order, each actor's base part first. `linear` and `angular` are
-    the velocities of each actor's base.
+    the velocities of each actor's base. The arrays are read-only views of a file, or lie in memory.
     """
 
     actors: tuple[str, ...]
@@ -36,6 +44,10 @@ class Trace:
     rotations: NDArray[np.int32]  # [F, P, 4], x y z w, 2^-24
     linear: NDArray[np.int64]  # [F, A, 3], 2^-20 m/s
     angular: NDArray[np.int64]  # [F, A, 3], 2^-20 rad/s
+    mapping: mmap.mmap | None = None  # the file that the arrays are views of
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Trace.from_bytes, (self.to_bytes(),)
 
     @property
     def frames(self) -> int:
@@ -45,75 +57,221 @@ class Trace:
     @cached_property
     def digest(self) -> str:
         """Identity of the motion: over the digest of every actor's."""
-        return digest_bytes("trace/1", canonical_bytes([[a, self.actor_digest(a)] for a in self.actors]))
+        digests = self.prefix_digests([self.frames])
+        return digest_bytes("trace/1", canonical_bytes([[a, digests[a][0]] for a in self.actors]))
 
     def actor_parts(self, actor: str) -> list[int]:
         """Indices of an actor's parts, its base first."""
-        return [i for i, part in enumerate(self.parts) if part.rpartition("/")[0] == actor]
+        return self._rows.get(actor, [])
 
     def base_part(self, actor: str) -> int:
         """Index of an actor's base part."""
-        return self.actor_parts(actor)[0]
+        return self._rows[actor][0]
+
+    @cached_property
+    def _rows(self) -> dict[str, list[int]]:
+        rows: dict[str, list[int]] = {actor: [] for actor in self.actors}
+        for index, part in enumerate(self.parts):
+            rows.setdefault(part.rpartition("/")[0], []).append(index)
+        return rows
 
     def actor_digest(self, actor: str, frames: int | None = None) -> str:
         """Identity of one actor's motion over the first `frames` frames (all by default)."""
-        rows, a = self.actor_parts(actor), self.actors.index(actor)
-        chunks: tuple[NDArray[Any], ...] = (
-            self.positions[:frames, rows],
-            self.rotations[:frames, rows],
-            self.linear[:frames, a],
-            self.angular[:frames, a],
+        return self.prefix_digests([self.frames if frames is None else frames], [actor])[actor][0]
+
+    def prefix_digests(self, ends: Sequence[int], actors: Sequence[str] | None = None) -> dict[str, list[str]]:
+        """Identities of each actor's motion over its first frames, in one pass over each array.
+
+        Args:
+            ends: numbers of frames, each from 0 to `frames`.
+            actors: names; all actors by default.
+
+        Returns:
+            For each actor a digest for each of `ends`, equal to `actor_digest(actor, end)`.
+        """
+        actors = self.actors if actors is None else actors
+        parts = [np.array(self.actor_parts(actor), np.intp) for actor in actors]
+        bases = [self.actors.index(actor) for actor in actors]
+        arrays: tuple[tuple[NDArray[Any], Sequence[Any]], ...] = (
+            (self.positions, parts),
+            (self.rotations, parts),
+            (self.linear, bases),
+            (self.angular, bases),
         )
-        return digest_bytes("trace-actor/1", *(digest_array("trace-array/1", c).encode() for c in chunks))
+        digests = [self._column_digests(array, columns, ends) for array, columns in arrays]
+        return {
+            actor: [digest_bytes("trace-actor/1", *(d[n][k].encode() for d in digests)) for k in range(len(ends))]
+            for n, actor in enumerate(actors)
+        }
+
+    def _column_digests(self, array: NDArray[Any], columns: Sequence[Any], ends: Sequence[int]) -> list[list[str]]:
+        """`digest_array("trace-array/1", array[:end, column])` for every column and end."""
+        kind = array.dtype.newbyteorder("<")
+        shapes = [array[:0, column].shape[1:] for column in columns]
+        hashers = [[array_hasher("trace-array/1", kind, (end, *shape)) for end in ends] for shape in shapes]
+        for start, chunk in self._chunks(array, max(ends, default=0)):
+            for column, shape, row in zip(columns, shapes, hashers, strict=True):
+                data = memoryview(np.ascontiguousarray(chunk[:, column], dtype=kind).tobytes())
+                frame = math.prod(shape) * kind.itemsize
+                for end, hasher in zip(ends, row, strict=True):
+                    if end > start:
+                        hasher.update(data[: (end - start) * frame])
+        return [[hasher.hexdigest() for hasher in row] for row in hashers]
+
+    def _chunks(self, array: NDArray[Any], frames: int) -> Iterator[tuple[int, NDArray[Any]]]:
+        """An array's first frames in pieces, each with the number of its first frame."""
+        step = max(1, _CHUNK // max(1, array[:1].nbytes))
+        for start in range(0, frames, step):
+            yield start, array[start : min(start + step, frames)]
+            self.release()
+
+    def release(self) -> None:
+        """Give back the memory of what was read of a mapped file, so that a process does not come to hold all of it."""
+        if self.mapping is not None:
+            self.mapping.madvise(mmap.MADV_DONTNEED)
 
     def to_bytes(self) -> bytes:
         """One byte form: a header line, four arrays, a checksum."""
+        return b"".join(self.pieces())
+
+    def pieces(self) -> Iterator[bytes]:
+        """The byte form, piece by piece."""
         head = canonical_bytes(
             {"format": _FORMAT, "actors": list(self.actors), "parts": list(self.parts), "frames": self.frames}
         )
-        body = head + b"\n" + b"".join(np.ascontiguousarray(a).tobytes() for a in self._arrays())
-        return body + hashlib.sha256(body).digest()
+        hasher = hashlib.sha256(head + b"\n")
+        yield head + b"\n"
+        arrays: tuple[NDArray[Any], ...] = (self.positions, self.rotations, self.linear, self.angular)
+        for array, kind in zip(arrays, _TYPES, strict=True):
+            for _, chunk in self._chunks(array, self.frames):
+                piece = chunk.astype(kind).tobytes()
+                hasher.update(piece)
+                yield piece
+        yield hasher.digest()
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Trace:
         """The inverse of `to_bytes`; ValueError if the bytes are damaged."""
-        import json
+        if hashlib.sha256(memoryview(data)[:-32]).digest() != data[-32:]:
+            raise ValueError(_DAMAGED)
+        actors, parts, frames, offset = _read_head(io.BytesIO(data), len(data))
+        return _views(actors, parts, frames, data, offset)
 
-        body, checksum = data[:-32], data[-32:]
-        if hashlib.sha256(body).digest() != checksum:
-            raise ValueError("the Trace is damaged: its checksum does not hold")
-        stream = io.BytesIO(body)
-        try:
-            head = json.loads(stream.readline())
-        except RecursionError:
-            raise ValueError("the Trace's header is nested too deeply") from None
-        if not isinstance(head, dict) or head.get("format") != _FORMAT:
-            raise ValueError(f"not a Trace of format {_FORMAT}")
-        f, (p, a) = head.get("frames"), (_count(head.get(names)) for names in ("parts", "actors"))
-        if type(f) is not int or not 0 <= f <= len(data):
-            raise ValueError(f"a Trace cannot have {str(f)[:40]} frames")
-        if len(body) - stream.tell() != f * (p * (3 * 8 + 4 * 4) + a * 6 * 8):
-            raise ValueError("the Trace's arrays are not as long as its header says")
+    @classmethod
+    def from_file(cls, file: IO[bytes], *, checked: bool = False) -> Trace:
+        """A Trace whose byte form is the rest of a file, mapped and not read into memory.
 
-        def read(dtype: str, *shape: int) -> NDArray[Any]:
-            return np.frombuffer(stream.read(math.prod(shape) * np.dtype(dtype).itemsize), dtype).reshape(shape)
+        Args:
+            file: a file on disk, at the first byte of the byte form; it may be closed afterwards, and must not be
+                changed while the Trace is in use.
+            checked: whether the bytes are known to be whole; else they are held to their checksum.
 
-        return cls(
-            actors=tuple(head["actors"]),
-            parts=tuple(head["parts"]),
-            positions=read("<i8", f, p, 3),
-            rotations=read("<i4", f, p, 4),
-            linear=read("<i8", f, a, 3),
-            angular=read("<i8", f, a, 3),
-        )
+        Raises:
+            ValueError: the bytes are damaged.
+        """
+        start = file.tell()
+        size = file.seek(0, io.SEEK_END) - start
+        file.seek(start)
+        if not checked and not _holds(file, size):
+            raise ValueError(_DAMAGED)
+        file.seek(start)
+        actors, parts, frames, offset = _read_head(file, size)
+        mapping = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        return _views(actors, parts, frames, mapping, start + offset)
 
-    def _arrays(self) -> tuple[NDArray[Any], ...]:
-        return (
-            self.positions.astype("<i8"),
-            self.rotations.astype("<i4"),
-            self.linear.astype("<i8"),
-            self.angular.astype("<i8"),
-        )
+
+class TraceWriter:
+    """A Trace that is written frame by frame, into a temporary file without a name."""
+
+    def __init__(self, actors: Sequence[str], parts: Sequence[str], frames: int) -> None:
+        self._actors, self._parts, self._frames = tuple(actors), tuple(parts), frames
+        p, a = len(parts), len(actors)
+        self._sizes = (p * _POSITION, p * _ROTATION, a * _VELOCITY, a * _VELOCITY)
+        self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115  closed by `close`
+
+    @property
+    def frame_size(self) -> int:
+        """Bytes of a frame."""
+        return sum(self._sizes)
+
+    def write(self, frame: int, data: bytes) -> None:
+        """Write one frame.
+
+        Args:
+            frame: its number.
+            data: positions [P, 3], rotations [P, 4], linear [A, 3], angular [A, 3], as `frame_bytes` joins them.
+        """
+        at = base = 0
+        for size in self._sizes:
+            rest, place = memoryview(data)[at : at + size], base + frame * size
+            while rest:
+                written = os.pwrite(self._file.fileno(), rest, place)
+                rest, place = rest[written:], place + written
+            at, base = at + size, base + self._frames * size
+
+    def trace(self) -> Trace:
+        """What was written, once every frame was; it stays readable when the writer is closed."""
+        empty = self._frames * self.frame_size == 0
+        mapping = b"" if empty else mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
+        return _views(self._actors, self._parts, self._frames, mapping, 0)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+
+def frame_bytes(
+    positions: NDArray[np.int64], rotations: NDArray[np.int32], linear: NDArray[np.int64], angular: NDArray[np.int64]
+) -> bytes:
+    """One frame as `TraceWriter.write` takes it."""
+    arrays: tuple[NDArray[Any], ...] = (positions, rotations, linear, angular)
+    return b"".join(array.astype(kind).tobytes() for array, kind in zip(arrays, _TYPES, strict=True))
+
+
+_TYPES = ("<i8", "<i4", "<i8", "<i8")
+_DAMAGED = "the Trace is damaged: its checksum does not hold"
+
+
+def _holds(file: IO[bytes], size: int) -> bool:
+    """Whether the next `size` bytes end in the SHA-256 of those before."""
+    hasher, left = hashlib.sha256(), size - 32
+    while left > 0 and (piece := file.read(min(left, _CHUNK))):
+        hasher.update(piece)
+        left -= len(piece)
+    return left == 0 and file.read(32) == hasher.digest()
+
+
+def _read_head(file: IO[bytes], size: int) -> tuple[tuple[str, ...], tuple[str, ...], int, int]:
+    """Actors, parts, frames and the length of the header of a byte form of so many bytes; ValueError if it is wrong."""
+    line = file.readline()
+    try:
+        head = json.loads(line)
+    except RecursionError:
+        raise ValueError("the Trace's header is nested too deeply") from None
+    if not isinstance(head, dict) or head.get("format") != _FORMAT:
+        raise ValueError(f"not a Trace of format {_FORMAT}")
+    f, (p, a) = head.get("frames"), (_count(head.get(names)) for names in ("parts", "actors"))
+    if type(f) is not int or not 0 <= f <= size:
+        raise ValueError(f"a Trace cannot have {str(f)[:40]} frames")
+    if size - 32 - len(line) != f * (p * (_POSITION + _ROTATION) + a * 2 * _VELOCITY):
+        raise ValueError("the Trace's arrays are not as long as its header says")
+    return tuple(head["actors"]), tuple(head["parts"]), f, len(line)
+
+
+def _views(
+    actors: tuple[str, ...], parts: tuple[str, ...], frames: int, buffer: bytes | mmap.mmap, offset: int
+) -> Trace:
+    """A Trace whose arrays are views of a buffer, from an offset on."""
+    p, a = len(parts), len(actors)
+    arrays: list[NDArray[Any]] = []
+    for kind, shape in zip(_TYPES, ((p, 3), (p, 4), (a, 3), (a, 3)), strict=True):
+        whole = (frames, *shape)
+        count = math.prod(whole)
+        arrays.append(np.frombuffer(buffer, kind, count, offset).reshape(whole) if count else np.zeros(whole, kind))
+        offset += count * np.dtype(kind).itemsize
+    positions, rotations, linear, angular = arrays
+    mapping = buffer if isinstance(buffer, mmap.mmap) else None
+    return Trace(actors, parts, positions, rotations, linear, angular, mapping)
 
 
 def _count(names: Any) -> int:

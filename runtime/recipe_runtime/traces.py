@@ -11,6 +11,7 @@ then, so sizes are bounded before anything is unpacked.
 
 from __future__ import annotations
 
+import tempfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,6 +26,7 @@ SUFFIX = ".traces"
 MOST_BYTES = 1 << 30  # of the file, and of a Trace
 _HEAD = b"recipe-traces 1\n"
 _MOST_LINE = 400
+_PIECE = 1 << 16
 
 
 def beside(lockfile: Path) -> Path:
@@ -36,10 +38,18 @@ def dumps(traces: Mapping[str, Trace]) -> bytes:
     """Traces by scene digest, as one file's bytes."""
     pieces = [_HEAD]
     for scene, trace in sorted(traces.items()):
-        raw = trace.to_bytes()
-        packed = zlib.compress(raw, 9)
-        pieces += [f"{scene} {trace.digest} {len(packed)} {len(raw)}\n".encode(), packed]
+        size, packed = _packed(trace)
+        pieces += [f"{scene} {trace.digest} {len(packed)} {size}\n".encode(), packed]
     return b"".join(pieces)
+
+
+def _packed(trace: Trace) -> tuple[int, bytes]:
+    """The size of a Trace's byte form, and that form compressed, of which no more than a piece is in memory."""
+    packer, size, packed = zlib.compressobj(9), 0, []
+    for piece in trace.pieces():
+        size += len(piece)
+        packed.append(packer.compress(piece))
+    return size, b"".join([*packed, packer.flush()])
 
 
 def write(path: Path, traces: Mapping[str, Trace], *, replace: bool = False) -> bool:
@@ -87,19 +97,33 @@ def _entries(body: bytes, locked: Mapping[str, str]) -> list[tuple[str, Trace]]:
         at = end + 1 + int(packed)
         if locked.get(scene) != digest:
             raise ValueError(f"it holds a Trace of scene {scene[:16]} that is not the lockfile's")
-        trace = Trace.from_bytes(_unpacked(body[end + 1 : at], int(raw)))
+        trace = _unpacked(memoryview(body)[end + 1 : at], int(raw))
         if trace.digest != digest:
             raise ValueError(f"the Trace of scene {scene[:16]} is not what its digest says")
         found.append((scene, trace))
     return found
 
 
-def _unpacked(packed: bytes, size: int) -> bytes:
-    """So many bytes and no more: what unpacks to another size is refused before it fills the memory."""
+def _unpacked(packed: memoryview, size: int) -> Trace:
+    """A Trace of so many bytes and no more, in a temporary file: another size is refused before it fills the disk."""
     if not 0 < size <= MOST_BYTES:
         raise ValueError(f"a Trace of {size} bytes is none")
-    unpacker = zlib.decompressobj()
-    raw = unpacker.decompress(packed, size)
-    if len(raw) != size or not unpacker.eof or unpacker.unused_data:
-        raise ValueError("a Trace does not have the size that is told")
-    return raw
+    unpacker, left = zlib.decompressobj(), size
+    with tempfile.TemporaryFile() as file:
+        for start in range(0, len(packed), _PIECE):
+            rest: memoryview | bytes = packed[start : start + _PIECE]
+            while rest or not unpacker.eof:
+                piece = unpacker.decompress(rest, _PIECE)
+                rest, left = unpacker.unconsumed_tail, left - len(piece)
+                if left < 0 or unpacker.unused_data:
+                    raise ValueError(_SIZE)
+                if not piece:
+                    break
+                file.write(piece)
+        if left or not unpacker.eof:
+            raise ValueError(_SIZE)
+        file.seek(0)
+        return Trace.from_file(file)
+
+
+_SIZE = "a Trace does not have the size that is told"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+import numpy as np
 from recipe_compiler import exact
 from recipe_compiler.plan import ScenePlan, fixed
 
@@ -10,25 +13,25 @@ from recipe_runtime.trace import METRE, UNIT, Trace
 _COLUMNS = "frame,time,actor,instance,x,y,z,qx,qy,qz,qw,yaw,vx,vy,vz,wx,wy,wz"
 
 
-def tracks_csv(scene: ScenePlan, trace: Trace) -> str:
-    """A row for every frame and actor, of its base part in the world frame.
+def tracks_csv(scene: ScenePlan, trace: Trace) -> Iterator[bytes]:
+    """The file, piece by piece: a row for every frame and actor, of its base part in the world frame.
 
     Metres, a quaternion, yaw in degrees, metres and radians a second.
     """
     bases = [trace.base_part(actor) for actor in trace.actors]
     instances = {actor.name: actor.tag * 1000 + actor.instance for actor in scene.actors}
-    lines = [_COLUMNS]
+    yield _COLUMNS.encode() + b"\n"
     for frame in range(trace.frames):
-        head = f"{frame},{_text(frame / scene.clock.fps)}"
-        for number, (actor, base) in enumerate(zip(trace.actors, bases, strict=True)):
-            position = [int(v) / METRE for v in trace.positions[frame, base]]
-            x, y, z, w = (int(v) / UNIT for v in trace.rotations[frame, base])
+        positions, rotations = trace.positions[frame, bases].tolist(), trace.rotations[frame, bases].tolist()
+        motions = np.concatenate([trace.linear[frame], trace.angular[frame]], axis=1).tolist()
+        trace.release()
+        head, lines = f"{frame},{_text(frame / scene.clock.fps)}", []
+        for actor, position, rotation, motion in zip(trace.actors, positions, rotations, motions, strict=True):
+            x, y, z, w = (v / UNIT for v in rotation)
             yaw = exact.atan2_deg(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-            linear = [int(v) / METRE for v in trace.linear[frame, number]]
-            angular = [int(v) / METRE for v in trace.angular[frame, number]]
-            values = [*position, x, y, z, w, yaw, *linear, *angular]
-            lines.append(f"{head},{actor},{instances[actor]}," + ",".join(_text(v) for v in values))
-    return "\n".join(lines) + "\n"
+            values = [*(v / METRE for v in position), x, y, z, w, yaw, *(v / METRE for v in motion)]
+            lines.append(f"{head},{actor},{instances[actor]}," + ",".join(_text(v) for v in values) + "\n")
+        yield "".join(lines).encode()
 
 
 def _text(value: float) -> str:

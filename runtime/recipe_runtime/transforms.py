@@ -44,10 +44,11 @@ def from_pose(pose: Pose) -> Array:
     )
 
 
-def part_transforms(trace: Trace, frame: int | NDArray[np.intp]) -> Array:
+def part_transforms(trace: Trace, frame: int | slice | NDArray[np.intp]) -> Array:
     """World-from-part of every part of the Trace at a frame, or at many. Shape [P, 3, 4] or [F, P, 3, 4]."""
     p = trace.positions[frame].astype(np.float64) / METRE
     q = trace.rotations[frame].astype(np.float64) / UNIT
+    trace.release()
     x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     s = 2.0 / (x * x + y * y + z * z + w * w)
     rows = [

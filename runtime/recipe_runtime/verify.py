@@ -206,8 +206,7 @@ class _Check:
             self.progress("simulate", number, len(scenes))
             kept = self.locked_traces.get(digest)
             try:
-                trace = self.engines.simulate(scene)
-                store.keep_trace(scene, trace)
+                trace = store.keep_trace(scene, self.engines.simulate(scene))
                 Store().replace_bad_trace(scene, trace)
             except RunError as error:
                 if kept is None:
@@ -219,11 +218,9 @@ class _Check:
                     self.traces[digest] = trace
                     whole.add(digest)
                     continue
-                motions = {actor: locking.body_motion(trace, actor) for actor in trace.actors}
-                message = _parting(self.lock, scene, motions)
+                message = _parting(self.lock, scene, locking.body_motions(trace))
             if kept is not None and reason:
-                store.keep_trace(scene, kept)
-                self.traces[digest] = kept
+                self.traces[digest] = store.keep_trace(scene, kept)
                 whole.add(digest)
                 message += "; frames are compared from the locked motion on"
             found.append(Difference("trace", message, reason or None))

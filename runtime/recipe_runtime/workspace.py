@@ -13,10 +13,11 @@ holds the folder, by a lock that ends with its process.
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import json
 import os
 import shutil
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -28,7 +29,15 @@ from recipe_runtime import layout, manifest_reader
 from recipe_runtime.journal import FolderJournal
 from recipe_runtime.manifest import DAMAGE, FileRows, listed_files
 from recipe_runtime.schedule import Shard, View
-from recipe_runtime.store import file_sha256, host_errors, link_or_copy, regular_file, stamp_of, write_atomic
+from recipe_runtime.store import (
+    atomic_file,
+    file_sha256,
+    host_errors,
+    link_or_copy,
+    regular_file,
+    stamp_of,
+    write_atomic,
+)
 from recipe_runtime.worker import FrameRecord
 
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
@@ -98,6 +107,16 @@ class Workspace:
         """Write one of the dataset's files."""
         with host_errors(f"{self._partial}: {path}", _REMEDY):
             write_atomic(self.dataset / path, body)
+
+    def write_pieces(self, path: str, pieces: Iterable[bytes]) -> list[Any]:
+        """Write one of the dataset's files as it is made. Returns its size and SHA-256."""
+        size, hasher = 0, hashlib.sha256()
+        with host_errors(f"{self._partial}: {path}", _REMEDY), atomic_file(self.dataset / path) as file:
+            for piece in pieces:
+                file.write(piece)
+                hasher.update(piece)
+                size += len(piece)
+        return [size, hasher.hexdigest()]
 
     def link(self, path: str, other: str) -> None:
         """Give one of the dataset's files a second name."""

@@ -72,3 +72,13 @@ def test_any_damage_is_the_locked_motion_or_a_clear_refusal(tmp_path: Path, at: 
     except InputError:
         return
     assert all(LOCKED[scene] == trace.digest for scene, trace in found.items())
+
+
+def test_the_file_is_what_compressing_each_trace_at_once_gives() -> None:
+    """Traces are packed piece by piece; the file's bytes do not say so."""
+    scene = scene_plan(2000)
+    trace = simulate(scene)
+    raw = trace.to_bytes()
+    packed = zlib.compress(raw, 9)
+    head = f"{scene.digest} {trace.digest} {len(packed)} {len(raw)}\n".encode()
+    assert traces.dumps({scene.digest: trace}) == b"recipe-traces 1\n" + head + packed

@@ -25,7 +25,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from recipe_compiler import exact
 from recipe_compiler.plan import CameraPlan, ScenePlan, fixed
 
@@ -38,6 +37,7 @@ from recipe_runtime.transforms import Array, compose, invert, part_transforms
 
 Record = dict[str, Any]
 
+_PART_FRAMES = 1 << 13  # poses that are handled at once, of all parts and frames
 _CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
@@ -47,14 +47,14 @@ class Annotator:
     def __init__(self, scene: ScenePlan, trace: Trace, bodies: Sequence[Body]) -> None:
         self._trace = trace
         self._by_instance = {a.tag * 1000 + a.instance: a.name for a in scene.actors}
+        self._numbers = {actor: number for number, actor in enumerate(trace.actors)}
         meshes = {body.name: body for body in bodies}
-        poses = np.stack([part_transforms(trace, f) for f in range(trace.frames)])
-        self._extents = {a.name: _extent(trace, poses, meshes[a.name]) for a in scene.actors}
+        self._extents = _extents(trace, [meshes[a.name] for a in scene.actors])
 
     def records(self, seen: Observed, camera: CameraPlan, world_from_sensor: Array, frame: int) -> list[Record]:
         """A record for every object of which a pixel is seen, by instance."""
         sensor_from_world = invert(world_from_sensor)
-        parts = part_transforms(self._trace, frame)
+        parts, velocities = part_transforms(self._trace, frame), self._trace.linear[frame].tolist()
         views = {view.instance: view for view in seen.objects}
         records = []
         for mask in masks(seen.instance):
@@ -73,7 +73,7 @@ class Annotator:
                     "visible_fraction": fixed(mask.area / int(view.amodal)),
                     "truncation": truncation(view.projected, camera),
                     **self._geometry(actor, base),
-                    "velocity": self._velocity(actor, frame),
+                    "velocity": [fixed(v / METRE) for v in velocities[self._numbers[actor]]],
                 }
             )
         return records
@@ -91,10 +91,6 @@ class Annotator:
         distance = np.sqrt(centre[0] * centre[0] + centre[1] * centre[1] + centre[2] * centre[2])
         return {"box3d": box, "distance": fixed(float(distance))}
 
-    def _velocity(self, actor: str, frame: int) -> list[float]:
-        grid = self._trace.linear[frame, self._trace.actors.index(actor)]
-        return [fixed(int(v) / METRE) for v in grid]
-
 
 def quaternion(transform: Array) -> tuple[float, float, float, float]:
     """The rotation of a rigid transform [3, 4] as a unit quaternion w, x, y, z; the first that is not 0 is positive."""
@@ -110,24 +106,32 @@ def truncation(projected: Sequence[float], camera: CameraPlan) -> float:
     return fixed(1.0 - max(wide, 0.0) * max(high, 0.0) / whole) if whole > 0.0 else 0.0
 
 
-def _extent(trace: Trace, poses: Array, body: Body) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The least box, in the base part's frame, that holds an actor's parts in all frames: two corners."""
-    rows = trace.actor_parts(body.name)
-    base_from_world = invert(poses[:, rows[0]])
-    lows, highs = [], []
-    for row in rows:
-        vertices = body.mesh(trace.parts[row].rpartition("/")[2]).vertices.astype(np.float64)
-        if len(vertices):
-            low, high = vertices.min(axis=0), vertices.max(axis=0)
-            moved = _apply(compose(base_from_world, poses[:, row]), low + _CORNERS * (high - low))
-            lows.append(moved.min(axis=(0, 1)))
-            highs.append(moved.max(axis=(0, 1)))
-    return np.stack(lows).min(axis=0), np.stack(highs).max(axis=0)
+def _extents(trace: Trace, bodies: Sequence[Body]) -> dict[str, tuple[Array, Array]]:
+    """For each actor the least box, in its base part's frame, that holds its parts in all frames: two corners."""
+    rows, bases, corners, owners = [], [], [], []
+    for number, body in enumerate(bodies):
+        for row in trace.actor_parts(body.name):
+            vertices = body.mesh(trace.parts[row].rpartition("/")[2]).vertices.astype(np.float64)
+            if len(vertices):
+                low, high = vertices.min(axis=0), vertices.max(axis=0)
+                rows.append(row)
+                bases.append(trace.base_part(body.name))
+                corners.append(low + _CORNERS * (high - low))
+                owners.append(number)
+    lows, highs = np.full((len(rows), 3), np.inf), np.full((len(rows), 3), -np.inf)
+    step = max(1, _PART_FRAMES // max(1, len(trace.parts)))
+    for start in range(0, trace.frames if rows else 0, step):
+        poses = part_transforms(trace, slice(start, start + step))
+        moved = _apply(compose(invert(poses)[:, bases], poses[:, rows]), np.array(corners))
+        lows = np.minimum(lows, moved.min(axis=(0, 2)))
+        highs = np.maximum(highs, moved.max(axis=(0, 2)))
+    parts = {body.name: [i for i, owner in enumerate(owners) if owner == n] for n, body in enumerate(bodies)}
+    return {name: (lows[mine].min(axis=0), highs[mine].max(axis=0)) for name, mine in parts.items()}
 
 
 def _apply(transform: Array, points: Array) -> Array:
-    """Points [N, 3] moved by transforms [..., 3, 4]: [..., N, 3]."""
+    """Points [..., N, 3] moved by transforms [..., 3, 4]: [..., N, 3]."""
     t = transform[..., None, :, :]
-    x, y, z = points[:, 0:1], points[:, 1:2], points[:, 2:3]
+    x, y, z = points[..., 0:1], points[..., 1:2], points[..., 2:3]
     moved: Array = t[..., 0] * x + t[..., 1] * y + t[..., 2] * z + t[..., 3]
     return moved

@@ -1,0 +1,64 @@
+"""Run as a process of its own: what a simulation's parent, a worker and the end of a build do with a Trace.
+
+Arguments: a folder and a number of frames. Prints the most memory that the process ever held, in KiB.
+"""
+
+from __future__ import annotations
+
+import gc
+import resource
+import sys
+from pathlib import Path
+
+import numpy as np
+from recipe_compiler.plan import ScenePlan
+from recipe_runtime.frames import SceneSource
+from recipe_runtime.locking import body_motions
+from recipe_runtime.store import Store
+from recipe_runtime.trace import METRE, UNIT, Trace, TraceWriter, frame_bytes
+from recipe_runtime.tracks import tracks_csv
+
+from tests.runtime.fakes import ENGINES, scene_plan, sensor_plan
+
+ACTORS = 400
+
+
+def crowd(frames: int) -> ScenePlan:
+    """So many actors that the motion of 2,400 frames takes 80 MiB."""
+    one = scene_plan(frames).actors[0]
+    actors = [one.model_copy(update={"name": f"a{n}", "instance": n + 1}) for n in range(ACTORS)]
+    return scene_plan(frames).model_copy(update={"actors": tuple(actors)})
+
+
+def simulated(scene: ScenePlan) -> Trace:
+    """Their motion, written frame by frame as `simulate` does."""
+    names = [actor.name for actor in scene.actors]
+    writer = TraceWriter(names, [f"{name}/base" for name in names], scene.clock.frames)
+    positions, rotations = np.zeros((ACTORS, 3), np.int64), np.zeros((ACTORS, 4), np.int32)
+    positions[:, 0], rotations[:, 3] = 4 * METRE, UNIT
+    for frame in range(scene.clock.frames):
+        positions[:, 1] = frame * np.arange(ACTORS)
+        writer.write(frame, frame_bytes(positions, rotations, positions, positions))
+    trace = writer.trace()
+    writer.close()
+    return trace
+
+
+def main(folder: Path, frames: int) -> None:
+    """Do what every process of a build does with a Trace."""
+    scene = crowd(frames)
+    store, sensor = Store(folder), sensor_plan()
+    trace = store.trace(scene, lambda: simulated(scene))
+    trace = store.trace(scene, lambda: simulated(scene))
+    source = SceneSource(scene, trace, engines=ENGINES)
+    for frame in range(0, frames, max(1, frames // 100)):
+        source.labels(source.observe(sensor, frame), sensor, frame)
+    body_motions(trace)
+    for _ in tracks_csv(scene, trace):
+        break
+    gc.collect()
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]))
