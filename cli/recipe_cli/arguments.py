@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from recipe_cli import places
 from recipe_cli.console import State, warn
 
 if TYPE_CHECKING:
@@ -118,11 +119,17 @@ def unpacks(*names: str, keep: str | None = None) -> Callable[[Callable[..., Non
     return around
 
 
-def compile_quietly(path: Path, *, allow_large: bool = False, free_disk: int | None = None) -> Compiled:
-    """Compile a recipe and print its warnings; InputError with all of its mistakes."""
+def compile_quietly(
+    path: Path, *, allow_large: bool = False, free_disk: int | None = None, workers: int | None = None
+) -> Compiled:
+    """Compile a recipe and print its warnings; InputError with all of its mistakes.
+
+    With a number of workers, the memory that they take is held to what this host has.
+    """
     from recipe_compiler.compile import compile_recipe
 
-    compiled = compile_recipe(path, allow_large=allow_large, free_disk=free_disk)
+    memory = None if workers is None else places.memory(workers)
+    compiled = compile_recipe(path, allow_large=allow_large, free_disk=free_disk, memory=memory)
     for warning in compiled.warnings:
         warn(warning)
     return compiled

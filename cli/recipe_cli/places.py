@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
+    from recipe_compiler.limits import Memory
     from recipe_compiler.lockfile import Lockfile
     from recipe_compiler.plan import DatasetPlan
 
@@ -135,6 +136,14 @@ def free_disk(folder: Path) -> int:
             return shutil.disk_usage(there).free
         except OSError:  # not there yet, or a name that cannot be
             there = there.parent
+
+
+def memory(workers: int) -> Memory:
+    """What this host has of memory, for a build with so many workers."""
+    from recipe_compiler.limits import Memory
+    from recipe_runtime import host_memory
+
+    return Memory(host_memory.total(), host_memory.per_process(), workers)
 
 
 def _short(path: Path) -> Path:

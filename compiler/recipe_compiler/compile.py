@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 from pydantic import ValidationError
 
@@ -51,10 +52,13 @@ class Compiled:
         return {asset.file.sha256: self.folder / asset.path for asset in self.assets}
 
 
-def compile_recipe(path: Path, *, allow_large: bool = False, free_disk: int | None = None) -> Compiled:
+def compile_recipe(
+    path: Path, *, allow_large: bool = False, free_disk: int | None = None, memory: limits.Memory | None = None
+) -> Compiled:
     """Compile a recipe file.
 
-    `free_disk` is the number of bytes free where the dataset would go, if known. InputError with all problems;
+    `free_disk` is the number of bytes free where the dataset would go, if known, and `memory` what the host has of
+    it. InputError with all problems;
     TooLargeError, which is one, before any plan is made if the recipe is over the limits and `allow_large` is not set.
     """
     sources = compose.read(path)
@@ -95,7 +99,7 @@ def _compile(path: Path, sources: compose.Sources, allow_large: bool, free_disk:
     if problems:
         raise InputError(_sorted(sources.problems, _new(problems, stumbles)))
     estimate = limits.total(loads, recipe.output.depth)
-    reasons = estimate.over(free_disk)
+    reasons = estimate.over(free_disk, memory)
     if reasons and not allow_large:
         raise limits.TooLargeError(_costliest(root, estimate), estimate, reasons)
     lowering = Lowering(_instances(root, problems), assets)
@@ -270,6 +274,7 @@ def _load(variant: Variant, base: Base, changes: int) -> limits.Load:
             s.capture,
             base.clock.frames if s.motion != Motion() else 1,
             s.motion == Motion() and s.mount.on is None,
+            _finished(s.camera),
         )
         for s in base.sensors.values()
     )
@@ -291,6 +296,19 @@ def _load(variant: Variant, base: Base, changes: int) -> limits.Load:
     )
 
 
+class _Finish(Protocol):
+    """What blurs a picture or makes it glow, once it is shaded."""
+
+    @property
+    def motion_blur_intensity(self) -> float: ...
+    @property
+    def bloom_intensity(self) -> float: ...
+
+
+def _finished(camera: _Finish) -> bool:
+    return camera.motion_blur_intensity > 0.0 or camera.bloom_intensity > 0.0
+
+
 def _samples(camera: optics.Lens, supersample: int) -> int:
     width, height, _ = optics.plate_size(camera, supersample)
     return width * height
@@ -308,6 +326,7 @@ def _measured(plan: ScenarioPlan) -> limits.Load:
             s.capture,
             len(s.poses),
             len(s.poses) == 1 and s.on is None,
+            _finished(responses[s.name]),
         )
         for s in plan.rig.sensors
     )
@@ -318,4 +337,5 @@ def _measured(plan: ScenarioPlan) -> limits.Load:
         steps=clock.frames * clock.steps_per_frame,
         actors=len(plan.scene.actors),
         views=views,
+        elements=len(plan.scene.town.elements),
     )

@@ -1,10 +1,13 @@
-"""What a recipe costs, known before any of the work is done: frames, images, bytes, minutes; and what compiling it
-costs, so that a small file cannot ask for hours.
+"""What a recipe costs, known before any of the work is done: frames, images, bytes on disk, minutes, memory; and what
+compiling it costs, so that a small file cannot ask for hours.
+
+The constants are measured: `make bench-estimates` compares the estimates of ten recipes with their builds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.errors import InputError, Place, Problem
@@ -15,13 +18,38 @@ BYTE_LIMIT = 20 * 2**30
 COMPILE_LIMIT = 12.0  # seconds
 MEMORY_LIMIT = 900 * 2**20  # bytes, while compiling
 
-# From builds of recipes/weather_sweep.yaml on one core of a 2020s x86. Bytes a pixel, encoded:
-_BYTES = {"rgb": 1.63, "depth": 0.68, "depth-npy": 4.0, "instance": 0.0064, "semantic": 0.0153}
-# Seconds a megapixel, and a file whatever its size:
-_OBSERVE, _FIRST_SHADE, _ENCODE, _FILE = 0.022, 0.085, 0.04, 0.001
-_SHADE, _SHADE_STILL = 0.19, 0.095  # of a camera that stands still, only what something moving may change is renewed
-_SIMULATE = 0.00024  # seconds a physics step and body, and as much a step
-_START = 4.0  # seconds to load meshes and kernels
+TIME_LIMIT = 120.0  # minutes of one core
+
+# Bytes a pixel, encoded; a file's head; what a file takes of a disk is whole blocks.
+_BYTES = {"rgb": 1.52, "depth": 0.4, "depth-npy": 4.0, "instance": 0.006, "semantic": 0.016}
+_FILE_HEAD, _BLOCK = 150, 4096
+_PLAN_BYTES = (540, 900)  # of a variant's plan: an element of its town, an actor
+_TRACK_BYTES = 140  # an actor and frame
+_LABEL_BYTES = 900  # a labelled object, in all annotation files
+_PREVIEW = (4.0, 900_000, 1_200_000)  # bytes a pixel of a view, at most for a view, at most for all
+
+# Seconds of one core of a 2020s x86. A process to start: the build itself, a worker, a simulation.
+_START_BUILD, _START_WORKER, _START_SIMULATION = 1.7, 2.2, 0.6
+_LOAD_ELEMENT, _LOAD_ACTOR = 0.0025, 0.11  # meshes, for each scene
+_SIMULATE_ACTOR, _STEP, _STEP_ACTOR = 0.012, 0.00065, 0.000033  # an actor to place; a physics step; an actor and step
+_LABEL, _LABEL_ACTOR = 0.0035, 0.0004  # a frame; an actor in it
+_OBSERVE, _OBSERVE_STILL, _OBSERVE_MOVING = 0.05, 0.005, 0.005  # a megasample, moving and still; a moved frame
+_SHADE, _SHADE_STILL = (
+    (0.010, 0.37),
+    (0.007, 0.055),
+)  # a frame and a megasample of a camera that moves, and stands still
+_SHADE_ACTOR, _SHADE_FIRST, _WHOLE_FRAMES = 0.0004, 0.2, 2  # an actor; a view; the first frames of a camera at rest
+_FINISH = 0.12  # a megapixel of blur or bloom
+_ENCODE = {"rgb": 0.02, "depth": 0.025, "depth-npy": 0.01, "instance": 0.004, "semantic": 0.004}  # a megapixel
+_FILE = 0.0007  # a file whatever its size
+
+# Memory: bytes of a process. A camera at rest keeps what it has seen, for each appearance.
+_MAIN, _WORKER, _SIMULATION = 150 << 20, 205 << 20, 195 << 20
+_SHADERS = 165 << 20  # kernels and tables, once a picture is made
+_MEMORY_ELEMENT, _MEMORY_ACTOR = 130_000, 1_600_000  # meshes
+_MEMORY_LABELS, _MEMORY_SHADE, _MEMORY_STILL, _MEMORY_FURTHER = 30, 125, 260, 95  # a sample
+_MEMORY_RECORD = 4000  # a labelled object, in the build's own process
+_SEEN = 0.25  # share of the actors that a camera sees in a frame
 
 # Compiling, on the same core: seconds and bytes.
 _PER_ELEMENT = (6.5e-5, 3400)  # of a town, for each town that differs
@@ -44,6 +72,7 @@ class View:
     capture: tuple[str, ...]
     poses: int = 1
     still: bool = True  # neither moved nor mounted on anyone
+    finished: bool = False  # with motion blur or bloom
 
 
 @dataclass(frozen=True)
@@ -73,10 +102,12 @@ class Cost:
     frames: int
     images: int
     bytes: int
-    minutes: float  # of one core
+    minutes: float  # of one core, the processor time of all processes
     minutes_alone: float  # of those, what workers do not share
     compile_seconds: float
     compile_bytes: int
+    main_memory: int  # bytes that the build and its simulation take
+    worker_memory: int  # bytes that each worker takes
 
     def __str__(self) -> str:
         return (
@@ -88,17 +119,44 @@ class Cost:
         """How long a build takes that so many workers share."""
         return self.minutes_alone + (self.minutes - self.minutes_alone) / workers
 
-    def over(self, free_disk: int | None = None) -> list[str]:
-        """The limits that this is over, in words; none if it is small enough to build unasked."""
+    def memory_with(self, workers: int) -> int:
+        """Bytes of memory that a build with so many workers takes."""
+        return self.main_memory + min(workers, self.frames) * self.worker_memory
+
+    def over(self, free_disk: int | None = None, memory: Memory | None = None) -> list[str]:
+        """The limits that this is over, in words; none if it is small enough to build unasked.
+
+        Args:
+            free_disk: bytes free where the dataset would go, if known.
+            memory: what the host has of it, if known.
+        """
         reasons = []
         if self.frames > FRAME_LIMIT:
             reasons.append(f"{self.frames} frames are over {FRAME_LIMIT}")
+        if self.minutes > TIME_LIMIT:
+            reasons.append(f"about {self.minutes / 60:,.0f} hours of one core are over {TIME_LIMIT / 60:.0f}")
         if self.bytes > BYTE_LIMIT:
             reasons.append(f"about {size(self.bytes)} are over {size(BYTE_LIMIT)}")
         if free_disk is not None and self.bytes > free_disk // 2:
             over = f"about {size(self.bytes)} are over half the free disk, {size(free_disk / 2)}"
             reasons.append(over if free_disk else "the disk is full and cannot hold a dataset; free some space")
-        return reasons + self.over_to_compile()
+        return reasons + self.over_memory(memory) + self.over_to_compile()
+
+    def over_memory(self, memory: Memory | None) -> list[str]:
+        """Whether this takes more memory than a host has, in words."""
+        if memory is None:
+            return []
+        largest, needed = max(self.main_memory, self.worker_memory), self.memory_with(memory.workers)
+        if memory.process is not None and largest > memory.process:
+            return [f"about {size(largest)} of memory a process are over the {size(memory.process)} that it may have"]
+        if memory.total is None or needed <= memory.total:
+            return []
+        workers = (memory.total - self.main_memory) // self.worker_memory
+        remedy = f" (--workers {workers} would fit)" if workers > 0 else ""
+        return [
+            f"about {size(needed)} of memory with {count(memory.workers, 'worker')} "
+            f"are over the {size(memory.total)} of this host{remedy}"
+        ]
 
     def over_to_compile(self) -> list[str]:
         """The limits that compiling it would be over: many towns, or many casts, each laid out apart."""
@@ -108,6 +166,15 @@ class Cost:
         if self.compile_bytes > MEMORY_LIMIT:
             reasons.append(f"compiling takes about {size(self.compile_bytes)} of memory, over {size(MEMORY_LIMIT)}")
         return reasons
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What a host has of memory, in bytes, None where it is not known, and how many workers are to share it."""
+
+    total: int | None = None
+    process: int | None = None  # for any one process
+    workers: int = 1
 
 
 class TooLargeError(InputError):
@@ -138,23 +205,12 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
     scenes = {load.scene: load for load in loads}
     observed = {(load.scene, load.rig): load for load in loads}
     looks = {(load.scene, load.rig, load.appearance): load for load in loads}
-    alone = _START + sum(load.steps * (1 + load.actors) * _SIMULATE for load in scenes.values())
-    seconds = alone
-    bytes_ = 0.0
-    for load in observed.values():
-        for view in load.views:
-            labels = [m for m in view.capture if m != "rgb"]
-            kinds = ["depth-npy" if (m, depth) == ("depth", "npy") else m for m in labels]
-            bytes_ += view.frames * view.pixels * sum(_BYTES[kind] for kind in kinds)
-            seconds += view.frames * view.samples / 1e6 * (_OBSERVE + ("rgb" in view.capture) * _FIRST_SHADE)
-            seconds += view.frames * len(labels) * (_FILE + view.pixels / 1e6 * _ENCODE / 2)
-    for load in loads:
-        for view in load.views:
-            if "rgb" in view.capture:
-                bytes_ += view.frames * view.pixels * _BYTES["rgb"]
-                shade = _SHADE_STILL if view.still else _SHADE
-                seconds += view.frames * (_FILE + (view.samples * shade + view.pixels * _ENCODE) / 1e6)
+    alone = _START_BUILD + sum(map(_simulating, scenes.values()))
+    shared = _START_WORKER + sum(load.elements * _LOAD_ELEMENT + load.actors * _LOAD_ACTOR for load in scenes.values())
+    shared += sum(_observing(load, view, depth) for load in observed.values() for view in load.views)
+    shared += sum(_shading(load, view) for load in loads for view in load.views if "rgb" in view.capture)
     compile_seconds, compile_bytes = _compiling(loads, list(scenes.values()))
+    main, worker = _memory(observed, looks)
     return Cost(
         variants=len(loads),
         simulations=len(scenes),
@@ -162,12 +218,86 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
         appearances=len(looks),
         frames=sum(view.frames for load in loads for view in load.views),
         images=sum(view.frames * len(view.capture) for load in loads for view in load.views),
-        bytes=round(bytes_),
-        minutes=round(seconds / 60, 2),
+        bytes=_disk(loads, scenes.values(), observed.values(), depth),
+        minutes=round((alone + shared) / 60, 2),
         minutes_alone=round(alone / 60, 2),
         compile_seconds=round(compile_seconds, 1),
         compile_bytes=round(compile_bytes),
+        main_memory=main + round(compile_bytes),
+        worker_memory=worker,
     )
+
+
+def _kinds(view: View, depth: str) -> list[str]:
+    """What is written once for all appearances."""
+    return ["depth-npy" if (m, depth) == ("depth", "npy") else m for m in view.capture if m != "rgb"]
+
+
+def _simulating(load: Load) -> float:
+    """Seconds to simulate a scene."""
+    return _START_SIMULATION + load.actors * _SIMULATE_ACTOR + load.steps * (_STEP + load.actors * _STEP_ACTOR)
+
+
+def _observing(load: Load, view: View, depth: str) -> float:
+    """Seconds for all that a view's appearances share."""
+    frame = _LABEL + load.actors * _LABEL_ACTOR
+    frame += sum(_FILE + view.pixels / 1e6 * _ENCODE[kind] for kind in _kinds(view, depth))
+    whole, least = view.frames, _OBSERVE_STILL * view.samples / 1e6
+    if view.still:
+        whole = min(view.frames, _WHOLE_FRAMES)
+    moved = _OBSERVE_MOVING + _OBSERVE * view.samples / 1e6
+    return view.frames * frame + whole * moved + (view.frames - whole) * least
+
+
+def _shading(load: Load, view: View) -> float:
+    """Seconds for the pictures of one appearance."""
+    mega = view.samples / 1e6
+    moved, still = (each + mega * rate for each, rate in (_SHADE, _SHADE_STILL))
+    whole = min(view.frames, _WHOLE_FRAMES) if view.still else view.frames
+    finish = view.finished * _FINISH * view.pixels / 1e6
+    frame = _FILE + view.pixels / 1e6 * _ENCODE["rgb"] + load.actors * _SHADE_ACTOR + finish
+    return _SHADE_FIRST + view.frames * frame + whole * moved + (view.frames - whole) * still
+
+
+def _blocks(amount: float) -> int:
+    """Bytes of a disk that a file of so many bytes takes."""
+    return -(-round(amount) // _BLOCK) * _BLOCK
+
+
+def _disk(loads: Sequence[Load], scenes: Iterable[Load], observed: Iterable[Load], depth: str) -> int:
+    """Bytes of a disk that a dataset takes."""
+    pictures = [(v.frames, v.pixels, kind) for o in observed for v in o.views for kind in _kinds(v, depth)]
+    pictures += [(v.frames, v.pixels, "rgb") for load in loads for v in load.views if "rgb" in v.capture]
+    frames = sum(n * _blocks(_FILE_HEAD + pixels * _BYTES[kind]) for n, pixels, kind in pictures)
+    labelled = sum(view.frames * load.actors * _SEEN for load in loads for view in load.views)
+    element, actor = _PLAN_BYTES
+    plans = sum(_blocks(load.elements * element + load.actors * actor) for load in loads)
+    tracks = sum(_blocks(max((v.frames for v in s.views), default=0) * s.actors * _TRACK_BYTES) for s in scenes)
+    rate, most, most_of_all = _PREVIEW
+    seen = [min(rate * v.pixels, most) for load in loads for v in load.views if "rgb" in v.capture]
+    return frames + plans + tracks + _blocks(labelled * _LABEL_BYTES) + _blocks(min(sum(seen), most_of_all))
+
+
+def _memory(
+    observed: Mapping[tuple[Hashable, Hashable], Load], looks: Iterable[tuple[Hashable, Hashable, Hashable]]
+) -> tuple[int, int]:
+    """Bytes that the build's own process takes, its simulation with it, and a worker."""
+    worker, records = 0, 0.0
+    appearances = Counter((scene, rig) for scene, rig, _ in looks)
+    for key, load in observed.items():
+        process = _WORKER + load.elements * _MEMORY_ELEMENT + load.actors * _MEMORY_ACTOR
+        process += _SHADERS * any("rgb" in view.capture for view in load.views)
+        process += sum(view.samples * _sample_bytes(view, appearances[key] - 1) for view in load.views)
+        worker = max(worker, process)
+        records += sum(view.frames for view in load.views) * load.actors * _SEEN
+    return _MAIN + _SIMULATION + round(records * _MEMORY_RECORD), worker
+
+
+def _sample_bytes(view: View, further: int) -> int:
+    """Bytes of a worker's memory that a view's sample takes, with so many appearances but the first."""
+    if "rgb" not in view.capture:
+        return _MEMORY_LABELS
+    return _MEMORY_STILL + further * _MEMORY_FURTHER if view.still else _MEMORY_SHADE + _MEMORY_LABELS
 
 
 def _compiling(loads: Sequence[Load], scenes: Sequence[Load]) -> tuple[float, float]:

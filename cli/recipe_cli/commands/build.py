@@ -106,7 +106,8 @@ def command(
     if repair and out and folder is None:
         url = shown(out)
         raise InputError(f"--repair mends a folder, not {url}; repair that, then build with --out {url} to copy it")
-    compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(folder or Path()))
+    here = None if ray else worker_count(workers)  # a cluster's memory is not this host's
+    compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(folder or Path()), workers=here)
     folder = folder or Path("datasets") / compiled.plan.recipe
     lock = read_lockfile(recipe, compiled.plan)
     _note_text(compiled, lock)

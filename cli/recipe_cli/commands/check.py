@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import JSON, LocalPath, opened
+from recipe_cli.arguments import JSON, LocalPath, opened, worker_count
 from recipe_cli.console import print_json, row, say, warn
+from recipe_cli.places import memory
 
 if TYPE_CHECKING:
     from recipe_compiler.errors import Problem
@@ -52,7 +53,7 @@ def _checked(path: Path) -> tuple[int, list[Problem]]:
     from recipe_compiler.limits import TooLargeError
 
     try:
-        compiled = compile_recipe(path)
+        compiled = compile_recipe(path, memory=memory(worker_count(None)))
         return len(compiled.plan.variants), list(compiled.warnings)
     except TooLargeError as large:
         note = Problem(f"{'; '.join(large.reasons)}; `recipe plan` and `recipe build` need --allow-large", large.place)

@@ -62,7 +62,7 @@ def command(
     from recipe_runtime.reuse import known_frames
 
     count = worker_count(workers, device)
-    compiled = [compile_quietly(recipe, allow_large=allow_large) for recipe in recipes]
+    compiled = [compile_quietly(recipe, allow_large=allow_large, workers=count) for recipe in recipes]
     places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]
     _check_apart(recipes, places)
     update = update or replace

@@ -10,6 +10,7 @@ from recipe_compiler.wording import count
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, unpacks, worker_count
 from recipe_cli.console import print_document, print_json, say
+from recipe_cli.places import memory
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
 @JSON
 @unpacks("recipe")
 def command(recipe: Path, allow_large: bool, variant: str | None, as_json: bool) -> None:
-    """Show RECIPE's variants, what they share, and the frames, bytes and minutes of building it."""
-    compiled = compile_quietly(recipe, allow_large=allow_large)
+    """Show RECIPE's variants, what they share, and the frames, bytes, minutes and memory of building it."""
+    compiled = compile_quietly(recipe, allow_large=allow_large, workers=worker_count(None))
     if variant is not None:
         from recipe_compiler.canonical import pretty
 
@@ -49,7 +50,9 @@ def _document(compiled: Compiled) -> dict[str, object]:
         for a in compiled.assets
     ]
     head = {"recipe": plan.recipe, "digest": plan.digest, "variants": rows}
-    return {**head, "assets": assets, "cost": asdict(compiled.cost)}
+    here = memory(worker_count(None))
+    room = {"workers": here.workers, "needed": compiled.cost.memory_with(here.workers), "host": here.total}
+    return {**head, "assets": assets, "cost": asdict(compiled.cost), "memory": {**room, "process": here.process}}
 
 
 def _table(compiled: Compiled) -> None:
@@ -79,6 +82,11 @@ def _table(compiled: Compiled) -> None:
     say(
         f"{count(cost.frames, 'frame')}, {count(cost.images, 'image')}, about {size(cost.bytes)}, "
         f"about {_duration(cost.minutes)} of one core{_here(cost)}"
+    )
+    here = memory(worker_count(None))
+    say(
+        f"about {size(cost.memory_with(here.workers))} of memory with {count(here.workers, 'worker')}, "
+        f"{size(cost.worker_memory)} each; this host has {size(here.total or 0)}"
     )
     say(f"plan sha256:{plan.digest}")
 

@@ -1,0 +1,79 @@
+"""`make bench-estimates`: what `recipe plan` estimates beside what a build takes, for ten recipes of different kinds.
+
+Each is built with one worker, in a process of its own and without any kept motion. Its time is that of all its
+processes on the processor (user and system), which others on the machine touch less than the clock; its bytes are
+those that the dataset takes of the disk, each file once; its memory is the most that any one process held. Estimates
+are for a reference core, so times are divided by one factor for all recipes, the geometric mean of their ratios.
+Exit code 1 if time or bytes of any recipe are more than a factor of 1.5 from its estimate.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.limits import Cost
+from recipe_runtime.store import kernel_cache
+
+from benchmarks.estimate_recipes import RECIPES
+
+FACTOR = 1.5
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What a build took: processor seconds, bytes of the disk, bytes of its largest process."""
+
+    seconds: float
+    bytes: int
+    memory: int
+
+
+def main(names: list[str]) -> int:
+    """Build the recipes of these names, all by default, and print estimate, actual and ratio."""
+    rows = [(name, *_measure(RECIPES[name])) for name in names or RECIPES]
+    pace = math.exp(sum(math.log(taken.seconds / (60 * cost.minutes)) for _, cost, taken in rows) / len(rows))
+    print(f"this host takes {pace:.2f} times the estimated time; ratios of time are without this factor\n")
+    print("| recipe | CPU s, estimate | actual | ratio | MiB, estimate | actual | ratio | memory | actual | ratio |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    wrong = 0
+    for name, cost, taken in rows:
+        largest = max(cost.main_memory, cost.worker_memory)
+        pairs = [(60 * cost.minutes, taken.seconds / pace, 1), (cost.bytes, taken.bytes, 1 << 20)]
+        wrong += any(not 1 / FACTOR <= actual / estimate <= FACTOR for estimate, actual, _ in pairs)
+        cells = [_cells(*pair) for pair in [*pairs, (largest, taken.memory, 1 << 20)]]
+        print(f"| {name} | {' | '.join(cells)} |")
+    return 1 if wrong else 0
+
+
+def _cells(estimate: float, actual: float, unit: int) -> str:
+    return f"{estimate / unit:.1f} | {actual / unit:.1f} | {actual / estimate:.2f}"
+
+
+def _measure(recipe: dict[str, Any]) -> tuple[Cost, Taken]:
+    """The estimate of a recipe, and what its build took."""
+    with tempfile.TemporaryDirectory() as folder:
+        path, out = Path(folder) / "recipe.yaml", Path(folder) / "out"
+        path.write_text(json.dumps(recipe))
+        cost = compile_recipe(path, allow_large=True).cost
+        places = {"RECIPE_CACHE": str(Path(folder) / "cache"), "RECIPE_KERNEL_CACHE": str(kernel_cache())}
+        command = [sys.executable, "-m", "recipe_cli", "build", str(path), "--out", str(out), "--workers", "1"]
+        child = subprocess.Popen([*command, "--allow-large"], env={**os.environ, **places}, stdout=subprocess.DEVNULL)
+        _, status, usage = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+        if child.returncode:
+            raise SystemExit(f"the build of {recipe['recipe']} failed with exit code {child.returncode}")
+        files = {found.st_ino: found.st_blocks * 512 for p in out.rglob("*") if (found := p.lstat()) and p.is_file()}
+    return cost, Taken(usage.ru_utime + usage.ru_stime, sum(files.values()), usage.ru_maxrss << 10)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
