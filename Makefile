@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-s3 test-torch test-gpu fuzz bench bench-long presets lock verify golden requirements clean test-ray bench-ray
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-s3 test-torch test-gpu fuzz bench bench-long bench-estimates presets lock verify golden requirements clean test-ray bench-ray
 
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -84,6 +84,9 @@ bench: install-dev  ## frames a second beside a plain PyBullet + Pillow script, 
 
 bench-long: install-dev  ## a build of 10,000 frames with nothing to do, and the check of 60 of them (ten minutes)
 	$(BIN)/python -m benchmarks.long
+
+bench-estimates: install-dev  ## the estimates of `recipe plan` beside builds of ten recipes (five minutes)
+	$(BIN)/python -m benchmarks.estimates
 
 bench-ray: install-dev  ## what Ray costs over local processes, for the same frames (ten minutes); Ray is installed for it
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'ray==2.60.0'

@@ -39,7 +39,11 @@ class Taken:
 
 def main(names: list[str]) -> int:
     """Build the recipes of these names, all by default, and print estimate, actual and ratio."""
-    rows = [(name, *_measure(RECIPES[name])) for name in names or RECIPES]
+    rows = []
+    for name in names or RECIPES:
+        cost, taken = _measure(RECIPES[name])
+        print(f"{name}: {taken.seconds:.1f} s, estimated {60 * cost.minutes:.1f}", file=sys.stderr)
+        rows.append((name, cost, taken))
     pace = math.exp(sum(math.log(taken.seconds / (60 * cost.minutes)) for _, cost, taken in rows) / len(rows))
     print(f"this host takes {pace:.2f} times the estimated time; ratios of time are without this factor\n")
     print("| recipe | CPU s, estimate | actual | ratio | MiB, estimate | actual | ratio | memory | actual | ratio |")

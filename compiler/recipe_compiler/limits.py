@@ -47,7 +47,7 @@ _FILE = 0.0007  # a file whatever its size
 _MAIN, _WORKER, _SIMULATION = 150 << 20, 205 << 20, 195 << 20
 _SHADERS = 165 << 20  # kernels and tables, once a picture is made
 _MEMORY_ELEMENT, _MEMORY_ACTOR = 130_000, 1_600_000  # meshes
-_MEMORY_LABELS, _MEMORY_SHADE, _MEMORY_STILL, _MEMORY_FURTHER = 30, 125, 260, 95  # a sample
+_MEMORY_LABELS, _MEMORY_SHADE, _MEMORY_STILL, _MEMORY_FURTHER = 30, 125, 260, 75  # a sample
 _MEMORY_RECORD = 4000  # a labelled object, in the build's own process
 _SEEN = 0.25  # share of the actors that a camera sees in a frame
 

@@ -29,7 +29,18 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 def test_allocations_that_fail(whole: dict[str, bytes], tmp_path: Path, mebibytes: int) -> None:
     """A bound on addresses: each process is told, at another depth for each bound."""
     done = subprocess.run(
-        [sys.executable, "-m", "recipe_cli", "build", str(TINY), "--out", str(tmp_path / "out"), "--workers", "2"],
+        [
+            sys.executable,
+            "-m",
+            "recipe_cli",
+            "build",
+            str(TINY),
+            "--out",
+            str(tmp_path / "out"),
+            "--workers",
+            "2",
+            "--allow-large",
+        ],
         env={**os.environ, "RECIPE_CACHE": str(tmp_path / "cache")},
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (mebibytes << 20, mebibytes << 20)),
         capture_output=True,
@@ -71,7 +82,8 @@ def cage(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_the_kernel_kills_a_process_for_its_memory(whole: dict[str, bytes], tmp_path: Path, cage: Path) -> None:
-    script = f"echo $$ >{cage}/cgroup.procs; exec {sys.executable} -m recipe_cli build {TINY} --out out --workers 3"
+    build = f"{sys.executable} -m recipe_cli build {TINY} --out out --workers 3 --allow-large"
+    script = f"echo $$ >{cage}/cgroup.procs; exec {build}"
     done = subprocess.run(
         ["bash", "-euc", script],
         cwd=tmp_path,

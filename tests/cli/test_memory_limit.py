@@ -1,0 +1,52 @@
+"""A build that this host has too little memory for is refused beforehand, and `plan` shows what it takes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from recipe_cli.main import recipe as cli
+from recipe_compiler.limits import TooLargeError
+from recipe_runtime import host_memory
+
+from tests.compiler.kitchen import small
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "tiny.yaml"
+    path.write_text(json.dumps(small()))
+    return path
+
+
+def _run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(cli, list(map(str, arguments)), standalone_mode=False)
+
+
+@pytest.mark.parametrize("command", ["plan", "build", "lock"])
+def test_too_little_memory_is_said_before_any_work(path: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(host_memory, "total", lambda: 300 << 20)
+    error = _run(command, path).exception
+    assert isinstance(error, TooLargeError)  # exit code 2
+    assert "over the 300 MiB of this host" in str(error)
+    assert "--allow-large" in str(error)
+    assert [found.name for found in path.parent.iterdir()] == ["tiny.yaml"]
+
+
+def test_check_warns_and_allow_large_goes_on(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(host_memory, "per_process", lambda: 100 << 20)
+    checked = _run("check", path)
+    assert checked.exception is None
+    assert "of memory a process are over the 100 MiB" in checked.output
+    assert _run("plan", "--allow-large", path).exception is None
+
+
+def test_plan_shows_memory(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(host_memory, "total", lambda: 64 << 30)
+    assert "this host has 64.0 GiB" in _run("plan", path).output
+    document = json.loads(_run("plan", "--json", path).output)
+    cost, memory = document["cost"], document["memory"]
+    assert memory["host"] == 64 << 30
+    assert memory["needed"] == cost["main_memory"] + memory["workers"] * cost["worker_memory"]
