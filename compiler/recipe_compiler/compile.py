@@ -58,19 +58,21 @@ def compile_recipe(
     """Compile a recipe file.
 
     `free_disk` is the number of bytes free where the dataset would go, if known, and `memory` what the host has of
-    it. InputError with all problems;
-    TooLargeError, which is one, before any plan is made if the recipe is over the limits and `allow_large` is not set.
+    it. InputError with all problems; TooLargeError, which is one, before any plan is made if the recipe is over the
+    limits and `allow_large` is not set.
     """
     sources = compose.read(path)
     try:
-        compiled = _compile(path, sources, allow_large, free_disk)
+        compiled = _compile(path, sources, allow_large, free_disk, memory)
     except InputError as error:
         error.with_source(sources.lines)
         raise
     return dataclasses.replace(compiled, warnings=with_source(compiled.warnings, sources.lines))
 
 
-def _compile(path: Path, sources: compose.Sources, allow_large: bool, free_disk: int | None) -> Compiled:
+def _compile(
+    path: Path, sources: compose.Sources, allow_large: bool, free_disk: int | None, memory: limits.Memory | None
+) -> Compiled:
     problems = list(sources.problems)
     root = sources.root
     stumbles = {problem.place for problem in problems}  # where YAML itself stumbled; no second blame there

@@ -17,7 +17,7 @@ from recipe_compiler.errors import RunError
 from recipe_compiler.plan import ActorPlan, Clock, Point, Pose, ScenePlan
 from recipe_compiler.streams import Stream
 from recipe_runtime.simulate import PINNED, _snap, simulate
-from recipe_runtime.trace import METRE, UNIT, Trace
+from recipe_runtime.trace import METRE, UNIT, Trace, TraceWriter
 from recipe_runtime.transforms import part_transforms
 
 TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
@@ -200,6 +200,15 @@ def test_a_failing_simulation_says_why() -> None:
     shapeless = HERO1.model_copy(update={"shape": {}})
     with pytest.raises(RunError, match=r"^the simulation ended with exit code 1: KeyError: 'height'$"):
         simulate(scene(shapeless, frames=2))
+
+
+def test_a_full_folder_for_temporary_files_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(writer: TraceWriter, frame: int, data: bytes) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(TraceWriter, "write", full)
+    with pytest.raises(RunError, match=r"temporary files, .*, cannot hold .*: No space left on device; .* TMPDIR"):
+        simulate(scene(frames=2))
 
 
 def test_vehicles_take_turns_at_a_junction() -> None:
