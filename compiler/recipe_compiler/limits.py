@@ -30,7 +30,7 @@ _PREVIEW = (4.0, 900_000, 1_200_000)  # bytes a pixel of a view, at most for a v
 
 # Seconds of one core of a 2020s x86. A process to start: the build itself, a worker, a simulation.
 _START_BUILD, _START_WORKER, _START_SIMULATION = 1.7, 2.2, 0.6
-_LOAD_ELEMENT, _LOAD_ACTOR = 0.0025, 0.11  # meshes, for each scene
+_LOAD_ELEMENT, _LOAD_ACTOR = 0.0022, 0.018  # meshes, for each scene
 _SIMULATE_ACTOR, _STEP, _STEP_ACTOR = 0.012, 0.00065, 0.000033  # an actor to place; a physics step; an actor and step
 _LABEL, _LABEL_ACTOR = 0.0035, 0.0004  # a frame; an actor in it
 _OBSERVE, _OBSERVE_STILL, _OBSERVE_MOVING = 0.05, 0.005, 0.005  # a megasample, moving and still; a moved frame
