@@ -21,8 +21,10 @@ MEMORY_LIMIT = 900 * 2**20  # bytes, while compiling
 TIME_LIMIT = 120.0  # minutes of one core
 
 # Bytes a pixel, encoded; a file's head; what a file takes of a disk is whole blocks.
-_BYTES = {"rgb": 1.52, "depth": 0.4, "depth-npy": 4.0, "instance": 0.006, "semantic": 0.016}
+_BYTES = {"rgb": 1.52, "depth": 0.15, "depth-npy": 4.0, "instance": 0.006, "semantic": 0.016}
+_DEPTH_MOVING = 0.5  # of depth, where the camera drives along streets
 _FILE_HEAD, _BLOCK = 150, 4096
+_SEEN, _SEEN_AT_MOST = 0.1, 0.25  # share of the actors that a camera sees in a frame
 _PLAN_BYTES = (540, 900)  # of a variant's plan: an element of its town, an actor
 _TRACK_BYTES = 140  # an actor and frame
 _LABEL_BYTES = 900  # a labelled object, in all annotation files
@@ -49,7 +51,6 @@ _SHADERS = 165 << 20  # kernels and tables, once a picture is made
 _MEMORY_ELEMENT, _MEMORY_ACTOR = 130_000, 1_600_000  # meshes
 _MEMORY_LABELS, _MEMORY_SHADE, _MEMORY_STILL, _MEMORY_FURTHER = 30, 125, 260, 75  # a sample
 _MEMORY_RECORD = 4000  # a labelled object, in the build's own process
-_SEEN = 0.25  # share of the actors that a camera sees in a frame
 
 # Compiling, on the same core: seconds and bytes.
 _PER_ELEMENT = (6.5e-5, 3400)  # of a town, for each town that differs
@@ -264,11 +265,16 @@ def _blocks(amount: float) -> int:
     return -(-round(amount) // _BLOCK) * _BLOCK
 
 
+def _rate(view: View, kind: str) -> float:
+    """Bytes a pixel."""
+    return _DEPTH_MOVING if kind == "depth" and not view.still else _BYTES[kind]
+
+
 def _disk(loads: Sequence[Load], scenes: Iterable[Load], observed: Iterable[Load], depth: str) -> int:
     """Bytes of a disk that a dataset takes."""
-    pictures = [(v.frames, v.pixels, kind) for o in observed for v in o.views for kind in _kinds(v, depth)]
-    pictures += [(v.frames, v.pixels, "rgb") for load in loads for v in load.views if "rgb" in v.capture]
-    frames = sum(n * _blocks(_FILE_HEAD + pixels * _BYTES[kind]) for n, pixels, kind in pictures)
+    pictures = [(v, kind) for o in observed for v in o.views for kind in _kinds(v, depth)]
+    pictures += [(v, "rgb") for load in loads for v in load.views if "rgb" in v.capture]
+    frames = sum(v.frames * _blocks(_FILE_HEAD + v.pixels * _rate(v, kind)) for v, kind in pictures)
     labelled = sum(view.frames * load.actors * _SEEN for load in loads for view in load.views)
     element, actor = _PLAN_BYTES
     plans = sum(_blocks(load.elements * element + load.actors * actor) for load in loads)
@@ -289,7 +295,7 @@ def _memory(
         process += _SHADERS * any("rgb" in view.capture for view in load.views)
         process += sum(view.samples * _sample_bytes(view, appearances[key] - 1) for view in load.views)
         worker = max(worker, process)
-        records += sum(view.frames for view in load.views) * load.actors * _SEEN
+        records += sum(view.frames for view in load.views) * load.actors * _SEEN_AT_MOST
     return _MAIN + _SIMULATION + round(records * _MEMORY_RECORD), worker
 
 
