@@ -131,7 +131,7 @@ def row(problem: Problem) -> dict[str, object]:
     return {
         "code": str(problem.code),
         "message": safe(problem.message),
-        "help": None if help is None else safe(help),
+        "help": safe(help) if help else None,
         "note": problem.note,
         "file": place.file if place else None,
         "line": place.line if place else None,

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
-from recipe_compiler.compose import Sources, forbidden, stays_below
-from recipe_compiler.errors import Problem
+from recipe_compiler.compose import Sources, forbidden, nearest_file, stays_below
+from recipe_compiler.errors import Code, Problem
 from recipe_compiler.files import read_regular
 from recipe_compiler.plan import FilePlan
 from recipe_compiler.schema.models import Asset
@@ -76,20 +76,22 @@ def read(
         except (OSError, ValueError) as error:
             reason = (isinstance(error, OSError) and f"cannot be read: {error.strerror}") or str(error)
             if isinstance(error, FileNotFoundError):
-                reason = "there is no such file; paths are relative to this file"
+                near = nearest_file(folder / path) or "paths are relative to this file"
+                reason = f"there is no such file; {near}"
             shown = show(asset.mesh if asset.mesh is not None else asset.image)
-            problems.append(Problem(f"assets.{name}: {shown}: {reason}", place))
+            problems.append(Problem(f"assets.{name}: {shown}: {reason}", place, code=Code.INVALID_ASSET))
             continue
         found[name] = one
         sources.files[path] = one.file.sha256
         if asset.sha256 is not None and asset.sha256 != one.file.sha256:
             message = f"assets.{name}.sha256: {show(path)} is another file: its digest is {one.file.sha256}"
-            problems.append(Problem(message, root.place_of("assets", name, "sha256")))
+            remedy = "put the right file there, or write this digest if the new file is meant"
+            problems.append(Problem(message, root.place_of("assets", name, "sha256"), remedy, Code.INVALID_ASSET))
         total, triangles = total + one.file.bytes, triangles + one.triangles
         pixels += one.pixels[0] * one.pixels[1]
         for count, what, most in _sums(total, triangles, pixels):
-            message = f"assets: {count} {what} up to here are more than the most allowed together, {most}; bring fewer"
-            problems.append(Problem(message, place))
+            message = f"assets: {count} {what} up to here are more than the most allowed together, {most}"
+            problems.append(Problem(message, place, "bring fewer", Code.INPUT_LIMIT))
             return found, problems
     return found, problems
 
@@ -135,7 +137,7 @@ def _read_one(name: str, asset: Asset, folder: Path, path: str) -> Brought:
     most = MESH_BYTES if key == "mesh" else IMAGE_BYTES
     content = read_regular(folder / path, most)
     if len(content) > most:
-        raise ValueError(f"is larger than {most >> 20} MiB, the most allowed; simplify it")
+        raise ValueError(f"is larger than {most:,} bytes, the limit for a {key}; simplify it")
     file = FilePlan(sha256=hashlib.sha256(content).hexdigest(), bytes=len(content), kind=kind)
     return _mesh(name, path, file, asset.up, content) if key == "mesh" else _image(name, path, file, content)
 

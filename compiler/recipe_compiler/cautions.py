@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from recipe_compiler import exact
-from recipe_compiler.errors import Problem
+from recipe_compiler.errors import Code, Problem
 from recipe_compiler.plan import ActorPlan, Element, Pose, RigPlan
 from recipe_compiler.source import Value
 from recipe_compiler.towns import Town
@@ -26,11 +26,13 @@ def of_starts(base: Value, actors: Sequence[ActorPlan], town: Town) -> Iterator[
         x, y = actor.start.x, actor.start.y
         if max(x0 - x, x - x1, y0 - y, y - y1) > FAR:
             spans = f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g}"
-            yield Problem(f"actors.{actor.name}.start: far outside the town, which spans {spans}", place)
+            message = f"actors.{actor.name}.start: far outside the town, which spans {spans}"
+            yield Problem(message, place, "move it into the town", Code.PLACEMENT)
         discs = _discs(actor)
         other = next((name for name, theirs in before if _touch(discs, theirs)), None)
         if other is not None:
-            yield Problem(f"actors.{actor.name}.start: its body is in that of {other}; move one of the two", place)
+            message = f"actors.{actor.name}.start: its body is in that of {other}"
+            yield Problem(message, place, "move one of the two", Code.PLACEMENT)
         before.append((actor.name, discs))
 
 
@@ -48,14 +50,16 @@ def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
         if house is not None:
             when = f" at frame {frame}" if frame else ""
             message = f"sensors.{sensor.name}: it is inside {house.name}{when}, and sees its walls from within"
-            yield Problem(f"{message}; move the mount", base.place_of("sensors", sensor.name, "mount"))
+            place = base.place_of("sensors", sensor.name, "mount")
+            yield Problem(message, place, "move the mount", Code.PLACEMENT)
         for frame, pose in enumerate(sensor.poses):
             ground = town.ground(pose.x, pose.y) if sensor.on is None else 0.0
             if pose.z <= ground:
                 when = f" at frame {frame}" if frame else ""
                 what = "the ground" if sensor.on is None else f"{sensor.on}'s feet"
                 message = f"sensors.{sensor.name}: z is {pose.z:g}{when}, not above {what}, which is at {ground:g}"
-                yield Problem(f"{message}; raise the mount", base.place_of("sensors", sensor.name, "mount", "z"))
+                place = base.place_of("sensors", sensor.name, "mount", "z")
+                yield Problem(message, place, "raise the mount", Code.PLACEMENT)
                 break
 
 

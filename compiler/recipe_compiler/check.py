@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError, create_model
 
 from recipe_compiler import references
-from recipe_compiler.errors import Problem
+from recipe_compiler.errors import Code, Problem
 from recipe_compiler.schema.messages import details, nearest, translate
 from recipe_compiler.schema.models import NAME, NAME_LENGTH, Base, Model
 from recipe_compiler.source import Value, show
@@ -46,8 +46,8 @@ class Checker:
             found += wrong
         for key in merged.map:
             if key not in _SECTIONS:
-                message = f"unknown key {show(key)} in base; {nearest(key, _SECTIONS)}"
-                found.append(Problem(message, merged.key_place(key)))
+                message = f"unknown key {show(key)} in base"
+                found.append(Problem(message, merged.key_place(key), nearest(key, _SECTIONS), Code.UNKNOWN_KEY))
         for check, looked_at in self._checks:
             parts = tuple(merged.get(section) for section in looked_at)
             identity = (check.__name__, *map(id, parts))
@@ -76,9 +76,10 @@ class Checker:
         for detail in details(error):
             kind, name = (*map(str, detail["loc"]), "", "")[:2]
             if detail["type"] == "missing" and kind in _NAMED and name and name not in self._names[kind]:
-                remedy = f"{nearest(name, sorted(self._names[kind]))} A new one needs {_NEEDS[kind]}"
-                message = f"the base has no {_NAMED[kind]} {show(name)} to change; {remedy}"
-                unknown[kind, name] = Problem(message, (merged.get(kind) or merged).key_place(name))
+                remedy = f"{nearest(name, sorted(self._names[kind]))} (a new one needs {_NEEDS[kind]})"
+                message = f"the base has no {_NAMED[kind]} {show(name)} to change"
+                place = (merged.get(kind) or merged).key_place(name)
+                unknown[kind, name] = Problem(message, place, remedy, Code.UNKNOWN_NAME)
         missing = {(kind, name) for kind, name in unknown}
         others = [
             problem
@@ -94,21 +95,24 @@ def check_deltas(root: Value) -> list[Problem]:
     if deltas is None or deltas.data is None:
         return []
     if not isinstance(deltas.data, dict):
-        return [Problem(f"deltas: must be a map of axes, not {show(deltas.plain)}", deltas.place)]
+        message, remedy = (
+            f"deltas: must be a map of axes, not {show(deltas.plain)}",
+            "write `deltas: {axis: {value: {}}}`",
+        )
+        return [Problem(message, deltas.place, remedy, Code.INVALID_VALUE)]
     problems: list[Problem] = []
     for axis, values in deltas.map.items():
         problems += _check_name(deltas, axis, "the axis")
         if not isinstance(values.data, dict) or not values.data:
-            message = (
-                f"deltas.{axis}: an axis is a map of at least one value, such as `still: {{}}`, not {_given(values)}"
-            )
-            problems.append(Problem(message, deltas.key_place(axis)))
+            message = f"deltas.{axis}: an axis is a map of at least one value, not {_given(values)}"
+            remedy = "write a name and its changes, such as `still: {}`"
+            problems.append(Problem(message, deltas.key_place(axis), remedy, Code.INVALID_VALUE))
         problems += references.alike(values, f"deltas.{axis}")
         for name, delta in values.map.items():
             problems += _check_name(values, name, f"axis {axis}, value")
             if not isinstance(delta.data, dict):
-                message = f"deltas.{axis}.{name}: must be a map of changes, not {_given(delta)}; write {{}} for none"
-                problems.append(Problem(message, values.key_place(name)))
+                message = f"deltas.{axis}.{name}: must be a map of changes, not {_given(delta)}"
+                problems.append(Problem(message, values.key_place(name), "write {} for none", Code.INVALID_VALUE))
     return problems
 
 
@@ -121,8 +125,8 @@ def _given(value: Value) -> str:
 def _check_name(parent: Value, name: str, what: str) -> list[Problem]:
     if re.match(NAME.replace("$", r"\Z"), name) and len(name) <= NAME_LENGTH:
         return []
-    rule = f"names become folders, so letters, digits, _ and - only, a letter or digit first, at most {NAME_LENGTH}"
-    return [Problem(f"{what} {show(name)}: {rule}", parent.key_place(name))]
+    rule = f"use letters, digits, _ and - only, a letter or digit first, at most {NAME_LENGTH}: names become folders"
+    return [Problem(f"{what} {show(name)} is not a name", parent.key_place(name), rule, Code.INVALID_NAME)]
 
 
 def check_removals(root: Value) -> list[Problem]:
@@ -145,6 +149,6 @@ def _removals(delta: Value, known: Mapping[str, set[str]]) -> list[Problem]:
         named = delta.get(kind)
         for name, value in named.map.items() if named else ():
             if value.data is None and name not in known[kind] and named:
-                message = f"there is no {word} {show(name)} to remove; {nearest(name, sorted(known[kind]))}"
-                problems.append(Problem(message, named.key_place(name)))
+                message, remedy = f"there is no {word} {show(name)} to remove", nearest(name, sorted(known[kind]))
+                problems.append(Problem(message, named.key_place(name), remedy, Code.UNKNOWN_NAME))
     return problems

@@ -9,8 +9,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
-import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -19,14 +18,15 @@ from pydantic import ValidationError
 
 from recipe_compiler import brought, compose, expand, limits, optics, placing, towns
 from recipe_compiler.check import Checker, check_deltas, check_removals
-from recipe_compiler.errors import InputError, Place, Problem, with_source
+from recipe_compiler.errors import Code, InputError, Place, Problem, with_source
 from recipe_compiler.expand import Axes, Variant
+from recipe_compiler.findings import Findings
 from recipe_compiler.limits import TooLargeError as TooLargeError
 from recipe_compiler.lower import MAX_ROUTE, Lowering
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.schema.messages import nearest, translate
 from recipe_compiler.schema.models import Base, Motion, Recipe
-from recipe_compiler.source import Value, printable, show
+from recipe_compiler.source import Value, show
 from recipe_compiler.towns import Town
 
 _CHECKED_APART = {"base", "deltas"}
@@ -86,18 +86,22 @@ def _compile(
         raise InputError(_sorted(sources.problems, _new(problems, stumbles)))
     problems += unfit
     loads: list[limits.Load] = []
+    found = Findings()
     checked: list[tuple[Variant, Base]] = []
     changes = len(axes) + (len(recipe.sweep.draw.values) if recipe.sweep.draw else 0)
     variants = expand.variants(root, axes, recipe.sweep, recipe.seed)
-    for variant, base in _check_variants(root, variants, _kinds(recipe), problems):
+    for variant, base in _check_variants(root, variants, _kinds(recipe), found):
+        if base is None:
+            continue
         checked.append((variant, base))
         loads.append(_load(variant, base, changes))
         if len(loads) in _LOOKS and not allow_large:
             too_long = _too_long(root, loads, expand.count(axes, recipe.sweep))
-            if too_long and not problems:
+            if too_long and not problems and not found.total:
                 raise too_long
             if too_long:
                 break
+    problems += found.problems()
     if problems:
         raise InputError(_sorted(sources.problems, _new(problems, stumbles)))
     estimate = limits.total(loads, recipe.output.depth)
@@ -105,10 +109,7 @@ def _compile(
     if reasons and not allow_large:
         raise limits.TooLargeError(_costliest(root, estimate), estimate, reasons)
     lowering = Lowering(_instances(root, problems), assets)
-    plans = [one for v, base in checked if (one := lowering.scenario(v, base)) is not None]
-    problems += lowering.problems
-    if problems:
-        raise InputError(_sorted(problems))
+    plans, cautions = _lowered(lowering, checked)
     plan = DatasetPlan(
         recipe=recipe.recipe,
         description=recipe.description,
@@ -121,7 +122,8 @@ def _compile(
         compile_seconds=estimate.compile_seconds,
         compile_bytes=estimate.compile_bytes,
     )
-    warnings = _sorted([*expand.clashes(root, axes, recipe.sweep), *lowering.warnings])
+    clashes = expand.clashes(root, axes, recipe.sweep)
+    warnings = _sorted(clashes, cautions)
     files = dict(sorted(sources.files.items()))
     return Compiled(plan, tuple(warnings), files, cost, tuple(assets.values()), path.parent, lowering.towns)
 
@@ -133,6 +135,22 @@ def named_files(path: Path) -> tuple[str, set[str]] | None:
         return None
     name = sources.root.get("recipe")
     return str(name.data if name else ""), {*sources.files, *brought.named(sources.root, path.parent, sources)}
+
+
+def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tuple[list[ScenarioPlan], list[Problem]]:
+    """The plans of all variants, and what to warn of; InputError if one has problems."""
+    plans, wrong, cautions = [], Findings(), Findings()
+    for variant, base in checked:
+        plan = lowering.scenario(variant, base)
+        wrong.add(lowering.problems, variant)
+        cautions.add(lowering.warnings, variant)
+        lowering.problems.clear()
+        lowering.warnings.clear()
+        if plan is not None:
+            plans.append(plan)
+    if wrong.total:
+        raise InputError(wrong.problems())
+    return plans, cautions.problems()
 
 
 def _kinds(recipe: Recipe | None) -> dict[str, str]:
@@ -147,17 +165,9 @@ def _new(problems: Iterable[Problem], stumbles: set[Place | None]) -> list[Probl
 
 def _sorted(*problems: Iterable[Problem]) -> list[Problem]:
     """Problems by place, each once."""
-    unique: dict[tuple[Place | None, str], Problem] = {}
-    for problem in itertools.chain(*problems):
-        key = (problem.place, re.sub(r"[0-9.]+", "0", problem.message))  # a thousand draws out of range are one mistake
-        unique.setdefault(key, _printable(problem))
-    nowhere = Place("", 0, 0)
-    return sorted(unique.values(), key=lambda problem: problem.place or nowhere)
-
-
-def _printable(problem: Problem) -> Problem:
-    help = None if problem.help is None else printable(problem.help)
-    return dataclasses.replace(problem, message=printable(problem.message), help=help)
+    found = Findings()
+    found.add(itertools.chain(*problems))
+    return found.problems()
 
 
 def _fatal(problems: list[Problem], of_reading: list[Problem]) -> bool:
@@ -169,12 +179,21 @@ def _check_recipe(root: Value, problems: list[Problem]) -> Recipe | None:
     for key in root.map:
         if key not in Recipe.model_fields and key not in _CHECKED_APART:
             options = [*Recipe.model_fields, *_CHECKED_APART]
-            problems.append(Problem(f"unknown key {show(key)}; {nearest(key, sorted(options))}", root.key_place(key)))
+            problems.append(
+                Problem(
+                    f"unknown key {show(key)}", root.key_place(key), nearest(key, sorted(options)), Code.UNKNOWN_KEY
+                )
+            )
     base = root.get("base")
     if base is None or not isinstance(base.data, dict):
         found = "" if base is None else f", not {show(base.plain)}"
         problems.append(
-            Problem(f'the recipe lacks "base": a map of clock, town, sensors{found}', root.key_place("base"))
+            Problem(
+                f'the recipe lacks "base"{found}',
+                root.key_place("base"),
+                "add `base`: a map of clock, town and sensors, and of what else the scene has",
+                Code.MISSING_KEY,
+            )
         )
     plain = {key: value.plain for key, value in root.map.items() if key in Recipe.model_fields}
     try:
@@ -197,7 +216,12 @@ def _check_sweep(root: Value, recipe: Recipe | None, problems: list[Problem]) ->
     problems += excess
     if not excess and not wrong and not expand.combinations(axes, recipe.sweep):
         problems.append(
-            Problem("sweep.exclude: leaves no variant at all; remove a rule", root.place_of("sweep", "exclude"))
+            Problem(
+                "sweep.exclude: leaves no variant at all",
+                root.place_of("sweep", "exclude"),
+                "remove a rule",
+                Code.CONFLICT,
+            )
         )
     return axes
 
@@ -231,20 +255,20 @@ def _too_long(root: Value, loads: list[limits.Load], variants: int) -> limits.To
 
 
 def _check_variants(
-    root: Value, variants: Iterable[Variant], kinds: dict[str, str], problems: list[Problem]
-) -> Iterator[tuple[Variant, Base]]:
-    """The variants that are in order, with their models, one by one."""
+    root: Value, variants: Iterable[Variant], kinds: dict[str, str], found: Findings
+) -> Iterator[tuple[Variant, Base | None]]:
+    """The variants, one by one, with their models; None for one that has problems."""
     checker = Checker(root.map["base"], kinds)
     for variant in variants:
         if len(variant.name) > expand.MAX_NAME:
-            message = (
-                f"the variant name {show(variant.name)} is longer than {expand.MAX_NAME} characters; shorten names"
-            )
-            problems.append(Problem(message, root.key_place("deltas")))
+            message = f"the variant name {show(variant.name)} is longer than {expand.MAX_NAME} characters"
+            remedy = "shorten the names of axes or of their values"
+            found.add([Problem(message, root.key_place("deltas"), remedy, Code.INVALID_NAME)])
+        problems: list[Problem] = []
         base = checker.base(variant.base, problems)
-        if base is not None:
-            yield variant, base
-        if len(problems) > 1000:
+        found.add(problems, variant)
+        yield variant, base
+        if found.total > 1000:
             break
 
 
@@ -260,7 +284,7 @@ def _instances(root: Value, problems: list[Problem]) -> dict[str, int]:
     try:
         return placing.instance_numbers(own, list(others))
     except ValueError as error:
-        problems.append(Problem(f"actors: {error}", root.place_of("base", "actors")))
+        problems.append(Problem(f"actors: {error}", root.place_of("base", "actors"), code=Code.INPUT_LIMIT))
         raise InputError(_sorted(problems)) from None
 
 

@@ -6,16 +6,20 @@ that of the file and line that set it. Files are read from the root recipe's own
 
 from __future__ import annotations
 
+import difflib
 import hashlib
+import itertools
+import os
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from recipe_compiler import source
-from recipe_compiler.errors import Place, Problem
+from recipe_compiler.errors import Code, Place, Problem
 from recipe_compiler.files import read_regular
 from recipe_compiler.source import Value, show
 
 MAX_CHAIN = 16
+_MAX_NAMES = 2000  # of a folder's files, those that a misspelt name is compared with
 
 # A bare word here stands for a map with one entry: `weather: ClearNoon` for `{preset: ClearNoon}`.
 SHORTHANDS = {"weather": "preset", "town": "name"}
@@ -86,7 +90,11 @@ def read(path: Path) -> Sources:
     seen: list[str] = []
     while name is not None:
         if len(seen) >= MAX_CHAIN:
-            _report(sources, f"extends: over {MAX_CHAIN} files in the chain, the limit", place)
+            message, remedy = (
+                f"extends: {len(seen) + 1} files in the chain, the limit is {MAX_CHAIN}",
+                "join some of the files",
+            )
+            _report(sources, message, place, remedy, Code.INPUT_LIMIT)
             return sources
         value = _read_one(folder, name, place, sources)
         if value is None:
@@ -136,8 +144,10 @@ def _without(value: Value, *keys: str) -> Value:
     return Value({key: item for key, item in value.map.items() if key not in keys}, value.place, value.keys)
 
 
-def _report(sources: Sources, message: str, place: Place | None) -> None:
-    sources.problems.append(Problem(message, place))
+def _report(
+    sources: Sources, message: str, place: Place | None, help: str | None = None, code: Code = Code.UNREADABLE_FILE
+) -> None:
+    sources.problems.append(Problem(message, place, help, code))
 
 
 def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) -> Value | None:
@@ -145,13 +155,18 @@ def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) ->
     try:
         content = read_regular(path, source.MAX_BYTES)
     except FileNotFoundError:
-        _report(
-            sources, f"{_label(name, place)}there is no such file" if place else f"{path}: there is no such file", place
-        )
+        where = _label(name, place) if place else f"{path}: "
+        remedy = "paths are relative to this file" if place else "`recipe init` writes a recipe"
+        _report(sources, f"{where}there is no such file", place, nearest_file(path) or remedy, Code.FILE_NOT_FOUND)
         return None
     except (OSError, ValueError) as error:
         cause = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        _report(sources, f"{_label(name, place) if place else f'{path}: '}cannot be read: {cause}", place)
+        _report(
+            sources,
+            f"{_label(name, place) if place else f'{path}: '}cannot be read: {cause}",
+            place,
+            "name a recipe file that you may read",
+        )
         return None
     sources.files[name] = hashlib.sha256(content).hexdigest()
     shown = source.printable(str(path))
@@ -159,9 +174,22 @@ def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) ->
     value, problems = source.parse(content, shown)
     sources.problems += problems
     if value is not None and not isinstance(value.data, dict):
-        _report(sources, f"a recipe is a map that starts with `recipe: its_name`, not {_kind(value)}", value.place)
+        message = f"a recipe is a map, and this is {_kind(value)}"
+        _report(sources, message, value.place, "start with the line `recipe: its_name`", Code.INVALID_VALUE)
         return None
     return value
+
+
+def nearest_file(path: Path) -> str | None:
+    """A remedy for a path that leads to no file: the file beside it whose name is nearest, if one is near."""
+    try:
+        with os.scandir(path.parent) as entries:
+            names = [entry.name for entry in itertools.islice(entries, _MAX_NAMES) if entry.is_file()]
+    except (OSError, ValueError):
+        return None
+    alike = [name for name in names if Path(name).suffix == path.suffix or Path(name).stem == path.stem]
+    close = difflib.get_close_matches(path.name[:100], sorted(alike), n=1, cutoff=0.75)
+    return f"did you mean {show(close[0])}?" if close else None
 
 
 def _label(name: str, place: Place | None) -> str:
@@ -178,16 +206,18 @@ def _next(folder: Path, name: str, value: Value, seen: list[str], sources: Sourc
     if extends is None or extends.data is None:
         return None, None
     if not isinstance(extends.data, str) or not extends.data:
-        _report(sources, f"extends: must be the path of a recipe file, not {show(extends.plain)}", extends.place)
+        message = f"extends: must be the path of a recipe file, not {show(extends.plain)}"
+        _report(sources, message, extends.place, "write such as `extends: street.yaml`", Code.INVALID_VALUE)
         return None, None
-    problem = forbidden(extends.data)
+    problem, code = forbidden(extends.data), Code.PATH_REFUSED
     target = str(PurePosixPath(name).parent / extends.data) if not problem else ""
     if not problem and not stays_below(folder, target):
         problem = "it leads out of the recipe's folder through a symbolic link; put the file itself there"
     if not problem and target in seen:
-        problem = "the chain comes back to a file already in it: " + " -> ".join([*seen[seen.index(target) :], target])
+        circle = " -> ".join([*seen[seen.index(target) :], target])
+        problem, code = f"the files extend each other in a circle: {circle}; remove one `extends`", Code.EXTENDS_CYCLE
     if problem:
-        _report(sources, f"extends: {show(extends.data)}: {problem}", extends.place)
+        _report(sources, f"extends: {show(extends.data)}: {problem}", extends.place, code=code)
         return None, None
     return target, extends.place
 
@@ -199,7 +229,7 @@ def forbidden(target: str) -> str:
     if ".." in target.split("/"):
         return "`..` is refused: a recipe reads only its own folder and what is below it; put the file there"
     if len(target) > 200:
-        return "the path is longer than 200 characters"
+        return f"the path has {len(target)} characters, the limit is 200; shorten it"
     return ""
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from recipe_compiler.compose import Merger, expand_shorthands
-from recipe_compiler.errors import Place, Problem
+from recipe_compiler.errors import Code, Place, Problem
 from recipe_compiler.plan import fixed
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.models import MAX_DRAWS, MAX_SEED, MAX_VARIANTS, Distribution, Sweep
@@ -44,10 +44,15 @@ def chosen_axes(root: Value, sweep: Sweep, problems: list[Problem]) -> Axes:
         place = root.place_of("sweep", "axes", index)
         if name not in all_axes:
             problems.append(
-                Problem(f"sweep.axes: there is no axis {show(name)} in deltas; {nearest(name, all_axes)}", place)
+                Problem(
+                    f"sweep.axes: there is no axis {show(name)} in deltas",
+                    place,
+                    nearest(name, all_axes),
+                    Code.UNKNOWN_NAME,
+                )
             )
         elif name in names[:index]:
-            problems.append(Problem(f"sweep.axes: {show(name)} stands twice; remove one", place))
+            problems.append(Problem(f"sweep.axes: {show(name)} stands twice", place, "remove one", Code.CONFLICT))
     return {name: all_axes[name] for name in names if name in all_axes}
 
 
@@ -63,7 +68,9 @@ def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
     if total <= MAX_VARIANTS:
         draws = sweep.draw.count * sweep.repeats * len(sweep.draw.values) if sweep.draw else 0
         message = f"sweep.draw: {draws} draws are more than the most allowed, {MAX_DRAWS}"
-        return [Problem(message, root.place_of("sweep", "draw"))] if draws > MAX_DRAWS else []
+        remedy = "lower `count` or `repeats`, or draw fewer values"
+        where = root.place_of("sweep", "draw")
+        return [Problem(message, where, remedy, Code.INPUT_LIMIT)] if draws > MAX_DRAWS else []
     factors = [str(len(values)) for values in axes.values()]
     if sweep.repeats > 1:
         factors.append(f"{sweep.repeats} repeats")
@@ -72,7 +79,9 @@ def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
     place = root.key_place("sweep" if root.get("sweep") else "deltas")
     product = " x ".join(factors[:20])
     shown = str(total) if total.bit_length() < 60 else f"about 10^{total.bit_length() * 30103 // 100000}"
-    return [Problem(f"{shown} variants ({product}) are more than the most allowed, {MAX_VARIANTS}", place)]
+    message = f"{shown} variants ({product}) are more than the most allowed, {MAX_VARIANTS}"
+    remedy = "sweep fewer axes (`sweep.axes`), or give them fewer values, repeats or draws"
+    return [Problem(message, place, remedy, Code.INPUT_LIMIT)]
 
 
 def check_exclusions(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
@@ -82,15 +91,20 @@ def check_exclusions(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
         where = root.get("sweep", "exclude", index) or root
         if not rule:
             problems.append(
-                Problem("sweep.exclude: an empty map would leave out every variant; remove it", where.place)
+                Problem(
+                    "sweep.exclude: an empty map would leave out every variant",
+                    where.place,
+                    "remove it",
+                    Code.INVALID_VALUE,
+                )
             )
         for axis, value in rule.items():
             if axis not in axes:
-                message = f"sweep.exclude: there is no axis {show(axis)} in this sweep; {nearest(axis, axes)}"
-                problems.append(Problem(message, where.key_place(axis)))
+                message = f"sweep.exclude: there is no axis {show(axis)} in this sweep"
+                problems.append(Problem(message, where.key_place(axis), nearest(axis, axes), Code.UNKNOWN_NAME))
             elif value not in axes[axis]:
-                message = f"sweep.exclude: axis {axis} has no value {show(value)}; {nearest(value, axes[axis])}"
-                problems.append(Problem(message, where.place_of(axis)))
+                message = f"sweep.exclude: axis {axis} has no value {show(value)}"
+                problems.append(Problem(message, where.place_of(axis), nearest(value, axes[axis]), Code.UNKNOWN_NAME))
     return problems
 
 
@@ -180,15 +194,16 @@ def clashes(root: Value, axes: Axes, sweep: Sweep) -> list[Problem]:
         own = [found for delta in values.values() for found in leaves(delta)]
         for path, place in own:
             if (other := earlier.meeting(path)) is not None:
-                message = f"axes {other} and {axis} both set {'.'.join(path)}; the later one, {axis}, wins"
-                warnings.setdefault((other, axis, ".".join(path)), Problem(message, place))
+                message = f"axes {other} and {axis} both set {'.'.join(path)}"
+                found = Problem(message, place, f"the later one, {axis}, wins", Code.AXES_OVERLAP)
+                warnings.setdefault((other, axis, ".".join(path)), found)
         for path, _ in own:
             earlier.add(path, axis)
     for drawn_path in sweep.draw.values if sweep.draw else ():
         if (other := earlier.meeting(tuple(drawn_path.split(".")))) is not None:
-            message = f"axis {other} and sweep.draw both set {drawn_path}; the draw wins"
+            message = f"axis {other} and sweep.draw both set {drawn_path}"
             place = root.place_of("sweep", "draw", "values", drawn_path)
-            warnings["", "", drawn_path] = Problem(message, place)
+            warnings["", "", drawn_path] = Problem(message, place, "the draw wins", Code.AXES_OVERLAP)
     return list(warnings.values())
 
 

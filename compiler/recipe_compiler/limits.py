@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from recipe_compiler.errors import InputError, Place, Problem
+from recipe_compiler.errors import Code, InputError, Place, Problem
 from recipe_compiler.wording import count
 
 FRAME_LIMIT = 100_000
@@ -187,7 +187,7 @@ class TooLargeError(InputError):
         self.reasons = tuple(reasons)
         self.place = place
         super().__init__(
-            Problem(f"{'; '.join(self.reasons)}; ask for fewer frames or variants, or give --allow-large", place)
+            Problem(", and ".join(self.reasons), place, "ask for fewer frames or variants", Code.SIZE_LIMIT)
         )
 
 

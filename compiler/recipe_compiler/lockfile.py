@@ -32,7 +32,7 @@ from pathlib import Path
 from urllib.parse import quote, unquote
 
 from recipe_compiler.canonical import canonical_bytes, digest, digest_chunks
-from recipe_compiler.errors import InputError, Place, Problem
+from recipe_compiler.errors import Code, InputError, Place, Problem
 from recipe_compiler.files import open_regular
 from recipe_compiler.plan import DatasetPlan
 
@@ -265,10 +265,10 @@ def read(path: Path, plan: DatasetPlan | None = None) -> Lockfile:
             lines = iter(lambda: file.readline(MAX_LINE), b"")
             return _parse(lines, str(path), _MOST if plan is None else _most_for(plan))
     except FileNotFoundError:
-        raise InputError(f"{path}: there is no lockfile; `recipe lock` writes it") from None
+        raise InputError(f"{path}: there is no lockfile; `recipe lock` writes it", code=Code.FILE_NOT_FOUND) from None
     except (OSError, ValueError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or error
-        raise InputError(f"{path}: cannot be read as a lockfile: {reason}") from None
+        raise InputError(f"{path}: cannot be read as a lockfile: {reason}", code=Code.INVALID_LOCKFILE) from None
 
 
 def loads(text: str, name: str) -> Lockfile:
@@ -406,4 +406,4 @@ def _whole(cell: str) -> int:
 
 
 def _bad(name: str, line: int, message: str) -> InputError:
-    return InputError(Problem(message, Place(name, line, 1)))
+    return InputError(Problem(message, Place(name, line, 1), code=Code.INVALID_LOCKFILE))

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from recipe_compiler import blueprints, cautions, enclosures, exact, motion, placing, props, sun, towns, weather
 from recipe_compiler.blueprints import Blueprint
 from recipe_compiler.brought import Brought
-from recipe_compiler.errors import Problem
+from recipe_compiler.errors import Code, Problem
 from recipe_compiler.expand import Variant
 from recipe_compiler.plan import (
     ActorPlan,
@@ -74,10 +74,26 @@ class Lowering:
         """The towns of the variants lowered so far, by their plans' digests."""
         return {made.plan.digest: made for _, made in self._made.values() if isinstance(made, Town)}
 
+    def _noting(self, key: tuple[Any, ...], holding: Any, make: Callable[[], T]) -> T:
+        """As `_once`; the problems and warnings that it found are noted again for each variant that shares it."""
+
+        def noted() -> tuple[T, list[Problem], list[Problem]]:
+            problems, warnings = len(self.problems), len(self.warnings)
+            made = make()
+            found = self.problems[problems:], self.warnings[warnings:]
+            del self.problems[problems:], self.warnings[warnings:]
+            return made, *found
+
+        made, problems, warnings = self._once(key, holding, noted)
+        self.problems += problems
+        self.warnings += warnings
+        return made
+
     def scenario(self, variant: Variant, base: Base) -> ScenarioPlan | None:
         """The variant's plans; None if it has problems."""
         cast = (base.clock, base.town, base.actors, base.traffic, base.props)
-        scene = self._once(("scene", *map(id, cast), variant.seed), cast, lambda: self._scene(variant, base))
+        key = ("scene", *map(id, cast), variant.seed)
+        scene = self._noting(key, cast, lambda: self._scene(variant, base))
         if scene is None:
             return None
         rig = self._once(
@@ -88,7 +104,7 @@ class Lowering:
         town = self._town(base.town)
         seen = ("cameras", id(base.town), id(base.sensors), id(base.clock), variant.seed)
         parts = (base.town, base.sensors, base.clock)
-        self._once(seen, parts, lambda: self.warnings.extend(cautions.of_cameras(variant.base, rig, town)))
+        self._noting(seen, parts, lambda: self.warnings.extend(cautions.of_cameras(variant.base, rig, town)))
         numbers, where = self._sky(variant, base)
         appearance = AppearancePlan(
             seed=variant.seed,
@@ -101,7 +117,7 @@ class Lowering:
         return ScenarioPlan(variant=variant.name, scene=scene.plan, rig=rig, appearance=appearance)
 
     def _report(self, root: Value, path: tuple[str | int, ...], message: str) -> None:
-        self.problems.append(Problem(message, root.place_of(*path)))
+        self.problems.append(Problem(message, root.place_of(*path), code=Code.NO_ROOM))
 
     # Scene
 
@@ -177,7 +193,8 @@ class Lowering:
         if variant.base.get("weather", "sun_altitude_angle") is not None:
             told = f"time {show(time)} of line {variant.base.place_of('time').line}"
             message = f"weather.sun_altitude_angle is set by hand and wins: {told} does not move the sun up or down"
-            self.warnings.append(Problem(message, variant.base.place_of("weather", "sun_altitude_angle")))
+            place = variant.base.place_of("weather", "sun_altitude_angle")
+            self.warnings.append(Problem(message, place, "remove one of the two", Code.OVERRIDDEN))
 
 
 @functools.lru_cache(maxsize=8)
@@ -209,13 +226,13 @@ class _Cast:
         self._spots = placing.Spots(town.spots)
         self._parking = placing.Parking(town.parking)
         self._numbers = lowering._instances
+        self._before = len(lowering.problems)
 
     def _stream(self, name: str, *purpose: str) -> Stream:
         return Stream(self._variant.seed, "actor", name, *purpose)
 
     def actors(self) -> tuple[ActorPlan, ...] | None:
         """All actors: the named ones in file order, then traffic; None if there are problems."""
-        before = len(self._lowering.problems)
         chosen = {name: self._choose(name, actor) for name, actor in self._base.actors.items()}
         for name, actor in self._base.actors.items():
             if actor.start is not None:
@@ -228,7 +245,7 @@ class _Cast:
         traffic += [self._parked(index) for index in range(self._base.traffic.parked)]
         named = [self._named(name, actor, chosen[name]) for name, actor in self._base.actors.items()]
         plans = [*named, *traffic]
-        if len(self._lowering.problems) > before:
+        if len(self._lowering.problems) > self._before:
             return None
         return tuple(plan for plan in plans if plan is not None)
 
@@ -237,8 +254,9 @@ class _Cast:
         parent = self._variant.base.get("actors", name, "look")
         for slot in actor.look:
             if slot not in blueprint.palette and parent:
-                message = f"actors.{name}.look: {blueprint.id} has no {show(slot)}; {nearest(slot, blueprint.palette)}"
-                self._lowering.problems.append(Problem(message, parent.key_place(slot)))
+                message = f"actors.{name}.look: {blueprint.id} has no {show(slot)}"
+                remedy = nearest(slot, blueprint.palette)
+                self._lowering.problems.append(Problem(message, parent.key_place(slot), remedy, Code.UNKNOWN_NAME))
         return blueprint
 
     def _dress(self, name: str, blueprint: Blueprint, look: Mapping[str, str]) -> None:
@@ -274,7 +292,7 @@ class _Cast:
         start = self._spots.take(category, self._stream(name, "start"))
         if start is None:
             key = "vehicles" if category == "vehicle" else "pedestrians"
-            if not any(f"traffic.{key}" in problem.message for problem in self._lowering.problems):
+            if not self._reported(f"traffic.{key}"):
                 self._lowering._report(self._variant.base, ("traffic", key), f"traffic.{key}: {self._full(category)}")
             return None
         allowed = [b for b in blueprints.match(_TRAFFIC[category]) if not b.id.startswith(self._town.barred)]
@@ -290,15 +308,20 @@ class _Cast:
         name = f"traffic.parked.{index}"
         place = self._parking.take(self._stream(name, "start"))
         if place is None:
-            if not any("traffic.parked" in problem.message for problem in self._lowering.problems):
+            if not self._reported("traffic.parked"):
                 places = len(self._town.parking)
-                message = f"traffic.parked: no free place left to park, of the {places} that the town has; lower it"
+                message = f"traffic.parked: no free place left to park, of the {places} that the town has"
+                message += "; lower it, or choose a larger town"
                 self._lowering._report(self._variant.base, ("traffic", "parked"), message)
             return None
         fitting = [b for b in blueprints.match(_TRAFFIC["vehicle"]) if blueprints.parks(b)]
         blueprint = self._stream(name, "blueprint").choice(fitting)
         self._dress(name, blueprint, {})
         return self._plan(name, placing.PARKED_NUMBERS + index, blueprint, place, (), 0.0)
+
+    def _reported(self, key: str) -> bool:
+        """Whether a problem of this cast names a key."""
+        return any(key in problem.message for problem in self._lowering.problems[self._before :])
 
     def _full(self, category: Category) -> str:
         places = len(self._town.spots[category])

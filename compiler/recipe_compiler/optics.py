@@ -81,7 +81,7 @@ def fault(camera: Lens, supersample: int) -> str | None:
             return "bends the picture's corners too far; bring it nearer to 0"
         sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
         if sine / cosine * max(factor(camera, r) for r in _radii(camera)) > _WIDEST:
-            return f"needs a sight beyond 172 degrees at a fov of {camera.fov:g}; lower one of the two"
+            return f"needs a view wider than 172 degrees at a fov of {camera.fov:g}; lower one of the two"
     width, height, _ = plate_size(camera, supersample)
     if width * height > MOST_SAMPLES:
         return f"asks for {width} x {height} samples a frame, above the most allowed, {MOST_SAMPLES}; lower it"

@@ -40,7 +40,8 @@ def instance_numbers(base: Sequence[str], deltas: Sequence[str]) -> dict[str, in
     numbers = {name: first + index for index, name in enumerate(base)}
     low, high = DELTA_NUMBERS
     if len(deltas) > high - low + 1:
-        raise ValueError(f"{len(deltas)} actors that only deltas have are more than the most allowed, {high - low + 1}")
+        most = f"{high - low + 1}; use `traffic` for crowds"
+        raise ValueError(f"{len(deltas)} actors that only deltas have are more than the most allowed, {most}")
     taken: set[int] = set()
     for name in deltas:
         number = Stream(0, "instance", name).integer(low, high)

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel
 
 from recipe_compiler.canonical import digest
-from recipe_compiler.errors import InputError
+from recipe_compiler.errors import Code, InputError
 
 # The most of each that a plan may hold, whether it is compiled here or read from a file. `plan_bounds` has the ranges
 # of bodies' shapes, and how many things a town may have of each kind.
@@ -359,7 +359,9 @@ class DatasetPlan(Plan):
         if name not in by_name:
             near = get_close_matches(name, by_name, 1, 0.3) or list(by_name)[:1]
             raise InputError(
-                f"{self.recipe} has no variant {name!r}; the nearest is {near[0]!r}, and `recipe plan` lists all"
+                f"{self.recipe} has no variant {name!r}",
+                help=f"the nearest is {near[0]!r}, and `recipe plan` lists all",
+                code=Code.UNKNOWN_NAME,
             )
         return by_name[name]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from recipe_compiler import exact
 from recipe_compiler.brought import Brought
-from recipe_compiler.errors import Problem
+from recipe_compiler.errors import Code, Problem
 from recipe_compiler.plan import Pose, PropPlan, TexturePlan
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.models import Prop
@@ -47,7 +47,8 @@ def lower(props: Mapping[str, Prop], assets: Mapping[str, Brought], base: Value,
         triangles += mesh.triangles if mesh else 4
         if triangles > _TRIANGLES:
             message = f"props: {triangles} triangles up to here are more than the most allowed, {_TRIANGLES}"
-            stage.problems.append(Problem(f"{message}; bring fewer or simpler meshes", base.place_of("props", name)))
+            remedy, place = "bring fewer or simpler meshes", base.place_of("props", name)
+            stage.problems.append(Problem(message, place, remedy, Code.INPUT_LIMIT))
             break
         wrong = [*_wrong_size(name, prop, mesh, base), *_wrong_slots(name, prop, mesh, base)]
         stage.problems += wrong
@@ -122,11 +123,11 @@ def _wrong_size(name: str, prop: Prop, mesh: Brought | None, base: Value) -> Ite
     low, high = _box(prop, mesh)
     largest = max(b - a for a, b in zip(low, high, strict=True))
     if not _SIZES[0] <= largest <= _SIZES[1]:
-        message = f"props.{name}: is {largest:.4g} m large, not between {_SIZES[0]:g} and {_SIZES[1]:g} m; set `scale`"
-        yield Problem(message, base.place_of("props", name, "scale"))
+        message = f"props.{name}: is {largest:.4g} m large, not between {_SIZES[0]:g} and {_SIZES[1]:g} m"
+        yield Problem(message, base.place_of("props", name, "scale"), "set `scale`", Code.OUT_OF_RANGE)
     elif max(abs(v) for v in (*low, *high)) > 10 * _SIZES[1]:
-        message = f"props.{name}: lies {max(map(abs, (*low, *high))):.3g} m from its origin; centre it in its file"
-        yield Problem(message, base.place_of("props", name, "asset"))
+        message = f"props.{name}: lies {max(map(abs, (*low, *high))):.3g} m from its origin"
+        yield Problem(message, base.place_of("props", name, "asset"), "centre it in its file", Code.INVALID_ASSET)
 
 
 def _wrong_slots(name: str, prop: Prop, mesh: Brought | None, base: Value) -> Iterator[Problem]:
@@ -134,8 +135,8 @@ def _wrong_slots(name: str, prop: Prop, mesh: Brought | None, base: Value) -> It
     parent = base.get("props", name, "look")
     for slot in prop.look:
         if slot not in slots and parent:
-            message = f"props.{name}.look: {prop.asset or 'a board'} has no {show(slot)}; {nearest(slot, slots)}"
-            yield Problem(message, parent.key_place(slot))
+            message = f"props.{name}.look: {prop.asset or 'a board'} has no {show(slot)}"
+            yield Problem(message, parent.key_place(slot), nearest(slot, slots), Code.UNKNOWN_NAME)
     if prop.image is not None and not _imaged(mesh):
-        message = f"props.{name}.image: the mesh {show(prop.asset)} has no texture coordinates; export it with them"
-        yield Problem(message, base.place_of("props", name, "image"))
+        message = f"props.{name}.image: the mesh {show(prop.asset)} has no texture coordinates"
+        yield Problem(message, base.place_of("props", name, "image"), "export it with them", Code.INVALID_ASSET)

@@ -12,8 +12,8 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 
 from recipe_compiler import blueprints, towns, weather
-from recipe_compiler.errors import Place, Problem
-from recipe_compiler.schema.messages import nearest
+from recipe_compiler.errors import Code, Place, Problem
+from recipe_compiler.schema.messages import near, nearest
 from recipe_compiler.schema.models import BLUEPRINT, Town
 from recipe_compiler.source import Value, show
 
@@ -25,8 +25,8 @@ def unknown_preset(base: Value) -> Iterator[Problem]:
     """A weather preset that CARLA does not have."""
     name = _text(base, "weather", "preset")
     if name is not None and name not in weather.PRESETS:
-        message = f"weather: unknown preset {show(name)}; {nearest(name, weather.PRESETS)}"
-        yield Problem(message, base.place_of("weather", "preset"))
+        message, place = f"weather: unknown preset {show(name)}", base.place_of("weather", "preset")
+        yield Problem(message, place, nearest(name, weather.PRESETS), Code.UNKNOWN_NAME)
 
 
 def unknown_town(base: Value) -> Iterator[Problem]:
@@ -35,7 +35,8 @@ def unknown_town(base: Value) -> Iterator[Problem]:
     if name is None or spec is None:
         return
     if name not in towns.NAMES:
-        yield Problem(f"town: unknown town {show(name)}; {nearest(name, towns.NAMES)}", base.place_of("town", "name"))
+        message, place = f"town: unknown town {show(name)}", base.place_of("town", "name")
+        yield Problem(message, place, nearest(name, towns.NAMES), Code.UNKNOWN_NAME)
         return
     declared = towns.PARAMETERS[name]
     for key, value in spec.map.items():
@@ -43,7 +44,7 @@ def unknown_town(base: Value) -> Iterator[Problem]:
             continue
         if key not in declared:
             remedy = nearest(key, [*Town.model_fields, *declared])
-            yield Problem(f"unknown key {show(key)} in town; {remedy}", spec.key_place(key))
+            yield Problem(f"unknown key {show(key)} in town", spec.key_place(key), remedy, Code.UNKNOWN_KEY)
             continue
         try:
             declared[key].check(key, value.plain)
@@ -52,7 +53,8 @@ def unknown_town(base: Value) -> Iterator[Problem]:
             plain = value.plain
             given = json.dumps(plain) if isinstance(plain, list) and len(json.dumps(plain)) <= 60 else show(plain)
             wanted = f"{limit.wanted} ({limit.description}), not {'nothing' if plain is None else given}"
-            yield Problem(f"town.{key}: must be {wanted}", base.place_of("town", key))
+            remedy = f"write {json.dumps(limit.default)}, the default, or remove the key"
+            yield Problem(f"town.{key}: must be {wanted}", base.place_of("town", key), remedy, Code.OUT_OF_RANGE)
 
 
 def unknown_blueprint(base: Value) -> Iterator[Problem]:
@@ -61,8 +63,18 @@ def unknown_blueprint(base: Value) -> Iterator[Problem]:
     for name in actors.map if actors else ():
         glob = _text(base, "actors", name, "blueprint")
         if glob is not None and re.search(BLUEPRINT, glob) and len(glob) <= 64 and not blueprints.match(glob):
-            message = f"actors.{name}.blueprint: {show(glob)} matches nothing; {nearest(glob, blueprints.names())}"
-            yield Problem(message, base.place_of("actors", name, "blueprint"))
+            message = f"actors.{name}.blueprint: {show(glob)} matches no blueprint"
+            place = base.place_of("actors", name, "blueprint")
+            yield Problem(message, place, blueprint_remedy(glob), Code.UNKNOWN_NAME)
+
+
+def blueprint_remedy(glob: str) -> str:
+    """What to write instead of a blueprint that is not there: the nearest one, or the families that there are."""
+    close = near(glob, blueprints.names())
+    if close is not None:
+        return f"did you mean {show(close)}?"
+    families = [name for name in blueprints.names() if name.endswith(".*")]
+    return f"valid are {', '.join(families)}, and the ids that `recipe blueprints` lists"
 
 
 def unknown_carrier(base: Value) -> Iterator[Problem]:
@@ -77,10 +89,11 @@ def unknown_carrier(base: Value) -> Iterator[Problem]:
         on = _text(base, "sensors", name, "mount", "on")
         if on is not None and on not in names and (removed := _removal(base, "actors", on)) is not None:
             message = f"the actor {show(on)} is removed here, but sensors.{name} is mounted on it"
-            yield Problem(f"{message}; remove or remount the sensor too", removed)
+            yield Problem(message, removed, "remove or remount the sensor too", Code.CONFLICT)
         elif on is not None and on not in names:
-            message = f"sensors.{name}.mount.on: there is no actor {show(on)}; {nearest(on, names)}"
-            yield Problem(message, base.place_of("sensors", name, "mount", "on"))
+            message = f"sensors.{name}.mount.on: there is no actor {show(on)}"
+            place = base.place_of("sensors", name, "mount", "on")
+            yield Problem(message, place, nearest(on, names), Code.UNKNOWN_NAME)
 
 
 def _removal(base: Value, section: str, name: str) -> Place | None:
@@ -106,7 +119,7 @@ def alike(entries: Value, where: str) -> Iterator[Problem]:
         first = seen.setdefault(name.lower(), name)
         if first != name:
             message = f"{where}: {show(name)} and {show(first)} differ in case only, which some disks take for one name"
-            yield Problem(f"{message}; rename one", entries.key_place(name))
+            yield Problem(message, entries.key_place(name), "rename one", Code.INVALID_NAME)
 
 
 def unknown_day(base: Value) -> Iterator[Problem]:
@@ -117,7 +130,8 @@ def unknown_day(base: Value) -> Iterator[Problem]:
     try:
         datetime.date.fromisoformat(date)
     except ValueError:
-        yield Problem(f"place.date: {show(date)} is not a day of the calendar", base.place_of("place", "date"))
+        message, place = f"place.date: {show(date)} is not a day of the calendar", base.place_of("place", "date")
+        yield Problem(message, place, "write a day that the month has", Code.INVALID_VALUE)
 
 
 def unknown_asset(assets: Mapping[str, str]) -> Check:
@@ -133,8 +147,8 @@ def unknown_asset(assets: Mapping[str, str]) -> Check:
                 fitting = [n for n, k in assets.items() if k == kind]
                 article = "an" if kind == "image" else "a"
                 known = f"is of kind {assets.get(asset)}, not {article} {kind}" if asset in assets else "is no asset"
-                message = f"props.{name}.{key}: {show(asset)} {known}; {nearest(asset, fitting)}"
-                yield Problem(message, base.place_of("props", name, key))
+                message, place = f"props.{name}.{key}: {show(asset)} {known}", base.place_of("props", name, key)
+                yield Problem(message, place, nearest(asset, fitting), Code.UNKNOWN_NAME)
 
     return wrong_asset, ("props",)
 

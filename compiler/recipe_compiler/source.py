@@ -18,8 +18,9 @@ from typing import Any
 
 import yaml
 
-from recipe_compiler.errors import Place, Problem
+from recipe_compiler.errors import Code, Place, Problem
 from recipe_compiler.errors import printable as printable
+from recipe_compiler.yaml_help import LINE_BREAK, ambiguity, explain
 
 MAX_BYTES = 1 << 20
 MAX_NODES = 50_000  # after aliases are expanded
@@ -31,16 +32,6 @@ _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+][0-9]+)?\Z")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)\Z|\.(nan|NaN|NAN)\Z")
 _WORDS = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
 _TRUTHS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
-
-# What YAML 1.1 or 1.2 makes of a plain scalar that the other reads differently.
-_YES_NO = re.compile(r"(?i:(yes|on|y)|(no|off|n))\Z")
-_BASE_60 = re.compile(r"[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?\Z")
-_UNDERSCORED = re.compile(r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?\Z")
-_OCTAL = re.compile(r"[-+]?0o?[0-7]+\Z")
-_LEADING_ZERO = re.compile(r"[-+]?0[0-9]+\Z")
-_BINARY = re.compile(r"[-+]?0b[01_]+\Z")
-_EXPONENT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)[eE][-+]?[0-9]+\Z")
-_DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}([Tt ].*)?\Z")
 
 Plain = Any  # None, bool, int, float, str, and lists and maps of them
 
@@ -112,51 +103,44 @@ def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:
     """The document in a file's bytes, and all that is wrong with its YAML; None if there is nothing to go on with."""
     start = Place(file, 1, 1)
     if len(content) > MAX_BYTES:
-        return None, [Problem(f"the file is larger than {MAX_BYTES} bytes, the limit for a recipe", start)]
+        message = f"the file is larger than {MAX_BYTES:,} bytes, the limit for a recipe"
+        return None, [Problem(message, start, "is this a recipe? if so, split it with `extends`", Code.INPUT_LIMIT)]
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        bad = f"byte 0x{content[error.start]:02x} at offset {error.start}"
-        return None, [Problem(f"not a text file in UTF-8: {bad}; save the recipe as UTF-8 text", start)]
+        before = content[: error.start].decode("utf-8-sig", errors="replace")
+        message = f"not a text file in UTF-8: byte 0x{content[error.start]:02x} at offset {error.start}"
+        return None, [Problem(message, _place_after(before, file), "save the file as UTF-8 text", Code.NOT_TEXT)]
     reader = _Reader(file)
     try:
         root = reader.document(yaml.parse(text, Loader=yaml.SafeLoader))
     except yaml.reader.ReaderError as error:
-        line = text.count("\n", 0, error.position) + 1
-        column = error.position - (text.rfind("\n", 0, error.position) + 1) + 1
-        message = f"the character U+{int(error.character):04X} cannot stand in YAML; is this a text file?"
-        return None, [*reader.problems, Problem(message, Place(file, line, column))]
+        message = f"the character U+{int(error.character):04X} cannot stand in YAML"
+        place = _place_after(text[: error.position], file)
+        return None, [*reader.problems, Problem(message, place, "remove it; is this a text file?", Code.NOT_TEXT)]
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = Place(file, mark.line + 1, mark.column + 1) if mark else start
-        return None, [*reader.problems, Problem(_explain(error, text, place), place)]
+        return None, [*reader.problems, explain(error, text, place)]
     except _StopError as stop:
         return None, [*reader.problems, stop.problem]
     if root is None and not reader.problems:
-        return None, [Problem("the file is empty; a recipe starts with `recipe: its_name`", start)]
+        remedy = "a recipe starts with the line `recipe: its_name`; `recipe init` writes one"
+        return None, [Problem("the file is empty", start, remedy, Code.EMPTY_FILE)]
     return root, reader.problems
-
-
-_LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
 
 
 def lines(content: bytes) -> list[str]:
     """The lines of a file, to show where a problem is; none of a file that is too large."""
     if len(content) > MAX_BYTES:
         return []
-    return _LINE_BREAK.split(content.decode("utf-8-sig", errors="replace"))
+    return LINE_BREAK.split(content.decode("utf-8-sig", errors="replace"))
 
 
-def _explain(error: yaml.MarkedYAMLError, text: str, place: Place) -> str:
-    lines = text.splitlines()
-    rest = lines[place.line - 1][place.column - 1 :] if place.line <= len(lines) else ""
-    if rest.startswith("\t"):
-        return "a tab cannot indent YAML; use spaces"
-    problem = (error.problem or "it cannot be read").replace("\n", " ")
-    context = f", {error.context}".replace("\n", " ") if error.context else ""
-    if "mapping values are not allowed" in problem:
-        return "this is not valid YAML: a second `:` on the line, or wrong indentation; quote text that holds `: `"
-    return f"this is not valid YAML: {problem}{context}"
+def _place_after(text: str, file: str) -> Place:
+    """The place that follows a text from the start of a file."""
+    before = LINE_BREAK.split(text)
+    return Place(file, len(before), len(before[-1]) + 1)
 
 
 class _StopError(Exception):
@@ -179,7 +163,7 @@ class _Reader:
         root: Value | None = None
         for event in events:
             if isinstance(event, yaml.DocumentStartEvent) and root is not None:
-                raise _StopError(self._problem(event, "a second document starts here; a recipe is one document"))
+                raise self._stop(event, "a second document starts here", "a recipe is one document: remove the `---`")
             if isinstance(event, yaml.NodeEvent):
                 root = self._value(event, events, 0)
         return None if root is None or root.data is None else root
@@ -188,27 +172,31 @@ class _Reader:
         mark = event.start_mark
         return Place(self.file, mark.line + 1, mark.column + 1) if mark else Place(self.file, 1, 1)
 
-    def _problem(self, event: yaml.Event, message: str) -> Problem:
-        return Problem(message, self._place(event))
+    def _stop(self, event: yaml.Event, message: str, help: str, code: Code = Code.UNSUPPORTED_YAML) -> _StopError:
+        return _StopError(Problem(message, self._place(event), help, code))
 
-    def _report(self, event: yaml.Event, message: str) -> None:
-        self.problems.append(self._problem(event, message))
+    def _report(self, event: yaml.Event, message: str, help: str, code: Code = Code.UNSUPPORTED_YAML) -> None:
+        self.problems.append(Problem(message, self._place(event), help, code))
 
     def _count(self, event: yaml.Event, nodes: int) -> None:
         self._nodes += nodes
         if self._nodes > MAX_NODES:
-            raise _StopError(self._problem(event, f"over {MAX_NODES} values, aliases counted; the limit for a recipe"))
+            message = f"{self._nodes:,} values up to here, counting what aliases repeat; the limit is {MAX_NODES:,}"
+            raise self._stop(event, message, "repeat less with aliases (`*name`)", Code.INPUT_LIMIT)
 
     def _value(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Value:
         if isinstance(event, yaml.AliasEvent):
             return self._alias(event)
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
         if depth > MAX_DEPTH:
-            raise _StopError(self._problem(event, f"nested more than {MAX_DEPTH} deep, the limit for a recipe"))
+            message = f"{depth} maps or lists inside each other, the limit is {MAX_DEPTH}"
+            raise self._stop(
+                event, message, "a recipe needs no more than eight: close brackets that are open", Code.INPUT_LIMIT
+            )
         before = self._nodes
         self._count(event, 1)
         if event.tag:
-            self._report(event, f"the tag {show(event.tag)} is refused: recipes hold plain data only; remove it")
+            self._report(event, f"the tag {show(event.tag)} is refused: recipes hold plain data only", "remove it")
         if event.anchor:
             self._anchors[event.anchor] = (None, 0)
         if isinstance(event, yaml.ScalarEvent):
@@ -226,7 +214,10 @@ class _Reader:
         value, nodes = self._anchors.get(name, (None, -1))
         if value is None:
             cause = "is not defined above" if nodes < 0 else "stands inside the value that it names"
-            raise _StopError(self._problem(event, f"the alias *{name[:40]} {cause}"))
+            remedy = f"define it above with `&{name[:40]}`, or quote a text that starts with `*`"
+            if nodes >= 0:
+                remedy = "write the value out instead: it would hold itself"
+            raise self._stop(event, f"the alias *{name[:40]} {cause}", remedy)
         self._count(event, nodes)
         return value
 
@@ -245,15 +236,16 @@ class _Reader:
             if isinstance(inner, yaml.MappingEndEvent):
                 break
             if not isinstance(inner, yaml.ScalarEvent):
-                raise _StopError(self._problem(inner, "a key must be plain text, not a list, a map or an alias"))
+                raise self._stop(
+                    inner, "a key must be plain text, not a list, a map or an alias", "write a name before the `:`"
+                )
             self._count(inner, 1)
             key = inner.value
             if key == "<<" and inner.implicit[0]:
-                self._report(inner, "merge keys `<<` are not part of the language; use `extends` or a delta")
+                self._report(inner, "merge keys `<<` are not part of the language", "use `extends` or a delta")
             elif key in entries:
-                self._report(
-                    inner, f"the key {show(key)} stands here twice, first on line {keys[key].line}; remove one"
-                )
+                message = f"the key {show(key)} stands here twice, first on line {keys[key].line}"
+                self._report(inner, message, "remove one", Code.DUPLICATE_KEY)
             value = self._value(next(events), events, depth + 1)
             if key not in entries and key != "<<":
                 entries[key], keys[key] = value, self._place(inner)
@@ -268,11 +260,11 @@ class _Reader:
         if text in _TRUTHS:
             return _TRUTHS[text]
         if _NOT_FINITE.match(text):
-            self._report(event, f"{text} is not a finite number; recipes hold finite numbers only")
+            self._report(event, f"{text} is not a finite number", "write a finite one", Code.INVALID_VALUE)
             return text
-        trap = _trap(text)
+        trap = ambiguity(text)
         if trap:
-            self._report(event, trap)
+            self._report(event, *trap, Code.AMBIGUOUS_YAML)
             return text
         return self._number(event, text)
 
@@ -280,50 +272,15 @@ class _Reader:
         if _INTEGER.match(text):
             if len(text) > 20 or abs(int(text, 0)) > MAX_INTEGER:
                 shown = text if len(text) <= 20 else f"{text[:20]}... of {len(text)} digits"
-                self._report(event, f"the number {shown} is too large; write one within {MAX_INTEGER}")
+                message = f"the number {shown} is too large"
+                self._report(event, message, f"write one within {MAX_INTEGER}", Code.OUT_OF_RANGE)
                 return text
             return int(text, 0)
         if _FLOAT.match(text) and len(text) <= 400:
             number = float(text)
             if not math.isfinite(number):
-                self._report(event, f"the number {text[:20]} is too large for a float; write a smaller one")
+                message = f"the number {text[:20]} is too large for a float"
+                self._report(event, message, "write a smaller one", Code.OUT_OF_RANGE)
                 return text
             return number + 0.0  # -0.0 is 0
         return text
-
-
-def _trap(text: str) -> str | None:
-    """What YAML would make of a plain scalar, if its versions disagree about it; how to write it instead."""
-    if len(text) > 100:  # no number, and some of these patterns take their time over long text
-        return None
-    short = text[:40]
-    if match := _YES_NO.match(text):
-        truth = "true" if match[1] else "false"
-        return f'YAML turns the bare word {short} into {truth}; write {truth}, or quote it: "{short}"'
-    if _BASE_60.match(text):
-        return f'YAML turns the bare {short} into a number in base 60{_base_60(text)}; quote it: "{short}"'
-    if _DATE.match(text):
-        return f'YAML turns the bare {short} into a date; quote it: "{short}"'
-    if _UNDERSCORED.match(text):
-        digits = short.replace("_", "")
-        return f'YAML turns the bare {short} into the number {digits}; write {digits}, or quote it: "{short}"'
-    if _OCTAL.match(text) and text not in {"0", "-0", "+0"}:
-        number = int(text.replace("0o", "0").replace("o", "")[-20:], 8)
-        return f'YAML turns the bare {short} into the octal number {number}; write {number}, or quote it: "{short}"'
-    if _LEADING_ZERO.match(text):
-        return f'YAML reads the bare {short} as a number or as text; drop the leading zero, or quote it: "{short}"'
-    if _BINARY.match(text):
-        return f'YAML turns the bare {short} into a binary number; write it in decimal, or quote it: "{short}"'
-    if _EXPONENT.match(text) and not _FLOAT.match(text):
-        return f'YAML reads the bare {short} as a number or as text; write it without exponent, or quote it: "{short}"'
-    return None
-
-
-def _base_60(text: str) -> str:
-    parts = text.lstrip("+-").split(":")
-    if len(text) > 12 or not all(part.isdigit() for part in parts):
-        return ""
-    total = 0
-    for part in parts:
-        total = total * 60 + int(part)
-    return f", {total}"

@@ -23,7 +23,8 @@ def test_a_draw_that_overrides_an_axis_is_warned_of(path: str) -> None:
     result = compiled(drawing(deltas, path))
     (warning,) = result.warnings
     axis = "fog" if "fog" in path else "place"
-    assert warning.message == f"axis {axis} and sweep.draw both set {path}; the draw wins"
+    assert warning.message == f"axis {axis} and sweep.draw both set {path}"
+    assert warning.help == "the draw wins"
     assert warning.place is not None and warning.place.line > 70  # in the sweep, not in the delta
     if axis == "fog":
         assert len({v.appearance.weather.fog_density for v in result.plan.variants}) == 1
@@ -35,7 +36,7 @@ def test_a_draw_beside_the_axes_is_not_warned_of() -> None:
 
 def test_a_draw_over_a_preset_is_warned_of() -> None:
     (warning,) = compiled(drawing({"w": {"a": {}, "b": {"weather": "WetNoon"}}}, "weather.wetness")).warnings
-    assert warning.message == "axis w and sweep.draw both set weather.wetness; the draw wins"
+    assert warning.message == "axis w and sweep.draw both set weather.wetness"
 
 
 def test_meetings_of_thousands_of_paths_are_found_quickly() -> None:

@@ -145,7 +145,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
 
 def test_a_file_over_the_limit_is_not_looked_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(brought, "MESH_BYTES", 100)
-    with pytest.raises(InputError, match="is larger than 0 MiB, the most allowed"):
+    with pytest.raises(InputError, match="is larger than 100 bytes, the limit for a mesh"):
         compiled(tmp_path, {})
 
 

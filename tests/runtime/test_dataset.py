@@ -172,7 +172,7 @@ def street(**values: Any) -> SensorPlan:
         (street(width=100_000), "100000x48 is over"),
         (street(height=0), "64x0 is over"),
         (street(fov=180), "a camera of 180"),
-        (street(lens_k=0.9, fov=170), "its lens needs a sight beyond"),
+        (street(lens_k=0.9, fov=170), "its lens needs a view wider than"),
         (street(lens_k=50.0), "its lens is none"),
         (street(on="nobody"), "on 'nobody'"),
         (street(poses=()), "poses are neither"),

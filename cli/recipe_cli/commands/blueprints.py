@@ -41,13 +41,14 @@ def command(pattern: str, pictures: Path | None, replace: bool, as_json: bool) -
 
 def _matching(pattern: str) -> tuple[Blueprint, ...]:
     from recipe_compiler import blueprints
-    from recipe_compiler.errors import InputError
-    from recipe_compiler.schema.messages import nearest
+    from recipe_compiler.errors import Code, InputError
+    from recipe_compiler.references import blueprint_remedy
     from recipe_compiler.source import show
 
     found = blueprints.match(pattern) if len(pattern) <= 64 else ()
     if not found:
-        raise InputError(f"{show(pattern)} matches no blueprint; {nearest(pattern, blueprints.names())}")
+        message = f"{show(pattern)} matches no blueprint"
+        raise InputError(message, help=blueprint_remedy(pattern), code=Code.UNKNOWN_NAME)
     return found
 
 

@@ -74,7 +74,7 @@ def _open(content: bytes) -> tuple[Json, bytes | None]:
         return _parsed(content), None
     if len(content) < 20 or int.from_bytes(content[8:12], "little") != len(content):
         told = int.from_bytes(content[8:12], "little")
-        raise AssetError(f"its header tells of {told} bytes, but it has {len(content)}; it is cut: export it again")
+        raise AssetError(f"its header tells of {told} bytes, but it has {len(content)}; export it again: it is cut")
     if int.from_bytes(content[4:8], "little") != 2:
         raise AssetError("is not glTF version 2; export it as glTF 2.0")
     chunks: dict[bytes, bytes] = {}

@@ -25,7 +25,9 @@ def read(content: bytes) -> list[Raw]:
         raise AssetError("is not an STL file: it is shorter than a header of 84 bytes; export it again")
     else:
         told = 84 + _FACET.itemsize * count
-        raise AssetError(f"its header tells of {count} triangles, {told} bytes, but it has {len(content)}; it is cut")
+        raise AssetError(
+            f"its header tells of {count} triangles, {told} bytes, but it has {len(content)}; export it again"
+        )
     triangles = np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
     return [Raw(SLOT, corners, triangles, both_sides=True)]
 

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from recipe_compiler.errors import Problem
+from recipe_compiler.errors import Code, Problem, split_remedy
 from recipe_compiler.source import Value, show
 
 Path = tuple[str | int, ...]
@@ -31,29 +31,70 @@ _KINDS = {
     "tuple": "a list",
     "list": "a list",
 }
+_EXAMPLES = {
+    "a whole number": "write it in digits, without quotes or a fraction",
+    "a number": "write it in digits, without quotes",
+    "text": "put it in quotes",
+    "true or false": "write true or false",
+    "a list": "write it in square brackets, such as [a, b]",
+    "a map": "write keys and values, such as {key: value}",
+}
+_SEVERAL = "for several, make each a value of an axis in `deltas`"
+_DEFAULTS = {"town": "downtown", "weather": "ClearNoon"}
 _BY_NAME = {"town": "a name, such as downtown,", "weather": "a preset's name, such as ClearNoon,"}  # or a map
 _CARLA = {"image_size_x": "width", "image_size_y": "height"}
-_PATTERNS = {
-    "#": 'is not a colour; write it as "#rrggbb"',
-    "(19|20)": 'is not a date; write it as "2022-08-12"',
-    "([01]": 'is not a time of day; write it as "19:40"',
-    "a-f]{64}": "is not a SHA-256; write its 64 hexadecimal digits in lower case, as `sha256sum` prints them",
-    "?*": "is not a blueprint id or glob; letters, digits, and _ . - * ? only",
-    "_-": "is not a name: names become folders, so letters, digits, _ and - only, a letter or digit first",
-    "_.-": "is not an actor's name: letters, digits, _ . and - only, a letter or digit first",
+_NAME_RULE = "use letters, digits, _ and - only, a letter or digit first: names become folders"
+_PATTERNS = {  # what marks the pattern -> what is wrong, the remedy
+    "#": ("is not a colour", 'write it as "#rrggbb"'),
+    "(19|20)": ("is not a date", 'write it as "2022-08-12"'),
+    "([01]": ("is not a time of day", 'write it as "19:40"'),
+    "a-f]{64}": ("is not a SHA-256", "write its 64 hexadecimal digits in lower case, as `sha256sum` prints them"),
+    "?*": ("is not a blueprint id or glob", "use letters, digits, and _ . - * ? only"),
+    "_-": ("is not a name", _NAME_RULE),
+    "_.-": ("is not an actor's name", "use letters, digits, _ . and - only, a letter or digit first"),
 }
+_CONFLICTS = {"way", "asset", "prop", "distribution", "clip"}  # of our own checks, those of keys that exclude others
+_MAX_LISTED = 12  # valid names that a remedy lists
+
+Words = tuple[Code, str, str | None]
+"""Of a problem: its kind, what is wrong, the remedy."""
 
 
 def nearest(word: str, options: Iterable[str]) -> str:
-    """A remedy for a wrong name: the nearest valid one, or all of them if they are few."""
+    """A remedy for a wrong name: the nearest valid one if one is near, else the valid ones, or the first of them."""
     names = list(options)
-    close = difflib.get_close_matches(word[:100], names, n=1, cutoff=0.6)
-    if close:
-        return f"did you mean {show(close[0])}?"
+    close = near(word, names)
+    if close is not None:
+        return f"did you mean {show(close)}?"
     if not names:
         return "there are none here"
-    shown = ", ".join(names[:12])
-    return f"valid are {shown}" if len(names) <= 12 else f"valid are {shown} and {len(names) - 12} more"
+    shown = ", ".join(names[:_MAX_LISTED])
+    return (
+        f"valid are {shown}" if len(names) <= _MAX_LISTED else f"valid are {shown} and {len(names) - _MAX_LISTED} more"
+    )
+
+
+def near(word: str, options: Iterable[str]) -> str | None:
+    """The option that a word is a misspelling of; None if none is near.
+
+    Words of dotted names are compared one by one: names of one family share most of their letters.
+    """
+    names = list(options)
+    parts = word[:100].split(".")
+    for name in difflib.get_close_matches(word[:100], names, n=5, cutoff=0.6):
+        theirs = name.split(".")
+        if len(parts) == 1 or (len(theirs) == len(parts) and all(map(_alike, parts, theirs))):
+            return name
+    return None
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether one is the other, but for a slip: a number is no slip of another number."""
+    if one == other or (any(c in one for c in "*?") and difflib.SequenceMatcher(None, one, other).ratio() >= 0.5):
+        return True
+    if one.isdigit() and other.isdigit():
+        return False
+    return difflib.SequenceMatcher(None, one, other).ratio() >= 0.7
 
 
 def translate(error: ValidationError, model: type[BaseModel], root: Value, prefix: Path = ()) -> list[Problem]:
@@ -88,7 +129,8 @@ def _problem(detail: ErrorDetails, model: type[BaseModel], root: Value, prefix: 
         place = parent.key_place(path[-1]) if parent else root.place_of(*path)
     else:
         place = root.place_of(*path)
-    return Problem(_message(detail, model, path, key_is_wrong), place)
+    code, message, help = _words(detail, model, path, key_is_wrong)
+    return Problem(message, place, help or "", code)
 
 
 _UNION_MEMBERS = {"bool", "int", "float", "str"}  # pydantic names the member of a union that it tried
@@ -111,82 +153,113 @@ def dotted(path: Path) -> str:
     return text
 
 
-def _message(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wrong: bool) -> str:
+def _words(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wrong: bool) -> Words:
     kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
     where = dotted(path)
+    around = where if not key_is_wrong else dotted(path[:-1])
     if kind == "extra_forbidden":
-        inside = f" in {dotted(path[:-1])}" if len(path) > 1 else ""
-        if path[-2:] == ("camera", "exposure"):
-            return f'unknown key "exposure"{inside}; as in CARLA, it is "exposure_compensation"'
-        keys = fields_at(model, _without_markers(detail["loc"][:-1]))
-        ours = _CARLA.get(str(path[-1]))
-        if ours in keys:
-            return f"unknown key {show(str(path[-1]))}{inside}; what CARLA calls so is {show(ours)} here"
-        return f"unknown key {show(str(path[-1]))}{inside}; {nearest(str(path[-1]), keys)}"
+        return _unknown_key(detail, model, path)
     if kind == "missing":
-        if isinstance(path[-1], int):
-            return f"{dotted(path[:-1])} lacks an item"
-        inside = (
-            f"{dotted(path[:-1])} lacks"
-            if len(path) > 1
-            else "base lacks"
-            if model.__name__ == "Base"
-            else "the recipe lacks"
-        )
-        return f"{inside} {show(path[-1])}, which it needs{_hint(model, detail['loc'])}"
+        return _missing(detail, model, path)
     if kind in _LIMITS:
         key, words = _LIMITS[kind]
-        return f"{where}: {show(value)} {words.format(_number(context[key]))}"
+        limit = f"{where}: {show(value)} {words.format(_number(context[key]))}"
+        sides = {"ge": "of at least", "gt": "above", "le": "of at most", "lt": "below"}
+        span = _range(model, detail["loc"]) or f" {sides[key]} {_number(context[key])}"
+        return Code.OUT_OF_RANGE, limit, f"write a value{span}"
     if kind == "string_pattern_mismatch":
-        words = next(text for mark, text in _PATTERNS.items() if mark in context["pattern"][:40])
-        return f"{where if not key_is_wrong else dotted(path[:-1])}: {show(value)} {words}"
+        wrong, remedy = next(words for mark, words in _PATTERNS.items() if mark in context["pattern"][:40])
+        code = Code.INVALID_NAME if remedy == _NAME_RULE else Code.INVALID_VALUE
+        return code, f"{around}: {show(value)} {wrong}", remedy
     if kind == "string_too_long":
-        return f"{where}: {show(value)} is longer than {context['max_length']} characters"
+        return (
+            Code.INVALID_VALUE,
+            f"{where}: {show(value)} is longer than {context['max_length']} characters",
+            "shorten it",
+        )
     if kind == "literal_error":
-        options = _literals(context["expected"])
-        return f"{where}: unknown value {show(value)}; {nearest(str(value), options)}"
+        return (
+            Code.INVALID_VALUE,
+            f"{where}: unknown value {show(value)}",
+            nearest(str(value), _literals(context["expected"])),
+        )
     if kind in {"too_short", "too_long"}:
         return _size(where, kind, context)
     if kind == "string_too_short":
-        return f"{where if not key_is_wrong else dotted(path[:-1])}: an empty text stands for nothing; remove it"
+        return Code.INVALID_VALUE, f"{around}: an empty text stands for nothing", "remove it"
     if kind == "finite_number":
-        return f"{where}: is not a finite number"
+        return Code.INVALID_VALUE, f"{where}: is not a finite number", "write a finite one"
+    given = "nothing" if value is None else show(value)
     if _is_of_union(detail["loc"]):
-        return f"{where}: must be a number, text, true or false, not {'nothing' if value is None else show(value)}"
+        return Code.INVALID_VALUE, f"{where}: must be a number, text, true or false, not {given}", "write one value"
     if len(path) == 1 and where in _BY_NAME and kind.startswith("model_"):
-        given = "nothing" if value is None else show(value)
-        several = "; for several, make each a value of an axis in `deltas`" if isinstance(value, list) else ""
-        return f"{where}: must be {_BY_NAME[where]} or a map, not {given}{several}"
-    return f"{where}: {_type_message(kind, detail, value, _range(model, detail['loc']))}"
+        several = _SEVERAL if isinstance(value, list) else f"write such as `{where}: {_DEFAULTS[where]}`"
+        return Code.INVALID_VALUE, f"{where}: must be {_BY_NAME[where]} or a map, not {given}", several
+    return _wrong_type(kind, detail, where, _range(model, detail["loc"]))
+
+
+def _unknown_key(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Words:
+    inside = f" in {dotted(path[:-1])}" if len(path) > 1 else ""
+    what = f"unknown key {show(str(path[-1]))}{inside}"
+    if path[-2:] == ("camera", "exposure"):
+        return Code.UNKNOWN_KEY, what, 'as in CARLA, it is "exposure_compensation"'
+    keys = fields_at(model, _without_markers(detail["loc"][:-1]))
+    ours = _CARLA.get(str(path[-1]))
+    if ours in keys:
+        return Code.UNKNOWN_KEY, what, f"what CARLA calls so is {show(ours)} here"
+    return Code.UNKNOWN_KEY, what, nearest(str(path[-1]), keys)
+
+
+def _missing(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Words:
+    if isinstance(path[-1], int):
+        return Code.MISSING_KEY, f"{dotted(path[:-1])} lacks an item", "add it"
+    whole = "base" if model.__name__ == "Base" else "the recipe"
+    inside = dotted(path[:-1]) if len(path) > 1 else whole
+    return Code.MISSING_KEY, f"{inside} lacks {show(path[-1])}", f"add `{path[-1]}`{_hint(model, detail['loc'])}"
 
 
 def _range(model: type[BaseModel], loc: Sequence[str | int]) -> str:
-    """` from LOW to HIGH` where a number has both limits; else nothing."""
+    """The limits of a number in words: ` from LOW to HIGH`, ` of at least LOW`, or nothing."""
     info = _field_at(model, _without_markers(tuple(loc)))
-    limits = info.metadata if info else []
-    low, high = (next((v for m in limits if (v := getattr(m, key, None)) is not None), None) for key in ("ge", "le"))
-    return "" if low is None or high is None else f" from {_number(low)} to {_number(high)}"
+    limits = [*info.metadata, *_metadata(info.annotation)] if info else []
+    at = {k: _number(v) for m in limits for k in ("ge", "gt", "le", "lt") if (v := getattr(m, k, None)) is not None}
+    if "ge" in at and "le" in at:
+        return f" from {at['ge']} to {at['le']}"
+    words = {"ge": "of at least", "gt": "above", "le": "of at most", "lt": "below"}
+    return "".join(f" {words[key]} {limit}" for key, limit in at.items()).replace(" of at most", ", at most")
 
 
-def _type_message(kind: str, detail: ErrorDetails, value: Any, span: str) -> str:
+def _metadata(annotation: Any) -> list[Any]:
+    """What is annotated inside an annotation such as `Annotated[float, Ge(0)] | None`."""
+    inner = [found for argument in get_args(annotation) for found in _metadata(argument)]
+    return [*getattr(annotation, "__metadata__", ()), *inner]
+
+
+def _wrong_type(kind: str, detail: ErrorDetails, where: str, span: str) -> Words:
+    value = detail["input"]
     for word, wanted in _KINDS.items():
         if kind.startswith(f"{word}_"):
             given = "nothing" if value is None else show(value)
             unquote = word in {"int", "float", "bool"} and isinstance(value, str) and _looks_plain(value)
             within = span if word in {"int", "float"} else ""
-            return f"must be {wanted}{within}, not {given}" + ("; remove the quotes" if unquote else "")
-    return detail["msg"]
+            remedy = "remove the quotes" if unquote else _EXAMPLES.get(wanted)
+            return Code.INVALID_VALUE, f"{where}: must be {wanted}{within}, not {given}", remedy
+    message, remedy = split_remedy(f"{where}: {detail['msg']}")
+    return Code.CONFLICT if kind in _CONFLICTS else Code.INVALID_VALUE, message, remedy
 
 
 def _looks_plain(text: str) -> bool:
     return text in {"true", "false"} or text.lstrip("+-").replace(".", "", 1).isdecimal()
 
 
-def _size(where: str, kind: str, context: Mapping[str, Any]) -> str:
+def _size(where: str, kind: str, context: Mapping[str, Any]) -> Words:
+    number = context["actual_length"]
     if kind == "too_long":
-        return f"{where}: {context['actual_length']} items are more than the most allowed, {context['max_length']}"
+        most = context["max_length"]
+        return Code.OUT_OF_RANGE, f"{where}: {number} items are more than the most allowed, {most}", "remove some"
     least = context["min_length"]
-    return f"{where}: needs at least {least} item{'s' if least > 1 else ''}, has {context['actual_length']}"
+    message = f"{where}: needs at least {least} item{'s' if least > 1 else ''}, has {number}"
+    return Code.OUT_OF_RANGE, message, "add one" if least - number == 1 else "add some"
 
 
 def _number(limit: float) -> str:

@@ -43,7 +43,11 @@ PropTag = Literal[
 def _forwards(value: Any) -> Any:
     if value is not None and value[0] > value[1]:
         low, high = (f"{number:g}" for number in value)
-        raise PydanticCustomError("range", "the range [{low}, {high}] runs backwards", {"low": low, "high": high})
+        raise PydanticCustomError(
+            "range",
+            "the range [{low}, {high}] runs backwards; write the lower number first",
+            {"low": low, "high": high},
+        )
     return value
 
 
@@ -76,10 +80,10 @@ class Clock(Model):
         if self.physics % self.fps:
             below = [n for n in range(1, self.fps) if self.physics % n == 0][-1]
             above = [n for n in range(self.fps, self.physics + 1) if self.physics % n == 0][:1]
-            near = " and ".join(map(str, [below, *above]))
+            near = " or ".join(map(str, [below, *above]))
             raise PydanticCustomError(
                 "fps",
-                "{fps} does not divide the physics rate {physics}; the nearest that do are {near}",
+                "{fps} does not divide the physics rate {physics}; write {near}, the nearest that do",
                 {"key": "fps", "fps": self.fps, "physics": self.physics, "near": near},
             )
         return self
@@ -267,7 +271,9 @@ class Prop(Model):
     @model_validator(mode="after")
     def _one(self) -> Prop:
         if (self.asset is None) == (self.size is None):
-            raise PydanticCustomError("prop", "a prop has either an `asset`, a mesh, or a `size`, a board's", {})
+            raise PydanticCustomError(
+                "prop", "a prop has either an `asset`, a mesh, or a `size`, a board's; give one of them", {}
+            )
         return self
 
 
@@ -464,13 +470,17 @@ class Distribution(Model):
         if len(given) != 1:
             found = " and ".join(given) or "none"
             raise PydanticCustomError(
-                "distribution", "a draw is one of uniform, normal, integer, choice; this has {found}", {"found": found}
+                "distribution",
+                "a draw is one of uniform, normal, integer, choice, and this has {found}; give one",
+                {"found": found},
             )
         if self.clip and not self.normal:
-            raise PydanticCustomError("clip", "goes with `normal` only", {"key": "clip"})
+            raise PydanticCustomError("clip", "goes with `normal` only; remove it", {"key": "clip"})
         if self.normal and self.normal[1] < 0:
             raise PydanticCustomError(
-                "deviation", "the deviation {it} is negative", {"key": "normal", "it": f"{self.normal[1]:g}"}
+                "deviation",
+                "the deviation {it} is negative; write 0 or more",
+                {"key": "normal", "it": f"{self.normal[1]:g}"},
             )
         return self
 
