@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from recipe_cli import places
+from recipe_cli import completion, places
 from recipe_cli.console import State, warn
 
 if TYPE_CHECKING:
@@ -28,7 +28,11 @@ class LocalPath(click.Path):
         return super().convert(value, param, ctx)
 
 
-RECIPE = click.argument("recipe", type=LocalPath(path_type=Path))
+RECIPES = completion.files(*completion.SUFFIXES)
+RECIPE = click.argument("recipe", type=LocalPath(path_type=Path), shell_complete=RECIPES)
+VARIANT = click.option(
+    "--variant", metavar="NAME", shell_complete=completion.variants, help="The variant; the first by default."
+)
 
 
 def _note_json(context: click.Context, option: click.Parameter, value: bool) -> bool:
@@ -49,6 +53,7 @@ DEVICE = click.option(
     "--device",
     default="cpu",
     show_default=True,
+    shell_complete=completion.devices,
     help="Where frames are rendered: cpu, cuda (every GPU here) or cuda:N.",
 )
 REPLACE = click.option(

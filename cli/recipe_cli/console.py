@@ -42,6 +42,7 @@ class State:
     as_json: bool = False
     warnings: list[Problem] = field(default_factory=list)
     printed: bool = False
+    partial: dict[str, Any] = field(default_factory=dict)  # what the document of a run that fails also holds
 
 
 def state() -> State:
@@ -95,7 +96,8 @@ def print_json(value: Mapping[str, Any] | Sequence[Any]) -> None:
     """Print the one JSON document of a run. A map also holds `errors` and `warnings`."""
     run = state()
     if isinstance(value, Mapping):
-        value = {"errors": [], "warnings": [row(problem) for problem in run.warnings], **value}
+        problems = {"errors": [], "warnings": [row(problem) for problem in run.warnings]}
+        value = {**value, **{key: value.get(key, rows) for key, rows in problems.items()}}
     run.printed = True
     print_document(json.dumps(value, indent=2, ensure_ascii=False))
 
@@ -117,7 +119,7 @@ def fail(problems: Sequence[Problem], run: State | None = None) -> None:
     run = run or state()
     if run.as_json and not run.printed:
         run.printed = True
-        document = {"errors": [row(p) for p in problems], "warnings": [row(p) for p in run.warnings]}
+        document = {"errors": [row(p) for p in problems], "warnings": [row(p) for p in run.warnings], **run.partial}
         print_document(json.dumps(document, indent=2, ensure_ascii=False))
     else:
         print_problems("error", problems)
@@ -132,7 +134,7 @@ def row(problem: Problem) -> dict[str, object]:
         "code": str(problem.code),
         "message": safe(problem.message),
         "help": safe(help) if help else None,
-        "note": problem.note,
+        "note": safe(problem.note) if problem.note else None,
         "file": place.file if place else None,
         "line": place.line if place else None,
         "column": place.column if place else None,

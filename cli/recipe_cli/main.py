@@ -82,7 +82,8 @@ def main() -> None:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that temporary folders go, as they do on an error
     run = State(as_json="--json" in sys.argv[1:])
     try:
-        sys.exit(recipe.main(standalone_mode=False, obj=run) or 0)  # what it returns is the code of an Exit
+        code = recipe.main(prog_name="recipe", complete_var="_RECIPE_COMPLETE", standalone_mode=False, obj=run)
+        sys.exit(code or 0)  # what it returns is the code of an Exit
     except Exception as error:
         problems, code = _explained(error)
         fail(problems, run)

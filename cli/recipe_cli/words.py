@@ -7,10 +7,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from recipe_compiler.errors import Problem
 
+_WORDS = {  # code -> the remedy, with the library's own where `{help}` stands
+    "size-limit": "{help}, or give --allow-large",
+    "unknown-device": "{help} (--device)",
+    "output-in-the-way": "{help} (--out)",
+}
+
 
 def option_help(problem: Problem) -> str | None:
-    """The remedy that names the options that help with a problem of this code; None if none do."""
-    words = {
-        "size-limit": "ask for fewer frames or variants, or give --allow-large",
-    }.get(problem.code)
-    return words
+    """The remedy that names the option which helps with a problem of this code; None if none does."""
+    words = _WORDS.get(problem.code)
+    if words is None or not problem.help or "--" in problem.help:
+        return None
+    return words.replace("{help}", problem.help)

@@ -65,7 +65,6 @@ class Code(str, Enum):
     AXES_OVERLAP = "axes-overlap"
     PLACEMENT = "placement"
     OVERRIDDEN = "overridden"
-    NOTICE = "notice"
 
     def __str__(self) -> str:
         return self.value

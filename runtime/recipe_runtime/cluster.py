@@ -20,7 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.errors import Code, InputError, RunError
 
 from recipe_runtime.assets import Assets
 from recipe_runtime.build import Runner
@@ -117,7 +117,9 @@ def joined(address: str | None) -> Iterator[Runner]:
     try:
         import ray
     except ImportError:
-        raise InputError("--ray needs Ray: pip install 'dataset-recipe[ray]'") from None
+        raise InputError(
+            "Ray is not installed", help="install it: pip install 'ray>=2.40'", code=Code.MISSING_LIBRARY
+        ) from None
     _start(ray, address)
     try:
         yield lambda job, shards, workers, done, tick: _run(ray, job, shards, workers, done, tick)
@@ -138,7 +140,7 @@ def _start(ray: Any, address: str | None) -> None:
         if isinstance(error, SystemExit):  # Ray's, when what answers is no Ray
             error = ConnectionError(_NO_RAY)
         reason = (isinstance(error, OSError) and error.strerror) or _line(error)
-        what = "--ray: Ray cannot be started here" if address is None else f"--ray {address}: is no Ray cluster to join"
+        what = "Ray cannot be started here" if address is None else f"there is no Ray cluster to join at {address}"
         raise InputError(f"{what}: {reason}") from None
 
 

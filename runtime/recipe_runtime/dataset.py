@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from recipe_compiler.errors import InputError
+from recipe_compiler.errors import Code, InputError
 from recipe_compiler.lockfile import Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
 from recipe_compiler.wording import count
@@ -65,12 +65,18 @@ def read(root: Path, name: str = "") -> Dataset:
         lock = lock_of(manifest)
         recipe_file = recipe_file_of(manifest, files)
     except manifest_reader.NotAManifestError:
-        raise InputError(f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project") from None
+        raise InputError(
+            f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project", code=Code.INVALID_DATASET
+        ) from None
     except InputError as error:
-        raise InputError(f"{name}: {str(error).splitlines()[0]}; no dataset of this project says so") from None
+        raise InputError(
+            f"{name}: {str(error).splitlines()[0]}; no dataset of this project says so", code=Code.INVALID_DATASET
+        ) from None
     except (OSError, *DAMAGE) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{name}: its manifest or a plan is damaged ({reason}); build the dataset again") from None
+        raise InputError(
+            f"{name}: its manifest or a plan is damaged ({reason}); build the dataset again", code=Code.INVALID_DATASET
+        ) from None
     return Dataset(root, plan, lock, files, name, recipe_file)
 
 
@@ -96,12 +102,14 @@ def plan_alone(path: Path) -> DatasetPlan:
         alone = DatasetPlan(recipe=path.stem[:100], description="", variants=(variant,), annotations=(), depth="carla")
         check_bounds(alone)
     except InputError as error:
-        raise InputError(f"{path}: {str(error).splitlines()[0]}; no plan of this project says so") from None
+        raise InputError(
+            f"{path}: {str(error).splitlines()[0]}; no plan of this project says so", code=Code.INVALID_DATASET
+        ) from None
     except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
+        raise InputError(f"{path}: there is no such file", code=Code.FILE_NOT_FOUND) from None
     except (OSError, *DAMAGE) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: cannot be read as a plan: {reason}") from None
+        raise InputError(f"{path}: cannot be read as a plan: {reason}", code=Code.INVALID_DATASET) from None
     return alone
 
 

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.errors import Code, InputError, RunError
 from recipe_compiler.plan import AppearancePlan, CameraPlan, ScenePlan
 
 from recipe_runtime import host
@@ -94,7 +94,8 @@ def devices(name: str) -> tuple[str, ...]:
     if name == "cpu":
         return ("cpu",)
     if re.fullmatch(r"cuda(:\d{1,3})?", name) is None:
-        raise InputError(f"--device {name!r} is none; write cpu, cuda (every GPU here), or cuda:N for one of them")
+        remedy = "write cpu, cuda (every GPU here), or cuda:N for one of them"
+        raise InputError(f"there is no device {name!r}", help=remedy, code=Code.UNKNOWN_DEVICE)
     reason = host.cannot_render()
     if reason:
         raise RunError(reason)
@@ -103,10 +104,14 @@ def devices(name: str) -> tuple[str, ...]:
     there = cuda_devices()
     if not there:
         raise InputError(
-            f"--device {name}: there is no CUDA GPU here, or no driver for it; --device cpu gives equal bytes"
+            f"device {name}: there is no CUDA GPU here, or no driver for it",
+            help="write cpu, which gives equal bytes",
+            code=Code.UNKNOWN_DEVICE,
         )
     if name != "cuda" and name not in there:
-        raise InputError(f"--device {name}: this host has {', '.join(there)}")
+        raise InputError(
+            f"there is no device {name}", help=f"write one of {', '.join(there)}", code=Code.UNKNOWN_DEVICE
+        )
     return tuple(there) if name == "cuda" else (name,)
 
 

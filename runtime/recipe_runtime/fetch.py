@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.errors import Code, InputError, RunError
 
 from recipe_runtime import layout, manifest_reader, urls
 from recipe_runtime.admission import MAX_FILES
@@ -94,13 +94,20 @@ class _Fetch:
         try:
             self._copy(layout.MANIFEST, MAX_BYTES)
         except FileNotFoundError:
-            raise InputError(f"{self._url} is not a dataset: it holds no {layout.MANIFEST}") from None
+            raise InputError(
+                f"{self._url} is not a dataset: it holds no {layout.MANIFEST}", code=Code.INVALID_DATASET
+            ) from None
         try:
             return listed_files(manifest_reader.read(self._root))
         except manifest_reader.NotAManifestError:
-            raise InputError(f"{self._url} is not a dataset: its {layout.MANIFEST} is none of this project") from None
+            raise InputError(
+                f"{self._url} is not a dataset: its {layout.MANIFEST} is none of this project",
+                code=Code.INVALID_DATASET,
+            ) from None
         except ValueError as error:
-            raise InputError(f"{self._url}: its {layout.MANIFEST} is damaged ({error})") from None
+            raise InputError(
+                f"{self._url}: its {layout.MANIFEST} is damaged ({error})", code=Code.INVALID_DATASET
+            ) from None
 
     def _entries(self, folders: set[str]) -> Iterator[tuple[str, int | None]]:
         """Every entry of the manifest's folders, with the size of a file, and None for another folder."""

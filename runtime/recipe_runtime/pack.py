@@ -19,11 +19,11 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from recipe_compiler.canonical import canonical_bytes
-from recipe_compiler.errors import InputError, Place, Problem
+from recipe_compiler.errors import Code, InputError, Place, Problem
 from recipe_compiler.files import read_regular
 
 from recipe_runtime.store import host_errors
@@ -76,11 +76,11 @@ def read(path: Path) -> Pack:
             raise ValueError(f"it is larger than {MOST_BYTES >> 20} MiB")
         return _loads(body)
     except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; `recipe pack` makes one") from None
+        raise InputError(f"{path}: there is no such file; `recipe pack` makes one", code=Code.FILE_NOT_FOUND) from None
     except (OSError, zipfile.BadZipFile, InputError, *_DAMAGE) as error:
         told = str(error).splitlines() or [type(error).__name__]  # zipfile's EOFError says nothing
         reason = (isinstance(error, OSError) and error.strerror) or told[0]
-        raise InputError(f"{path}: is not a pack that can be used: {reason}") from None
+        raise InputError(f"{path}: is not a pack that can be used: {reason}", code=Code.INVALID_PACK) from None
 
 
 Named = tuple[str, Collection[str]]  # a recipe's name, and the files that it names
@@ -169,5 +169,5 @@ def _placed(error: InputError, folder: str, pack: str) -> list[Problem]:
         place = problem.place
         if place is not None:
             place = Place(place.file.replace(folder, pack), place.line, place.column)
-        found.append(Problem(problem.message.replace(folder, pack), place))
+        found.append(replace(problem, message=problem.message.replace(folder, pack), place=place))
     return found

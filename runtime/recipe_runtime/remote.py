@@ -18,7 +18,7 @@ from typing import Any
 
 import fsspec
 from recipe_compiler.canonical import canonical_bytes
-from recipe_compiler.errors import InputError, RecipeError, RunError
+from recipe_compiler.errors import Code, InputError, RecipeError, RunError
 
 from recipe_runtime import layout, manifest_reader, urls
 from recipe_runtime.engines import Progress
@@ -33,7 +33,8 @@ SCHEMES = (
 )  # fmt: skip
 _MOST_NOTE = 10_000  # bytes
 _AT_ONCE = 8  # files on their way
-_EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs"}
+_S3, _GCS = "s3fs>=2024.6", "gcsfs>=2024.6"  # as the extras s3 and gcs of pyproject.toml require them
+_LIBRARIES = {"s3": _S3, "s3a": _S3, "gs": _GCS, "gcs": _GCS}
 Rows = dict[str, tuple[int, str]]  # path -> size, SHA-256
 
 
@@ -226,22 +227,26 @@ def told(url: str, remedy: str) -> Iterator[None]:
     except RecipeError:
         raise
     except ImportError as error:
-        extra = _EXTRAS.get(url.partition("://")[0].lower())
-        raise InputError(
-            f"{shown}: its library is not installed; "
-            + (f"pip install 'dataset-recipe[{extra}]'" if extra else _plain(error, url))
-        ) from None
+        library = _LIBRARIES.get(url.partition("://")[0].lower())
+        help = f"install it: pip install '{library}'" if library else _plain(error, url)
+        raise InputError(f"{shown}: its library is not installed", help=help, code=Code.MISSING_LIBRARY) from None
     except FileNotFoundError:
-        raise InputError(f"{shown}: there is no such place (a bucket must be there already)") from None
+        raise InputError(
+            f"{shown}: there is no such place (a bucket must be there already)", code=Code.REMOTE
+        ) from None
     except PermissionError as error:
-        raise RunError(f"{shown}: access was refused ({_plain(error, url)}); see to credentials and rights") from None
+        raise RunError(
+            f"{shown}: access was refused ({_plain(error, url)}); see to credentials and rights", code=Code.REMOTE
+        ) from None
     except ValueError as error:
-        raise InputError(f"{shown}: {_plain(error, url)}") from None
+        raise InputError(f"{shown}: {_plain(error, url)}", code=Code.REMOTE) from None
     except Exception as error:  # each store has errors of its own
         if type(error).__name__ == "NoCredentialsError":
             found = "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
-            raise RunError(f"{shown}: there are no credentials; {found}") from None
-        raise RunError(f"{shown}: {type(error).__name__}: {_plain(error, url)}; {remedy}") from error
+            raise RunError(f"{shown}: there are no credentials; {found}", code=Code.REMOTE) from None
+        raise RunError(
+            f"{shown}: {type(error).__name__}: {_plain(error, url)}; {remedy}", code=Code.REMOTE
+        ) from None  # its text may hold secrets
 
 
 def _plain(error: Exception, url: str) -> str:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.canonical import digest
-from recipe_compiler.errors import InputError
+from recipe_compiler.errors import Code, InputError
 from recipe_compiler.plan import ScenarioPlan, ScenePlan, SensorPlan
 from recipe_compiler.wording import count
 
@@ -179,7 +179,9 @@ class Scenario(Sequence[Frame]):
         """
         frame, plan = self._number(frame), self._sensor(sensor)
         if modality not in plan.capture:
-            raise InputError(f"the sensor {plan.name} captures {', '.join(plan.capture)}, not {modality!r}")
+            raise InputError(
+                f"the sensor {plan.name} captures {', '.join(plan.capture)}, not {modality!r}", code=Code.UNKNOWN_NAME
+            )
         if self._kept is None:
             return self._render(frame, plan, modality)
         key = self._key(frame, plan, modality)
@@ -232,5 +234,5 @@ class Scenario(Sequence[Frame]):
         if name is None:
             return next(iter(self._rig.values()))
         if name not in self._rig:
-            raise InputError(f"the rig has no sensor {name!r}; it has {', '.join(self._rig)}")
+            raise InputError(f"the rig has no sensor {name!r}; it has {', '.join(self._rig)}", code=Code.UNKNOWN_NAME)
         return self._rig[name]

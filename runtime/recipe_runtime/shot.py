@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.errors import InputError
+from recipe_compiler.errors import Code, InputError
 from recipe_compiler.plan import ScenarioPlan, ScenePlan, SensorPlan
 
 from recipe_runtime import encode
@@ -49,7 +49,7 @@ class Shot:
 
     def write(self, path: Path, *, replace: bool = False) -> None:
         """Write the picture as a PNG, whole or not at all. InputError if a file is there, and not `replace`."""
-        with host_errors(str(path), "choose another --output"):
+        with host_errors(str(path), "choose another file"):
             write_output(path, self.encoded(), replace=replace)
 
 
@@ -78,10 +78,14 @@ def shot(
     frames = scene.clock.frames
     frame = frames // 2 if frame is None else frame
     if frame >= frames:
-        raise InputError(f"frame {frame} is not there: {scenario.variant} has frames 0 to {frames - 1}")
+        raise InputError(
+            f"frame {frame} is not there: {scenario.variant} has frames 0 to {frames - 1}", code=Code.OUT_OF_RANGE
+        )
     modality = modality or ("rgb" if "rgb" in plan.capture else plan.capture[0])
     if modality not in plan.capture:
-        raise InputError(f"the sensor {plan.name} captures {', '.join(plan.capture)}, not {modality!r}")
+        raise InputError(
+            f"the sensor {plan.name} captures {', '.join(plan.capture)}, not {modality!r}", code=Code.UNKNOWN_NAME
+        )
     place = devices(device)[0]
     with leased(store.root), ThreadPoolExecutor(max_workers=1) as background:
         loading = background.submit(engines.renderer, scene, place)
@@ -111,5 +115,5 @@ def _pick(rig: dict[str, SensorPlan], name: str | None) -> SensorPlan:
     if name is None:
         return next(iter(rig.values()))
     if name not in rig:
-        raise InputError(f"the rig has no sensor {name!r}; it has {', '.join(rig)}")
+        raise InputError(f"the rig has no sensor {name!r}; it has {', '.join(rig)}", code=Code.UNKNOWN_NAME)
     return rig[name]

@@ -34,11 +34,12 @@ def without_secrets(text: str, *urls: str) -> str:
 
 def shown(url: str) -> str:
     """One whole URL, to be shown; its white space is part of it."""
-    return without_secrets(re.sub(r"\s", "%20", url))
+    text = re.sub(r"\s", "%20", url)
+    return _URL.sub(lambda match: f"{match['scheme']}://{_masked(match['scheme'], match['rest'], whole=True)}", text)
 
 
-def _masked(scheme: str, rest: str) -> str:
-    end = _END.search(rest)
+def _masked(scheme: str, rest: str, whole: bool = False) -> str:
+    end = None if whole else _END.search(rest)
     rest, tail = (rest[: end.start()], end[0]) if end else (rest, "")
     user, password, place = _split(scheme, rest)
     head = "" if place == rest else f"{user}:{MASK}@" if password is not None else f"{MASK}@"

@@ -23,7 +23,7 @@ from types import TracebackType
 from typing import Any
 
 from recipe_compiler.canonical import pretty
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.errors import Code, InputError, RunError
 
 from recipe_runtime import layout, manifest_reader
 from recipe_runtime.journal import FolderJournal
@@ -206,7 +206,9 @@ class Workspace:
             except BlockingIOError:
                 os.close(self._lock)
                 raise RunError(
-                    f"another build is writing {self.out}; wait for it, or build with another --out"
+                    f"another build is writing {self.out}",
+                    help="wait for it, or choose another folder",
+                    code=Code.OUTPUT_IN_THE_WAY,
                 ) from None
             except OSError:
                 return  # a file system without locks
@@ -260,15 +262,18 @@ class Workspace:
 def check_out(out: Path) -> None:
     """InputError if anything but a dataset of ours, and it alone, stands where one is to be put."""
     if out.is_symlink() or (out.exists() and not out.is_dir()):
-        raise InputError(f"{out} is not a folder; choose another with --out")
+        raise InputError(f"{out} is not a folder", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
     if out.is_mount():  # one rename publishes, and none can put a folder there
-        raise InputError(f"{out} is where a disk is mounted; choose a folder in it, such as --out {out / 'dataset'}")
+        remedy = f"choose a folder in it, such as {out / 'dataset'}"
+        raise InputError(f"{out} is where a disk is mounted", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
     if not out.is_dir() or not any(out.iterdir()):
         return
     manifest = read_manifest(out)
     if manifest is None:
         raise InputError(
-            f"{out} holds files but no {layout.MANIFEST} of a dataset; move it away or choose another with --out"
+            f"{out} holds files but no {layout.MANIFEST} of a dataset",
+            help="move it away, or choose another folder",
+            code=Code.OUTPUT_IN_THE_WAY,
         )
     try:
         known = {layout.MANIFEST, *listed_files(manifest)}

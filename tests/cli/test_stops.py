@@ -14,8 +14,11 @@ from recipe_runtime import pool
 from recipe_runtime.schedule import Shard
 from recipe_runtime.worker import Job
 
+from tests.cli.reading import problems
 from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES
+
+_NONE = "interrupted; no frame was finished yet; build again to start over"
 
 FRAMES = 12
 Runner = Callable[..., pool.Seconds]
@@ -56,9 +59,12 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Re
 
 def test_an_interrupted_build_counts_the_frames_that_it_kept(command: Callable[..., Result]) -> None:
     first = command(_stopping(0))
-    assert (first.exit_code, first.stderr) == (130, "interrupted; no frame was finished yet\n")
+    assert (first.exit_code, problems(first.stderr)) == (130, [_NONE])
     second = command(_stopping(1))  # a shard is five frames in each of two weathers
-    assert (second.exit_code, second.stderr) == (130, "interrupted; 10 of 12 frames are kept; build again to go on\n")
+    assert (second.exit_code, problems(second.stderr)) == (
+        130,
+        ["interrupted; 10 of 12 frames are kept; build again to go on"],
+    )
     again = command(_stopping(0))
     assert again.stderr == second.stderr  # what an earlier build left is kept by one that did nothing
     whole = command(_whole)
@@ -70,7 +76,7 @@ def test_frames_of_another_recipe_are_not_counted(command: Callable[..., Result]
     command(_stopping(1))
     recipe = tmp_path / "small.yaml"
     recipe.write_text(recipe.read_text().replace("yaw: 40", "yaw: 41"))
-    assert command(_stopping(0)).stderr == "interrupted; no frame was finished yet\n"
+    assert problems(command(_stopping(0)).stderr) == [_NONE]
 
 
 def test_an_interrupted_copy_says_that_the_dataset_is_whole(
@@ -84,17 +90,19 @@ def test_an_interrupted_copy_says_that_the_dataset_is_whole(
     monkeypatch.setattr(Target, "put", put)
     url = f"file://{tmp_path}/there"
     stopped = command(_whole, "--out", url)
-    assert stopped.stderr == f"interrupted; datasets/small is whole; build again to go on copying it to {url}\n"
+    assert problems(stopped.stderr) == [
+        f"interrupted; datasets/small is whole; build again to go on copying it to {url}"
+    ]
 
 
 def test_an_interrupted_repair_claims_nothing(command: Callable[..., Result], tmp_path: Path) -> None:
     command(_whole)
     picture = tmp_path / "datasets/small/weather=dry/street/rgb/000001.png"
     picture.write_bytes(picture.read_bytes()[:-1] + b"!")
-    nothing = "interrupted; run it again with --repair to mend what is still damaged\n"
-    assert command(_stopping(0), "--repair").stderr == nothing
-    some = "interrupted; 2 of 12 frames are kept; run it again with --repair to go on\n"
-    assert command(_stopping(1), "--repair").stderr == some
+    nothing = "interrupted; run it again with --repair to mend what is still damaged"
+    assert problems(command(_stopping(0), "--repair").stderr) == [nothing]
+    some = "interrupted; 2 of 12 frames are kept; run it again with --repair to go on"
+    assert problems(command(_stopping(1), "--repair").stderr) == [some]
     mended = command(_whole, "--repair")
     told = "mended: weather=dry/street/rgb/000001.png has other bytes than the manifest says\n"
     assert (mended.exit_code, mended.stdout.startswith(told)) == (0, True)
@@ -118,5 +126,5 @@ def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
     with monkeypatch.context() as patch:
         patch.setattr(housekeeping, "tidy", tidy)
         stopped = command(_whole, "--repair")
-    assert stopped.stderr == "interrupted; run it again with --repair to mend what is still damaged\n"
+    assert problems(stopped.stderr) == ["interrupted; run it again with --repair to mend what is still damaged"]
     assert picture.read_bytes() == whole  # it was in place by then

@@ -31,12 +31,12 @@ def command(pattern: str, pictures: Path | None, replace: bool, as_json: bool) -
     `dashcam` is a mount on the vehicle, in metres, that sees the road ahead: `mount: {on: car, x: 1.2, z: 1.25}`.
     """
     found = _matching(pattern)
-    if as_json:
-        print_json([_row(blueprint) for blueprint in found])
-    else:
+    if not as_json:
         _print_table(found)
     if pictures is not None:
         _draw(found, pictures, replace)
+    if as_json:  # last: a run that fails prints its errors as the one document
+        print_json([_row(blueprint) for blueprint in found])
 
 
 def _matching(pattern: str) -> tuple[Blueprint, ...]:

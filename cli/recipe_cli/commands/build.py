@@ -17,6 +17,7 @@ from recipe_cli.arguments import (
     ALLOW_LARGE,
     DEVICE,
     JSON,
+    RECIPES,
     REPLACE,
     WORKERS,
     LocalPath,
@@ -26,7 +27,7 @@ from recipe_cli.arguments import (
     unpacks,
     worker_count,
 )
-from recipe_cli.console import print_json, say, warn
+from recipe_cli.console import fail, print_json, say, warn
 from recipe_cli.places import free_disk, lockfile_path, read_lockfile, recipe_files, source_of
 from recipe_cli.progress import Progress
 
@@ -56,7 +57,7 @@ def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @click.command("build")
-@click.argument("recipe", type=LocalPath(path_type=Path), required=False, metavar="RECIPE")
+@click.argument("recipe", type=LocalPath(path_type=Path), required=False, metavar="RECIPE", shell_complete=RECIPES)
 @click.option(
     "--out",
     metavar="DIR|URL",
@@ -98,7 +99,7 @@ def command(
     as_json: bool,
 ) -> None:
     """Build RECIPE's dataset, and check it against its lockfile if there is one."""
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.errors import Code, InputError, Problem
 
     if ray and device not in ("cpu", "cuda"):
         raise InputError(f"--device {device}: on a cluster, every worker has a GPU of its own; write cuda")
@@ -145,7 +146,8 @@ def command(
             )
             copied = target.put(result.path, progress, replace=replace) if target else None
     except KeyboardInterrupt:
-        say(_interrupted(compiled.plan, folder, repair, target), err=True)
+        what, remedy = _interrupted(compiled.plan, folder, repair, target)
+        fail([Problem(what, help=remedy, code=Code.INTERRUPTED)])
         raise click.exceptions.Exit(130) from None
     differences = _against(lock, recipe, compiled, result)
     if as_json:
@@ -201,7 +203,7 @@ def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None
 
     Unless `frozen`, the whole plan must be the lockfile's.
     """
-    from recipe_compiler.errors import InputError, Problem
+    from recipe_compiler.errors import Code, InputError, Problem
     from recipe_compiler.plan import DatasetPlan
     from recipe_runtime.compare import compare_files, compare_plans
 
@@ -219,19 +221,22 @@ def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None
         )
     differences += compare_plans(plan, known)
     if differences:
-        raise InputError([Problem(f"{path}: {difference}") for difference in differences])
+        remedy = "`recipe lock --update` locks what the recipe says now"
+        raise InputError(
+            [Problem(f"{path}: {difference}", help=remedy, code=Code.OUTDATED_LOCKFILE) for difference in differences]
+        )
     return plan
 
 
 def _warn_if_outdated(compiled: Compiled, path: Path, known: Lockfile) -> None:
     """Say before the work that its end will differ from the lockfile."""
-    from recipe_compiler.errors import Problem
+    from recipe_compiler.errors import Code, Problem
     from recipe_runtime.compare import compare_files, compare_plans
 
     found = compare_files(compiled.plan, known, compiled.files) or compare_plans(compiled.plan, known)
     if found:
         remedy = "this builds what the recipe says now, and ends with exit code 1; --locked refuses to"
-        warn(Problem(f"{path} is outdated: {found[0].message}; {remedy}"))
+        warn(Problem(f"{path} is outdated: {found[0].message}", help=remedy, code=Code.OUTDATED_LOCKFILE))
 
 
 def _note_text(compiled: Compiled, lock: tuple[Path, Lockfile] | None) -> None:
@@ -257,8 +262,8 @@ def _against(
     return [f"{path.name}: {difference}" for difference in compare_locks(compiled.plan, lock, made)]
 
 
-def _interrupted(plan: DatasetPlan, folder: Path, repair: bool, target: Target | None) -> str:
-    """What an interrupted build leaves behind."""
+def _interrupted(plan: DatasetPlan, folder: Path, repair: bool, target: Target | None) -> tuple[str, str]:
+    """What an interrupted build leaves behind, and how to go on."""
     from recipe_runtime.build import kept_frames
     from recipe_runtime.manifest import is_whole
     from recipe_runtime.workspace import read_manifest
@@ -266,13 +271,12 @@ def _interrupted(plan: DatasetPlan, folder: Path, repair: bool, target: Target |
     kept, manifest = kept_frames(plan, folder), read_manifest(folder)
     if kept:
         again = "run it again with --repair" if repair else "build again"  # a plain build goes by sizes alone
-        return f"interrupted; {kept:,} of {count(_frames(plan), 'frame')} are kept; {again} to go on"
+        return f"interrupted; {kept:,} of {count(_frames(plan), 'frame')} are kept", f"{again} to go on"
     if repair:  # it may have been stopped before the mended dataset was put in place, or after
-        return "interrupted; run it again with --repair to mend what is still damaged"
+        return "interrupted", "run it again with --repair to mend what is still damaged"
     if manifest is not None and is_whole(manifest, plan, folder):
-        more = f"; build again to go on copying it to {target.url}" if target else ""
-        return f"interrupted; {folder} is whole{more}"
-    return "interrupted; no frame was finished yet"
+        return f"interrupted; {folder} is whole", f"build again to go on copying it to {target.url}" if target else ""
+    return "interrupted; no frame was finished yet", "build again to start over"
 
 
 def _frames(plan: DatasetPlan) -> int:

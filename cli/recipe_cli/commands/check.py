@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 from recipe_compiler.wording import count
 
-from recipe_cli.arguments import JSON, LocalPath, opened, worker_count
+from recipe_cli.arguments import JSON, RECIPES, LocalPath, opened, worker_count
 from recipe_cli.console import print_json, row, say, warn
 from recipe_cli.places import memory
 
@@ -17,10 +18,10 @@ if TYPE_CHECKING:
 
 
 @click.command("check")
-@click.argument("recipes", nargs=-1, required=True, type=LocalPath(path_type=Path))
+@click.argument("recipes", nargs=-1, required=True, type=LocalPath(path_type=Path), shell_complete=RECIPES)
 @JSON
 def command(recipes: tuple[Path, ...], as_json: bool) -> None:
-    """Read RECIPES and report every mistake in them, each as one line: file:line:column, what, remedy."""
+    """Read RECIPES and report every mistake in them, each with its place, its line of text and a remedy."""
     from recipe_compiler.errors import InputError
 
     problems: list[tuple[Path, Problem]] = []
@@ -49,14 +50,13 @@ def command(recipes: tuple[Path, ...], as_json: bool) -> None:
 def _checked(path: Path) -> tuple[int, list[Problem]]:
     """How many variants a recipe has and what to warn of; that it is large is no mistake."""
     from recipe_compiler.compile import compile_recipe
-    from recipe_compiler.errors import Problem
     from recipe_compiler.limits import TooLargeError
 
     try:
         compiled = compile_recipe(path, memory=memory(worker_count(None)))
         return len(compiled.plan.variants), list(compiled.warnings)
     except TooLargeError as large:
-        note = Problem(f"{'; '.join(large.reasons)}; `recipe plan` and `recipe build` need --allow-large", large.place)
+        note = replace(large.problems[0], help="`recipe plan` and `recipe build` need --allow-large")
         if large.cost.over_to_compile():
             return large.cost.variants, [note]
         compiled = compile_recipe(path, allow_large=True)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import click
 
-from recipe_cli.arguments import REPLACE, LocalPath
-from recipe_cli.console import say
+from recipe_cli.arguments import JSON, REPLACE, LocalPath
+from recipe_cli.console import print_json, say
 
 
 @click.command("init")
@@ -24,7 +24,8 @@ from recipe_cli.console import say
     help="The folder to write it to; made if it is not there.",
 )
 @REPLACE
-def command(name: str, folder: Path, replace: bool) -> None:
+@JSON
+def command(name: str, folder: Path, replace: bool, as_json: bool) -> None:
     """Write NAME.yaml: a street with people and cars, a camera, three weathers; and what to run next."""
     from recipe_compiler.errors import InputError, RunError
     from recipe_compiler.schema import template
@@ -38,6 +39,9 @@ def command(name: str, folder: Path, replace: bool) -> None:
         path.write_text(template(name), encoding="utf-8")
     except OSError as error:
         raise RunError(f"{path} cannot be written: {error.strerror or error}; choose another --dir") from None
+    if as_json:
+        print_json({"file": str(path)})
+        return
     say(f"{path} written. Next:")
     shown = shlex.quote(str(path))
     for line in (f"recipe plan {shown}", f"recipe shot {shown} -o shot.png", f"recipe build {shown}"):

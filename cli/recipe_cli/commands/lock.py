@@ -11,6 +11,8 @@ from recipe_compiler.wording import count as counted
 from recipe_cli.arguments import (
     ALLOW_LARGE,
     DEVICE,
+    JSON,
+    RECIPES,
     REPLACE,
     WORKERS,
     LocalPath,
@@ -18,7 +20,7 @@ from recipe_cli.arguments import (
     engines_for,
     worker_count,
 )
-from recipe_cli.console import say
+from recipe_cli.console import print_json, say
 from recipe_cli.places import check_lockfile_is_of, lockfile_path, source_of
 from recipe_cli.progress import Progress
 
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 
 
 @click.command("lock")
-@click.argument("recipes", nargs=-1, required=True, type=LocalPath(path_type=Path))
+@click.argument("recipes", nargs=-1, required=True, type=LocalPath(path_type=Path), shell_complete=RECIPES)
 @click.option("--update", is_flag=True, help="Replace the recipe's lockfile if it says something else.")
 @REPLACE
 @click.option(
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 @DEVICE
 @WORKERS
 @ALLOW_LARGE
+@JSON
 def command(
     recipes: tuple[Path, ...],
     update: bool,
@@ -49,6 +52,7 @@ def command(
     device: str,
     workers: int | None,
     allow_large: bool,
+    as_json: bool,
 ) -> None:
     """Write a digest of every frame of RECIPES into lockfiles/<recipe>.lock.
 
@@ -62,6 +66,7 @@ def command(
     from recipe_runtime.reuse import known_frames
 
     count = worker_count(workers, device)
+    rows: list[dict[str, object]] = []
     compiled = [compile_quietly(recipe, allow_large=allow_large, workers=count) for recipe in recipes]
     places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]
     _check_apart(recipes, places)
@@ -95,6 +100,12 @@ def command(
         if with_traces or traces.beside(path).exists():  # a file that is there must not fall behind
             written |= traces.write(traces.beside(path), motion, replace=replace)
         known.close()
+        rows.append(
+            {"recipe": str(recipe), "lockfile": str(path), "identity": made.identity, "written": written}
+            | {"taken_frames": known.taken_frames, "resumed_frames": known.resumed_frames}
+        )
+        if as_json:
+            continue
         say(f"{path} {'written' if written else 'is up to date'}{_note(there, made)}")
         say(made.identity)
         for number, whence in (
@@ -103,6 +114,8 @@ def command(
         ):
             if number:
                 say(f"{counted(number, 'frame')} taken over from {whence}")
+    if as_json:
+        print_json({"lockfiles": rows})
 
 
 def _note(there: Lockfile | None, made: Lockfile) -> str:

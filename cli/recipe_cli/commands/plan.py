@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.wording import count
 
+from recipe_cli import completion
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, unpacks, worker_count
 from recipe_cli.console import print_document, print_json, say
 from recipe_cli.places import memory
@@ -20,7 +21,12 @@ if TYPE_CHECKING:
 @click.command("plan")
 @RECIPE
 @ALLOW_LARGE
-@click.option("--variant", metavar="NAME", help="Print this variant's expanded plan as JSON.")
+@click.option(
+    "--variant",
+    metavar="NAME",
+    shell_complete=completion.variants,
+    help="Print this variant's expanded plan as JSON.",
+)
 @JSON
 @unpacks("recipe")
 def command(recipe: Path, allow_large: bool, variant: str | None, as_json: bool) -> None:

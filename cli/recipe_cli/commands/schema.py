@@ -6,14 +6,15 @@ from pathlib import Path
 
 import click
 
-from recipe_cli.arguments import REPLACE, LocalPath, writing
-from recipe_cli.console import print_document, say
+from recipe_cli.arguments import JSON, REPLACE, LocalPath, writing
+from recipe_cli.console import print_document, print_json, say
 
 
 @click.command("schema")
 @click.option("-o", "--output", type=LocalPath(path_type=Path, dir_okay=False), help="Write it to this file.")
 @REPLACE
-def command(output: Path | None, replace: bool) -> None:
+@JSON
+def command(output: Path | None, replace: bool, as_json: bool) -> None:
     """Print the JSON Schema of recipes, so that editors complete and check them."""
     import json
 
@@ -27,4 +28,7 @@ def command(output: Path | None, replace: bool) -> None:
 
         with writing(output):
             write_output(output, f"{text}\n".encode(), replace=replace)
-        say(f"{output} written", err=True)
+        if as_json:
+            print_json({"file": str(output)})
+        else:
+            say(f"{output} written", err=True)

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import click
 
+from recipe_cli import completion
 from recipe_cli.arguments import (
     ALLOW_LARGE,
     DEVICE,
     JSON,
     RECIPE,
     REPLACE,
+    VARIANT,
     LocalPath,
     compile_quietly,
     engines_for,
@@ -25,10 +27,15 @@ from recipe_cli.progress import Progress
 
 @click.command("shot")
 @RECIPE
-@click.option("--variant", metavar="NAME", help="The variant; the first by default.")
-@click.option("--sensor", metavar="NAME", help="The sensor; the first by default.")
+@VARIANT
+@click.option("--sensor", metavar="NAME", shell_complete=completion.sensors, help="The sensor; the first by default.")
 @click.option("--frame", type=click.IntRange(0), help="The frame; the middle one by default.")
-@click.option("--modality", metavar="NAME", help="rgb, depth, instance or semantic; rgb if it is captured.")
+@click.option(
+    "--modality",
+    metavar="NAME",
+    shell_complete=completion.modalities,
+    help="rgb, depth, instance or semantic; rgb if it is captured.",
+)
 @click.option("-o", "--output", type=LocalPath(path_type=Path, dir_okay=False), help="The PNG; by default its name.")
 @click.option("--map", "as_map", is_flag=True, help="Draw the town from above instead; RECIPE may be a town's name.")
 @REPLACE

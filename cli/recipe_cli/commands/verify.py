@@ -15,13 +15,14 @@ from recipe_cli.arguments import (
     WORKERS,
     LocalPath,
     PlaceOrUrl,
+    compile_quietly,
     dataset_at,
     engines_for,
     opened,
     shown,
     worker_count,
 )
-from recipe_cli.console import COLOURS, Styled, print_json, say
+from recipe_cli.console import COLOURS, Styled, print_json, row, say, state
 from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 
@@ -106,7 +107,7 @@ def command(
         pictures=pictures,
         allow_large=allow_large,
     )
-    reports = []
+    reports, run = [], state()
     if against is not None and (len(targets) != 1 or _is_dataset(targets[0]) or integrity):
         raise InputError("--against holds a dataset against one recipe or lockfile; name that one")
     for target in targets or _all_lockfiles():
@@ -116,10 +117,12 @@ def command(
             with opened(target) if isinstance(target, Path) else nullcontext(target) as place:
                 report = _verify(place, options, allow_large, against)
         reports.append(report)
+        warnings, run.warnings = [row(warning) for warning in run.warnings], []
+        run.partial.setdefault("reports", []).append({**report.document(), "warnings": warnings})
         if not as_json:
             _say(target, report)
     if as_json:
-        print_json([report.document() for report in reports])
+        print_json(run.partial["reports"])
     raise click.exceptions.Exit(min((_EXIT[r.verdict] for r in reports), key=(1, 3, 0).index))
 
 
@@ -151,7 +154,6 @@ def _integrity(target: Path | str, options: Options) -> Report:
 
 def _verify(target: Path | str, options: Options, allow_large: bool, against: Path | str | None) -> Report:
     from recipe_compiler import lockfile
-    from recipe_compiler.compile import compile_recipe
     from recipe_runtime import dataset, traces
     from recipe_runtime.store import default_cache
     from recipe_runtime.verify import verify
@@ -165,9 +167,9 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
             held = dataset.read(stack.enter_context(dataset_at(against, progress)), shown(against))
         if target.suffix == ".lock":
             path, lock = target, lockfile.read(target)
-            compiled = compile_recipe(recipe_of(path, lock), allow_large=allow_large)
+            compiled = compile_quietly(recipe_of(path, lock), allow_large=allow_large)
         else:
-            compiled = compile_recipe(target, allow_large=allow_large)
+            compiled = compile_quietly(target, allow_large=allow_large)
             path = lockfile_path(target, compiled.plan.recipe)
             lock = held.lock if held is not None and not path.exists() else lockfile.read(path, compiled.plan)
             if held is None or lock is not held.lock:

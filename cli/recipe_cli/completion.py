@@ -1,0 +1,77 @@
+"""What a shell completes: recipe files, and the names in the recipe that is on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from click.shell_completion import CompletionItem
+
+if TYPE_CHECKING:
+    from recipe_compiler.outline import Outline
+
+Completer = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
+_MODALITIES = ("rgb", "depth", "instance", "semantic")
+_MAX_FILES = 500
+SUFFIXES = (".yaml", ".yml", ".recipe")
+
+
+def files(*suffixes: str) -> Completer:
+    """Files with one of these suffixes, in the folder typed and one below it; any file if there are none."""
+
+    def complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        folder = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
+        try:
+            found = sorted(p for s in suffixes for level in ("*", "*/*") for p in folder.glob(f"{level}{s}"))
+        except OSError:
+            found = []
+        names = _items((str(path) for path in found[:_MAX_FILES] if not path.name.startswith(".")), incomplete)
+        return names or [CompletionItem(incomplete, type="file")]
+
+    return complete
+
+
+def variants(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """The variants of the recipe."""
+    return _items(_outline(context).variants, incomplete)
+
+
+def sensors(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """The sensors of the recipe."""
+    return _items(_outline(context).sensors, incomplete)
+
+
+def modalities(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """The modalities that the recipe captures, else all."""
+    return _items(_outline(context).modalities or _MODALITIES, incomplete)
+
+
+def devices(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """cpu, cuda, and each GPU here."""
+    numbers = sorted(int(path.name[6:]) for path in Path("/dev").glob("nvidia[0-9]*") if path.name[6:].isdigit())
+    return _items(["cpu", "cuda", *(f"cuda:{number}" for number in numbers)], incomplete)
+
+
+def _items(names: Iterable[str], incomplete: str) -> list[CompletionItem]:
+    """Those that begin so and that a shell can take: a name may come from outside."""
+    return [CompletionItem(name) for name in names if name.startswith(incomplete) and name.isprintable()]
+
+
+def _outline(context: click.Context) -> Outline:
+    """The names in the recipe on the command line; none if it cannot be read: a shell is told nothing of it."""
+    from recipe_compiler.outline import Outline, outline
+
+    from recipe_cli.arguments import opened
+
+    # Click stops at the option that is completed and leaves the arguments before it as they are.
+    words = [context.params.get("recipe"), *context.args]
+    path = next((str(word) for word in words if word is not None and str(word).endswith(SUFFIXES)), None)
+    if path is None:
+        return Outline()
+    try:
+        with opened(Path(path)) as recipe:
+            return outline(recipe)
+    except Exception:
+        return Outline()

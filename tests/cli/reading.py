@@ -1,0 +1,21 @@
+"""Reads what the command line prints on standard error."""
+
+from __future__ import annotations
+
+import re
+
+
+def problems(stderr: str) -> list[str]:
+    """Errors and warnings as lines, `place: message; help`; a warning has `warning: ` before it. Others as they are."""
+    found: list[list[str]] = []
+    for line in stderr.splitlines():
+        head = re.match(r"(error|warning)\[[a-z-]+\]: (.*)", line)
+        if head:
+            found.append(["warning: " if head[1] == "warning" else "", "", head[2], ""])
+        elif found and (place := re.match(r" *--> (.*)", line)):
+            found[-1][1] = f"{place[1]}: "
+        elif found and line.startswith("help: "):
+            found[-1][3] = f"; {line[6:]}"
+        elif line and not re.match(r" *\d* \||note: ", line):
+            found.append(["", "", line, ""])
+    return ["".join(parts) for parts in found]

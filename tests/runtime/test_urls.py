@@ -1,0 +1,73 @@
+"""Secrets of URLs are masked wherever a URL is shown, in errors of the libraries underneath too."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from recipe_compiler.errors import InputError, RunError
+from recipe_runtime import urls
+from recipe_runtime.remote import told
+
+MASKED = {
+    "s3://KEY:sec/ret@bucket/name": "s3://KEY:***@bucket/name",
+    "s3://KEY:/12/3@bucket/name": "s3://KEY:***@bucket/name",
+    "s3://KEY:12/secret@bucket/name": "s3://KEY:***@bucket/name",
+    "ftp://user:p@ss@host/x": "ftp://user:***@host/x",
+    "https://user:p@ss/word@host/x": "https://user:***@host/x",
+    "az://box/x?sv=2024&sig=a%2Fb": "az://box/x?***",
+    "https://b.s3.amazonaws.com/x?X-Amz-Credential=K&X-Amz-Signature=0f": "https://b.s3.amazonaws.com/x?***",
+    "https://storage.googleapis.com/b/x?X-Goog-Signature=0f": "https://storage.googleapis.com/b/x?***",
+    "https://host/x?token=t#part": "https://host/x?***#***",
+    "https://host/x#access_token=t": "https://host/x#***",
+    "https://ghp_0123456789abcdefghij@host/x": "https://***@host/x",
+    "simplecache::s3://KEY:se/cret@bucket/x": "simplecache::s3://KEY:***@bucket/x",
+    "zip://in.json::https://host/a.zip?sig=abcd": "zip://in.json::https://host/a.zip?***",
+    "cannot open 'https://host/x?sig=abcd': gone": "cannot open 'https://host/x?***': gone",
+}
+KEPT = (
+    "s3://bucket/a:b@c",
+    "ftp://user@host:21/x",
+    "ftp://host:21/a@b",
+    "file:///a:b@c",
+    "a/b:c@d",
+    "is https://host/x? yes",
+    "(see https://host/x.)",
+)
+
+
+@pytest.mark.parametrize(("text", "shown"), MASKED.items())
+def test_secrets_are_masked(text: str, shown: str) -> None:
+    assert urls.without_secrets(text) == shown
+    assert urls.without_secrets(shown) == shown
+
+
+@pytest.mark.parametrize("text", KEPT)
+def test_what_is_no_secret_is_shown(text: str) -> None:
+    assert urls.without_secrets(text) == text
+
+
+_SECRET = st.text("abcXYZ019/+=@:%._~-", min_size=6, max_size=40).filter(lambda t: any(c.isalpha() for c in t))
+
+
+@given(_SECRET, st.sampled_from(["s3", "gs", "abfs"]))
+def test_no_part_of_a_password_is_left(secret: str, scheme: str) -> None:
+    url = f"{scheme}://KEY:{secret}@bucket/name"
+    assert urls.shown(url) == f"{scheme}://KEY:***@bucket/name"
+    message = f"no such place: KEY:{secret}@bucket/name"  # as a library says it, without the scheme
+    assert secret not in urls.without_secrets(message, url)
+
+
+@given(_SECRET)
+def test_no_part_of_a_signature_is_left(secret: str) -> None:
+    assert urls.shown(f"https://host/x?a=1&sig={secret}").endswith("/x?***")
+
+
+@pytest.mark.parametrize("kind", [ValueError, PermissionError, ConnectionError, ImportError])
+def test_an_error_of_a_library_tells_no_secret(kind: type[Exception]) -> None:
+    url = "s3://KEY:wJalr/XUtn@bucket/x?sig=abcdef"
+    with pytest.raises((InputError, RunError)) as caught, told(url, "try again"):
+        raise kind("403 for KEY:wJalr/XUtn@bucket, sig abcdef, at https://bucket/x?sig=abcdef&k=v")
+    text = str(caught.value)
+    assert "s3://KEY:***@bucket/x?***" in text
+    assert not any(secret in text for secret in ("wJalr", "XUtn", "abcdef"))

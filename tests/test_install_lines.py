@@ -1,0 +1,48 @@
+"""Lines that people are told to install with name what there is: extras and requirements of pyproject.toml."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.sources import ROOT
+
+PROJECT = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+EXTRAS = dict(re.findall(r"^(\w+) = \[(.*?)\]", PROJECT.partition("[project.optional-dependencies]")[2], re.M | re.S))
+TEXTS = sorted(
+    path
+    for folder in ("cli", "compiler", "runtime", "docs", ".")
+    for path in ((ROOT / folder).rglob("*") if folder != "." else ROOT.glob("*.md"))
+    if path.suffix in (".py", ".md")
+)
+
+
+def wanted(text: str) -> list[str]:
+    """What each `pip install` of a text installs, with names that stand for literals of the same file put in."""
+    return [quoted for line in re.findall(r"pip install([^`\n]*)", text) for quoted in re.findall(r"'([^']+)'", line)]
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_pip_lines_name_what_there_is(path: Path) -> None:
+    for what in wanted(path.read_text(encoding="utf-8")):
+        if what == "{library}":  # of remote.py
+            continue
+        extras = re.search(r"\[(.*)\]", what)
+        if extras:
+            assert set(extras[1].split(",")) <= set(EXTRAS), f"{path}: pip install {what}"
+            assert what.startswith(".["), f"{what}: the project is on no index; install a checkout"
+        else:
+            assert f'"{what}"' in PROJECT, f"{path}: pip install {what}"
+
+
+def test_the_libraries_of_stores_are_those_of_the_extras() -> None:
+    from recipe_runtime import remote
+
+    assert {f'"{library}"' for library in remote._LIBRARIES.values()} == {EXTRAS["s3"], EXTRAS["gcs"]}
+
+
+def test_the_lint_sees_an_extra_that_is_not_there() -> None:
+    assert wanted("write pip install 'dataset-recipe[abfs]' now") == ["dataset-recipe[abfs]"]
+    assert "abfs" not in EXTRAS and set(EXTRAS) >= {"dev", "gcs", "ray", "s3", "torch"}
