@@ -19,3 +19,8 @@ def problems(stderr: str) -> list[str]:
         elif line and not re.match(r" *\d* \||note: ", line):
             found.append(["", "", line, ""])
     return ["".join(parts) for parts in found]
+
+
+def one_line_each(stderr: str) -> str:
+    """The same as text."""
+    return "".join(f"{line}\n" for line in problems(stderr))

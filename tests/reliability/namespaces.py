@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.reading import one_line_each
 from tests.reliability.processes import TINY, Ended
 
 _TRY = "mkdir -p $1/try && mount -t tmpfs -o size=4k tmpfs $1/try && umount $1/try && rmdir $1/try"
@@ -45,7 +46,8 @@ def shell(folder: Path, script: str, **environment: str) -> dict[str, Ended]:
 
 
 def _ended(code: Path) -> Ended:
-    return Ended(int(code.read_text()), code.with_suffix(".out").read_text(), code.with_suffix(".errors").read_text())
+    errors = one_line_each(code.with_suffix(".errors").read_text())
+    return Ended(int(code.read_text()), code.with_suffix(".out").read_text(), errors)
 
 
 _PREFACE = """\

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.cli.reading import one_line_each
 from tests.sources import ROOT
 
 TINY = ROOT / "tests" / "golden" / "tiny.yaml"
@@ -48,7 +49,7 @@ class Build:
         out, errors = (path.read_text() for path in self._texts)
         for path in self._texts:
             path.unlink()
-        return Ended(code, out, errors)
+        return Ended(code, out, one_line_each(errors))
 
     def send(self, number: int, *, group: bool = False) -> None:
         """A signal to the build's process, or to all of its group as from a terminal; it may have ended."""

@@ -185,7 +185,7 @@ def test_no_cluster_is_an_error_in_a_line(tmp_path: Path) -> None:
 
     with pytest.raises(InputError) as caught, joined("127.0.0.1:1"):
         pass
-    assert str(caught.value) == "--ray 127.0.0.1:1: is no Ray cluster to join: Connection refused"
+    assert str(caught.value) == "there is no Ray cluster to join at 127.0.0.1:1: Connection refused"
 
 
 def test_a_port_that_is_no_clusters_is_an_error_in_a_line_and_soon() -> None:
@@ -197,5 +197,5 @@ def test_a_port_that_is_no_clusters_is_an_error_in_a_line_and_soon() -> None:
             pass
     assert time.monotonic() - start < 15.0  # Ray gives up after minutes
     assert str(caught.value) == (
-        f"--ray {address}: is no Ray cluster to join: what listens there does not answer as Ray does"
+        f"there is no Ray cluster to join at {address}: what listens there does not answer as Ray does"
     )

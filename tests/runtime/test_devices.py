@@ -35,7 +35,7 @@ def test_what_is_no_device_is_refused(name: str) -> None:
 
 def test_gpus_that_are_not_there_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(device_module, "cuda_devices", lambda: [])
-    with pytest.raises(InputError, match="--device cuda:0: there is no CUDA GPU here"):
+    with pytest.raises(InputError, match="device cuda:0: there is no CUDA GPU here"):
         devices("cuda:0")
     monkeypatch.setattr(device_module, "cuda_devices", lambda: ["cuda:0", "cuda:1"])
     assert (devices("cuda"), devices("cuda:1")) == (("cuda:0", "cuda:1"), ("cuda:1",))

@@ -180,7 +180,7 @@ def test_damage_is_not_sent(url: str, built: Path, tmp_path: Path) -> None:
     ("url", "message"),
     [
         ("nowhere://bucket/x", "nowhere://bucket/x: nowhere:// is no scheme for a dataset"),
-        ("gs://bucket/x", r"its library is not installed; pip install 'dataset-recipe\[gcs\]'"),
+        ("gs://bucket/x", r"its library is not installed; install it: pip install 'gcsfs>=2024\.6'"),
     ],
 )
 def test_urls_that_lead_nowhere(url: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -277,4 +277,4 @@ def test_a_server_that_does_not_answer(s3: str, tmp_path: Path, monkeypatch: pyt
     shutil.copy(TINY, tmp_path)
     done = recipe(tmp_path, "build", "tiny.yaml", "--out", s3)
     assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert done.stderr.startswith(f"{s3}: ")
+    assert done.stderr.startswith(f"error[remote]: {s3}: ")

@@ -85,7 +85,7 @@ def test_names_that_are_not_there_are_refused_at_once(dataset_class: Any) -> Non
         dataset_class(TINY, variants=["weather=snow"])
     with pytest.raises(InputError, match="no sensor 'roof'"):
         dataset_class(TINY, sensors=["roof"])
-    with pytest.raises(InputError, match="--device 'gpu' is none"):
+    with pytest.raises(InputError, match="there is no device 'gpu'"):
         dataset_class(TINY, device="gpu")
     with pytest.raises(InputError, match="captures rgb, instance, not 'depth'"):
         dataset_class(compiled(TINY), modalities=["depth"])
