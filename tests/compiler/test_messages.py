@@ -1,0 +1,144 @@
+"""Errors are plain, each once, with their variant, a remedy, and a suggestion only where a name is near."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from recipe_compiler.blueprints import names
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.errors import MAX_SHOWN, Code, InputError, Problem
+from recipe_compiler.findings import Findings
+from recipe_compiler.schema.messages import near
+from recipe_compiler.source import MAX_BYTES, parse
+
+from tests.compiler.kitchen import small
+
+
+def wrong(folder: Path, recipe: object) -> tuple[Problem, ...]:
+    path = folder / "recipe.yaml"
+    path.write_text(recipe if isinstance(recipe, str) else json.dumps(recipe))
+    with pytest.raises(InputError) as caught:
+        compile_recipe(path)
+    return caught.value.problems
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "message", "help"),
+    [
+        (
+            "base:\n    clock: 1\n  town: 2\n",
+            (3, 3),
+            "starts with 2 spaces, line 2 above it with 4",
+            "4 spaces, as line 2",
+        ),
+        ("recipe: a\n  seed: 1\n", (2, 3), "starts with 2 spaces, line 1 above it with 0", "start it with 0 spaces"),
+        ("base:\n  a: {b: 1}\n   town: x\n", (3, 4), "starts with 3 spaces, line 2 above it with 2", "with 2 spaces"),
+        ("a:\n\tb: 1\n", (2, 1), "a tab cannot indent YAML", "use spaces"),
+        ("a: {b: 1\n", (2, 1), "the `{` of line 1 is not closed", "add the `}`"),
+        ("a: 'x\nb: 1\n", (3, 1), "the quote of line 1 is not closed", "add the closing quote"),
+        ("a: 1\nseed 3\nb: 1\n", (3, 1), "line 2 has no `: ` after its key", "with a space after the colon"),
+        ("a: b: c\n", (1, 5), "a second `: ` in this line", "quote a text"),
+        ("a: 1\n- b\n", (2, 1), "an item of a list, with `-`, stands among the keys of a map", "below the key"),
+        ("a: 1\n}\n", (2, 1), "closes a bracket that is not open", "remove it"),
+    ],
+)
+def test_mistakes_of_yaml_are_told_in_plain_words(text: str, place: tuple[int, int], message: str, help: str) -> None:
+    _, (problem,) = parse(text.encode(), "f.yaml")
+    assert problem.place is not None and (problem.place.line, problem.place.column) == place
+    assert message in problem.message and problem.help is not None and help in problem.help
+    assert problem.code is Code.YAML_SYNTAX
+
+
+def test_what_is_indented_well_gets_no_hint_of_it() -> None:
+    for text in ("a:\n  b: 1\n  c: 2\n", "a:\n- b\n- c\n", "a: |\n  x\n   y\nb: 1\n", "a:\n  - b: 1\n    c: 2\n"):
+        assert parse(text.encode(), "f.yaml")[1] == []
+
+
+def test_a_bad_byte_has_its_line_and_column() -> None:
+    _, (problem,) = parse(b"recipe: a\n# caf\xe9\n", "f.yaml")
+    assert str(problem.place) == "f.yaml:2:6" and "byte 0xe9 at offset 15" in problem.message
+
+
+def test_limits_tell_what_was_reached() -> None:
+    _, (large,) = parse(b"#" * (MAX_BYTES + 1), "f.yaml")
+    assert f"{MAX_BYTES:,} bytes" in large.message and large.code is Code.INPUT_LIMIT
+    bomb = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
+        f"{b}: &{b} [{','.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcde", "bcdef", strict=True)
+    )
+    _, (alias,) = parse(bomb.encode(), "f.yaml")
+    assert "values up to here" in alias.message and "the limit is 50,000" in alias.message
+    assert alias.help == "repeat less with aliases (`*name`)"
+    _, (deep,) = parse(b"[" * 40, "f.yaml")
+    assert deep.message.startswith("33 maps or lists inside each other, the limit is 32")
+
+
+def test_an_error_of_one_variant_names_it_and_its_town(tmp_path: Path) -> None:
+    deltas = {"w": {"dry": {}, "wet": {"weather": {"wetness": 900}}}}
+    (problem,) = wrong(tmp_path, small() | {"deltas": deltas})
+    assert problem.note == "in variant w=wet, town downtown"
+    assert "(in variant w=wet, town downtown)" in str(problem)
+
+
+def test_an_error_of_every_variant_names_none(tmp_path: Path) -> None:
+    deltas = {"w": {"dry": {}, "wet": {"weather": {"wetness": 9}}}}
+    (problem,) = wrong(tmp_path, small(traffic={"vehicles": -1}) | {"deltas": deltas})
+    assert problem.note is None
+
+
+def test_an_error_of_several_variants_comes_once_and_counts_them(tmp_path: Path) -> None:
+    deltas = {"w": {"dry": {}, "wet": {"weather": {"wetness": 900}}}, "h": {"a": {}, "b": {"time": "12:00"}, "c": {}}}
+    (problem,) = wrong(tmp_path, small() | {"deltas": deltas})
+    assert problem.note == "in variant w=wet,h=a, town downtown, and in 2 other variants"
+
+
+def test_a_town_without_room_is_told_with_its_variant(tmp_path: Path) -> None:
+    deltas = {"t": {"wide": {}, "narrow": {"town": {"name": "plaza", "blocks": None}, "traffic": {"vehicles": 249}}}}
+    (problem,) = wrong(tmp_path, small() | {"deltas": deltas})
+    assert problem.code is Code.NO_ROOM and problem.note == "in variant t=narrow, town plaza"
+
+
+def test_an_error_shows_the_line_of_the_file_that_it_is_in(tmp_path: Path) -> None:
+    (tmp_path / "street.yaml").write_text("base:\n  clock: {fps: 10, frames: 0}\n")
+    (problem, *_) = wrong(tmp_path, "recipe: x\nextends: street.yaml\n")
+    assert (problem.source, problem.place and problem.place.line) == ("  clock: {fps: 10, frames: 0}", 2)
+
+
+def test_a_file_is_suggested_only_where_one_is_near(tmp_path: Path) -> None:
+    (tmp_path / "street.yaml").touch()
+    (near_,) = wrong(tmp_path, "recipe: x\nextends: strete.yaml\n")
+    assert near_.help == 'did you mean "street.yaml"?'
+    (far,) = wrong(tmp_path, "recipe: x\nextends: harbour.yaml\n")
+    assert far.help == "paths are relative to this file"
+
+
+@pytest.mark.parametrize(
+    ("word", "expected"),
+    [
+        ("walker.pedestrain.0001", "walker.pedestrian.0001"),
+        ("walker.pedestrian.9999", None),  # another number is no slip
+        ("vehicle.tesla.model3", None),
+        ("vehicle.bicycle.rode", None),
+    ],
+)
+def test_a_blueprint_is_suggested_only_where_one_is_near(word: str, expected: str | None) -> None:
+    found = near(word, names())
+    assert found == expected or (expected is None and found is not None and found.split(".")[1] == word.split(".")[1])
+    if word == "vehicle.tesla.model3":
+        assert found is None
+
+
+def test_the_text_of_many_errors_ends_with_their_number() -> None:
+    lines = str(InputError(Problem(f"wrong {n}") for n in range(MAX_SHOWN + 7))).splitlines()
+    assert len(lines) == MAX_SHOWN + 1 and lines[-1] == "and 7 more"
+
+
+def test_the_same_problem_of_thousands_of_variants_is_kept_once() -> None:
+    from recipe_compiler.expand import Variant
+    from recipe_compiler.source import Place, Value
+
+    base, problem, found = Value({}, Place("f", 1, 1)), Problem("wrong"), Findings()
+    for number in range(3000):
+        found.add([problem] * 100, Variant(f"v{number}", 0, base))
+    assert found.total == 300_000 and found.problems() == [Problem("wrong", help="")]
