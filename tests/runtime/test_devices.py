@@ -29,7 +29,7 @@ def test_the_processor_is_always_there() -> None:
 
 @pytest.mark.parametrize("name", ["gpu", "cuda:", "cuda:x", "CUDA", "cuda:-1", "", "cuda:0;rm"])
 def test_what_is_no_device_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match="there is no device .*; write cpu, cuda"):
+    with pytest.raises(InputError, match=r"there is no device .*; write cpu, cuda"):
         devices(name)
 
 
