@@ -121,7 +121,8 @@ def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = Place(file, mark.line + 1, mark.column + 1) if mark else start
-        return None, [*reader.problems, explain(error, text, place)]
+        opened = error.context_mark.line + 1 if error.context_mark else None
+        return None, [*reader.problems, explain(error.problem or "", error.context or "", opened, text, place)]
     except _StopError as stop:
         return None, [*reader.problems, stop.problem]
     if root is None and not reader.problems:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-import yaml
-
 from recipe_compiler.errors import Code, Place, Problem
 
 LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
@@ -22,31 +20,36 @@ _DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}([Tt ].*)?\Z")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+][0-9]+)?\Z")
 
 
-def explain(error: yaml.MarkedYAMLError, text: str, place: Place) -> Problem:
-    """The problem of a text that is not YAML."""
+def explain(problem: str, context: str, opened: int | None, text: str, place: Place) -> Problem:
+    """The problem of a text that is not YAML.
+
+    Args:
+        problem: what the reader of YAML says.
+        context: in what it found it.
+        opened: the line at which that starts, counted from 1.
+        text: the whole text.
+        place: where reading stopped.
+    """
     lines = LINE_BREAK.split(text)
     line = lines[place.line - 1] if place.line <= len(lines) else ""
-    if line[place.column - 1 :].startswith("\t") or line[: place.column].strip() == "" != line[: place.column].strip(
-        " "
-    ):
+    if "\t" in line[: len(line) - len(line.lstrip())]:
         return Problem("a tab cannot indent YAML", place, "use spaces", Code.YAML_SYNTAX)
     wrong = _indentation(lines, place)
     if wrong is not None:
         start = Place(place.file, place.line, len(line) - len(line.lstrip(" ")) + 1)
         return Problem(wrong[0], start, wrong[1], Code.YAML_SYNTAX)
-    known = _known(error)
+    known = _known(problem, context, opened)
     if known is not None:
         return Problem(known[0], place, known[1], Code.YAML_SYNTAX)
-    problem = (error.problem or "it cannot be read").replace("\n", " ")
-    context = f", {error.context}".replace("\n", " ") if error.context else ""
+    problem = (problem or "it cannot be read").replace("\n", " ")
+    context = f", {context}".replace("\n", " ") if context else ""
     remedy = "look at the line above, too: a quote, a bracket or a `:` may be missing"
     return Problem(f"this is not valid YAML: {problem}{context}", place, remedy, Code.YAML_SYNTAX)
 
 
-def _known(error: yaml.MarkedYAMLError) -> tuple[str, str] | None:
+def _known(problem: str, context: str, line: int | None) -> tuple[str, str] | None:
     """What is wrong and the remedy, for the errors that people meet."""
-    problem, context = error.problem or "", error.context or ""
-    opened = f"line {error.context_mark.line + 1}" if error.context_mark else "a line above"
+    opened = f"line {line}" if line else "a line above"
     if "mapping values are not allowed" in problem:
         return "there is a second `: ` in this line", "quote a text that holds `: `, or start a new line"
     for kind, brackets in (("flow mapping", "{}"), ("flow sequence", "[]")):

@@ -251,7 +251,9 @@ class Workspace:
         if other is not None and not self._replace:
             raise InputError(
                 f"{self._partial} holds the unfinished build of another recipe, {other!r}, and this is"
-                f" {self._recipe!r}; choose another folder with --out, or discard that work (--replace)"
+                f" {self._recipe!r}",
+                help="discard that work (--replace), or choose another folder (--out)",
+                code=Code.OUTPUT_IN_THE_WAY,
             )
         for child in sorted(self._partial.iterdir()):
             if child.is_dir() and child.name in ("dataset", "shards"):
