@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 from recipe_runtime.meshes import actor_body, town_bodies
-from recipe_runtime.render import Renderer
-from recipe_runtime.render.reel import Reel, Take
+from recipe_runtime.render.gpu.frame_stream import Reel, Take
+from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.trace import Trace
 from recipe_runtime.transforms import Array, part_transforms, sensor_transform
 

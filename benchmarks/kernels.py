@@ -15,7 +15,7 @@ from pathlib import Path
 from recipe_compiler.compile import compile_recipe
 from recipe_runtime.engines import real_engines
 from recipe_runtime.frames import SceneSource
-from recipe_runtime.render import Renderer
+from recipe_runtime.render.renderer import Renderer
 
 WARM = 3  # frames: what a camera that stands still remembers is there after two
 

@@ -20,8 +20,8 @@ from recipe_compiler.plan import ScenarioPlan
 from recipe_runtime.engines import real_engines
 from recipe_runtime.frames import SceneSource
 from recipe_runtime.meshes import scene_bodies
-from recipe_runtime.render import Renderer
-from recipe_runtime.render.reuse import ALL_REUSE, NO_REUSE, TemporalReuse
+from recipe_runtime.render.device.reuse import ALL_REUSE, NO_REUSE, TemporalReuse
+from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.trace import Trace
 
 from benchmarks.listing import RECIPE

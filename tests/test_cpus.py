@@ -1,7 +1,7 @@
 """Tier A: equal bytes on any x86-64 CPU, held against CPUs that are emulated whole (Debian's qemu-user).
 
 Every process of the verification runs on the emulated CPU: the wrapper stands in for the interpreter, so that
-simulation and workers are emulated too. Compiled kernels are one machine code for all CPUs (render/device.py), so
+simulation and workers are emulated too. Compiled kernels are one machine code for all CPUs (render/device/setup.py), so
 they come from this host's cache; they run emulated.
 """
 

@@ -19,8 +19,8 @@ ALLOWED_IMPORTS = {
     ("recipe_runtime/build.py", "time"): "a stopwatch, for the terminal",
     ("recipe_runtime/cluster.py", "socket"): "whether a Ray cluster answers",
     ("recipe_runtime/cluster.py", "time"): "how long a door that says nothing is waited at",
-    ("recipe_runtime/render/compiled.py", "time"): "how long another process's compiling is waited for",
-    ("recipe_runtime/render/timing.py", "time"): "a stopwatch, for the benchmark",
+    ("recipe_runtime/render/device/compiled.py", "time"): "how long another process's compiling is waited for",
+    ("recipe_runtime/render/device/timings.py", "time"): "a stopwatch, for the benchmark",
     ("recipe_compiler/sun.py", "datetime"): "dates and hours that a recipe names; never the clock",
     ("recipe_compiler/references.py", "datetime"): "whether a recipe's date is one; never the clock",
 }

@@ -158,7 +158,7 @@ def _told(differences: list[Difference]) -> list[Check]:
 def _gpus() -> list[str]:
     if host.cannot_render():
         return []
-    from recipe_runtime.render.device import cuda_devices
+    from recipe_runtime.render.device.setup import cuda_devices
 
     return cuda_devices()
 

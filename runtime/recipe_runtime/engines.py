@@ -99,7 +99,7 @@ def devices(name: str) -> tuple[str, ...]:
     reason = host.cannot_render()
     if reason:
         raise RunError(reason)
-    from recipe_runtime.render.device import cuda_devices
+    from recipe_runtime.render.device.setup import cuda_devices
 
     there = cuda_devices()
     if not there:
@@ -132,7 +132,7 @@ def _renderer(scene: ScenePlan, device: str, assets: Assets) -> SceneRenderer:
     if reason:
         raise RunError(reason)
     from recipe_runtime.meshes import scene_bodies
-    from recipe_runtime.render import Renderer
+    from recipe_runtime.render.renderer import Renderer
 
     renderer: SceneRenderer = Renderer(scene_bodies(scene, assets), device=device, images=assets.image)
     return renderer

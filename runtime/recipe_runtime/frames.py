@@ -132,7 +132,7 @@ class SceneSource:
         """A reel for what is asked for; None on a CPU, and for cameras that need one frame at a time."""
         if not self.reels:
             return None
-        from recipe_runtime.render.reel import takes
+        from recipe_runtime.render.gpu.frame_stream import takes
 
         if not takes(sensor, appearances):
             return None
@@ -147,7 +147,7 @@ class SceneSource:
     def _reeled(
         self, reel: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], watch: Stopwatch
     ) -> Iterator[Made]:
-        from recipe_runtime.render.reel import Take
+        from recipe_runtime.render.gpu.frame_stream import Take
 
         left = len(frames)
         try:
@@ -167,7 +167,7 @@ class SceneSource:
 
     def _moment(self, sensor: SensorPlan, frame: int) -> Any:
         """The frame before, or after the first: a blur is as long both ways."""
-        from recipe_runtime.render.blur import Moment
+        from recipe_runtime.render.camera.motion_blur import Moment
 
         other = frame - 1 if frame > 0 else 1
         pose = sensor_transform(sensor, self.trace, other)

@@ -40,7 +40,7 @@ class View:
 
 def portrait(actor: ActorPlan, look: Mapping[str, str], view: View | None = None) -> NDArray[np.uint8]:
     """A picture of an actor as it walks, drives or rides, 8-bit sRGB [H, W, 3]; `look` is a colour for each slot."""
-    from recipe_runtime.render import Renderer
+    from recipe_runtime.render.renderer import Renderer
 
     view = view or View()
     body, parts = actor_body(actor), matrices(stance(actor))

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from tests.runtime.render_scene import golden_digests, golden_pictures
+from tests.runtime.render.street import golden_digests, golden_pictures
 
 GOLDEN = Path(__file__).with_name("render.json")
 

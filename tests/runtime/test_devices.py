@@ -10,7 +10,7 @@ from recipe_compiler.lockfile import read
 from recipe_runtime.engines import devices, real_engines
 from recipe_runtime.frames import FrameSource, SceneSource, label_digest, pixel_digest
 from recipe_runtime.opening import compiled
-from recipe_runtime.render import device as device_module
+from recipe_runtime.render.device import setup as device_module
 from recipe_runtime.store import Store
 from recipe_runtime.verify import Options, verify
 from recipe_runtime.worker import Job, Worker

@@ -172,7 +172,7 @@ def test_the_disk_cache_tells_weathers_apart_and_shares_labels(tmp_path: Path) -
 @pytest.mark.parametrize("before", [4, 16, 28, 40])
 def test_a_frame_that_is_stopped_takes_its_renderer_along(before: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a renderer keeps from frame to frame may be half made then, so nothing of it is believed any more."""
-    from recipe_runtime.render import device
+    from recipe_runtime.render.device.setup import wp
 
     def stops(*arguments: Any, **named: Any) -> None:
         nonlocal launches
@@ -181,14 +181,14 @@ def test_a_frame_that_is_stopped_takes_its_renderer_along(before: int, monkeypat
             raise KeyboardInterrupt
         launch(*arguments, **named)
 
-    launch, launches = device.wp.launch, 0
+    launch, launches = wp.launch, 0
     with recipe_runtime.open(TINY, variant=RAIN) as fresh:
         wanted = [fresh.render(frame) for frame in range(4)]
     with recipe_runtime.open(TINY, variant=RAIN) as scenario:
         scenario.render(0)
         stopped = scenario._scenes.source(scenario.plan.scene).renderer
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            patch.setattr(device.wp, "launch", stops)
+            patch.setattr(wp, "launch", stops)
             for frame in (1, 2, 3):
                 scenario.render(frame)
         for frame in (2, 3, 1, 0):

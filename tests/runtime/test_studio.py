@@ -8,7 +8,7 @@ from recipe_compiler.blueprints import match, specimen
 from recipe_compiler.plan import CameraPlan, Pose
 from recipe_runtime.annotate.mots import mots_id
 from recipe_runtime.meshes import actor_body
-from recipe_runtime.render import Renderer
+from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.studio import View, _floor, matrices, portrait, stance
 from recipe_runtime.transforms import from_pose
 

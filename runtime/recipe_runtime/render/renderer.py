@@ -3,6 +3,8 @@
 The folder's door. It holds what frames may share (geometry, still views, shadow maps), none of which tells in a byte.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,15 +12,18 @@ from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan
 
 from recipe_runtime.meshes.mesh import Body
-from recipe_runtime.render.album import Albums, Images
-from recipe_runtime.render.blur import Moment
-from recipe_runtime.render.geometry import upload
-from recipe_runtime.render.observe import Observation, Observer
-from recipe_runtime.render.picture import Painter
-from recipe_runtime.render.reel import Reel
-from recipe_runtime.render.reuse import ALL_REUSE, TemporalReuse
-from recipe_runtime.render.sunlight import Shadows
-from recipe_runtime.render.timing import Timings
+from recipe_runtime.render.camera.camera_pass import CameraPass
+from recipe_runtime.render.camera.motion_blur import Moment
+from recipe_runtime.render.device.reuse import ALL_REUSE, TemporalReuse
+from recipe_runtime.render.device.timings import Timings
+from recipe_runtime.render.gpu.frame_stream import Reel
+from recipe_runtime.render.lighting.shading import ShadingPass
+from recipe_runtime.render.lighting.shadow_maps import Shadows
+from recipe_runtime.render.raster.observation import Observation
+from recipe_runtime.render.raster.observer import Observer
+from recipe_runtime.render.sampling.sampler import Sampler
+from recipe_runtime.render.scene.geometry import upload
+from recipe_runtime.render.texture.mipmaps import Albums, Images
 from recipe_runtime.transforms import Array
 
 
@@ -38,7 +43,9 @@ class Renderer:
         self._geometry = upload(bodies, device)
         self._observer = Observer(self._geometry, device, self.timings, reuse)
         self._albums = Albums(self._geometry, images, device)
-        self._painter = Painter(self._geometry, self._observer, self._albums, device, self.timings, reuse)
+        sampler = Sampler(self._geometry, self._observer, device, self.timings, reuse)
+        shading = ShadingPass(self._geometry, self._albums, device, self.timings, reuse)
+        self._camera = CameraPass(self._geometry, self._observer, sampler, shading, device, self.timings, reuse)
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
         """What is where. `world_from_sensor` [3, 4], x forward, y left, z up; `parts` [P, 3, 4] in the world."""
@@ -58,11 +65,11 @@ class Renderer:
 
         Without a `moment`, a neighbouring frame, nothing blurs by motion.
         """
-        return self._painter.develop(obs, appearance, sensor_name, frame, time, moment)
+        return self._camera.develop(obs, appearance, sensor_name, frame, time, moment)
 
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float = 0.0) -> NDArray[np.float32]:
         """Linear relative radiance at pixel centres before the camera, [H, W, 3]; for tests and tools."""
-        return self._painter.radiance(obs, appearance, time)
+        return self._camera.radiance(obs, appearance, time)
 
     def reel(
         self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 16

@@ -1,0 +1,1 @@
+"""From light to pixels: rain, exposure, tone curve, noise, lens effects, motion blur."""

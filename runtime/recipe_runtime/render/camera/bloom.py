@@ -1,0 +1,45 @@
+"""Bloom: the light that bright places shed about them in the lens, as a share of a coarse, softened plate."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler import exact
+from recipe_compiler.plan import CameraPlan
+
+from recipe_runtime.render.camera.bloom_kernels import shrink, soften
+from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.setup import wp
+
+_ACROSS = 160  # coarse samples in a picture's width
+_RADIUS = 12  # of them that light reaches
+SHARE = 0.06  # of the light that is shed at intensity 1
+
+
+def side_of(camera: CameraPlan) -> int:
+    """Plate samples along the side of a coarse one."""
+    return max(1, camera.width // _ACROSS)
+
+
+def spread(plate: Any, camera: CameraPlan, device: str) -> Any:
+    """The coarse, softened plate; its size is the plate's over `side_of`, rounded up."""
+    side = side_of(camera)
+    wide, high = -(-camera.width // side), -(-camera.height // side)
+    first, second = (wp.empty(wide * high, dtype=wp.vec3f, device=device) for _ in range(2))
+    weights = wp.array(_bell(), dtype=wp.float32, device=device)
+    launch(shrink, wide * high, [plate, camera.width, camera.height, side, wide, first], device)
+    launch(soften, wide * high, [first, weights, wide, high, 1, second], device)
+    launch(soften, wide * high, [second, weights, wide, high, 0, first], device)
+    return first
+
+
+@cache
+def _bell() -> NDArray[np.float32]:
+    """A narrow and a broad bell curve added, their sum 1."""
+    places = range(-_RADIUS, _RADIUS + 1)
+    values = [exact.exp(-n * n / 4.5) + 0.25 * exact.exp(-n * n / 50.0) for n in places]
+    whole = sum(values)
+    return np.array([v / whole for v in values], np.float32)

@@ -1,0 +1,44 @@
+"""Bloom: the light that bright places shed about them in the lens, as a share of a coarse, softened plate."""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+
+wp.set_module_options(OPTIONS)
+
+
+@wp.kernel
+def shrink(
+    plate: wp.array[wp.vec3f], wide: wp.int32, high: wp.int32, side: wp.int32, columns: wp.int32,
+    out: wp.array[wp.vec3f],
+):  # fmt: skip
+    """The mean of a square of samples."""
+    i = wp.tid()
+    x0 = i % columns * side
+    y0 = i / columns * side
+    total = wp.vec3f(0.0, 0.0, 0.0)
+    count = wp.float32(0.0)
+    for y in range(y0, wp.min(y0 + side, high)):
+        for x in range(x0, wp.min(x0 + side, wide)):
+            total = total + plate[y * wide + x]
+            count = count + 1.0
+    out[i] = total / count
+
+
+@wp.kernel
+def soften(
+    light: wp.array[wp.vec3f], weights: wp.array[wp.float32], wide: wp.int32, high: wp.int32, across: wp.int32,
+    out: wp.array[wp.vec3f],
+):  # fmt: skip
+    """Weighted by distance along rows (across = 1) or columns (0); the rim's light stands for what lies beyond."""
+    i = wp.tid()
+    x = i % wide
+    y = i / wide
+    reach = (weights.shape[0] - 1) / 2
+    total = wp.vec3f(0.0, 0.0, 0.0)
+    for n in range(-reach, reach + 1):
+        u = wp.min(wp.max(x + n * across, 0), wide - 1)
+        v = wp.min(wp.max(y + n * (1 - across), 0), high - 1)
+        total = total + light[v * wide + u] * weights[n + reach]
+    out[i] = total

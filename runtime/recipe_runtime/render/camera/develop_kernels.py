@@ -1,0 +1,209 @@
+"""The camera: samples into pixels, exposure, tone curve, noise, and 8-bit sRGB by a table.
+
+Every sample is tone-mapped before the pixel's samples are averaged: a bright sky would otherwise eat into the dark
+edge before it, and the edge would alias again.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric.noise import scramble
+from recipe_runtime.render.numeric.scalars import greater, index, lesser
+
+wp.set_module_options(OPTIONS)
+
+LEVELS = wp.constant(4096)
+RIM_STEPS = wp.constant(1024)
+
+
+@wp.struct
+class Response:
+    """How light becomes numbers."""
+
+    exposure: wp.float32
+    white: wp.vec3f  # gains that make the light's colour white
+    noise: wp.float32
+    vignette: wp.float32  # darkening at one width from the centre
+    rim: wp.int32  # whether there is a lens circle
+    key: wp.uint32  # of seed, sensor and frame
+    width: wp.int32
+    height: wp.int32
+
+
+@wp.func
+def tone(x: wp.float32) -> wp.float32:
+    """A film-like curve into [0, 1): Narkowicz's rational fit to ACES."""
+    x = greater(x, 0.0)
+    y = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)
+    return lesser(y, 1.0)
+
+
+@wp.func
+def untone(y: wp.float32) -> wp.float32:
+    """The light, up to 7.2, that `tone` makes y of: the root of its quadratic."""
+    a = 2.51 - 2.43 * y
+    b = 0.03 - 0.59 * y
+    return (wp.sqrt(b * b + 0.56 * a * y) - b) / (2.0 * a)
+
+
+@wp.func
+def rim_at(rims: wp.array[wp.float32], square: wp.float32) -> wp.float32:
+    """The lens circle's gain at a squared distance from the centre, 1 at the corners; a line between two steps."""
+    t = lesser(square, 1.0) * wp.float32(RIM_STEPS)
+    i = wp.min(wp.int32(t), RIM_STEPS - 1)
+    return rims[i] + (rims[i + 1] - rims[i]) * (t - wp.float32(i))
+
+
+@wp.func
+def shading_at(x: wp.float32, y: wp.float32, r: Response, rims: wp.array[wp.float32]) -> wp.float32:
+    """The share of light that a lens lets through to a place, in widths from the picture's centre."""
+    square = x * x + y * y
+    gain = 1.0 - r.vignette * square
+    if r.rim != 0:
+        tall = wp.float32(r.height) / wp.float32(r.width)
+        gain = gain * rim_at(rims, square * 4.0 / (1.0 + tall * tall))
+    return gain
+
+
+@wp.func
+def deviate(bells: wp.array[wp.float32], h: wp.uint32) -> wp.float32:
+    """A normal number of mean 0 and deviation 1, of a hash's ten highest bits."""
+    return bells[wp.int32(h >> wp.uint32(22))]
+
+
+@wp.func
+def level(x: wp.float32, deviate: wp.float32, noise: wp.float32) -> wp.int32:
+    """A linear display value with noise, as a place in the sRGB table."""
+    grain = noise * deviate * (0.0005 + 0.008 * wp.sqrt(x))
+    t = (x + grain) * wp.float32(LEVELS - 1) + 0.5
+    return index(wp.int32(lesser(greater(t, 0.0), wp.float32(LEVELS - 1))))
+
+
+@wp.func
+def record_levels(
+    out: wp.array[wp.uint8],
+    i: wp.int32,
+    red: wp.float32,
+    green: wp.float32,
+    blue: wp.float32,
+    r: Response,
+    srgb: wp.array[wp.uint8],
+    bells: wp.array[wp.float32],
+):
+    """Write a pixel's bytes: noise, each channel's of its own bits of the pixel's hash, and the tone table."""
+    h = scramble(wp.uint32(i) ^ r.key)
+    at = index(3 * i)
+    out[at] = srgb[level(red, deviate(bells, h), r.noise)]
+    out[at + 1] = srgb[level(green, deviate(bells, h << wp.uint32(10)), r.noise)]
+    out[at + 2] = srgb[level(blue, deviate(bells, h << wp.uint32(20)), r.noise)]
+
+
+@wp.kernel
+def fall_off(responses: wp.array[Response], rims: wp.array[wp.float32], gains: wp.array[wp.float32]):
+    """The share of light that the lens lets through to every pixel."""
+    i = wp.tid()
+    r = responses[0]
+    x = (wp.float32(i % r.width) + 0.5) / wp.float32(r.width) - 0.5
+    y = (wp.float32(i / r.width) + 0.5 - 0.5 * wp.float32(r.height)) / wp.float32(r.width)
+    gains[i] = shading_at(x, y, r, rims)
+
+
+@wp.func
+def toned(
+    first: wp.int32,
+    count: wp.int32,
+    radiance: wp.array[wp.vec3f],
+    weights: wp.array[wp.float32],
+    rain: wp.int32,
+    streak: wp.vec3f,
+    gain: wp.float32,
+    white: wp.vec3f,
+) -> wp.vec3f:
+    """A pixel's samples, exposed, each through the tone curve, and then averaged."""
+    drops = lesser(wp.float32(rain) * (1.0 / 65536.0), 0.8)
+    red = wp.float32(0.0)
+    green = wp.float32(0.0)
+    blue = wp.float32(0.0)
+    for s in range(count):
+        c = radiance[first + s]
+        w = weights[first + s]
+        red = red + w * tone((c[0] + (streak[0] - c[0]) * drops) * gain * white[0])
+        green = green + w * tone((c[1] + (streak[1] - c[1]) * drops) * gain * white[1])
+        blue = blue + w * tone((c[2] + (streak[2] - c[2]) * drops) * gain * white[2])
+    return wp.vec3f(red, green, blue)
+
+
+@wp.kernel
+def develop(
+    radiance: wp.array[wp.vec3f],
+    starts: wp.array[wp.int32],
+    groups: wp.array[wp.int32],
+    weights: wp.array[wp.float32],
+    rain: wp.array[wp.int32],
+    streak: wp.vec3f,
+    responses: wp.array[Response],
+    kept: wp.int32,
+    stale: wp.array[wp.uint8],
+    levels: wp.array[wp.vec3f],
+    gains: wp.array[wp.float32],
+    srgb: wp.array[wp.uint8],
+    bells: wp.array[wp.float32],
+    span: wp.int32,
+    out: wp.array[wp.uint8],
+):
+    """The three bytes of `span` pixels to a thread; `gains` is what `fall_off` found.
+
+    Where a pixel is not stale, its levels before the noise are those of an earlier frame: its samples are below `kept`
+    then. `rain` has one element only where no drop falls.
+    """
+    r = responses[0]
+    raining = rain.shape[0] > 1
+    begin = wp.tid() * span
+    for place in range(begin, wp.min(begin + span, r.width * r.height)):
+        i = index(place)
+        drops = wp.int32(0)
+        if raining:
+            drops = rain[i]
+        fresh = drops != 0 or kept == 0
+        if not fresh:
+            fresh = stale[i] != wp.uint8(0)
+        red = wp.float32(0.0)
+        green = wp.float32(0.0)
+        blue = wp.float32(0.0)
+        if fresh:
+            first = index(starts[i])
+            gain = r.exposure * gains[i]
+            colour = toned(first, groups[i] & 7, radiance, weights, drops, streak, gain, r.white)
+            red = colour[0]
+            green = colour[1]
+            blue = colour[2]
+            if first < kept and drops == 0:
+                levels[i] = colour
+                stale[i] = wp.uint8(0)
+        else:
+            held = levels[i]
+            red = held[0]
+            green = held[1]
+            blue = held[2]
+        record_levels(out, i, red, green, blue, r, srgb, bells)
+
+
+@wp.kernel
+def expose(
+    radiance: wp.array[wp.vec3f],
+    starts: wp.array[wp.int32],
+    groups: wp.array[wp.int32],
+    weights: wp.array[wp.float32],
+    rain: wp.array[wp.int32],
+    streak: wp.vec3f,
+    r: Response,
+    plate: wp.array[wp.vec3f],
+):
+    """One plate pixel's light, exposed and balanced, its samples averaged as `develop` does; what blurs acts on it."""
+    i = wp.tid()
+    drops = wp.int32(0)
+    if rain.shape[0] > 1:
+        drops = rain[i]
+    colour = toned(starts[i], groups[i] & 7, radiance, weights, drops, streak, r.exposure, r.white)
+    plate[i] = wp.vec3f(untone(colour[0]), untone(colour[1]), untone(colour[2]))

@@ -1,0 +1,92 @@
+"""From a plate to a picture: chromatic aberration, bloom's light, tone and noise."""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.camera.develop_kernels import Response, record_levels, shading_at, tone
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.raster.distortion_kernels import Curve, place_on_plate
+
+wp.set_module_options(OPTIONS)
+
+
+@wp.struct
+class Finish:
+    """How a plate becomes a picture."""
+
+    fringe: wp.float32  # share of the radius by which red and blue part at the corners
+    clear: wp.float32  # radius, 1 at the corners, within which they do not
+    bloom: wp.float32  # share of the light that is spread
+    coarse: wp.int32  # plate samples along the side of one of the spread light's
+
+
+@wp.func
+def between(plate: wp.array[wp.vec3f], px: wp.float64, py: wp.float64, wide: wp.int32, high: wp.int32) -> wp.vec3f:
+    """The light at a place of a plate, from the four samples about it."""
+    x = wp.min(wp.max(px - wp.float64(0.5), wp.float64(0.0)), wp.float64(wide - 1))
+    y = wp.min(wp.max(py - wp.float64(0.5), wp.float64(0.0)), wp.float64(high - 1))
+    i = wp.int32(x)
+    j = wp.int32(y)
+    fx = wp.float32(x - wp.float64(i))
+    fy = wp.float32(y - wp.float64(j))
+    k = wp.min(i + 1, wide - 1)
+    below = wp.min(j + 1, high - 1)
+    a = plate[j * wide + i]
+    b = plate[j * wide + k]
+    c = plate[below * wide + i]
+    d = plate[below * wide + k]
+    top = a + (b - a) * fx
+    foot = c + (d - c) * fx
+    return top + (foot - top) * fy
+
+
+@wp.func
+def light_at(plate: wp.array[wp.vec3f], spread: wp.array[wp.vec3f], p: wp.vec2d, c: Curve, f: Finish) -> wp.vec3f:
+    """The light at a place of the plate, with its share of what bright places shed."""
+    light = between(plate, p[0], p[1], c.wide, c.high)
+    if f.bloom > 0.0:
+        scale = wp.float64(1.0) / wp.float64(f.coarse)
+        wide = (c.wide + f.coarse - 1) / f.coarse
+        high = (c.high + f.coarse - 1) / f.coarse
+        light = light + (between(spread, p[0] * scale, p[1] * scale, wide, high) - light) * f.bloom
+    return light
+
+
+@wp.kernel
+def finish(
+    plate: wp.array[wp.vec3f],
+    spread: wp.array[wp.vec3f],
+    c: Curve,
+    f: Finish,
+    r: Response,
+    rims: wp.array[wp.float32],
+    srgb: wp.array[wp.uint8],
+    bells: wp.array[wp.float32],
+    out: wp.array[wp.uint8],
+):
+    """One pixel's three bytes from the plate: its samples toned one by one, then averaged, and noise on top."""
+    i = wp.tid()
+    step = wp.float64(1.0) / wp.float64(c.fine)
+    red = wp.float32(0.0)
+    green = wp.float32(0.0)
+    blue = wp.float32(0.0)
+    half = wp.float64(c.width) * wp.float64(0.5)
+    middle = wp.float64(c.height) * wp.float64(0.5)
+    for s in range(c.fine * c.fine):
+        x = wp.float64(i % c.width) + (wp.float64(s % c.fine) + wp.float64(0.5)) * step
+        y = wp.float64(i / c.width) + (wp.float64(s / c.fine) + wp.float64(0.5)) * step
+        dx = x - half
+        dy = y - middle
+        light = light_at(plate, spread, place_on_plate(x, y, c), c, f)
+        if f.fringe > 0.0:
+            radius = wp.float32(wp.sqrt(dx * dx + dy * dy) / (half * c.limit))
+            part = wp.float64(f.fringe * wp.max(radius - f.clear, 0.0) / (1.0 - f.clear))
+            outward = light_at(plate, spread, place_on_plate(x - dx * part, y - dy * part, c), c, f)
+            inward = light_at(plate, spread, place_on_plate(x + dx * part, y + dy * part, c), c, f)
+            light = wp.vec3f(outward[0], light[1], inward[2])
+        gain = shading_at(wp.float32(dx / (half * wp.float64(2.0))), wp.float32(dy / (half * wp.float64(2.0))), r, rims)
+        red = red + tone(light[0] * gain)
+        green = green + tone(light[1] * gain)
+        blue = blue + tone(light[2] * gain)
+    share = 1.0 / wp.float32(c.fine * c.fine)
+    record_levels(out, i, red * share, green * share, blue * share, r, srgb, bells)

@@ -1,0 +1,109 @@
+"""Rain: drops that fall through the world, streaked over the exposure, slanted by the wind.
+
+The drops of a cube fill space over and over; each falls at its own speed, and where it is follows from the time alone,
+so a drop that a frame shows is further down in the next. It adds its cover to the pixels along its streak that lie
+before what is seen there; covers are whole numbers, so their sum does not depend on the order of drops.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric.noise import scramble, unit, whole
+from recipe_runtime.render.numeric.scalars import greater, index, lesser
+from recipe_runtime.render.scene.camera import Lens
+
+wp.set_module_options(OPTIONS)
+
+
+@wp.struct
+class Shower:
+    """How it rains at one moment."""
+
+    key: wp.uint32  # of the seed
+    count: wp.int32  # drops in the cube
+    cube: wp.float32  # metres along its side
+    low: wp.vec3d  # the corner of the cube about the view, in the world
+    eye: wp.vec3d
+    time: wp.float64  # seconds
+    fall: wp.vec3d  # metres a second, in the world, of a drop of middle size
+    streak: wp.vec3f  # its way during the exposure, in the camera's frame
+    depth: wp.float32  # metres from the camera within which drops are drawn
+    cover: wp.float32
+
+
+@wp.func
+def wrapped(start: wp.uint32, moved: wp.float64, low: wp.float64, cube: wp.float32) -> wp.float64:
+    """A coordinate within the cube from `low` on of a drop that has moved from its start, a hash."""
+    side = wp.float64(cube)
+    t = (wp.float64(unit(start)) * side + moved - low) / side
+    i = wp.float64(wp.int64(t))
+    if i > t:
+        i = i - wp.float64(1.0)
+    return low + (t - i) * side
+
+
+@wp.kernel
+def streaks(
+    shower: wp.array[Shower],
+    depth: wp.array[wp.float32],
+    view: wp.array2d[wp.float32],
+    lens: Lens,
+    rain: wp.array[wp.int32],
+):
+    """Draw one drop."""
+    i = wp.tid()
+    h = scramble(wp.uint32(i) * wp.uint32(0x9E3779B) ^ shower[0].key)
+    size = 0.6 + 0.8 * unit(h)
+    speed = 0.8 + 0.2 * size  # large drops fall faster
+    passed = shower[0].time * wp.float64(speed)
+    low = shower[0].low
+    cube = shower[0].cube
+    h = scramble(h + wp.uint32(0x6D2B79))
+    x = wp.float32(wrapped(h, shower[0].fall[0] * passed, low[0], cube) - shower[0].eye[0])
+    h = scramble(h + wp.uint32(0x6D2B79))
+    y = wp.float32(wrapped(h, shower[0].fall[1] * passed, low[1], cube) - shower[0].eye[1])
+    h = scramble(h + wp.uint32(0x6D2B79))
+    w = wp.float32(wrapped(h, shower[0].fall[2] * passed, low[2], cube) - shower[0].eye[2])
+    z = (view[0, 8] * x + view[0, 9] * y) + view[0, 10] * w
+    if z < 0.8 or z > shower[0].depth:
+        return
+    focal = wp.float32(lens.focal)
+    vx = (view[0, 0] * x + view[0, 1] * y) + view[0, 2] * w
+    vy = (view[0, 4] * x + view[0, 5] * y) + view[0, 6] * w
+    x0 = vx / z * focal + wp.float32(lens.cx)
+    y0 = vy / z * focal + wp.float32(lens.cy)
+    z1 = greater(z + shower[0].streak[2] * speed, 0.5)
+    x1 = (vx + shower[0].streak[0] * speed) / z1 * focal + wp.float32(lens.cx)
+    y1 = (vy + shower[0].streak[1] * speed) / z1 * focal + wp.float32(lens.cy)
+    if greater(x0, x1) < -3.0 or lesser(x0, x1) > wp.float32(lens.width):
+        return
+    if greater(y0, y1) < -1.0 or lesser(y0, y1) > wp.float32(lens.height):
+        return
+    dx = x1 - x0
+    dy = y1 - y0
+    reach = greater(greater(dx, -dx), greater(dy, -dy))
+    steps = wp.min(whole(reach) + 1, 400)
+    width = 0.003 * size * focal / z  # pixels
+    share = lesser(width, 1.0)
+    broad = wp.min(whole(width) + 1, 3)
+    cover = 65536.0 * shower[0].cover * share
+    for s in range(steps):
+        t = (wp.float32(s) + 0.5) / wp.float32(steps)
+        left = x0 + dx * t - 0.5
+        px = whole(left)
+        py = whole(y0 + dy * t)
+        past = left - wp.float32(px)
+        if py >= 0 and py < lens.height:
+            # Its two sides fill pixels in part, so that a slanted streak has no steps.
+            for k in range(broad + 1):
+                qx = px + k
+                part = wp.float32(1.0)
+                if k == 0:
+                    part = 1.0 - past
+                if k == broad:
+                    part = past
+                if qx >= 0 and qx < lens.width:
+                    pixel = index(py * lens.width + qx)
+                    if depth[pixel] > z:
+                        wp.atomic_add(rain, pixel, wp.int32(cover * part))

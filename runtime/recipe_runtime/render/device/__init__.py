@@ -1,0 +1,1 @@
+"""Warp, set up so that every machine computes the same bytes; arrays, records and launches."""

@@ -1,0 +1,1 @@
+"""Many frames of one camera on a GPU: recorded kernels and the stream of frames."""

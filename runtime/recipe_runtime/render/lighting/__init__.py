@@ -1,0 +1,1 @@
+"""From weather and sun to the light of every sample: sky, lamps, shadows, materials, reflections."""

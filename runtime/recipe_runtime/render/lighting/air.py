@@ -1,0 +1,194 @@
+"""Air: the sky in a direction, and what fog and dust do to light on its way to the eye."""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric.noise import hash3, noise2, step_between, unit, whole
+from recipe_runtime.render.numeric.scalars import clamp01, greater, index, lesser
+from recipe_runtime.render.numeric.vectors import inner, mix
+
+wp.set_module_options(OPTIONS)
+
+DECAY_STEPS = wp.constant(1024)
+DECAY_SCALE = wp.constant(wp.float32(64.0))
+THICK = wp.constant(wp.float32(15.9))  # beyond it e^-x is nothing, and a table's end is near
+SKY_ROWS = wp.constant(64)
+HALO_ROWS = wp.constant(256)
+SWING_STIRS = wp.constant(43)  # of a leaf to and fro
+
+
+@wp.struct
+class Air:
+    """Light and weather of one appearance, as numbers; radiance is relative, 1 being about a clear noon sky's."""
+
+    sun: wp.vec3f  # unit, towards the sun
+    sunlight: wp.vec3f  # of a white surface that faces it
+    disc: wp.vec3f  # radiance of the sun's disc
+    overhead: wp.vec3f  # ambient light from above, from the side and from the ground
+    sideways: wp.vec3f
+    below: wp.vec3f
+    cloud_bright: wp.vec3f
+    cloud_dark: wp.vec3f
+    cover: wp.float32  # share of the sky that clouds fill, 0 to 1
+    drift: wp.vec2f  # how far the wind has moved the clouds
+    stars: wp.float32
+    flutter: wp.float32  # how much leaves move in the wind, 0 to 1
+    swings: wp.array[wp.vec2f]  # metres their pattern has moved at two points of a swing, by the time in stirs
+    breeze: wp.float32  # metres that gusts come on from stir to stir
+    stirs: wp.int32  # the time in which they stir, each for four of these
+    fog: wp.float32  # extinction, 1/m, from fog_start on
+    haze: wp.float32  # extinction of rain's mist, dust and air, 1/m, everywhere
+    fog_start: wp.float32  # metres
+    fog_thin: wp.float32  # how fast it thins with height, 1/m
+    fog_colour: wp.vec3f
+    fog_sun: wp.vec3f  # added towards the sun
+    glow: wp.float32  # how much of the lamps' light it scatters towards the eye
+    wet: wp.float32  # 0 dry, 1 streaming
+    puddles: wp.float32  # 0 none, 1 all that is flat
+    pelting: wp.float32  # how far drops tilt the water that they fall on
+    moment: wp.int32  # tells the rings on it apart in time
+    night: wp.float32  # 0 by day, 1 with all lamps on
+    lit: wp.float32  # how brightly those that burn, and windows, shine themselves: 1 in a clear night
+    signal: wp.float32  # radiance of a traffic light
+    seed: wp.uint32
+    decay: wp.array[wp.float32]  # e^-x for x = i / 64
+    thinning: wp.array[wp.float32]  # the mean of e^-t for t from 0 to x = i / 64
+    gradient: wp.array[wp.vec3f]  # clear sky by elevation, horizon first
+    warm: wp.vec3f  # over the horizon below a low sun
+    halo: wp.array[wp.vec3f]  # brightness about the sun by cosine of the angle, opposite first
+
+
+@wp.func
+def read_off(table: wp.array[wp.float32], x: wp.float32) -> wp.float32:
+    """Linear interpolation in a table of steps of 1 / 64 from 0 on."""
+    t = lesser(greater(x, 0.0) * DECAY_SCALE, wp.float32(DECAY_STEPS - 2))
+    i = index(wp.int32(t))
+    low = table[i]
+    return low + (table[i + 1] - low) * (t - wp.float32(i))
+
+
+@wp.func
+def decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
+    """e^-x for x >= 0, from a table."""
+    return read_off(air[0].decay, x)
+
+
+@wp.func
+def thinned(air: wp.array[Air], x: wp.float32) -> wp.float32:
+    """The mean of e^-t for t from 0 to x >= 0: how dense fog is on a way that rises through it."""
+    if x > THICK:
+        return 1.0 / x
+    return read_off(air[0].thinning, x)
+
+
+@wp.func
+def lookup(table: wp.array[wp.vec3f], t: wp.float32, rows: wp.int32) -> wp.vec3f:
+    """Linear interpolation in a table over [0, 1]."""
+    s = clamp01(t) * wp.float32(rows - 1)
+    i = index(wp.min(wp.int32(s), rows - 2))
+    return mix(table[i], table[i + 1], s - wp.float32(i))
+
+
+@wp.func
+def clear_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
+    """Cloudless sky in a direction, without the sun's disc; below the horizon, the horizon's."""
+    up = greater(d[2], 0.0)
+    base = lookup(air[0].gradient, wp.sqrt(up), SKY_ROWS)
+    c = inner(d, air[0].sun) * 0.5 + 0.5
+    glow = lookup(air[0].halo, c * c, HALO_ROWS)
+    low = 1.0 - 0.75 * wp.sqrt(up)
+    return base + glow + air[0].warm * (c * c * c * low * low)
+
+
+@wp.func
+def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
+    """Thickness of cloud in a direction above the horizon, and how bright it is there, both 0 to 1."""
+    s = 1.0 / (d[2] + 0.12)
+    x = d[0] * s * 0.9 + air[0].drift[0]
+    y = d[1] * s * 0.9 + air[0].drift[1]
+    big = noise2(x, y, air[0].seed ^ wp.uint32(101))
+    n = big * 0.52
+    edge = 0.86 - 0.76 * air[0].cover
+    if n + 0.48 <= edge:
+        return wp.vec2f(0.0, 1.0)  # however thick the small clouds, together they stay below the edge
+    middle = noise2(x * 2.3 + 7.0, y * 2.3, air[0].seed ^ wp.uint32(102))
+    n = n + middle * 0.27
+    n = n + noise2(x * 5.1 + middle, y * 5.1 + 3.0, air[0].seed ^ wp.uint32(103)) * 0.14
+    n = n + noise2(x * 11.0, y * 11.0 + middle, air[0].seed ^ wp.uint32(104)) * 0.07
+    thick = step_between(edge, edge + 0.22, n)
+    # The side towards the sun, where there is less cloud before the light, is the bright one.
+    sunward = noise2(x + air[0].sun[0] * 0.2, y + air[0].sun[1] * 0.2, air[0].seed ^ wp.uint32(101)) * 0.52
+    sunward = sunward + 0.27 * noise2(
+        (x + air[0].sun[0] * 0.2) * 2.3 + 7.0, (y + air[0].sun[1] * 0.2) * 2.3, air[0].seed ^ wp.uint32(102)
+    )
+    return wp.vec2f(thick, clamp01(0.45 + 2.4 * (big * 0.52 + middle * 0.27 - sunward) - 0.5 * (n - edge - 0.2)))
+
+
+@wp.func
+def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
+    """The whole sky in a direction: gradient, halo, disc, clouds, stars."""
+    clear = clear_sky(air, d)
+    c = inner(d, air[0].sun)
+    sharp = step_between(0.99992, 0.99997, c)
+    clear = clear + air[0].disc * sharp
+    if air[0].stars > 0.0 and d[2] > 0.05:
+        i = whole(d[0] / (d[2] + 0.6) * 620.0)
+        j = whole(d[1] / (d[2] + 0.6) * 620.0)
+        h = unit(hash3(i, j, 1, air[0].seed))
+        if h > 0.9990:
+            clear = clear + wp.vec3f(1.0, 1.0, 1.1) * (air[0].stars * (h - 0.9990) * 1000.0)
+    if d[2] <= 0.0 or air[0].cover <= 0.0:
+        return mix(clear, air[0].cloud_dark, step_between(0.6, 1.0, air[0].cover))
+    cloud = cloud_at(air, d)
+    if cloud[0] <= 0.0:
+        return clear
+    forward = clamp01(c)
+    thin = 1.0 - cloud[0]
+    bright = mix(air[0].cloud_dark, air[0].cloud_bright, clamp01(cloud[1] + thin * thin))
+    lit = bright + lookup(air[0].halo, (c * 0.5 + 0.5) * (c * 0.5 + 0.5), HALO_ROWS) * (0.35 * thin + 0.15 * forward)
+    haze = step_between(0.0, 0.22, d[2])
+    whole_cover = step_between(0.6, 1.0, air[0].cover)
+    share = cloud[0] * (haze + (1.0 - haze) * whole_cover)
+    return mix(clear, lit, share)
+
+
+@wp.func
+def reflected_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
+    """The sky as a mirror shows it: without small clouds; below the horizon it darkens to the ground."""
+    clear = clear_sky(air, wp.vec3f(d[0], d[1], greater(d[2], 0.0)))
+    grey = mix(air[0].cloud_dark, air[0].cloud_bright, 0.5)
+    both = mix(clear, grey, clamp01(air[0].cover))
+    return mix(both, air[0].below, step_between(0.05, -0.15, d[2]))
+
+
+@wp.func
+def fog_share(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: wp.float32) -> wp.float32:
+    """Share of light that survives `distance` metres of fog and haze between two heights (Koschmieder)."""
+    path = greater(distance - air[0].fog_start, 0.0) * air[0].fog
+    if air[0].fog_thin > 0.0 and path > 0.0:
+        low = greater(lesser(z0, z1), 0.0) * air[0].fog_thin
+        rise = (z1 - z0) * air[0].fog_thin
+        rise = greater(rise, -rise)
+        path = path * (decay(air, low) * thinned(air, rise))
+    return decay(air, path + distance * air[0].haze)
+
+
+@wp.func
+def veiled(air: wp.array[Air], radiance: wp.vec3f, d: wp.vec3f, left: wp.float32) -> wp.vec3f:
+    """Radiance seen in direction d, when the fog between lets the share `left` through."""
+    c = clamp01(inner(d, air[0].sun))
+    c = c * c * c * c
+    veil = air[0].fog_colour + air[0].fog_sun * (c * c)
+    return mix(veil, radiance, left)
+
+
+@wp.func
+def ambient(air: wp.array[Air], n: wp.vec3f) -> wp.vec3f:
+    """Light from the whole sky and the ground on a surface with normal n."""
+    up = n[2] >= 0.0
+    t = wp.where(up, n[2], -n[2])
+    a = air[0].overhead
+    b = air[0].below
+    end = wp.vec3f(wp.where(up, a[0], b[0]), wp.where(up, a[1], b[1]), wp.where(up, a[2], b[2]))
+    return mix(air[0].sideways, end, t)

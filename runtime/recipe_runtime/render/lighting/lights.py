@@ -1,0 +1,164 @@
+"""The lamps that burn and the bodies that stand near the ground, gathered on the host for one frame or many."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps
+from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.transforms import Array
+
+_CANDELA = 1.0 / 11000.0  # light on a white surface a metre away, in the scale of `air`, of one candela
+_SPILL = 1400.0  # candela above which a lamp's light near by grows by the square root only
+_MOST_LAMPS = 256
+_LAMPLIT, _UNLIT = 3.1e-3, 0.3  # the light of all lamps about a street that is lit; the least that one counts as, of it
+_LOWEST = 0.4  # metres above its actor's foot at which a part no longer darkens the ground
+_UNDER = 0.72  # share of the sky's light that a wide body flat on the ground keeps from it
+_NOWHERE = 1.0e9  # metres
+LAMP_NAMES = ("position", "direction", "power", "cone", "reach")
+LAMP_KINDS = (wp.vec3f, wp.vec3f, wp.vec3f, wp.vec2f, wp.float32)
+BODY_NAMES = ("centre", "axis", "half", "spread", "strength")
+BODY_KINDS = (wp.vec3f, wp.vec2f, wp.vec2f, wp.float32, wp.float32)
+
+
+def lamplight(geometry: Geometry, eye: Array) -> float:
+    """How much light the lamps that stand still give the street about an eye [3], of what is common; it changes slowly.
+
+    Whoever drives by a lamp comes nearer to it by little, for its light counts as if it hung 10 m away at the least.
+    """
+    lights = geometry.light_rows[geometry.light_parts == 0]
+    dx, dy, dz = (lights[:, axis] - float(eye[axis]) for axis in range(3))
+    near = _power(lights[:, 9]) / (dx * dx + dy * dy + dz * dz + 100.0)
+    total = float(np.add.accumulate(near)[-1]) if len(near) else 0.0  # one after the other, on every processor
+    return min(max(total / _LAMPLIT, _UNLIT), 2.0)
+
+
+def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: str) -> Any:
+    """The lamps nearest to the eye, in the geometry's order."""
+    columns = lamp_columns(geometry, world_from_parts, eye)
+    return lamps_of(geometry, [_upload(c, kind, device) for c, kind in zip(columns, LAMP_KINDS, strict=True)], device)
+
+
+def lamps_of(geometry: Geometry, columns: Sequence[Any], device: str) -> Any:
+    """The record of lamps whose columns are on the device."""
+    lamps = Lamps()
+    lamps.position, lamps.direction, lamps.power, lamps.cone, lamps.reach = columns
+    crowded = len(geometry.lights) > _MOST_LAMPS  # then which lamps are here may change from frame to frame
+    moves = [int(crowded or mounted.part != 0) for mounted in geometry.lights[:_MOST_LAMPS]] or [1]
+    lamps.moves = wp.array(np.array(moves, np.int32), dtype=wp.int32, device=device)
+    lamps.count = min(len(geometry.lights), _MOST_LAMPS)
+    return lamps
+
+
+def lamp_columns(geometry: Geometry, world: Array, eye: Array) -> tuple[Array, ...]:
+    """Position, direction, power, cone and reach of the lamps nearest to the eye; one of no power if there is none.
+
+    `world` [..., 1 + P, 3, 4], `eye` [..., 3]; columns [..., L, 3], or 2 for the cone, or none for the reach.
+    """
+    if not geometry.lights:
+        none = np.zeros((*eye.shape[:-1], 1, 3))
+        return none, none, none, none[..., :2], none[..., 0]
+    lights, carrier = geometry.light_rows, world[..., geometry.light_parts, :, :]
+    candela, cone = lights[:, 9], lights[:, 10]
+    power = _power(candela)[:, None] * lights[:, 6:9]
+    shape = np.stack([cone, cone + (1.0 - cone) * 0.75, 3.0 + 0.6 * np.sqrt(candela)], axis=-1)
+    to = _turned(carrier, lights[:, 3:6])
+    rest = np.broadcast_to(np.concatenate([power, shape], axis=-1), (*to.shape[:-1], 6))
+    rows = np.concatenate([_turned(carrier, lights[:, 0:3]) + carrier[..., 3], to, rest], axis=-1)
+    if len(geometry.lights) > _MOST_LAMPS:
+        away = rows[..., 0:3] - eye[..., None, :]
+        gaps = (away[..., 0] * away[..., 0] + away[..., 1] * away[..., 1]) + away[..., 2] * away[..., 2]
+        kept = np.sort(np.argsort(gaps, axis=-1, kind="stable")[..., :_MOST_LAMPS], axis=-1)
+        rows = np.take_along_axis(rows, kept[..., None], axis=-2)
+    return rows[..., 0:3], rows[..., 3:6], rows[..., 6:9], rows[..., 9:11], rows[..., 11]
+
+
+def no_lamps(device: str) -> Any:
+    """What burns by day."""
+    lamps = Lamps()
+    lamps.position, lamps.direction, lamps.power = (_upload(np.zeros((1, 3)), wp.vec3f, device) for _ in range(3))
+    lamps.cone, lamps.reach = _upload(np.zeros((1, 2)), wp.vec2f, device), _upload(np.zeros(1), wp.float32, device)
+    lamps.moves, lamps.count = wp.zeros(1, dtype=wp.int32, device=device), 0
+    return lamps
+
+
+def bodies_at(geometry: Geometry, parts: Array, device: str) -> Any:
+    """The moving parts that come within half a metre of their actor's foot."""
+    columns = body_columns(geometry, parts)
+    near = columns[0][:, 2] < _NOWHERE
+    uploaded = [_upload(c[near] if near.any() else c[:1], k, device) for c, k in zip(columns, BODY_KINDS, strict=True)]
+    return bodies_of(uploaded, int(near.sum()))
+
+
+def bodies_of(columns: Sequence[Any], count: int) -> Any:
+    """The record of bodies whose columns are on the device."""
+    bodies = Bodies()
+    bodies.centre, bodies.axis, bodies.half, bodies.spread, bodies.strength = columns
+    bodies.count = count
+    return bodies
+
+
+def body_columns(geometry: Geometry, parts: Array) -> tuple[Array, ...]:
+    """Centre, axis, half sizes, spread and strength of every moving part's foot, in the Trace's order.
+
+    `parts` [..., P, 3, 4]. A part that is not near its actor's foot stands nowhere: beyond anything's reach.
+    """
+    if not geometry.parts:
+        none = np.zeros((*parts.shape[:-3], 1, 3))
+        return none + _NOWHERE, none[..., :2], none[..., :2], none[..., 0] + 1.0, none[..., 0]
+    box = _footprint(parts, geometry.part_bounds)
+    firsts = [actor.first_part for actor in geometry.actors]
+    lowest = np.minimum.reduceat(box[..., 2], firsts, axis=-1)
+    foot = np.repeat(lowest, [actor.parts for actor in geometry.actors], axis=-1)
+    height, small = box[..., 2] - foot, np.minimum(box[..., 5], box[..., 6])
+    # What a disc of the part's breadth hides of the sky, seen from the ground below its middle.
+    lift = height / (small + 0.04)
+    centre = np.stack([box[..., 0], box[..., 1], foot], axis=-1)
+    centre = np.where((height < _LOWEST)[..., None], centre, _NOWHERE)
+    spread = 0.05 + 0.35 * small + 0.4 * height
+    return centre, box[..., 3:5], box[..., 5:7], spread, _UNDER / (1.0 + lift * lift)
+
+
+def _power(candela: Array) -> Array:
+    """What lamps give a white surface a metre away."""
+    # What falls near a strong lamp is the spill of a beam that is aimed far ahead.
+    power: Array = candela * np.minimum(1.0, np.sqrt(_SPILL / candela)) * _CANDELA
+    return power
+
+
+def _turned(world: Array, v: Array) -> Array:
+    """Vectors [L, 3] turned by transforms [..., L, 3, 4]."""
+    turned: Array = (world[..., 0] * v[:, 0:1] + world[..., 1] * v[:, 1:2]) + world[..., 2] * v[:, 2:3]
+    return turned
+
+
+def _footprint(world: Array, boxes: NDArray[np.float64]) -> Array:
+    """Centre x, y, lowest z, level axis and half sizes of the parts' boxes [P, 2, 3]. [..., P, 7]."""
+    low, high = boxes[:, 0], boxes[:, 1]
+    half = (high - low) / 2.0
+    at = _turned(world, (low + high) / 2.0) + world[..., 3]
+    # The first axis that lies level enough gives the direction; a limb's box is nearly round anyway.
+    x, y = world[..., 0, 0], world[..., 1, 0]
+    size = np.sqrt(x * x + y * y)
+    level = size > 0.3
+    one = np.where(level, size, 1.0)
+    x, y = np.where(level, x / one, 1.0), np.where(level, y / one, 0.0)
+    reach = _turned(np.abs(world), half)
+    h0 = np.where(level, _extent(world, half, x, y), reach[..., 0])
+    h1 = np.where(level, _extent(world, half, -y, x), reach[..., 1])
+    return np.stack([at[..., 0], at[..., 1], at[..., 2] - reach[..., 2], x, y, h0, h1], axis=-1)
+
+
+def _extent(world: Array, half: NDArray[np.float64], x: Array, y: Array) -> Array:
+    sides = [np.abs(world[..., 0, c] * x + world[..., 1, c] * y) * half[:, c] for c in range(3)]
+    extent: Array = (sides[0] + sides[1]) + sides[2]
+    return extent
+
+
+def _upload(values: Array, kind: Any, device: str) -> Any:
+    return wp.array(np.ascontiguousarray(values).astype(np.float32), dtype=kind, device=device)

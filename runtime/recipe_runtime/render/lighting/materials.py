@@ -1,0 +1,237 @@
+"""Matter: what a surface is made of at a point, dry or wet, at rest or in the wind.
+
+Paint, glass and metal have a coat that mirrors; a window has a room behind it. Water darkens what is porous, and lies
+in the hollows of flat ground. Leaves turn in the wind.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.meshes.mesh import Pattern
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.lighting.air import SWING_STIRS, Air
+from recipe_runtime.render.numeric.noise import noise2, noise3, step_between, unit
+from recipe_runtime.render.numeric.scalars import clamp01, greater, index, lesser
+from recipe_runtime.render.numeric.vectors import direction, mix, times
+from recipe_runtime.render.texture import patterns
+from recipe_runtime.render.texture.ground import hollows
+
+wp.set_module_options(OPTIONS)
+
+CAR_PAINT = wp.constant(int(Pattern.CAR_PAINT))
+GLASS = wp.constant(int(Pattern.GLASS))
+RUBBER = wp.constant(int(Pattern.RUBBER))
+LAMP = wp.constant(int(Pattern.LAMP))
+HEADLIGHT = wp.constant(int(Pattern.HEADLIGHT))
+TAILLIGHT = wp.constant(int(Pattern.TAILLIGHT))
+LENS = wp.constant(int(Pattern.LENS))
+SOFTEST = wp.constant(wp.float32(0.35))  # the furthest that light wraps around anything
+LEVEL = wp.constant(wp.float32(0.95))  # what turns so far upward holds water
+SHALLOW = wp.constant(wp.float32(0.02))  # deposits up to this make no puddle
+
+
+@wp.struct
+class Matter:
+    """What a surface is made of at a point."""
+
+    albedo: wp.vec3f
+    glow: wp.vec3f  # emitted radiance
+    coat: wp.float32  # reflectance of its gloss straight on; 0: none
+    gloss: wp.float32  # 1 a mirror, 0 matt
+    normal: wp.vec3f
+    soft: wp.float32  # how far light wraps around: leaves, cloth, skin
+    street: wp.float32  # 1: it mirrors the houses over the way below the sky
+
+
+@wp.func
+def woken(air: wp.array[Air], code: wp.uint32, awake: wp.float32) -> wp.float32:
+    """A number in [0, 1) for a window that is lit at night, below 0 for one that is dark."""
+    h = (code ^ air[0].seed) * wp.uint32(0x9E3779B)
+    h = (h ^ (h >> wp.uint32(13))) * wp.uint32(0x85EBCA7)
+    chance = unit(h ^ (h >> wp.uint32(16)))
+    if chance >= awake:
+        return -1.0
+    return chance / awake
+
+
+@wp.func
+def pane(
+    m: Matter,
+    pattern: wp.int32,
+    air: wp.array[Air],
+    first: wp.vec3f,
+    second: wp.vec3f,
+    detail: wp.vec4f,
+    code: wp.uint32,
+    awake: wp.float32,
+) -> Matter:
+    """A window: its frame, and behind the glass a dark or a lit room, with a curtain, goods or a floor slab."""
+    glass = 1.0 - detail[1]
+    inside = wp.vec3f(0.034, 0.037, 0.042)
+    veil = wp.vec3f(0.4, 0.38, 0.34)
+    warm = wp.float32(1.0)
+    m.coat = 0.09
+    if pattern == patterns.CURTAIN_WALL:
+        veil = first * 0.8
+        inside = mix(inside, first * 0.3, 0.5)
+        m.coat = 0.15 * (1.0 - 0.6 * detail[2])
+        warm = 0.25
+    elif pattern == patterns.SHOP_WINDOW:
+        inside = wp.vec3f(0.11, 0.1, 0.09)
+        veil = mix(wp.vec3f(0.42, 0.12, 0.08), wp.vec3f(0.5, 0.42, 0.3), clamp01(2.0 * detail[3]))
+        veil = mix(veil, wp.vec3f(0.1, 0.2, 0.24), clamp01(2.0 * detail[3] - 1.0))
+        warm = 0.6
+    behind = mix(inside, veil, detail[2] * 0.85) * detail[0]
+    m.albedo = mix(behind, second, detail[1])
+    m.coat = m.coat * glass
+    # What a sight along the wall sees mirrored goes by the gloss: it falls with the share of the glass.
+    m.gloss = 0.98 * wp.sqrt(glass)
+    m.street = 1.0
+    lit_by = woken(air, code, awake)
+    bright = wp.float32(0.0)
+    if lit_by >= 0.0 and lit_by < air[0].night:  # one after the other, as it gets dark
+        bright = 0.6 + 0.7 * lit_by
+    if pattern != patterns.SHOP_WINDOW:
+        # Where many windows share a pixel, their mean is seen.
+        mean = awake * air[0].night * (0.6 + 0.35 * air[0].night)
+        bright = mean + (bright - mean) * detail[3]
+        lit_by = 0.5 + (lit_by - 0.5) * detail[3]
+    if air[0].night > 0.0 and bright > 0.0:
+        colour = mix(wp.vec3f(1.0, 0.86, 0.66), mix(wp.vec3f(1.0, 0.52, 0.19), wp.vec3f(1.0, 0.78, 0.5), lit_by), warm)
+        through = glass * (1.0 - 0.45 * detail[2])
+        if pattern == patterns.CURTAIN_WALL:
+            through = glass * (1.0 - detail[2])
+        elif pattern == patterns.SHOP_WINDOW:
+            colour = mix(colour, times(colour, veil) * 2.5, detail[2])
+            through = glass * 1.2
+        m.glow = colour * (air[0].lit * 0.8e-3 * detail[0] * through * bright)
+    return m
+
+
+@wp.func
+def matter_of(
+    pattern: wp.int32,
+    air: wp.array[Air],
+    first: wp.vec3f,
+    second: wp.vec3f,
+    detail: wp.vec4f,
+    n: wp.vec3f,
+    code: wp.uint32,
+    awake: wp.float32,
+) -> Matter:
+    """The dry material."""
+    m = Matter()
+    m.normal = n
+    m.albedo = mix(first, second, detail[1]) * greater(detail[0], 0.05)
+    if (
+        pattern == patterns.WINDOW
+        or pattern == patterns.CURTAIN_WALL
+        or pattern == patterns.SHOP_WINDOW
+        or pattern == patterns.FACADE
+    ):
+        seen = pane(m, pattern, air, first, second, detail, code, awake)
+        m.albedo = seen.albedo
+        m.glow = seen.glow
+        m.coat = seen.coat
+        m.gloss = seen.gloss
+        m.street = seen.street
+    elif pattern == CAR_PAINT:
+        m.coat = 0.05
+        m.gloss = 0.94
+    elif pattern == GLASS:
+        m.albedo = first * 0.35
+        m.coat = 0.09
+        m.gloss = 0.97
+    elif pattern == patterns.METAL:
+        m.coat = 0.12
+        m.gloss = 0.6
+    elif pattern == LAMP:
+        m.glow = first * (air[0].night * air[0].lit * 3.0e-2)
+    elif pattern == patterns.SIGNAL:
+        m.glow = first * air[0].signal
+    elif pattern == HEADLIGHT:
+        m.glow = first * (air[0].night * air[0].lit * 5.0e-2)
+        m.coat = 0.2
+        m.gloss = 0.9
+    elif pattern == TAILLIGHT:
+        m.glow = first * (air[0].night * air[0].lit * 6.0e-3)
+        m.coat = 0.08
+        m.gloss = 0.9
+    elif pattern == LENS:
+        m.coat = 0.14
+        m.gloss = 0.9
+    elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS:
+        m.soft = SOFTEST
+    elif pattern == patterns.SKIN or pattern == patterns.CLOTH or pattern == patterns.HAIR:
+        m.soft = 0.15
+    elif pattern == patterns.WATER:
+        m.coat = 0.03
+        m.gloss = 0.985
+    elif pattern == RUBBER:
+        m.coat = 0.03
+        m.gloss = 0.4
+    return m
+
+
+@wp.func
+def paved(pattern: wp.int32) -> bool:
+    """Whether a surface soaks, shines and holds puddles as a street does."""
+    street = pattern == patterns.ASPHALT or pattern == patterns.ROAD_PAINT
+    return street or pattern == patterns.SLABS or pattern == patterns.CONCRETE
+
+
+@wp.func
+def sunk(pattern: wp.int32, p: wp.vec3f, foot: wp.float32) -> wp.float32:
+    """How low the ground lies, as -1 less its height: below 0, as no pixel's footprint is."""
+    height = hollows(p, foot)
+    if pattern == patterns.SLABS or pattern == patterns.CONCRETE:
+        height = height + 0.1
+    return -1.0 - height
+
+
+@wp.func
+def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], low: wp.float32) -> Matter:
+    """Wet what is dry: porous stone darkens and shines, hollows of flat ground fill with water."""
+    up = m.normal[2]
+    if paved(pattern):
+        darker = 0.52
+        if pattern == patterns.ROAD_PAINT:
+            darker = 0.78
+        m.albedo = m.albedo * (1.0 - (1.0 - darker) * air[0].wet)
+        m.coat = 0.022 * air[0].wet
+        m.gloss = 0.55 + 0.25 * air[0].wet  # a thin film follows the grain of what it wets
+        if up > LEVEL and air[0].puddles > SHALLOW:
+            level = 0.88 - 0.6 * air[0].puddles
+            pool = step_between(level - 0.03, level + 0.05, 2.0 + low) * step_between(SHALLOW, 0.2, air[0].puddles)
+            m.albedo = m.albedo * (1.0 - 0.45 * pool)
+            m.coat = m.coat + (0.028 - m.coat) * pool
+            m.gloss = m.gloss + (0.985 - m.gloss) * pool
+    elif (
+        pattern == patterns.BRICK
+        or pattern == patterns.PLASTER
+        or pattern == patterns.BARK
+        or pattern == patterns.CLOTH
+        or pattern == patterns.STONE
+        or pattern == patterns.WOOD
+        or pattern == patterns.CLAPBOARD
+    ):
+        m.albedo = m.albedo * (1.0 - 0.28 * air[0].wet)
+    elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS or pattern == patterns.ROOF:
+        m.albedo = m.albedo * (1.0 - 0.2 * air[0].wet)
+        m.coat = 0.012 * air[0].wet
+        m.gloss = 0.4
+    return m
+
+
+@wp.func
+def fluttered(m: Matter, air: wp.array[Air], p: wp.vec3f, near: wp.float32, stir: wp.int32) -> Matter:
+    """Leaves and blades in the wind: their light and shade move to and fro, more so where a gust passes."""
+    gust = noise2(p[0] * 0.25 - air[0].breeze * wp.float32(stir), p[1] * 0.25 + 0.3 * p[2], wp.uint32(41))
+    ends = air[0].swings[index((stir + SWING_STIRS) % SWING_STIRS)]
+    swing = ends[0] * (1.0 - gust) + ends[1] * gust
+    leaf = noise3(p[0] * 7.0 + swing * 7.0, p[1] * 7.0 + swing * 5.0, p[2] * 7.0 - swing * 4.0, wp.uint32(42)) - 0.5
+    amount = air[0].flutter * (0.4 + 0.6 * gust) * lesser(2.0 * near, 1.0)
+    m.albedo = m.albedo * (1.0 + 0.9 * amount * leaf)
+    lean = 0.7 * amount * leaf
+    m.normal = direction(wp.vec3f(m.normal[0] + lean, m.normal[1] - 0.6 * lean, m.normal[2] + 0.4 * lean))
+    return m

@@ -1,0 +1,318 @@
+"""Reflections on wet ground: what a puddle mirrors is looked up in the picture itself.
+
+The mirrored ray is followed until it passes behind something that the camera sees; that sample's light is reflected.
+Four pixels share one ray's length, each goes that far along a ray of its own; at an edge, as far as those beside it.
+A ray that meets nothing sees the sky, or, if it is low, the street beyond the picture.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.lighting.air import Air, decay, reflected_sky
+from recipe_runtime.render.lighting.reflection_reuse_kernels import (
+    WIDEST,
+    calm,
+    disturb,
+    rings_at,
+    tiles_of,
+    turn_at,
+    undisturbed,
+)
+from recipe_runtime.render.lighting.temporal_kernels import Asked, Before, asked_of, spoil
+from recipe_runtime.render.numeric.noise import noise2, step_between
+from recipe_runtime.render.numeric.scalars import clamp01, greater, index, lesser
+from recipe_runtime.render.numeric.vectors import inner, mix
+from recipe_runtime.render.sampling.sample_kernels import Samples
+from recipe_runtime.render.scene.camera import Lens
+
+wp.set_module_options(OPTIONS)
+
+STEPS = wp.constant(13)
+GROWTH = wp.constant(wp.float32(1.47))
+FAR = wp.constant(wp.float32(60.0))  # metres of air before what a ray meets beyond the picture
+DRY = wp.constant(-2)  # in the place of a sample: a block that mirrors nothing
+FAINT = wp.constant(wp.float32(0.016))  # shares below this only see the sky
+
+
+@wp.func
+def seen_from(view: wp.array2d[wp.float32], v: wp.vec3f) -> wp.vec3f:
+    """A direction of the world in the camera's frame."""
+    return wp.vec3f(
+        (view[0, 0] * v[0] + view[0, 1] * v[1]) + view[0, 2] * v[2],
+        (view[0, 4] * v[0] + view[0, 5] * v[1]) + view[0, 6] * v[2],
+        (view[0, 8] * v[0] + view[0, 9] * v[1]) + view[0, 10] * v[2],
+    )
+
+
+@wp.func
+def place_of(q: wp.vec3f, lens: Lens) -> wp.vec2i:
+    """The column and the row of the pixel that a point before the camera falls on; -1 and -1 outside of the picture."""
+    scale = wp.float32(lens.focal) / q[2]
+    x = q[0] * scale + wp.float32(lens.cx)
+    y = q[1] * scale + wp.float32(lens.cy)
+    within = x >= 0.0 and y >= 0.0 and x < wp.float32(lens.width) and y < wp.float32(lens.height)
+    return wp.vec2i(wp.where(within, wp.int32(x), -1), wp.where(within, wp.int32(y), -1))
+
+
+@wp.func
+def rippled(air: wp.array[Air], p: wp.vec3f, rings: wp.int32, gloss: wp.float32) -> wp.float32:
+    """How far ripples, grain and falling drops tilt wet ground at p along the sight, as on any wet road."""
+    return (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(rings)) - 0.5) * (0.006 + 0.3 * (1.0 - gloss) + air[0].pelting)
+
+
+@wp.func
+def mirrored(to_point: wp.vec3f, ripple: wp.float32) -> wp.vec3f:
+    """The unit direction in which wet ground sends the sight on: upward, and a little astray."""
+    one = 1.0 / wp.sqrt(greater(inner(to_point, to_point), 1.0e-8))
+    sight = to_point * one
+    n = wp.vec3f(sight[0] * ripple, sight[1] * ripple, 1.0)
+    r = sight - n * (2.0 * inner(n, sight) / inner(n, n))
+    return wp.vec3f(r[0], r[1], greater(r[2], 0.02))
+
+
+@wp.func
+def first_wet(
+    x0: wp.int32, y0: wp.int32, gleam: wp.array[wp.vec2f], starts: wp.array[wp.int32], lens: Lens
+) -> wp.int32:
+    """The first sample of a block of 2 x 2 pixels that mirrors enough to be followed; -1 if none does."""
+    found = wp.int32(-1)
+    for y in range(y0, wp.min(y0 + 2, lens.height)):
+        for x in range(x0, wp.min(x0 + 2, lens.width)):
+            s = index(starts[index(y * lens.width + x)])
+            if found < 0 and gleam[s][0] > FAINT:
+                found = s
+    return found
+
+
+@wp.func
+def close_in(
+    start: wp.vec3f, way: wp.vec3f, before: wp.float32, behind: wp.float32, depth: wp.array[wp.float32], lens: Lens
+) -> wp.float32:
+    """Where on its way a ray first passed behind what is seen: halvings between before it and behind it."""
+    low = before
+    high = behind
+    for _halving in range(4):
+        middle = (low + high) * 0.5
+        q = start + way * middle
+        at = place_of(q, lens)
+        hidden = False
+        if at[0] >= 0:
+            hidden = depth[index(at[1] * lens.width + at[0])] < q[2] - 0.03
+        if hidden:
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+@wp.func
+def followed(
+    i: wp.int32,
+    x0: wp.int32,
+    y0: wp.int32,
+    samples: wp.array[Samples],
+    depth: wp.array[wp.float32],
+    view: wp.array2d[wp.float32],
+    lens: Lens,
+):
+    """How far the mirrored ray of a sample goes to what it meets, -1 if it meets nothing; and the tiles on its way."""
+    to_point = samples[0].positions[i] - samples[0].eye
+    start = seen_from(view, to_point)
+    way = seen_from(view, mirrored(to_point, 0.0))
+    hit = wp.int32(0)
+    last = wp.float32(0.05)
+    t = wp.float32(0.2)
+    left = x0
+    top = y0
+    right = x0 + 1
+    bottom = y0 + 1
+    for _step in range(STEPS):
+        q = start + way * t
+        if q[2] <= 0.2:
+            break
+        at = place_of(q, lens)
+        x = at[0]
+        y = at[1]
+        if x < 0:
+            break
+        left = wp.min(left, x)
+        top = wp.min(top, y)
+        right = wp.max(right, x)
+        bottom = wp.max(bottom, y)
+        seen = depth[index(y * lens.width + x)]
+        if seen < q[2] - 0.03 and seen > q[2] - 0.3 - 1.3 * (t - last):
+            hit = 1
+            break
+        last = t
+        t = t * GROWTH
+    found = wp.float32(-1.0)
+    if hit != 0:
+        found = close_in(start, way, last, t, depth, lens)
+    return found, tiles_of(left, top, right, bottom, lens)
+
+
+@wp.kernel
+def march(
+    samples: wp.array[Samples],
+    gleam: wp.array[wp.vec2f],
+    depth: wp.array[wp.float32],
+    starts: wp.array[wp.int32],
+    view: wp.array2d[wp.float32],
+    lens: Lens,
+    before: wp.array[Before],
+    moved: wp.array2d[wp.int32],
+    span: wp.int32,
+    reach: wp.array[wp.float32],
+    asked: wp.array[wp.int32],
+    ways: wp.array[wp.uint32],
+):
+    """How far the mirrored rays of blocks of 2 x 2 pixels go to what they meet; `span` blocks of a row to a thread.
+
+    The ray of an earlier frame, from sample `asked` past the tiles `ways`, is kept where all of them are still; so is
+    the knowledge (`DRY`) that a block mirrors nothing. A block whose ray goes another way than it did is disturbed.
+    """
+    columns = (lens.width + 1) / 2
+    spans = (columns + span - 1) / span
+    row = wp.tid() / spans
+    first = (wp.tid() % spans) * span
+    small = before[0].kept > 0 and wp.max(lens.width, lens.height) <= WIDEST
+    y0 = row * 2
+    for column in range(first, wp.min(first + span, columns)):
+        x0 = column * 2
+        block = index(row * columns + column)
+        known = asked[block]
+        same = bool(False)
+        # (Nested, for what a kernel works out of an `and` is Warp's affair, and `calm` needs a small picture.)
+        if small and known != -1:  # noqa: SIM102
+            if undisturbed(x0, y0, before, lens):
+                same = known == DRY
+                if not same:
+                    same = calm(moved, ways[block])
+        if not same:
+            i = first_wet(x0, y0, gleam, starts, lens)
+            was = reach[block]
+            now = wp.float32(-1.0)
+            asked[block] = DRY
+            if i >= 0:
+                now, way = followed(i, x0, y0, samples, depth, view, lens)
+                ways[block] = way
+                asked[block] = -1
+                if small and i < before[0].kept:  # noqa: SIM102
+                    if calm(moved, way):
+                        asked[block] = i
+            reach[block] = now
+            if was != now:
+                disturb(x0, y0, before, lens)
+
+
+@wp.func
+def met(
+    t: wp.float32,
+    to_point: wp.vec3f,
+    d: wp.vec3f,
+    depth: wp.array[wp.float32],
+    view: wp.array2d[wp.float32],
+    lens: Lens,
+) -> wp.vec2i:
+    """The pixel that a ray which goes t metres from a point ends on, and whether what is seen there lies at its end.
+
+    -1 and 0 if t is not above 0, or if that is beyond the picture.
+    """
+    at = wp.int32(-1)
+    close = wp.int32(0)
+    if t > 0.0:
+        q = seen_from(view, to_point + d * t)
+        if q[2] > 0.2:
+            place = place_of(q, lens)
+            if place[0] >= 0:
+                at = place[1] * lens.width + place[0]
+                seen = depth[index(at)]
+                close = wp.where(seen < q[2] + 0.1 + 0.03 * t and seen > q[2] - 0.3 - 0.2 * t, 1, 0)
+    return wp.vec2i(at, close)
+
+
+@wp.func
+def block_beside(block: wp.int32, pixel: wp.int32, t: wp.float32, reach: wp.array[wp.float32], lens: Lens) -> wp.int32:
+    """The block next to a pixel of a block whose ray went t metres, if that one's went another way; else its own.
+
+    It is the one on the pixel's side; or, if that is no other, the one above or below.
+    """
+    columns = (lens.width + 1) / 2
+    rows = (lens.height + 1) / 2
+    column = block % columns
+    row = block / columns
+    c = wp.min(wp.max(column + ((pixel % lens.width) & 1) * 2 - 1, 0), columns - 1)
+    r = wp.min(wp.max(row + ((pixel / lens.width) & 1) * 2 - 1, 0), rows - 1)
+    found = row * columns + c
+    if wp.abs(reach[index(found)] - t) <= 0.15 * wp.abs(t):
+        found = r * columns + column
+        if wp.abs(reach[index(found)] - t) <= 0.15 * wp.abs(t):
+            found = block
+    return found
+
+
+@wp.kernel
+def reflect(
+    samples: wp.array[Samples],
+    air: wp.array[Air],
+    gleam: wp.array[wp.vec2f],
+    reach: wp.array[wp.float32],
+    depth: wp.array[wp.float32],
+    starts: wp.array[wp.int32],
+    view: wp.array2d[wp.float32],
+    lens: Lens,
+    before: wp.array[Before],
+    asked: wp.array[Asked],
+    radiance: wp.array[wp.vec3f],
+    sources: wp.array[wp.vec2i],
+    out: wp.array[wp.vec3f],
+):
+    """Add to the samples that are asked what they mirror: along their own ray, as far as their block's ray went.
+
+    Where that ends in the air or behind something, as it may at the edge of what is mirrored, or goes nowhere, the ray
+    of a block beside it may end better. `sources` is told which pixel's light it was, and which other pixel's depth had
+    a part in that, as `due` takes it.
+    """
+    i = asked_of(asked, wp.tid())
+    share = gleam[i][0]
+    if share <= 0.0:
+        return
+    pixel = samples[0].pixels[i]
+    if pixel < 0:  # a slot that no sample took
+        return
+    light = radiance[i]
+    pixel = index(pixel)
+    block = index((pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2)
+    keep = i < before[0].kept
+    spoil(before, pixel)
+    p = samples[0].positions[i]
+    to_point = p - samples[0].eye
+    d = mirrored(to_point, rippled(air, p, rings_at(turn_at(p), air[0].moment), gleam[i][1]))
+    t = reach[block]
+    own = met(t, to_point, d, depth, view, lens)
+    at = own[0]
+    other = wp.int32(-1)
+    if own[1] == 0:
+        beside = reach[index(block_beside(block, pixel, t, reach, lens))]
+        if beside > 0.0 and beside != t:
+            end = met(beside, to_point, d, depth, view, lens)
+            other = end[0]
+            if end[1] != 0:
+                other = at
+                at = end[0]
+    if at >= 0:
+        # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
+        most = air[0].sideways * (4.0 + 500.0 * greater(gleam[i][1] - 0.82, 0.0))
+        seen = index(starts[index(at)])
+        shown = radiance[seen]
+        shown = wp.vec3f(lesser(shown[0], most[0]), lesser(shown[1], most[1]), lesser(shown[2], most[2]))
+        out[i] = light + shown * share
+        if seen >= before[0].kept:
+            at = -2
+    else:
+        street = clamp01(step_between(0.34, 0.12, d[2]))
+        beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
+        out[i] = light + mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * FAR)) * share
+    if keep:
+        sources[i] = wp.vec2i(at, other)

@@ -1,0 +1,307 @@
+"""Shadows: how near to the sun the first thing along each of its rays is.
+
+The sun's rays are a picture of their own: u level, v up in the plane they cross, nearness along them. What stands
+still is drawn once for a sun's place; what moves is drawn every frame into two maps about the camera, fine and
+coarse, whose texels are fixed in the world. Flat ground casts nothing, so it cannot shadow itself by rounding.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric.scalars import greater, index, lesser
+from recipe_runtime.render.numeric.vectors import breadth, moved
+from recipe_runtime.render.raster.triangles import Corner, edge, snap
+from recipe_runtime.render.raster.visibility_kernels import draw
+from recipe_runtime.render.scene.camera import Lens
+
+wp.set_module_options(OPTIONS)
+
+UNTOUCHED = wp.constant(8)  # of a tile: nothing that moves has a part in its light
+TILE = wp.constant(16)  # texels along the side of a tile that is known to be empty or not
+
+
+@wp.struct
+class Sunbeam:
+    """A shadow map's frame: texel = world . axis + offset, nearness = world . towards + offset, in 0..1."""
+
+    u: wp.vec4f
+    v: wp.vec4f
+    q: wp.vec4f
+    size: wp.int32  # texels along a side; 0: no map
+    texel: wp.float32  # metres, the larger side
+    depth: wp.float32  # metres from nearness 0 to 1
+    depths: wp.array[wp.float32]  # nearness by texel
+    bounds: wp.array[wp.vec2f]  # by tile, the nearness that a filter may meet
+
+
+@wp.func
+def along(axis: wp.vec4f, p: wp.vec3f) -> wp.float32:
+    """A coordinate of a point."""
+    return ((axis[0] * p[0] + axis[1] * p[1]) + axis[2] * p[2]) + axis[3]
+
+
+@wp.func
+def corner(beams: wp.array[Sunbeam], p: wp.vec3f) -> Corner:
+    """A point in the map, in 1/256 texel."""
+    c = Corner()
+    c.x = snap(wp.float64(along(beams[0].u, p)))
+    c.y = snap(wp.float64(along(beams[0].v, p)))
+    c.q = wp.float64(wp.min(wp.max(along(beams[0].q, p), 1.0e-6), 1.0))
+    return c
+
+
+@wp.func
+def reached(
+    axis: wp.vec4f, m: wp.array2d[wp.float32], part: wp.int32, c: wp.vec3f, half: wp.vec3f, size: wp.int32
+) -> bool:
+    """Whether a box about c may lie within the map, or a filter's width outside, along one of its axes."""
+    r = breadth(m, part, half, wp.vec3f(axis[0], axis[1], axis[2])) + 8.0
+    at = along(axis, c)
+    return at + r > 0.0 and at - r < wp.float32(size)
+
+
+@wp.kernel
+def cull(
+    chunks: wp.array[wp.vec3i],
+    centres: wp.array[wp.vec3f],
+    halves: wp.array[wp.vec3f],
+    matrices: wp.array2d[wp.float32],
+    beams: wp.array[Sunbeam],
+    first: wp.int32,
+    seen: wp.array[wp.int32],
+):
+    """1 for every chunk first.. whose box may meet the map; `matrices` lead from the parts to the world."""
+    i = first + wp.tid()
+    part = chunks[i][2]
+    c = moved(matrices, part, centres[i])
+    size = beams[0].size
+    across = reached(beams[0].u, matrices, part, c, halves[i], size)
+    seen[i] = int(across and reached(beams[0].v, matrices, part, c, halves[i], size))
+
+
+@wp.kernel
+def cast(
+    vertices: wp.array[wp.vec3f],
+    triangles: wp.array[wp.vec3i],
+    chunks: wp.array[wp.vec3i],
+    seen: wp.array[wp.int32],
+    casts: wp.array[wp.int32],
+    first: wp.int32,
+    beams: wp.array[Sunbeam],
+    lens: Lens,
+    keys: wp.array[wp.uint64],
+    used: wp.array[wp.int32],
+):
+    """Draw the chunks first.. that the map may hold, of world-space vertices, whichever way they face."""
+    place = wp.tid()
+    n = first + (place >> 6)
+    if seen[n] == 0:
+        return
+    chunk = chunks[n]
+    if (place & 63) >= chunk[1]:
+        return
+    i = chunk[0] + (place & 63)
+    if casts[i] == 0:
+        return
+    t = triangles[i]
+    a = corner(beams, vertices[t[0]])
+    b = corner(beams, vertices[t[1]])
+    c = corner(beams, vertices[t[2]])
+    if edge(a.x, a.y, b.x, b.y, c.x, c.y) < wp.int64(0):
+        turn = b
+        b = c
+        c = turn
+    draw(keys, lens, a, b, c, wp.uint64(0), wp.uint64(0))
+    # Mark the tiles that it may touch, a filter's width further out.
+    side = beams[0].size / TILE
+    left = wp.max(int((wp.min(a.x, wp.min(b.x, c.x)) >> wp.int64(8)) - wp.int64(3)) / TILE, 0)
+    top = wp.max(int((wp.min(a.y, wp.min(b.y, c.y)) >> wp.int64(8)) - wp.int64(3)) / TILE, 0)
+    right = wp.min(int((wp.max(a.x, wp.max(b.x, c.x)) >> wp.int64(8)) + wp.int64(3)) / TILE, side - 1)
+    bottom = wp.min(int((wp.max(a.y, wp.max(b.y, c.y)) >> wp.int64(8)) + wp.int64(3)) / TILE, side - 1)
+    for y in range(top, bottom + 1):
+        for x in range(left, right + 1):
+            used[y * side + x] = 1
+
+
+@wp.kernel
+def nearness(
+    keys: wp.array[wp.uint64],
+    used: wp.array[wp.int32],
+    before: wp.array[wp.int32],
+    size: wp.int32,
+    rows: wp.int32,
+    out: wp.array[wp.float32],
+):
+    """Some rows of a used tile: keys as nearness in 0..1, half as large to keep, and cleared.
+
+    `out` comes zeroed but for the tiles that were used `before`, which are cleared.
+    """
+    shares = TILE / rows
+    tile = wp.tid() / shares
+    if used[tile] == 0 and before[tile] == 0:
+        return
+    side = size / TILE
+    first = (tile / side) * TILE * size + (tile % side) * TILE
+    top = (wp.tid() % shares) * rows
+    for y in range(top, top + rows):
+        for x in range(TILE):
+            i = first + y * size + x
+            out[i] = wp.float32(wp.float64(wp.int64(keys[i] >> wp.uint64(24))) / wp.float64(1099511627775.0))
+            keys[i] = wp.uint64(0)
+
+
+@wp.kernel
+def bound(depths: wp.array[wp.float32], used: wp.array[wp.int32], size: wp.int32, bounds: wp.array[wp.vec2f]):
+    """The least and the greatest nearness that a filter may meet from within a tile: most need not filter at all."""
+    tile = wp.tid()
+    if used[tile] == 0:
+        bounds[tile] = wp.vec2f(0.0, 0.0)
+        return
+    side = size / TILE
+    top = (tile / side) * TILE
+    left = (tile % side) * TILE
+    low = wp.float32(1.0)
+    high = wp.float32(0.0)
+    for y in range(wp.max(top - 1, 0), wp.min(top + TILE + 2, size)):
+        for x in range(wp.max(left - 1, 0), wp.min(left + TILE + 2, size)):
+            q = depths[y * size + x]
+            low = lesser(low, q)
+            high = greater(high, q)
+    bounds[tile] = wp.vec2f(low, high)
+
+
+@wp.func
+def holds(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f) -> bool:
+    """Whether a point lies well within map k."""
+    u = along(beams[k].u, p)
+    v = along(beams[k].v, p)
+    end = wp.float32(beams[k].size - 12)
+    return u > 12.0 and v > 12.0 and u < end and v < end
+
+
+@wp.func
+def clear(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
+    """Whether map k takes no light from any point of a box; False also where it would take long to tell."""
+    size = beams[k].size
+    if size == 0:
+        return True
+    middle = (low + high) * 0.5
+    half = (high - low) * 0.5
+    lift = 2.0 * (0.6 * beams[k].texel + 0.004)
+    u = along(beams[k].u, middle)
+    v = along(beams[k].v, middle)
+    q = along(beams[k].q, middle)
+    a = beams[k].u
+    du = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + lift / beams[k].texel + 2.0
+    a = beams[k].v
+    dv = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + lift / beams[k].texel + 2.0
+    a = beams[k].q
+    dq = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + lift / beams[k].depth
+    end = wp.float32(size - 1)
+    if u + du < 0.0 or v + dv < 0.0 or u - du > end or v - dv > end:
+        return True
+    if q - dq <= 0.0:
+        return False
+    side = size / TILE
+    left = int(greater(u - du, 0.0)) / TILE
+    right = int(lesser(u + du, end)) / TILE
+    top = int(greater(v - dv, 0.0)) / TILE
+    bottom = int(lesser(v + dv, end)) / TILE
+    if (right - left + 1) * (bottom - top + 1) > 1024:
+        return False
+    for y in range(top, bottom + 1):
+        for x in range(left, right + 1):
+            if beams[k].bounds[y * side + x][1] > 0.0:
+                return False
+    return True
+
+
+@wp.func
+def spans(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
+    """Whether map k `holds` every point of a box."""
+    middle = (low + high) * 0.5
+    half = (high - low) * 0.5
+    a = beams[k].u
+    du = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + 13.0
+    a = beams[k].v
+    dv = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + 13.0
+    u = along(beams[k].u, middle)
+    v = along(beams[k].v, middle)
+    end = wp.float32(beams[k].size)
+    return u > du and v > dv and u + du < end and v + dv < end
+
+
+@wp.kernel
+def calm(
+    lows: wp.array[wp.vec3f],
+    highs: wp.array[wp.vec3f],
+    beams: wp.array[Sunbeam],
+    needed: wp.int32,
+    same: wp.array[wp.int32],
+):
+    """Set `UNTOUCHED` in a tile with all `needed` bits whose box no shadow of what moves (maps 2, 3) can reach."""
+    tile = wp.tid()
+    if (same[tile] & needed) != needed:
+        return
+    low = lows[tile]
+    high = highs[tile]
+    if not clear(beams, 2, low, high):
+        return
+    # (Where the fine map holds all, nobody looks into the coarse one.)
+    untouched = spans(beams, 2, low, high)
+    if not untouched:
+        untouched = clear(beams, 3, low, high)
+    if untouched:
+        same[tile] = same[tile] | UNTOUCHED
+
+
+@wp.func
+def lit(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+    """The share of the sun seen from a point with normal n: nine bilinear taps, so that edges are soft and still."""
+    size = beams[k].size
+    if size == 0:
+        return 1.0
+    texel = beams[k].texel
+    lift = 0.6 * texel + 0.004
+    if p[2] > 0.3:
+        # The filter reaches two texels aside: the more a surface turns from the sun, the more depth lies between
+        # them, and it would shade itself. The ground throws no shadow, so it keeps the exact ends of those on it.
+        axis = beams[k].q
+        facing = (axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]) * beams[k].depth
+        lift = lift + 1.1 * texel * wp.sqrt(greater(1.0 - facing * facing, 0.0))
+    r = wp.vec3f(p[0] + n[0] * lift, p[1] + n[1] * lift, p[2] + n[2] * lift)
+    u = along(beams[k].u, r) - 0.5
+    v = along(beams[k].v, r) - 0.5
+    end = wp.float32(size - 4)
+    if u < 3.0 or v < 3.0 or u > end or v > end:
+        return 1.0
+    i = int(u)
+    j = int(v)
+    q = along(beams[k].q, r) + (0.01 + 0.35 * texel) / beams[k].depth
+    within = beams[k].bounds[index((j / TILE) * (size / TILE) + i / TILE)]
+    if q >= within[1]:
+        return 1.0
+    if q < within[0]:
+        return 0.0
+    fu = u - wp.float32(i)
+    fv = v - wp.float32(j)
+    total = wp.float32(0.0)
+    for y in range(4):
+        wy = wp.float32(1.0)
+        if y == 0:
+            wy = 1.0 - fv
+        if y == 3:
+            wy = fv
+        base = index((j + y - 1) * size + i - 1)
+        row = wp.float32(0.0)
+        if beams[k].depths[base] <= q:
+            row = row + 1.0 - fu
+        if beams[k].depths[base + 1] <= q:
+            row = row + 1.0
+        if beams[k].depths[base + 2] <= q:
+            row = row + 1.0
+        if beams[k].depths[base + 3] <= q:
+            row = row + fu
+        total = total + row * wy
+    return total / 9.0

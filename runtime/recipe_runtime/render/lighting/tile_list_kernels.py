@@ -1,0 +1,273 @@
+"""Nearby things: which lamps light a tile of the picture, and which bodies stand close enough to darken it.
+
+A tile is 16 x 16 pixels. Its box in the world follows from its nearest and farthest pixel; a light or a body whose
+reach does not meet the box is left out. Tiles keep the things in the order of the list, so sums are always the same.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric.noise import step_between
+from recipe_runtime.render.numeric.scalars import clamp01, greater, index, lesser
+from recipe_runtime.render.numeric.vectors import inner
+from recipe_runtime.render.raster.label_kernels import TILE, depth_of
+from recipe_runtime.render.scene.camera import Lens
+
+wp.set_module_options(OPTIONS)
+
+MOST = wp.constant(24)  # things a tile can hold; the list's first ones are kept
+FADES_AT = wp.constant(wp.float32(8.0))  # squared, in spreads from a body: from there on it darkens nothing
+FADED = wp.constant(wp.float32(1.0 / 81.0))  # what it would darken there
+
+
+@wp.struct
+class Lamps:
+    """Spot lights that are on, in the world."""
+
+    position: wp.array[wp.vec3f]
+    direction: wp.array[wp.vec3f]  # unit
+    power: wp.array[wp.vec3f]  # light on a white surface one metre away
+    cone: wp.array[wp.vec2f]  # cosines: faded to nothing, and full
+    reach: wp.array[wp.float32]  # metres
+    moves: wp.array[wp.int32]  # 1: it is carried about
+    count: wp.int32
+
+
+@wp.struct
+class Bodies:
+    """Moving things that nearly touch the ground: an upright box each."""
+
+    centre: wp.array[wp.vec3f]  # of its foot
+    axis: wp.array[wp.vec2f]  # unit, along its first half size
+    half: wp.array[wp.vec2f]
+    spread: wp.array[wp.float32]  # metres beside the box over which the darkening fades
+    strength: wp.array[wp.float32]
+    count: wp.int32
+
+
+@wp.func
+def gap(low: wp.float32, high: wp.float32, x: wp.float32) -> wp.float32:
+    """Distance of x from the interval."""
+    return greater(greater(low - x, x - high), 0.0)
+
+
+@wp.func
+def meets_cone(v: wp.vec3f, radius: wp.float32, aim: wp.vec3f, cosine: wp.float32) -> bool:
+    """Whether a ball at v from a cone's point may meet the cone; always, if its half angle is not below 90 degrees."""
+    if cosine <= 0.0:
+        return True
+    along = inner(v, aim)
+    if along < -radius:
+        return False
+    across = wp.sqrt(greater(inner(v, v) - along * along, 0.0))
+    return across * cosine - along * wp.sqrt(1.0 - cosine * cosine) <= radius
+
+
+@wp.func
+def depths_in(keys: wp.array[wp.uint64], lens: Lens, x0: wp.int32, y0: wp.int32, x1: wp.int32, y1: wp.int32):
+    """The nearest and the farthest key of a rectangle of pixels, the sky left out; a nearest of 0: all is sky."""
+    far = wp.uint64(0xFFFFFFFFFFFFFFFF)
+    near = wp.uint64(0)
+    for y in range(y0, y1):
+        row = y * lens.width
+        for x in range(x0, x1):
+            key = keys[index(row + x)]
+            near = wp.max(near, key)
+            far = wp.min(far, key - wp.uint64(1))  # the sky's 0 becomes the largest number
+    return near, far + wp.uint64(1)
+
+
+@wp.func
+def box_about(
+    world: wp.array2d[wp.float32],
+    lens: Lens,
+    x0: wp.int32,
+    y0: wp.int32,
+    x1: wp.int32,
+    y1: wp.int32,
+    z0: wp.float32,
+    z1: wp.float32,
+):
+    """The world's box, its low and its high corner, about what a rectangle of pixels shows between two depths."""
+    low = wp.vec3f(1.0e9, 1.0e9, 1.0e9)
+    high = wp.vec3f(-1.0e9, -1.0e9, -1.0e9)
+    focal = wp.float32(lens.focal)
+    for corner in range(8):
+        z = z0
+        if corner >= 4:
+            z = z1
+        cx = (wp.float32(x0 + (corner & 1) * (x1 - x0)) - wp.float32(lens.cx)) / focal * z
+        cy = (wp.float32(y0 + ((corner >> 1) & 1) * (y1 - y0)) - wp.float32(lens.cy)) / focal * z
+        px = world[0, 0] * cx + world[0, 1] * cy + world[0, 2] * z + world[0, 3]
+        py = world[0, 4] * cx + world[0, 5] * cy + world[0, 6] * z + world[0, 7]
+        pz = world[0, 8] * cx + world[0, 9] * cy + world[0, 10] * z + world[0, 11]
+        low = wp.vec3f(lesser(low[0], px), lesser(low[1], py), lesser(low[2], pz))
+        high = wp.vec3f(greater(high[0], px), greater(high[1], py), greater(high[2], pz))
+    return low, high
+
+
+@wp.func
+def gaps(low: wp.vec3f, high: wp.vec3f, p: wp.vec3f) -> wp.vec3f:
+    """Distances of a point from a box, axis by axis."""
+    return wp.vec3f(gap(low[0], high[0], p[0]), gap(low[1], high[1], p[1]), gap(low[2], high[2], p[2]))
+
+
+@wp.func
+def list_lamps(lamps: wp.array[Lamps], low: wp.vec3f, high: wp.vec3f, tile: wp.int32, lists: wp.array2d[wp.int32]):
+    """List the lamps whose ball of reach meets the box, and whose cone meets the ball about it."""
+    middle = (low + high) * 0.5
+    span = high - low
+    radius = 0.5 * wp.sqrt(inner(span, span)) + 0.05
+    n = wp.int32(0)
+    for i in range(lamps[0].count):
+        p = lamps[0].position[i]
+        g = gaps(low, high, p)
+        reach = lamps[0].reach[i]
+        near_by = g[0] * g[0] + g[1] * g[1] + g[2] * g[2] < reach * reach
+        if near_by and n < MOST and meets_cone(middle - p, radius, lamps[0].direction[i], lamps[0].cone[i][0]):
+            n = n + 1
+            lists[tile, n] = i
+    lists[tile, 0] = n
+
+
+@wp.func
+def list_bodies(bodies: wp.array[Bodies], low: wp.vec3f, high: wp.vec3f, tile: wp.int32, lists: wp.array2d[wp.int32]):
+    """List the bodies that stand so near to the box that they may darken it."""
+    n = wp.int32(0)
+    for i in range(bodies[0].count):
+        reach = bodies[0].half[i][0] + bodies[0].half[i][1] + wp.sqrt(FADES_AT) * bodies[0].spread[i] + 0.001
+        g = gaps(low, high, bodies[0].centre[i])
+        if g[0] * g[0] + g[1] * g[1] < reach * reach and g[2] < 0.6 and n < MOST:
+            n = n + 1
+            lists[tile, n] = i
+    lists[tile, 0] = n
+
+
+@wp.kernel
+def gather(
+    keys: wp.array[wp.uint64],
+    lens: Lens,
+    world: wp.array2d[wp.float32],
+    lamps: wp.array[Lamps],
+    bodies: wp.array[Bodies],
+    lamp_lists: wp.array2d[wp.int32],
+    body_lists: wp.array2d[wp.int32],
+):
+    """List the lamps and bodies that reach a tile; entry 0 is the count."""
+    tile = wp.tid()
+    columns = (lens.width + TILE - 1) / TILE
+    x0 = (tile % columns) * TILE
+    y0 = (tile / columns) * TILE
+    x1 = wp.min(x0 + TILE, lens.width)
+    y1 = wp.min(y0 + TILE, lens.height)
+    near, far = depths_in(keys, lens, x0, y0, x1, y1)
+    lamp_lists[tile, 0] = 0
+    body_lists[tile, 0] = 0
+    if near == wp.uint64(0):
+        return
+    # A little to spare: samples within a pixel may lie nearer or farther than its centre.
+    z0 = wp.float32(depth_of(near, lens.near)) * 0.97 - 0.05
+    z1 = wp.float32(depth_of(far, lens.near)) * 1.03 + 0.05
+    low, high = box_about(world, lens, x0, y0, x1, y1, z0, z1)
+    list_lamps(lamps, low, high, tile, lamp_lists)
+    list_bodies(bodies, low, high, tile, body_lists)
+
+
+@wp.func
+def same_lamps(lamps: wp.array[Lamps], before: wp.array2d[wp.int32], now: wp.array2d[wp.int32], tile: wp.int32) -> bool:
+    """Whether a tile's list holds the lamps that it held a frame before, and none that moves."""
+    n = now[tile, 0]
+    if before[tile, 0] != n:
+        return False
+    for k in range(n):
+        lamp = now[tile, k + 1]
+        if before[tile, k + 1] != lamp or lamps[0].moves[lamp] != 0:
+            return False
+    return True
+
+
+@wp.kernel
+def compare(
+    lamps: wp.array[Lamps],
+    lamps_before: wp.array2d[wp.int32],
+    bodies_before: wp.array2d[wp.int32],
+    glows_before: wp.array2d[wp.int32],
+    lamp_lists: wp.array2d[wp.int32],
+    body_lists: wp.array2d[wp.int32],
+    glow_lists: wp.array2d[wp.int32],
+    same: wp.array[wp.int32],
+):
+    """Compare a tile's lists in two frames.
+
+    Bit 0: no body darkens it; bits 1 and 2: the same still lamps light it, and glow before it.
+    """
+    tile = wp.tid()
+    bits = wp.int32(0)
+    if bodies_before[tile, 0] == 0 and body_lists[tile, 0] == 0:
+        bits = bits | 1
+    if same_lamps(lamps, lamps_before, lamp_lists, tile):
+        bits = bits | 2
+    if same_lamps(lamps, glows_before, glow_lists, tile):
+        bits = bits | 4
+    same[tile] = bits
+
+
+@wp.func
+def contact(
+    bodies: wp.array[Bodies], lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f
+) -> wp.float32:
+    """The share of the sky's light left on ground that bodies stand close above."""
+    left = wp.float32(1.0)
+    for k in range(lists[tile, 0]):
+        i = lists[tile, k + 1]
+        c = bodies[0].centre[i]
+        a = bodies[0].axis[i]
+        h = bodies[0].half[i]
+        dx = p[0] - c[0]
+        dy = p[1] - c[1]
+        dz = p[2] - c[2]
+        if dz < 0.12 and dz > -0.5:
+            u = dx * a[0] + dy * a[1]
+            v = dy * a[0] - dx * a[1]
+            gu = gap(-h[0], h[0], u)
+            gv = gap(-h[1], h[1], v)
+            square = gu * gu + gv * gv
+            spread = bodies[0].spread[i] * bodies[0].spread[i]
+            if square < FADES_AT * spread:
+                r = square / spread
+                share = greater(1.0 / (1.0 + 2.0 * r + r * r) - FADED, 0.0) * (1.0 / (1.0 - FADED))
+                # The parts of one body stand in each other's way: the darkest of them counts, not their product.
+                left = lesser(left, 1.0 - bodies[0].strength[i] * clamp01(n[2]) * share)
+    return left
+
+
+@wp.func
+def lamp_light(lamps: wp.array[Lamps], i: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.vec4f:
+    """How a lamp lights a point: the unit vector towards it, and the share of its power that falls there.
+
+    The share is 0 where it is out of reach or the surface faces away by more than wrapping light would mend.
+    """
+    q = lamps[0].position[i]
+    dx = q[0] - p[0]
+    dy = q[1] - p[1]
+    dz = q[2] - p[2]
+    s = dx * dx + dy * dy + dz * dz
+    reach = lamps[0].reach[i]
+    if s > reach * reach:
+        return wp.vec4f(0.0, 0.0, 1.0, 0.0)
+    # Outside of the cone, by squares: most points that a lamp could reach it does not point at.
+    cone = lamps[0].cone[i]
+    aim = lamps[0].direction[i]
+    along = -(dx * aim[0] + dy * aim[1] + dz * aim[2])
+    if cone[0] > 0.0 and (along <= 0.0 or along * along < cone[0] * cone[0] * s):
+        return wp.vec4f(0.0, 0.0, 1.0, 0.0)
+    faced = dx * n[0] + dy * n[1] + dz * n[2]
+    if faced < 0.0 and faced * faced > 0.0144 * s:
+        return wp.vec4f(0.0, 0.0, 1.0, 0.0)
+    r = 1.0 / wp.sqrt(greater(s, 1.0e-4))
+    to = wp.vec3f(dx * r, dy * r, dz * r)
+    spot = step_between(cone[0], cone[1], along * r)
+    edge = 1.0 - s / (reach * reach)
+    share = spot * edge * edge / (s + 0.15)
+    return wp.vec4f(to[0], to[1], to[2], share)

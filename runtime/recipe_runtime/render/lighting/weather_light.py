@@ -1,0 +1,287 @@
+"""From weather and sun to light: the numbers of an appearance, worked out on the host by exact arithmetic.
+
+Sunlight is white light dimmed by Rayleigh and Mie extinction along the air mass of Kasten and Young (1989). Fog's
+visual range V gives its extinction by Koschmieder's law, 3.912 / V. Automatic exposure follows from these and from the
+street lamps about a camera: never from a picture, never from the frame before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler import exact
+from recipe_compiler.plan import AppearancePlan, Weather, fixed
+
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.lighting import sky
+from recipe_runtime.render.lighting.air import DECAY_STEPS, SWING_STIRS, Air
+from recipe_runtime.render.lighting.sky import MIE, RAYLEIGH, Colour, Haze, haze_of
+
+DENSEST = 45.0  # metres seen at fog_density 100
+LAMPS_ON, LAMPS_OFF = -1.0, 5.0  # sun altitudes, degrees, between which lamps fade
+_MOLECULES = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass of them
+_AEROSOL = np.array([0.8, 1.0, 1.35])  # haze takes more of the blue: Angstrom's law with an exponent of 1.3
+_STREET_LIGHT = 1.0e-3  # what lamps give the eye to adapt to
+_NIGHT_GAIN = 400.0  # the exposure of a clear night
+_SIGNAL, _SIGNAL_SHOWN = 0.35, 0.9  # radiance of a traffic light, and the most that it is to be after the exposure
+_LAMPLIGHT = np.array([1.0, 0.8, 0.58])  # the colour of lamps' light, thrown about
+_DUST = np.array([1.0, 0.60, 0.30])
+_RINGS = 12  # a second; a patch of ground has each pattern of rings for four of them
+_STIRS = 30  # a second; leaves in a place stay as they are for four of them
+_SWAY, _GUSTS = 0.16, 0.9  # of leaves in a storm, metres to either side; of gusts, metres a second
+_GLOW_ENDS, _GLOW_SEEN = 70.0, 0.001  # metres of air, and its extinction, about lamps that are seen to glow
+_CLEAR_AIR = 0.0004  # extinction of air without fog, 1/m
+
+
+@dataclass(frozen=True)
+class Light:
+    """What an appearance's light is, before it goes to a device."""
+
+    air: Any
+    sun: Colour  # unit, towards the sun
+    sunlight: Colour
+    daylight: float  # what sun and sky give the eye to adapt to
+    lamplight: float  # and lamps, in a street that is lit as streets are
+    response: float  # how bright a picture is to become
+    night: float
+    rain: float  # 0 to 1
+    wind: float  # 0 to 1
+
+    def exposure(self, lamps: float = 1.0) -> float:
+        """The gain that a camera chooses for a street in this light, which `lamps` times a common street's light."""
+        return fixed(self.response * exact.power(self.daylight + self.lamplight * lamps, -0.86))
+
+
+@dataclass(frozen=True)
+class _State:
+    """The weather as shares of one, and what follows from it and the sun's altitude."""
+
+    weather: Weather
+    altitude: float
+    sun: Colour
+    haze: Haze
+    rain: float
+    fog: float
+    dust: float
+    cover: float  # share of the sky under clouds
+    grey: float  # how far they close it
+    shine: float  # share of the direct sun that they, rain, fog and dust let through
+    night: float
+    day: float  # brightness of the sky
+
+
+@dataclass(frozen=True)
+class _Falling:
+    """Light on surfaces that face up, sideways and down, and what fog and overcast skies look like in it."""
+
+    overhead: Colour
+    sideways: Colour
+    below: Colour
+    around: Colour  # of the sky near the horizon
+    overcast: Colour
+    veil: Colour  # of thick fog
+
+
+def direction(azimuth: float, altitude: float) -> Colour:
+    """The unit vector towards a point of the sky, degrees."""
+    sa, ca = exact.sin_cos_deg(azimuth)
+    sh, ch = exact.sin_cos_deg(altitude)
+    return np.array([ca * ch, sa * ch, sh])
+
+
+def light_of(appearance: AppearancePlan, device: str) -> Light:
+    """The light of an appearance at time 0."""
+    w = appearance.weather
+    s = _state_of(appearance)
+    clear_sun = 5.6 * transmittance(s.altitude, w.mie_scattering_scale, w.rayleigh_scattering_scale)
+    sunlight = clear_sun * s.shine
+    falling = _falling(s, clear_sun)
+    air = Air()
+    air.sun, air.sunlight, air.disc = _vector(s.sun), _vector(sunlight), _vector(sunlight * 60.0)
+    air.overhead, air.sideways, air.below = map(_vector, (falling.overhead, falling.sideways, falling.below))
+    warm = sky.warmth(s.altitude, s.haze)
+    bright = 0.82 * falling.overcast + 0.12 * sunlight + 0.7 * warm
+    air.cloud_bright = _vector(_mix(bright, falling.overcast * 0.80 + 0.4 * warm, s.grey))
+    air.cloud_dark = _vector(falling.overcast * (0.42 - 0.04 * s.rain))
+    air.cover = fixed(s.cover)
+    air.stars = fixed(_ease(-6.0, -14.0, s.altitude) * (1.0 - s.cover)) * 2.0e-3
+    air.warm = _vector(warm * (1.0 - 0.9 * s.grey))
+    _fill_fog(air, s, falling, sunlight)
+    air.wet = fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.9 * w.precipitation_deposits / 100.0))
+    air.puddles = fixed(w.precipitation_deposits / 100.0)
+    air.night = fixed(s.night)
+    air.pelting = fixed(0.06 * s.rain)
+    air.flutter = fixed(min(1.0, w.wind_intensity / 60.0))
+    air.breeze = fixed(_GUSTS / _STIRS * w.wind_intensity / 100.0)
+    air.seed = appearance.seed & 0xFFFFFFFF
+    _fill_tables(air, s, device)
+    daylight, response = _daylight(s, sunlight, falling.overhead), _response(s)
+    lamplight = _STREET_LIGHT * s.night
+    light = Light(air, s.sun, sunlight, daylight, lamplight, response, s.night, s.rain, w.wind_intensity / 100.0)
+    # A picture holds far fewer steps of light than an eye: what shines itself keeps its place in it as all else dims.
+    gain = light.exposure()
+    air.lit = fixed(exact.power(_NIGHT_GAIN / gain, 0.8))
+    air.signal = fixed(min(_SIGNAL, _SIGNAL_SHOWN / gain))
+    return light
+
+
+def drift(light: Light, time: float) -> None:
+    """Move clouds and leaves to where the wind has them at a time in seconds, and let other drops strike the water."""
+    wind = light.wind
+    moved = wind * int(2.0 * time) / 2.0  # in steps too small to see: between them, a camera at rest keeps its sky
+    light.air.drift = wp.vec2f(fixed(0.004 * moved), fixed(0.002 * moved))
+    light.air.moment = int(_RINGS * time) if light.rain > 0.0 else 0
+    light.air.stirs = int(_STIRS * time + 1e-6) if light.air.flutter > 0.0 else 0
+
+
+def transmittance(altitude: float, mie: float = MIE, rayleigh: float = RAYLEIGH) -> Colour:
+    """The share of sunlight that reaches the ground, by colour; fades to 0 as the disc sets."""
+    haze = haze_of(mie, rayleigh)
+    white = np.array([1.0, 1.03, 1.1])
+    golden = _mix(np.ones(3), np.array([1.08, 0.86, 0.58]), _ease(28.0, 8.0, altitude))  # evening air is full of dust
+    left: Colour = golden * white * _past(altitude, _MOLECULES * haze.rayleigh + haze.mie * _AEROSOL)
+    return left * _ease(-1.2, 0.8, altitude)
+
+
+def extinction(fog_density: float) -> float:
+    """Koschmieder's extinction, 1/m, of a fog density 0..100: visual range falls with its square, to 45 m."""
+    return 3.912 / DENSEST * (fog_density / 100.0) * (fog_density / 100.0)
+
+
+def _past(altitude: float, depth: Colour) -> Colour:
+    """What an optical depth of one air mass leaves of light that comes from an altitude in degrees."""
+    height = max(altitude, -1.5)
+    mass = 1.0 / (exact.sin_deg(height) + 0.50572 * exact.power(height + 6.07995, -1.6364))
+    return np.array([exact.exp(-float(d) * mass) for d in depth])
+
+
+def _state_of(appearance: AppearancePlan) -> _State:
+    w, altitude = appearance.weather, appearance.sun.altitude
+    rain, fog, dust = w.precipitation / 100.0, w.fog_density / 100.0, w.dust_storm / 100.0
+    cover = 1.0 - (1.0 - w.cloudiness / 100.0) * (1.0 - 0.6 * rain)
+    clouds = 1.0 - _ease(0.1, 0.85, cover) * 0.95
+    return _State(
+        weather=w,
+        altitude=altitude,
+        sun=direction(appearance.sun.azimuth, altitude),
+        haze=haze_of(w.mie_scattering_scale, w.rayleigh_scattering_scale),
+        rain=rain,
+        fog=fog,
+        dust=dust,
+        cover=cover,
+        grey=_ease(0.25, 0.95, cover),
+        shine=clouds * (1.0 - 0.75 * rain) * exact.exp(-2.6 * fog * fog) * (1.0 - 0.6 * dust),
+        night=1.0 - _ease(LAMPS_ON, LAMPS_OFF, altitude),
+        day=sky.brightness(altitude),
+    )
+
+
+def _falling(s: _State, clear_sun: Colour) -> _Falling:
+    sunlight, up = clear_sun * s.shine, max(float(s.sun[2]), 0.0)
+    zenith, horizon = _ambient_colours(s.altitude, s.day)
+    evening = _ease(24.0, 8.0, s.altitude) * _ease(-4.0, 4.0, s.altitude)
+    tint = _mix(np.array([0.82, 0.9, 1.0]), np.array([0.62, 0.78, 1.12]), _ease(8.0, -2.0, s.altitude))
+    tint = _mix(tint, np.array([1.02, 0.80, 0.60]), evening)
+    overcast = tint * (s.day * (0.95 - 0.35 * s.rain) * (1.0 - 0.3 * s.dust))
+    overcast = overcast + clear_sun * (up * (1.0 - s.shine) * 0.32)
+    overhead = _mix(_pale(0.54 * zenith + 0.33 * horizon, 0.5), overcast, s.grey)
+    around = _mix(_pale(0.26 * zenith + 0.48 * horizon, 0.5), 0.62 * overcast, s.grey)
+    below = 0.25 * (sunlight * up + overhead) * np.array([1.0, 0.96, 0.9])
+    walls = 0.05 * sunlight * (1.0 - up)  # a low sun's light, thrown back by house fronts
+    overhead = overhead + walls
+    sideways = 0.5 * around + 0.5 * below + 0.2 * overhead + walls
+    # Clouds give a town its own glow back.
+    street = _STREET_LIGHT * s.night * (0.6 + 0.25 * s.cover) * _LAMPLIGHT
+    lifted = overhead + (0.3 + 0.3 * s.cover) * street
+    veil = _mix(overhead, around, 0.45) + 0.1 * street
+    return _Falling(lifted, sideways + street, below + street, around, overcast, veil)
+
+
+def _ambient_colours(altitude: float, day: float) -> tuple[Colour, Colour]:
+    """Zenith and horizon as they light the ground: paler than they look."""
+    noon = _ease(-2.0, 26.0, altitude)
+    zenith = _mix(np.array([0.22, 0.34, 0.70]), np.array([0.26, 0.48, 0.98]), noon)
+    horizon = _mix(np.array([1.0, 0.86, 0.84]), np.array([1.22, 1.38, 1.52]), noon)
+    horizon = _mix(horizon, np.array([0.52, 0.5, 0.62]), _ease(-4.0, -12.0, altitude))
+    return zenith * day, horizon * day
+
+
+def _fill_fog(air: Any, s: _State, falling: _Falling, sunlight: Colour) -> None:
+    """Fog begins at its distance and thins with height; rain's mist, dust and the air itself are everywhere."""
+    w = s.weather
+    grains, mist = 0.05 * s.dust * s.dust, 0.009 * s.rain
+    fog, clear = extinction(w.fog_density), _CLEAR_AIR + 0.0006 * max(s.haze.mie - 0.107, 0.0)
+    haze = grains + mist + clear
+    air.fog, air.haze = fixed(fog), fixed(haze)
+    air.fog_start, air.fog_thin = fixed(min(w.fog_distance, 1000.0)), fixed(0.1 * w.fog_falloff)
+    thick = (fog + grains) / (0.1 * mist + 0.004 + fog + grains)
+    dense = _pale(_mix(falling.around, falling.veil, thick), 0.6) * (1.0 - 0.12 * s.fog)
+    blue = _mix(sky.gradient(s.altitude, s.haze)[0], 0.8 * falling.overcast, s.grey)  # aerial perspective
+    plain = _mix(blue, dense, (fog + mist) / (0.002 + fog + mist))
+    brown = 0.9 * (falling.veil + 0.10 * sunlight) * _DUST
+    air.fog_colour = _vector(_mix(plain, brown, grains / (grains + fog + mist + 0.002)))
+    scattering = exact.power(w.scattering_intensity, 0.35)  # 1 at CARLA's usual 1, 5 at 100
+    about_sun = (0.08 + 0.32 * thick) * sunlight
+    about_sun = about_sun + 0.9 * (1.0 - exact.exp(-0.5 * max(s.haze.mie - 0.107, 0.0))) * _unhazed(s)
+    air.fog_sun = _vector(scattering * about_sun)
+    murk = haze + (fog if w.fog_distance < _GLOW_ENDS else 0.0)
+    air.glow = fixed(0.25 * scattering * s.night) if murk * scattering > _GLOW_SEEN else 0.0
+
+
+def _fill_tables(air: Any, s: _State, device: str) -> None:
+    decay = np.array([exact.exp(-i / 64.0) for i in range(DECAY_STEPS)])
+    air.decay = wp.array(decay.astype(np.float32), dtype=wp.float32, device=device)
+    thinning = [1.0, *((1.0 - value) * 64.0 / i for i, value in enumerate(decay[1:], start=1))]
+    air.thinning = wp.array(np.array(thinning, np.float32), dtype=wp.float32, device=device)
+    reach, turns = _SWAY * s.weather.wind_intensity / 100.0, [360.0 * i / SWING_STIRS for i in range(SWING_STIRS)]
+    swings = np.array([exact.sin_cos_deg(turn) for turn in turns]) * reach
+    air.swings = wp.array(_round(swings), dtype=wp.vec2f, device=device)
+    air.gradient = wp.array(_round(sky.gradient(s.altitude, s.haze)), dtype=wp.vec3f, device=device)
+    air.halo = wp.array(_round(sky.halo(s.haze, _unhazed(s))), dtype=wp.vec3f, device=device)
+
+
+def _unhazed(s: _State) -> Colour:
+    """The sunlight that haze finds to scatter; the light that more molecules took stays in the sky."""
+    return 5.6 * s.shine * _past(s.altitude, _MOLECULES * min(s.haze.rayleigh, 1.0)) * _ease(-1.2, 0.8, s.altitude)
+
+
+def _daylight(s: _State, sunlight: Colour, overhead: Colour) -> float:
+    """What sun and sky give a camera in a street to adapt to."""
+    # A low sun lights the tops of houses; the street, which the exposure is for, lies in their shade.
+    open_street = 0.33 + 0.67 * _ease(4.0, 40.0, s.altitude)
+    seen = sunlight * (max(float(s.sun[2]), 0.3) * open_street * _ease(-1.0, 1.0, s.altitude)) + 1.25 * overhead
+    return 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2])
+
+
+def _response(s: _State) -> float:
+    """How bright a picture is to become: dusk is darker than day, and a lit street by night than dusk."""
+    deep = _ease(-3.0, -13.0, s.altitude)
+    clear = 1.0 - 0.12 * _ease(30.0, 12.0, s.altitude) - 0.2 * _ease(9.0, -3.0, s.altitude) + 0.4 * deep
+    veiled = (1.0 - 0.2 * s.rain * (1.0 - deep)) * (1.0 - 0.06 * s.fog) * (1.0 - 0.36 * s.dust)
+    return clear * veiled * (1.0 + 0.5 * deep * max(s.rain, s.fog) * (1.0 - s.dust))
+
+
+def _ease(start: float, end: float, x: float) -> float:
+    t = min(max((x - start) / (end - start), 0.0), 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def _pale(colour: Colour, share: float) -> Colour:
+    """A colour with a share of its saturation taken."""
+    return colour + (float(colour[0] + colour[1] + colour[2]) / 3.0 - colour) * share
+
+
+def _mix(a: Colour, b: Colour, t: float) -> Colour:
+    return a + (b - a) * t
+
+
+def _vector(colour: Colour) -> Any:
+    """A kernel's vector, its components rounded to 12 places (light at night is small)."""
+    return wp.vec3f(*(round(float(c), 12) for c in colour))
+
+
+def _round(table: NDArray[np.float64]) -> NDArray[np.float32]:
+    return (np.floor(table * 1e12 + 0.5) / 1e12).astype(np.float32)

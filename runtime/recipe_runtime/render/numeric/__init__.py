@@ -1,0 +1,1 @@
+"""Scalars, vectors and noise in kernels, with a fixed order of operations, and the seeds of all noise."""

@@ -1,0 +1,1 @@
+"""Which triangle every pixel sees, and all labels that follow."""

@@ -1,0 +1,44 @@
+"""The plate: the straight picture that a lens bends into the camera's, and the words of one from the other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from recipe_compiler import exact, optics
+from recipe_compiler.plan import CameraPlan
+
+from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.raster.distortion_kernels import Curve, cut_words
+
+
+def plate_of(camera: CameraPlan, supersample: int = 1) -> CameraPlan:
+    """The pinhole camera that a picture is cut from: itself, if it is one and takes one sample a pixel."""
+    if supersample == 1 and not optics.bends(camera):
+        return camera
+    width, height, fine = optics.plate_size(camera, supersample)
+    fov = camera.fov
+    if optics.bends(camera):
+        sine, cosine = exact.sin_cos_deg(fov / 2.0)
+        fov = 2.0 * exact.atan2_deg(sine * width, cosine * camera.width * fine)
+    update = {"width": width, "height": height, "fov": fov, "lens_k": 0.0, "lens_kcube": 0.0}
+    return camera.model_copy(update=update)
+
+
+def curve_of(camera: CameraPlan, supersample: int = 1) -> Any:
+    """The camera's Curve."""
+    curve = Curve()
+    curve.k, curve.kcube, curve.limit = camera.lens_k, camera.lens_kcube, optics.corner(camera)
+    curve.width, curve.height, curve.bends = camera.width, camera.height, int(optics.bends(camera))
+    curve.wide, curve.high, curve.fine = optics.plate_size(camera, supersample)
+    return curve
+
+
+def through_lens(plate: Any, camera: CameraPlan, device: str) -> Any:
+    """The 64-bit words (keys or bits) of a picture's pixels, from those of its plate."""
+    if not optics.bends(camera):
+        return plate
+    pixels = camera.width * camera.height
+    out = wp.empty(pixels, dtype=wp.uint64, device=device)
+    launch(cut_words, pixels, [plate, curve_of(camera), out], device)
+    return out

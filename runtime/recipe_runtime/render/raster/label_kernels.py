@@ -1,0 +1,147 @@
+"""Observation: every label, from the one visibility buffer, at pixel centres and never blended."""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.raster.distortion_kernels import Curve, bent
+from recipe_runtime.render.raster.triangles import NEARNESS, cut, snap
+from recipe_runtime.render.scene.camera import Lens
+
+wp.set_module_options(OPTIONS)
+
+SKY = wp.constant(wp.uint8(11))  # CARLA's tag
+TILE = wp.constant(16)  # pixels along a tile's side; frames are worked on by tiles
+TILE_PIXELS = wp.constant(256)
+
+
+@wp.func
+def pixel_at(corners: wp.array[wp.int32], place: wp.int32):
+    """Column and row of a place in a list of tiles, 256 places a tile; they may lie beyond the picture's right and end.
+
+    A tile is told by its first pixel's column, and its row in the bits from 16 on.
+    """
+    corner = corners[place >> 8]
+    return (corner & 65535) + (place & 15), (corner >> 16) + ((place >> 4) & 15)
+
+
+@wp.func
+def triangle_of(key: wp.uint64) -> wp.int32:
+    """The triangle named by a key that is not 0."""
+    return wp.int32(key & wp.uint64(16777215))
+
+
+@wp.func
+def depth_of(key: wp.uint64, near: wp.float64) -> wp.float64:
+    """Depth in metres along the optical axis, of a key that is not 0."""
+    return near * NEARNESS / wp.float64(wp.int64(key >> wp.uint64(24)))
+
+
+@wp.kernel
+def label(
+    corners: wp.array[wp.int32],
+    keys: wp.array[wp.uint64],
+    triangle_surface: wp.array[wp.int32],
+    surface_actor: wp.array[wp.int32],
+    surface_instance: wp.array[wp.int32],
+    surface_tag: wp.array[wp.int32],
+    lens: Lens,
+    depth: wp.array[wp.float32],
+    instance: wp.array[wp.uint16],
+    semantic: wp.array[wp.uint8],
+    extents: wp.array2d[wp.int32],
+):
+    """Depth, instance and tag of the tiles' pixels, and their actors' visible count and box (count, x0, y0, x1, y1)."""
+    x, y = pixel_at(corners, wp.tid())
+    if x >= lens.width or y >= lens.height:
+        return
+    i = y * lens.width + x
+    key = keys[i]
+    if key == wp.uint64(0):
+        depth[i] = wp.float32(lens.far)
+        instance[i] = wp.uint16(0)
+        semantic[i] = SKY
+        return
+    surface = triangle_surface[triangle_of(key)]
+    depth[i] = wp.float32(depth_of(key, lens.near))
+    instance[i] = wp.uint16(surface_instance[surface])
+    semantic[i] = wp.uint8(surface_tag[surface])
+    actor = surface_actor[surface]
+    if actor >= 0:
+        extend(extents, actor, x, y)
+
+
+@wp.func
+def widen(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32, size: wp.int32):
+    """Widen an actor's box by a point, or a pixel of size 1; only if it lies outside, for atomics make threads wait."""
+    if x < extents[actor, 1]:
+        wp.atomic_min(extents, actor, 1, x)
+    if y < extents[actor, 2]:
+        wp.atomic_min(extents, actor, 2, y)
+    if x + size > extents[actor, 3]:
+        wp.atomic_max(extents, actor, 3, x + size)
+    if y + size > extents[actor, 4]:
+        wp.atomic_max(extents, actor, 4, y + size)
+
+
+@wp.func
+def extend(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32):
+    """Count a pixel into an actor's extent."""
+    wp.atomic_add(extents, actor, 0, 1)
+    widen(extents, actor, x, y, 1)
+
+
+@wp.kernel
+def amodal(
+    corners: wp.array[wp.int32],
+    bits: wp.array[wp.uint64],
+    lens: Lens,
+    first_actor: wp.int32,
+    actors: wp.int32,
+    extents: wp.array2d[wp.int32],
+):
+    """Count the tiles' pixels into the extent of every actor whose bit they carry."""
+    x, y = pixel_at(corners, wp.tid())
+    if x >= lens.width or y >= lens.height:
+        return
+    i = y * lens.width + x
+    rest = bits[i]
+    if rest == wp.uint64(0):
+        return
+    for a in range(actors):
+        if ((rest >> wp.uint64(a)) & wp.uint64(1)) != wp.uint64(0):
+            extend(extents, first_actor + a, x, y)
+
+
+@wp.kernel
+def project_box(
+    view: wp.array[wp.vec3f],
+    triangles: wp.array[wp.vec3i],
+    triangle_surface: wp.array[wp.int32],
+    surface_actor: wp.array[wp.int32],
+    first: wp.int32,
+    lens: Lens,
+    curve: Curve,
+    extents: wp.array2d[wp.int32],
+    reach: wp.array2d[wp.int32],
+):
+    """Widen an actor's unclipped box (1/256 pixels) by a triangle's corners in front of the near plane.
+
+    `reach` is widened by the points too where the triangle is cut there: what it draws lies within both boxes.
+    """
+    i = first + wp.tid()
+    actor = surface_actor[triangle_surface[i]]
+    t = triangles[i]
+    for n in range(3):
+        v = view[t[n]]
+        z = wp.float64(v[2])
+        if z >= lens.near:
+            at = bent(lens.cx + wp.float64(v[0]) * lens.focal / z, lens.cy + wp.float64(v[1]) * lens.focal / z, curve)
+            x = wp.int32(snap(at[0]))
+            y = wp.int32(snap(at[1]))
+            widen(extents, actor, x, y, 0)
+            for m in range(3):
+                behind = view[t[m]]
+                if wp.float64(behind[2]) < lens.near:
+                    c = cut(v, behind, lens)
+                    widen(reach, actor, wp.int32(c.x), wp.int32(c.y), 0)

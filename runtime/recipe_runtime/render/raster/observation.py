@@ -1,0 +1,90 @@
+"""An Observation: all labels of one frame of one sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.plan import CameraPlan
+
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.transforms import Array
+
+Box = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True)
+class ObjectView:
+    """An actor of which at least one pixel would be seen if nothing stood before it.
+
+    Boxes are x0, y0, x1, y1 in pixels and end outside; `box` is None for an actor wholly hidden. `projected` is not
+    clipped to the picture; it holds what lies beyond the near plane.
+    """
+
+    name: str
+    instance: int
+    visible: int  # pixels
+    box: Box | None
+    amodal: int  # pixels, rasterised alone, within the picture
+    amodal_box: Box
+    projected: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Observation:
+    """All labels of one frame of one sensor, from one visibility buffer, and what shading starts from."""
+
+    depth: NDArray[np.float32]  # [H, W] metres along the optical axis; the far limit for the sky
+    instance: NDArray[np.uint16]  # [H, W] class * 1000 + instance, 0 for town and sky
+    semantic: NDArray[np.uint8]  # [H, W] CARLA tags, 11 for the sky
+    objects: tuple[ObjectView, ...]
+    camera: CameraPlan
+    world_from_sensor: Array  # [3, 4]
+    parts: Array  # [P, 3, 4]
+    keys: Any = field(repr=False)  # uint64 [H * W] visibility at pixel centres
+    vertices: Any = field(repr=False)  # vec3f [V] in the camera's frame; static ones at least where `seen`
+    seen: Any = field(repr=False)  # int32 [C], 1 for every chunk of triangles that may be in the view
+    pose: bytes = field(repr=False)  # equal for one camera in one place
+    touched: NDArray[np.int32] = field(
+        repr=False
+    )  # tiles outside of which nothing moving is seen, as kernels take them
+    derived: dict[str, Any] = field(default_factory=dict, repr=False)  # what appearances share, made when first asked
+
+
+def objects_of(
+    geometry: Geometry, visible: NDArray[np.int32], amodal: NDArray[np.int32], projected: NDArray[np.int32]
+) -> tuple[ObjectView, ...]:
+    """The actors that would be seen if nothing stood before them, from their extents [A, 5]."""
+    views = []
+    for index, actor in enumerate(geometry.actors):
+        if amodal[index, 0]:
+            views.append(
+                ObjectView(
+                    actor.name,
+                    actor.instance,
+                    visible=int(visible[index, 0]),
+                    box=_box(visible[index]) if visible[index, 0] else None,
+                    amodal=int(amodal[index, 0]),
+                    amodal_box=_box(amodal[index]),
+                    projected=_fractions(projected[index]),
+                )
+            )
+    return tuple(views)
+
+
+def _box(row: NDArray[np.int32]) -> Box:
+    return int(row[1]), int(row[2]), int(row[3]), int(row[4])
+
+
+def _fractions(row: NDArray[np.int32]) -> tuple[float, float, float, float]:
+    return int(row[1]) / 256.0, int(row[2]) / 256.0, int(row[3]) / 256.0, int(row[4]) / 256.0
+
+
+def depth_on(obs: Observation, device: str) -> Any:
+    """An observation's depth on the device, float32 [H * W], row by row."""
+    if "depth" not in obs.derived:
+        obs.derived["depth"] = wp.array(obs.depth.reshape(-1), dtype=wp.float32, device=device, copy=False)
+    return obs.derived["depth"]

@@ -1,0 +1,332 @@
+"""Visibility: which triangle every sample sees, exactly.
+
+Corners are snapped to 1/256 pixel; inside-ness is decided by integer edge functions with the top-left rule, so two
+triangles that share an edge leave no gap and take no sample twice. A sample's winner is the largest 64-bit key:
+40 bits of nearness (near / depth), then 24 bits of triangle number. An atomic maximum does not care for order.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric.scalars import index
+from recipe_runtime.render.numeric.vectors import breadth, moved
+from recipe_runtime.render.raster.triangles import NEARNESS, Corner, bias, cut, edge, seen_at
+from recipe_runtime.render.scene.camera import Lens
+
+wp.set_module_options(OPTIONS)
+
+WIDE = wp.constant(wp.int64(12))  # samples across at which solving for a row's span beats testing each
+
+
+@wp.kernel
+def transform(
+    vertices: wp.array[wp.vec3f],
+    part: wp.array[wp.int32],
+    matrices: wp.array2d[wp.float32],
+    first: wp.int32,
+    out: wp.array[wp.vec3f],
+):
+    """Vertices first.. of each part's frame, moved by the part's matrix (3x4, by rows)."""
+    i = first + wp.tid()
+    out[i] = moved(matrices, part[i], vertices[i])
+
+
+@wp.kernel
+def transform_seen(
+    vertices: wp.array[wp.vec3f],
+    chunks: wp.array[wp.vec3i],
+    ranges: wp.array[wp.vec2i],
+    seen: wp.array[wp.int32],
+    matrices: wp.array2d[wp.float32],
+    out: wp.array[wp.vec3f],
+):
+    """The vertices of the chunks that may be seen, moved as `transform` moves them; the others' are left."""
+    n = wp.tid()
+    if seen[n] == 0:
+        return
+    part = chunks[n][2]
+    for i in range(ranges[n][0], ranges[n][1]):
+        out[i] = moved(matrices, part, vertices[i])
+
+
+@wp.func
+def before_plane(c: wp.vec3f, n: wp.vec3f, r: wp.float32, slack: wp.float32) -> bool:
+    """Whether a box about c, which reaches r along n, may lie on the inner side of the plane n through the origin."""
+    return n[0] * c[0] + n[1] * c[1] + n[2] * c[2] + r > -slack
+
+
+@wp.kernel
+def cull(
+    chunks: wp.array[wp.vec3i],
+    centres: wp.array[wp.vec3f],
+    halves: wp.array[wp.vec3f],
+    matrices: wp.array2d[wp.float32],
+    lens: Lens,
+    seen: wp.array[wp.int32],
+):
+    """1 for every chunk whose box may meet the view's pyramid, 0 for the others: nothing of them could be drawn."""
+    i = wp.tid()
+    part = chunks[i][2]
+    half = halves[i]
+    c = moved(matrices, part, centres[i])
+    f = wp.float32(lens.focal)
+    deep = breadth(matrices, part, half, wp.vec3f(0.0, 0.0, 1.0))
+    # A centimetre and a pixel's hundredth to spare, for what is rounded on the way.
+    slack = 0.01 * f + 0.01 * (wp.abs(c[2]) + deep)
+    left = wp.vec3f(f, 0.0, wp.float32(lens.cx))
+    right = wp.vec3f(-f, 0.0, wp.float32(lens.width) - wp.float32(lens.cx))
+    top = wp.vec3f(0.0, f, wp.float32(lens.cy))
+    bottom = wp.vec3f(0.0, -f, wp.float32(lens.height) - wp.float32(lens.cy))
+    ahead = c[2] + deep > 0.99 * wp.float32(lens.near) and c[2] - deep < 1.01 * wp.float32(lens.far)
+    across = before_plane(c, left, breadth(matrices, part, half, left), slack)
+    across = across and before_plane(c, right, breadth(matrices, part, half, right), slack)
+    across = across and before_plane(c, top, breadth(matrices, part, half, top), slack)
+    across = across and before_plane(c, bottom, breadth(matrices, part, half, bottom), slack)
+    seen[i] = int(ahead and across)
+
+
+@wp.func
+def first_inside(e: wp.int64, d: wp.int64, last: wp.int64) -> wp.int64:
+    """The first k >= 0 with e + k d >= 0; beyond last if there is none."""
+    if e >= wp.int64(0):
+        return wp.int64(0)
+    if d <= wp.int64(0):
+        return last + wp.int64(1)
+    return (d - wp.int64(1) - e) / d
+
+
+@wp.func
+def last_inside(e: wp.int64, d: wp.int64, last: wp.int64) -> wp.int64:
+    """The last k <= last with e + k d >= 0, where d < 0; -1 if there is none."""
+    if d >= wp.int64(0):
+        return last
+    if e < wp.int64(0):
+        return wp.int64(-1)
+    return wp.min(last, e / (-d))
+
+
+@wp.func
+def first_column(
+    e0: wp.int64, e1: wp.int64, e2: wp.int64, d0: wp.int64, d1: wp.int64, d2: wp.int64, last: wp.int64
+) -> wp.int64:
+    """Where a row enters the triangle: the last of its edges to let it in."""
+    return wp.max(first_inside(e0, d0, last), wp.max(first_inside(e1, d1, last), first_inside(e2, d2, last)))
+
+
+@wp.func
+def last_column(
+    e0: wp.int64, e1: wp.int64, e2: wp.int64, d0: wp.int64, d1: wp.int64, d2: wp.int64, last: wp.int64
+) -> wp.int64:
+    """Where a row leaves the triangle: the first of its edges to bar it."""
+    return wp.min(last_inside(e0, d0, last), wp.min(last_inside(e1, d1, last), last_inside(e2, d2, last)))
+
+
+@wp.func
+def offer(
+    keys: wp.array[wp.uint64], at: wp.int32, q: wp.float64, limit: wp.float64, triangle: wp.uint64, bit: wp.uint64
+):
+    """Offer a triangle to a sample, at nearness q; nothing is seen beyond the limit."""
+    if bit != wp.uint64(0):
+        wp.atomic_or(keys, at, bit)
+    elif q > limit:
+        nearness = wp.uint64(wp.int64(wp.min(q, wp.float64(1.0)) * NEARNESS))
+        wp.atomic_max(keys, at, (nearness << wp.uint64(24)) | triangle)
+
+
+@wp.func
+def draw(
+    keys: wp.array[wp.uint64],
+    lens: Lens,
+    a: Corner,
+    b: Corner,
+    c: Corner,
+    triangle: wp.uint64,
+    bit: wp.uint64,
+):
+    """Offer one front-facing triangle to every sample inside it: its key by maximum, or, if `bit`, that bit by or."""
+    area = edge(a.x, a.y, b.x, b.y, c.x, c.y)
+    if area <= wp.int64(0):
+        return
+    # The samples that its box holds.
+    step = wp.int64(256) / wp.int64(lens.side)
+    half = step / wp.int64(2)
+    columns = wp.int64(lens.width * lens.side)
+    rows = wp.int64(lens.height * lens.side)
+    shift = wp.int64(8)
+    if lens.side == 2:
+        shift = wp.int64(7)
+    up = step - wp.int64(1) - half
+    left = wp.max((wp.min(a.x, wp.min(b.x, c.x)) + up) >> shift, wp.int64(0))
+    top = wp.max((wp.min(a.y, wp.min(b.y, c.y)) + up) >> shift, wp.int64(0))
+    right = wp.min((wp.max(a.x, wp.max(b.x, c.x)) - half) >> shift, columns - wp.int64(1))
+    bottom = wp.min((wp.max(a.y, wp.max(b.y, c.y)) - half) >> shift, rows - wp.int64(1))
+    if left > right or top > bottom:
+        return
+    # The edge functions at the first of them, and what a step to the right or down adds.
+    px = left * step + half
+    py = top * step + half
+    row0 = edge(b.x, b.y, c.x, c.y, px, py)
+    row1 = edge(c.x, c.y, a.x, a.y, px, py)
+    row2 = edge(a.x, a.y, b.x, b.y, px, py)
+    bias0 = bias(b.x, b.y, c.x, c.y)
+    bias1 = bias(c.x, c.y, a.x, a.y)
+    bias2 = bias(a.x, a.y, b.x, b.y)
+    dx0 = -(c.y - b.y) * step
+    dx1 = -(a.y - c.y) * step
+    dx2 = -(b.y - a.y) * step
+    dy0 = (c.x - b.x) * step
+    dy1 = (a.x - c.x) * step
+    dy2 = (b.x - a.x) * step
+    inverse = wp.float64(1.0) / wp.float64(area)
+    # Nearness is linear on the screen: q = a.q + w1 slope1 + w2 slope2, from the integer weights themselves.
+    slope1 = (b.q - a.q) * inverse
+    slope2 = (c.q - a.q) * inverse
+    limit = lens.near / lens.far
+    span = right - left
+    for y in range(int(top), int(bottom) + 1):
+        k0 = wp.int64(0)
+        k1 = span
+        if span > WIDE:
+            k0 = first_column(row0 + bias0, row1 + bias1, row2 + bias2, dx0, dx1, dx2, span)
+            k1 = last_column(row0 + bias0, row1 + bias1, row2 + bias2, dx0, dx1, dx2, span)
+        w0 = row0 + k0 * dx0
+        w1 = row1 + k0 * dx1
+        w2 = row2 + k0 * dx2
+        if span <= WIDE:  # what an edge does not own lies below 0
+            w0 = w0 + bias0
+            w1 = w1 + bias1
+            w2 = w2 + bias2
+        base = y * int(columns) + int(left)
+        at = index(base + int(k0))
+        last = base + int(k1)
+        if span > WIDE:  # all of these are inside
+            while at <= last:
+                q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
+                offer(keys, at, q, limit, triangle, bit)
+                w1 = w1 + dx1
+                w2 = w2 + dx2
+                at = index(at + 1)
+        else:
+            while at <= last:
+                if (w0 | w1 | w2) >= wp.int64(0):
+                    q = a.q + wp.float64(w1 - bias1) * slope1 + wp.float64(w2 - bias2) * slope2
+                    offer(keys, at, q, limit, triangle, bit)
+                w0 = w0 + dx0
+                w1 = w1 + dx1
+                w2 = w2 + dx2
+                at = index(at + 1)
+        row0 = row0 + dy0
+        row1 = row1 + dy1
+        row2 = row2 + dy2
+
+
+@wp.func
+def clip_and_draw(
+    keys: wp.array[wp.uint64],
+    lens: Lens,
+    v0: wp.vec3f,
+    v1: wp.vec3f,
+    v2: wp.vec3f,
+    triangle: wp.uint64,
+    bit: wp.uint64,
+):
+    """Clip a triangle at the near plane, giving none, one or two, and draw what is left.
+
+    It is counter-clockwise seen from outside, hence clockwise in a picture whose y points down once corners 1 and 2
+    change places; a face seen from behind has a negative area then, and is dropped.
+    """
+    a = v0
+    b = v2
+    c = v1
+    near = wp.float32(lens.near)
+    inside = int(a[2] >= near) + int(b[2] >= near) + int(c[2] >= near)
+    if inside == 0:
+        return
+    # Turn it until the odd one out is a.
+    for _turn in range(2):
+        if (inside == 1 and a[2] < near) or (inside == 2 and a[2] >= near):
+            t = a
+            a = b
+            b = c
+            c = t
+    p = Corner()
+    q = Corner()
+    r = Corner()
+    s = Corner()
+    pieces = wp.int32(1)
+    if inside == 2:
+        p = cut(b, a, lens)
+        q = seen_at(b, lens)
+        r = seen_at(c, lens)
+        s = cut(c, a, lens)
+        pieces = wp.int32(2)
+    elif inside == 1:
+        p = seen_at(a, lens)
+        q = cut(a, b, lens)
+        r = cut(a, c, lens)
+    else:
+        p = seen_at(a, lens)
+        q = seen_at(b, lens)
+        r = seen_at(c, lens)
+    for piece in range(pieces):
+        if piece == 1:
+            q = r
+            r = s
+        draw(keys, lens, p, q, r, triangle, bit)
+
+
+@wp.kernel
+def raster(
+    view: wp.array[wp.vec3f],
+    triangles: wp.array[wp.vec3i],
+    chunks: wp.array[wp.vec3i],
+    seen: wp.array[wp.int32],
+    first: wp.int32,
+    lens: Lens,
+    keys: wp.array[wp.uint64],
+):
+    """Draw the chunks first.. that may be seen, 64 places each, of camera-space vertices into the keys.
+
+    In that space x is right, y down, z forward.
+    """
+    place = wp.tid()
+    n = first + (place >> 6)
+    if seen[n] == 0:
+        return
+    chunk = chunks[n]
+    if (place & 63) >= chunk[1]:
+        return
+    i = chunk[0] + (place & 63)
+    t = triangles[i]
+    clip_and_draw(keys, lens, view[t[0]], view[t[1]], view[t[2]], wp.uint64(i), wp.uint64(0))
+
+
+@wp.kernel
+def cover(
+    view: wp.array[wp.vec3f],
+    triangles: wp.array[wp.vec3i],
+    triangle_surface: wp.array[wp.int32],
+    surface_actor: wp.array[wp.int32],
+    chunks: wp.array[wp.vec3i],
+    seen: wp.array[wp.int32],
+    first: wp.int32,
+    first_actor: wp.int32,
+    lens: Lens,
+    bits: wp.array[wp.uint64],
+):
+    """Set bit a - first_actor of every pixel that actor a would cover if it were alone; 64 actors a run."""
+    place = wp.tid()
+    n = first + (place >> 6)
+    if seen[n] == 0:
+        return
+    chunk = chunks[n]
+    if (place & 63) >= chunk[1]:
+        return
+    i = chunk[0] + (place & 63)
+    actor = surface_actor[triangle_surface[i]] - first_actor
+    if actor < 0 or actor >= 64:
+        return
+    t = triangles[i]
+    bit = wp.uint64(1) << wp.uint64(actor)
+    clip_and_draw(bits, lens, view[t[0]], view[t[1]], view[t[2]], wp.uint64(i), bit)

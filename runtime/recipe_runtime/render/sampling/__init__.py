@@ -1,0 +1,1 @@
+"""The points of a frame that are shaded, and the geometry at each."""

@@ -1,0 +1,388 @@
+"""Samples: the points of a frame that are shaded, and the geometry at each.
+
+A pixel whose four sub-samples see one smooth surface is shaded once, at its centre. At an edge every surface seen is
+shaded once, weighed by the quarters it fills. What is found here depends on no appearance, so all weathers share it.
+For a camera that stands still, so do all frames: only a pixel that something moving changed gets samples of its own.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric.scalars import greater, index, lesser
+from recipe_runtime.render.numeric.vectors import direction, inner, outer, rotate
+from recipe_runtime.render.raster.label_kernels import TILE, depth_of, pixel_at, triangle_of
+from recipe_runtime.render.scene.camera import Lens
+from recipe_runtime.render.texture.images import IMAGE, longer_first, second_step, steps_between_pixels
+from recipe_runtime.render.texture.patterns import detail_of
+
+wp.set_module_options(OPTIONS)
+
+CENTRE = wp.constant(4)  # place of a sample at the pixel's centre; 0..3 are its quarters
+
+
+@wp.struct
+class Scene:
+    """The geometry's arrays that a sample looks into."""
+
+    view: wp.array[wp.vec3f]
+    normals: wp.array[wp.vec3f]
+    uvs: wp.array[wp.vec2f]
+    vertex_part: wp.array[wp.int32]
+    triangles: wp.array[wp.vec3i]
+    face_normals: wp.array[wp.vec3f]
+    triangle_surface: wp.array[wp.int32]
+    surface_pattern: wp.array[wp.int32]
+    world_from_part: wp.array2d[wp.float32]
+    world_from_view: wp.array2d[wp.float32]
+
+
+@wp.func
+def alike(a: wp.uint64, b: wp.uint64, scene: wp.array[Scene]) -> bool:
+    """Whether two samples see one smooth surface: same look, near in depth, faces turned alike."""
+    if a == b:
+        return True
+    if a == wp.uint64(0) or b == wp.uint64(0):
+        return False
+    s = triangle_of(a)
+    t = triangle_of(b)
+    if s == t:
+        return True
+    if scene[0].triangle_surface[s] != scene[0].triangle_surface[t]:
+        return False
+    if scene[0].vertex_part[scene[0].triangles[s][0]] != scene[0].vertex_part[scene[0].triangles[t][0]]:
+        return False
+    if inner(scene[0].face_normals[s], scene[0].face_normals[t]) < 0.8:
+        return False
+    # Keys grow with nearness: within 3 % of each other means as near.
+    u = wp.float64(wp.int64(a >> wp.uint64(24)))
+    v = wp.float64(wp.int64(b >> wp.uint64(24)))
+    return u < v * wp.float64(1.03) and v < u * wp.float64(1.03)
+
+
+@wp.struct
+class Still:
+    """What stands still, seen from a pose, and its samples; `known` 0: there is no such thing."""
+
+    coarse: wp.array[wp.uint64]
+    fine: wp.array[wp.uint64]
+    groups: wp.array[wp.int32]
+    starts: wp.array[wp.int32]
+    known: wp.int32
+
+
+@wp.func
+def as_before(
+    still: wp.array[Still],
+    coarse: wp.array[wp.uint64],
+    fine: wp.array[wp.uint64],
+    i: wp.int32,
+    base: wp.int32,
+    row: wp.int32,
+) -> bool:
+    """Whether a pixel and its quarters, the first of them at `base`, see what stands still and nothing else."""
+    if coarse[i] != still[0].coarse[i]:
+        return False
+    if row == 0:
+        return True
+    if fine[base] != still[0].fine[base] or fine[base + 1] != still[0].fine[base + 1]:
+        return False
+    return fine[base + row] == still[0].fine[base + row] and fine[base + row + 1] == still[0].fine[base + row + 1]
+
+
+@wp.func
+def grouped(k0: wp.uint64, k1: wp.uint64, k2: wp.uint64, k3: wp.uint64, scene: wp.array[Scene]) -> wp.int32:
+    """How many different surfaces a pixel's quarters see, with the quarters' groups in the bits above.
+
+    Bits 0-2 hold the count, bits 4 + 2q, 5 + 2q the group of quarter q.
+    """
+    t = triangle_of(k0)
+    seen = k0 != wp.uint64(0) and k1 != wp.uint64(0) and k2 != wp.uint64(0) and k3 != wp.uint64(0)
+    if seen and triangle_of(k1) == t and triangle_of(k2) == t and triangle_of(k3) == t:
+        return 1
+    n = wp.int32(1)
+    g1 = wp.int32(0)
+    g2 = wp.int32(0)
+    g3 = wp.int32(0)
+    if not alike(k0, k1, scene):
+        g1 = n
+        n = n + 1
+    if not alike(k0, k2, scene):
+        if g1 != 0 and alike(k1, k2, scene):
+            g2 = g1
+        else:
+            g2 = n
+            n = n + 1
+    if not alike(k0, k3, scene):
+        if g1 != 0 and alike(k1, k3, scene):
+            g3 = g1
+        elif g2 != 0 and alike(k2, k3, scene):
+            g3 = g2
+        else:
+            g3 = n
+            n = n + 1
+    return n | (g1 << 6) | (g2 << 8) | (g3 << 10)
+
+
+@wp.kernel
+def restore(corners: wp.array[wp.int32], still: wp.array[wp.uint64], lens: Lens, fine: wp.array[wp.uint64]):
+    """Make the tiles' quarters see what stands still."""
+    x, y = pixel_at(corners, wp.tid())
+    if x >= lens.width or y >= lens.height:
+        return
+    row = lens.width * 2
+    base = y * 2 * row + x * 2
+    fine[base] = still[base]
+    fine[base + 1] = still[base + 1]
+    fine[base + row] = still[base + row]
+    fine[base + row + 1] = still[base + row + 1]
+
+
+@wp.kernel
+def count(
+    corners: wp.array[wp.int32],
+    coarse: wp.array[wp.uint64],
+    fine: wp.array[wp.uint64],
+    lens: Lens,
+    scene: wp.array[Scene],
+    still: wp.array[Still],
+    groups: wp.array[wp.int32],
+    starts: wp.array[wp.int32],
+    counts: wp.array[wp.int32],
+):
+    """How many new samples a pixel of the tiles needs, and how its quarters are grouped.
+
+    None, if it looks as it did without anything moving: then it has the samples that it had. Without antialiasing
+    (a side of 1) there is one sample a pixel.
+    """
+    place = wp.tid()
+    x, y = pixel_at(corners, place)
+    counts[place] = 0
+    if x >= lens.width or y >= lens.height:
+        return
+    i = y * lens.width + x
+    row = wp.int32(0)
+    base = wp.int32(0)
+    if lens.side == 2:
+        row = lens.width * 2
+        base = y * 2 * row + x * 2
+    if still[0].known != 0 and as_before(still, coarse, fine, i, base, row):
+        groups[i] = still[0].groups[i]
+        starts[i] = still[0].starts[i]
+        return
+    g = wp.int32(1)
+    if row != 0:
+        g = grouped(fine[base], fine[base + 1], fine[base + row], fine[base + row + 1], scene)
+    groups[i] = g
+    counts[place] = g & 7
+
+
+@wp.kernel
+def place(
+    corners: wp.array[wp.int32],
+    coarse: wp.array[wp.uint64],
+    fine: wp.array[wp.uint64],
+    counts: wp.array[wp.int32],
+    firsts: wp.array[wp.int32],
+    lens: Lens,
+    scene: wp.array[Scene],
+    groups: wp.array[wp.int32],
+    starts: wp.array[wp.int32],
+    keys: wp.array[wp.uint64],
+    pixels: wp.array[wp.int32],
+    places: wp.array[wp.int32],
+    weights: wp.array[wp.float32],
+    tiles: wp.array[wp.int32],
+):
+    """Write a pixel's new samples from its first on: key, pixel, place within it, share, and tile."""
+    at = wp.tid()
+    if counts[at] == 0:
+        return
+    x, y = pixel_at(corners, at)
+    i = y * lens.width + x
+    g = groups[i]
+    n = g & 7
+    first = firsts[at]
+    starts[i] = first
+    tile = (y >> 4) * ((lens.width + TILE - 1) >> 4) + (x >> 4)
+    if lens.side == 1:
+        tiles[first] = tile
+        pixels[first] = i
+        weights[first] = 1.0
+        keys[first] = coarse[i]
+        places[first] = CENTRE
+        return
+    row = lens.width * 2
+    base = y * 2 * row + x * 2
+    if n == 1:
+        tiles[first] = tile
+        pixels[first] = i
+        weights[first] = 1.0
+        key = fine[base]
+        spot = wp.int32(0)
+        if alike(key, coarse[i], scene):
+            key = coarse[i]
+            spot = CENTRE
+        keys[first] = key
+        places[first] = spot
+        return
+    for s in range(n):
+        tiles[first + s] = tile
+        weights[first + s] = 0.0
+        pixels[first + s] = i
+    for back in range(4):
+        quarter = 3 - back  # so that a group is led by its first quarter
+        s = first + ((g >> (4 + 2 * quarter)) & 3)
+        keys[s] = fine[base + (quarter >> 1) * row + (quarter & 1)]
+        places[s] = quarter
+        weights[s] = weights[s] + 0.25
+
+
+@wp.func
+def ray_of(pixel: wp.int32, spot: wp.int32, lens: Lens) -> wp.vec3f:
+    """The sight through a place within a pixel, in the camera's frame and one metre deep."""
+    dx = wp.float64(0.5)
+    dy = wp.float64(0.5)
+    if spot != CENTRE:
+        dx = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot & 1)
+        dy = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot >> 1)
+    x = wp.float32((wp.float64(pixel % lens.width) + dx - lens.cx) / lens.focal)
+    y = wp.float32((wp.float64(pixel / lens.width) + dy - lens.cy) / lens.focal)
+    return wp.vec3f(x, y, 1.0)
+
+
+@wp.func
+def weights_along(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f) -> wp.vec3f:
+    """A triangle's perspective-correct weights where a ray meets it: the volumes that the ray spans with its edges."""
+    w0 = inner(ray, outer(v1, v2))
+    w1 = inner(ray, outer(v2, v0))
+    w2 = inner(ray, outer(v0, v1))
+    # All three have the sign of their sum inside the triangle; rounding may put an edge's sample just outside.
+    total = w0 + w1 + w2
+    if total * total < 1.0e-30:  # (returning from here would cost a tenth of the survey's time)
+        w0 = 1.0
+        total = 1.0
+        w1 = 0.0
+        w2 = 0.0
+    one = 1.0 / total
+    w0 = greater(w0 * one, 0.0)
+    w1 = greater(w1 * one, 0.0)
+    w2 = greater(w2 * one, 0.0)
+    one = 1.0 / greater(w0 + w1 + w2, 1.0e-6)
+    return wp.vec3f(w0 * one, w1 * one, w2 * one)
+
+
+@wp.func
+def footprint_of(face: wp.vec3f, sight: wp.vec3f, across: wp.float32) -> wp.vec2f:
+    """Metres of a surface that a pixel holds, across the sight and along it: the more, the nearer to grazing."""
+    return wp.vec2f(across, across / greater(-inner(face, sight), 0.04))
+
+
+@wp.kernel
+def survey(
+    first: wp.int32,
+    keys: wp.array[wp.uint64],
+    pixels: wp.array[wp.int32],
+    places: wp.array[wp.int32],
+    lens: Lens,
+    scene: wp.array[Scene],
+    surfaces: wp.array[wp.int32],
+    positions: wp.array[wp.vec3f],
+    normals: wp.array[wp.vec3f],
+    details: wp.array[wp.vec4f],
+    codes: wp.array[wp.uint32],
+):
+    """The surface, world position, unit normal and pattern at the samples first..; for the sky, -1 and a direction."""
+    i = index(first + wp.tid())
+    pixel = pixels[i]
+    if pixel < 0:  # a slot that no sample took
+        return
+    key = keys[i]
+    spot = places[i]
+    ray = ray_of(pixel, spot, lens)
+    turned = rotate(scene[0].world_from_view, 0, ray)
+    if key == wp.uint64(0):
+        surfaces[i] = -1
+        positions[i] = direction(turned)
+        return
+    z = wp.float32(depth_of(key, lens.near))
+    m = scene[0].world_from_view
+    positions[i] = wp.vec3f(m[0, 3] + turned[0] * z, m[0, 7] + turned[1] * z, m[0, 11] + turned[2] * z)
+    triangle = triangle_of(key)
+    t = scene[0].triangles[triangle]
+    t = wp.vec3i(index(t[0]), index(t[1]), index(t[2]))
+    surface = index(scene[0].triangle_surface[triangle])
+    surfaces[i] = surface
+    w = weights_along(ray, scene[0].view[t[0]], scene[0].view[t[1]], scene[0].view[t[2]])
+    local = scene[0].normals[t[0]] * w[0] + scene[0].normals[t[1]] * w[1] + scene[0].normals[t[2]] * w[2]
+    uv = scene[0].uvs[t[0]] * w[0] + scene[0].uvs[t[1]] * w[1] + scene[0].uvs[t[2]] * w[2]
+    part = index(scene[0].vertex_part[t[0]])
+    face = scene[0].face_normals[triangle]
+    if part != 0:  # what stands still is in the world's frame as it is
+        face = rotate(scene[0].world_from_part, part, face)
+        local = rotate(scene[0].world_from_part, part, local)
+    normal = direction(local)
+    sight = direction(turned)
+    footprint = footprint_of(face, sight, z / wp.float32(lens.focal))
+    pattern = scene[0].surface_pattern[surface]
+    detail = detail_of(pattern, uv, positions[i], normal, sight, footprint, wp.uint32(surface))
+    normals[i] = detail.normal
+    details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.last)
+    codes[i] = detail.code
+    if pattern == IMAGE:
+        a = scene[0].view[t[0]]
+        b = scene[0].view[t[1]]
+        c = scene[0].view[t[2]]
+        focal = wp.float32(lens.focal)
+        steps = longer_first(
+            steps_between_pixels(ray, focal, a, b, c, scene[0].uvs[t[0]], scene[0].uvs[t[1]], scene[0].uvs[t[2]], uv)
+        )
+        details[i] = wp.vec4f(uv[0], uv[1], steps[0], steps[1])
+        codes[i] = second_step(steps)
+
+
+@wp.kernel
+def enclose(
+    corners: wp.array[wp.int32],
+    lens: Lens,
+    starts: wp.array[wp.int32],
+    count: wp.int32,
+    surfaces: wp.array[wp.int32],
+    positions: wp.array[wp.vec3f],
+    lows: wp.array[wp.vec3f],
+    highs: wp.array[wp.vec3f],
+):
+    """The world's box about the samples of a tile, which lie one after the other; the sky's are left out."""
+    tile = wp.tid()
+    x, y = pixel_at(corners, tile * TILE * TILE)
+    begin = starts[y * lens.width + x]
+    end = count
+    if tile + 1 < lows.shape[0]:
+        x, y = pixel_at(corners, (tile + 1) * TILE * TILE)
+        end = starts[y * lens.width + x]
+    low = wp.vec3f(1.0e9, 1.0e9, 1.0e9)
+    high = wp.vec3f(-1.0e9, -1.0e9, -1.0e9)
+    for i in range(begin, end):
+        if surfaces[i] >= 0:
+            p = positions[i]
+            low = wp.vec3f(lesser(low[0], p[0]), lesser(low[1], p[1]), lesser(low[2], p[2]))
+            high = wp.vec3f(greater(high[0], p[0]), greater(high[1], p[1]), greater(high[2], p[2]))
+    if high[0] < low[0]:
+        low = wp.vec3f(0.0, 0.0, 0.0)
+        high = low
+    lows[tile] = low
+    highs[tile] = high
+
+
+@wp.struct
+class Samples:
+    """The points to shade, as `samples[0].survey` found them."""
+
+    surfaces: wp.array[wp.int32]
+    positions: wp.array[wp.vec3f]
+    normals: wp.array[wp.vec3f]
+    details: wp.array[wp.vec4f]
+    codes: wp.array[wp.uint32]
+    pixels: wp.array[wp.int32]
+    tiles: wp.array[wp.int32]  # of `nearby`
+    eye: wp.vec3f

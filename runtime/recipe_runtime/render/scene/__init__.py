@@ -1,0 +1,1 @@
+"""A scene's triangles on the device, and the pinhole camera."""

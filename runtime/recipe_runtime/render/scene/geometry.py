@@ -1,0 +1,236 @@
+"""Geometry on the device: the triangles of all bodies, uploaded once, what is static before what moves.
+
+It comes before every frame: visibility, shadow maps and samples all look into these arrays by a triangle's number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern
+from recipe_runtime.render.device.setup import wp
+
+# Flat ground never shadows anything; left out of the shadow maps it can neither shadow itself by rounding.
+_GROUND_TAGS = frozenset({1, 2, 10, 23, 24, 25})  # road, sidewalk, terrain, water, road line, ground
+CHUNK = 64  # triangles that are tested together for whether any of them may be seen
+MAX_TRIANGLES = 1 << 24  # a visibility key has 24 bits for the triangle
+
+
+@dataclass(frozen=True)
+class SurfaceKey:
+    """One surface of one body: where its colour is found, and what its labels are."""
+
+    body: str
+    slot: str
+    pattern: Pattern
+    tag: int
+    instance: int
+    actor: int  # index among the actors, -1 for the town
+
+
+@dataclass(frozen=True)
+class MountedLight:
+    """A light and the part that carries it: 0 is the world, 1 + p the Trace's part p."""
+
+    part: int
+    light: Light
+
+
+@dataclass(frozen=True)
+class Actor:
+    """A moving body: its first part, its count of parts, and the radius of its parts about their origins."""
+
+    name: str
+    instance: int
+    first_part: int  # into the Trace's parts
+    parts: int
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """V vertices in their part's frame, T triangles, S surfaces. Part 0 is the world, part 1 + p the Trace's p."""
+
+    vertices: Any  # vec3f [V], metres
+    normals: Any  # vec3f [V]
+    uvs: Any  # vec2f [V]
+    vertex_part: Any  # int32 [V]
+    triangles: Any  # vec3i [T]
+    face_normals: Any  # vec3f [T], in the part's frame
+    triangle_surface: Any  # int32 [T]
+    casts: Any  # int32 [T], 1 if it throws a shadow
+    chunks: Any  # vec3i [C], first triangle, count up to CHUNK, part
+    chunk_centres: Any  # vec3f [C], of the chunk's box in the part's frame
+    chunk_halves: Any  # vec3f [C], half its size
+    chunk_vertices: Any  # vec2i [C], the first of its vertices and the one after the last, others' maybe between them
+    surface_actor: Any  # int32 [S]
+    surface_instance: Any  # int32 [S]
+    surface_tag: Any  # int32 [S]
+    surface_pattern: Any  # int32 [S]
+    surfaces: tuple[SurfaceKey, ...]
+    actors: tuple[Actor, ...]
+    part_bounds: NDArray[np.float64]  # [P, 2, 3], each moving part's box in its own frame
+    lights: tuple[MountedLight, ...]
+    bounds: NDArray[np.float64]  # [2, 3], the static geometry's box in the world
+    static_vertices: int
+    static_triangles: int
+    static_chunks: int
+    chunk_count: int
+    vertex_count: int
+    triangle_count: int
+
+    @property
+    def parts(self) -> int:
+        """Count of moving parts."""
+        return len(self.part_bounds)
+
+    @cached_property
+    def light_rows(self) -> NDArray[np.float64]:
+        """Of every light its place and aim on its part, colour, candela and cone's cosine, [L, 11]."""
+        all_lights = [mounted.light for mounted in self.lights]
+        rows = [[*li.position, *li.direction, *li.colour, li.intensity, li.cone] for li in all_lights]
+        return np.array(rows, np.float64).reshape(-1, 11)
+
+    @cached_property
+    def light_parts(self) -> NDArray[np.int64]:
+        """The part that carries each light, [L]; 0 is the world."""
+        return np.array([mounted.part for mounted in self.lights], np.int64)
+
+
+def upload(bodies: Sequence[Body], device: str) -> Geometry:
+    """Geometry of the town's bodies (instance 0) and of the actors', their parts in the Trace's order.
+
+    ValueError if an actor comes before the town, or if there are more triangles than a key can name.
+    """
+    town = [b for b in bodies if b.instance == 0]
+    moving = [b for b in bodies if b.instance != 0]
+    if list(bodies) != town + moving:
+        raise ValueError("the town's bodies come first, then the actors'")
+    packer = _Packer()
+    for body in town:
+        for _, mesh in body.parts:
+            packer.add(body, mesh, part=0, actor=-1)
+    still = packer.vertex_count, packer.triangle_count, packer.chunk_count
+    actors: list[Actor] = []
+    bounds: list[NDArray[np.float64]] = []
+    for index, body in enumerate(moving):
+        actors.append(Actor(body.name, body.instance, len(bounds), len(body.parts)))
+        for _, mesh in body.parts:
+            bounds.append(_box(mesh.vertices))
+            packer.add(body, mesh, part=len(bounds), actor=index)
+    return packer.finish(device, tuple(actors), bounds, still)
+
+
+class _Packer:
+    """Joins meshes into flat arrays, and gives every surface of every body a number."""
+
+    def __init__(self) -> None:
+        self.vertex_count = 0
+        self.triangle_count = 0
+        self.chunk_count = 0
+        self._chunks: dict[str, list[NDArray[Any]]] = {}
+        self._surfaces: dict[SurfaceKey, int] = {}
+        self._lights: list[MountedLight] = []
+
+    def add(self, body: Body, mesh: Mesh, part: int, actor: int) -> None:
+        """Append one part's mesh."""
+        numbers = [self._number(body, mesh, row, actor) for row in range(len(mesh.surfaces))]
+        casts = np.array([s.tag not in _GROUND_TAGS for s in mesh.surfaces], np.int32)
+        surface = mesh.surface.astype(np.int64)
+        self._put("vertices", mesh.vertices.astype(np.float32))
+        self._put("normals", mesh.normals.astype(np.float32))
+        self._put("uvs", mesh.uvs.astype(np.float32))
+        self._put("vertex_part", np.full(len(mesh.vertices), part, np.int32))
+        self._put("triangles", mesh.triangles.astype(np.int32) + self.vertex_count)
+        self._put("face_normals", _face_normals(mesh))
+        self._put("triangle_surface", np.array(numbers, np.int32)[surface])
+        self._put("casts", casts[surface])
+        self._chunk(mesh, part)
+        self._lights += [MountedLight(part, light) for light in mesh.lights]
+        self.vertex_count += len(mesh.vertices)
+        self.triangle_count += len(mesh.triangles)
+
+    def finish(self, device: str, actors: tuple[Actor, ...], boxes: list[Any], still: tuple[int, int, int]) -> Geometry:
+        """All chunks on the device."""
+        if self.triangle_count >= MAX_TRIANGLES:
+            raise ValueError(f"{self.triangle_count} triangles are more than a scene can hold ({MAX_TRIANGLES})")
+        static_vertices, static_triangles, static_chunks = still
+        columns = {name: np.concatenate(chunks) for name, chunks in self._chunks.items()}
+        kinds = {"vertices": wp.vec3f, "normals": wp.vec3f, "face_normals": wp.vec3f, "uvs": wp.vec2f}
+        kinds |= {"triangles": wp.vec3i, "chunks": wp.vec3i, "chunk_centres": wp.vec3f, "chunk_halves": wp.vec3f}
+        kinds["chunk_vertices"] = wp.vec2i
+        arrays = {k: wp.array(v, dtype=kinds.get(k, wp.int32), device=device) for k, v in columns.items()}
+        keys = tuple(self._surfaces)
+
+        def table(values: list[int]) -> Any:
+            return wp.array(np.array(values, np.int32), dtype=wp.int32, device=device)
+
+        return Geometry(
+            **arrays,
+            surface_actor=table([k.actor for k in keys]),
+            surface_instance=table([k.instance for k in keys]),
+            surface_tag=table([k.tag for k in keys]),
+            surface_pattern=table([int(k.pattern) for k in keys]),
+            surfaces=keys,
+            actors=actors,
+            part_bounds=np.array(boxes, np.float64).reshape(-1, 2, 3),
+            lights=tuple(self._lights),
+            bounds=_box(columns["vertices"][:static_vertices] if static_vertices else columns["vertices"]),
+            static_vertices=static_vertices,
+            static_triangles=static_triangles,
+            static_chunks=static_chunks,
+            chunk_count=self.chunk_count,
+            vertex_count=self.vertex_count,
+            triangle_count=self.triangle_count,
+        )
+
+    def _chunk(self, mesh: Mesh, part: int) -> None:
+        """Append the boxes of the mesh's triangles, CHUNK by CHUNK in their order."""
+        count = len(mesh.triangles)
+        starts = np.arange(0, count, CHUNK, dtype=np.int32)
+        corners = mesh.vertices.astype(np.float32)[mesh.triangles]
+        low = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
+        high = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
+        sizes = np.minimum(CHUNK, count - starts).astype(np.int32)
+        rows = np.stack([starts + self.triangle_count, sizes, np.full_like(starts, part)], axis=1)
+        self._put("chunks", rows)
+        first, last = mesh.triangles.min(axis=1), mesh.triangles.max(axis=1)
+        ends = np.minimum.reduceat(first, starts), np.maximum.reduceat(last, starts) + 1
+        self._put("chunk_vertices", (np.stack(ends, axis=1) + self.vertex_count).astype(np.int32))
+        self._put("chunk_centres", (low + high) * np.float32(0.5))
+        self._put("chunk_halves", (high - low) * np.float32(0.5))
+        self.chunk_count += len(starts)
+
+    def _put(self, column: str, values: NDArray[Any]) -> None:
+        self._chunks.setdefault(column, []).append(np.ascontiguousarray(values))
+
+    def _number(self, body: Body, mesh: Mesh, row: int, actor: int) -> int:
+        surface = mesh.surfaces[row]
+        key = SurfaceKey(body.name, surface.slot, surface.pattern, surface.tag, body.instance, actor)
+        return self._surfaces.setdefault(key, len(self._surfaces))
+
+
+def _box(vertices: NDArray[Any]) -> NDArray[np.float64]:
+    return np.stack([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64)
+
+
+def _face_normals(mesh: Mesh) -> NDArray[np.float32]:
+    """Unit normals of the triangles, by components: no product here may depend on BLAS."""
+    corner = mesh.vertices.astype(np.float64)[mesh.triangles]
+    u, v = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    n = np.stack(
+        [
+            u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1],
+            u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2],
+            u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0],
+        ],
+        axis=-1,
+    )
+    size = np.sqrt(n[:, 0] * n[:, 0] + n[:, 1] * n[:, 1] + n[:, 2] * n[:, 2])
+    unit: NDArray[np.float32] = (n / np.maximum(size, 1e-30)[:, None]).astype(np.float32)
+    return unit

@@ -1,0 +1,1 @@
+"""What surfaces look like close by: procedural patterns, images and colours."""

@@ -1,0 +1,127 @@
+"""Patterns of what one walks on and what lies level: asphalt, paving, grass, water."""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric.noise import hash2, noise2, scramble, unit, whole
+from recipe_runtime.render.numeric.scalars import clamp01, greater, lesser
+from recipe_runtime.render.numeric.vectors import direction
+from recipe_runtime.render.texture.detail import Detail, fade, tiles
+
+wp.set_module_options(OPTIONS)
+
+
+@wp.func
+def hollows(p: wp.vec3f, foot: wp.float32) -> wp.float32:
+    """Slow unevenness of the ground in the world, in [0, 1): where it is low, water stands."""
+    a = noise2(p[0] * 0.45, p[1] * 0.45, wp.uint32(11))
+    level = a * 0.7 + 0.15
+    near = fade(0.6, foot)
+    if near > 0.0:
+        level = level + (noise2(p[0] * 1.7 + 5.1, p[1] * 1.7, wp.uint32(12)) - 0.5) * 0.42 * near
+    near = fade(0.16, foot)
+    if near > 0.0:
+        level = level + (noise2(p[0] * 6.1, p[1] * 6.1 + 2.0, wp.uint32(18)) - 0.5) * 0.14 * near
+    return level
+
+
+@wp.func
+def mended(p: wp.vec3f, foot: wp.float32) -> wp.float32:
+    """What a road's repairs do to its tone: here and there a rectangle of newer, darker asphalt with a tarred seam."""
+    x = p[0] / 4.7
+    y = p[1] / 7.3
+    i = whole(x)
+    j = whole(y)
+    code = hash2(i, j, wp.uint32(28))
+    tone = wp.float32(0.0)
+    if unit(code) < 0.16:
+        half = 0.14 + 0.24 * unit(scramble(code))
+        beside = (half - wp.abs(x - wp.float32(i) - 0.5)) * 4.7
+        ends = (0.36 - wp.abs(y - wp.float32(j) - 0.5)) * 7.3
+        inner = lesser(beside, ends)
+        w = greater(foot, 0.01)
+        seam = clamp01((0.03 - wp.abs(inner)) / w + 0.5) * clamp01(0.06 / w)
+        tone = -0.1 * clamp01(inner / w + 0.5) - 0.3 * seam
+    return tone
+
+
+@wp.func
+def asphalt(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """Grains of stone in tar, patches that have aged differently, repairs, and fine cracks."""
+    age = noise2(p[0] * 0.23, p[1] * 0.23, wp.uint32(1)) - 0.5
+    d.tone = 1.0 + 0.3 * age
+    near = fade(0.5, foot)
+    if near > 0.0:
+        patch = noise2(p[0] * 2.1, p[1] * 2.1, wp.uint32(2)) - 0.5
+        d.tone = d.tone + near * (0.2 * patch + mended(p, foot))
+        crack = 1.0 - wp.abs(age + 0.09 * patch - 0.06) / (0.0035 + 0.2 * foot)
+        d.tone = d.tone - 0.3 * near * clamp01(crack) * clamp01(0.012 / greater(foot, 0.004))
+    near = fade(0.06, foot)
+    if near > 0.0:
+        d.tone = d.tone + 0.3 * near * (noise2(p[0] * 17.0, p[1] * 17.0, wp.uint32(4)) - 0.5)
+    near = fade(0.018, foot)
+    if near > 0.0:
+        stone = unit(hash2(whole(p[0] * 55.0), whole(p[1] * 55.0), wp.uint32(3))) - 0.5
+        d.tone = d.tone + 0.5 * near * stone
+    d.last = foot
+    return d
+
+
+@wp.func
+def road_paint(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """Paint on asphalt, worn off here and there: `second` is the share of asphalt seen."""
+    d = asphalt(d, uv, p, foot)
+    d.second = 0.13
+    near = fade(0.32, foot)
+    if near > 0.0:
+        worn = noise2(p[0] * 3.1, p[1] * 3.1, wp.uint32(15)) + 0.5 * (d.tone - 1.0)
+        d.second = 0.13 + near * (clamp01((worn - 0.62) * 3.0) * 0.75 - 0.13)
+    d.tone = 1.0 + 0.25 * (d.tone - 1.0)
+    return d
+
+
+@wp.func
+def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """Paving stones, each of its own tone, with dark joints."""
+    t = tiles(uv, 0.6, 0.4, 0.012, 0.5, foot)
+    d.second = t[0] * 0.75
+    stain = noise2(p[0] * 0.7, p[1] * 0.7, wp.uint32(6)) - 0.5
+    d.tone = 1.0 + 0.16 * (t[1] - 0.5) * t[2] + 0.16 * stain
+    near = fade(0.015, foot)
+    if near > 0.0:
+        speck = unit(hash2(whole(uv[0] * 70.0), whole(uv[1] * 70.0), wp.uint32(5))) - 0.5
+        d.tone = d.tone + 0.14 * speck * near
+    d.last = foot
+    return d
+
+
+@wp.func
+def blades(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """Grass: broad changes of colour, tufts, and blades close by."""
+    field = noise2(p[0] * 0.13, p[1] * 0.13, wp.uint32(29)) - 0.5
+    d.tone = 0.95 + 0.25 * field
+    d.second = clamp01(0.3 + 0.5 * field)
+    near = fade(0.5, foot)
+    if near > 0.0:
+        tuft = noise2(p[0] * 2.3, p[1] * 2.3, wp.uint32(8)) - 0.5
+        d.tone = d.tone + 0.22 * tuft * near
+        d.second = clamp01(d.second + 0.35 * tuft * near)
+    near = fade(0.09, foot)
+    if near > 0.0:
+        d.tone = d.tone + 0.45 * near * (noise2(p[0] * 13.0, p[1] * 13.0, wp.uint32(9)) - 0.5)
+    near = fade(0.025, foot)
+    if near > 0.0:
+        d.tone = d.tone + 0.8 * near * (noise2(p[0] * 70.0, p[1] * 44.0, wp.uint32(10)) - 0.5)
+    return d
+
+
+@wp.func
+def ripples(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """The surface of a basin, which small waves tilt to and fro."""
+    near = fade(0.3, foot) * 0.09
+    a = noise2(p[0] * 4.3, p[1] * 4.3 + 7.0, wp.uint32(25)) - 0.5
+    b = noise2(p[0] * 4.3 + 11.0, p[1] * 4.3, wp.uint32(26)) - 0.5
+    d.normal = direction(d.normal + wp.vec3f(a * near, b * near, 0.0))
+    d.tone = 1.0 + 1.2 * near * (a + b)
+    return d

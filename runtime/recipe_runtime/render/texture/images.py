@@ -1,0 +1,203 @@
+"""Images on surfaces: sampled from mip levels by the footprint of a pixel, so that nothing aliases at a distance.
+
+What is seen where is the survey's: texture coordinates, and how far they go from one pixel to the next. Which image is
+there is the appearance's. So the survey keeps the two steps that coordinates take from pixel to pixel (to the right
+and down) in the sample's own numbers, the longer one as it is and the other one as a share of its length.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.meshes.mesh import Pattern
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric.noise import whole
+from recipe_runtime.render.numeric.scalars import greater, lesser
+from recipe_runtime.render.numeric.vectors import inner, outer
+
+wp.set_module_options(OPTIONS)
+
+IMAGE = wp.constant(int(Pattern.IMAGE))
+MOST_TAPS = wp.constant(8)  # along the longer side of a footprint
+_FAR = wp.constant(wp.float32(1.0e4))  # no step is longer, in images
+
+
+@wp.struct
+class Album:
+    """The images of an appearance. Image k has the levels first[k] .. first[k + 1], each half as fine as the last."""
+
+    of_surface: wp.array[wp.int32]  # image of each surface, -1 for none
+    first: wp.array[wp.int32]
+    repeats: wp.array[wp.int32]
+    starts: wp.array[wp.int32]  # of each level, into texels
+    widths: wp.array[wp.int32]
+    heights: wp.array[wp.int32]
+    texels: wp.array[wp.uint32]  # 8-bit sRGB: red, green << 8, blue << 16
+    linear: wp.array[wp.float32]  # [256]
+
+
+@wp.func
+def bounded(v: wp.float32) -> wp.float32:
+    """A step of sensible length."""
+    return lesser(greater(v, -_FAR), _FAR)
+
+
+@wp.func
+def step_of(e0: wp.float32, e1: wp.float32, e2: wp.float32, t0: wp.vec2f, t1: wp.vec2f, t2: wp.vec2f, uv: wp.vec2f):
+    """How the coordinates' numerator and denominator change together along one axis of the picture."""
+    total = e0 + e1 + e2
+    return wp.vec2f(
+        e0 * t0[0] + e1 * t1[0] + e2 * t2[0] - uv[0] * total, e0 * t0[1] + e1 * t1[1] + e2 * t2[1] - uv[1] * total
+    )
+
+
+@wp.func
+def steps_between_pixels(
+    ray: wp.vec3f,
+    focal: wp.float32,
+    v0: wp.vec3f,
+    v1: wp.vec3f,
+    v2: wp.vec3f,
+    t0: wp.vec2f,
+    t1: wp.vec2f,
+    t2: wp.vec2f,
+    uv: wp.vec2f,
+) -> wp.vec4f:
+    """How far texture coordinates go from a pixel to the one on its right, and to the one below it.
+
+    A weight is the ray's product with the outer product of two corners, so its change along the picture is a
+    component of that.
+    """
+    e0 = outer(v1, v2)
+    e1 = outer(v2, v0)
+    e2 = outer(v0, v1)
+    total = inner(ray, e0) + inner(ray, e1) + inner(ray, e2)
+    if total * total < 1.0e-30:
+        total = wp.float32(1.0e-15)
+    scale = 1.0 / (total * focal)
+    right = step_of(e0[0], e1[0], e2[0], t0, t1, t2, uv)
+    down = step_of(e0[1], e1[1], e2[1], t0, t1, t2, uv)
+    return wp.vec4f(
+        bounded(right[0] * scale), bounded(right[1] * scale), bounded(down[0] * scale), bounded(down[1] * scale)
+    )
+
+
+@wp.func
+def longer_first(s: wp.vec4f) -> wp.vec4f:
+    """The two steps, the longer one first."""
+    if s[2] * s[2] + s[3] * s[3] > s[0] * s[0] + s[1] * s[1]:
+        return wp.vec4f(s[2], s[3], s[0], s[1])
+    return s
+
+
+@wp.func
+def share_code(share: wp.float32) -> wp.uint32:
+    """A share in [-1, 1] as 16 bits."""
+    return wp.uint32(wp.int32(lesser(greater(share, -1.0), 1.0) * 32767.0 + 32768.0))
+
+
+@wp.func
+def share_of(code: wp.uint32) -> wp.float32:
+    """The share that 16 bits stand for."""
+    return (wp.float32(wp.int32(code & wp.uint32(0xFFFF))) - 32768.0) * (1.0 / 32767.0)
+
+
+@wp.func
+def second_step(steps: wp.vec4f) -> wp.uint32:
+    """The shorter step as shares of the longer one's length, 16 bits each."""
+    length = wp.sqrt(steps[0] * steps[0] + steps[1] * steps[1])
+    scale = 1.0 / greater(length, 1.0e-12)
+    return share_code(steps[2] * scale) | (share_code(steps[3] * scale) << wp.uint32(16))
+
+
+@wp.func
+def around(i: wp.int32, size: wp.int32, repeats: wp.int32) -> wp.int32:
+    """A texel's place in a row, whatever lies beyond its ends."""
+    if repeats != 0:
+        i = i % size
+        if i < 0:
+            i = i + size
+        return i
+    return wp.min(wp.max(i, 0), size - 1)
+
+
+@wp.func
+def texel(album: wp.array[Album], level: wp.int32, x: wp.int32, y: wp.int32, repeats: wp.int32) -> wp.vec3f:
+    """One texel, in linear light."""
+    w = album[0].widths[level]
+    at = album[0].starts[level] + around(y, album[0].heights[level], repeats) * w + around(x, w, repeats)
+    c = album[0].texels[at]
+    return wp.vec3f(
+        album[0].linear[wp.int32(c & wp.uint32(255))],
+        album[0].linear[wp.int32((c >> wp.uint32(8)) & wp.uint32(255))],
+        album[0].linear[wp.int32((c >> wp.uint32(16)) & wp.uint32(255))],
+    )
+
+
+@wp.func
+def smooth(album: wp.array[Album], level: wp.int32, x: wp.float32, y: wp.float32, repeats: wp.int32) -> wp.vec3f:
+    """A level at a place in its texels, between the four nearest."""
+    px = x - 0.5
+    py = y - 0.5
+    ix = whole(px)
+    iy = whole(py)
+    fx = px - wp.float32(ix)
+    fy = py - wp.float32(iy)
+    top = texel(album, level, ix, iy, repeats) * (1.0 - fx) + texel(album, level, ix + 1, iy, repeats) * fx
+    low = texel(album, level, ix, iy + 1, repeats) * (1.0 - fx) + texel(album, level, ix + 1, iy + 1, repeats) * fx
+    return top * (1.0 - fy) + low * fy
+
+
+@wp.func
+def within(t: wp.float32, repeats: wp.int32) -> wp.float32:
+    """A coordinate within the image."""
+    if repeats != 0:
+        return t - wp.float32(whole(t))
+    return lesser(greater(t, 0.0), 1.0)
+
+
+@wp.func
+def image_at(album: wp.array[Album], image: wp.int32, detail: wp.vec4f, code: wp.uint32) -> wp.vec3f:
+    """The mean colour of an image, linear, over the footprint of a pixel.
+
+    Taps lie along the longer side of the footprint; each is as wide as the shorter one, between two levels.
+    """
+    first = album[0].first[image]
+    last = album[0].first[image + 1] - 1
+    repeats = album[0].repeats[image]
+    w = wp.float32(album[0].widths[first])
+    h = wp.float32(album[0].heights[first])
+    length = wp.sqrt(detail[2] * detail[2] + detail[3] * detail[3])
+    ax = detail[2] * w
+    ay = detail[3] * h
+    bx = share_of(code) * length * w
+    by = share_of(code >> wp.uint32(16)) * length * h
+    long = wp.sqrt(ax * ax + ay * ay)
+    short = wp.sqrt(bx * bx + by * by)
+    if short > long:
+        swapped = long
+        long = short
+        short = swapped
+        ax = bx
+        ay = by
+    short = greater(greater(short, long / wp.float32(MOST_TAPS)), 1.0)
+    taps = wp.max(wp.min(wp.int32(wp.min(long / short, 99.0) + 0.5), MOST_TAPS), 1)
+    short = greater(short, long / wp.float32(taps))
+    scale = wp.float32(1.0)
+    level = first
+    while short >= 2.0 and level < last:
+        short = short * 0.5
+        scale = scale * 0.5
+        level = level + 1
+    finer = lesser(short - 1.0, 1.0)  # between two levels the size's logarithm is all but straight
+    if level == last:
+        finer = wp.float32(0.0)
+    total = wp.vec3f(0.0, 0.0, 0.0)
+    for k in range(taps):
+        along = (wp.float32(k) + 0.5) / wp.float32(taps) - 0.5
+        x = within(detail[0] + along * ax / w, repeats) * w * scale
+        y = within(detail[1] + along * ay / h, repeats) * h * scale
+        colour = smooth(album, level, x, y, repeats)
+        if finer > 0.0:
+            colour = colour * (1.0 - finer) + smooth(album, level + 1, x * 0.5, y * 0.5, repeats) * finer
+        total = total + colour
+    return total * (1.0 / wp.float32(taps))

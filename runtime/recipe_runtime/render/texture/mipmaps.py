@@ -1,0 +1,123 @@
+"""The images of an appearance as one array of mip levels, on the host: means of linear light, in whole numbers."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.plan import AppearancePlan, TexturePlan
+
+from recipe_runtime.render.device.arrays import record
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.texture.images import Album
+from recipe_runtime.render.texture.surface_colours import decoded
+
+Images = Callable[[TexturePlan], NDArray[np.uint8]]  # pixels [H, W, 3], sRGB
+Textures = Mapping[str, Mapping[str, TexturePlan]]  # body -> slot -> image
+_ONE = 65535  # linear light in whole numbers, 1.0
+_ALBUMS_KEPT = 4  # each holds all images of an appearance, four thirds of their pixels times four bytes
+_ROWS = 256  # of an image that are summed at a time
+
+
+class Albums:
+    """The albums of a geometry's appearances, the last few kept."""
+
+    def __init__(self, geometry: Geometry, images: Images | None, device: str) -> None:
+        self._geometry, self._images, self._device = geometry, images or _no_images, device
+        self._kept: dict[str, Any] = {}
+
+    def of(self, appearance: AppearancePlan) -> Any:
+        """An appearance's album, as a record."""
+        name = appearance.colours if appearance.textures else ""
+        if name not in self._kept:
+            if len(self._kept) >= _ALBUMS_KEPT:
+                self._kept.pop(next(iter(self._kept)))
+            album = album_of(self._geometry, appearance.textures, self._images, self._device)
+            self._kept[name] = record(album, self._device)
+        return self._kept[name]
+
+
+def _no_images(texture: TexturePlan) -> NDArray[np.uint8]:
+    raise ValueError(f"nobody told where image sha256:{texture.file.sha256} is")
+
+
+def album_of(geometry: Geometry, textures: Textures, images: Images, device: str) -> Any:
+    """The images of a geometry's surfaces; an image that several surfaces show is there once."""
+    wanted = [textures.get(key.body, {}).get(key.slot) for key in geometry.surfaces]
+    known = list(dict.fromkeys(texture for texture in wanted if texture is not None))
+    ladders = [mip_levels(images(texture)) for texture in known]
+    levels = [level for ladder in ladders for level in ladder]
+    sizes = np.array([level.size for level in levels], np.int64)
+    album = Album()
+
+    def column(values: Any) -> Any:
+        return wp.array(np.array(values, np.int32).reshape(-1), dtype=wp.int32, device=device)
+
+    album.of_surface = column([-1 if texture is None else known.index(texture) for texture in wanted])
+    album.first = column(np.cumsum([0, *(len(ladder) for ladder in ladders)]))
+    album.repeats = column([texture.repeat for texture in known])
+    album.starts = column(np.cumsum(sizes) - sizes)
+    album.widths, album.heights = (column([level.shape[axis] for level in levels]) for axis in (1, 0))
+    texels = np.concatenate([level.reshape(-1) for level in levels]) if levels else np.zeros(1, np.uint32)
+    album.texels = wp.array(texels, dtype=wp.uint32, device=device)
+    album.linear = wp.array(np.array([decoded(v) for v in range(256)], np.float32), dtype=wp.float32, device=device)
+    return album
+
+
+def mip_levels(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint32]]:
+    """An image [H, W, 3] and its coarser levels, down to one texel, each texel red, green << 8, blue << 16.
+
+    Texel i of level l is the mean of the texels i * 2^l .. (i + 1) * 2^l of the image, as far as it goes, in linear
+    light, and then the nearest 8-bit colour. Sums are whole numbers, so they have no order.
+    """
+    linear = np.array([round(decoded(v) * _ONE) for v in range(256)], np.int64)
+    levels = [_packed(pixels)]
+    height, width = pixels.shape[:2]
+    if height == 1 and width == 1:
+        return levels
+    # The first halving goes by strips of rows: an image's sums are eight times as large as the image.
+    strips = [_halved(linear[pixels[y : y + _ROWS]]) for y in range(0, height, _ROWS)]
+    sums, size = np.concatenate(strips), 2
+    while True:
+        levels.append(_packed(_nearest(sums, _covered(height, size)[:, None] * _covered(width, size)[None, :])))
+        if sums.shape[:2] == (1, 1):
+            return levels
+        sums, size = _halved(sums), size * 2
+
+
+def _halved(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Sums of two by two; what has no neighbour stands alone."""
+    rows = values[0::2].copy()
+    rows[: len(values) // 2] += values[1::2]
+    out = rows[:, 0::2].copy()
+    out[:, : rows.shape[1] // 2] += rows[:, 1::2]
+    return out
+
+
+def _covered(length: int, size: int) -> NDArray[np.int64]:
+    """How many texels of the image each texel of a level holds along one side."""
+    return np.minimum(size, length - np.arange(0, length, size, dtype=np.int64))
+
+
+def _nearest(sums: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """The 8-bit colours whose light is nearest to the means."""
+    # A mean above the middle between two colours' light is the upper one's; twice the middle is a whole number.
+    twice = -(-2 * sums // counts[..., None])
+    found: NDArray[np.uint8] = np.searchsorted(_middles(), twice, side="left").astype(np.uint8)
+    return found
+
+
+@cache
+def _middles() -> NDArray[np.int64]:
+    light = [round(decoded(v) * _ONE) for v in range(256)]
+    return np.array([a + b for a, b in itertools.pairwise(light)], np.int64)
+
+
+def _packed(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    wide = pixels.astype(np.uint32)
+    return (wide[..., 0] | (wide[..., 1] << 8) | (wide[..., 2] << 16)).astype(np.uint32)

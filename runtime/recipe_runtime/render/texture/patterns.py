@@ -1,0 +1,160 @@
+"""Patterns: what a surface looks like close by, drawn from its coordinates and faded where a pixel is wider.
+
+Every pattern gives a tone (the base colour is multiplied by it), a share of the surface's second colour (mortar,
+joints, leaves in the sun), a wear, and what else the shading of its kind wants. All of it is analytic and filtered
+by the pixel's footprint, so that nothing aliases at a distance.
+"""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.meshes.mesh import Pattern
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric.noise import noise2, noise3
+from recipe_runtime.render.numeric.scalars import clamp01, greater
+from recipe_runtime.render.numeric.vectors import direction
+from recipe_runtime.render.texture.detail import Detail, fade
+from recipe_runtime.render.texture.ground import asphalt, blades, ripples, road_paint, slabs
+from recipe_runtime.render.texture.lettering import letter, poster
+from recipe_runtime.render.texture.wall import boards, bricks, planks, roof_tiles, stones, wall
+from recipe_runtime.render.texture.window import curtain_wall, facade, shop_window, window
+
+wp.set_module_options(OPTIONS)
+
+PLAIN = wp.constant(int(Pattern.PLAIN))
+ASPHALT = wp.constant(int(Pattern.ASPHALT))
+SLABS = wp.constant(int(Pattern.SLABS))
+CONCRETE = wp.constant(int(Pattern.CONCRETE))
+BRICK = wp.constant(int(Pattern.BRICK))
+PLASTER = wp.constant(int(Pattern.PLASTER))
+ROOF = wp.constant(int(Pattern.ROOF))
+GRASS = wp.constant(int(Pattern.GRASS))
+FOLIAGE = wp.constant(int(Pattern.FOLIAGE))
+BARK = wp.constant(int(Pattern.BARK))
+METAL = wp.constant(int(Pattern.METAL))
+SKIN = wp.constant(int(Pattern.SKIN))
+CLOTH = wp.constant(int(Pattern.CLOTH))
+ROAD_PAINT = wp.constant(int(Pattern.ROAD_PAINT))
+WINDOW = wp.constant(int(Pattern.WINDOW))
+HAIR = wp.constant(int(Pattern.HAIR))
+CLAPBOARD = wp.constant(int(Pattern.CLAPBOARD))
+STONE = wp.constant(int(Pattern.STONE))
+WOOD = wp.constant(int(Pattern.WOOD))
+WATER = wp.constant(int(Pattern.WATER))
+NICHE = wp.constant(int(Pattern.NICHE))
+CURTAIN_WALL = wp.constant(int(Pattern.CURTAIN_WALL))
+SHOP_WINDOW = wp.constant(int(Pattern.SHOP_WINDOW))
+POSTER = wp.constant(int(Pattern.POSTER))
+LETTER = wp.constant(int(Pattern.LETTER))
+FACADE = wp.constant(int(Pattern.FACADE))
+SIGNAL = wp.constant(int(Pattern.SIGNAL))
+
+
+@wp.func
+def hole(t: wp.float32) -> wp.float32:
+    """1 in the gaps between leaves, where noise in [-0.5, 0.5) is lowest."""
+    return clamp01(-0.6 - 7.0 * t)
+
+
+@wp.func
+def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """A tree's leaves: dark gaps between them, boughs of their own green, and less sky within and below."""
+    bough = (noise3(p[0] * 1.3, p[1] * 1.3, p[2] * 1.6, wp.uint32(8)) - 0.5) * fade(1.5, foot)
+    twig = noise3(p[0] * 6.3, p[1] * 6.3, p[2] * 7.1, wp.uint32(10)) - 0.5
+    near = fade(0.22, foot)
+    tone = 1.04 + 0.35 * bough + 0.5 * twig * near
+    lean = 0.5 * near
+    d.normal = direction(d.normal + wp.vec3f(twig * lean, bough * lean, -0.5 * twig * lean))
+    near = fade(0.07, foot)
+    if near > 0.0:
+        leaf = noise3(p[0] * 19.0, p[1] * 19.0, p[2] * 23.0, wp.uint32(9)) - 0.5
+        tone = tone + (0.95 * leaf - 0.3 * hole(leaf + 0.3 * twig)) * near
+        d.normal = direction(d.normal + wp.vec3f(0.6 * leaf * near, -0.5 * leaf * near, 0.8 * leaf * near))
+        close = fade(0.03, foot)
+        if close > 0.0:
+            edge = noise3(p[0] * 61.0, p[1] * 61.0, p[2] * 67.0, wp.uint32(11)) - 0.5
+            tone = tone + (0.75 * edge - 0.35 * hole(edge + 0.4 * leaf)) * close
+            d.normal = direction(d.normal + wp.vec3f(0.7 * edge * close, 0.6 * edge * close, -0.5 * edge * close))
+    d.tone = greater(tone, 0.2) * (0.34 + 0.66 * uv[1])
+    d.second = clamp01(0.35 + 1.4 * bough + 0.9 * twig * near)
+    return d
+
+
+@wp.func
+def concrete(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
+    """A wall's concrete, or ground of it, on which water stands."""
+    d = wall(d, uv, p, foot, 0.18)
+    d.last = foot
+    return d
+
+
+@wp.func
+def detail_of(
+    pattern: wp.int32,
+    uv: wp.vec2f,
+    p: wp.vec3f,
+    normal: wp.vec3f,
+    sight: wp.vec3f,
+    footprint: wp.vec2f,
+    surface: wp.uint32,
+) -> Detail:
+    """The pattern at a point of the world, seen along the unit direction `sight`.
+
+    `footprint` is a pixel's size there, across and along the sight.
+    """
+    d = Detail()
+    d.tone = 1.0
+    d.normal = normal
+    d.last = 0.5
+    d.code = surface
+    # A pattern is returned as soon as it is known: what branches leave behind would be copied at the end of each.
+    foot = 0.5 * (footprint[1] + wp.sqrt(footprint[0] * footprint[1]))
+    if pattern == ASPHALT:
+        return asphalt(d, uv, p, foot)
+    elif pattern == SLABS:
+        return slabs(d, uv, p, foot)
+    elif pattern == ROAD_PAINT:
+        return road_paint(d, uv, p, foot)
+    elif pattern == BRICK:
+        return bricks(d, uv, p, foot)
+    elif pattern == PLASTER:
+        return wall(d, uv, p, foot, 0.10)
+    elif pattern == CONCRETE:
+        return concrete(d, uv, p, foot)
+    elif pattern == FOLIAGE:
+        return crown(d, uv, p, foot)
+    elif pattern == GRASS:
+        return blades(d, p, foot)
+    elif pattern == WINDOW:
+        return window(d, uv, sight, foot)
+    elif pattern == NICHE:
+        d.tone = 1.0 - 0.62 * clamp01(uv[1])
+    elif pattern == BARK:
+        rib = noise3(p[0] * 16.0, p[1] * 16.0, p[2] * 3.0, wp.uint32(17)) - 0.5
+        d.tone = 1.0 + 0.7 * rib * fade(0.06, foot)
+    elif pattern == CLOTH:
+        fold = noise2(uv[0] * 5.0, uv[1] * 5.0, surface) - 0.5
+        d.tone = 1.0 + 0.22 * fold
+    elif pattern == HAIR:
+        d.tone = 1.0 + 0.5 * (noise2(uv[0] * 40.0, uv[1] * 8.0, surface) - 0.5) * fade(0.02, foot)
+    elif pattern == ROOF:
+        return roof_tiles(d, uv, p, foot)
+    elif pattern == STONE:
+        return stones(d, uv, foot)
+    elif pattern == CLAPBOARD:
+        return boards(d, uv, foot)
+    elif pattern == WOOD:
+        return planks(d, uv, foot)
+    elif pattern == CURTAIN_WALL:
+        return curtain_wall(d, uv, sight, foot)
+    elif pattern == SHOP_WINDOW:
+        return shop_window(d, uv, sight, foot)
+    elif pattern == FACADE:
+        return facade(d, uv, p, foot)
+    elif pattern == LETTER:
+        return letter(d, uv, foot)
+    elif pattern == POSTER:
+        return poster(d, uv, foot)
+    elif pattern == WATER:
+        return ripples(d, p, foot)
+    return d

@@ -1,0 +1,93 @@
+"""Colours: from sRGB text to linear albedo, by exact arithmetic."""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler import exact
+
+from recipe_runtime.meshes.mesh import Pattern
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.scene.geometry import Geometry, SurfaceKey
+from recipe_runtime.render.texture.images import Album
+
+wp.set_module_options(OPTIONS)
+
+# Slots that a look leaves out.
+_FALLBACK = {
+    Pattern.ASPHALT: "#48484a", Pattern.SLABS: "#9a958c", Pattern.CONCRETE: "#8f8d88", Pattern.BRICK: "#8a4f3c",
+    Pattern.PLASTER: "#c9bfae", Pattern.ROOF: "#6a4a40", Pattern.GRASS: "#5a7438", Pattern.FOLIAGE: "#4c6b2c",
+    Pattern.BARK: "#5a4634", Pattern.METAL: "#50565a", Pattern.SKIN: "#c49074", Pattern.CLOTH: "#5a6070",
+    Pattern.RUBBER: "#1c1c1e", Pattern.ROAD_PAINT: "#e4e4de", Pattern.CAR_PAINT: "#8c9298", Pattern.GLASS: "#20262a",
+    Pattern.WINDOW: "#d8d6d0", Pattern.LAMP: "#ffdca8", Pattern.HEADLIGHT: "#fff4e0", Pattern.TAILLIGHT: "#c01818",
+    Pattern.HAIR: "#3a2a1e", Pattern.PLAIN: "#909090", Pattern.CLAPBOARD: "#c4c0b6", Pattern.STONE: "#a8a196",
+    Pattern.WOOD: "#7a5a3e", Pattern.WATER: "#4a6468", Pattern.NICHE: "#b0aaa0", Pattern.CURTAIN_WALL: "#56646c",
+    Pattern.SHOP_WINDOW: "#8c8270", Pattern.POSTER: "#3f6d8c",
+    Pattern.IMAGE: "#909090", Pattern.LETTER: "#2b4a6b", Pattern.FACADE: "#4b5660", Pattern.SIGNAL: "#ff3b2a",
+}  # fmt: skip
+_PANES = (Pattern.WINDOW, Pattern.CURTAIN_WALL, Pattern.SHOP_WINDOW)
+_AROUND = {**dict.fromkeys(_PANES, "frame"), Pattern.FACADE: "wall"}  # the slot that gives their second colour
+_SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at night
+
+
+def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], album: Any, device: str) -> Any:
+    """Every surface's colours in one appearance; `album` holds its images, as a record."""
+    firsts, seconds = [], []
+    for key in geometry.surfaces:
+        first = linear(looks.get(key.body, {}).get(key.slot) or _FALLBACK[key.pattern])
+        firsts.append(first)
+        around = looks.get(key.body, {}).get(_AROUND.get(key.pattern, ""))
+        seconds.append(linear(around) if around else _second(key, first))
+    out = Looks()
+    out.first = wp.array(np.array(firsts, np.float32), dtype=wp.vec3f, device=device)
+    out.second = wp.array(np.array(seconds, np.float32), dtype=wp.vec3f, device=device)
+    out.pattern, out.album = geometry.surface_pattern, album
+    awake = np.array([_SHOPS_LIT if key.slot == "shop" else _ROOMS_LIT for key in geometry.surfaces], np.float32)
+    out.awake = wp.array(awake, dtype=wp.float32, device=device)
+    return out
+
+
+def linear(text: str) -> NDArray[np.float64]:
+    """Linear RGB of `#rrggbb`."""
+    return np.array([decoded(int(text[i : i + 2], 16)) for i in (1, 3, 5)])
+
+
+def _second(key: SurfaceKey, first: Any) -> Any:
+    """The colour of what a pattern is mixed with: mortar, joints, sunlit leaves, the road under worn paint, a frame."""
+    if key.pattern in (Pattern.BRICK,):
+        return 0.35 * first + 0.65 * np.array([0.36, 0.34, 0.31])
+    if key.pattern in (Pattern.SLABS, Pattern.ROOF, Pattern.STONE, Pattern.CLAPBOARD, Pattern.WOOD):
+        return 0.35 * first
+    if key.pattern == Pattern.POSTER:
+        return np.array([0.72, 0.69, 0.62])
+    if key.pattern == Pattern.LETTER:
+        return np.array([0.03, 0.03, 0.03]) if float(first[1]) > 0.25 else np.array([0.75, 0.71, 0.6])
+    if key.pattern in (Pattern.FOLIAGE, Pattern.GRASS):
+        return first * np.array([1.6, 1.35, 0.85])
+    if key.pattern == Pattern.ROAD_PAINT:
+        return np.array([0.07, 0.07, 0.072])
+    if key.pattern in _PANES:
+        return np.array([0.55, 0.53, 0.5])
+    return first
+
+
+@cache
+def decoded(value: int) -> float:
+    """The light of an 8-bit sRGB value, 0 to 1."""
+    v = value / 255.0
+    return v / 12.92 if v <= 0.04045 else exact.power((v + 0.055) / 1.055, 2.4)
+
+
+@wp.struct
+class Looks:
+    """Colours and kinds of the surfaces."""
+
+    first: wp.array[wp.vec3f]  # linear albedo
+    second: wp.array[wp.vec3f]
+    pattern: wp.array[wp.int32]
+    awake: wp.array[wp.float32]  # share of the windows that are lit at night
+    album: wp.array[Album]

@@ -1,0 +1,208 @@
+"""Compiled kernels are checked by digest when they are loaded: a damaged one is compiled again, and says so once."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from recipe_compiler.errors import RunError
+from recipe_runtime import cache_folder
+from recipe_runtime.cache_folder import claim, contents
+from recipe_runtime.render.device import compiled
+from recipe_runtime.render.device import launch as launch_module
+from recipe_runtime.render.device.arrays import zeros
+from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.setup import wp
+
+from tests.sources import ROOT
+
+NOTICE = "are damaged, or from an earlier version; compiling them again"
+
+
+@wp.kernel
+def count_up(out: wp.array(dtype=wp.int32)):  # type: ignore[valid-type]
+    """Write each thread's number."""
+    i = wp.tid()
+    out[i] = i
+
+
+def drawn() -> list[int]:
+    """What the kernel makes, loaded anew as by a fresh process."""
+    count_up.module.unload()
+    launch_module._loaded.clear()
+    out = zeros(4, wp.int32, "cpu")
+    launch(count_up, 4, [out], "cpu")
+    return list(map(int, out.numpy()))
+
+
+@pytest.fixture
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of the kernel, compiled into a cache of the test's own."""
+    claim(tmp_path)
+    monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path / "kernels" / "0.1.0-x86_64" / wp.config.version))
+    monkeypatch.setattr(compiled, "_warned", set())
+    assert drawn() == [0, 1, 2, 3]
+    (folder,) = contents(tmp_path).modules
+    assert compiled.is_whole(folder)
+    return folder
+
+
+def _object(folder: Path) -> Path:
+    (found,) = folder.glob("*.o")
+    return found
+
+
+def _empty(folder: Path) -> None:
+    for path in folder.iterdir():
+        path.write_bytes(b"")
+
+
+def _flip(folder: Path) -> None:
+    body = bytearray(_object(folder).read_bytes())
+    body[len(body) // 2] ^= 1
+    _object(folder).write_bytes(body)
+
+
+def _to_link(folder: Path) -> None:
+    _object(folder).rename(folder.parent / "aside")
+    _object_name = next(line.split("  ")[1] for line in next(folder.glob("*.sha256")).read_text().splitlines())
+    (folder / _object_name).symlink_to(folder.parent / "aside")
+
+
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "empty files, as power loss leaves them": _empty,
+    "an empty object": lambda folder: _object(folder).write_bytes(b""),
+    "a truncated object": lambda folder: os.truncate(_object(folder), 100),
+    "a bit of an object": _flip,
+    "the metadata": lambda folder: next(folder.glob("*.meta")).write_text("{}"),
+    "a link": _to_link,
+    "no object": lambda folder: _object(folder).unlink(),
+    "no list of digests, as of an earlier version": lambda folder: next(folder.glob("*.sha256")).unlink(),
+    "a list that cannot be read": lambda folder: next(folder.glob("*.sha256")).write_bytes(b"\xff\n"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_kernel_is_compiled_again(module: Path, damage: str, caplog: pytest.LogCaptureFixture) -> None:
+    """An empty one ended in a traceback for good, exit 1; an altered one drew other pixels."""
+    DAMAGES[damage](module)
+    assert not compiled.is_whole(module)
+    assert drawn() == [0, 1, 2, 3]
+    assert [NOTICE in message for message in caplog.messages] == [True]
+    assert compiled.is_whole(module)
+    caplog.clear()
+    assert drawn() == [0, 1, 2, 3]
+    assert caplog.messages == []
+
+
+def test_a_whole_kernel_is_not_compiled_again(module: Path, caplog: pytest.LogCaptureFixture) -> None:
+    before = _object(module).stat().st_mtime_ns
+    assert drawn() == [0, 1, 2, 3]
+    assert _object(module).stat().st_mtime_ns == before
+    assert caplog.messages == []
+
+
+def test_many_damaged_kernels_make_one_line(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    for name in ("wp_a_0000000", "wp_b_0000000"):
+        folder = tmp_path / "kernels" / "0.1.0-x86_64" / "1.19.0" / name
+        folder.mkdir(parents=True)
+        (folder / f"{name}.o").write_bytes(b"")
+        compiled._discard(folder)
+        assert not folder.exists()
+    assert len(caplog.messages) == 1
+
+
+def test_a_damaged_kernel_that_cannot_be_removed_is_the_hosts_failure(
+    module: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def sealed(path: Path, root: Path) -> None:
+        raise OSError(30, "Read-only file system", str(path))
+
+    _flip(module)
+    monkeypatch.setattr(cache_folder, "remove", sealed)
+    with pytest.raises(
+        RunError, match="damaged and cannot be removed: Read-only file system; remove it, or set RECIPE_K"
+    ):
+        drawn()
+
+
+def test_a_list_that_cannot_be_written_stops_nothing(module: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, body: bytes) -> None:
+        raise OSError(28, "No space left on device", str(path))
+
+    _flip(module)
+    monkeypatch.setattr(compiled, "write_atomic", full)
+    assert drawn() == [0, 1, 2, 3]
+    assert not compiled.is_whole(module)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_no_change_of_a_byte_goes_unnoticed(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    folder = tmp_path_factory.mktemp("kernels") / "wp_a_0000000"
+    folder.mkdir()
+    bodies = data.draw(st.fixed_dictionaries({end: st.binary(min_size=1, max_size=40) for end in ("o", "meta")}))
+    for end, body in bodies.items():
+        (folder / f"wp_a_0000000.{end}").write_bytes(body)
+    compiled._note(folder)
+    assert compiled.is_whole(folder)
+    end = data.draw(st.sampled_from(sorted(bodies)))
+    other = data.draw(st.binary(max_size=41).filter(lambda body: body != bodies[end]))
+    (folder / f"wp_a_0000000.{end}").write_bytes(other)
+    assert not compiled.is_whole(folder)
+
+
+CHILD = f"""
+import sys
+import warp._src.build as build
+compile = build.build_cpu
+build.build_cpu = lambda *a, **k: (print("compiled", flush=True), compile(*a, **k))
+sys.path.insert(0, {str(ROOT)!r})
+from tests.runtime.test_compiled_kernels import drawn
+print("ready", flush=True)
+sys.stdin.readline()
+assert drawn() == [0, 1, 2, 3]
+"""
+
+
+def test_processes_that_start_at_once_compile_once(tmp_path: Path) -> None:
+    """The second waits for the first, and neither takes the other's half-finished work for damage."""
+    environment = {**os.environ, "RECIPE_KERNEL_CACHE": str(tmp_path)}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    children = [
+        subprocess.Popen([sys.executable, "-c", CHILD], env=environment, text=True, **pipes)  # type: ignore[call-overload]
+        for _ in range(2)
+    ]
+    for child in children:
+        assert child.stdout.readline() == "ready\n"
+    for child in children:
+        child.stdin.write("go\n")
+        child.stdin.flush()
+    told = [child.communicate(timeout=120) for child in children]
+    assert [child.returncode for child in children] == [0, 0], told
+    assert "".join(out for out, _ in told) == "compiled\n"
+    assert [err for _, err in told] == ["", ""]
+
+
+def test_a_process_that_is_stopped_while_it_compiles_is_not_waited_for_forever(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiled, "LOCK_SECONDS", 0.2)
+    with compiled._alone(tmp_path), compiled._alone(tmp_path):
+        pass  # both are inside
+
+
+def test_the_notice_goes_to_standard_error_alone(tmp_path: Path) -> None:
+    code = "import logging; from recipe_runtime.render.device import compiled; from pathlib import Path\n"
+    code += f"compiled._discard(Path({str(tmp_path)!r}) / 'kernels' / '0.1.0-x86_64' / '1.19.0' / 'wp_a_0000000')"
+    (tmp_path / "kernels" / "0.1.0-x86_64" / "1.19.0" / "wp_a_0000000").mkdir(parents=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("compiled kernels in ") and line.endswith(NOTICE)

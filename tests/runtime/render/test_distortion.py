@@ -1,0 +1,184 @@
+"""Lens distortion: every modality bends by the one formula, and annotations are those of the bent picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pycocotools.mask
+import pytest
+from numpy.typing import NDArray
+from recipe_compiler import optics
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.plan import CameraPlan, CameraResponse, Pose
+from recipe_runtime.annotate.masks import masks
+from recipe_runtime.annotate.validate import problems
+from recipe_runtime.build import build
+from recipe_runtime.meshes.mesh import Body, Pattern, Surface
+from recipe_runtime.render.device.reuse import NO_REUSE
+from recipe_runtime.render.raster.distortion import plate_of
+from recipe_runtime.render.renderer import Renderer
+from recipe_runtime.transforms import from_pose
+
+from tests.runtime.render.street import EYE, LOOKS, WEATHERS, appearance, box, ground, parts_at, street
+
+WIDE, HIGH, FOV = 200, 150, 80.0
+FOCAL = WIDE / 2 / float(np.tan(np.radians(FOV / 2)))
+BENDS = [(0.15, 0.0), (0.4, 0.0), (-0.1, 0.0), (0.0, 0.2), (0.3, -0.1)]
+AHEAD = from_pose(Pose(z=1.5))
+
+
+def bent_camera(k: float, kcube: float) -> CameraPlan:
+    return CameraPlan(width=WIDE, height=HIGH, fov=FOV, lens_k=k, lens_kcube=kcube)
+
+
+def source(x: Any, y: Any, k: float, kcube: float) -> tuple[Any, Any]:
+    """Where a pinhole shows what a lens shows at offsets x, y from the centre, in pixels: the documented formula."""
+    r = np.hypot(x, y) / (WIDE / 2)
+    f = 1.0 + k * r**2 + kcube * r**3
+    return x * f, y * f
+
+
+def offsets() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    y, x = np.mgrid[0:HIGH, 0:WIDE]
+    return x + 0.5 - WIDE / 2, y + 0.5 - HIGH / 2
+
+
+@pytest.fixture(scope="module")
+def wall() -> Renderer:
+    """A wall 10 m ahead, another in front of its left half, and level ground."""
+    far = box([10.0, -200.0, -100.0], [11.0, 200.0, 200.0], Surface("wall", Pattern.PLAIN, 3))
+    near = box([9.99, 3.0, -100.0], [10.5, 200.0, 200.0], Surface("pane", Pattern.PLAIN, 26))
+    floor = ground(300.0, Surface("asphalt", Pattern.PLAIN, 1))
+    return Renderer([Body("floor", 0, (("b", floor),)), Body("far", 0, (("b", far),)), Body("near", 0, (("b", near),))])
+
+
+def observe(renderer: Renderer, k: float, kcube: float, pose: Any = AHEAD, parts: Any = None) -> Any:
+    return renderer.observe(bent_camera(k, kcube), pose, np.zeros((0, 3, 4)) if parts is None else parts)
+
+
+@pytest.mark.parametrize("k, kcube", BENDS)
+def test_a_straight_edge_bends_by_the_formula(wall: Renderer, k: float, kcube: float) -> None:
+    """The edge at y = 3 m of a wall 9.99 m away: a pinhole shows it on a column; where the lens does, by bisection."""
+    semantic = observe(wall, k, kcube).semantic
+    column = -3.0 / 9.99 * FOCAL
+    checked = 0
+    for row in range(0, HIGH, 5):
+        y = row + 0.5 - HIGH / 2
+        low, high = -WIDE / 2.0, 0.0
+        for _ in range(50):
+            x = (low + high) / 2.0
+            low, high = (x, high) if source(x, y, k, kcube)[0] < column else (low, x)
+        is_near = semantic[row] == 26
+        if is_near.any() and semantic[row, np.flatnonzero(is_near).max() + 1] == 3:  # and no ground between
+            assert abs(np.flatnonzero(is_near).max() + 1.0 - (low + WIDE / 2)) <= 0.75
+            checked += 1
+    assert checked > 8
+
+
+@pytest.mark.parametrize("k, kcube", BENDS)
+def test_depth_is_the_optical_axis_at_the_bent_place(wall: Renderer, k: float, kcube: float) -> None:
+    seen = observe(wall, k, kcube)
+    assert np.abs(seen.depth[seen.semantic == 3] - 10.0).max() < 1e-4
+    _, down = source(*offsets(), k, kcube)
+    floor = (seen.semantic == 1) & (down > 12)
+    assert floor.sum() > 1000
+    # Within 0.36 of a sample of a plate twice as fine, and so of a fifth of a pixel of the source.
+    near, far = 1.5 * FOCAL / (down[floor] + 0.27), 1.5 * FOCAL / (down[floor] - 0.27)
+    assert (seen.depth[floor] > near - 1e-3).all() and (seen.depth[floor] < far + 1e-3).all()
+
+
+@pytest.mark.parametrize("k, kcube", BENDS)
+def test_colour_bends_with_the_labels(k: float, kcube: float) -> None:
+    """A flat red walker: the red pixels are the mask, but for its edge."""
+    renderer = Renderer(street())
+    seen = observe(renderer, k, kcube, EYE, parts_at())
+    plan = WEATHERS["foggy"].model_copy(update={"responses": {"street": CameraResponse(noise=0.0)}})
+    plan = plan.model_copy(update={"weather": appearance().weather})
+    picture = renderer.shade(seen, plan, "street", 0, 0.0).astype(int)
+    red = (
+        (picture[..., 0] > 60) & (picture[..., 1] < 0.55 * picture[..., 0]) & (picture[..., 2] < 0.55 * picture[..., 0])
+    )
+    mask = seen.instance == 12001
+    inner = mask & np.roll(mask, 1, 0) & np.roll(mask, -1, 0) & np.roll(mask, 1, 1) & np.roll(mask, -1, 1)
+    assert inner.sum() > 60
+    assert red[inner].mean() > 0.98
+    wider = mask | np.roll(mask, 2, 1) | np.roll(mask, -2, 1) | np.roll(mask, 2, 0) | np.roll(mask, -2, 0)
+    ring = wider & ~mask & ~np.roll(mask, 1, 1) & ~np.roll(mask, -1, 1) & ~np.roll(mask, 1, 0) & ~np.roll(mask, -1, 0)
+    assert red[ring].mean() < 0.25  # (bricks behind)
+
+
+@pytest.mark.parametrize("k, kcube", BENDS)
+def test_boxes_and_extents_are_the_bent_pictures(k: float, kcube: float) -> None:
+    renderer = Renderer(street())
+    for frame in (0, 8, 14):
+        seen = observe(renderer, k, kcube, EYE, parts_at(frame))
+        found = {mask.instance: mask for mask in masks(seen.instance)}
+        assert found
+        for view in seen.objects:
+            assert view.amodal >= view.visible
+            if view.visible:
+                mask = found[view.instance]
+                code = {"size": [HIGH, WIDE], "counts": mask.counts.encode()}
+                x, y, w, h = (int(v) for v in pycocotools.mask.toBbox(code))
+                assert view.box == (x, y, x + w, y + h) and view.visible == int(pycocotools.mask.area(code))
+                a = view.amodal_box
+                assert a[0] <= x and a[1] <= y and x + w <= a[2] and y + h <= a[3]
+            inside = min(view.projected[:2]) > 0 and view.projected[2] < WIDE
+            if inside and view.projected[3] < HIGH:
+                assert np.abs(np.array(view.projected) - view.amodal_box).max() < 1.3
+
+
+def test_a_pinhole_is_its_own_plate() -> None:
+    camera = CameraPlan(width=WIDE, height=HIGH, fov=FOV)
+    assert plate_of(camera) is camera
+    assert (plate_of(camera, 2).width, plate_of(camera, 2).height, plate_of(camera, 2).fov) == (2 * WIDE, 2 * HIGH, FOV)
+
+
+@pytest.mark.parametrize("k, kcube", BENDS)
+def test_a_plate_holds_all_that_the_lens_shows(k: float, kcube: float) -> None:
+    camera = bent_camera(k, kcube)
+    width, height, fine = optics.plate_size(camera, 1)
+    x, y = source(*offsets(), k, kcube)
+    assert np.abs(x).max() * fine < width / 2 and np.abs(y).max() * fine < height / 2
+    plate = plate_of(camera)
+    focal = plate.width / 2 / np.tan(np.radians(plate.fov / 2))
+    assert focal == pytest.approx(fine * FOCAL, rel=1e-6)
+
+
+BENT = """
+recipe: bent
+seed: 3
+base:
+  clock: {fps: 10, frames: 2}
+  town: {name: downtown, blocks: [1, 1], seed: 3}
+  actors:
+    car: {blueprint: vehicle.hatchback.*, start: {x: -1.5, y: 0, yaw: -90}, speed: 0}
+    walker: {blueprint: walker.pedestrian.*, start: {x: -4.4, y: 3}, goal: {x: -4.4, y: -9}, speed: 1.5}
+  sensors:
+    street:
+      mount: {x: -6, y: 8, z: 1.7, yaw: -65, pitch: 4}
+      camera: {width: 160, height: 120, fov: 80, lens_k: 0.3, supersample: 2, motion_blur_intensity: 1}
+      capture: [rgb, depth, instance, semantic]
+output: {annotations: [kwcoco, coco]}
+"""
+
+
+def test_a_bent_dataset_passes_the_validator(tmp_path: Path) -> None:
+    (tmp_path / "bent.yaml").write_text(BENT)
+    build(compile_recipe(tmp_path / "bent.yaml").plan, tmp_path / "out", workers=1)
+    found = [problems(path, tmp_path / "out") for path in sorted((tmp_path / "out").rglob("coco/*.json"))]
+    assert found and not any(found)
+    assert problems(tmp_path / "out" / "annotations" / "kwcoco.json") == []
+
+
+def test_what_a_renderer_remembers_does_not_matter_to_a_bend() -> None:
+    """A bent frame alone is the frame of the sequence, whatever the renderer remembers."""
+    running, plan = Renderer(street()), appearance(looks=LOOKS)
+    for frame in range(3):
+        seen = observe(running, 0.3, 0.0, EYE, parts_at(frame))
+        last = running.shade(seen, plan, "street", frame, frame / 30)
+    alone = Renderer(street(), reuse=NO_REUSE)
+    again = alone.shade(observe(alone, 0.3, 0.0, EYE, parts_at(2)), plan, "street", 2, 2 / 30)
+    assert last.tobytes() == again.tobytes()

@@ -1,0 +1,104 @@
+"""The hours in every town: the lower the sun the darker the picture, down to a night that lamps light."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from recipe_compiler import blueprints
+from recipe_compiler.plan import CameraPlan, CameraResponse, Pose, Sun
+from recipe_runtime.meshes import actor_body, town_bodies
+from recipe_runtime.meshes.mesh import Body, Light, Pattern
+from recipe_runtime.opening import compiled
+from recipe_runtime.render.lighting.lights import lamplight
+from recipe_runtime.render.lighting.weather_light import light_of
+from recipe_runtime.render.renderer import Renderer
+from recipe_runtime.transforms import from_pose
+
+from tests.runtime.render.street import PANES, appearance, box
+from tests.runtime.test_meshes import plan
+from tests.sources import ROOT
+
+NOBODY = np.zeros((0, 3, 4))
+HOURS = (15.0, 9.0, 5.0, 3.0, 1.0, 0.0, -2.0, -4.0, -6.0, -8.0, -10.0, -13.0, -20.0, -90.0)
+STEP, RISE = 3.0, 6.0  # levels of 255 that a picture may brighten by, from one hour to the next, and in all
+WEATHERS: dict[str, dict[str, float]] = {
+    "clear": {"cloudiness": 10.0, "precipitation": 0.0, "fog_density": 0.0},
+    "rain": {"cloudiness": 80.0, "precipitation": 60.0, "precipitation_deposits": 60.0, "wetness": 80.0},
+    "downpour": {"cloudiness": 100.0, "precipitation": 100.0, "precipitation_deposits": 90.0, "wetness": 100.0},
+    "dust": {"cloudiness": 10.0, "precipitation": 0.0, "fog_density": 0.0, "dust_storm": 100.0},
+    "fog": {"cloudiness": 40.0, "precipitation": 0.0, "fog_density": 70.0, "fog_distance": 0.0},
+}
+
+
+@pytest.mark.parametrize("town", ["downtown", "suburb", "plaza", "highway"])
+def test_dusk_is_darker_than_day_and_night_than_dusk(town: str) -> None:
+    variant = compiled(ROOT / f"recipes/towns/{town}.yaml").variants[0]
+    sensor = variant.rig.sensors[0]
+    camera = sensor.camera.model_copy(update={"width": 96, "height": 64})
+    renderer = Renderer(town_bodies(variant.scene.town))
+    seen = renderer.observe(camera, from_pose(sensor.pose(0)), NOBODY)
+    calm = {sensor.name: CameraResponse(noise=0.0)}
+    for name, weather in WEATHERS.items():
+        given = variant.appearance.weather.model_copy(update=weather)
+        light = []
+        for altitude in HOURS:
+            told = {"weather": given, "sun": Sun(azimuth=30.0, altitude=altitude), "responses": calm}
+            look = type(variant.appearance).model_validate(variant.appearance.model_dump() | told)
+            light.append(float(renderer.shade(seen, look, sensor.name, 0, 0.0).mean()))
+        assert all(later <= earlier + STEP for earlier, later in pairwise(light)), (name, light)
+        assert all(value <= min(light[: n + 1]) + RISE for n, value in enumerate(light)), (name, light)
+        evening, dusk, night = light[2], light[HOURS.index(-2.0)], light[-1]
+        assert (8.0 if name == "dust" else 18.0) < night < dusk < evening, (name, light)
+
+
+def test_windows_are_lit_one_by_one_as_it_gets_dark() -> None:
+    wall = Renderer([Body("wall", 0, (("s", box([20, -20, 0], [21, 20, 20], PANES)),))])
+    seen = wall.observe(CameraPlan(width=160, height=80, fov=90), from_pose(Pose(z=10.0)), NOBODY)
+    shares = []
+    for altitude in (6.0, 4.0, 2.0, 0.0, -2.0):
+        look = appearance(altitude, 0.0, {"wall": {"window": "#d8d4cc"}}, cloudiness=0.0)
+        other = look.model_copy(update={"seed": 4})  # which draws other windows
+        one, two = (wall.radiance(seen, drawn)[..., 0] for drawn in (look, other))
+        shares.append(float((np.abs(one - two) > 0.1 * np.median(one)).mean()))
+    assert shares[0] == 0.0
+    assert all(later > earlier for earlier, later in pairwise(shares)), shares
+    assert shares[-1] > 0.1
+
+
+def test_what_shines_keeps_its_place_in_the_picture() -> None:
+    """From sunset on, a window is shown nearly as bright as by night, and a traffic light never burns out."""
+    lights = [light_of(appearance(altitude), "cpu") for altitude in (-1.0, -4.0, -8.0, -14.0, -60.0)]
+    shown = [light.air.lit * light.exposure() for light in lights]
+    assert max(shown) < 2.5 * min(shown)
+    for light in [light_of(appearance(altitude), "cpu") for altitude in (60.0, 5.0)] + lights:
+        assert 0.05 < light.air.signal * light.exposure() < 0.95
+
+
+def test_a_street_without_lamps_is_exposed_for_longer() -> None:
+    def lamps(count: int) -> Any:
+        lit = tuple(Light((4.0 * k, 5.0, 6.0), (0.0, 0.0, -1.0), (1.0, 0.8, 0.6), 1400.0, 0.25) for k in range(count))
+        return Renderer([Body("wall", 0, (("s", box([0, 5, 0], [1, 6, 6], PANES, lit)),))])._geometry
+
+    eye, night = np.array([0.0, 0.0, 1.6]), light_of(appearance(-30.0), "cpu")
+    light = [lamplight(lamps(count), eye) for count in (0, 1, 3, 6, 12)]
+    assert light == sorted(light)
+    assert light[0] < 0.5 < light[-1]
+    gains = [night.exposure(level) for level in light]
+    assert gains == sorted(gains, reverse=True)
+    near, past = (lamplight(lamps(6), eye + np.array([dx, 0.0, 0.0])) for dx in (0.0, 1.0))
+    assert abs(past - near) < 0.06 * near  # a metre on, hardly more
+    noon = light_of(appearance(60.0), "cpu")
+    assert noon.exposure(0.3) == noon.exposure(2.0)
+
+
+@pytest.mark.parametrize("car", [b for b in blueprints.LIBRARY if blueprints.parks(b)], ids=lambda b: b.id)
+def test_a_parked_car_is_dark_and_one_that_drives_is_not(car: blueprints.Blueprint) -> None:
+    parked, driven = (actor_body(plan(car).model_copy(update={"speed": speed})) for speed in (0.0, 8.0))
+    assert sum(len(mesh.lights) for _, mesh in driven.parts) == 2
+    assert sum(len(mesh.lights) for _, mesh in parked.parts) == 0
+    shining = {Pattern.HEADLIGHT, Pattern.TAILLIGHT, Pattern.LAMP}
+    shown = [{s.pattern for _, mesh in body.parts for s in mesh.surfaces} & shining for body in (driven, parked)]
+    assert shown[0] >= {Pattern.HEADLIGHT, Pattern.TAILLIGHT} and shown[1] == set()

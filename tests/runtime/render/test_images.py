@@ -1,0 +1,206 @@
+"""Images on surfaces: their own colours close by, their mean light far away, and nothing that shimmers between."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from recipe_compiler.plan import AppearancePlan, CameraPlan, FilePlan, Looks, Pose, TexturePlan
+from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
+from recipe_runtime.render.gpu.frame_stream import Take
+from recipe_runtime.render.renderer import Renderer
+from recipe_runtime.render.texture.mipmaps import mip_levels
+from recipe_runtime.render.texture.surface_colours import decoded
+from recipe_runtime.transforms import from_pose
+
+from tests.runtime.render.street import appearance, quad
+from tests.runtime.test_devices import needs_gpu
+
+NOBODY = np.zeros((0, 3, 4))
+FACE = Surface("face", Pattern.IMAGE, 20)
+Pixels = NDArray[np.uint8]
+
+
+def board(width: float, height: float, repeats: float = 1.0) -> Mesh:
+    """A board at x = 0 that faces -x, its middle at the height of 10 m: on its left, seen from there, u is 0."""
+    w, low, high, n = width / 2, 10.0 - height / 2, 10.0 + height / 2, repeats
+    corners = [[0, w, low], [0, -w, low], [0, -w, high], [0, w, high]]
+    return quad(corners, [[0, n], [n, n], [n, 0], [0, 0]], FACE)
+
+
+def lit(image: Pixels | None, repeat: bool = False, **weather: float) -> AppearancePlan:
+    """Clear noon, the sun behind the eye; the board in white, with an image if there is one."""
+    plan = appearance(30.0, azimuth=180.0, looks={"board": {"face": "#ffffff"}}, **{"fog_density": 0.0, **weather})
+    file = FilePlan(sha256="0" * 64, bytes=1, kind="png")
+    textures = {} if image is None else {"board": {"face": TexturePlan(file=file, repeat=repeat)}}
+    return plan.model_copy(update={"textures": textures})
+
+
+def albedo(mesh: Mesh, image: Pixels, pose: Pose, camera: CameraPlan, repeat: bool = False) -> NDArray[np.float64]:
+    """The linear colour of what is seen: where its light lies between plain black's and plain white's; NaN off it."""
+    renderer = Renderer([Body("board", 0, (("static", mesh),))], images=lambda texture: image)
+    seen = renderer.observe(camera, from_pose(pose), NOBODY)
+    black = lit(None).model_copy(update={"looks": Looks({"board": {"face": "#000000"}})})
+    plans = lit(image, repeat), black, lit(None)
+    shown, low, high = (renderer.radiance(seen, plan).astype(np.float64) for plan in plans)
+    return np.where((seen.semantic == 20)[..., None], (shown - low) / np.maximum(high - low, 1e-9), np.nan)
+
+
+def light(pixels: Any) -> NDArray[np.float64]:
+    return np.vectorize(decoded, otypes=[np.float64])(pixels)
+
+
+def noise(height: int, width: int) -> Pixels:
+    """Colours without a pattern."""
+    n = np.arange(height * width * 3, dtype=np.uint64).reshape(height, width, 3)
+    return ((n * np.uint64(2654435761)) >> np.uint64(9) & np.uint64(255)).astype(np.uint8)
+
+
+def chequers(size: int) -> Pixels:
+    """Black and white, texel by texel."""
+    y, x = np.mgrid[0:size, 0:size]
+    return np.repeat((255 * ((x + y) % 2))[..., None], 3, axis=2).astype(np.uint8)
+
+
+def test_a_texel_seen_straight_on_has_its_exact_colour() -> None:
+    """A pixel a texel: what is seen is the image, upright and not mirrored."""
+    image = noise(24, 32)
+    camera = CameraPlan(width=32, height=24, fov=90)
+    found = albedo(board(32.0, 24.0), image, Pose(x=-16.0, z=10.0), camera)
+    np.testing.assert_allclose(found, light(image), atol=2e-4)
+
+
+def test_close_by_it_goes_smoothly_from_texel_to_texel() -> None:
+    image = np.array([[[0, 0, 0], [255, 255, 255]]], np.uint8)
+    found = albedo(board(2.0, 1.0), image, Pose(x=-1.0, z=10.0), CameraPlan(width=64, height=32, fov=90))
+    expected = np.clip((np.arange(64) + 0.5) / 32.0 - 0.5, 0.0, 1.0)  # its edges go on beyond the texels' middles
+    np.testing.assert_allclose(found[16, :, 0], expected, atol=1e-3)
+
+
+@pytest.mark.parametrize("metres", [40.0, 97.0, 180.0])
+def test_fine_chequers_far_away_are_their_mean_light(metres: float) -> None:
+    """Half the light of white, which is level 188 of sRGB, within one level; and every pixel alike."""
+    camera = CameraPlan(width=48, height=48, fov=8)
+    found = albedo(board(40.0, 40.0), chequers(1024), Pose(x=-metres, z=10.0), camera)[2:-2, 2:-2]
+    inside = found[~np.isnan(found[..., 0])]
+    assert len(inside) > 200
+    assert decoded(187) < inside.min() and inside.max() < decoded(189)
+
+
+def test_it_does_not_shimmer_when_the_camera_moves() -> None:
+    """A brick-like image at three to twelve texels a pixel: a twentieth of a pixel's move changes next to nothing."""
+    y, x = np.mgrid[0:512, 0:512]
+    image = np.repeat(np.where((x % 8 < 2) | (y % 8 < 2), 250, 30)[..., None], 3, axis=2).astype(np.uint8)
+    camera, mesh = CameraPlan(width=64, height=64, fov=40), board(40.0, 40.0)
+    for metres in (150.0, 400.0):
+        here, there = (
+            albedo(mesh, image, Pose(x=-metres, y=shift, z=10.0), camera) for shift in (0.0, 0.05 * metres / 88)
+        )
+        inside = ~np.isnan(here[..., 0] + there[..., 0])
+        assert np.abs(here - there)[inside].max() < 0.02
+
+
+def test_at_a_slant_it_is_sharp_across_and_smooth_along() -> None:
+    """Seen nearly edge on, stripes along the sight stay stripes; a mean both ways would be grey."""
+    y, _ = np.mgrid[0:256, 0:256]
+    stripes = np.repeat(np.where(y % 64 < 32, 255, 0)[..., None], 3, axis=2).astype(np.uint8)
+    camera = CameraPlan(width=96, height=96, fov=30)
+    found = albedo(board(40.0, 10.0), stripes, Pose(x=-3.0, y=30.0, z=10.0, yaw=-82.0), camera)[..., 0]
+    column = found[:, 48]
+    column = column[~np.isnan(column)]
+    assert len(column) > 40 and column.max() > 0.95 and np.sort(column)[len(column) // 4] < 0.08
+
+
+def test_beyond_its_edges_it_goes_on_or_starts_again() -> None:
+    image = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255]]], np.uint8)
+    camera, pose = CameraPlan(width=90, height=10, fov=90), Pose(x=-4.5, z=10.0)
+    again, on = (albedo(board(9.0, 3.0, repeats=3.0), image, pose, camera, repeat)[5] for repeat in (True, False))
+    middles = np.arange(90) % 10 == 5  # one texel is ten pixels
+    assert (again[middles].argmax(axis=1) == np.tile([0, 1, 2], 3)).all()
+    assert (on[middles].argmax(axis=1) == [0, 1, 2, 2, 2, 2, 2, 2, 2]).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (7, 3), (8, 8), (300, 9)])
+def test_levels_are_means_of_light_to_the_nearest_colour(shape: tuple[int, int]) -> None:
+    """Against fractions, texel by texel."""
+    image = noise(*shape)
+    units = [round(decoded(v) * 65535) for v in range(256)]
+    levels = mip_levels(image)
+    assert levels[-1].shape == (1, 1) and len(levels) == 1 + (max(shape) - 1).bit_length()
+    for number, level in enumerate(levels):
+        side = 1 << number
+        for y, x in np.ndindex(level.shape):
+            block = image[y * side : (y + 1) * side, x * side : (x + 1) * side].reshape(-1, 3)
+            for channel in range(3):
+                mean = Fraction(sum(units[v] for v in block[:, channel].tolist()), len(block))
+                got = int(level[y, x]) >> (8 * channel) & 255
+                assert all(abs(units[got] - mean) <= abs(units[v] - mean) for v in (max(got - 1, 0), min(got + 1, 255)))
+
+
+def test_another_image_changes_no_pixel_that_does_not_show_it() -> None:
+    wall = quad([[5, 30, 0], [5, -30, 0], [5, -30, 30], [5, 30, 30]], [[0, 0]] * 4, Surface("w", Pattern.PLASTER, 3))
+    bodies = [Body("wall", 0, (("static", wall),)), Body("board", 0, (("static", board(6.0, 4.0)),))]
+    images = {"1" * 64: noise(40, 60), "2" * 64: chequers(64)}
+    renderer = Renderer(bodies, images=lambda texture: images[texture.file.sha256])
+    seen = renderer.observe(CameraPlan(width=96, height=64, fov=60), from_pose(Pose(x=-8.0, z=10.0)), NOBODY)
+    shown = []
+    for sha256 in images:
+        file = FilePlan(sha256=sha256, bytes=1, kind="png")
+        textures = {"board": {"face": TexturePlan(file=file)}}
+        plan = lit(None, precipitation_deposits=50.0).model_copy(update={"textures": textures})
+        shown.append(renderer.shade(seen, plan, "street", 3, 0.1))
+    differ = (shown[0] != shown[1]).any(axis=2)
+    near = seen.semantic == 20
+    for axis in (0, 1):
+        near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)  # an edge's pixels show both
+    assert differ.sum() > 200 and not (differ & ~near).any()
+
+
+_SHADE = """
+import hashlib
+from tests.runtime.render.test_images import *
+renderer = Renderer([Body("board", 0, (("static", board(9.0, 7.0, 2.5)),))], images=lambda texture: noise(61, 47))
+digest = hashlib.sha256()
+for x, y, yaw in ((-4, 0, 0), (-30, 3, 5), (-1, 6, -75)):
+    seen = renderer.observe(CameraPlan(width=64, height=48, fov=70), from_pose(Pose(x=x, y=y, z=10, yaw=yaw)), NOBODY)
+    digest.update(renderer.shade(seen, lit(noise(1, 1), True), "street", 1, 0.0).tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_the_same_bytes_twice_and_whatever_the_processor_can() -> None:
+    masked = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4", "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3"}
+    seen = set()
+    for environment in ({}, masked):
+        command = [sys.executable, "-c", _SHADE]
+        run = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=True)
+        seen.add(run.stdout)
+    assert len(seen) == 1 and len(seen.pop()) == 65
+
+
+def _reeled(device: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """A frame of an image at a slant, from the renderer and from a reel."""
+    camera, pose = CameraPlan(width=64, height=48, fov=70), from_pose(Pose(x=-9, y=6, z=10, yaw=-50))
+    bodies = [Body("board", 0, (("static", board(9.0, 7.0, 2.5)),))]
+    renderer = Renderer(bodies, device, images=lambda texture: noise(61, 47))
+    plan = lit(noise(1, 1), True)
+    (printed,) = renderer.reel(camera, "street", [plan], lanes=1).frames(Take([1], [0.0], pose[None], NOBODY[None]))
+    return renderer.shade(renderer.observe(camera, pose, NOBODY), plan, "street", 1, 0.0), printed.pictures[0].copy()
+
+
+def test_a_reel_shows_images_too() -> None:
+    plain, reeled = _reeled("cpu")
+    assert (plain == reeled).all()
+
+
+@pytest.mark.gpu
+@needs_gpu
+def test_a_gpu_shows_the_same_bytes() -> None:
+    here, there = _reeled("cpu"), _reeled("cuda:0")
+    assert (here[0] == there[0]).all() and (here[1] == there[1]).all()

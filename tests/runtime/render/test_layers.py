@@ -1,0 +1,42 @@
+"""The renderer's packages stand in layers: none imports from one above it, nor from another of its own layer."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.sources import imports, modules
+
+BASE = "recipe_runtime/render/"
+LAYERS = (
+    {"device"},
+    {"numeric", "scene"},
+    {"raster", "texture"},
+    {"sampling"},
+    {"lighting"},
+    {"camera"},
+    {"gpu"},
+    {"renderer"},
+)
+LEVEL = {package: level for level, packages in enumerate(LAYERS) for package in packages}
+MODULES = {path[len(BASE) : -3]: tree for path, tree in modules("recipe_runtime") if path.startswith(BASE)}
+
+
+def test_every_package_has_a_layer() -> None:
+    assert {name.split("/")[0] for name in MODULES} - {"__init__"} == set(LEVEL)
+
+
+@pytest.mark.parametrize("module", sorted(set(MODULES) - {"__init__"}))
+def test_no_import_points_up(module: str) -> None:
+    own = module.split("/")[0]
+    for name in imports(MODULES[module]):
+        head, _, rest = name.partition("recipe_runtime.render.")
+        other = rest.split(".")[0]
+        if not head and other and other != own:
+            assert LEVEL[other] < LEVEL[own], f"{module} imports {name}"
+
+
+def test_no_package_imports_its_modules() -> None:
+    """To import one module of the renderer loads what it needs, and not all of it."""
+    for module, tree in MODULES.items():
+        if module.endswith("__init__"):
+            assert list(imports(tree)) == [], module

@@ -1,0 +1,110 @@
+"""Light against closed forms: Lambert's cosine, Koschmieder's veil, a shadow's length."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from recipe_compiler import exact
+from recipe_compiler.plan import CameraPlan, Pose
+from recipe_runtime.meshes.mesh import Body, Light, Pattern, Surface
+from recipe_runtime.render.lighting.weather_light import extinction, light_of
+from recipe_runtime.render.renderer import Renderer
+from recipe_runtime.transforms import from_pose
+
+from tests.runtime.render.street import appearance, box, ground
+
+GREY = Surface("grey", Pattern.PLAIN, 25)
+BLACK = Surface("black", Pattern.PLAIN, 3)
+LOOKS = {"ground": {"grey": "#bcbcbc"}, "pole": {"black": "#000000"}, "target": {"black": "#000000"}}
+NOBODY = np.zeros((0, 3, 4))
+CAMERA = CameraPlan(width=64, height=64, fov=60)
+
+
+def level(*bodies: Body) -> Renderer:
+    return Renderer([Body("ground", 0, (("static", ground(300.0, GREY)),)), *bodies])
+
+
+def looked(renderer: Renderer, pose: Pose, weather: Any, camera: CameraPlan = CAMERA) -> Any:
+    return renderer.radiance(renderer.observe(camera, from_pose(pose), NOBODY), weather)
+
+
+@pytest.mark.parametrize("altitude", [90.0, 60.0, 45.0, 30.0, 12.0])
+def test_flat_ground_shines_by_lamberts_cosine(altitude: float) -> None:
+    weather = appearance(altitude, looks=LOOKS, cloudiness=0, fog_density=0)
+    light = light_of(weather, "cpu")
+    overhead = np.array([light.air.overhead[n] for n in range(3)])
+    albedo = ((0xBC / 255 + 0.055) / 1.055) ** 2.4
+    expected = albedo * (light.sunlight * exact.sin_deg(altitude) + overhead)
+    seen = looked(level(), Pose(z=2.0, pitch=90), weather)[32, 32]
+    np.testing.assert_allclose(seen, expected, rtol=0.004)  # two metres of clear air
+
+
+@pytest.mark.parametrize("metres", [6.0, 20.0, 45.0])
+def test_fog_veils_a_black_target_by_koschmieders_law(metres: float) -> None:
+    target = box([metres, -20, 0], [metres + 1, 20, 40], BLACK)
+    weather = appearance(40.0, azimuth=180.0, looks=LOOKS, fog_density=100, fog_distance=1, fog_falloff=0)
+    seen = looked(level(Body("target", 0, (("static", target),))), Pose(z=1.6), weather)[31, 31]
+    air = light_of(weather, "cpu").air
+    path = float(air.fog) * (metres - 1.0) + float(air.haze) * metres
+    veil = np.array([air.fog_colour[n] for n in range(3)]) * (1.0 - exact.exp(-path))
+    np.testing.assert_allclose(seen, veil, rtol=0.005)
+    assert float(air.fog) == pytest.approx(extinction(100.0), abs=1e-6)
+    assert float(air.haze) < 0.01 * float(air.fog)
+
+
+def test_a_lamps_glow_in_fog_is_the_sum_of_what_the_air_scatters_along_the_sight() -> None:
+    """The closed form against a sum over a million steps, to two percent, beside and on the lamp, near and far."""
+    lamp = Light((8.0, 0.0, 2.0), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0), 1400.0, -1.0)  # shines to all sides
+    renderer = Renderer(
+        [
+            Body("ground", 0, (("static", ground(300.0, GREY, z=-250.0)),)),
+            Body("lamp", 0, (("static", box([7.99, -0.01, 2.0], [8.01, 0.01, 2.02], BLACK, (lamp,))),)),
+        ]
+    )
+    still = {"looks": LOOKS, "fog_density": 50.0, "fog_distance": 0.0, "fog_falloff": 0.0}
+    dark, glowing = (looked(renderer, Pose(z=2.0), appearance(-40.0, scattering_intensity=s, **still)) for s in (0, 1))
+    air = light_of(appearance(-40.0, scattering_intensity=1, **still), "cpu").air
+    sigma, power = float(air.fog) + float(air.haze), 1400.0 / 11000.0
+    steps = np.linspace(0.0, 1000.0, 1_000_001)
+    for column in (20, 26, 31, 36):
+        across, down = (column + 0.5 - 32) / 32 * 0.5773502691896258, 0.5 / 32 * 0.5773502691896258
+        size = float(np.sqrt(1.0 + across * across + down * down))
+        near = 8.0 / size
+        beside = 64.0 - near * near
+        way = (steps - near) * (steps - near) + beside + 0.12 * 0.12
+        fades = (1.0 - beside / 25.0) * (1.0 - 64.0 / 4900.0)
+        total = float((1.0 / way).sum()) * 0.001 * fades * fades * 0.6 * power / (1.0 + 12.0 * power)
+        expected = sigma * float(air.glow) * exact.exp(-sigma * near) * total
+        assert (glowing - dark)[31, column, 1] == pytest.approx(expected, rel=0.02)
+
+
+def test_things_near_by_are_still_seen_in_the_densest_fog() -> None:
+    assert exact.exp(-extinction(100.0) * 7.0) > 0.5
+    assert exact.exp(-extinction(100.0) * 45.0) < 0.021
+
+
+@pytest.mark.parametrize("altitude", [60.0, 30.0, 20.0])
+def test_a_shadow_is_as_long_as_the_suns_angle_makes_it(altitude: float) -> None:
+    pole = box([-0.1, -0.1, 0], [0.1, 0.1, 2.0], BLACK)
+    weather = appearance(altitude, azimuth=180.0, looks=LOOKS, cloudiness=0, fog_density=0)
+    camera = CameraPlan(width=400, height=400, fov=60)
+    renderer = level(Body("pole", 0, (("static", pole),)))
+    picture = looked(renderer, Pose(x=3.0, z=12.0, pitch=90), weather, camera)[..., 1]
+    sine, cosine = exact.sin_cos_deg(altitude)
+    metres = 12.0 / (200.0 * 1.7320508075688772)  # a pixel on the ground
+    # Looking straight down, forward (world -x after the turn) runs down the picture's columns.
+    line = picture[:, 200]
+    bright = np.median(picture)
+    rows = np.nonzero((line < 0.6 * bright) & (line > 0.0))[0]
+    xs = 3.0 - (rows + 0.5 - 200) * metres
+    assert abs(xs.max() - (0.1 + 2.0 * cosine / sine)) < 2.5 * metres + 0.05
+    assert xs.min() < 0.2  # it touches what casts it
+
+
+def test_night_is_lit_by_lamps_alone_and_noon_is_not() -> None:
+    noon, night = (light_of(appearance(a), "cpu") for a in (60.0, -30.0))
+    assert (noon.night, night.night) == (0.0, 1.0)
+    assert night.sunlight.max() == 0.0
+    assert night.exposure() > 50 * noon.exposure()

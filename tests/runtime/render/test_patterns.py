@@ -1,0 +1,95 @@
+"""Patterns: whatever a pixel's size, each shows its mean over the pixel, nearly, so that nothing shimmers."""
+
+# mypy: ignore-errors
+
+import numpy as np
+import pytest
+from recipe_runtime.meshes.lettering import FONT, WORDS, bits
+from recipe_runtime.meshes.mesh import Pattern
+from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.texture.patterns import detail_of
+
+wp.set_module_options(OPTIONS)
+
+
+@wp.kernel
+def look(
+    pattern: wp.int32,
+    places: wp.array[wp.vec3f],
+    unit: wp.float32,
+    foot: wp.float32,
+    found: wp.array[wp.vec3f],
+):
+    """Tone, second and wear of a wall at x = 0 that is seen straight on, its uv in units of so many metres."""
+    i = wp.tid()
+    p = places[i]
+    uv = wp.vec2f(p[1] / unit, p[2] / unit)
+    out = wp.vec3f(1.0, 0.0, 0.0)
+    d = detail_of(pattern, uv, p, out, wp.vec3f(-1.0, 0.0, 0.0), wp.vec2f(foot, foot), wp.uint32(7))
+    found[i] = wp.vec3f(d.tone, d.second, d.wear)
+
+
+UNITS = {
+    Pattern.WINDOW: 1.5,
+    Pattern.CURTAIN_WALL: 2.0,
+    Pattern.SHOP_WINDOW: 2.5,
+    Pattern.POSTER: 4.0,
+    Pattern.FACADE: 3.2,
+    Pattern.FOLIAGE: 1.0e6,  # its uv is a share of the sky
+}
+EVEN = {Pattern.PLAIN, Pattern.METAL, Pattern.SKIN, Pattern.RUBBER, Pattern.CAR_PAINT, Pattern.GLASS, Pattern.LAMP}
+EVEN |= {Pattern.HEADLIGHT, Pattern.TAILLIGHT, Pattern.LENS, Pattern.SIGNAL, Pattern.IMAGE}
+DRAWN = {Pattern.LETTER, Pattern.NICHE}  # over one face alone
+PATTERNS = [p for p in Pattern if p not in EVEN | DRAWN]
+
+
+def details(pattern: Pattern, y: np.ndarray, z: np.ndarray, foot: float) -> np.ndarray:
+    """[..., 3] of `look`."""
+    places = np.stack([np.zeros_like(y), y, z], axis=-1).reshape(-1, 3).astype(np.float32)
+    found = wp.zeros(len(places), dtype=wp.vec3f, device="cpu")
+    points = wp.array(places, dtype=wp.vec3f, device="cpu")
+    launch(look, len(places), [int(pattern), points, UNITS.get(pattern, 1.0), foot, found], "cpu")
+    return found.numpy().reshape(*y.shape, 3).astype(np.float64)
+
+
+def grid(count: int, step: float, low: float = 1.7) -> tuple[np.ndarray, np.ndarray]:
+    y, z = np.meshgrid(np.arange(count) * step, low + np.arange(count) * step, indexing="ij")
+    return y, z
+
+
+@pytest.mark.parametrize("pattern", PATTERNS, ids=lambda p: p.name)
+def test_a_pattern_has_features(pattern: Pattern) -> None:
+    assert details(pattern, *grid(100, 0.021), foot=0.001).std((0, 1)).max() > 0.015
+
+
+@pytest.mark.parametrize("foot", [0.02, 0.1, 0.5, 2.5, 12.0])
+@pytest.mark.parametrize("pattern", PATTERNS, ids=lambda p: p.name)
+def test_a_pattern_is_calm_at_any_distance(pattern: Pattern, foot: float) -> None:
+    """Half a pixel farther it looks alike: no moire, and no shimmer when the camera moves."""
+    y, z = grid(60, 1.37 * foot)
+    here, aside = (details(pattern, y + shift, z, foot) for shift in (0.0, 0.5 * foot))
+    change = np.abs(here - aside)
+    assert change.mean() < 0.12
+    assert (change.max(-1) > 0.6).mean() < 0.06  # edges of what is drawn, which cross few pixels
+
+
+@pytest.mark.parametrize("pattern", PATTERNS, ids=lambda p: p.name)
+def test_a_pattern_fades_to_its_mean(pattern: Pattern) -> None:
+    """A wide pixel sees as much as all of the narrow ones within it."""
+    near = details(pattern, *grid(400, 0.173), foot=0.002).mean((0, 1))
+    far = details(pattern, *grid(8, 8.65), foot=30.0).mean((0, 1))
+    assert np.abs(near - far).max() < 0.06
+
+
+def test_a_letter_shows_its_dots() -> None:
+    """At the middle of each dot the letter is inked where the font says so, row by row from its top."""
+    for letter, rows in FONT.items():
+        high, low = bits(letter)
+        y, z = np.meshgrid(high + (np.arange(4) + 0.5) / 4, low + (np.arange(6)[::-1] + 0.5) / 6, indexing="xy")
+        inked = details(Pattern.LETTER, y, z, 0.001)[..., 1] > 0.5
+        assert ["".join("1" if dot else "0" for dot in row) for row in inked] == rows.split(), letter
+
+
+def test_shops_can_spell_their_words() -> None:
+    assert {letter for word in (*WORDS, "BUS", "NEWS") for letter in word} <= set(FONT)

@@ -1,0 +1,91 @@
+"""The rules that make kernels agree on every machine, checked over the source of every module of the renderer."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+from recipe_runtime import render
+
+from tests.sources import imports, modules
+
+FOLDER = Path(render.__file__).parent
+MODULES = sorted(FOLDER.rglob("*.py"))
+FEWEST = 47  # modules that the renderer has had; the lints must not come to pass on fewer because some moved away
+# What a module may call of Warp: arithmetic, conversions, constructors, integer atomics, and what starts work on a
+# device. No transcendental, and no helper that leaves the order of operations to the library.
+ALLOWED = {
+    "abs", "min", "max", "sqrt", "tid", "clone", "launch", "constant", "struct", "func", "kernel", "init",
+    "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float32", "float64",
+    "vec2d", "vec2f", "vec2i", "vec3f", "vec4f", "vec3i", "vec3d", "array", "array2d", "zeros", "empty", "full",
+    "set_module_options", "is_cuda_available", "get_cuda_device_count", "dtype_to_numpy", "copy", "empty_like",
+    "load_module", "Stream", "ScopedStream", "Event", "capture_begin", "capture_end", "capture_launch", "get_stream",
+    "int", "uint", "synchronize_stream", "record_event", "synchronize_event",
+    "where", "atomic_add", "atomic_min", "atomic_max", "atomic_or",
+}  # fmt: skip
+FLOATING = {"float32", "float64", "float"}
+
+
+def calls(path: Path) -> list[ast.Call]:
+    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
+
+
+def stable(call: ast.Call) -> bool:
+    """Whether a sort keeps equal values in their order: any other leaves it to the processor."""
+    return any(k.arg == "kind" and ast.unparse(k.value) == "'stable'" for k in call.keywords)
+
+
+def test_the_lints_see_every_module_of_the_renderer() -> None:
+    """By three counts that do not share a listing: the package's modules, those that use Warp, and a floor."""
+    seen = {f"recipe_runtime/render/{path.relative_to(FOLDER).as_posix()}" for path in MODULES}
+    package = dict(modules("recipe_runtime"))
+    assert seen == {path for path in package if path.startswith("recipe_runtime/render/")}
+    device = "recipe_runtime.render.device"
+    warp = {path for path, tree in package.items() if any(name in ("warp", f"{device}.wp") for name in imports(tree))}
+    assert warp and warp <= seen
+    assert len(seen) >= FEWEST
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(FOLDER).as_posix())
+def test_kernels_use_exact_arithmetic_only(path: Path) -> None:
+    for call in calls(path):
+        name = call.func
+        if isinstance(name, ast.Attribute) and isinstance(name.value, ast.Name) and name.value.id == "wp":
+            assert name.attr in ALLOWED, f"{path.name}:{call.lineno}: wp.{name.attr}"
+        if isinstance(name, ast.Attribute) and isinstance(name.value, ast.Name):
+            assert name.value.id != "math", f"{path.name}:{call.lineno}: math.{name.attr}"
+            banned = {"sin", "cos", "exp", "log", "power", "dot", "einsum", "matmul", "random"}
+            banned |= set() if stable(call) else {"argsort"}
+            assert name.value.id != "np" or name.attr not in banned, f"{path.name}:{call.lineno}: np.{name.attr}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(FOLDER).as_posix())
+def test_no_power_operator_and_no_matrix_product(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text())):
+        assert not isinstance(node, ast.Pow | ast.MatMult), path.name
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(FOLDER).as_posix())
+def test_atomics_take_whole_numbers_only(path: Path) -> None:
+    """Each atomic's target is an array declared with an integer type in the same function."""
+    for function in ast.walk(ast.parse(path.read_text())):
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        kinds = {a.arg: ast.unparse(a.annotation) for a in function.args.args if a.annotation}
+        for call in ast.walk(function):
+            if isinstance(call, ast.Call) and ast.unparse(call.func).startswith("wp.atomic_"):
+                kind = kinds[ast.unparse(call.args[0])]
+                assert "int" in kind and not any(f in kind for f in FLOATING), f"{path.name}: {function.name}: {kind}"
+
+
+def test_every_kernel_module_sets_the_options() -> None:
+    for path in MODULES:
+        source = path.read_text()
+        if "@wp.func" in source or "@wp.kernel" in source:
+            assert "wp.set_module_options(OPTIONS)" in source, path.name
+    from recipe_runtime.render.device.setup import OPTIONS, wp
+
+    assert OPTIONS["fuse_fp"] is False and OPTIONS["fast_math"] is False
+    flags = wp.config.cpu_compiler_flags.split()
+    assert flags and all(flag.startswith("-mllvm=-inline-") for flag in flags), "no flag may name a CPU or change sums"

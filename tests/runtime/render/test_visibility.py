@@ -1,0 +1,168 @@
+"""What is where: depth, labels and extents against closed forms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from recipe_compiler.plan import CameraPlan, Pose
+from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
+from recipe_runtime.render.device.reuse import NO_REUSE
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.renderer import Renderer
+from recipe_runtime.transforms import from_pose
+
+from tests.runtime.render.street import CAMERA, EYE, ball, box, ground, parts_at, street
+
+GREY = Surface("grey", Pattern.PLAIN, 25)
+SHIRT = Surface("shirt", Pattern.PLAIN, 12)
+SQUARE = CameraPlan(width=64, height=64, fov=90)
+HERE = from_pose(Pose())
+PLANE = Body("plane", 0, (("static", ground(50.0, GREY, z=-30.0)),))
+
+
+def triangle(corners: Any) -> Mesh:
+    c = np.array(corners, np.float32)
+    surface = np.zeros(1, np.int32)
+    return Mesh(
+        c, np.zeros_like(c) + np.float32([-1, 0, 0]), c[:, :2], np.array([[0, 1, 2]], np.int32), surface, (SHIRT,)
+    )
+
+
+def actors(*meshes: Mesh) -> list[Body]:
+    return [PLANE, *(Body(f"a{n}", 12001 + n, (("base", mesh),)) for n, mesh in enumerate(meshes))]
+
+
+def places(count: int) -> Any:
+    return np.stack([HERE] * count)
+
+
+def test_a_planes_depth_is_its_height_over_the_rays_slope() -> None:
+    renderer = Renderer([Body("ground", 0, (("static", ground(500.0, GREY)),))])
+    seen = renderer.observe(CAMERA, from_pose(Pose(z=2.0)), np.zeros((0, 3, 4)))
+    focal = CAMERA.width / 2 / 0.8390996311772799  # tan 40 degrees
+    slope = (np.arange(CAMERA.height) + 0.5 - CAMERA.height / 2) / focal
+    below = slope > 0.01
+    rows = focal * 2.0 / seen.depth[below].astype(np.float64)  # each depth, as a place on the picture
+    # Corners are snapped to 1/256 pixel, so a plane is where it should be to 1/512 pixel and a little.
+    assert np.abs(rows - (slope[below] * focal)[:, None]).max() < 1 / 400
+    assert (seen.depth[~below][:-1] == CAMERA.far).all()
+    assert (seen.semantic[0] == 11).all()
+
+
+def test_a_balls_silhouette_is_a_discs() -> None:
+    renderer = Renderer(actors(ball(1.0, SHIRT, rings=64)))
+    seen = renderer.observe(CameraPlan(width=400, height=400, fov=90), HERE, from_pose(Pose(x=5.0))[None])
+    (view,) = seen.objects
+    radius = 200.0 / np.sqrt(24.0)  # focal * r / sqrt(d^2 - r^2)
+    assert view.visible == view.amodal == (seen.instance == 12001).sum()
+    assert abs(view.amodal - np.pi * radius * radius) < 0.005 * view.amodal
+    x0, y0, x1, y1 = view.amodal_box
+    assert view.box == view.amodal_box
+    assert abs((x0 + x1) / 2 - 200) <= 0.5 and abs((y0 + y1) / 2 - 200) <= 0.5
+    assert max(abs(p - b) for p, b in zip(view.projected, view.amodal_box, strict=True)) < 1.0
+
+
+@pytest.mark.parametrize("place", [(5.0, 0.0, 0.0), (6.0, 1.0, -2.0)])
+def test_a_balls_outline_is_the_conic_that_its_cone_of_sights_cuts(place: tuple[float, float, float]) -> None:
+    renderer = Renderer(actors(ball(1.0, SHIRT, rings=96)))
+    x, y, z = place
+    camera = CameraPlan(width=400, height=400, fov=90)
+    seen = renderer.observe(camera, HERE, from_pose(Pose(x=x, y=y, z=z))[None])
+    step = (np.arange(400) + 0.5 - 200.0) / 200.0
+    # A pixel's sight is (1, -right, -down); it meets the ball if its distance from the middle is below the radius.
+    right, down = np.meshgrid(step, step)
+    size = 1.0 + right * right + down * down
+    along = x - right * y - down * z
+    distance = np.sqrt(x * x + y * y + z * z - along * along / size)
+    pixel = x / 200.0  # metres
+    assert (seen.instance[distance < 1.0 - 0.75 * pixel] == 12001).all()
+    assert (seen.instance[distance > 1.0 + 0.75 * pixel] != 12001).all()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_triangles_that_share_an_edge_leave_no_gap_and_take_no_pixel_twice(seed: int) -> None:
+    random = np.random.Generator(np.random.Philox(seed))
+    corners = np.concatenate([np.full((4, 1), 2.0), random.integers(-8, 9, (4, 2)) / 8.0], axis=1)
+    a, b, c, d = corners
+    # A fan about the middle of a convex outline; on a coarse grid, so that corners and edges meet pixel centres.
+    middle = (a + b + c + d) / 4.0
+    order = sorted(corners.tolist(), key=lambda p: _turn(p, middle))
+    fan = [triangle([middle, p, q]) for p, q in zip(order, [*order[1:], order[0]], strict=True)]
+    flipped = [Mesh(m.vertices, m.normals, m.uvs, m.triangles[:, ::-1].copy(), m.surface, m.surfaces) for m in fan]
+    seen = Renderer(actors(*fan, *flipped)).observe(SQUARE, HERE, places(8))  # half of the eight face the camera
+    assert (seen.instance > 0).sum() > 20
+    assert sum(view.amodal for view in seen.objects) == (seen.instance > 0).sum()
+
+
+def _turn(p: Any, middle: Any) -> float:
+    """Grows with the angle about the middle."""
+    y, z = p[1] - middle[1], p[2] - middle[2]
+    size = abs(y) + abs(z) or 1.0
+    return float((1.0 - y / size) if z >= 0 else (3.0 + y / size))
+
+
+def test_the_shared_diagonal_of_a_square_on_pixel_centres() -> None:
+    # Corners at pixel centres: edges run through centres, and the top-left rule alone decides.
+    low, high = -0.5 + 0.5 / 32.0, 0.5 + 0.5 / 32.0
+    a, b, c, d = [2, 2 * low, 2 * low], [2, 2 * high, 2 * low], [2, 2 * high, 2 * high], [2, 2 * low, 2 * high]
+    halves = [triangle([a, c, b]), triangle([a, d, c])]
+    seen = Renderer(actors(*halves)).observe(SQUARE, HERE, places(2))
+    assert (seen.instance > 0).sum() == 32 * 32
+    assert sum(view.amodal for view in seen.objects) == 32 * 32
+
+
+def test_what_crosses_the_near_plane_is_cut_there() -> None:
+    renderer = Renderer(actors(box([-5, -0.2, -1.0], [8, 0.2, -0.5], SHIRT)))
+    seen = renderer.observe(SQUARE, HERE, places(1))
+    (view,) = seen.objects
+    assert view.amodal > 300
+    assert seen.depth.min() >= SQUARE.near
+
+
+def test_a_hidden_actor_keeps_its_amodal_extent() -> None:
+    front, back = box([3, -2, -2], [3.2, 2, 2], SHIRT), box([6, -0.5, -0.5], [7, 0.5, 0.5], SHIRT)
+    seen = Renderer(actors(front, back)).observe(SQUARE, HERE, places(2))
+    alone = Renderer(actors(back)).observe(SQUARE, HERE, places(1))
+    hidden = seen.objects[1]
+    assert (hidden.visible, hidden.box) == (0, None)
+    assert (hidden.amodal, hidden.amodal_box) == (alone.objects[0].visible, alone.objects[0].box)
+
+
+def test_more_actors_than_a_word_has_bits() -> None:
+    meshes = [box([4, -3.4 + n * 0.1, -0.2], [4.1, -3.34 + n * 0.1, 0.2], SHIRT) for n in range(70)]
+    seen = Renderer(actors(*meshes)).observe(CameraPlan(width=400, height=100, fov=90), HERE, places(70))
+    assert [view.instance for view in seen.objects] == list(range(12001, 12071))
+    assert all(view.amodal >= view.visible > 0 for view in seen.objects)
+
+
+def test_a_standing_camera_sees_what_a_fresh_one_sees() -> None:
+    keeping, fresh = Renderer(street()), Renderer(street(), reuse=NO_REUSE)
+    for frame in (0, 1, 2, 5):
+        a, b = (r.observe(CAMERA, EYE, parts_at(frame)) for r in (keeping, fresh))
+        assert np.array_equal(a.depth, b.depth) and np.array_equal(a.instance, b.instance)
+        assert a.objects == b.objects
+
+
+def test_parts_are_counted() -> None:
+    with pytest.raises(ValueError, match="1 transforms were given for 2 moving parts"):
+        Renderer(street()).observe(CAMERA, EYE, parts_at()[:1])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_left_out_as_beyond_the_view_would_not_have_been_seen(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    random = np.random.Generator(np.random.Philox(seed))
+    x, y, yaw, pitch = random.uniform([-6, -6, -180, -60], [6, 6, 180, 60])
+    eye = from_pose(Pose(x=float(x), y=float(y), z=1.5, yaw=float(yaw), pitch=float(pitch)))
+    culling, drawing_all = Renderer(street()), Renderer(street())
+    chunks = drawing_all._geometry.chunk_count
+    monkeypatch.setattr(
+        drawing_all._observer, "_chunks", lambda *_: wp.array(np.ones(chunks, np.int32), dtype=wp.int32, device="cpu")
+    )
+    a, b = (r.observe(CAMERA, eye, parts_at(seed)) for r in (culling, drawing_all))
+    assert (a.seen.numpy() == 0).any()
+    assert a.keys.numpy().tobytes() == b.keys.numpy().tobytes()
+    assert a.objects == b.objects
