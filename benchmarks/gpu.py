@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan
 from recipe_runtime.meshes import actor_body, town_bodies
-from recipe_runtime.render.gpu.frame_stream import Reel, Take
+from recipe_runtime.render.gpu.frame_stream import FrameBatch, FrameStream
 from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.trace import Trace
 from recipe_runtime.transforms import Array, part_transforms, sensor_transform
@@ -24,7 +24,7 @@ from recipe_runtime.transforms import Array, part_transforms, sensor_transform
 _SHIFT = 0.01  # metres a frame that the moving camera goes ahead
 
 
-def take_of(variant: ScenarioPlan, trace: Trace, count: int, moving: bool) -> Take:
+def take_of(variant: ScenarioPlan, trace: Trace, count: int, moving: bool) -> FrameBatch:
     """So many frames of the first sensor, to and fro over the clip; its camera creeping ahead, if it is to move."""
     clock, sensor = variant.scene.clock, variant.rig.sensors[0]
     numbers = np.arange(count) % (2 * clock.frames)
@@ -33,10 +33,10 @@ def take_of(variant: ScenarioPlan, trace: Trace, count: int, moving: bool) -> Ta
     poses: Array = known[numbers]
     if moving:
         poses[:, :, 3] += poses[:, :, 0] * (_SHIFT * numbers)[:, None]
-    return Take(numbers.tolist(), (numbers / clock.fps).tolist(), poses, part_transforms(trace, numbers))
+    return FrameBatch(numbers.tolist(), (numbers / clock.fps).tolist(), poses, part_transforms(trace, numbers))
 
 
-def compare(variant: ScenarioPlan, renderer: Renderer, reel: Reel, take: Take) -> int:
+def compare(variant: ScenarioPlan, renderer: Renderer, reel: FrameStream, take: FrameBatch) -> int:
     """How many pixels of the frames differ from those that a renderer on the CPU draws."""
     sensor, differing = variant.rig.sensors[0], 0
     for at, made in enumerate(reel.frames(take)):

@@ -132,9 +132,9 @@ class SceneSource:
         """A reel for what is asked for; None on a CPU, and for cameras that need one frame at a time."""
         if not self.reels:
             return None
-        from recipe_runtime.render.gpu.frame_stream import takes
+        from recipe_runtime.render.gpu.frame_stream import can_stream
 
-        if not takes(sensor, appearances):
+        if not can_stream(sensor, appearances):
             return None
         key = digest("reel/1", [sensor.document(), [plan.digest for plan in appearances], lanes])
         known, kept = self._reel
@@ -147,7 +147,7 @@ class SceneSource:
     def _reeled(
         self, reel: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], watch: Stopwatch
     ) -> Iterator[Made]:
-        from recipe_runtime.render.gpu.frame_stream import Take
+        from recipe_runtime.render.gpu.frame_stream import FrameBatch
 
         left = len(frames)
         try:
@@ -155,7 +155,9 @@ class SceneSource:
                 numbers = frames[start : start + _REELED]
                 poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in numbers])
                 times = [frame / self.scene.clock.fps for frame in numbers]
-                prints = reel[1].frames(Take(numbers, times, poses, part_transforms(self.trace, np.array(numbers))))
+                prints = reel[1].frames(
+                    FrameBatch(numbers, times, poses, part_transforms(self.trace, np.array(numbers)))
+                )
                 for _ in numbers:
                     with watch("render"):
                         made = next(prints)
@@ -167,11 +169,11 @@ class SceneSource:
 
     def _moment(self, sensor: SensorPlan, frame: int) -> Any:
         """The frame before, or after the first: a blur is as long both ways."""
-        from recipe_runtime.render.camera.motion_blur import Moment
+        from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 
         other = frame - 1 if frame > 0 else 1
         pose = sensor_transform(sensor, self.trace, other)
-        return Moment(pose, part_transforms(self.trace, other), 1.0 / self.scene.clock.fps)
+        return NeighbourFrame(pose, part_transforms(self.trace, other), 1.0 / self.scene.clock.fps)
 
 
 class FrameSource:

@@ -13,17 +13,17 @@ from recipe_compiler.plan import AppearancePlan, CameraPlan
 
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.render.camera.camera_pass import CameraPass
-from recipe_runtime.render.camera.motion_blur import Moment
+from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 from recipe_runtime.render.device.reuse import ALL_REUSE, TemporalReuse
 from recipe_runtime.render.device.timings import Timings
-from recipe_runtime.render.gpu.frame_stream import Reel
+from recipe_runtime.render.gpu.frame_stream import FrameStream
 from recipe_runtime.render.lighting.shading import ShadingPass
-from recipe_runtime.render.lighting.shadow_maps import Shadows
+from recipe_runtime.render.lighting.shadow_maps import ShadowMaps
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer
 from recipe_runtime.render.sampling.sampler import Sampler
 from recipe_runtime.render.scene.geometry import upload
-from recipe_runtime.render.texture.mipmaps import Albums, Images
+from recipe_runtime.render.texture.mipmaps import ImageAtlases, Images
 from recipe_runtime.transforms import Array
 
 
@@ -42,7 +42,7 @@ class Renderer:
         self.timings, self._device = Timings(), device
         self._geometry = upload(bodies, device)
         self._observer = Observer(self._geometry, device, self.timings, reuse)
-        self._albums = Albums(self._geometry, images, device)
+        self._albums = ImageAtlases(self._geometry, images, device)
         sampler = Sampler(self._geometry, self._observer, device, self.timings, reuse)
         shading = ShadingPass(self._geometry, self._albums, device, self.timings, reuse)
         self._camera = CameraPass(self._geometry, self._observer, sampler, shading, device, self.timings, reuse)
@@ -59,7 +59,7 @@ class Renderer:
         frame: int,
         time: float,
         *,
-        moment: Moment | None = None,
+        moment: NeighbourFrame | None = None,
     ) -> NDArray[np.uint8]:
         """The picture of an observation, 8-bit sRGB [H, W, 3]; `time` of the frame in seconds.
 
@@ -73,7 +73,7 @@ class Renderer:
 
     def reel(
         self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 16
-    ) -> Reel:
+    ) -> FrameStream:
         """What draws many frames of a plain camera (`reel.takes`) fast on a GPU, with the bytes of the calls above."""
-        shadows = Shadows(self._geometry, self._device)
-        return Reel(self._geometry, shadows, self._albums, self._device, camera, sensor_name, appearances, lanes)
+        shadows = ShadowMaps(self._geometry, self._device)
+        return FrameStream(self._geometry, shadows, self._albums, self._device, camera, sensor_name, appearances, lanes)

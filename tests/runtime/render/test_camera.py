@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraResponse
 from recipe_runtime.render.camera import exposure
 from recipe_runtime.render.camera.develop_kernels import LEVELS
-from recipe_runtime.render.camera.motion_blur import Moment
+from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 from recipe_runtime.render.renderer import Renderer
 
 from tests.runtime.render.street import CAMERA, EYE, WEATHERS, parts_at, street
@@ -201,7 +201,7 @@ def test_colour_settings_touch_no_label_and_no_other_picture(renderer: Renderer,
     fresh = renderer.observe(CAMERA, EYE, parts_at(5))
     labels = fresh.depth.tobytes(), fresh.instance.tobytes(), fresh.semantic.tobytes(), fresh.objects
     before = renderer.shade(fresh, having(), "street", 5, 0.2)
-    moment = Moment(EYE, parts_at(4), 1 / 30)
+    moment = NeighbourFrame(EYE, parts_at(4), 1 / 30)
     changed = renderer.shade(fresh, having(**settings), "street", 5, 0.2, moment=moment)
     assert (changed != before).any()
     assert (fresh.depth.tobytes(), fresh.instance.tobytes(), fresh.semantic.tobytes(), fresh.objects) == labels

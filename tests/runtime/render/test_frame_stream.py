@@ -11,7 +11,7 @@ from recipe_runtime.opening import compiled
 from recipe_runtime.render.device.reuse import NO_REUSE
 from recipe_runtime.render.device.setup import cuda_devices
 from recipe_runtime.render.gpu import frame_stream, recorded_frame
-from recipe_runtime.render.gpu.frame_stream import Take
+from recipe_runtime.render.gpu.frame_stream import FrameBatch
 from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.store import Store
 from recipe_runtime.trace import Trace
@@ -25,11 +25,11 @@ def plan() -> DatasetPlan:
     return compiled(ROOT / "tests" / "golden" / "tiny.yaml")
 
 
-def take_of(variant: ScenarioPlan, sensor: SensorPlan, trace: Trace) -> Take:
+def take_of(variant: ScenarioPlan, sensor: SensorPlan, trace: Trace) -> FrameBatch:
     """All frames, and the first ones once more, so that a lane has to forget what it drew."""
     numbers = [*range(variant.scene.clock.frames), 0, 1]
     poses = np.stack([sensor_transform(sensor, trace, n) for n in numbers])
-    return Take(
+    return FrameBatch(
         numbers, [n / variant.scene.clock.fps for n in numbers], poses, part_transforms(trace, np.array(numbers))
     )
 
@@ -55,12 +55,12 @@ def hold_to_renderer(plan: DatasetPlan, sensor_at: int, device: str) -> None:
 @pytest.mark.parametrize("sensor", [0, 1])
 def test_a_reel_has_the_renderers_bytes(plan: DatasetPlan, sensor: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """With too little room at first: the small pictures have more edges than a reel expects, so lanes must grow."""
-    monkeypatch.setattr(frame_stream, "_EDGES", 0.1)
+    monkeypatch.setattr(frame_stream, "_EDGE_SAMPLES", 0.1)
     hold_to_renderer(plan, sensor, "cpu")
 
 
 def test_a_full_list_of_bands_loses_no_triangle(plan: DatasetPlan, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recorded_frame, "_BANDS", 40)
+    monkeypatch.setattr(recorded_frame, "_BIN_CAPACITY", 40)
     hold_to_renderer(plan, 0, "cpu")
 
 

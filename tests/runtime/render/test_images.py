@@ -13,10 +13,10 @@ import pytest
 from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan, FilePlan, Looks, Pose, TexturePlan
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
-from recipe_runtime.render.gpu.frame_stream import Take
+from recipe_runtime.render.gpu.frame_stream import FrameBatch
 from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.render.texture.mipmaps import mip_levels
-from recipe_runtime.render.texture.surface_colours import decoded
+from recipe_runtime.render.texture.surface_colours import srgb_to_linear
 from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render.street import appearance, quad
@@ -53,7 +53,7 @@ def albedo(mesh: Mesh, image: Pixels, pose: Pose, camera: CameraPlan, repeat: bo
 
 
 def light(pixels: Any) -> NDArray[np.float64]:
-    return np.vectorize(decoded, otypes=[np.float64])(pixels)
+    return np.vectorize(srgb_to_linear, otypes=[np.float64])(pixels)
 
 
 def noise(height: int, width: int) -> Pixels:
@@ -90,7 +90,7 @@ def test_fine_chequers_far_away_are_their_mean_light(metres: float) -> None:
     found = albedo(board(40.0, 40.0), chequers(1024), Pose(x=-metres, z=10.0), camera)[2:-2, 2:-2]
     inside = found[~np.isnan(found[..., 0])]
     assert len(inside) > 200
-    assert decoded(187) < inside.min() and inside.max() < decoded(189)
+    assert srgb_to_linear(187) < inside.min() and inside.max() < srgb_to_linear(189)
 
 
 def test_it_does_not_shimmer_when_the_camera_moves() -> None:
@@ -130,7 +130,7 @@ def test_beyond_its_edges_it_goes_on_or_starts_again() -> None:
 def test_levels_are_means_of_light_to_the_nearest_colour(shape: tuple[int, int]) -> None:
     """Against fractions, texel by texel."""
     image = noise(*shape)
-    units = [round(decoded(v) * 65535) for v in range(256)]
+    units = [round(srgb_to_linear(v) * 65535) for v in range(256)]
     levels = mip_levels(image)
     assert levels[-1].shape == (1, 1) and len(levels) == 1 + (max(shape) - 1).bit_length()
     for number, level in enumerate(levels):
@@ -190,7 +190,9 @@ def _reeled(device: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     bodies = [Body("board", 0, (("static", board(9.0, 7.0, 2.5)),))]
     renderer = Renderer(bodies, device, images=lambda texture: noise(61, 47))
     plan = lit(noise(1, 1), True)
-    (printed,) = renderer.reel(camera, "street", [plan], lanes=1).frames(Take([1], [0.0], pose[None], NOBODY[None]))
+    (printed,) = renderer.reel(camera, "street", [plan], lanes=1).frames(
+        FrameBatch([1], [0.0], pose[None], NOBODY[None])
+    )
     return renderer.shade(renderer.observe(camera, pose, NOBODY), plan, "street", 1, 0.0), printed.pictures[0].copy()
 
 

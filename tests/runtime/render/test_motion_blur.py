@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from recipe_compiler.plan import CameraPlan, CameraResponse, Pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
-from recipe_runtime.render.camera.motion_blur import Moment
+from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.transforms import from_pose
 
@@ -37,7 +37,9 @@ def at(y: float) -> NDArray[np.float64]:
     return from_pose(Pose(x=DISTANCE, y=y))[None]
 
 
-def shot(renderer: Renderer, moment: Moment | None, pose: Any = AHEAD, parts: Any = None, **settings: Any) -> Any:
+def shot(
+    renderer: Renderer, moment: NeighbourFrame | None, pose: Any = AHEAD, parts: Any = None, **settings: Any
+) -> Any:
     response = CameraResponse(**{"noise": 0.0, "vignette_intensity": 0.0, "motion_blur_intensity": 1.0, **settings})
     plan = appearance(40.0, looks=LOOK).model_copy(update={"responses": {"street": response}})
     seen = renderer.observe(CAMERA, pose, at(0.0) if parts is None else parts)
@@ -57,7 +59,7 @@ def ramp(row: NDArray[np.uint8], sharp: NDArray[np.uint8]) -> list[tuple[float, 
 @pytest.mark.parametrize("metres, shutter", [(0.2, 60.0), (0.4, 40.0), (0.5, 30.0)])
 def test_a_moving_edge_blurs_as_far_as_it_goes(slab: Renderer, metres: float, shutter: float) -> None:
     sharp = shot(slab, None)
-    picture = shot(slab, Moment(AHEAD, at(-metres), 1 / 30), shutter_speed=shutter)
+    picture = shot(slab, NeighbourFrame(AHEAD, at(-metres), 1 / 30), shutter_speed=shutter)
     way = metres / DISTANCE * FOCAL * 30.0 / shutter
     edge = 1.0 / DISTANCE * FOCAL
     for (start, end), place in zip(ramp(picture[50], sharp[50]), (120.0 - edge, 120.0 + edge), strict=True):
@@ -66,7 +68,7 @@ def test_a_moving_edge_blurs_as_far_as_it_goes(slab: Renderer, metres: float, sh
 
 
 def test_length_goes_with_intensity_and_has_a_limit(slab: Renderer) -> None:
-    moment, sharp = Moment(AHEAD, at(-0.4), 1 / 30), shot(slab, None)
+    moment, sharp = NeighbourFrame(AHEAD, at(-0.4), 1 / 30), shot(slab, None)
 
     def length(**settings: float) -> float:
         start, end = ramp(shot(slab, moment, shutter_speed=40.0, **settings)[50], sharp[50])[0]
@@ -78,14 +80,14 @@ def test_length_goes_with_intensity_and_has_a_limit(slab: Renderer) -> None:
 
 
 def test_a_faster_shutter_blurs_less(slab: Renderer) -> None:
-    sharp, moment = shot(slab, None).astype(int), Moment(AHEAD, at(-0.5), 1 / 30)
+    sharp, moment = shot(slab, None).astype(int), NeighbourFrame(AHEAD, at(-0.5), 1 / 30)
     errors = [np.abs(shot(slab, moment, shutter_speed=s) - sharp).sum() for s in (30.0, 60.0, 120.0, 10_000.0)]
     assert errors[0] > errors[1] > errors[2] > errors[3]
 
 
 def test_what_stands_still_stays_sharp_to_the_byte() -> None:
     renderer = Renderer(street())
-    still = Moment(EYE, parts_at(3), 1 / 30)
+    still = NeighbourFrame(EYE, parts_at(3), 1 / 30)
     first, second = (
         shot(renderer, still, EYE, parts_at(3), motion_blur_intensity=i, shutter_speed=5.0) for i in (1.0, 0.001)
     )
@@ -93,8 +95,8 @@ def test_what_stands_still_stays_sharp_to_the_byte() -> None:
 
 
 def test_only_the_surroundings_of_what_moves_blur(slab: Renderer) -> None:
-    nearly = shot(slab, Moment(AHEAD, at(0.0), 1 / 30))
-    picture = shot(slab, Moment(AHEAD, at(-0.5), 1 / 30), shutter_speed=30.0)
+    nearly = shot(slab, NeighbourFrame(AHEAD, at(0.0), 1 / 30))
+    picture = shot(slab, NeighbourFrame(AHEAD, at(-0.5), 1 / 30), shutter_speed=30.0)
     changed = np.flatnonzero((picture != nearly).any(axis=(0, 2)))
     reach = FOCAL / DISTANCE * (1.0 + 0.25) + 2.0
     assert 120.0 - reach <= changed.min() and changed.max() <= 120.0 + reach
@@ -103,8 +105,8 @@ def test_only_the_surroundings_of_what_moves_blur(slab: Renderer) -> None:
 def test_a_turning_camera_blurs_everything_by_its_turn() -> None:
     renderer = Renderer(street())
     pose, before = (from_pose(Pose(y=-1.0, z=1.7, yaw=yaw, pitch=4)) for yaw in (8.0, 6.0))
-    sharp = light(shot(renderer, Moment(pose, parts_at(3), 1 / 30), pose, parts_at(3)))
-    picture = light(shot(renderer, Moment(before, parts_at(3), 1 / 30), pose, parts_at(3), shutter_speed=30.0))
+    sharp = light(shot(renderer, NeighbourFrame(pose, parts_at(3), 1 / 30), pose, parts_at(3)))
+    picture = light(shot(renderer, NeighbourFrame(before, parts_at(3), 1 / 30), pose, parts_at(3), shutter_speed=30.0))
     way = FOCAL * np.tan(np.radians(2.0))  # 7.3 pixels, a little more towards the sides
     boxed = np.stack([np.roll(sharp, n, axis=1) for n in (-3, -2, -1, 0, 1, 2, 3)]).mean(axis=0)  # light adds up
     middle = (slice(20, 100), slice(70, 170))
@@ -114,7 +116,7 @@ def test_a_turning_camera_blurs_everything_by_its_turn() -> None:
 
 def test_what_rides_with_the_camera_stays_sharp(slab: Renderer) -> None:
     """The slab goes where the camera goes; the wall behind it is smeared, and not over it."""
-    moment = Moment(from_pose(Pose(y=-2.0, z=1.5)), at(-2.0), 1 / 30)
+    moment = NeighbourFrame(from_pose(Pose(y=-2.0, z=1.5)), at(-2.0), 1 / 30)
     sharp, picture = shot(slab, None).astype(int), shot(slab, moment, shutter_speed=30.0).astype(int)
     edge = FOCAL / DISTANCE
     inside = slice(int(120 - edge) + 2, int(120 + edge) - 2)

@@ -13,7 +13,7 @@ from recipe_runtime.render.lighting import (
     temporal_kernels,
 )
 from recipe_runtime.render.lighting.air import Air
-from recipe_runtime.render.lighting.tile_list_kernels import Bodies, contact
+from recipe_runtime.render.lighting.tile_list_kernels import Bodies, contact_occlusion
 from recipe_runtime.render.sampling.sample_kernels import Samples
 
 wp.set_module_options(OPTIONS)
@@ -33,13 +33,13 @@ class Camera:
 
     def asked(self, bits: int = CALM, *, then: int = 0, now: int = 0, sky: int = 1) -> set[int]:
         """The samples listed at a stir, `then` having been the frame before's."""
-        air, before = Air(), temporal_kernels.Before()
+        air, before = Air(), temporal_kernels.PreviousFrame()
         air.stirs, before.stirs, before.sky = now, then, sky
         before.tiles = wp.array(np.full(self.tiles, bits, np.int32), dtype=wp.int32, device="cpu")
         count, listed = (wp.zeros(n, dtype=wp.int32, device="cpu") for n in (1, self.known.size))
         told: list[Any] = [record(v, "cpu") for v in (air, before)]
         inputs = [self.firsts, *told, self.known, self.quiet, count, listed]
-        launch(temporal_kernels.enlist, self.tiles, inputs, "cpu")
+        launch(temporal_kernels.collect_dirty, self.tiles, inputs, "cpu")
         return set(listed.numpy()[: count.numpy()[0]].tolist())
 
 
@@ -94,7 +94,7 @@ def calm_at(x: float, y: float, fine: tuple[int, int] | None, coarse: tuple[int,
     beams = records([beam(0.02, None), beam(0.2, None), beam(0.02, fine), beam(0.2, coarse)], "cpu")
     corners = [wp.array([[x + d, y + d, d]], dtype=wp.vec3f, device="cpu") for d in (-0.25, 0.25)]
     same = wp.array([1], dtype=wp.int32, device="cpu")
-    launch(shadow_kernels.calm, 1, [*corners, beams, 1, same], "cpu")
+    launch(shadow_kernels.mark_unshadowed, 1, [*corners, beams, 1, same], "cpu")
     return bool(same.numpy()[0] & CALM)
 
 
@@ -119,7 +119,9 @@ class Puddle:
         self.data.pixels = wp.array(np.arange(count, dtype=np.int32), dtype=wp.int32, device="cpu")
         gleam = wp.array([[g, 0.9] for g in gleams], dtype=wp.vec2f, device="cpu")
         found, listed = self._list(count)
-        launch(reflection_reuse_kernels.pools, count, [record(self.data, "cpu"), gleam, found, listed], "cpu")
+        launch(
+            reflection_reuse_kernels.collect_reflective, count, [record(self.data, "cpu"), gleam, found, listed], "cpu"
+        )
         self.mirrors = wp.clone(listed[: int(found.numpy()[0])])
         pairs = np.stack([sources, others or [-1] * count], axis=-1).astype(np.int32)
         self.sources = wp.array(pairs, dtype=wp.vec2i, device="cpu")
@@ -130,13 +132,13 @@ class Puddle:
 
     def due(self, stale: tuple[int, ...] = (), then: int = 0, now: int = 0) -> set[int]:
         """The samples that mirror something else, when the light of some pixels has changed."""
-        air, before, spoilt = Air(), temporal_kernels.Before(), np.zeros(self.sources.size, np.uint8)
+        air, before, spoilt = Air(), temporal_kernels.PreviousFrame(), np.zeros(self.sources.size, np.uint8)
         spoilt[list(stale)] = 1
         air.moment, before.stale = now, wp.array(spoilt, dtype=wp.uint8, device="cpu")
         count, listed = self._list(self.sources.size)
         told = [record(v, "cpu") for v in (self.data, air, before)]
         inputs = [*told, self.mirrors, then, self.sources, count, listed]
-        launch(reflection_reuse_kernels.due, self.mirrors.size, inputs, "cpu")
+        launch(reflection_reuse_kernels.stale_reflections, self.mirrors.size, inputs, "cpu")
         return set(listed.numpy()[: count.numpy()[0]].tolist())
 
 
@@ -179,7 +181,7 @@ def test_a_body_darkens_nothing_from_where_its_darkening_ends() -> None:
 
 @wp.kernel
 def _ask(bodies: wp.array[Bodies], lists: wp.array2d[wp.int32], x: wp.float32, out: wp.array[wp.float32]):
-    out[0] = contact(bodies, lists, 0, wp.vec3f(x, 0.0, 0.0), wp.vec3f(0.0, 0.0, 1.0))
+    out[0] = contact_occlusion(bodies, lists, 0, wp.vec3f(x, 0.0, 0.0), wp.vec3f(0.0, 0.0, 1.0))
 
 
 def _sky_beside(x: float, spread: float) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recipe_compiler import exact
 from recipe_compiler.plan import CameraPlan
 
-from recipe_runtime.render.camera.bloom_kernels import shrink, soften
+from recipe_runtime.render.camera.bloom_kernels import blur_rows, downsample
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 
@@ -30,9 +30,9 @@ def spread(plate: Any, camera: CameraPlan, device: str) -> Any:
     wide, high = -(-camera.width // side), -(-camera.height // side)
     first, second = (wp.empty(wide * high, dtype=wp.vec3f, device=device) for _ in range(2))
     weights = wp.array(_bell(), dtype=wp.float32, device=device)
-    launch(shrink, wide * high, [plate, camera.width, camera.height, side, wide, first], device)
-    launch(soften, wide * high, [first, weights, wide, high, 1, second], device)
-    launch(soften, wide * high, [second, weights, wide, high, 0, first], device)
+    launch(downsample, wide * high, [plate, camera.width, camera.height, side, wide, first], device)
+    launch(blur_rows, wide * high, [first, weights, wide, high, 1, second], device)
+    launch(blur_rows, wide * high, [second, weights, wide, high, 0, first], device)
     return first
 
 

@@ -9,7 +9,7 @@ wp.set_module_options(OPTIONS)
 
 
 @wp.kernel
-def shrink(
+def downsample(
     plate: wp.array[wp.vec3f], wide: wp.int32, high: wp.int32, side: wp.int32, columns: wp.int32,
     out: wp.array[wp.vec3f],
 ):  # fmt: skip
@@ -27,7 +27,7 @@ def shrink(
 
 
 @wp.kernel
-def soften(
+def blur_rows(
     light: wp.array[wp.vec3f], weights: wp.array[wp.float32], wide: wp.int32, high: wp.int32, across: wp.int32,
     out: wp.array[wp.vec3f],
 ):  # fmt: skip

@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraResponse
 
 from recipe_runtime.render.camera import develop_kernels, post_process, rain_kernels
-from recipe_runtime.render.camera.motion_blur import Moment
-from recipe_runtime.render.camera.rain import shower_of, streak_of
+from recipe_runtime.render.camera.motion_blur import NeighbourFrame
+from recipe_runtime.render.camera.rain import rain_at, streak_radiance
 from recipe_runtime.render.device.arrays import record
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.lighting.lights import lamplight
-from recipe_runtime.render.lighting.shading import Shaded, ShadingPass
+from recipe_runtime.render.lighting.shading import SampleLight, ShadingPass
 from recipe_runtime.render.lighting.weather_light import Light
-from recipe_runtime.render.numeric.seeds import keyed
+from recipe_runtime.render.numeric.seeds import noise_key
 from recipe_runtime.render.raster.observation import Observation, depth_on
 from recipe_runtime.render.raster.observer import Observer
 from recipe_runtime.render.sampling.sampler import Sampler
-from recipe_runtime.render.scene.camera import device_rows, lens_of, view_from_parts
+from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, view_from_parts
 from recipe_runtime.render.scene.geometry import Geometry
 
 
@@ -44,7 +44,7 @@ class CameraPass:
     ) -> None:
         self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
         self._sampler, self._shading, self._reuse = sampler, shading, reuse
-        self._tables = post_process.Tables(device)
+        self._tables = post_process.ResponseTables(device)
 
     def develop(
         self,
@@ -53,24 +53,24 @@ class CameraPass:
         sensor: str,
         frame: int,
         time: float,
-        moment: Moment | None = None,
+        moment: NeighbourFrame | None = None,
     ) -> NDArray[np.uint8]:
         """8-bit sRGB [H, W, 3]; `moment` is a neighbouring frame, which motion blur takes."""
         response = appearance.responses.get(sensor) or CameraResponse()
-        plate = post_process.plate_of(self._observer, obs, response.supersample)
+        plate = post_process.observe_plate(self._observer, obs, response.supersample)
         points = self._sampler.points(plate, response.antialias)
         light = self._shading.light_of(appearance, time)
         linear, shaded = self._shading.shade(plate, points, appearance, sensor, light)
         with self._timings("rain"):
             drops = self._rain(plate, appearance.seed, light, time)
         with self._timings("develop"):
-            key = keyed(appearance.seed, sensor, frame)
+            key = noise_key(appearance.seed, sensor, frame)
             r = post_process.response_of(response, self._exposure(obs, light), key, obs.camera)
-            streak = streak_of(light)
+            streak = streak_radiance(light)
             inputs = [linear, points.starts, points.groups, points.weights, drops, streak, r]
-            if post_process.needs_plate(obs.camera, response, moment):
+            if post_process.needs_post_process(obs.camera, response, moment):
                 exposed = wp.empty(plate.camera.width * plate.camera.height, dtype=wp.vec3f, device=self._device)
-                launch(develop_kernels.expose, exposed.shape[0], [*inputs, exposed], self._device)
+                launch(develop_kernels.expose_samples, exposed.shape[0], [*inputs, exposed], self._device)
                 told = [r, *self._tables.of(response)]
                 out = post_process.finish(exposed, plate, obs, response, told, self._g, moment, self._device)
             else:
@@ -79,12 +79,14 @@ class CameraPass:
                 inputs += [shaded.kept, *shaded.levels, *self._tables.straight(response, obs.camera)]
                 span = r.width if self._device == "cpu" else 1  # a GPU has threads to spare
                 with self._developed_anew(shaded):
-                    launch(develop_kernels.develop, r.width * r.height // span, [*inputs, span, out], self._device)
+                    launch(
+                        develop_kernels.develop_pixels, r.width * r.height // span, [*inputs, span, out], self._device
+                    )
             picture: NDArray[np.uint8] = out.numpy().reshape(r.height, r.width, 3)
         return picture
 
     @contextmanager
-    def _developed_anew(self, shaded: Shaded) -> Iterator[None]:
+    def _developed_anew(self, shaded: SampleLight) -> Iterator[None]:
         """With pixel reuse off, mark every pixel as stale; afterwards only those are that the kernel leaves so."""
         if self._reuse.pixels or not shaded.kept:
             yield
@@ -110,9 +112,9 @@ class CameraPass:
         if light.rain <= 0.0:
             return wp.zeros(1, dtype=wp.int32, device=self._device)
         cover = wp.zeros(obs.camera.width * obs.camera.height, dtype=wp.int32, device=self._device)
-        shower = shower_of(obs.world_from_sensor, light, time)
-        shower.key = keyed(seed, "rain", 0)
-        view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-        inputs = [record(shower, self._device), depth_on(obs, self._device), view, lens_of(obs.camera, 1), cover]
-        launch(rain_kernels.streaks, shower.count, inputs, self._device)
+        shower = rain_at(obs.world_from_sensor, light, time)
+        shower.key = noise_key(seed, "rain", 0)
+        view = upload_transforms(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
+        inputs = [record(shower, self._device), depth_on(obs, self._device), view, pinhole_of(obs.camera, 1), cover]
+        launch(rain_kernels.draw_streaks, shower.count, inputs, self._device)
         return cover

@@ -9,7 +9,7 @@ edge before it, and the edge would alias again.
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.noise import scramble
-from recipe_runtime.render.numeric.scalars import greater, index, lesser
+from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
 
 wp.set_module_options(OPTIONS)
 
@@ -34,13 +34,13 @@ class Response:
 @wp.func
 def tone(x: wp.float32) -> wp.float32:
     """A film-like curve into [0, 1): Narkowicz's rational fit to ACES."""
-    x = greater(x, 0.0)
+    x = maximum(x, 0.0)
     y = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)
-    return lesser(y, 1.0)
+    return minimum(y, 1.0)
 
 
 @wp.func
-def untone(y: wp.float32) -> wp.float32:
+def inverse_tone(y: wp.float32) -> wp.float32:
     """The light, up to 7.2, that `tone` makes y of: the root of its quadratic."""
     a = 2.51 - 2.43 * y
     b = 0.03 - 0.59 * y
@@ -48,26 +48,26 @@ def untone(y: wp.float32) -> wp.float32:
 
 
 @wp.func
-def rim_at(rims: wp.array[wp.float32], square: wp.float32) -> wp.float32:
+def lens_circle_gain(rims: wp.array[wp.float32], square: wp.float32) -> wp.float32:
     """The lens circle's gain at a squared distance from the centre, 1 at the corners; a line between two steps."""
-    t = lesser(square, 1.0) * wp.float32(RIM_STEPS)
+    t = minimum(square, 1.0) * wp.float32(RIM_STEPS)
     i = wp.min(wp.int32(t), RIM_STEPS - 1)
     return rims[i] + (rims[i + 1] - rims[i]) * (t - wp.float32(i))
 
 
 @wp.func
-def shading_at(x: wp.float32, y: wp.float32, r: Response, rims: wp.array[wp.float32]) -> wp.float32:
+def vignette_at(x: wp.float32, y: wp.float32, r: Response, rims: wp.array[wp.float32]) -> wp.float32:
     """The share of light that a lens lets through to a place, in widths from the picture's centre."""
     square = x * x + y * y
     gain = 1.0 - r.vignette * square
     if r.rim != 0:
         tall = wp.float32(r.height) / wp.float32(r.width)
-        gain = gain * rim_at(rims, square * 4.0 / (1.0 + tall * tall))
+        gain = gain * lens_circle_gain(rims, square * 4.0 / (1.0 + tall * tall))
     return gain
 
 
 @wp.func
-def deviate(bells: wp.array[wp.float32], h: wp.uint32) -> wp.float32:
+def normal_deviate(bells: wp.array[wp.float32], h: wp.uint32) -> wp.float32:
     """A normal number of mean 0 and deviation 1, of a hash's ten highest bits."""
     return bells[wp.int32(h >> wp.uint32(22))]
 
@@ -77,7 +77,7 @@ def level(x: wp.float32, deviate: wp.float32, noise: wp.float32) -> wp.int32:
     """A linear display value with noise, as a place in the sRGB table."""
     grain = noise * deviate * (0.0005 + 0.008 * wp.sqrt(x))
     t = (x + grain) * wp.float32(LEVELS - 1) + 0.5
-    return index(wp.int32(lesser(greater(t, 0.0), wp.float32(LEVELS - 1))))
+    return nonnegative(wp.int32(minimum(maximum(t, 0.0), wp.float32(LEVELS - 1))))
 
 
 @wp.func
@@ -93,24 +93,24 @@ def record_levels(
 ):
     """Write a pixel's bytes: noise, each channel's of its own bits of the pixel's hash, and the tone table."""
     h = scramble(wp.uint32(i) ^ r.key)
-    at = index(3 * i)
-    out[at] = srgb[level(red, deviate(bells, h), r.noise)]
-    out[at + 1] = srgb[level(green, deviate(bells, h << wp.uint32(10)), r.noise)]
-    out[at + 2] = srgb[level(blue, deviate(bells, h << wp.uint32(20)), r.noise)]
+    at = nonnegative(3 * i)
+    out[at] = srgb[level(red, normal_deviate(bells, h), r.noise)]
+    out[at + 1] = srgb[level(green, normal_deviate(bells, h << wp.uint32(10)), r.noise)]
+    out[at + 2] = srgb[level(blue, normal_deviate(bells, h << wp.uint32(20)), r.noise)]
 
 
 @wp.kernel
-def fall_off(responses: wp.array[Response], rims: wp.array[wp.float32], gains: wp.array[wp.float32]):
+def vignette_gains(responses: wp.array[Response], rims: wp.array[wp.float32], gains: wp.array[wp.float32]):
     """The share of light that the lens lets through to every pixel."""
     i = wp.tid()
     r = responses[0]
     x = (wp.float32(i % r.width) + 0.5) / wp.float32(r.width) - 0.5
     y = (wp.float32(i / r.width) + 0.5 - 0.5 * wp.float32(r.height)) / wp.float32(r.width)
-    gains[i] = shading_at(x, y, r, rims)
+    gains[i] = vignette_at(x, y, r, rims)
 
 
 @wp.func
-def toned(
+def tone_mapped(
     first: wp.int32,
     count: wp.int32,
     radiance: wp.array[wp.vec3f],
@@ -121,7 +121,7 @@ def toned(
     white: wp.vec3f,
 ) -> wp.vec3f:
     """A pixel's samples, exposed, each through the tone curve, and then averaged."""
-    drops = lesser(wp.float32(rain) * (1.0 / 65536.0), 0.8)
+    drops = minimum(wp.float32(rain) * (1.0 / 65536.0), 0.8)
     red = wp.float32(0.0)
     green = wp.float32(0.0)
     blue = wp.float32(0.0)
@@ -135,7 +135,7 @@ def toned(
 
 
 @wp.kernel
-def develop(
+def develop_pixels(
     radiance: wp.array[wp.vec3f],
     starts: wp.array[wp.int32],
     groups: wp.array[wp.int32],
@@ -161,7 +161,7 @@ def develop(
     raining = rain.shape[0] > 1
     begin = wp.tid() * span
     for place in range(begin, wp.min(begin + span, r.width * r.height)):
-        i = index(place)
+        i = nonnegative(place)
         drops = wp.int32(0)
         if raining:
             drops = rain[i]
@@ -172,9 +172,9 @@ def develop(
         green = wp.float32(0.0)
         blue = wp.float32(0.0)
         if fresh:
-            first = index(starts[i])
+            first = nonnegative(starts[i])
             gain = r.exposure * gains[i]
-            colour = toned(first, groups[i] & 7, radiance, weights, drops, streak, gain, r.white)
+            colour = tone_mapped(first, groups[i] & 7, radiance, weights, drops, streak, gain, r.white)
             red = colour[0]
             green = colour[1]
             blue = colour[2]
@@ -190,7 +190,7 @@ def develop(
 
 
 @wp.kernel
-def expose(
+def expose_samples(
     radiance: wp.array[wp.vec3f],
     starts: wp.array[wp.int32],
     groups: wp.array[wp.int32],
@@ -205,5 +205,5 @@ def expose(
     drops = wp.int32(0)
     if rain.shape[0] > 1:
         drops = rain[i]
-    colour = toned(starts[i], groups[i] & 7, radiance, weights, drops, streak, r.exposure, r.white)
-    plate[i] = wp.vec3f(untone(colour[0]), untone(colour[1]), untone(colour[2]))
+    colour = tone_mapped(starts[i], groups[i] & 7, radiance, weights, drops, streak, r.exposure, r.white)
+    plate[i] = wp.vec3f(inverse_tone(colour[0]), inverse_tone(colour[1]), inverse_tone(colour[2]))

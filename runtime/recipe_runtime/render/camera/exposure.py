@@ -29,7 +29,7 @@ def gain(response: CameraResponse, automatic: float) -> float:
     return automatic * exact.power(2.0, response.exposure_compensation)
 
 
-def grain(response: CameraResponse) -> float:
+def noise_strength(response: CameraResponse) -> float:
     """Noise as a multiple of a good street camera's at ISO 100: it grows as the root of the sensitivity."""
     return response.noise * float(np.sqrt(response.iso / 100.0))
 
@@ -45,7 +45,7 @@ def white(response: CameraResponse) -> tuple[float, float, float]:
     return red / whole, green / whole, blue / whole
 
 
-def rim(response: CameraResponse) -> NDArray[np.float32]:
+def lens_circle(response: CameraResponse) -> NDArray[np.float32]:
     """The lens circle: the gain at r^2 = i / RIM_STEPS, r from the centre (0) to the corners (1).
 
     max(0, 1 - lens_circle_multiplier r^(2 lens_circle_falloff)), so the darkness keeps nearer to the rim the larger

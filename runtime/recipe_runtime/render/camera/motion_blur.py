@@ -8,15 +8,22 @@ from typing import Any
 import numpy as np
 from recipe_compiler.plan import CameraPlan, CameraResponse
 
-from recipe_runtime.render.camera.motion_blur_kernels import TILE, Shutter, longest, reach, smear, sweep
+from recipe_runtime.render.camera.motion_blur_kernels import (
+    TILE,
+    Shutter,
+    average_exposure,
+    longest_around_tile,
+    longest_in_tile,
+    screen_motion,
+)
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.scene.camera import lens_of, view_from_parts
+from recipe_runtime.render.scene.camera import pinhole_of, view_from_parts
 from recipe_runtime.transforms import Array, compose, invert
 
 
 @dataclass(frozen=True)
-class Moment:
+class NeighbourFrame:
     """A neighbouring frame: where everything was (or will be), `seconds` away."""
 
     world_from_sensor: Array  # [3, 4]
@@ -24,12 +31,12 @@ class Moment:
     seconds: float
 
 
-def frames_open(response: CameraResponse, moment: Moment) -> float:
+def frames_open(response: CameraResponse, moment: NeighbourFrame) -> float:
     """The exposure in steps from the frame to its neighbour; the intensity makes it longer or shorter."""
     return response.motion_blur_intensity / (response.shutter_speed * moment.seconds)
 
 
-def then_from_now(world_from_sensor: Array, parts: Array, moment: Moment) -> Array:
+def then_from_now(world_from_sensor: Array, parts: Array, moment: NeighbourFrame) -> Array:
     """Where, in the camera's frame of the other moment, a point of a part is that is seen here now. [1 + P, 3, 4]."""
     then = view_from_parts(moment.world_from_sensor, moment.parts)
     return compose(then, invert(view_from_parts(world_from_sensor, parts)))
@@ -46,9 +53,9 @@ def blurred(
     tiles = -(-camera.width // int(TILE)) * -(-camera.height // int(TILE))
     ways, out = wp.empty(pixels, dtype=wp.vec2f, device=device), wp.empty(pixels, dtype=wp.vec3f, device=device)
     own, reached = (wp.empty(tiles, dtype=wp.vec2f, device=device) for _ in range(2))
-    inputs = [keys, geometry.triangles, geometry.vertex_part, rows, lens_of(camera, 1), s, ways]
-    launch(sweep, pixels, inputs, device)
-    launch(longest, tiles, [ways, s, own], device)
-    launch(reach, tiles, [own, s, reached], device)
-    launch(smear, pixels, [plate, keys, ways, reached, s, out], device)
+    inputs = [keys, geometry.triangles, geometry.vertex_part, rows, pinhole_of(camera, 1), s, ways]
+    launch(screen_motion, pixels, inputs, device)
+    launch(longest_in_tile, tiles, [ways, s, own], device)
+    launch(longest_around_tile, tiles, [own, s, reached], device)
+    launch(average_exposure, pixels, [plate, keys, ways, reached, s, out], device)
     return out

@@ -11,12 +11,12 @@ The exposure is centred on the frame's time.
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.raster.label_kernels import depth_of, triangle_of
-from recipe_runtime.render.scene.camera import Lens
+from recipe_runtime.render.scene.camera import Pinhole
 
 wp.set_module_options(OPTIONS)
 
 TILE = wp.constant(16)
-MOMENTS = wp.constant(96)  # of an exposure, at most
+MAX_STEPS = wp.constant(96)  # of an exposure, at most
 
 
 @wp.struct
@@ -30,12 +30,12 @@ class Shutter:
 
 
 @wp.kernel
-def sweep(
+def screen_motion(
     keys: wp.array[wp.uint64],
     triangles: wp.array[wp.vec3i],
     vertex_part: wp.array[wp.int32],
     then_from_now: wp.array2d[wp.float32],
-    lens: Lens,
+    lens: Pinhole,
     s: Shutter,
     ways: wp.array[wp.vec2f],
 ):
@@ -70,7 +70,7 @@ def longer(a: wp.vec2f, b: wp.vec2f) -> bool:
 
 
 @wp.kernel
-def longest(ways: wp.array[wp.vec2f], s: Shutter, tiles: wp.array[wp.vec2f]):
+def longest_in_tile(ways: wp.array[wp.vec2f], s: Shutter, tiles: wp.array[wp.vec2f]):
     """A tile's longest way, the first of equals."""
     i = wp.tid()
     columns = (s.wide + TILE - 1) / TILE
@@ -86,7 +86,7 @@ def longest(ways: wp.array[wp.vec2f], s: Shutter, tiles: wp.array[wp.vec2f]):
 
 
 @wp.kernel
-def reach(tiles: wp.array[wp.vec2f], s: Shutter, reached: wp.array[wp.vec2f]):
+def longest_around_tile(tiles: wp.array[wp.vec2f], s: Shutter, reached: wp.array[wp.vec2f]):
     """The longest way that comes into a tile from anywhere."""
     i = wp.tid()
     columns = (s.wide + TILE - 1) / TILE
@@ -115,7 +115,7 @@ def place_at(x: wp.float32, y: wp.float32, s: Shutter) -> wp.int32:
 
 
 @wp.func
-def lands(at: wp.int32, way: wp.vec2f, t: wp.float32, x: wp.float32, y: wp.float32, s: Shutter) -> bool:
+def lands_on(at: wp.int32, way: wp.vec2f, t: wp.float32, x: wp.float32, y: wp.float32, s: Shutter) -> bool:
     """Whether what a sample sees lies on (x, y) at moment t of the exposure, from -1/2 to 1/2.
 
     Its place was rounded to a sample, and neighbours on one surface differ in their ways, as when a camera drives.
@@ -127,14 +127,14 @@ def lands(at: wp.int32, way: wp.vec2f, t: wp.float32, x: wp.float32, y: wp.float
 
 
 @wp.func
-def before(a: wp.uint64, b: wp.uint64) -> bool:
+def is_in_front(a: wp.uint64, b: wp.uint64) -> bool:
     """Whether a is well before b: two samples of one surface hardly ever are."""
     nearness = wp.float64(wp.int64(b >> wp.uint64(24)))  # keys grow with it
     return wp.float64(wp.int64(a >> wp.uint64(24))) > nearness * wp.float64(1.02)
 
 
 @wp.kernel
-def smear(
+def average_exposure(
     plate: wp.array[wp.vec3f],
     keys: wp.array[wp.uint64],
     ways: wp.array[wp.vec2f],
@@ -154,7 +154,7 @@ def smear(
     x = wp.float32(column)
     y = wp.float32(row)
     own = ways[i]
-    moments = wp.min(wp.int32(length) + 2, MOMENTS)
+    moments = wp.min(wp.int32(length) + 2, MAX_STEPS)
     here = plate[i]
     total = wp.vec3f(0.0, 0.0, 0.0)  # of differences, so that what does not change stays the same to the bit
     for n in range(moments):
@@ -164,11 +164,11 @@ def smear(
         a = place_at(x - ways[a][0] * t, y - ways[a][1] * t, s)
         behind = place_at(x - own[0] * t, y - own[1] * t, s)
         b = place_at(x - ways[behind][0] * t, y - ways[behind][1] * t, s)
-        stays = lands(b, ways[b], t, x, y, s)
-        if lands(a, ways[a], t, x, y, s) and (not stays or before(keys[a], keys[b])):
+        stays = lands_on(b, ways[b], t, x, y, s)
+        if lands_on(a, ways[a], t, x, y, s) and (not stays or is_in_front(keys[a], keys[b])):
             total = total + (plate[a] - here)
         elif stays:
             total = total + (plate[b] - here)
-        elif before(keys[i], keys[behind]):  # (what is nearer hides the way, and does not belong to it)
+        elif is_in_front(keys[i], keys[behind]):  # (what is nearer hides the way, and does not belong to it)
             total = total + (plate[behind] - here)
     out[i] = here + total * (1.0 / wp.float32(moments))

@@ -18,11 +18,11 @@ from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster import distortion
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer
-from recipe_runtime.render.scene.camera import device_rows
+from recipe_runtime.render.scene.camera import upload_transforms
 from recipe_runtime.render.scene.geometry import Geometry
 
 
-class Tables:
+class ResponseTables:
     """The tables of the responses met, on the device."""
 
     def __init__(self, device: str) -> None:
@@ -37,7 +37,7 @@ class Tables:
         if key not in self._held:
             levels = exposure.tone_table(int(develop_kernels.LEVELS), response.gamma)
             self._held[key] = (
-                wp.array(exposure.rim(response), dtype=wp.float32, device=self._device),
+                wp.array(exposure.lens_circle(response), dtype=wp.float32, device=self._device),
                 wp.array(levels, dtype=wp.uint8, device=self._device),
                 self._bells,
             )
@@ -51,7 +51,7 @@ class Tables:
         if key not in self._gains:
             gains = wp.empty(plan.width * plan.height, dtype=wp.float32, device=self._device)
             told = record(response_of(response, 1.0, 0, plan), self._device)
-            launch(develop_kernels.fall_off, gains.size, [told, rims, gains], self._device)
+            launch(develop_kernels.vignette_gains, gains.size, [told, rims, gains], self._device)
             self._gains[key] = gains
         return self._gains[key], *others
 
@@ -59,14 +59,14 @@ class Tables:
 def response_of(response: CameraResponse, automatic: float, key: int, plan: CameraPlan) -> Any:
     """A response as kernels want it; `automatic` is the exposure for sun, weather and lamps."""
     r = develop_kernels.Response()
-    r.exposure, r.noise = exposure.gain(response, automatic), exposure.grain(response)
+    r.exposure, r.noise = exposure.gain(response, automatic), exposure.noise_strength(response)
     r.white = wp.vec3f(*exposure.white(response))
     r.vignette, r.rim = 0.8 * response.vignette_intensity, int(response.lens_circle_multiplier > 0.0)
     r.key, r.width, r.height = key, plan.width, plan.height
     return r
 
 
-def needs_plate(plan: CameraPlan, response: CameraResponse, moment: motion_blur.Moment | None) -> bool:
+def needs_post_process(plan: CameraPlan, response: CameraResponse, moment: motion_blur.NeighbourFrame | None) -> bool:
     """Whether a picture takes more than one kernel."""
     return (
         optics.bends(plan)
@@ -77,7 +77,7 @@ def needs_plate(plan: CameraPlan, response: CameraResponse, moment: motion_blur.
     )
 
 
-def plate_of(observer: Observer, obs: Observation, supersample: int) -> Observation:
+def observe_plate(observer: Observer, obs: Observation, supersample: int) -> Observation:
     """What the plate of an observation sees; the observation itself if that is its own plate."""
     straight = distortion.plate_of(obs.camera, supersample)
     if straight == obs.camera:
@@ -96,23 +96,23 @@ def finish(
     response: CameraResponse,
     told: list[Any],
     geometry: Geometry,
-    moment: motion_blur.Moment | None,
+    moment: motion_blur.NeighbourFrame | None,
     device: str,
 ) -> Any:
     """The bytes of a picture, uint8 [H * W * 3], from the light of its plate, which `seen` is the observation of."""
     if moment is not None and response.motion_blur_intensity > 0.0:
-        rows = device_rows(motion_blur.then_from_now(seen.world_from_sensor, seen.parts, moment), device)
+        rows = upload_transforms(motion_blur.then_from_now(seen.world_from_sensor, seen.parts, moment), device)
         frames = motion_blur.frames_open(response, moment)
         most = response.motion_blur_max_distortion
         plate = motion_blur.blurred(plate, seen.camera, seen.keys, geometry, rows, frames, most, device)
-    end = post_process_kernels.Finish()
+    end = post_process_kernels.LensEffects()
     end.fringe = 0.01 * response.chromatic_aberration_intensity
     end.clear = response.chromatic_aberration_offset
     end.bloom = bloom.SHARE * response.bloom_intensity
     end.coarse = bloom.side_of(seen.camera)
     shed = bloom.spread(plate, seen.camera, device) if response.bloom_intensity > 0.0 else plate
     out = wp.empty(obs.camera.width * obs.camera.height * 3, dtype=wp.uint8, device=device)
-    curve = distortion.curve_of(obs.camera, response.supersample)
+    curve = distortion.distortion_of(obs.camera, response.supersample)
     inputs = [plate, shed, curve, end, *told, out]
-    launch(post_process_kernels.finish, obs.camera.width * obs.camera.height, inputs, device)
+    launch(post_process_kernels.finish_pixels, obs.camera.width * obs.camera.height, inputs, device)
     return out

@@ -3,15 +3,15 @@
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
-from recipe_runtime.render.camera.develop_kernels import Response, record_levels, shading_at, tone
+from recipe_runtime.render.camera.develop_kernels import Response, record_levels, tone, vignette_at
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.raster.distortion_kernels import Curve, place_on_plate
+from recipe_runtime.render.raster.distortion_kernels import Distortion, plate_position
 
 wp.set_module_options(OPTIONS)
 
 
 @wp.struct
-class Finish:
+class LensEffects:
     """How a plate becomes a picture."""
 
     fringe: wp.float32  # share of the radius by which red and blue part at the corners
@@ -21,7 +21,7 @@ class Finish:
 
 
 @wp.func
-def between(plate: wp.array[wp.vec3f], px: wp.float64, py: wp.float64, wide: wp.int32, high: wp.int32) -> wp.vec3f:
+def bilinear(plate: wp.array[wp.vec3f], px: wp.float64, py: wp.float64, wide: wp.int32, high: wp.int32) -> wp.vec3f:
     """The light at a place of a plate, from the four samples about it."""
     x = wp.min(wp.max(px - wp.float64(0.5), wp.float64(0.0)), wp.float64(wide - 1))
     y = wp.min(wp.max(py - wp.float64(0.5), wp.float64(0.0)), wp.float64(high - 1))
@@ -41,23 +41,25 @@ def between(plate: wp.array[wp.vec3f], px: wp.float64, py: wp.float64, wide: wp.
 
 
 @wp.func
-def light_at(plate: wp.array[wp.vec3f], spread: wp.array[wp.vec3f], p: wp.vec2d, c: Curve, f: Finish) -> wp.vec3f:
+def light_at(
+    plate: wp.array[wp.vec3f], spread: wp.array[wp.vec3f], p: wp.vec2d, c: Distortion, f: LensEffects
+) -> wp.vec3f:
     """The light at a place of the plate, with its share of what bright places shed."""
-    light = between(plate, p[0], p[1], c.wide, c.high)
+    light = bilinear(plate, p[0], p[1], c.wide, c.high)
     if f.bloom > 0.0:
         scale = wp.float64(1.0) / wp.float64(f.coarse)
         wide = (c.wide + f.coarse - 1) / f.coarse
         high = (c.high + f.coarse - 1) / f.coarse
-        light = light + (between(spread, p[0] * scale, p[1] * scale, wide, high) - light) * f.bloom
+        light = light + (bilinear(spread, p[0] * scale, p[1] * scale, wide, high) - light) * f.bloom
     return light
 
 
 @wp.kernel
-def finish(
+def finish_pixels(
     plate: wp.array[wp.vec3f],
     spread: wp.array[wp.vec3f],
-    c: Curve,
-    f: Finish,
+    c: Distortion,
+    f: LensEffects,
     r: Response,
     rims: wp.array[wp.float32],
     srgb: wp.array[wp.uint8],
@@ -77,14 +79,16 @@ def finish(
         y = wp.float64(i / c.width) + (wp.float64(s / c.fine) + wp.float64(0.5)) * step
         dx = x - half
         dy = y - middle
-        light = light_at(plate, spread, place_on_plate(x, y, c), c, f)
+        light = light_at(plate, spread, plate_position(x, y, c), c, f)
         if f.fringe > 0.0:
             radius = wp.float32(wp.sqrt(dx * dx + dy * dy) / (half * c.limit))
             part = wp.float64(f.fringe * wp.max(radius - f.clear, 0.0) / (1.0 - f.clear))
-            outward = light_at(plate, spread, place_on_plate(x - dx * part, y - dy * part, c), c, f)
-            inward = light_at(plate, spread, place_on_plate(x + dx * part, y + dy * part, c), c, f)
+            outward = light_at(plate, spread, plate_position(x - dx * part, y - dy * part, c), c, f)
+            inward = light_at(plate, spread, plate_position(x + dx * part, y + dy * part, c), c, f)
             light = wp.vec3f(outward[0], light[1], inward[2])
-        gain = shading_at(wp.float32(dx / (half * wp.float64(2.0))), wp.float32(dy / (half * wp.float64(2.0))), r, rims)
+        gain = vignette_at(
+            wp.float32(dx / (half * wp.float64(2.0))), wp.float32(dy / (half * wp.float64(2.0))), r, rims
+        )
         red = red + tone(light[0] * gain)
         green = green + tone(light[1] * gain)
         blue = blue + tone(light[2] * gain)

@@ -9,15 +9,15 @@ before what is seen there; covers are whole numbers, so their sum does not depen
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.noise import scramble, unit, whole
-from recipe_runtime.render.numeric.scalars import greater, index, lesser
-from recipe_runtime.render.scene.camera import Lens
+from recipe_runtime.render.numeric.noise import floor, scramble, unit
+from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
+from recipe_runtime.render.scene.camera import Pinhole
 
 wp.set_module_options(OPTIONS)
 
 
 @wp.struct
-class Shower:
+class Rain:
     """How it rains at one moment."""
 
     key: wp.uint32  # of the seed
@@ -33,7 +33,7 @@ class Shower:
 
 
 @wp.func
-def wrapped(start: wp.uint32, moved: wp.float64, low: wp.float64, cube: wp.float32) -> wp.float64:
+def wrap_coordinate(start: wp.uint32, moved: wp.float64, low: wp.float64, cube: wp.float32) -> wp.float64:
     """A coordinate within the cube from `low` on of a drop that has moved from its start, a hash."""
     side = wp.float64(cube)
     t = (wp.float64(unit(start)) * side + moved - low) / side
@@ -44,11 +44,11 @@ def wrapped(start: wp.uint32, moved: wp.float64, low: wp.float64, cube: wp.float
 
 
 @wp.kernel
-def streaks(
-    shower: wp.array[Shower],
+def draw_streaks(
+    shower: wp.array[Rain],
     depth: wp.array[wp.float32],
     view: wp.array2d[wp.float32],
-    lens: Lens,
+    lens: Pinhole,
     rain: wp.array[wp.int32],
 ):
     """Draw one drop."""
@@ -60,11 +60,11 @@ def streaks(
     low = shower[0].low
     cube = shower[0].cube
     h = scramble(h + wp.uint32(0x6D2B79))
-    x = wp.float32(wrapped(h, shower[0].fall[0] * passed, low[0], cube) - shower[0].eye[0])
+    x = wp.float32(wrap_coordinate(h, shower[0].fall[0] * passed, low[0], cube) - shower[0].eye[0])
     h = scramble(h + wp.uint32(0x6D2B79))
-    y = wp.float32(wrapped(h, shower[0].fall[1] * passed, low[1], cube) - shower[0].eye[1])
+    y = wp.float32(wrap_coordinate(h, shower[0].fall[1] * passed, low[1], cube) - shower[0].eye[1])
     h = scramble(h + wp.uint32(0x6D2B79))
-    w = wp.float32(wrapped(h, shower[0].fall[2] * passed, low[2], cube) - shower[0].eye[2])
+    w = wp.float32(wrap_coordinate(h, shower[0].fall[2] * passed, low[2], cube) - shower[0].eye[2])
     z = (view[0, 8] * x + view[0, 9] * y) + view[0, 10] * w
     if z < 0.8 or z > shower[0].depth:
         return
@@ -73,26 +73,26 @@ def streaks(
     vy = (view[0, 4] * x + view[0, 5] * y) + view[0, 6] * w
     x0 = vx / z * focal + wp.float32(lens.cx)
     y0 = vy / z * focal + wp.float32(lens.cy)
-    z1 = greater(z + shower[0].streak[2] * speed, 0.5)
+    z1 = maximum(z + shower[0].streak[2] * speed, 0.5)
     x1 = (vx + shower[0].streak[0] * speed) / z1 * focal + wp.float32(lens.cx)
     y1 = (vy + shower[0].streak[1] * speed) / z1 * focal + wp.float32(lens.cy)
-    if greater(x0, x1) < -3.0 or lesser(x0, x1) > wp.float32(lens.width):
+    if maximum(x0, x1) < -3.0 or minimum(x0, x1) > wp.float32(lens.width):
         return
-    if greater(y0, y1) < -1.0 or lesser(y0, y1) > wp.float32(lens.height):
+    if maximum(y0, y1) < -1.0 or minimum(y0, y1) > wp.float32(lens.height):
         return
     dx = x1 - x0
     dy = y1 - y0
-    reach = greater(greater(dx, -dx), greater(dy, -dy))
-    steps = wp.min(whole(reach) + 1, 400)
+    reach = maximum(maximum(dx, -dx), maximum(dy, -dy))
+    steps = wp.min(floor(reach) + 1, 400)
     width = 0.003 * size * focal / z  # pixels
-    share = lesser(width, 1.0)
-    broad = wp.min(whole(width) + 1, 3)
+    share = minimum(width, 1.0)
+    broad = wp.min(floor(width) + 1, 3)
     cover = 65536.0 * shower[0].cover * share
     for s in range(steps):
         t = (wp.float32(s) + 0.5) / wp.float32(steps)
         left = x0 + dx * t - 0.5
-        px = whole(left)
-        py = whole(y0 + dy * t)
+        px = floor(left)
+        py = floor(y0 + dy * t)
         past = left - wp.float32(px)
         if py >= 0 and py < lens.height:
             # Its two sides fill pixels in part, so that a slanted streak has no steps.
@@ -104,6 +104,6 @@ def streaks(
                 if k == broad:
                     part = past
                 if qx >= 0 and qx < lens.width:
-                    pixel = index(py * lens.width + qx)
+                    pixel = nonnegative(py * lens.width + qx)
                     if depth[pixel] > z:
                         wp.atomic_add(rain, pixel, wp.int32(cover * part))

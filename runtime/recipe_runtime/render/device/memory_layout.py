@@ -36,7 +36,7 @@ def span_of(kind: Any, name: str) -> tuple[int, int]:
     return field.offset, field.size
 
 
-class Block:
+class MemoryLayout:
     """The layout of such a piece of memory."""
 
     def __init__(self) -> None:

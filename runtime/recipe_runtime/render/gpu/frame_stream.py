@@ -15,29 +15,29 @@ from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, SensorPlan
 
 from recipe_runtime.render.camera import develop_kernels, post_process, rain_kernels
-from recipe_runtime.render.camera.rain import shower_of
+from recipe_runtime.render.camera.rain import rain_at
 from recipe_runtime.render.device.arrays import record, records
-from recipe_runtime.render.device.memory_layout import Block, span_of
+from recipe_runtime.render.device.memory_layout import MemoryLayout, span_of
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.gpu.recorded_frame import Lane, Look, Print, Stage
+from recipe_runtime.render.gpu.recorded_frame import RecordedFrame, RenderedFrame, ShadedAppearance, StreamSetup
 from recipe_runtime.render.lighting import lights, shadow_kernels
-from recipe_runtime.render.lighting.shadow_maps import Shadows, about
+from recipe_runtime.render.lighting.shadow_maps import ShadowMaps, moving_beams
 from recipe_runtime.render.lighting.weather_light import drift, light_of
-from recipe_runtime.render.numeric.seeds import keyed
+from recipe_runtime.render.numeric.seeds import noise_key
 from recipe_runtime.render.raster.observer import all_tiles
 from recipe_runtime.render.sampling import sample_kernels
 from recipe_runtime.render.scene.camera import view_from_parts, world_from_parts, world_from_view
 from recipe_runtime.render.scene.geometry import Geometry
-from recipe_runtime.render.texture.mipmaps import Albums
-from recipe_runtime.render.texture.surface_colours import looks_of
+from recipe_runtime.render.texture.mipmaps import ImageAtlases
+from recipe_runtime.render.texture.surface_colours import surface_colours
 from recipe_runtime.transforms import Array
 
 _CHUNK = 8  # frames whose numbers are made at once, while those of before are drawn
-_EDGES = 0.5  # samples at edges that there is room for at first, a pixel
+_EDGE_SAMPLES = 0.5  # samples at edges that there is room for at first, a pixel
 
 
 @dataclass(frozen=True)
-class Take:
+class FrameBatch:
     """What a reel is to show: frames by number, each with its time, the sensor's pose and the parts' transforms."""
 
     numbers: Sequence[int]
@@ -46,14 +46,14 @@ class Take:
     parts: Array  # [F, P, 3, 4] world from part
 
 
-class Reel:
+class FrameStream:
     """Draws frames of one camera in some appearances that agree on antialiasing."""
 
     def __init__(
         self,
         geometry: Geometry,
-        shadows: Shadows,
-        albums: Albums,
+        shadows: ShadowMaps,
+        albums: ImageAtlases,
         device: str,
         camera_plan: CameraPlan,
         sensor: str,
@@ -61,7 +61,7 @@ class Reel:
         lanes: int = 16,
     ) -> None:
         self._g, self._device, self._camera, self._sensor = geometry, device, camera_plan, sensor
-        self._shadows, self._albums, self._tables = shadows, albums, post_process.Tables(device)
+        self._shadows, self._albums, self._tables = shadows, albums, post_process.ResponseTables(device)
         self._suns: list[NDArray[np.float64]] = []
         self._looks = [self._look(plan) for plan in appearances]
         smooth = {look.response.antialias for look in self._looks} or {False}
@@ -69,7 +69,7 @@ class Reel:
             raise ValueError("the appearances of a reel are antialiased all or none")
         side = 2 if smooth.pop() else 1
         pixels = camera_plan.width * camera_plan.height
-        self._stage = Stage(
+        self._stage = StreamSetup(
             geometry,
             device,
             camera_plan,
@@ -79,14 +79,14 @@ class Reel:
             tiles=wp.array(all_tiles(camera_plan), dtype=wp.int32, device=device),
             dark=records([shadows.none()] * 4, device),
             block=_layout(geometry, self._suns, self._looks),
-            room=pixels + (int(_EDGES * pixels) if side == 2 else 0),
+            room=pixels + (int(_EDGE_SAMPLES * pixels) if side == 2 else 0),
         )
         self._beams: list[Any] = []  # static shadow maps that frames under way may look into
-        self._lanes = [Lane(self._stage) for _ in range(lanes)]
+        self._lanes = [RecordedFrame(self._stage) for _ in range(lanes)]
 
-    def frames(self, take: Take) -> Iterator[Print]:
+    def frames(self, take: FrameBatch) -> Iterator[RenderedFrame]:
         """The frames, in their order."""
-        waiting: list[tuple[Lane, int]] = []
+        waiting: list[tuple[RecordedFrame, int]] = []
         for start in range(0, len(take.numbers), _CHUNK):
             stop = min(start + _CHUNK, len(take.numbers))
             rows = self._rows(take, start, stop)
@@ -99,7 +99,7 @@ class Reel:
         for lane, index in waiting:
             yield self._ready(take, lane, index)
 
-    def _ready(self, take: Take, lane: Lane, index: int) -> Print:
+    def _ready(self, take: FrameBatch, lane: RecordedFrame, index: int) -> RenderedFrame:
         """A lane's frame, once it is done; with more room, if it had too little."""
         lane.wait()
         if lane.wanted > lane.room:
@@ -108,7 +108,7 @@ class Reel:
             lane.wait()
         return lane.print(take.numbers[index], take.poses[index], take.parts[index])
 
-    def _look(self, plan: AppearancePlan) -> Look:
+    def _look(self, plan: AppearancePlan) -> ShadedAppearance:
         light, response = light_of(plan, self._device), plan.responses.get(self._sensor) or CameraResponse()
         sun = -1
         if light.sun[2] > 0.0 and float(light.sunlight.max()) > 0.0:
@@ -116,10 +116,10 @@ class Reel:
             if not any(known):
                 self._suns.append(light.sun)
             sun = known.index(True) if any(known) else len(self._suns) - 1
-        looks = record(looks_of(self._g, plan.looks.root, self._albums.of(plan), self._device), self._device)
-        return Look(plan, light, looks, response, self._tables.straight(response, self._camera), sun)
+        looks = record(surface_colours(self._g, plan.looks.root, self._albums.of(plan), self._device), self._device)
+        return ShadedAppearance(plan, light, looks, response, self._tables.straight(response, self._camera), sun)
 
-    def _rows(self, take: Take, start: int, stop: int) -> NDArray[np.uint8]:
+    def _rows(self, take: FrameBatch, start: int, stop: int) -> NDArray[np.uint8]:
         """The blocks of some frames, but for what is a lane's own."""
         poses, parts, block = take.poses[start:stop], take.parts[start:stop], self._stage.block
         rows, put = block.rows(stop - start), block.put
@@ -137,7 +137,7 @@ class Reel:
             for n, sun in enumerate(self._suns):
                 still = self._shadows.static(sun, pose[:, 3])
                 held += still
-                moving = about(sun, pose[:, 3], pose[:, 0])
+                moving = moving_beams(sun, pose[:, 3], pose[:, 0])
                 block.put_records(row, f"beams {n}", [*still, *moving])
         for v, look in enumerate(self._looks):
             for row, pose, number, time in zip(
@@ -146,8 +146,8 @@ class Reel:
                 drift(look.light, time)
                 block.put_records(row, f"air {v}", [look.light.air])
                 if look.light.rain > 0.0:
-                    shower = shower_of(pose, look.light, time)
-                    shower.key = keyed(look.plan.seed, "rain", 0)
+                    shower = rain_at(pose, look.light, time)
+                    shower.key = noise_key(look.plan.seed, "rain", 0)
                     block.put_records(row, f"shower {v}", [shower])
                 block.put_records(row, f"response {v}", [self._response(look, pose, number)])
         under_way = _CHUNK + len(self._lanes)
@@ -156,16 +156,16 @@ class Reel:
             wp.synchronize_stream(wp.get_stream(self._device))  # static shadows are drawn there
         return rows
 
-    def _response(self, look: Look, pose: Array, number: int) -> Any:
-        key = keyed(look.plan.seed, self._sensor, number)
+    def _response(self, look: ShadedAppearance, pose: Array, number: int) -> Any:
+        key = noise_key(look.plan.seed, self._sensor, number)
         lit = lights.lamplight(self._g, pose[:, 3]) if look.light.lamplight > 0.0 else 1.0
         return post_process.response_of(look.response, look.light.exposure(lit), key, self._camera)
 
 
-def _layout(g: Geometry, suns: Sequence[Any], looks: Sequence[Look]) -> Block:
+def _layout(g: Geometry, suns: Sequence[Any], looks: Sequence[ShadedAppearance]) -> MemoryLayout:
     """What changes from frame to frame, and where it stands."""
     parts, eye, none = 1 + g.parts, np.zeros((1, 3)), np.zeros((1, g.parts, 3, 4))
-    block = Block()
+    block = MemoryLayout()
     block.add("view", wp.float32, (parts, 12))
     block.add("world", wp.float32, (parts, 12))
     block.add("back", wp.float32, (1, 12))
@@ -180,15 +180,16 @@ def _layout(g: Geometry, suns: Sequence[Any], looks: Sequence[Look]) -> Block:
         block.add(f"beams {n}", shadow_kernels.Sunbeam, (4,))
     for v, look in enumerate(looks):
         block.add(f"air {v}", look.light.air._cls, (1,))
-        block.add(f"shower {v}", rain_kernels.Shower, (1,))
+        block.add(f"shower {v}", rain_kernels.Rain, (1,))
         block.add(f"response {v}", develop_kernels.Response, (1,))
     return block
 
 
-def takes(sensor: SensorPlan, appearances: Sequence[AppearancePlan]) -> bool:
+def can_stream(sensor: SensorPlan, appearances: Sequence[AppearancePlan]) -> bool:
     """Whether a reel can draw a sensor in these: its camera a plain one, which makes bytes of samples in one kernel."""
     responses = [plan.responses.get(sensor.name) or CameraResponse() for plan in appearances]
     plain = all(
-        not post_process.needs_plate(sensor.camera, r, None) and r.motion_blur_intensity == 0.0 for r in responses
+        not post_process.needs_post_process(sensor.camera, r, None) and r.motion_blur_intensity == 0.0
+        for r in responses
     )
     return plain and len({r.antialias for r in responses}) <= 1

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
 
 from recipe_runtime.render.camera import develop_kernels, rain_kernels
-from recipe_runtime.render.camera.rain import shower_of, streak_of
+from recipe_runtime.render.camera.rain import rain_at, streak_radiance
 from recipe_runtime.render.device.arrays import record
 from recipe_runtime.render.device.launch import launch
-from recipe_runtime.render.device.memory_layout import Block, span_of
+from recipe_runtime.render.device.memory_layout import MemoryLayout, span_of
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import (
     fog_glow_kernels,
@@ -30,22 +30,22 @@ from recipe_runtime.render.lighting import (
     temporal_kernels,
     tile_list_kernels,
 )
-from recipe_runtime.render.lighting.shadow_maps import Sheet, about
-from recipe_runtime.render.lighting.temporal import every_sample
+from recipe_runtime.render.lighting.shadow_maps import ShadowMap, moving_beams
+from recipe_runtime.render.lighting.temporal import all_samples
 from recipe_runtime.render.lighting.weather_light import Light
 from recipe_runtime.render.raster import bin_kernels, label_kernels, visibility_kernels
-from recipe_runtime.render.raster.distortion import curve_of
+from recipe_runtime.render.raster.distortion import distortion_of
 from recipe_runtime.render.raster.observation import Observation, objects_of
 from recipe_runtime.render.sampling import sample_kernels, slot_kernels
-from recipe_runtime.render.scene.camera import lens_of
+from recipe_runtime.render.scene.camera import pinhole_of
 from recipe_runtime.render.scene.geometry import CHUNK, Geometry
 from recipe_runtime.transforms import Array
 
-_BANDS = 1 << 17  # of large triangles that a list holds
+_BIN_CAPACITY = 1 << 17  # of large triangles that a list holds
 
 
 @dataclass(frozen=True)
-class Look:
+class ShadedAppearance:
     """An appearance, made ready for a camera."""
 
     plan: AppearancePlan
@@ -67,7 +67,7 @@ class Look:
 
 
 @dataclass
-class Stage:
+class StreamSetup:
     """What all lanes of a reel share."""
 
     g: Geometry
@@ -75,10 +75,10 @@ class Stage:
     camera: CameraPlan
     side: int  # samples along a pixel's side
     suns: list[NDArray[np.float64]]
-    looks: list[Look]
+    looks: list[ShadedAppearance]
     tiles: Any  # as kernels take them
     dark: Any  # shadow maps for where no sun shines
-    block: Block  # what changes from frame to frame
+    block: MemoryLayout  # what changes from frame to frame
     room: int  # samples that a lane has room for; more, once a frame wanted more
 
     @property
@@ -88,7 +88,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Print:
+class RenderedFrame:
     """A frame of a reel: its observation, and a picture [H, W, 3] for every appearance.
 
     The arrays are the lane's: they hold until the next frame is asked for.
@@ -99,10 +99,10 @@ class Print:
     pictures: tuple[NDArray[np.uint8], ...]
 
 
-class Lane:
+class RecordedFrame:
     """Room for one frame, and the kernels that fill it."""
 
-    def __init__(self, stage: Stage) -> None:
+    def __init__(self, stage: StreamSetup) -> None:
         self.stage, self.device, self.room = stage, stage.device, stage.room
         self._cuda = stage.device != "cpu"
         self._stream = wp.Stream(stage.device) if self._cuda else None
@@ -131,7 +131,7 @@ class Lane:
         if self._cuda:
             wp.synchronize_event(self._done)
 
-    def print(self, number: int, pose: Array, parts: Array) -> Print:
+    def print(self, number: int, pose: Array, parts: Array) -> RenderedFrame:
         """The frame that is done."""
         h, shape = self._host, (self.stage.camera.height, self.stage.camera.width)
         depth, instance, semantic = (h[name].reshape(shape) for name in ("depth", "instance", "semantic"))
@@ -152,7 +152,7 @@ class Lane:
             np.zeros(0, np.int32),
         )
         pictures = tuple(h[f"rgb {v}"].reshape(*shape, 3) for v in range(len(self.stage.looks)))
-        return Print(number, seen, pictures)
+        return RenderedFrame(number, seen, pictures)
 
     def _run(self) -> None:
         self._numbers[:] = self._row
@@ -173,7 +173,7 @@ class Lane:
         self._pinned = wp.zeros(stage.block.size, dtype=wp.uint8, device="cpu", pinned=self._cuda)
         self._numbers: NDArray[np.uint8] = self._pinned.numpy()
         self._block = wp.zeros(stage.block.size, dtype=wp.uint8, device=device)
-        self._out_layout = Block()
+        self._out_layout = MemoryLayout()
         for name, kind, shape in _results(stage, actors):
             self._out_layout.add(name, kind, shape)
         self._out = wp.zeros(self._out_layout.size, dtype=wp.uint8, device=device)
@@ -209,7 +209,7 @@ class Lane:
         self._fine = zeros(stage.pixels * 4, wp.uint64) if stage.side == 2 else self._coarse
         self._bits, self._bands, self._taken = (
             zeros(stage.pixels, wp.uint64),
-            zeros(_BANDS, wp.uint64),
+            zeros(_BIN_CAPACITY, wp.uint64),
             zeros(1, wp.int32),
         )
         self._counts, self._firsts = zeros(size, wp.int32), zeros(size, wp.int32)
@@ -229,30 +229,33 @@ class Lane:
         self._nothing_moved = wp.zeros((1, 1), dtype=wp.int32, device=device)
         self._no_levels = 0, zeros(1, wp.uint8), zeros(1, wp.vec3f)
         self._cover, self._dry = zeros(stage.pixels, wp.int32), zeros(1, wp.int32)
-        lists = (stage.tiles.size, int(tile_list_kernels.MOST) + 1)
+        lists = (stage.tiles.size, int(tile_list_kernels.MAX_PER_TILE) + 1)
         kinds = {look.lit for look in stage.looks}
         self._lists = {lit: [wp.zeros(lists, dtype=wp.int32, device=device) for _ in range(3)] for lit in kinds}
         self._seen = zeros(max(stage.g.chunk_count, 1), wp.int32)
         here, ahead = np.zeros(3), np.array([1.0, 0.0, 0.0])
         self._maps = [
-            [Sheet(beam, stage.g, device, zeros(beam.size * beam.size, wp.uint64)) for beam in about(sun, here, ahead)]
+            [
+                ShadowMap(beam, stage.g, device, zeros(beam.size * beam.size, wp.uint64))
+                for beam in moving_beams(sun, here, ahead)
+            ]
             for sun in stage.suns
         ]
 
     def _records(self) -> None:
         """What of the block and the records is this lane's own: addresses."""
         stage, b, g, device = self.stage, self._b, self.stage.g, self.device
-        scene = sample_kernels.Scene()
+        scene = sample_kernels.SceneArrays()
         scene.view, scene.normals, scene.uvs = self._vertices, g.normals, g.uvs
         scene.vertex_part, scene.triangles, scene.face_normals = g.vertex_part, g.triangles, g.face_normals
         scene.triangle_surface, scene.surface_pattern = g.triangle_surface, g.surface_pattern
         scene.world_from_part, scene.world_from_view = b["world"], b["back"]
         self._scene = record(scene, device)
         self._nothing_still, self._nothing_before = (
-            record(sample_kernels.Still(), device),
-            record(temporal_kernels.Before(), device),
+            record(sample_kernels.StaticSamples(), device),
+            record(temporal_kernels.PreviousFrame(), device),
         )
-        self._all = record(every_sample(), device)
+        self._all = record(all_samples(), device)
         lit = lights.lamps_of(g, [b[f"lamps {name}"] for name in lights.LAMP_NAMES], device)
         self._lamps = {True: record(lit, device), False: record(lights.no_lamps(device), device)}
         columns = [b[f"bodies {name}"] for name in lights.BODY_NAMES]
@@ -283,62 +286,67 @@ class Lane:
         wp.copy(self._out_host, self._out)
 
     def _observe(self) -> None:
-        stage, g, r, lens = self.stage, self.stage.g, self._r, lens_of(self.stage.camera, 1)
+        stage, g, r, lens = self.stage, self.stage.g, self._r, pinhole_of(self.stage.camera, 1)
         inputs = [g.vertices, g.vertex_part, self._b["view"], 0, self._vertices]
-        launch(visibility_kernels.transform, g.vertex_count, inputs, self.device)
+        launch(visibility_kernels.transform_vertices, g.vertex_count, inputs, self.device)
         boxes = [g.chunks, g.chunk_centres, g.chunk_halves]
-        launch(visibility_kernels.cull, g.chunk_count, [*boxes, self._b["view"], lens, self._seen], self.device)
+        launch(visibility_kernels.cull_chunks, g.chunk_count, [*boxes, self._b["view"], lens, self._seen], self.device)
         self._raster(self._coarse, 1)
         wp.copy(r["extents"].flatten(), self._no_extents.flatten())
         tables = [g.triangle_surface, g.surface_actor, g.surface_instance, g.surface_tag]
         out = [r["depth"], r["instance"], r["semantic"], r["extents"][0]]
         size = stage.tiles.size * int(label_kernels.TILE_PIXELS)
-        launch(label_kernels.label, size, [stage.tiles, self._coarse, *tables, lens, *out], self.device)
+        launch(label_kernels.label_pixels, size, [stage.tiles, self._coarse, *tables, lens, *out], self.device)
         first = g.static_triangles
         for start in range(0, len(g.actors), 64):
             self._raster(self._bits, 1, g.static_chunks, start)
             actors = min(64, len(g.actors) - start)
             inputs = [stage.tiles, self._bits, lens, start, actors, r["extents"][1]]
-            launch(label_kernels.amodal, size, inputs, self.device)
+            launch(label_kernels.count_amodal, size, inputs, self.device)
         if g.triangle_count > first:
             tables = [self._vertices, g.triangles, g.triangle_surface, g.surface_actor, first, lens]
-            inputs = [*tables, curve_of(stage.camera), r["extents"][2], r["extents"][3]]
-            launch(label_kernels.project_box, g.triangle_count - first, inputs, self.device)
+            inputs = [*tables, distortion_of(stage.camera), r["extents"][2], r["extents"][3]]
+            launch(label_kernels.project_boxes, g.triangle_count - first, inputs, self.device)
 
     def _raster(self, keys: Any, side: int, first: int = 0, actor: int = -1) -> None:
-        g, lens = self.stage.g, lens_of(self.stage.camera, side)
+        g, lens = self.stage.g, pinhole_of(self.stage.camera, side)
         keys.zero_()
         self._taken.zero_()
         tables, lists = [g.triangle_surface, g.surface_actor, actor], [lens, keys, self._bands, self._taken]
         inputs = [self._vertices, g.triangles, g.chunks, self._seen, first, *tables, *lists]
-        launch(bin_kernels.sort, (g.chunk_count - first) * CHUNK, inputs, self.device)
-        threads = int(bin_kernels.CREWS) * int(bin_kernels.CREW)
-        launch(bin_kernels.fill, threads, [self._vertices, g.triangles, *tables, *lists], self.device)
+        launch(bin_kernels.bin_triangles, (g.chunk_count - first) * CHUNK, inputs, self.device)
+        threads = int(bin_kernels.BIN_GROUPS) * int(bin_kernels.BIN_THREADS)
+        launch(bin_kernels.raster_bins, threads, [self._vertices, g.triangles, *tables, *lists], self.device)
 
     def _place(self) -> None:
         """Samples, as `points` places and surveys them, but in slots."""
         stage, size = self.stage, self.stage.tiles.size * int(label_kernels.TILE_PIXELS)
-        lens, cursor = lens_of(stage.camera, stage.side), self._r["cursor"]
+        lens, cursor = pinhole_of(stage.camera, stage.side), self._r["cursor"]
         if stage.side == 2:
             self._raster(self._fine, 2)
         keys = [self._coarse, self._fine]
         grouped = [lens, self._scene, self._nothing_still, self._groups, self._starts, self._counts]
-        launch(sample_kernels.count, size, [stage.tiles, *keys, *grouped], self.device)
+        launch(sample_kernels.count_samples, size, [stage.tiles, *keys, *grouped], self.device)
         self._wanted.zero_()
         cursor.zero_()
-        launch(slot_kernels.rank, size, [self._counts, self._firsts, self._wanted], self.device)
-        launch(slot_kernels.reserve, stage.tiles.size, [self._wanted, self._stretches, cursor], self.device)
+        launch(slot_kernels.rank_in_tile, size, [self._counts, self._firsts, self._wanted], self.device)
+        launch(slot_kernels.reserve_slots, stage.tiles.size, [self._wanted, self._stretches, cursor], self.device)
         inputs = [stage.tiles, lens, self._stretches, self.room, self._counts, self._firsts]
-        launch(slot_kernels.settle, size, inputs, self.device)
+        launch(slot_kernels.assign_slots, size, inputs, self.device)
         self._of_pixel.fill_(-1)
         self._of_tile.fill_(-1)
         places = [lens, self._scene, self._groups, self._starts]
         out = [self._keys, self._of_pixel, self._places, self._weights, self._of_tile]
-        launch(sample_kernels.place, size, [stage.tiles, *keys, self._counts, self._firsts, *places, *out], self.device)
-        lens = lens_of(stage.camera, 1)
+        launch(
+            sample_kernels.emit_samples,
+            size,
+            [stage.tiles, *keys, self._counts, self._firsts, *places, *out],
+            self.device,
+        )
+        lens = pinhole_of(stage.camera, 1)
         inputs = [0, self._keys, self._of_pixel, self._places, lens, self._scene]
         out = [self._surfaces, self._positions, self._normals, self._details, self._codes]
-        launch(sample_kernels.survey, self.room, [*inputs, *out], self.device)
+        launch(sample_kernels.evaluate_samples, self.room, [*inputs, *out], self.device)
 
     def _shadow(self) -> None:
         g = self.stage.g
@@ -346,7 +354,7 @@ class Lane:
         if not self.stage.suns:
             return
         inputs = [g.vertices, g.vertex_part, self._b["world"], g.static_vertices, self._world]
-        launch(visibility_kernels.transform, count, inputs, self.device)
+        launch(visibility_kernels.transform_vertices, count, inputs, self.device)
         for n, maps in enumerate(self._maps):
             for k, sheet in enumerate(maps, start=2):
                 beam, first = self._b[f"beams {n}"][k : k + 1], g.static_chunks
@@ -354,25 +362,25 @@ class Lane:
                 sheet.draw(beam, self._world, self._b["world"], first, g.chunk_count - first)
 
     def _near(self) -> None:
-        stage, lens = self.stage, lens_of(self.stage.camera, 1)
+        stage, lens = self.stage, pinhole_of(self.stage.camera, 1)
         for lit, lists in self._lists.items():
             inputs = [self._coarse, lens, self._b["back"], self._lamps[lit], self._bodies, *lists[:2]]
-            launch(tile_list_kernels.gather, stage.tiles.size, inputs, self.device)
+            launch(tile_list_kernels.cull_lights, stage.tiles.size, inputs, self.device)
             inputs = [lens, self._b["view"], self._lamps[lit], lists[2]]
-            launch(fog_glow_kernels.gather, stage.tiles.size, inputs, self.device)
+            launch(fog_glow_kernels.cull_glows, stage.tiles.size, inputs, self.device)
 
-    def _shade(self, v: int, look: Look) -> None:
-        stage, b, lens = self.stage, self._b, lens_of(self.stage.camera, 1)
+    def _shade(self, v: int, look: ShadedAppearance) -> None:
+        stage, b, lens = self.stage, self._b, pinhole_of(self.stage.camera, 1)
         data, air = b["samples"], b[f"air {v}"]
         beams = b[f"beams {look.sun}"] if look.sun >= 0 else stage.dark
         inputs = [data, look.looks, air, beams, self._lamps[look.lit], self._bodies, *self._lists[look.lit]]
         shown = self._shown if look.wet else self._light
         out = [self._light, self._gleam, self._known, shown]
-        launch(shading_kernels.shade, self.room, [*inputs, self._nothing_before, self._all, *out], self.device)
+        launch(shading_kernels.shade_samples, self.room, [*inputs, self._nothing_before, self._all, *out], self.device)
         if look.wet:
             inputs = [data, self._gleam, self._r["depth"], self._starts, b["view"], lens, self._nothing_before]
             inputs += [self._nothing_moved, 1, self._reach, self._asked, self._ways]
-            launch(reflection_kernels.march, self._reach.size, inputs, self.device)
+            launch(reflection_kernels.trace_rays, self._reach.size, inputs, self.device)
             inputs = [data, air, self._gleam, self._reach, self._r["depth"], self._starts, b["view"], lens]
             inputs += [self._nothing_before, self._all, self._light, self._sources, shown]
             launch(reflection_kernels.reflect, self.room, inputs, self.device)
@@ -380,16 +388,18 @@ class Lane:
         if look.light.rain > 0.0:
             cover = self._cover
             cover.zero_()
-            count = int(shower_of(np.zeros((3, 4)), look.light, 0.0).count)
+            count = int(rain_at(np.zeros((3, 4)), look.light, 0.0).count)
             inputs = [b[f"shower {v}"], self._r["depth"], b["view"], lens, cover]
-            launch(rain_kernels.streaks, count, inputs, self.device)
-        streak = streak_of(look.light)
+            launch(rain_kernels.draw_streaks, count, inputs, self.device)
+        streak = streak_radiance(look.light)
         inputs = [shown, self._starts, self._groups, self._weights, cover, streak, b[f"response {v}"]]
         inputs += self._no_levels
-        launch(develop_kernels.develop, stage.pixels, [*inputs, *look.tables, 1, self._r[f"rgb {v}"]], self.device)
+        launch(
+            develop_kernels.develop_pixels, stage.pixels, [*inputs, *look.tables, 1, self._r[f"rgb {v}"]], self.device
+        )
 
 
-def _results(stage: Stage, actors: int) -> list[tuple[str, Any, tuple[int, ...]]]:
+def _results(stage: StreamSetup, actors: int) -> list[tuple[str, Any, tuple[int, ...]]]:
     """What a frame leaves behind."""
     labels = [("depth", wp.float32), ("instance", wp.uint16), ("semantic", wp.uint8)]
     return [

@@ -4,15 +4,15 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.noise import hash3, noise2, step_between, unit, whole
-from recipe_runtime.render.numeric.scalars import clamp01, greater, index, lesser
-from recipe_runtime.render.numeric.vectors import inner, mix
+from recipe_runtime.render.numeric.noise import floor, hash3, noise2, smoothstep, unit
+from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
+from recipe_runtime.render.numeric.vectors import dot, mix
 
 wp.set_module_options(OPTIONS)
 
 DECAY_STEPS = wp.constant(1024)
 DECAY_SCALE = wp.constant(wp.float32(64.0))
-THICK = wp.constant(wp.float32(15.9))  # beyond it e^-x is nothing, and a table's end is near
+MAX_TABLE_DEPTH = wp.constant(wp.float32(15.9))  # beyond it e^-x is nothing, and a table's end is near
 SKY_ROWS = wp.constant(64)
 HALO_ROWS = wp.constant(256)
 SWING_STIRS = wp.constant(43)  # of a leaf to and fro
@@ -60,10 +60,10 @@ class Air:
 
 
 @wp.func
-def read_off(table: wp.array[wp.float32], x: wp.float32) -> wp.float32:
+def interpolate(table: wp.array[wp.float32], x: wp.float32) -> wp.float32:
     """Linear interpolation in a table of steps of 1 / 64 from 0 on."""
-    t = lesser(greater(x, 0.0) * DECAY_SCALE, wp.float32(DECAY_STEPS - 2))
-    i = index(wp.int32(t))
+    t = minimum(maximum(x, 0.0) * DECAY_SCALE, wp.float32(DECAY_STEPS - 2))
+    i = nonnegative(wp.int32(t))
     low = table[i]
     return low + (table[i + 1] - low) * (t - wp.float32(i))
 
@@ -71,31 +71,31 @@ def read_off(table: wp.array[wp.float32], x: wp.float32) -> wp.float32:
 @wp.func
 def decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
     """e^-x for x >= 0, from a table."""
-    return read_off(air[0].decay, x)
+    return interpolate(air[0].decay, x)
 
 
 @wp.func
-def thinned(air: wp.array[Air], x: wp.float32) -> wp.float32:
+def mean_decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
     """The mean of e^-t for t from 0 to x >= 0: how dense fog is on a way that rises through it."""
-    if x > THICK:
+    if x > MAX_TABLE_DEPTH:
         return 1.0 / x
-    return read_off(air[0].thinning, x)
+    return interpolate(air[0].thinning, x)
 
 
 @wp.func
 def lookup(table: wp.array[wp.vec3f], t: wp.float32, rows: wp.int32) -> wp.vec3f:
     """Linear interpolation in a table over [0, 1]."""
     s = clamp01(t) * wp.float32(rows - 1)
-    i = index(wp.min(wp.int32(s), rows - 2))
+    i = nonnegative(wp.min(wp.int32(s), rows - 2))
     return mix(table[i], table[i + 1], s - wp.float32(i))
 
 
 @wp.func
 def clear_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     """Cloudless sky in a direction, without the sun's disc; below the horizon, the horizon's."""
-    up = greater(d[2], 0.0)
+    up = maximum(d[2], 0.0)
     base = lookup(air[0].gradient, wp.sqrt(up), SKY_ROWS)
-    c = inner(d, air[0].sun) * 0.5 + 0.5
+    c = dot(d, air[0].sun) * 0.5 + 0.5
     glow = lookup(air[0].halo, c * c, HALO_ROWS)
     low = 1.0 - 0.75 * wp.sqrt(up)
     return base + glow + air[0].warm * (c * c * c * low * low)
@@ -116,7 +116,7 @@ def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
     n = n + middle * 0.27
     n = n + noise2(x * 5.1 + middle, y * 5.1 + 3.0, air[0].seed ^ wp.uint32(103)) * 0.14
     n = n + noise2(x * 11.0, y * 11.0 + middle, air[0].seed ^ wp.uint32(104)) * 0.07
-    thick = step_between(edge, edge + 0.22, n)
+    thick = smoothstep(edge, edge + 0.22, n)
     # The side towards the sun, where there is less cloud before the light, is the bright one.
     sunward = noise2(x + air[0].sun[0] * 0.2, y + air[0].sun[1] * 0.2, air[0].seed ^ wp.uint32(101)) * 0.52
     sunward = sunward + 0.27 * noise2(
@@ -129,17 +129,17 @@ def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
 def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     """The whole sky in a direction: gradient, halo, disc, clouds, stars."""
     clear = clear_sky(air, d)
-    c = inner(d, air[0].sun)
-    sharp = step_between(0.99992, 0.99997, c)
+    c = dot(d, air[0].sun)
+    sharp = smoothstep(0.99992, 0.99997, c)
     clear = clear + air[0].disc * sharp
     if air[0].stars > 0.0 and d[2] > 0.05:
-        i = whole(d[0] / (d[2] + 0.6) * 620.0)
-        j = whole(d[1] / (d[2] + 0.6) * 620.0)
+        i = floor(d[0] / (d[2] + 0.6) * 620.0)
+        j = floor(d[1] / (d[2] + 0.6) * 620.0)
         h = unit(hash3(i, j, 1, air[0].seed))
         if h > 0.9990:
             clear = clear + wp.vec3f(1.0, 1.0, 1.1) * (air[0].stars * (h - 0.9990) * 1000.0)
     if d[2] <= 0.0 or air[0].cover <= 0.0:
-        return mix(clear, air[0].cloud_dark, step_between(0.6, 1.0, air[0].cover))
+        return mix(clear, air[0].cloud_dark, smoothstep(0.6, 1.0, air[0].cover))
     cloud = cloud_at(air, d)
     if cloud[0] <= 0.0:
         return clear
@@ -147,8 +147,8 @@ def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     thin = 1.0 - cloud[0]
     bright = mix(air[0].cloud_dark, air[0].cloud_bright, clamp01(cloud[1] + thin * thin))
     lit = bright + lookup(air[0].halo, (c * 0.5 + 0.5) * (c * 0.5 + 0.5), HALO_ROWS) * (0.35 * thin + 0.15 * forward)
-    haze = step_between(0.0, 0.22, d[2])
-    whole_cover = step_between(0.6, 1.0, air[0].cover)
+    haze = smoothstep(0.0, 0.22, d[2])
+    whole_cover = smoothstep(0.6, 1.0, air[0].cover)
     share = cloud[0] * (haze + (1.0 - haze) * whole_cover)
     return mix(clear, lit, share)
 
@@ -156,28 +156,28 @@ def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
 @wp.func
 def reflected_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
     """The sky as a mirror shows it: without small clouds; below the horizon it darkens to the ground."""
-    clear = clear_sky(air, wp.vec3f(d[0], d[1], greater(d[2], 0.0)))
+    clear = clear_sky(air, wp.vec3f(d[0], d[1], maximum(d[2], 0.0)))
     grey = mix(air[0].cloud_dark, air[0].cloud_bright, 0.5)
     both = mix(clear, grey, clamp01(air[0].cover))
-    return mix(both, air[0].below, step_between(0.05, -0.15, d[2]))
+    return mix(both, air[0].below, smoothstep(0.05, -0.15, d[2]))
 
 
 @wp.func
-def fog_share(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: wp.float32) -> wp.float32:
+def transmittance(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: wp.float32) -> wp.float32:
     """Share of light that survives `distance` metres of fog and haze between two heights (Koschmieder)."""
-    path = greater(distance - air[0].fog_start, 0.0) * air[0].fog
+    path = maximum(distance - air[0].fog_start, 0.0) * air[0].fog
     if air[0].fog_thin > 0.0 and path > 0.0:
-        low = greater(lesser(z0, z1), 0.0) * air[0].fog_thin
+        low = maximum(minimum(z0, z1), 0.0) * air[0].fog_thin
         rise = (z1 - z0) * air[0].fog_thin
-        rise = greater(rise, -rise)
-        path = path * (decay(air, low) * thinned(air, rise))
+        rise = maximum(rise, -rise)
+        path = path * (decay(air, low) * mean_decay(air, rise))
     return decay(air, path + distance * air[0].haze)
 
 
 @wp.func
-def veiled(air: wp.array[Air], radiance: wp.vec3f, d: wp.vec3f, left: wp.float32) -> wp.vec3f:
+def apply_fog(air: wp.array[Air], radiance: wp.vec3f, d: wp.vec3f, left: wp.float32) -> wp.vec3f:
     """Radiance seen in direction d, when the fog between lets the share `left` through."""
-    c = clamp01(inner(d, air[0].sun))
+    c = clamp01(dot(d, air[0].sun))
     c = c * c * c * c
     veil = air[0].fog_colour + air[0].fog_sun * (c * c)
     return mix(veil, radiance, left)

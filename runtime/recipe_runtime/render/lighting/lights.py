@@ -15,8 +15,11 @@ from recipe_runtime.transforms import Array
 
 _CANDELA = 1.0 / 11000.0  # light on a white surface a metre away, in the scale of `air`, of one candela
 _SPILL = 1400.0  # candela above which a lamp's light near by grows by the square root only
-_MOST_LAMPS = 256
-_LAMPLIT, _UNLIT = 3.1e-3, 0.3  # the light of all lamps about a street that is lit; the least that one counts as, of it
+_MAX_LAMPS = 256
+_LIT_STREET, _UNLIT = (
+    3.1e-3,
+    0.3,
+)  # the light of all lamps about a street that is lit; the least that one counts as, of it
 _LOWEST = 0.4  # metres above its actor's foot at which a part no longer darkens the ground
 _UNDER = 0.72  # share of the sky's light that a wide body flat on the ground keeps from it
 _NOWHERE = 1.0e9  # metres
@@ -35,7 +38,7 @@ def lamplight(geometry: Geometry, eye: Array) -> float:
     dx, dy, dz = (lights[:, axis] - float(eye[axis]) for axis in range(3))
     near = _power(lights[:, 9]) / (dx * dx + dy * dy + dz * dz + 100.0)
     total = float(np.add.accumulate(near)[-1]) if len(near) else 0.0  # one after the other, on every processor
-    return min(max(total / _LAMPLIT, _UNLIT), 2.0)
+    return min(max(total / _LIT_STREET, _UNLIT), 2.0)
 
 
 def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: str) -> Any:
@@ -48,10 +51,10 @@ def lamps_of(geometry: Geometry, columns: Sequence[Any], device: str) -> Any:
     """The record of lamps whose columns are on the device."""
     lamps = Lamps()
     lamps.position, lamps.direction, lamps.power, lamps.cone, lamps.reach = columns
-    crowded = len(geometry.lights) > _MOST_LAMPS  # then which lamps are here may change from frame to frame
-    moves = [int(crowded or mounted.part != 0) for mounted in geometry.lights[:_MOST_LAMPS]] or [1]
+    crowded = len(geometry.lights) > _MAX_LAMPS  # then which lamps are here may change from frame to frame
+    moves = [int(crowded or mounted.part != 0) for mounted in geometry.lights[:_MAX_LAMPS]] or [1]
     lamps.moves = wp.array(np.array(moves, np.int32), dtype=wp.int32, device=device)
-    lamps.count = min(len(geometry.lights), _MOST_LAMPS)
+    lamps.count = min(len(geometry.lights), _MAX_LAMPS)
     return lamps
 
 
@@ -70,10 +73,10 @@ def lamp_columns(geometry: Geometry, world: Array, eye: Array) -> tuple[Array, .
     to = _turned(carrier, lights[:, 3:6])
     rest = np.broadcast_to(np.concatenate([power, shape], axis=-1), (*to.shape[:-1], 6))
     rows = np.concatenate([_turned(carrier, lights[:, 0:3]) + carrier[..., 3], to, rest], axis=-1)
-    if len(geometry.lights) > _MOST_LAMPS:
+    if len(geometry.lights) > _MAX_LAMPS:
         away = rows[..., 0:3] - eye[..., None, :]
         gaps = (away[..., 0] * away[..., 0] + away[..., 1] * away[..., 1]) + away[..., 2] * away[..., 2]
-        kept = np.sort(np.argsort(gaps, axis=-1, kind="stable")[..., :_MOST_LAMPS], axis=-1)
+        kept = np.sort(np.argsort(gaps, axis=-1, kind="stable")[..., :_MAX_LAMPS], axis=-1)
         rows = np.take_along_axis(rows, kept[..., None], axis=-2)
     return rows[..., 0:3], rows[..., 3:6], rows[..., 6:9], rows[..., 9:11], rows[..., 11]
 

@@ -10,11 +10,11 @@ in the hollows of flat ground. Leaves turn in the wind.
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.air import SWING_STIRS, Air
-from recipe_runtime.render.numeric.noise import noise2, noise3, step_between, unit
-from recipe_runtime.render.numeric.scalars import clamp01, greater, index, lesser
-from recipe_runtime.render.numeric.vectors import direction, mix, times
+from recipe_runtime.render.numeric.noise import noise2, noise3, smoothstep, unit
+from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
+from recipe_runtime.render.numeric.vectors import mix, multiply, normalize
 from recipe_runtime.render.texture import patterns
-from recipe_runtime.render.texture.ground import hollows
+from recipe_runtime.render.texture.ground import ground_height
 
 wp.set_module_options(OPTIONS)
 
@@ -25,13 +25,13 @@ LAMP = wp.constant(int(Pattern.LAMP))
 HEADLIGHT = wp.constant(int(Pattern.HEADLIGHT))
 TAILLIGHT = wp.constant(int(Pattern.TAILLIGHT))
 LENS = wp.constant(int(Pattern.LENS))
-SOFTEST = wp.constant(wp.float32(0.35))  # the furthest that light wraps around anything
+MAX_SOFTNESS = wp.constant(wp.float32(0.35))  # the furthest that light wraps around anything
 LEVEL = wp.constant(wp.float32(0.95))  # what turns so far upward holds water
-SHALLOW = wp.constant(wp.float32(0.02))  # deposits up to this make no puddle
+MIN_DEPOSITS = wp.constant(wp.float32(0.02))  # deposits up to this make no puddle
 
 
 @wp.struct
-class Matter:
+class Material:
     """What a surface is made of at a point."""
 
     albedo: wp.vec3f
@@ -44,7 +44,7 @@ class Matter:
 
 
 @wp.func
-def woken(air: wp.array[Air], code: wp.uint32, awake: wp.float32) -> wp.float32:
+def window_light_level(air: wp.array[Air], code: wp.uint32, awake: wp.float32) -> wp.float32:
     """A number in [0, 1) for a window that is lit at night, below 0 for one that is dark."""
     h = (code ^ air[0].seed) * wp.uint32(0x9E3779B)
     h = (h ^ (h >> wp.uint32(13))) * wp.uint32(0x85EBCA7)
@@ -55,8 +55,8 @@ def woken(air: wp.array[Air], code: wp.uint32, awake: wp.float32) -> wp.float32:
 
 
 @wp.func
-def pane(
-    m: Matter,
+def window_material(
+    m: Material,
     pattern: wp.int32,
     air: wp.array[Air],
     first: wp.vec3f,
@@ -64,7 +64,7 @@ def pane(
     detail: wp.vec4f,
     code: wp.uint32,
     awake: wp.float32,
-) -> Matter:
+) -> Material:
     """A window: its frame, and behind the glass a dark or a lit room, with a curtain, goods or a floor slab."""
     glass = 1.0 - detail[1]
     inside = wp.vec3f(0.034, 0.037, 0.042)
@@ -87,7 +87,7 @@ def pane(
     # What a sight along the wall sees mirrored goes by the gloss: it falls with the share of the glass.
     m.gloss = 0.98 * wp.sqrt(glass)
     m.street = 1.0
-    lit_by = woken(air, code, awake)
+    lit_by = window_light_level(air, code, awake)
     bright = wp.float32(0.0)
     if lit_by >= 0.0 and lit_by < air[0].night:  # one after the other, as it gets dark
         bright = 0.6 + 0.7 * lit_by
@@ -102,14 +102,14 @@ def pane(
         if pattern == patterns.CURTAIN_WALL:
             through = glass * (1.0 - detail[2])
         elif pattern == patterns.SHOP_WINDOW:
-            colour = mix(colour, times(colour, veil) * 2.5, detail[2])
+            colour = mix(colour, multiply(colour, veil) * 2.5, detail[2])
             through = glass * 1.2
         m.glow = colour * (air[0].lit * 0.8e-3 * detail[0] * through * bright)
     return m
 
 
 @wp.func
-def matter_of(
+def material_of(
     pattern: wp.int32,
     air: wp.array[Air],
     first: wp.vec3f,
@@ -118,18 +118,18 @@ def matter_of(
     n: wp.vec3f,
     code: wp.uint32,
     awake: wp.float32,
-) -> Matter:
+) -> Material:
     """The dry material."""
-    m = Matter()
+    m = Material()
     m.normal = n
-    m.albedo = mix(first, second, detail[1]) * greater(detail[0], 0.05)
+    m.albedo = mix(first, second, detail[1]) * maximum(detail[0], 0.05)
     if (
         pattern == patterns.WINDOW
         or pattern == patterns.CURTAIN_WALL
         or pattern == patterns.SHOP_WINDOW
         or pattern == patterns.FACADE
     ):
-        seen = pane(m, pattern, air, first, second, detail, code, awake)
+        seen = window_material(m, pattern, air, first, second, detail, code, awake)
         m.albedo = seen.albedo
         m.glow = seen.glow
         m.coat = seen.coat
@@ -161,7 +161,7 @@ def matter_of(
         m.coat = 0.14
         m.gloss = 0.9
     elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS:
-        m.soft = SOFTEST
+        m.soft = MAX_SOFTNESS
     elif pattern == patterns.SKIN or pattern == patterns.CLOTH or pattern == patterns.HAIR:
         m.soft = 0.15
     elif pattern == patterns.WATER:
@@ -174,35 +174,35 @@ def matter_of(
 
 
 @wp.func
-def paved(pattern: wp.int32) -> bool:
+def is_paved(pattern: wp.int32) -> bool:
     """Whether a surface soaks, shines and holds puddles as a street does."""
     street = pattern == patterns.ASPHALT or pattern == patterns.ROAD_PAINT
     return street or pattern == patterns.SLABS or pattern == patterns.CONCRETE
 
 
 @wp.func
-def sunk(pattern: wp.int32, p: wp.vec3f, foot: wp.float32) -> wp.float32:
+def puddle_depth(pattern: wp.int32, p: wp.vec3f, foot: wp.float32) -> wp.float32:
     """How low the ground lies, as -1 less its height: below 0, as no pixel's footprint is."""
-    height = hollows(p, foot)
+    height = ground_height(p, foot)
     if pattern == patterns.SLABS or pattern == patterns.CONCRETE:
         height = height + 0.1
     return -1.0 - height
 
 
 @wp.func
-def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], low: wp.float32) -> Matter:
+def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.float32) -> Material:
     """Wet what is dry: porous stone darkens and shines, hollows of flat ground fill with water."""
     up = m.normal[2]
-    if paved(pattern):
+    if is_paved(pattern):
         darker = 0.52
         if pattern == patterns.ROAD_PAINT:
             darker = 0.78
         m.albedo = m.albedo * (1.0 - (1.0 - darker) * air[0].wet)
         m.coat = 0.022 * air[0].wet
         m.gloss = 0.55 + 0.25 * air[0].wet  # a thin film follows the grain of what it wets
-        if up > LEVEL and air[0].puddles > SHALLOW:
+        if up > LEVEL and air[0].puddles > MIN_DEPOSITS:
             level = 0.88 - 0.6 * air[0].puddles
-            pool = step_between(level - 0.03, level + 0.05, 2.0 + low) * step_between(SHALLOW, 0.2, air[0].puddles)
+            pool = smoothstep(level - 0.03, level + 0.05, 2.0 + low) * smoothstep(MIN_DEPOSITS, 0.2, air[0].puddles)
             m.albedo = m.albedo * (1.0 - 0.45 * pool)
             m.coat = m.coat + (0.028 - m.coat) * pool
             m.gloss = m.gloss + (0.985 - m.gloss) * pool
@@ -224,14 +224,14 @@ def moisten(m: Matter, pattern: wp.int32, air: wp.array[Air], low: wp.float32) -
 
 
 @wp.func
-def fluttered(m: Matter, air: wp.array[Air], p: wp.vec3f, near: wp.float32, stir: wp.int32) -> Matter:
+def apply_wind(m: Material, air: wp.array[Air], p: wp.vec3f, near: wp.float32, stir: wp.int32) -> Material:
     """Leaves and blades in the wind: their light and shade move to and fro, more so where a gust passes."""
     gust = noise2(p[0] * 0.25 - air[0].breeze * wp.float32(stir), p[1] * 0.25 + 0.3 * p[2], wp.uint32(41))
-    ends = air[0].swings[index((stir + SWING_STIRS) % SWING_STIRS)]
+    ends = air[0].swings[nonnegative((stir + SWING_STIRS) % SWING_STIRS)]
     swing = ends[0] * (1.0 - gust) + ends[1] * gust
     leaf = noise3(p[0] * 7.0 + swing * 7.0, p[1] * 7.0 + swing * 5.0, p[2] * 7.0 - swing * 4.0, wp.uint32(42)) - 0.5
-    amount = air[0].flutter * (0.4 + 0.6 * gust) * lesser(2.0 * near, 1.0)
+    amount = air[0].flutter * (0.4 + 0.6 * gust) * minimum(2.0 * near, 1.0)
     m.albedo = m.albedo * (1.0 + 0.9 * amount * leaf)
     lean = 0.7 * amount * leaf
-    m.normal = direction(wp.vec3f(m.normal[0] + lean, m.normal[1] - 0.6 * lean, m.normal[2] + 0.4 * lean))
+    m.normal = normalize(wp.vec3f(m.normal[0] + lean, m.normal[1] - 0.6 * lean, m.normal[2] + 0.4 * lean))
     return m

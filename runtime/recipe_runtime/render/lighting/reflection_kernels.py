@@ -11,32 +11,32 @@ A ray that meets nothing sees the sky, or, if it is low, the street beyond the p
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.air import Air, decay, reflected_sky
 from recipe_runtime.render.lighting.reflection_reuse_kernels import (
-    WIDEST,
-    calm,
-    disturb,
-    rings_at,
-    tiles_of,
-    turn_at,
-    undisturbed,
+    MAX_PICTURE_SIDE,
+    is_block_unchanged,
+    mark_block_dirty,
+    no_motion_in,
+    packed_tiles,
+    ring_pattern,
+    ring_phase,
 )
-from recipe_runtime.render.lighting.temporal_kernels import Asked, Before, asked_of, spoil
-from recipe_runtime.render.numeric.noise import noise2, step_between
-from recipe_runtime.render.numeric.scalars import clamp01, greater, index, lesser
-from recipe_runtime.render.numeric.vectors import inner, mix
+from recipe_runtime.render.lighting.temporal_kernels import DirtySamples, PreviousFrame, dirty_sample, mark_dirty
+from recipe_runtime.render.numeric.noise import noise2, smoothstep
+from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
+from recipe_runtime.render.numeric.vectors import dot, mix
 from recipe_runtime.render.sampling.sample_kernels import Samples
-from recipe_runtime.render.scene.camera import Lens
+from recipe_runtime.render.scene.camera import Pinhole
 
 wp.set_module_options(OPTIONS)
 
 STEPS = wp.constant(13)
-GROWTH = wp.constant(wp.float32(1.47))
-FAR = wp.constant(wp.float32(60.0))  # metres of air before what a ray meets beyond the picture
+STEP_GROWTH = wp.constant(wp.float32(1.47))
+DISTANCE_BEYOND_PICTURE = wp.constant(wp.float32(60.0))  # metres of air before what a ray meets beyond the picture
 DRY = wp.constant(-2)  # in the place of a sample: a block that mirrors nothing
-FAINT = wp.constant(wp.float32(0.016))  # shares below this only see the sky
+MIN_SHARE = wp.constant(wp.float32(0.016))  # shares below this only see the sky
 
 
 @wp.func
-def seen_from(view: wp.array2d[wp.float32], v: wp.vec3f) -> wp.vec3f:
+def to_view(view: wp.array2d[wp.float32], v: wp.vec3f) -> wp.vec3f:
     """A direction of the world in the camera's frame."""
     return wp.vec3f(
         (view[0, 0] * v[0] + view[0, 1] * v[1]) + view[0, 2] * v[2],
@@ -46,7 +46,7 @@ def seen_from(view: wp.array2d[wp.float32], v: wp.vec3f) -> wp.vec3f:
 
 
 @wp.func
-def place_of(q: wp.vec3f, lens: Lens) -> wp.vec2i:
+def pixel_of(q: wp.vec3f, lens: Pinhole) -> wp.vec2i:
     """The column and the row of the pixel that a point before the camera falls on; -1 and -1 outside of the picture."""
     scale = wp.float32(lens.focal) / q[2]
     x = q[0] * scale + wp.float32(lens.cx)
@@ -56,38 +56,38 @@ def place_of(q: wp.vec3f, lens: Lens) -> wp.vec2i:
 
 
 @wp.func
-def rippled(air: wp.array[Air], p: wp.vec3f, rings: wp.int32, gloss: wp.float32) -> wp.float32:
+def ripple_tilt(air: wp.array[Air], p: wp.vec3f, rings: wp.int32, gloss: wp.float32) -> wp.float32:
     """How far ripples, grain and falling drops tilt wet ground at p along the sight, as on any wet road."""
     return (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(rings)) - 0.5) * (0.006 + 0.3 * (1.0 - gloss) + air[0].pelting)
 
 
 @wp.func
-def mirrored(to_point: wp.vec3f, ripple: wp.float32) -> wp.vec3f:
+def mirror_direction(to_point: wp.vec3f, ripple: wp.float32) -> wp.vec3f:
     """The unit direction in which wet ground sends the sight on: upward, and a little astray."""
-    one = 1.0 / wp.sqrt(greater(inner(to_point, to_point), 1.0e-8))
+    one = 1.0 / wp.sqrt(maximum(dot(to_point, to_point), 1.0e-8))
     sight = to_point * one
     n = wp.vec3f(sight[0] * ripple, sight[1] * ripple, 1.0)
-    r = sight - n * (2.0 * inner(n, sight) / inner(n, n))
-    return wp.vec3f(r[0], r[1], greater(r[2], 0.02))
+    r = sight - n * (2.0 * dot(n, sight) / dot(n, n))
+    return wp.vec3f(r[0], r[1], maximum(r[2], 0.02))
 
 
 @wp.func
 def first_wet(
-    x0: wp.int32, y0: wp.int32, gleam: wp.array[wp.vec2f], starts: wp.array[wp.int32], lens: Lens
+    x0: wp.int32, y0: wp.int32, gleam: wp.array[wp.vec2f], starts: wp.array[wp.int32], lens: Pinhole
 ) -> wp.int32:
     """The first sample of a block of 2 x 2 pixels that mirrors enough to be followed; -1 if none does."""
     found = wp.int32(-1)
     for y in range(y0, wp.min(y0 + 2, lens.height)):
         for x in range(x0, wp.min(x0 + 2, lens.width)):
-            s = index(starts[index(y * lens.width + x)])
-            if found < 0 and gleam[s][0] > FAINT:
+            s = nonnegative(starts[nonnegative(y * lens.width + x)])
+            if found < 0 and gleam[s][0] > MIN_SHARE:
                 found = s
     return found
 
 
 @wp.func
-def close_in(
-    start: wp.vec3f, way: wp.vec3f, before: wp.float32, behind: wp.float32, depth: wp.array[wp.float32], lens: Lens
+def bisect_hit(
+    start: wp.vec3f, way: wp.vec3f, before: wp.float32, behind: wp.float32, depth: wp.array[wp.float32], lens: Pinhole
 ) -> wp.float32:
     """Where on its way a ray first passed behind what is seen: halvings between before it and behind it."""
     low = before
@@ -95,10 +95,10 @@ def close_in(
     for _halving in range(4):
         middle = (low + high) * 0.5
         q = start + way * middle
-        at = place_of(q, lens)
+        at = pixel_of(q, lens)
         hidden = False
         if at[0] >= 0:
-            hidden = depth[index(at[1] * lens.width + at[0])] < q[2] - 0.03
+            hidden = depth[nonnegative(at[1] * lens.width + at[0])] < q[2] - 0.03
         if hidden:
             high = middle
         else:
@@ -107,19 +107,19 @@ def close_in(
 
 
 @wp.func
-def followed(
+def follow_ray(
     i: wp.int32,
     x0: wp.int32,
     y0: wp.int32,
     samples: wp.array[Samples],
     depth: wp.array[wp.float32],
     view: wp.array2d[wp.float32],
-    lens: Lens,
+    lens: Pinhole,
 ):
     """How far the mirrored ray of a sample goes to what it meets, -1 if it meets nothing; and the tiles on its way."""
     to_point = samples[0].positions[i] - samples[0].eye
-    start = seen_from(view, to_point)
-    way = seen_from(view, mirrored(to_point, 0.0))
+    start = to_view(view, to_point)
+    way = to_view(view, mirror_direction(to_point, 0.0))
     hit = wp.int32(0)
     last = wp.float32(0.05)
     t = wp.float32(0.2)
@@ -131,7 +131,7 @@ def followed(
         q = start + way * t
         if q[2] <= 0.2:
             break
-        at = place_of(q, lens)
+        at = pixel_of(q, lens)
         x = at[0]
         y = at[1]
         if x < 0:
@@ -140,27 +140,27 @@ def followed(
         top = wp.min(top, y)
         right = wp.max(right, x)
         bottom = wp.max(bottom, y)
-        seen = depth[index(y * lens.width + x)]
+        seen = depth[nonnegative(y * lens.width + x)]
         if seen < q[2] - 0.03 and seen > q[2] - 0.3 - 1.3 * (t - last):
             hit = 1
             break
         last = t
-        t = t * GROWTH
+        t = t * STEP_GROWTH
     found = wp.float32(-1.0)
     if hit != 0:
-        found = close_in(start, way, last, t, depth, lens)
-    return found, tiles_of(left, top, right, bottom, lens)
+        found = bisect_hit(start, way, last, t, depth, lens)
+    return found, packed_tiles(left, top, right, bottom, lens)
 
 
 @wp.kernel
-def march(
+def trace_rays(
     samples: wp.array[Samples],
     gleam: wp.array[wp.vec2f],
     depth: wp.array[wp.float32],
     starts: wp.array[wp.int32],
     view: wp.array2d[wp.float32],
-    lens: Lens,
-    before: wp.array[Before],
+    lens: Pinhole,
+    before: wp.array[PreviousFrame],
     moved: wp.array2d[wp.int32],
     span: wp.int32,
     reach: wp.array[wp.float32],
@@ -176,44 +176,44 @@ def march(
     spans = (columns + span - 1) / span
     row = wp.tid() / spans
     first = (wp.tid() % spans) * span
-    small = before[0].kept > 0 and wp.max(lens.width, lens.height) <= WIDEST
+    small = before[0].kept > 0 and wp.max(lens.width, lens.height) <= MAX_PICTURE_SIDE
     y0 = row * 2
     for column in range(first, wp.min(first + span, columns)):
         x0 = column * 2
-        block = index(row * columns + column)
+        block = nonnegative(row * columns + column)
         known = asked[block]
         same = bool(False)
         # (Nested, for what a kernel works out of an `and` is Warp's affair, and `calm` needs a small picture.)
         if small and known != -1:  # noqa: SIM102
-            if undisturbed(x0, y0, before, lens):
+            if is_block_unchanged(x0, y0, before, lens):
                 same = known == DRY
                 if not same:
-                    same = calm(moved, ways[block])
+                    same = no_motion_in(moved, ways[block])
         if not same:
             i = first_wet(x0, y0, gleam, starts, lens)
             was = reach[block]
             now = wp.float32(-1.0)
             asked[block] = DRY
             if i >= 0:
-                now, way = followed(i, x0, y0, samples, depth, view, lens)
+                now, way = follow_ray(i, x0, y0, samples, depth, view, lens)
                 ways[block] = way
                 asked[block] = -1
                 if small and i < before[0].kept:  # noqa: SIM102
-                    if calm(moved, way):
+                    if no_motion_in(moved, way):
                         asked[block] = i
             reach[block] = now
             if was != now:
-                disturb(x0, y0, before, lens)
+                mark_block_dirty(x0, y0, before, lens)
 
 
 @wp.func
-def met(
+def ray_hit(
     t: wp.float32,
     to_point: wp.vec3f,
     d: wp.vec3f,
     depth: wp.array[wp.float32],
     view: wp.array2d[wp.float32],
-    lens: Lens,
+    lens: Pinhole,
 ) -> wp.vec2i:
     """The pixel that a ray which goes t metres from a point ends on, and whether what is seen there lies at its end.
 
@@ -222,18 +222,20 @@ def met(
     at = wp.int32(-1)
     close = wp.int32(0)
     if t > 0.0:
-        q = seen_from(view, to_point + d * t)
+        q = to_view(view, to_point + d * t)
         if q[2] > 0.2:
-            place = place_of(q, lens)
+            place = pixel_of(q, lens)
             if place[0] >= 0:
                 at = place[1] * lens.width + place[0]
-                seen = depth[index(at)]
+                seen = depth[nonnegative(at)]
                 close = wp.where(seen < q[2] + 0.1 + 0.03 * t and seen > q[2] - 0.3 - 0.2 * t, 1, 0)
     return wp.vec2i(at, close)
 
 
 @wp.func
-def block_beside(block: wp.int32, pixel: wp.int32, t: wp.float32, reach: wp.array[wp.float32], lens: Lens) -> wp.int32:
+def block_beside(
+    block: wp.int32, pixel: wp.int32, t: wp.float32, reach: wp.array[wp.float32], lens: Pinhole
+) -> wp.int32:
     """The block next to a pixel of a block whose ray went t metres, if that one's went another way; else its own.
 
     It is the one on the pixel's side; or, if that is no other, the one above or below.
@@ -245,9 +247,9 @@ def block_beside(block: wp.int32, pixel: wp.int32, t: wp.float32, reach: wp.arra
     c = wp.min(wp.max(column + ((pixel % lens.width) & 1) * 2 - 1, 0), columns - 1)
     r = wp.min(wp.max(row + ((pixel / lens.width) & 1) * 2 - 1, 0), rows - 1)
     found = row * columns + c
-    if wp.abs(reach[index(found)] - t) <= 0.15 * wp.abs(t):
+    if wp.abs(reach[nonnegative(found)] - t) <= 0.15 * wp.abs(t):
         found = r * columns + column
-        if wp.abs(reach[index(found)] - t) <= 0.15 * wp.abs(t):
+        if wp.abs(reach[nonnegative(found)] - t) <= 0.15 * wp.abs(t):
             found = block
     return found
 
@@ -261,9 +263,9 @@ def reflect(
     depth: wp.array[wp.float32],
     starts: wp.array[wp.int32],
     view: wp.array2d[wp.float32],
-    lens: Lens,
-    before: wp.array[Before],
-    asked: wp.array[Asked],
+    lens: Pinhole,
+    before: wp.array[PreviousFrame],
+    asked: wp.array[DirtySamples],
     radiance: wp.array[wp.vec3f],
     sources: wp.array[wp.vec2i],
     out: wp.array[wp.vec3f],
@@ -274,7 +276,7 @@ def reflect(
     of a block beside it may end better. `sources` is told which pixel's light it was, and which other pixel's depth had
     a part in that, as `due` takes it.
     """
-    i = asked_of(asked, wp.tid())
+    i = dirty_sample(asked, wp.tid())
     share = gleam[i][0]
     if share <= 0.0:
         return
@@ -282,37 +284,40 @@ def reflect(
     if pixel < 0:  # a slot that no sample took
         return
     light = radiance[i]
-    pixel = index(pixel)
-    block = index((pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2)
+    pixel = nonnegative(pixel)
+    block = nonnegative((pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2)
     keep = i < before[0].kept
-    spoil(before, pixel)
+    mark_dirty(before, pixel)
     p = samples[0].positions[i]
     to_point = p - samples[0].eye
-    d = mirrored(to_point, rippled(air, p, rings_at(turn_at(p), air[0].moment), gleam[i][1]))
+    d = mirror_direction(to_point, ripple_tilt(air, p, ring_pattern(ring_phase(p), air[0].moment), gleam[i][1]))
     t = reach[block]
-    own = met(t, to_point, d, depth, view, lens)
+    own = ray_hit(t, to_point, d, depth, view, lens)
     at = own[0]
     other = wp.int32(-1)
     if own[1] == 0:
-        beside = reach[index(block_beside(block, pixel, t, reach, lens))]
+        beside = reach[nonnegative(block_beside(block, pixel, t, reach, lens))]
         if beside > 0.0 and beside != t:
-            end = met(beside, to_point, d, depth, view, lens)
+            end = ray_hit(beside, to_point, d, depth, view, lens)
             other = end[0]
             if end[1] != 0:
                 other = at
                 at = end[0]
     if at >= 0:
         # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
-        most = air[0].sideways * (4.0 + 500.0 * greater(gleam[i][1] - 0.82, 0.0))
-        seen = index(starts[index(at)])
+        most = air[0].sideways * (4.0 + 500.0 * maximum(gleam[i][1] - 0.82, 0.0))
+        seen = nonnegative(starts[nonnegative(at)])
         shown = radiance[seen]
-        shown = wp.vec3f(lesser(shown[0], most[0]), lesser(shown[1], most[1]), lesser(shown[2], most[2]))
+        shown = wp.vec3f(minimum(shown[0], most[0]), minimum(shown[1], most[1]), minimum(shown[2], most[2]))
         out[i] = light + shown * share
         if seen >= before[0].kept:
             at = -2
     else:
-        street = clamp01(step_between(0.34, 0.12, d[2]))
+        street = clamp01(smoothstep(0.34, 0.12, d[2]))
         beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
-        out[i] = light + mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * FAR)) * share
+        out[i] = (
+            light
+            + mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * DISTANCE_BEYOND_PICTURE)) * share
+        )
     if keep:
         sources[i] = wp.vec2i(at, other)

@@ -30,23 +30,29 @@ from recipe_runtime.render.lighting import (
     weather_light,
 )
 from recipe_runtime.render.lighting.lights import bodies_at, lamps_at, no_lamps
-from recipe_runtime.render.lighting.shadow_maps import Shadows, world_vertices
-from recipe_runtime.render.lighting.temporal import asked_for, every_sample, threads
+from recipe_runtime.render.lighting.shadow_maps import ShadowMaps, world_vertices
+from recipe_runtime.render.lighting.temporal import all_samples, listed_samples, thread_count
 from recipe_runtime.render.lighting.weather_light import Light, drift
 from recipe_runtime.render.raster.label_kernels import TILE
 from recipe_runtime.render.raster.observation import Observation, depth_on
-from recipe_runtime.render.sampling.sampler import Points
-from recipe_runtime.render.scene.camera import device_rows, lens_of, view_from_parts, world_from_parts, world_from_view
+from recipe_runtime.render.sampling.sampler import FrameSamples
+from recipe_runtime.render.scene.camera import (
+    pinhole_of,
+    upload_transforms,
+    view_from_parts,
+    world_from_parts,
+    world_from_view,
+)
 from recipe_runtime.render.scene.geometry import Geometry
-from recipe_runtime.render.texture.mipmaps import Albums
-from recipe_runtime.render.texture.surface_colours import looks_of
+from recipe_runtime.render.texture.mipmaps import ImageAtlases
+from recipe_runtime.render.texture.surface_colours import surface_colours
 
-_LIGHTS_KEPT = 64
-_LIGHTS_KEPT_BY_POSE = 16  # 20 MB each at 800 x 600
+_LIGHT_CACHE_SIZE = 64
+_SAMPLE_LIGHT_CACHE_SIZE = 16  # 20 MB each at 800 x 600
 
 
 @dataclass(eq=False)
-class Shaded:
+class SampleLight:
     """One appearance's light on a base's samples."""
 
     light: tuple[Any, Any, Any]  # out, gleam and known, as `shade.shade` writes them
@@ -69,22 +75,22 @@ class ShadingPass:
     def __init__(
         self,
         geometry: Geometry,
-        albums: Albums,
+        albums: ImageAtlases,
         device: str,
         timings: Timings,
         reuse: TemporalReuse,
     ) -> None:
         self._albums = albums
         self._g, self._device, self._timings = geometry, device, timings
-        self._shadows = Shadows(geometry, device)
+        self._shadows = ShadowMaps(geometry, device)
         self._lights: dict[str, Light] = {}  # by the appearance's digest
         self._looks: dict[str, Any] = {}  # by the identity of the colours
         self._reuse = reuse
         self._listed = wp.empty(1, dtype=wp.int32, device=device)
 
     def shade(
-        self, obs: Observation, points: Points, appearance: AppearancePlan, sensor: str, light: Light
-    ) -> tuple[Any, Shaded]:
+        self, obs: Observation, points: FrameSamples, appearance: AppearancePlan, sensor: str, light: Light
+    ) -> tuple[Any, SampleLight]:
         """The light of all samples, and what is kept of it."""
         with self._timings("shadows"):
             beams = self._sunlit(obs, light)
@@ -97,11 +103,11 @@ class ShadingPass:
             name = f"{appearance.digest} {sensor}"
             shaded, before = self._begun(obs.camera, points, name, light, beams, told[3], lists)
             earlier = record(before, self._device)
-            asked = self._live(points, earlier, told[2], shaded) if before.known else every_sample()
+            asked = self._live(points, earlier, told[2], shaded) if before.known else all_samples()
             inputs = [*told[:3], beams, *told[3:], *lists, earlier, record(asked, self._device)]
             launch(
-                shading_kernels.shade,
-                threads(asked, points.count),
+                shading_kernels.shade_samples,
+                thread_count(asked, points.count),
                 [*inputs, *shaded.light, shaded.shown],
                 self._device,
             )
@@ -110,24 +116,24 @@ class ShadingPass:
                 self._reflect(obs, points, told[0], told[2], earlier, int(light.air.moment), shaded)
         return shaded.shown, shaded
 
-    def _live(self, points: Points, before: Any, air: Any, shaded: Shaded) -> Any:
+    def _live(self, points: FrameSamples, before: Any, air: Any, shaded: SampleLight) -> Any:
         """The samples whose light may be another than in the frame before."""
         base = points.base
         assert base is not None
         count, listed = self._list(base.count)
         inputs = [base.firsts, air, before, shaded.light[2], shaded.quiet, count, listed]
-        launch(temporal_kernels.enlist, base.firsts.size - 1, inputs, self._device)
-        return asked_for(count, listed, base.count)
+        launch(temporal_kernels.collect_dirty, base.firsts.size - 1, inputs, self._device)
+        return listed_samples(count, listed, base.count)
 
     def _reflect(
-        self, obs: Observation, points: Points, data: Any, air: Any, before: Any, moment: int, shaded: Shaded
+        self, obs: Observation, points: FrameSamples, data: Any, air: Any, before: Any, moment: int, shaded: SampleLight
     ) -> None:
         """Put what wet ground mirrors into what is shown."""
-        (out, gleam, _), rays, lens = shaded.light, shaded.rays, lens_of(obs.camera, 1)
-        view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
+        (out, gleam, _), rays, lens = shaded.light, shaded.rays, pinhole_of(obs.camera, 1)
+        view = upload_transforms(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
         rows, columns = -(-obs.camera.height // 2), -(-obs.camera.width // 2)
         span = columns if self._device == "cpu" else 1  # a GPU has threads to spare
-        known = before if self._reuse.reflections else record(temporal_kernels.Before(), self._device)
+        known = before if self._reuse.reflections else record(temporal_kernels.PreviousFrame(), self._device)
         inputs = [
             data,
             gleam,
@@ -140,8 +146,8 @@ class ShadingPass:
             span,
             *rays,
         ]
-        launch(reflection_kernels.march, rows * -(-columns // span), inputs, self._device)
-        asked = every_sample()
+        launch(reflection_kernels.trace_rays, rows * -(-columns // span), inputs, self._device)
+        asked = all_samples()
         if before.told_of[0].known and self._reuse.reflections:
             asked = self._due(data, air, before, shaded)
         shaded.moment = moment
@@ -158,18 +164,23 @@ class ShadingPass:
             record(asked, self._device),
         ]
         inputs += [out, shaded.sources, shaded.shown]
-        launch(reflection_kernels.reflect, threads(asked, points.count), inputs, self._device)
+        launch(reflection_kernels.reflect, thread_count(asked, points.count), inputs, self._device)
 
-    def _due(self, data: Any, air: Any, before: Any, shaded: Shaded) -> Any:
+    def _due(self, data: Any, air: Any, before: Any, shaded: SampleLight) -> Any:
         """The samples that mirror something else than in the frame before."""
         if shaded.mirrors is None:
             count, listed = self._list(shaded.kept)
-            launch(reflection_reuse_kernels.pools, shaded.kept, [data, shaded.light[1], count, listed], self._device)
+            launch(
+                reflection_reuse_kernels.collect_reflective,
+                shaded.kept,
+                [data, shaded.light[1], count, listed],
+                self._device,
+            )
             shaded.mirrors = wp.clone(listed[: int(count.numpy()[0])])
         count, listed = self._list(shaded.kept)
         inputs = [data, air, before, shaded.mirrors, shaded.moment, shaded.sources, count, listed]
-        launch(reflection_reuse_kernels.due, shaded.mirrors.size, inputs, self._device)
-        return asked_for(count, listed, shaded.kept)
+        launch(reflection_reuse_kernels.stale_reflections, shaded.mirrors.size, inputs, self._device)
+        return listed_samples(count, listed, shaded.kept)
 
     def _list(self, room: int) -> tuple[Any, Any]:
         """An empty list, which lasts until the next is asked for: its count, and room for so many samples."""
@@ -188,19 +199,26 @@ class ShadingPass:
         return obs.derived["moved"]
 
     def _begun(
-        self, plan: CameraPlan, points: Points, name: str, light: Light, beams: Any, lamps: Any, lists: tuple[Any, ...]
-    ) -> tuple[Shaded, Any]:
+        self,
+        plan: CameraPlan,
+        points: FrameSamples,
+        name: str,
+        light: Light,
+        beams: Any,
+        lamps: Any,
+        lists: tuple[Any, ...],
+    ) -> tuple[SampleLight, Any]:
         """Where the light of all samples goes; as far as it is that of an earlier frame, it is there already."""
-        before, base = temporal_kernels.Before(), points.base
+        before, base = temporal_kernels.PreviousFrame(), points.base
         clouds = float(light.air.drift[0]), float(light.air.drift[1])
-        held: Shaded | None = base.lights.get(name) if base else None
+        held: SampleLight | None = base.lights.get(name) if base else None
         if held is not None and base is not None:
             tiles = lists[0].shape[0]
             before.tiles = self._empty(tiles, wp.int32)
             before.sky, before.known = int(held.clouds == clouds), base.count
-            launch(tile_list_kernels.compare, tiles, [lamps, *held.lists, *lists, before.tiles], self._device)
+            launch(tile_list_kernels.compare_lists, tiles, [lamps, *held.lists, *lists, before.tiles], self._device)
             needed = 1 + 2 * int(light.air.night > 0.0) + 4 * int(light.air.glow > 0.0)
-            launch(shadow_kernels.calm, tiles, [*base.boxes, beams, needed, before.tiles], self._device)
+            launch(shadow_kernels.mark_unshadowed, tiles, [*base.boxes, beams, needed, before.tiles], self._device)
             before.stirs = held.stirs
             found, held.lists, held.clouds = held, lists, clouds
         else:
@@ -208,7 +226,7 @@ class ShadingPass:
             if base is not None:
                 room = base.columns.room
                 # (A GPU is quicker to shade all anew than to tell what it need not.)
-                few = len(base.lights) < _LIGHTS_KEPT_BY_POSE
+                few = len(base.lights) < _SAMPLE_LIGHT_CACHE_SIZE
                 keep = base.count if few and self._device == "cpu" and self._reuse.light else 0
             found = self._room(plan, room, keep, lists, clouds, light.air.wet > 0.0)
         found.stirs = int(light.air.stirs)
@@ -219,7 +237,7 @@ class ShadingPass:
 
     def _room(
         self, plan: CameraPlan, room: int, kept: int, lists: Any, clouds: tuple[float, float], wet: bool
-    ) -> Shaded:
+    ) -> SampleLight:
         """Room for the light of so many samples, of which the first so many are kept, and for what follows from it."""
         empty, blocks = self._empty, -(-plan.width // 2) * -(-plan.height // 2)
         light = empty(room, wp.vec3f), empty(room, wp.vec2f), empty(room, wp.uint8)
@@ -230,7 +248,7 @@ class ShadingPass:
         shown = empty(room, wp.vec3f) if wet else light[0]
         sources = wp.full(max(kept, 1) if wet else 1, wp.vec2i(-2, -1), dtype=wp.vec2i, device=self._device)
         quiet = wp.zeros(lists[0].shape[0], dtype=wp.uint8, device=self._device)
-        return Shaded(light, lists, clouds, kept, levels, rays, shown, sources, quiet)
+        return SampleLight(light, lists, clouds, kept, levels, rays, shown, sources, quiet)
 
     def _sunlit(self, obs: Observation, light: Light) -> Any:
         """The four shadow maps as kernels want them."""
@@ -240,7 +258,7 @@ class ShadingPass:
                 still = self._shadows.static(light.sun, eye)
             name = "moving shadows " + light.sun.tobytes().hex()  # weathers of one hour share them
             if name not in obs.derived:
-                world = device_rows(world_from_parts(obs.parts), self._device)
+                world = upload_transforms(world_from_parts(obs.parts), self._device)
                 vertices = world_vertices(self._g, world, self._device)
                 sheets = self._shadows.moving(light.sun, vertices, world, eye, ahead)
                 obs.derived[name] = [sheet.beam for sheet in sheets]
@@ -258,15 +276,17 @@ class ShadingPass:
             eye = obs.world_from_sensor[:, 3]
             lamps = lamps_at(self._g, world, eye, self._device) if lit else no_lamps(self._device)
             bodies = bodies_at(self._g, obs.parts, self._device)
-            tile, most = int(TILE), int(tile_list_kernels.MOST)
+            tile, most = int(TILE), int(tile_list_kernels.MAX_PER_TILE)
             tiles = -(-obs.camera.width // tile) * -(-obs.camera.height // tile)
             lists = [wp.zeros((tiles, most + 1), dtype=wp.int32, device=self._device) for _ in range(3)]
-            view = device_rows(world_from_view(obs.world_from_sensor), self._device)
+            view = upload_transforms(world_from_view(obs.world_from_sensor), self._device)
             told = [record(v, self._device) for v in (lamps, bodies)]
-            inputs = [obs.keys, lens_of(obs.camera, 1), view, *told, *lists[:2]]
-            launch(tile_list_kernels.gather, tiles, inputs, self._device)
-            view = device_rows(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-            launch(fog_glow_kernels.gather, tiles, [lens_of(obs.camera, 1), view, told[0], lists[2]], self._device)
+            inputs = [obs.keys, pinhole_of(obs.camera, 1), view, *told, *lists[:2]]
+            launch(tile_list_kernels.cull_lights, tiles, inputs, self._device)
+            view = upload_transforms(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
+            launch(
+                fog_glow_kernels.cull_glows, tiles, [pinhole_of(obs.camera, 1), view, told[0], lists[2]], self._device
+            )
             obs.derived[name] = (lamps, bodies, *lists)
         found: tuple[Any, ...] = obs.derived[name]
         return found
@@ -275,7 +295,7 @@ class ShadingPass:
         """The light of an appearance at a time in seconds."""
         name = appearance.digest
         if name not in self._lights:
-            if len(self._lights) >= _LIGHTS_KEPT:
+            if len(self._lights) >= _LIGHT_CACHE_SIZE:
                 self._lights.clear()
             self._lights[name] = weather_light.light_of(appearance, self._device)
         drift(self._lights[name], time)
@@ -285,7 +305,7 @@ class ShadingPass:
         name = appearance.colours
         if name not in self._looks:
             album = self._albums.of(appearance)
-            self._looks = {name: looks_of(self._g, appearance.looks.root, album, self._device)}
+            self._looks = {name: surface_colours(self._g, appearance.looks.root, album, self._device)}
         return self._looks[name]
 
     def _empty(self, count: int, kind: Any) -> Any:

@@ -8,74 +8,74 @@ over it. Radiance is linear and relative (see `air`).
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting.air import Air, ambient, fog_share, reflected_sky, sky, veiled
+from recipe_runtime.render.lighting.air import Air, ambient, apply_fog, reflected_sky, sky, transmittance
 from recipe_runtime.render.lighting.fog_glow_kernels import lamp_glow
 from recipe_runtime.render.lighting.materials import (
     LEVEL,
-    SHALLOW,
-    SOFTEST,
-    Matter,
-    fluttered,
-    matter_of,
-    moisten,
-    paved,
-    sunk,
+    MAX_SOFTNESS,
+    MIN_DEPOSITS,
+    Material,
+    apply_wetness,
+    apply_wind,
+    is_paved,
+    material_of,
+    puddle_depth,
 )
-from recipe_runtime.render.lighting.shadow_kernels import Sunbeam, holds, lit
+from recipe_runtime.render.lighting.shadow_kernels import Sunbeam, map_contains, sun_visibility
 from recipe_runtime.render.lighting.temporal_kernels import (
     AT_REST,
     LEAF,
     SKY,
     TOUCHED,
-    Asked,
-    Before,
-    asked_of,
-    spoil,
-    stirring,
-    turn_in,
+    DirtySamples,
+    PreviousFrame,
+    dirty_sample,
+    leaf_phase,
+    leaf_step,
+    mark_dirty,
 )
-from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps, contact, lamp_light
-from recipe_runtime.render.numeric.noise import noise2, step_between
-from recipe_runtime.render.numeric.scalars import clamp01, greater, index, lesser
-from recipe_runtime.render.numeric.vectors import direction, inner, times
+from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps, contact_occlusion, lamp_light
+from recipe_runtime.render.numeric.noise import noise2, smoothstep
+from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
+from recipe_runtime.render.numeric.vectors import dot, multiply, normalize
 from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.texture import patterns
 from recipe_runtime.render.texture.images import IMAGE, image_at
-from recipe_runtime.render.texture.surface_colours import Looks
+from recipe_runtime.render.texture.surface_colours import SurfaceColours
 
 wp.set_module_options(OPTIONS)
 
-UNSEEN = wp.constant(wp.float32(40.0))  # metres, beyond which no leaf is seen to move
+MAX_LEAF_DISTANCE = wp.constant(wp.float32(40.0))  # metres, beyond which no leaf is seen to move
 
 
 @wp.func
-def past_moving(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+def moving_shadow(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """The share of the sun that what moves leaves to a point (maps 2, 3)."""
     moving = wp.int32(2)
-    if not holds(beams, moving, p):
+    if not map_contains(beams, moving, p):
         moving = wp.int32(3)
-    return lit(beams, moving, p, n)
+    return sun_visibility(beams, moving, p, n)
 
 
 @wp.func
-def sunshine(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
+def sun_share(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
     """The share of the sun that reaches a point past all, and what it would be past what moves alone.
 
     The latter is 1 where what stands still (maps 0, 1) leaves nothing to take.
     """
     still = wp.int32(0)
-    if not holds(beams, still, p):
+    if not map_contains(beams, still, p):
         still = wp.int32(1)
-    left = lit(beams, still, p, n)
+    left = sun_visibility(beams, still, p, n)
     moving = wp.float32(1.0)
     if left > 0.0:
-        moving = past_moving(beams, p, n)
-    return wp.vec2f(lesser(left, moving), moving)
+        moving = moving_shadow(beams, p, n)
+    return wp.vec2f(minimum(left, moving), moving)
 
 
 @wp.func
-def unchanged(
-    before: wp.array[Before],
+def is_light_unchanged(
+    before: wp.array[PreviousFrame],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
     bodies: wp.array[Bodies],
@@ -89,15 +89,15 @@ def unchanged(
     if known == TOUCHED:
         return False
     bits = before[0].tiles[tile]
-    if contact(bodies, body_lists, tile, p, n) < 1.0:
+    if contact_occlusion(bodies, body_lists, tile, p, n) < 1.0:
         return False
     if air[0].night > 0.0 and (bits & 2) == 0:
         return False
     if air[0].glow > 0.0 and (bits & 4) == 0:
         return False
-    if air[0].sunlight[0] + air[0].sunlight[1] <= 0.0 or inner(n, air[0].sun) <= -SOFTEST:
+    if air[0].sunlight[0] + air[0].sunlight[1] <= 0.0 or dot(n, air[0].sun) <= -MAX_SOFTNESS:
         return True
-    return past_moving(beams, p, n) == 1.0
+    return moving_shadow(beams, p, n) == 1.0
 
 
 @wp.func
@@ -105,42 +105,42 @@ def fresnel(coat: wp.float32, gloss: wp.float32, cosine: wp.float32) -> wp.float
     """Schlick's reflectance; a rough surface never becomes the mirror at grazing that a smooth one does."""
     m = 1.0 - clamp01(cosine)
     m2 = m * m
-    return coat + (greater(gloss * gloss * gloss, coat) - coat) * m2 * m2 * m
+    return coat + (maximum(gloss * gloss * gloss, coat) - coat) * m2 * m2 * m
 
 
 @wp.func
-def glint(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.float32:
+def specular(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.float32:
     """A highlight's strength (Trowbridge and Reitz), for light along `to` and the eye along `back`."""
-    h = direction(to + back)
-    c = clamp01(inner(n, h))
+    h = normalize(to + back)
+    c = clamp01(dot(n, h))
     rough = 1.02 - gloss
     a = rough * rough
     k = c * c * (a * a - 1.0) + 1.0
-    return lesser(a * a / (k * k) * 0.25, 60.0)
+    return minimum(a * a / (k * k) * 0.25, 60.0)
 
 
 @wp.func
-def mirror(
-    air: wp.array[Air], m: Matter, p: wp.vec3f, sight: wp.vec3f, facing: wp.float32, open_sky: wp.float32
+def sky_reflection(
+    air: wp.array[Air], m: Material, p: wp.vec3f, sight: wp.vec3f, facing: wp.float32, open_sky: wp.float32
 ) -> wp.vec3f:
     """What a glossy surface reflects of the sky; rough ones see it from a little higher, and less of it at grazing."""
     n = m.normal
     r = sight + n * (2.0 * facing)
     rough = 1.0 - m.gloss
-    d = direction(wp.vec3f(r[0], r[1], r[2] + rough * 0.6))
+    d = normalize(wp.vec3f(r[0], r[1], r[2] + rough * 0.6))
     seen = reflected_sky(air, d)
     if m.street > 0.0:
         roofs = 0.2 + 0.25 * noise2(d[0] * 5.0 + p[0] * 0.04, d[1] * 5.0 + p[1] * 0.04, wp.uint32(43))
-        seen = seen * (0.3 + 0.7 * step_between(roofs - 0.02, roofs + 0.02, d[2]))
+        seen = seen * (0.3 + 0.7 * smoothstep(roofs - 0.02, roofs + 0.02, d[2]))
     share = fresnel(m.coat, m.gloss, facing) * (1.0 - 0.5 * rough)
     return seen * (share * open_sky)
 
 
 @wp.func
-def far_sky(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f) -> wp.vec3f:
+def sky_through_fog(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f) -> wp.vec3f:
     """The sky along a unit direction, behind the fog before it: the lower the sight, the longer its way there."""
-    far = 300.0 / (greater(d[2], 0.0) + 0.06)
-    return veiled(air, sky(air, d), d, fog_share(air, eye[2], eye[2] + d[2] * far, far))
+    far = 300.0 / (maximum(d[2], 0.0) + 0.06)
+    return apply_fog(air, sky(air, d), d, transmittance(air, eye[2], eye[2] + d[2] * far, far))
 
 
 @wp.func
@@ -148,35 +148,35 @@ def open_sky(left: wp.float32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """The share of the sky that a point sees past the street before it, of what bodies beside it leave."""
     if n[2] < 0.5 and p[2] < 3.0:
         # Walls see less of the sky near the ground.
-        low = 1.0 / (1.0 + greater(p[2], 0.0) * 2.0)
+        low = 1.0 / (1.0 + maximum(p[2], 0.0) * 2.0)
         left = left * (1.0 - 0.35 * low * (0.5 - n[2]))
     return left
 
 
 @wp.func
-def sun_on(air: wp.array[Air], beams: wp.array[Sunbeam], m: Matter, p: wp.vec3f, back: wp.vec3f, light: wp.vec3f):
+def add_sun(air: wp.array[Air], beams: wp.array[Sunbeam], m: Material, p: wp.vec3f, back: wp.vec3f, light: wp.vec3f):
     """Add the sun to the light on a point; its highlight, and the share that what moves leaves of it, come along."""
-    to_sun = inner(m.normal, air[0].sun)
+    to_sun = dot(m.normal, air[0].sun)
     left = wp.float32(0.0)
     past = wp.float32(1.0)
     gleaming = wp.float32(0.0)
     if to_sun > -m.soft and air[0].sunlight[0] + air[0].sunlight[1] > 0.0:
-        reached = sunshine(beams, p, m.normal)
+        reached = sun_share(beams, p, m.normal)
         past = reached[1]
         left = reached[0] * clamp01((to_sun + m.soft) / (1.0 + m.soft))
         if m.coat > 0.0 and reached[0] > 0.0 and to_sun > 0.0:
-            bright = glint(m.gloss, m.normal, air[0].sun, back)
+            bright = specular(m.gloss, m.normal, air[0].sun, back)
             gleaming = reached[0] * fresnel(m.coat, m.gloss, to_sun) * bright * to_sun
     return light + air[0].sunlight * left, air[0].sunlight * gleaming, past
 
 
 @wp.func
-def lamps_on(
+def add_lamps(
     air: wp.array[Air],
     lamps: wp.array[Lamps],
     lists: wp.array2d[wp.int32],
     tile: wp.int32,
-    m: Matter,
+    m: Material,
     p: wp.vec3f,
     back: wp.vec3f,
     facing: wp.float32,
@@ -189,19 +189,19 @@ def lamps_on(
         fall = lamp_light(lamps, lamp, p, m.normal)
         if fall[3] > 0.0:
             to = wp.vec3f(fall[0], fall[1], fall[2])
-            c = inner(m.normal, to)
+            c = dot(m.normal, to)
             power = lamps[0].power[lamp] * (fall[3] * air[0].night)
             light = light + power * clamp01((c + 0.12) / 1.12)
             if m.coat > 0.0 and c > 0.0:
-                gleaming = c * fresnel(m.coat, m.gloss, facing) * glint(m.gloss, m.normal, to, back) * 3.0
+                gleaming = c * fresnel(m.coat, m.gloss, facing) * specular(m.gloss, m.normal, to, back) * 3.0
                 shine = shine + power * gleaming
     return light, shine
 
 
 @wp.kernel
-def shade(
+def shade_samples(
     samples: wp.array[Samples],
-    looks: wp.array[Looks],
+    looks: wp.array[SurfaceColours],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
     lamps: wp.array[Lamps],
@@ -209,8 +209,8 @@ def shade(
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
     glow_lists: wp.array2d[wp.int32],
-    before: wp.array[Before],
-    asked: wp.array[Asked],
+    before: wp.array[PreviousFrame],
+    asked: wp.array[DirtySamples],
     out: wp.array[wp.vec3f],
     gleam: wp.array[wp.vec2f],
     known: wp.array[wp.uint8],
@@ -221,19 +221,19 @@ def shade(
     Wet ground's reflection is left to `reflect`, its share and gloss in gleam; what mirrors nothing is put into `shown`
     as it is where anything is wet. `known` is what `enlist` asks for a frame later.
     """
-    i = asked_of(asked, wp.tid())
+    i = dirty_sample(asked, wp.tid())
     earlier = i < before[0].known
     tile = samples[0].tiles[i]
     if tile < 0:  # a slot that no sample took
         return
-    tile = index(tile)
+    tile = nonnegative(tile)
     p = samples[0].positions[i]
     surface = samples[0].surfaces[i]
     if surface < 0:
-        spoil(before, samples[0].pixels[i])
+        mark_dirty(before, samples[0].pixels[i])
         known[i] = SKY
         gleam[i] = wp.vec2f(0.0, 0.0)
-        radiance = far_sky(air, samples[0].eye, p)
+        radiance = sky_through_fog(air, samples[0].eye, p)
         if air[0].glow > 0.0:
             radiance = radiance + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, p, 1000.0)
         out[i] = radiance
@@ -242,72 +242,72 @@ def shade(
         return
     n = samples[0].normals[i]
     to_point = p - samples[0].eye
-    surface = index(surface)
+    surface = nonnegative(surface)
     pattern = looks[0].pattern[surface]
     swaying = air[0].flutter > 0.0 and (pattern == patterns.FOLIAGE or pattern == patterns.GRASS)
     if swaying:
-        swaying = inner(to_point, to_point) < UNSEEN * UNSEEN
+        swaying = dot(to_point, to_point) < MAX_LEAF_DISTANCE * MAX_LEAF_DISTANCE
     turn = wp.int32(0)
     if swaying:  # (A leaf that is asked is shaded: `unchanged` does not know which way the wind has turned it.)
-        turn = turn_in(p)
+        turn = leaf_phase(p)
         earlier = False
     # (A normal that turns away is bent first, below: too few to ask for.)
     if (
         earlier
-        and inner(n, to_point) <= 0.0
-        and unchanged(before, air, beams, bodies, body_lists, known[i], tile, p, n)
+        and dot(n, to_point) <= 0.0
+        and is_light_unchanged(before, air, beams, bodies, body_lists, known[i], tile, p, n)
     ):
         return
-    spoil(before, samples[0].pixels[i])
+    mark_dirty(before, samples[0].pixels[i])
     detail = samples[0].details[i]
-    distance = wp.sqrt(inner(to_point, to_point))
-    sight = to_point * (1.0 / greater(distance, 1.0e-4))
-    facing = -inner(n, sight)
+    distance = wp.sqrt(dot(to_point, to_point))
+    sight = to_point * (1.0 / maximum(distance, 1.0e-4))
+    facing = -dot(n, sight)
     if facing < 0.0:
         # A smoothed normal may turn away at a silhouette; bring it back to the edge.
-        n = direction(n - sight * (facing * -1.0))
+        n = normalize(n - sight * (facing * -1.0))
         facing = wp.float32(0.0)
     first = looks[0].first[surface]
     second = looks[0].second[surface]
     if pattern == IMAGE:
         image = looks[0].album[0].of_surface[surface]
         if image >= 0:
-            first = times(first, image_at(looks[0].album, image, detail, samples[0].codes[i]))
+            first = multiply(first, image_at(looks[0].album, image, detail, samples[0].codes[i]))
         detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
-    m = matter_of(pattern, air, first, second, detail, n, samples[0].codes[i], looks[0].awake[surface])
+    m = material_of(pattern, air, first, second, detail, n, samples[0].codes[i], looks[0].awake[surface])
     # (Parts of a matter are put into place one by one: the choice between two whole ones would go through memory.)
     if air[0].wet > 0.0:
         low = detail[3]
-        if air[0].puddles > SHALLOW and low >= 0.0 and n[2] > LEVEL and paved(pattern):
-            low = sunk(pattern, p, low)  # kept with the sample, for later frames and other weathers
+        if air[0].puddles > MIN_DEPOSITS and low >= 0.0 and n[2] > LEVEL and is_paved(pattern):
+            low = puddle_depth(pattern, p, low)  # kept with the sample, for later frames and other weathers
             samples[0].details[i] = wp.vec4f(detail[0], detail[1], detail[2], low)
-        moist = moisten(m, pattern, air, low)
+        moist = apply_wetness(m, pattern, air, low)
         m.albedo = moist.albedo
         m.coat = moist.coat
         m.gloss = moist.gloss
     if swaying:
-        moving = fluttered(m, air, p, 1.0 - distance / UNSEEN, stirring(turn, air[0].stirs))
+        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, leaf_step(turn, air[0].stirs))
         m.albedo = moving.albedo
         m.normal = moving.normal
-    free = contact(bodies, body_lists, tile, p, n)
+    free = contact_occlusion(bodies, body_lists, tile, p, n)
     sky_left = open_sky(free, p, n)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
-    light, shine, past = sun_on(air, beams, m, p, back, ambient(air, n) * sky_left)
+    light, shine, past = add_sun(air, beams, m, p, back, ambient(air, n) * sky_left)
     rest = AT_REST
     if swaying:
         rest = LEAF + wp.uint8(turn)
     known[i] = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
     if air[0].night > 0.0:
-        light, shine = lamps_on(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
-    radiance = times(m.albedo, light) + m.glow + shine
-    left = fog_share(air, samples[0].eye[2], p[2], distance)
+        light, shine = add_lamps(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
+    radiance = multiply(m.albedo, light) + m.glow + shine
+    left = transmittance(air, samples[0].eye[2], p[2], distance)
     mirrored = wp.float32(0.0)
     if air[0].wet > 0.0 and n[2] > LEVEL and m.coat > 0.0:
         mirrored = fresnel(m.coat, m.gloss, facing) * sky_left * left
     elif m.coat > 0.0:
-        radiance = radiance + mirror(air, m, p, sight, facing, sky_left)
+        radiance = radiance + sky_reflection(air, m, p, sight, facing, sky_left)
     gleam[i] = wp.vec2f(mirrored, m.gloss)
-    radiance = veiled(air, radiance, sight, left)
+    radiance = apply_fog(air, radiance, sight, left)
     if air[0].glow > 0.0:
         radiance = radiance + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, sight, distance)
     out[i] = radiance

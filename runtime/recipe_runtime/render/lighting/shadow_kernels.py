@@ -9,11 +9,11 @@ coarse, whose texels are fixed in the world. Flat ground casts nothing, so it ca
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.scalars import greater, index, lesser
-from recipe_runtime.render.numeric.vectors import breadth, moved
-from recipe_runtime.render.raster.triangles import Corner, edge, snap
-from recipe_runtime.render.raster.visibility_kernels import draw
-from recipe_runtime.render.scene.camera import Lens
+from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
+from recipe_runtime.render.numeric.vectors import box_extent, transform_point
+from recipe_runtime.render.raster.triangles import Corner, edge_function, snap
+from recipe_runtime.render.raster.visibility_kernels import fill_triangle
+from recipe_runtime.render.scene.camera import Pinhole
 
 wp.set_module_options(OPTIONS)
 
@@ -36,33 +36,33 @@ class Sunbeam:
 
 
 @wp.func
-def along(axis: wp.vec4f, p: wp.vec3f) -> wp.float32:
+def axis_coordinate(axis: wp.vec4f, p: wp.vec3f) -> wp.float32:
     """A coordinate of a point."""
     return ((axis[0] * p[0] + axis[1] * p[1]) + axis[2] * p[2]) + axis[3]
 
 
 @wp.func
-def corner(beams: wp.array[Sunbeam], p: wp.vec3f) -> Corner:
+def map_corner(beams: wp.array[Sunbeam], p: wp.vec3f) -> Corner:
     """A point in the map, in 1/256 texel."""
     c = Corner()
-    c.x = snap(wp.float64(along(beams[0].u, p)))
-    c.y = snap(wp.float64(along(beams[0].v, p)))
-    c.q = wp.float64(wp.min(wp.max(along(beams[0].q, p), 1.0e-6), 1.0))
+    c.x = snap(wp.float64(axis_coordinate(beams[0].u, p)))
+    c.y = snap(wp.float64(axis_coordinate(beams[0].v, p)))
+    c.q = wp.float64(wp.min(wp.max(axis_coordinate(beams[0].q, p), 1.0e-6), 1.0))
     return c
 
 
 @wp.func
-def reached(
+def box_meets_map(
     axis: wp.vec4f, m: wp.array2d[wp.float32], part: wp.int32, c: wp.vec3f, half: wp.vec3f, size: wp.int32
 ) -> bool:
     """Whether a box about c may lie within the map, or a filter's width outside, along one of its axes."""
-    r = breadth(m, part, half, wp.vec3f(axis[0], axis[1], axis[2])) + 8.0
-    at = along(axis, c)
+    r = box_extent(m, part, half, wp.vec3f(axis[0], axis[1], axis[2])) + 8.0
+    at = axis_coordinate(axis, c)
     return at + r > 0.0 and at - r < wp.float32(size)
 
 
 @wp.kernel
-def cull(
+def cull_casters(
     chunks: wp.array[wp.vec3i],
     centres: wp.array[wp.vec3f],
     halves: wp.array[wp.vec3f],
@@ -74,14 +74,14 @@ def cull(
     """1 for every chunk first.. whose box may meet the map; `matrices` lead from the parts to the world."""
     i = first + wp.tid()
     part = chunks[i][2]
-    c = moved(matrices, part, centres[i])
+    c = transform_point(matrices, part, centres[i])
     size = beams[0].size
-    across = reached(beams[0].u, matrices, part, c, halves[i], size)
-    seen[i] = int(across and reached(beams[0].v, matrices, part, c, halves[i], size))
+    across = box_meets_map(beams[0].u, matrices, part, c, halves[i], size)
+    seen[i] = int(across and box_meets_map(beams[0].v, matrices, part, c, halves[i], size))
 
 
 @wp.kernel
-def cast(
+def raster_casters(
     vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     chunks: wp.array[wp.vec3i],
@@ -89,7 +89,7 @@ def cast(
     casts: wp.array[wp.int32],
     first: wp.int32,
     beams: wp.array[Sunbeam],
-    lens: Lens,
+    lens: Pinhole,
     keys: wp.array[wp.uint64],
     used: wp.array[wp.int32],
 ):
@@ -105,14 +105,14 @@ def cast(
     if casts[i] == 0:
         return
     t = triangles[i]
-    a = corner(beams, vertices[t[0]])
-    b = corner(beams, vertices[t[1]])
-    c = corner(beams, vertices[t[2]])
-    if edge(a.x, a.y, b.x, b.y, c.x, c.y) < wp.int64(0):
+    a = map_corner(beams, vertices[t[0]])
+    b = map_corner(beams, vertices[t[1]])
+    c = map_corner(beams, vertices[t[2]])
+    if edge_function(a.x, a.y, b.x, b.y, c.x, c.y) < wp.int64(0):
         turn = b
         b = c
         c = turn
-    draw(keys, lens, a, b, c, wp.uint64(0), wp.uint64(0))
+    fill_triangle(keys, lens, a, b, c, wp.uint64(0), wp.uint64(0))
     # Mark the tiles that it may touch, a filter's width further out.
     side = beams[0].size / TILE
     left = wp.max(int((wp.min(a.x, wp.min(b.x, c.x)) >> wp.int64(8)) - wp.int64(3)) / TILE, 0)
@@ -125,7 +125,7 @@ def cast(
 
 
 @wp.kernel
-def nearness(
+def resolve_depths(
     keys: wp.array[wp.uint64],
     used: wp.array[wp.int32],
     before: wp.array[wp.int32],
@@ -152,7 +152,7 @@ def nearness(
 
 
 @wp.kernel
-def bound(depths: wp.array[wp.float32], used: wp.array[wp.int32], size: wp.int32, bounds: wp.array[wp.vec2f]):
+def bound_depths(depths: wp.array[wp.float32], used: wp.array[wp.int32], size: wp.int32, bounds: wp.array[wp.vec2f]):
     """The least and the greatest nearness that a filter may meet from within a tile: most need not filter at all."""
     tile = wp.tid()
     if used[tile] == 0:
@@ -166,22 +166,22 @@ def bound(depths: wp.array[wp.float32], used: wp.array[wp.int32], size: wp.int32
     for y in range(wp.max(top - 1, 0), wp.min(top + TILE + 2, size)):
         for x in range(wp.max(left - 1, 0), wp.min(left + TILE + 2, size)):
             q = depths[y * size + x]
-            low = lesser(low, q)
-            high = greater(high, q)
+            low = minimum(low, q)
+            high = maximum(high, q)
     bounds[tile] = wp.vec2f(low, high)
 
 
 @wp.func
-def holds(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f) -> bool:
+def map_contains(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f) -> bool:
     """Whether a point lies well within map k."""
-    u = along(beams[k].u, p)
-    v = along(beams[k].v, p)
+    u = axis_coordinate(beams[k].u, p)
+    v = axis_coordinate(beams[k].v, p)
     end = wp.float32(beams[k].size - 12)
     return u > 12.0 and v > 12.0 and u < end and v < end
 
 
 @wp.func
-def clear(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
+def box_unshadowed(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
     """Whether map k takes no light from any point of a box; False also where it would take long to tell."""
     size = beams[k].size
     if size == 0:
@@ -189,9 +189,9 @@ def clear(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) 
     middle = (low + high) * 0.5
     half = (high - low) * 0.5
     lift = 2.0 * (0.6 * beams[k].texel + 0.004)
-    u = along(beams[k].u, middle)
-    v = along(beams[k].v, middle)
-    q = along(beams[k].q, middle)
+    u = axis_coordinate(beams[k].u, middle)
+    v = axis_coordinate(beams[k].v, middle)
+    q = axis_coordinate(beams[k].q, middle)
     a = beams[k].u
     du = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + lift / beams[k].texel + 2.0
     a = beams[k].v
@@ -204,10 +204,10 @@ def clear(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) 
     if q - dq <= 0.0:
         return False
     side = size / TILE
-    left = int(greater(u - du, 0.0)) / TILE
-    right = int(lesser(u + du, end)) / TILE
-    top = int(greater(v - dv, 0.0)) / TILE
-    bottom = int(lesser(v + dv, end)) / TILE
+    left = int(maximum(u - du, 0.0)) / TILE
+    right = int(minimum(u + du, end)) / TILE
+    top = int(maximum(v - dv, 0.0)) / TILE
+    bottom = int(minimum(v + dv, end)) / TILE
     if (right - left + 1) * (bottom - top + 1) > 1024:
         return False
     for y in range(top, bottom + 1):
@@ -218,7 +218,7 @@ def clear(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) 
 
 
 @wp.func
-def spans(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
+def map_contains_box(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
     """Whether map k `holds` every point of a box."""
     middle = (low + high) * 0.5
     half = (high - low) * 0.5
@@ -226,14 +226,14 @@ def spans(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) 
     du = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + 13.0
     a = beams[k].v
     dv = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + 13.0
-    u = along(beams[k].u, middle)
-    v = along(beams[k].v, middle)
+    u = axis_coordinate(beams[k].u, middle)
+    v = axis_coordinate(beams[k].v, middle)
     end = wp.float32(beams[k].size)
     return u > du and v > dv and u + du < end and v + dv < end
 
 
 @wp.kernel
-def calm(
+def mark_unshadowed(
     lows: wp.array[wp.vec3f],
     highs: wp.array[wp.vec3f],
     beams: wp.array[Sunbeam],
@@ -246,18 +246,18 @@ def calm(
         return
     low = lows[tile]
     high = highs[tile]
-    if not clear(beams, 2, low, high):
+    if not box_unshadowed(beams, 2, low, high):
         return
     # (Where the fine map holds all, nobody looks into the coarse one.)
-    untouched = spans(beams, 2, low, high)
+    untouched = map_contains_box(beams, 2, low, high)
     if not untouched:
-        untouched = clear(beams, 3, low, high)
+        untouched = box_unshadowed(beams, 3, low, high)
     if untouched:
         same[tile] = same[tile] | UNTOUCHED
 
 
 @wp.func
-def lit(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
+def sun_visibility(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """The share of the sun seen from a point with normal n: nine bilinear taps, so that edges are soft and still."""
     size = beams[k].size
     if size == 0:
@@ -269,17 +269,17 @@ def lit(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.f
         # them, and it would shade itself. The ground throws no shadow, so it keeps the exact ends of those on it.
         axis = beams[k].q
         facing = (axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]) * beams[k].depth
-        lift = lift + 1.1 * texel * wp.sqrt(greater(1.0 - facing * facing, 0.0))
+        lift = lift + 1.1 * texel * wp.sqrt(maximum(1.0 - facing * facing, 0.0))
     r = wp.vec3f(p[0] + n[0] * lift, p[1] + n[1] * lift, p[2] + n[2] * lift)
-    u = along(beams[k].u, r) - 0.5
-    v = along(beams[k].v, r) - 0.5
+    u = axis_coordinate(beams[k].u, r) - 0.5
+    v = axis_coordinate(beams[k].v, r) - 0.5
     end = wp.float32(size - 4)
     if u < 3.0 or v < 3.0 or u > end or v > end:
         return 1.0
     i = int(u)
     j = int(v)
-    q = along(beams[k].q, r) + (0.01 + 0.35 * texel) / beams[k].depth
-    within = beams[k].bounds[index((j / TILE) * (size / TILE) + i / TILE)]
+    q = axis_coordinate(beams[k].q, r) + (0.01 + 0.35 * texel) / beams[k].depth
+    within = beams[k].bounds[nonnegative((j / TILE) * (size / TILE) + i / TILE)]
     if q >= within[1]:
         return 1.0
     if q < within[0]:
@@ -293,7 +293,7 @@ def lit(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.f
             wy = 1.0 - fv
         if y == 3:
             wy = fv
-        base = index((j + y - 1) * size + i - 1)
+        base = nonnegative((j + y - 1) * size + i - 1)
         row = wp.float32(0.0)
         if beams[k].depths[base] <= q:
             row = row + 1.0 - fu

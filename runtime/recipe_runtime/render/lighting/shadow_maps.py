@@ -14,26 +14,26 @@ from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import shadow_kernels
 from recipe_runtime.render.lighting.shadow_kernels import TILE, Sunbeam
 from recipe_runtime.render.raster import visibility_kernels
-from recipe_runtime.render.scene.camera import Lens, device_rows, world_from_parts
+from recipe_runtime.render.scene.camera import Pinhole, upload_transforms, world_from_parts
 from recipe_runtime.render.scene.geometry import CHUNK, Geometry
 from recipe_runtime.transforms import Array
 
 _STATIC_MAPS = ((3072, 0.03, 32.0), (2048, 0.2, 128.0))  # texels, metres a texel, metres between centres
 _MOVING_SIZE = 1024
 _MOVING_TEXELS = (0.022, 0.09)  # metres: about 22 m across, and 92 m
-_KEPT = 6  # static maps kept of each kind
-_SPARE = 8  # moving maps, 4 MB each
-_REACH = 1200.0  # metres along the sun's rays that a map spans
+_STATIC_CACHE_SIZE = 6  # static maps kept of each kind
+_MAP_POOL_SIZE = 8  # moving maps, 4 MB each
+_DEPTH = 1200.0  # metres along the sun's rays that a map spans
 
 
-class Shadows:
+class ShadowMaps:
     """The shadow maps of one scene."""
 
     def __init__(self, geometry: Geometry, device: str) -> None:
         self._g, self._device = geometry, device
         self._keys: dict[int, Any] = {}  # by a map's size
         self._static: list[OrderedDict[tuple[bytes, int, int], Any]] = [OrderedDict() for _ in _STATIC_MAPS]
-        self._spare: list[Sheet] = []  # of maps that nobody looks into any more
+        self._spare: list[ShadowMap] = []  # of maps that nobody looks into any more
 
     def static(self, sun: NDArray[np.float64], eye: Array) -> tuple[Any, Any]:
         """The fine and the coarse map of what stands still, about the eye; for a sun above the horizon.
@@ -48,11 +48,11 @@ class Shadows:
         cell = int(np.floor(eye[0] / grid + 0.5)), int(np.floor(eye[1] / grid + 0.5))
         held, name = self._static[kind], (sun.tobytes(), *cell)
         if name not in held:
-            if len(held) >= _KEPT:
+            if len(held) >= _STATIC_CACHE_SIZE:
                 held.popitem(last=False)
             centre = np.array([cell[0] * grid, cell[1] * grid, 0.0])
             beam = _beam_about(sun, centre, texel, size)
-            world = device_rows(world_from_parts(np.zeros((0, 3, 4))), self._device)
+            world = upload_transforms(world_from_parts(np.zeros((0, 3, 4))), self._device)
             held[name] = self._draw(beam, self._g.vertices, world, 0, self._g.static_chunks)
         held.move_to_end(name)
         return held[name]
@@ -65,25 +65,25 @@ class Shadows:
         beam.bounds = wp.zeros(1, dtype=wp.vec2f, device=self._device)
         return beam
 
-    def moving(self, sun: NDArray[np.float64], vertices: Any, world: Any, eye: Array, ahead: Array) -> list[Sheet]:
+    def moving(self, sun: NDArray[np.float64], vertices: Any, world: Any, eye: Array, ahead: Array) -> list[ShadowMap]:
         """The fine and the coarse map of the moving parts, from their vertices in the world, moved there by `world`."""
         first = self._g.static_chunks
         count = self._g.chunk_count - first
-        sheets = [self._sheet(beam) for beam in about(sun, eye, ahead)]
+        sheets = [self._sheet(beam) for beam in moving_beams(sun, eye, ahead)]
         for sheet in sheets:
             sheet.draw(record(sheet.beam, self._device), vertices, world, first, count)
         return sheets
 
-    def give_back(self, sheets: list[Sheet]) -> None:
+    def give_back(self, sheets: list[ShadowMap]) -> None:
         """Keep the memory of moving maps for others."""
         for sheet in sheets:
-            if len(self._spare) < _SPARE:
+            if len(self._spare) < _MAP_POOL_SIZE:
                 self._spare.append(sheet)
 
-    def _sheet(self, beam: Any) -> Sheet:
+    def _sheet(self, beam: Any) -> ShadowMap:
         """Room for a moving map."""
         if not self._spare:
-            return Sheet(beam, self._g, self._device, self._cleared(beam.size))
+            return ShadowMap(beam, self._g, self._device, self._cleared(beam.size))
         sheet = self._spare.pop()
         sheet.turn(beam)
         return sheet
@@ -95,13 +95,13 @@ class Shadows:
         return self._keys[size]
 
     def _draw(self, beam: Any, vertices: Any, world: Any, first: int, count: int) -> Any:
-        Sheet(beam, self._g, self._device, self._cleared(beam.size)).draw(
+        ShadowMap(beam, self._g, self._device, self._cleared(beam.size)).draw(
             record(beam, self._device), vertices, world, first, count
         )
         return beam
 
 
-class Sheet:
+class ShadowMap:
     """A map's memory; `beam` is given its place there."""
 
     def __init__(self, beam: Any, geometry: Geometry, device: str, keys: Any) -> None:
@@ -127,21 +127,26 @@ class Sheet:
     def draw(self, told: Any, vertices: Any, world: Any, first: int, count: int) -> None:
         """Draw chunks into an empty map, or over what was there before a `turn`; its frame is the record `told`."""
         g, size = self._g, int(self.beam.size)
-        lens = Lens()
+        lens = Pinhole()
         lens.near, lens.far, lens.width, lens.height, lens.side = 1.0, 1.0e9, size, size, 1
         if count:
             inputs = [g.chunks, g.chunk_centres, g.chunk_halves, world, told, first, self._seen]
-            launch(shadow_kernels.cull, count, inputs, self._device)
+            launch(shadow_kernels.cull_casters, count, inputs, self._device)
             tables = [vertices, g.triangles, g.chunks, self._seen, g.casts, first]
-            launch(shadow_kernels.cast, count * CHUNK, [*tables, told, lens, self._keys, self._used], self._device)
+            launch(
+                shadow_kernels.raster_casters,
+                count * CHUNK,
+                [*tables, told, lens, self._keys, self._used],
+                self._device,
+            )
         tiles, depths = self._used.size, self.beam.depths
         rows = int(TILE) if self._device == "cpu" else 1  # a GPU has threads to spare
         inputs = [self._keys, self._used, self._before, size, rows, depths]
-        launch(shadow_kernels.nearness, tiles * (int(TILE) // rows), inputs, self._device)
-        launch(shadow_kernels.bound, tiles, [depths, self._used, size, self.beam.bounds], self._device)
+        launch(shadow_kernels.resolve_depths, tiles * (int(TILE) // rows), inputs, self._device)
+        launch(shadow_kernels.bound_depths, tiles, [depths, self._used, size, self.beam.bounds], self._device)
 
 
-def about(sun: NDArray[np.float64], eye: Array, ahead: Array) -> list[Any]:
+def moving_beams(sun: NDArray[np.float64], eye: Array, ahead: Array) -> list[Any]:
     """The frames of the fine and the coarse map of what moves about a camera."""
     places = [(texel, eye + ahead * (texel * _MOVING_SIZE * 0.42)) for texel in _MOVING_TEXELS]
     return [_beam_about(sun, centre, texel, _MOVING_SIZE) for texel, centre in places]
@@ -153,7 +158,7 @@ def world_vertices(geometry: Geometry, world_from_part: Any, device: str) -> Any
     count = geometry.vertex_count - geometry.static_vertices
     if count:
         inputs = [geometry.vertices, geometry.vertex_part, world_from_part, geometry.static_vertices, out]
-        launch(visibility_kernels.transform, count, inputs, device)
+        launch(visibility_kernels.transform_vertices, count, inputs, device)
     return out
 
 
@@ -174,12 +179,12 @@ def _beam_about(sun: NDArray[np.float64], centre: Array, texel: float, size: int
     """The frame of a map about a point; whole texels, so that its grid stays in place as the camera moves."""
     axes = _axes(sun)
     at = [float(_along(axis, centre[None])[0]) for axis in axes]
-    scale = (1.0 / texel, 1.0 / texel, 1.0 / _REACH)
+    scale = (1.0 / texel, 1.0 / texel, 1.0 / _DEPTH)
     offset = (size / 2.0 - float(np.floor(at[0] / texel)), size / 2.0 - float(np.floor(at[1] / texel)))
     beam = Sunbeam()
     beam.u, beam.v, beam.q = (
         wp.vec4f(*(float(c) * s for c in axis), o)
-        for axis, s, o in zip(axes, scale, (*offset, 0.5 - at[2] / _REACH), strict=True)
+        for axis, s, o in zip(axes, scale, (*offset, 0.5 - at[2] / _DEPTH), strict=True)
     )
-    beam.size, beam.texel, beam.depth = size, texel, _REACH
+    beam.size, beam.texel, beam.depth = size, texel, _DEPTH
     return beam

@@ -10,8 +10,8 @@ light, or had one; all others are as they were, and nobody looks at them.
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.air import Air
 from recipe_runtime.render.lighting.shadow_kernels import UNTOUCHED
-from recipe_runtime.render.numeric.noise import hash3, whole
-from recipe_runtime.render.numeric.scalars import index
+from recipe_runtime.render.numeric.noise import floor, hash3
+from recipe_runtime.render.numeric.scalars import nonnegative
 
 wp.set_module_options(OPTIONS)
 
@@ -23,7 +23,7 @@ LEAF = wp.constant(wp.uint8(4))  # and a turn from 0 to 3: nothing did, but leav
 
 
 @wp.struct
-class Before:
+class PreviousFrame:
     """What is known of an earlier frame's light, which is where this frame's goes."""
 
     tiles: wp.array[wp.int32]  # what `compare` and `calm` found
@@ -35,7 +35,7 @@ class Before:
 
 
 @wp.struct
-class Asked:
+class DirtySamples:
     """Which samples a kernel's threads are for: those of a list, and then all from `fresh` on."""
 
     listed: wp.int32  # -1: there is no list, and every sample is asked
@@ -44,58 +44,58 @@ class Asked:
 
 
 @wp.func
-def asked_of(asked: wp.array[Asked], thread: wp.int32) -> wp.int32:
+def dirty_sample(asked: wp.array[DirtySamples], thread: wp.int32) -> wp.int32:
     """The sample that a thread is for."""
     i = thread
     listed = asked[0].listed
     if listed >= 0:
         i = asked[0].fresh + thread - listed
         if thread < listed:
-            i = asked[0].samples[index(thread)]
-    return index(i)
+            i = asked[0].samples[nonnegative(thread)]
+    return nonnegative(i)
 
 
 @wp.func
-def spoil(before: wp.array[Before], pixel: wp.int32):
+def mark_dirty(before: wp.array[PreviousFrame], pixel: wp.int32):
     """The pixel's light changes: what was developed of it no longer holds."""
     if before[0].kept > 0:
         before[0].stale[pixel] = wp.uint8(1)
 
 
 @wp.func
-def turn_in(p: wp.vec3f) -> wp.int32:
+def leaf_phase(p: wp.vec3f) -> wp.int32:
     """Which of four turns a place has, so that not all leaves stir at a time."""
-    return wp.int32(hash3(whole(p[0] * 2.7), whole(p[1] * 2.7), whole(p[2] * 2.7), wp.uint32(45)) >> wp.uint32(30))
+    return wp.int32(hash3(floor(p[0] * 2.7), floor(p[1] * 2.7), floor(p[2] * 2.7), wp.uint32(45)) >> wp.uint32(30))
 
 
 @wp.func
-def stirring(turn: wp.int32, now: wp.int32) -> wp.int32:
+def leaf_step(turn: wp.int32, now: wp.int32) -> wp.int32:
     """When leaves of a turn stirred last: every four stirs, each at their own."""
     return ((now + turn) & ~3) - turn
 
 
 @wp.func
-def rests(known: wp.uint8, calm: wp.bool, still_sky: wp.bool, resting: wp.uint32) -> wp.bool:
+def is_unchanged(known: wp.uint8, calm: wp.bool, still_sky: wp.bool, resting: wp.uint32) -> wp.bool:
     """Whether a sample's light is that of the frame before; `resting` has a bit for every turn of leaves."""
     leaf = known >= LEAF and ((resting >> wp.uint32(known & wp.uint8(3))) & wp.uint32(1)) != wp.uint32(0)
     return wp.where(known == SKY, still_sky, calm and (known == AT_REST or leaf))
 
 
 @wp.func
-def resting_leaves(now: wp.int32, then: wp.int32) -> wp.uint32:
+def unchanged_leaf_phases(now: wp.int32, then: wp.int32) -> wp.uint32:
     """A bit for every turn whose leaves are as they were."""
     bits = wp.uint32(0)
     for turn in range(4):
-        if stirring(turn, now) == stirring(turn, then):
+        if leaf_step(turn, now) == leaf_step(turn, then):
             bits = bits | (wp.uint32(1) << wp.uint32(turn))
     return bits
 
 
 @wp.kernel
-def enlist(
+def collect_dirty(
     firsts: wp.array[wp.int32],
     air: wp.array[Air],
-    before: wp.array[Before],
+    before: wp.array[PreviousFrame],
     known: wp.array[wp.uint8],
     quiet: wp.array[wp.uint8],
     count: wp.array[wp.int32],
@@ -114,20 +114,20 @@ def enlist(
     still = calm and still_sky
     if still and quiet[tile] != wp.uint8(0):
         return
-    resting = resting_leaves(air[0].stirs, before[0].stirs)
-    first = index(firsts[tile])
+    resting = unchanged_leaf_phases(air[0].stirs, before[0].stirs)
+    first = nonnegative(firsts[tile])
     end = firsts[tile + 1]
     n = wp.int32(0)
     leaves = wp.int32(0)
     for i in range(first, end):
-        of_sample = known[index(i)]
-        n = n + wp.where(rests(of_sample, calm, still_sky, resting), 0, 1)
+        of_sample = known[nonnegative(i)]
+        n = n + wp.where(is_unchanged(of_sample, calm, still_sky, resting), 0, 1)
         leaves = leaves + wp.where(of_sample >= LEAF, 1, 0)
     quiet[tile] = wp.where(still and n + leaves == 0, wp.uint8(1), wp.uint8(0))
     if n == 0:
         return
     at = wp.atomic_add(count, 0, n)
     for i in range(first, end):
-        if not rests(known[index(i)], calm, still_sky, resting):
+        if not is_unchanged(known[nonnegative(i)], calm, still_sky, resting):
             listed[at] = i
             at = at + 1

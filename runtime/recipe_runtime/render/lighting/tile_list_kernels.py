@@ -8,17 +8,17 @@ reach does not meet the box is left out. Tiles keep the things in the order of t
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.noise import step_between
-from recipe_runtime.render.numeric.scalars import clamp01, greater, index, lesser
-from recipe_runtime.render.numeric.vectors import inner
+from recipe_runtime.render.numeric.noise import smoothstep
+from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
+from recipe_runtime.render.numeric.vectors import dot
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of
-from recipe_runtime.render.scene.camera import Lens
+from recipe_runtime.render.scene.camera import Pinhole
 
 wp.set_module_options(OPTIONS)
 
-MOST = wp.constant(24)  # things a tile can hold; the list's first ones are kept
-FADES_AT = wp.constant(wp.float32(8.0))  # squared, in spreads from a body: from there on it darkens nothing
-FADED = wp.constant(wp.float32(1.0 / 81.0))  # what it would darken there
+MAX_PER_TILE = wp.constant(24)  # things a tile can hold; the list's first ones are kept
+FADE_END_SQUARED = wp.constant(wp.float32(8.0))  # squared, in spreads from a body: from there on it darkens nothing
+FADE_END_SHARE = wp.constant(wp.float32(1.0 / 81.0))  # what it would darken there
 
 
 @wp.struct
@@ -49,7 +49,7 @@ class Bodies:
 @wp.func
 def gap(low: wp.float32, high: wp.float32, x: wp.float32) -> wp.float32:
     """Distance of x from the interval."""
-    return greater(greater(low - x, x - high), 0.0)
+    return maximum(maximum(low - x, x - high), 0.0)
 
 
 @wp.func
@@ -57,31 +57,31 @@ def meets_cone(v: wp.vec3f, radius: wp.float32, aim: wp.vec3f, cosine: wp.float3
     """Whether a ball at v from a cone's point may meet the cone; always, if its half angle is not below 90 degrees."""
     if cosine <= 0.0:
         return True
-    along = inner(v, aim)
+    along = dot(v, aim)
     if along < -radius:
         return False
-    across = wp.sqrt(greater(inner(v, v) - along * along, 0.0))
+    across = wp.sqrt(maximum(dot(v, v) - along * along, 0.0))
     return across * cosine - along * wp.sqrt(1.0 - cosine * cosine) <= radius
 
 
 @wp.func
-def depths_in(keys: wp.array[wp.uint64], lens: Lens, x0: wp.int32, y0: wp.int32, x1: wp.int32, y1: wp.int32):
+def key_range(keys: wp.array[wp.uint64], lens: Pinhole, x0: wp.int32, y0: wp.int32, x1: wp.int32, y1: wp.int32):
     """The nearest and the farthest key of a rectangle of pixels, the sky left out; a nearest of 0: all is sky."""
     far = wp.uint64(0xFFFFFFFFFFFFFFFF)
     near = wp.uint64(0)
     for y in range(y0, y1):
         row = y * lens.width
         for x in range(x0, x1):
-            key = keys[index(row + x)]
+            key = keys[nonnegative(row + x)]
             near = wp.max(near, key)
             far = wp.min(far, key - wp.uint64(1))  # the sky's 0 becomes the largest number
     return near, far + wp.uint64(1)
 
 
 @wp.func
-def box_about(
+def world_box(
     world: wp.array2d[wp.float32],
-    lens: Lens,
+    lens: Pinhole,
     x0: wp.int32,
     y0: wp.int32,
     x1: wp.int32,
@@ -102,8 +102,8 @@ def box_about(
         px = world[0, 0] * cx + world[0, 1] * cy + world[0, 2] * z + world[0, 3]
         py = world[0, 4] * cx + world[0, 5] * cy + world[0, 6] * z + world[0, 7]
         pz = world[0, 8] * cx + world[0, 9] * cy + world[0, 10] * z + world[0, 11]
-        low = wp.vec3f(lesser(low[0], px), lesser(low[1], py), lesser(low[2], pz))
-        high = wp.vec3f(greater(high[0], px), greater(high[1], py), greater(high[2], pz))
+        low = wp.vec3f(minimum(low[0], px), minimum(low[1], py), minimum(low[2], pz))
+        high = wp.vec3f(maximum(high[0], px), maximum(high[1], py), maximum(high[2], pz))
     return low, high
 
 
@@ -118,14 +118,14 @@ def list_lamps(lamps: wp.array[Lamps], low: wp.vec3f, high: wp.vec3f, tile: wp.i
     """List the lamps whose ball of reach meets the box, and whose cone meets the ball about it."""
     middle = (low + high) * 0.5
     span = high - low
-    radius = 0.5 * wp.sqrt(inner(span, span)) + 0.05
+    radius = 0.5 * wp.sqrt(dot(span, span)) + 0.05
     n = wp.int32(0)
     for i in range(lamps[0].count):
         p = lamps[0].position[i]
         g = gaps(low, high, p)
         reach = lamps[0].reach[i]
         near_by = g[0] * g[0] + g[1] * g[1] + g[2] * g[2] < reach * reach
-        if near_by and n < MOST and meets_cone(middle - p, radius, lamps[0].direction[i], lamps[0].cone[i][0]):
+        if near_by and n < MAX_PER_TILE and meets_cone(middle - p, radius, lamps[0].direction[i], lamps[0].cone[i][0]):
             n = n + 1
             lists[tile, n] = i
     lists[tile, 0] = n
@@ -136,18 +136,18 @@ def list_bodies(bodies: wp.array[Bodies], low: wp.vec3f, high: wp.vec3f, tile: w
     """List the bodies that stand so near to the box that they may darken it."""
     n = wp.int32(0)
     for i in range(bodies[0].count):
-        reach = bodies[0].half[i][0] + bodies[0].half[i][1] + wp.sqrt(FADES_AT) * bodies[0].spread[i] + 0.001
+        reach = bodies[0].half[i][0] + bodies[0].half[i][1] + wp.sqrt(FADE_END_SQUARED) * bodies[0].spread[i] + 0.001
         g = gaps(low, high, bodies[0].centre[i])
-        if g[0] * g[0] + g[1] * g[1] < reach * reach and g[2] < 0.6 and n < MOST:
+        if g[0] * g[0] + g[1] * g[1] < reach * reach and g[2] < 0.6 and n < MAX_PER_TILE:
             n = n + 1
             lists[tile, n] = i
     lists[tile, 0] = n
 
 
 @wp.kernel
-def gather(
+def cull_lights(
     keys: wp.array[wp.uint64],
-    lens: Lens,
+    lens: Pinhole,
     world: wp.array2d[wp.float32],
     lamps: wp.array[Lamps],
     bodies: wp.array[Bodies],
@@ -161,7 +161,7 @@ def gather(
     y0 = (tile / columns) * TILE
     x1 = wp.min(x0 + TILE, lens.width)
     y1 = wp.min(y0 + TILE, lens.height)
-    near, far = depths_in(keys, lens, x0, y0, x1, y1)
+    near, far = key_range(keys, lens, x0, y0, x1, y1)
     lamp_lists[tile, 0] = 0
     body_lists[tile, 0] = 0
     if near == wp.uint64(0):
@@ -169,7 +169,7 @@ def gather(
     # A little to spare: samples within a pixel may lie nearer or farther than its centre.
     z0 = wp.float32(depth_of(near, lens.near)) * 0.97 - 0.05
     z1 = wp.float32(depth_of(far, lens.near)) * 1.03 + 0.05
-    low, high = box_about(world, lens, x0, y0, x1, y1, z0, z1)
+    low, high = world_box(world, lens, x0, y0, x1, y1, z0, z1)
     list_lamps(lamps, low, high, tile, lamp_lists)
     list_bodies(bodies, low, high, tile, body_lists)
 
@@ -188,7 +188,7 @@ def same_lamps(lamps: wp.array[Lamps], before: wp.array2d[wp.int32], now: wp.arr
 
 
 @wp.kernel
-def compare(
+def compare_lists(
     lamps: wp.array[Lamps],
     lamps_before: wp.array2d[wp.int32],
     bodies_before: wp.array2d[wp.int32],
@@ -214,7 +214,7 @@ def compare(
 
 
 @wp.func
-def contact(
+def contact_occlusion(
     bodies: wp.array[Bodies], lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f
 ) -> wp.float32:
     """The share of the sky's light left on ground that bodies stand close above."""
@@ -234,11 +234,11 @@ def contact(
             gv = gap(-h[1], h[1], v)
             square = gu * gu + gv * gv
             spread = bodies[0].spread[i] * bodies[0].spread[i]
-            if square < FADES_AT * spread:
+            if square < FADE_END_SQUARED * spread:
                 r = square / spread
-                share = greater(1.0 / (1.0 + 2.0 * r + r * r) - FADED, 0.0) * (1.0 / (1.0 - FADED))
+                share = maximum(1.0 / (1.0 + 2.0 * r + r * r) - FADE_END_SHARE, 0.0) * (1.0 / (1.0 - FADE_END_SHARE))
                 # The parts of one body stand in each other's way: the darkest of them counts, not their product.
-                left = lesser(left, 1.0 - bodies[0].strength[i] * clamp01(n[2]) * share)
+                left = minimum(left, 1.0 - bodies[0].strength[i] * clamp01(n[2]) * share)
     return left
 
 
@@ -265,9 +265,9 @@ def lamp_light(lamps: wp.array[Lamps], i: wp.int32, p: wp.vec3f, n: wp.vec3f) ->
     faced = dx * n[0] + dy * n[1] + dz * n[2]
     if faced < 0.0 and faced * faced > 0.0144 * s:
         return wp.vec4f(0.0, 0.0, 1.0, 0.0)
-    r = 1.0 / wp.sqrt(greater(s, 1.0e-4))
+    r = 1.0 / wp.sqrt(maximum(s, 1.0e-4))
     to = wp.vec3f(dx * r, dy * r, dz * r)
-    spot = step_between(cone[0], cone[1], along * r)
+    spot = smoothstep(cone[0], cone[1], along * r)
     edge = 1.0 - s / (reach * reach)
     share = spot * edge * edge / (s + 0.15)
     return wp.vec4f(to[0], to[1], to[2], share)

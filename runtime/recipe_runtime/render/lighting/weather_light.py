@@ -20,7 +20,7 @@ from recipe_runtime.render.lighting import sky
 from recipe_runtime.render.lighting.air import DECAY_STEPS, SWING_STIRS, Air
 from recipe_runtime.render.lighting.sky import MIE, RAYLEIGH, Colour, Haze, haze_of
 
-DENSEST = 45.0  # metres seen at fog_density 100
+MIN_VISUAL_RANGE = 45.0  # metres seen at fog_density 100
 LAMPS_ON, LAMPS_OFF = -1.0, 5.0  # sun altitudes, degrees, between which lamps fade
 _MOLECULES = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass of them
 _AEROSOL = np.array([0.8, 1.0, 1.35])  # haze takes more of the blue: Angstrom's law with an exponent of 1.3
@@ -107,7 +107,7 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
     air.cloud_bright = _vector(_mix(bright, falling.overcast * 0.80 + 0.4 * warm, s.grey))
     air.cloud_dark = _vector(falling.overcast * (0.42 - 0.04 * s.rain))
     air.cover = fixed(s.cover)
-    air.stars = fixed(_ease(-6.0, -14.0, s.altitude) * (1.0 - s.cover)) * 2.0e-3
+    air.stars = fixed(_smoothstep(-6.0, -14.0, s.altitude) * (1.0 - s.cover)) * 2.0e-3
     air.warm = _vector(warm * (1.0 - 0.9 * s.grey))
     _fill_fog(air, s, falling, sunlight)
     air.wet = fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.9 * w.precipitation_deposits / 100.0))
@@ -141,14 +141,16 @@ def transmittance(altitude: float, mie: float = MIE, rayleigh: float = RAYLEIGH)
     """The share of sunlight that reaches the ground, by colour; fades to 0 as the disc sets."""
     haze = haze_of(mie, rayleigh)
     white = np.array([1.0, 1.03, 1.1])
-    golden = _mix(np.ones(3), np.array([1.08, 0.86, 0.58]), _ease(28.0, 8.0, altitude))  # evening air is full of dust
+    golden = _mix(
+        np.ones(3), np.array([1.08, 0.86, 0.58]), _smoothstep(28.0, 8.0, altitude)
+    )  # evening air is full of dust
     left: Colour = golden * white * _past(altitude, _MOLECULES * haze.rayleigh + haze.mie * _AEROSOL)
-    return left * _ease(-1.2, 0.8, altitude)
+    return left * _smoothstep(-1.2, 0.8, altitude)
 
 
 def extinction(fog_density: float) -> float:
     """Koschmieder's extinction, 1/m, of a fog density 0..100: visual range falls with its square, to 45 m."""
-    return 3.912 / DENSEST * (fog_density / 100.0) * (fog_density / 100.0)
+    return 3.912 / MIN_VISUAL_RANGE * (fog_density / 100.0) * (fog_density / 100.0)
 
 
 def _past(altitude: float, depth: Colour) -> Colour:
@@ -162,7 +164,7 @@ def _state_of(appearance: AppearancePlan) -> _State:
     w, altitude = appearance.weather, appearance.sun.altitude
     rain, fog, dust = w.precipitation / 100.0, w.fog_density / 100.0, w.dust_storm / 100.0
     cover = 1.0 - (1.0 - w.cloudiness / 100.0) * (1.0 - 0.6 * rain)
-    clouds = 1.0 - _ease(0.1, 0.85, cover) * 0.95
+    clouds = 1.0 - _smoothstep(0.1, 0.85, cover) * 0.95
     return _State(
         weather=w,
         altitude=altitude,
@@ -172,9 +174,9 @@ def _state_of(appearance: AppearancePlan) -> _State:
         fog=fog,
         dust=dust,
         cover=cover,
-        grey=_ease(0.25, 0.95, cover),
+        grey=_smoothstep(0.25, 0.95, cover),
         shine=clouds * (1.0 - 0.75 * rain) * exact.exp(-2.6 * fog * fog) * (1.0 - 0.6 * dust),
-        night=1.0 - _ease(LAMPS_ON, LAMPS_OFF, altitude),
+        night=1.0 - _smoothstep(LAMPS_ON, LAMPS_OFF, altitude),
         day=sky.brightness(altitude),
     )
 
@@ -182,8 +184,8 @@ def _state_of(appearance: AppearancePlan) -> _State:
 def _falling(s: _State, clear_sun: Colour) -> _Falling:
     sunlight, up = clear_sun * s.shine, max(float(s.sun[2]), 0.0)
     zenith, horizon = _ambient_colours(s.altitude, s.day)
-    evening = _ease(24.0, 8.0, s.altitude) * _ease(-4.0, 4.0, s.altitude)
-    tint = _mix(np.array([0.82, 0.9, 1.0]), np.array([0.62, 0.78, 1.12]), _ease(8.0, -2.0, s.altitude))
+    evening = _smoothstep(24.0, 8.0, s.altitude) * _smoothstep(-4.0, 4.0, s.altitude)
+    tint = _mix(np.array([0.82, 0.9, 1.0]), np.array([0.62, 0.78, 1.12]), _smoothstep(8.0, -2.0, s.altitude))
     tint = _mix(tint, np.array([1.02, 0.80, 0.60]), evening)
     overcast = tint * (s.day * (0.95 - 0.35 * s.rain) * (1.0 - 0.3 * s.dust))
     overcast = overcast + clear_sun * (up * (1.0 - s.shine) * 0.32)
@@ -202,10 +204,10 @@ def _falling(s: _State, clear_sun: Colour) -> _Falling:
 
 def _ambient_colours(altitude: float, day: float) -> tuple[Colour, Colour]:
     """Zenith and horizon as they light the ground: paler than they look."""
-    noon = _ease(-2.0, 26.0, altitude)
+    noon = _smoothstep(-2.0, 26.0, altitude)
     zenith = _mix(np.array([0.22, 0.34, 0.70]), np.array([0.26, 0.48, 0.98]), noon)
     horizon = _mix(np.array([1.0, 0.86, 0.84]), np.array([1.22, 1.38, 1.52]), noon)
-    horizon = _mix(horizon, np.array([0.52, 0.5, 0.62]), _ease(-4.0, -12.0, altitude))
+    horizon = _mix(horizon, np.array([0.52, 0.5, 0.62]), _smoothstep(-4.0, -12.0, altitude))
     return zenith * day, horizon * day
 
 
@@ -245,26 +247,28 @@ def _fill_tables(air: Any, s: _State, device: str) -> None:
 
 def _unhazed(s: _State) -> Colour:
     """The sunlight that haze finds to scatter; the light that more molecules took stays in the sky."""
-    return 5.6 * s.shine * _past(s.altitude, _MOLECULES * min(s.haze.rayleigh, 1.0)) * _ease(-1.2, 0.8, s.altitude)
+    return (
+        5.6 * s.shine * _past(s.altitude, _MOLECULES * min(s.haze.rayleigh, 1.0)) * _smoothstep(-1.2, 0.8, s.altitude)
+    )
 
 
 def _daylight(s: _State, sunlight: Colour, overhead: Colour) -> float:
     """What sun and sky give a camera in a street to adapt to."""
     # A low sun lights the tops of houses; the street, which the exposure is for, lies in their shade.
-    open_street = 0.33 + 0.67 * _ease(4.0, 40.0, s.altitude)
-    seen = sunlight * (max(float(s.sun[2]), 0.3) * open_street * _ease(-1.0, 1.0, s.altitude)) + 1.25 * overhead
+    open_street = 0.33 + 0.67 * _smoothstep(4.0, 40.0, s.altitude)
+    seen = sunlight * (max(float(s.sun[2]), 0.3) * open_street * _smoothstep(-1.0, 1.0, s.altitude)) + 1.25 * overhead
     return 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2])
 
 
 def _response(s: _State) -> float:
     """How bright a picture is to become: dusk is darker than day, and a lit street by night than dusk."""
-    deep = _ease(-3.0, -13.0, s.altitude)
-    clear = 1.0 - 0.12 * _ease(30.0, 12.0, s.altitude) - 0.2 * _ease(9.0, -3.0, s.altitude) + 0.4 * deep
+    deep = _smoothstep(-3.0, -13.0, s.altitude)
+    clear = 1.0 - 0.12 * _smoothstep(30.0, 12.0, s.altitude) - 0.2 * _smoothstep(9.0, -3.0, s.altitude) + 0.4 * deep
     veiled = (1.0 - 0.2 * s.rain * (1.0 - deep)) * (1.0 - 0.06 * s.fog) * (1.0 - 0.36 * s.dust)
     return clear * veiled * (1.0 + 0.5 * deep * max(s.rain, s.fog) * (1.0 - s.dust))
 
 
-def _ease(start: float, end: float, x: float) -> float:
+def _smoothstep(start: float, end: float, x: float) -> float:
     t = min(max((x - start) / (end - start), 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
 

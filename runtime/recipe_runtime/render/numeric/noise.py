@@ -4,7 +4,7 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.scalars import clamp01, greater, lesser
+from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum
 
 wp.set_module_options(OPTIONS)
 
@@ -13,7 +13,7 @@ _B = wp.constant(wp.uint32(0x846CA68B))
 _X = wp.constant(wp.uint32(0x8DA6B343))
 _Y = wp.constant(wp.uint32(0xD8163841))
 _Z = wp.constant(wp.uint32(0xCB1AB31F))
-UNIT = wp.constant(wp.float32(1.0 / 16777216.0))
+INV_2_24 = wp.constant(wp.float32(1.0 / 16777216.0))
 
 
 @wp.func
@@ -41,13 +41,13 @@ def hash3(x: wp.int32, y: wp.int32, z: wp.int32, seed: wp.uint32) -> wp.uint32:
 @wp.func
 def unit(h: wp.uint32) -> wp.float32:
     """A hash as a number in [0, 1)."""
-    return wp.float32(h >> wp.uint32(8)) * UNIT
+    return wp.float32(h >> wp.uint32(8)) * INV_2_24
 
 
 @wp.func
-def whole(x: wp.float32) -> wp.int32:
+def floor(x: wp.float32) -> wp.int32:
     """The floor of x, which is first brought into the range of lattice numbers."""
-    c = greater(lesser(x, wp.float32(1.0e9)), wp.float32(-1.0e9))
+    c = maximum(minimum(x, wp.float32(1.0e9)), wp.float32(-1.0e9))
     i = wp.int32(c)
     if wp.float32(i) > c:
         i = i - 1
@@ -55,15 +55,15 @@ def whole(x: wp.float32) -> wp.int32:
 
 
 @wp.func
-def smooth(t: wp.float32) -> wp.float32:
+def ease(t: wp.float32) -> wp.float32:
     """The cubic that eases from 0 to 1."""
     return t * t * (3.0 - 2.0 * t)
 
 
 @wp.func
-def step_between(low: wp.float32, high: wp.float32, x: wp.float32) -> wp.float32:
+def smoothstep(low: wp.float32, high: wp.float32, x: wp.float32) -> wp.float32:
     """0 below low, 1 above high, smooth between."""
-    return smooth(clamp01((x - low) / (high - low)))
+    return ease(clamp01((x - low) / (high - low)))
 
 
 @wp.func
@@ -77,10 +77,10 @@ def lattice(h: wp.uint32) -> wp.float32:
 @wp.func
 def noise2(x: wp.float32, y: wp.float32, seed: wp.uint32) -> wp.float32:
     """Smooth noise in [0, 1) with features one unit wide."""
-    i = whole(x)
-    j = whole(y)
-    fx = smooth(x - wp.float32(i))
-    fy = smooth(y - wp.float32(j))
+    i = floor(x)
+    j = floor(y)
+    fx = ease(x - wp.float32(i))
+    fy = ease(y - wp.float32(j))
     left = wp.uint32(i) * _X
     low_row = wp.uint32(j) * _Y ^ seed
     high_row = wp.uint32(j + 1) * _Y ^ seed
@@ -96,8 +96,8 @@ def noise2(x: wp.float32, y: wp.float32, seed: wp.uint32) -> wp.float32:
 @wp.func
 def noise3(x: wp.float32, y: wp.float32, z: wp.float32, seed: wp.uint32) -> wp.float32:
     """Smooth noise in space, in [0, 1), with features one unit wide."""
-    k = whole(z)
-    fz = smooth(z - wp.float32(k))
+    k = floor(z)
+    fz = ease(z - wp.float32(k))
     low = noise2(x, y, scramble(wp.uint32(k) ^ seed))
     high = noise2(x, y, scramble(wp.uint32(k + 1) ^ seed))
     return low + (high - low) * fz

@@ -13,13 +13,13 @@ wp.set_module_options(OPTIONS)
 
 
 @wp.func
-def lesser(a: wp.float32, b: wp.float32) -> wp.float32:
+def minimum(a: wp.float32, b: wp.float32) -> wp.float32:
     """The lesser of two numbers."""
     return wp.where(b < a, b, a)
 
 
 @wp.func
-def greater(a: wp.float32, b: wp.float32) -> wp.float32:
+def maximum(a: wp.float32, b: wp.float32) -> wp.float32:
     """The greater of two numbers."""
     return wp.where(b > a, b, a)
 
@@ -27,11 +27,11 @@ def greater(a: wp.float32, b: wp.float32) -> wp.float32:
 @wp.func
 def clamp01(t: wp.float32) -> wp.float32:
     """t, kept within [0, 1]."""
-    return lesser(greater(t, 0.0), 1.0)
+    return minimum(maximum(t, 0.0), 1.0)
 
 
 @wp.func
-def index(i: wp.int32) -> wp.int32:
+def nonnegative(i: wp.int32) -> wp.int32:
     """i >= 0, in a form that shows it.
 
     Warp lets an index count from an array's end, and so asks of every access whether it does; of this one it need not.

@@ -9,22 +9,22 @@ wp.set_module_options(OPTIONS)
 
 
 @wp.func
-def inner(a: wp.vec3f, b: wp.vec3f) -> wp.float32:
+def dot(a: wp.vec3f, b: wp.vec3f) -> wp.float32:
     """Scalar product."""
     return (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
 
 
 @wp.func
-def outer(a: wp.vec3f, b: wp.vec3f) -> wp.vec3f:
+def cross(a: wp.vec3f, b: wp.vec3f) -> wp.vec3f:
     """Vector product."""
     return wp.vec3f(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @wp.func
-def direction(a: wp.vec3f) -> wp.vec3f:
+def normalize(a: wp.vec3f) -> wp.vec3f:
     """a, made one unit long; up if it is null."""
     # (A second `return` would pass the vector through memory in pieces, for which a CPU has to wait.)
-    s = inner(a, a)
+    s = dot(a, a)
     null = s < 1.0e-20
     r = 1.0 / wp.sqrt(wp.where(null, 1.0, s))
     return wp.vec3f(wp.where(null, 0.0, a[0] * r), wp.where(null, 0.0, a[1] * r), wp.where(null, 1.0, a[2] * r))
@@ -37,7 +37,7 @@ def mix(a: wp.vec3f, b: wp.vec3f, t: wp.float32) -> wp.vec3f:
 
 
 @wp.func
-def times(a: wp.vec3f, b: wp.vec3f) -> wp.vec3f:
+def multiply(a: wp.vec3f, b: wp.vec3f) -> wp.vec3f:
     """Component by component."""
     return wp.vec3f(a[0] * b[0], a[1] * b[1], a[2] * b[2])
 
@@ -53,7 +53,7 @@ def rotate(m: wp.array2d[wp.float32], row: wp.int32, v: wp.vec3f) -> wp.vec3f:
 
 
 @wp.func
-def moved(m: wp.array2d[wp.float32], part: wp.int32, v: wp.vec3f) -> wp.vec3f:
+def transform_point(m: wp.array2d[wp.float32], part: wp.int32, v: wp.vec3f) -> wp.vec3f:
     """A point of the part's frame, in the frame that m leads to."""
     return wp.vec3f(
         m[part, 0] * v[0] + m[part, 1] * v[1] + m[part, 2] * v[2] + m[part, 3],
@@ -63,7 +63,7 @@ def moved(m: wp.array2d[wp.float32], part: wp.int32, v: wp.vec3f) -> wp.vec3f:
 
 
 @wp.func
-def breadth(m: wp.array2d[wp.float32], part: wp.int32, half: wp.vec3f, n: wp.vec3f) -> wp.float32:
+def box_extent(m: wp.array2d[wp.float32], part: wp.int32, half: wp.vec3f, n: wp.vec3f) -> wp.float32:
     """How far a box of the part's frame reaches from its centre along n, a vector of the frame that m leads to."""
     a = n[0] * m[part, 0] + n[1] * m[part, 4] + n[2] * m[part, 8]
     b = n[0] * m[part, 1] + n[1] * m[part, 5] + n[2] * m[part, 9]

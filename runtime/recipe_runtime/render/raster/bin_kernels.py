@@ -9,17 +9,23 @@ of bits, so neither the list's order nor the crews' tells in them: they are the 
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.raster.triangles import Corner, bias, cut, edge, seen_at
-from recipe_runtime.render.raster.visibility_kernels import draw, offer
-from recipe_runtime.render.scene.camera import Lens
+from recipe_runtime.render.raster.triangles import (
+    Corner,
+    cut_at_near_plane,
+    edge_function,
+    project_vertex,
+    top_left_bias,
+)
+from recipe_runtime.render.raster.visibility_kernels import depth_test, fill_triangle
+from recipe_runtime.render.scene.camera import Pinhole
 
 wp.set_module_options(OPTIONS)
 
-ROWS = wp.constant(16)  # of a band
-ALONE = wp.constant(wp.int64(256))  # samples in a triangle's box up to which one thread draws it
-CREW = wp.constant(32)  # threads that share a band
-CREWS = wp.constant(4096)
-LISTED = wp.constant(wp.uint64(0x8000000000000000))  # marks an entry that holds a band
+BIN_ROWS = wp.constant(16)  # of a band
+SMALL_TRIANGLE = wp.constant(wp.int64(256))  # samples in a triangle's box up to which one thread draws it
+BIN_THREADS = wp.constant(32)  # threads that share a band
+BIN_GROUPS = wp.constant(4096)
+USED_ENTRY = wp.constant(wp.uint64(0x8000000000000000))  # marks an entry that holds a band
 
 
 @wp.struct
@@ -33,7 +39,7 @@ class Piece:
 
 
 @wp.func
-def piece_of(lens: Lens, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f, which: wp.int32) -> Piece:
+def clipped_piece(lens: Pinhole, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f, which: wp.int32) -> Piece:
     """Piece 0 or 1 of a triangle, as `visibility.clip_and_draw` cuts it."""
     a = v0
     b = v2
@@ -51,25 +57,25 @@ def piece_of(lens: Lens, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f, which: wp.int
             c = t
     piece.there = 1
     if inside == 2:
-        piece.a = cut(b, a, lens)
-        piece.b = seen_at(b, lens)
-        piece.c = seen_at(c, lens)
+        piece.a = cut_at_near_plane(b, a, lens)
+        piece.b = project_vertex(b, lens)
+        piece.c = project_vertex(c, lens)
         if which == 1:
             piece.b = piece.c
-            piece.c = cut(c, a, lens)
+            piece.c = cut_at_near_plane(c, a, lens)
     elif inside == 1:
-        piece.a = seen_at(a, lens)
-        piece.b = cut(a, b, lens)
-        piece.c = cut(a, c, lens)
+        piece.a = project_vertex(a, lens)
+        piece.b = cut_at_near_plane(a, b, lens)
+        piece.c = cut_at_near_plane(a, c, lens)
     else:
-        piece.a = seen_at(a, lens)
-        piece.b = seen_at(b, lens)
-        piece.c = seen_at(c, lens)
+        piece.a = project_vertex(a, lens)
+        piece.b = project_vertex(b, lens)
+        piece.c = project_vertex(c, lens)
     return piece
 
 
 @wp.func
-def box_of(lens: Lens, a: Corner, b: Corner, c: Corner):
+def sample_box(lens: Pinhole, a: Corner, b: Corner, c: Corner):
     """The columns and rows of the samples that a triangle's box holds: left, top, right, bottom, ends inside."""
     step = wp.int64(256) / wp.int64(lens.side)
     half = step / wp.int64(2)
@@ -85,9 +91,9 @@ def box_of(lens: Lens, a: Corner, b: Corner, c: Corner):
 
 
 @wp.func
-def draw_or_list(
+def fill_or_bin(
     keys: wp.array[wp.uint64],
-    lens: Lens,
+    lens: Pinhole,
     piece: Piece,
     triangle: wp.int32,
     which: wp.int32,
@@ -96,30 +102,32 @@ def draw_or_list(
     taken: wp.array[wp.int32],
 ):
     """Draw a small triangle; put a large one's bands on the list. If that is full, draw it all the same."""
-    if piece.there == 0 or edge(piece.a.x, piece.a.y, piece.b.x, piece.b.y, piece.c.x, piece.c.y) <= wp.int64(0):
+    if piece.there == 0 or edge_function(piece.a.x, piece.a.y, piece.b.x, piece.b.y, piece.c.x, piece.c.y) <= wp.int64(
+        0
+    ):
         return
-    left, top, right, bottom = box_of(lens, piece.a, piece.b, piece.c)
+    left, top, right, bottom = sample_box(lens, piece.a, piece.b, piece.c)
     if left > right or top > bottom:
         return
-    if (right - left + wp.int64(1)) * (bottom - top + wp.int64(1)) <= ALONE:
-        draw(keys, lens, piece.a, piece.b, piece.c, wp.uint64(triangle), bit)
+    if (right - left + wp.int64(1)) * (bottom - top + wp.int64(1)) <= SMALL_TRIANGLE:
+        fill_triangle(keys, lens, piece.a, piece.b, piece.c, wp.uint64(triangle), bit)
         return
-    count = int(bottom - top) / ROWS + 1
+    count = int(bottom - top) / BIN_ROWS + 1
     at = wp.atomic_add(taken, 0, count)
     if at + count > bands.shape[0]:
         for k in range(at, bands.shape[0]):
             bands[k] = wp.uint64(0)
-        draw(keys, lens, piece.a, piece.b, piece.c, wp.uint64(triangle), bit)
+        fill_triangle(keys, lens, piece.a, piece.b, piece.c, wp.uint64(triangle), bit)
         return
     for k in range(count):
         entry = wp.uint64(triangle) | (wp.uint64(which) << wp.uint64(24)) | (wp.uint64(k) << wp.uint64(25))
-        bands[at + k] = LISTED | entry
+        bands[at + k] = USED_ENTRY | entry
 
 
 @wp.func
-def draw_band(
+def fill_bin(
     keys: wp.array[wp.uint64],
-    lens: Lens,
+    lens: Pinhole,
     piece: Piece,
     triangle: wp.uint64,
     band: wp.int32,
@@ -130,45 +138,45 @@ def draw_band(
     a = piece.a
     b = piece.b
     c = piece.c
-    left, top, right, bottom = box_of(lens, a, b, c)
+    left, top, right, bottom = sample_box(lens, a, b, c)
     step = wp.int64(256) / wp.int64(lens.side)
     half = step / wp.int64(2)
-    inverse = wp.float64(1.0) / wp.float64(edge(a.x, a.y, b.x, b.y, c.x, c.y))
+    inverse = wp.float64(1.0) / wp.float64(edge_function(a.x, a.y, b.x, b.y, c.x, c.y))
     slope1 = (b.q - a.q) * inverse
     slope2 = (c.q - a.q) * inverse
     limit = lens.near / lens.far
-    bias0 = bias(b.x, b.y, c.x, c.y)
-    bias1 = bias(c.x, c.y, a.x, a.y)
-    bias2 = bias(a.x, a.y, b.x, b.y)
+    bias0 = top_left_bias(b.x, b.y, c.x, c.y)
+    bias1 = top_left_bias(c.x, c.y, a.x, a.y)
+    bias2 = top_left_bias(a.x, a.y, b.x, b.y)
     # A crew is as broad as a narrow box needs, and the deeper for it.
     wide = int(right - left) + 1
-    across = wp.int32(CREW)
+    across = wp.int32(BIN_THREADS)
     while across > 4 and across >= wide * 2:
         across = across / 2
     px = (left + wp.int64(first % across)) * step + half
-    y0 = int(top) + band * ROWS
-    y1 = wp.min(y0 + ROWS - 1, int(bottom))
+    y0 = int(top) + band * BIN_ROWS
+    y1 = wp.min(y0 + BIN_ROWS - 1, int(bottom))
     stride = wp.int64(across) * step
     dx0 = -(c.y - b.y) * stride
     dx1 = -(a.y - c.y) * stride
     dx2 = -(b.y - a.y) * stride
-    for y in range(y0 + first / across, y1 + 1, CREW / across):
+    for y in range(y0 + first / across, y1 + 1, BIN_THREADS / across):
         py = wp.int64(y) * step + half
-        w0 = edge(b.x, b.y, c.x, c.y, px, py)
-        w1 = edge(c.x, c.y, a.x, a.y, px, py)
-        w2 = edge(a.x, a.y, b.x, b.y, px, py)
+        w0 = edge_function(b.x, b.y, c.x, c.y, px, py)
+        w1 = edge_function(c.x, c.y, a.x, a.y, px, py)
+        w2 = edge_function(a.x, a.y, b.x, b.y, px, py)
         base = y * lens.width * lens.side
         for x in range(int(left) + first % across, int(right) + 1, across):
             if (w0 + bias0) >= wp.int64(0) and (w1 + bias1) >= wp.int64(0) and (w2 + bias2) >= wp.int64(0):
                 q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
-                offer(keys, base + x, q, limit, triangle, bit)
+                depth_test(keys, base + x, q, limit, triangle, bit)
             w0 = w0 + dx0
             w1 = w1 + dx1
             w2 = w2 + dx2
 
 
 @wp.func
-def bit_of(
+def actor_bit(
     triangle: wp.int32,
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
@@ -184,7 +192,7 @@ def bit_of(
 
 
 @wp.kernel
-def sort(
+def bin_triangles(
     view: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     chunks: wp.array[wp.vec3i],
@@ -193,7 +201,7 @@ def sort(
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
     first_actor: wp.int32,
-    lens: Lens,
+    lens: Pinhole,
     keys: wp.array[wp.uint64],
     bands: wp.array[wp.uint64],
     taken: wp.array[wp.int32],
@@ -210,36 +218,36 @@ def sort(
     if (place & 63) >= chunk[1]:
         return
     i = chunk[0] + (place & 63)
-    bit = bit_of(i, triangle_surface, surface_actor, first_actor)
+    bit = actor_bit(i, triangle_surface, surface_actor, first_actor)
     if first_actor >= 0 and bit == wp.uint64(0):
         return
     t = triangles[i]
     for which in range(2):
-        piece = piece_of(lens, view[t[0]], view[t[1]], view[t[2]], which)
-        draw_or_list(keys, lens, piece, i, which, bit, bands, taken)
+        piece = clipped_piece(lens, view[t[0]], view[t[1]], view[t[2]], which)
+        fill_or_bin(keys, lens, piece, i, which, bit, bands, taken)
 
 
 @wp.kernel
-def fill(
+def raster_bins(
     view: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
     first_actor: wp.int32,
-    lens: Lens,
+    lens: Pinhole,
     keys: wp.array[wp.uint64],
     bands: wp.array[wp.uint64],
     taken: wp.array[wp.int32],
 ):
     """Draw the listed bands; CREWS x CREW threads."""
     thread = wp.tid()
-    for at in range(thread / CREW, wp.min(taken[0], bands.shape[0]), wp.int32(CREWS)):
+    for at in range(thread / BIN_THREADS, wp.min(taken[0], bands.shape[0]), wp.int32(BIN_GROUPS)):
         entry = bands[at]
         if entry != wp.uint64(0):
             i = wp.int32(entry & wp.uint64(0xFFFFFF))
             which = wp.int32((entry >> wp.uint64(24)) & wp.uint64(1))
-            band = wp.int32((entry & ~LISTED) >> wp.uint64(25))
+            band = wp.int32((entry & ~USED_ENTRY) >> wp.uint64(25))
             t = triangles[i]
-            bit = bit_of(i, triangle_surface, surface_actor, first_actor)
-            piece = piece_of(lens, view[t[0]], view[t[1]], view[t[2]], which)
-            draw_band(keys, lens, piece, wp.uint64(i), band, thread % CREW, bit)
+            bit = actor_bit(i, triangle_surface, surface_actor, first_actor)
+            piece = clipped_piece(lens, view[t[0]], view[t[1]], view[t[2]], which)
+            fill_bin(keys, lens, piece, wp.uint64(i), band, thread % BIN_THREADS, bit)

@@ -9,7 +9,7 @@ from recipe_compiler.plan import CameraPlan
 
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.raster.distortion_kernels import Curve, cut_words
+from recipe_runtime.render.raster.distortion_kernels import Distortion, resample_words
 
 
 def plate_of(camera: CameraPlan, supersample: int = 1) -> CameraPlan:
@@ -25,20 +25,20 @@ def plate_of(camera: CameraPlan, supersample: int = 1) -> CameraPlan:
     return camera.model_copy(update=update)
 
 
-def curve_of(camera: CameraPlan, supersample: int = 1) -> Any:
+def distortion_of(camera: CameraPlan, supersample: int = 1) -> Any:
     """The camera's Curve."""
-    curve = Curve()
+    curve = Distortion()
     curve.k, curve.kcube, curve.limit = camera.lens_k, camera.lens_kcube, optics.corner(camera)
     curve.width, curve.height, curve.bends = camera.width, camera.height, int(optics.bends(camera))
     curve.wide, curve.high, curve.fine = optics.plate_size(camera, supersample)
     return curve
 
 
-def through_lens(plate: Any, camera: CameraPlan, device: str) -> Any:
+def apply_distortion(plate: Any, camera: CameraPlan, device: str) -> Any:
     """The 64-bit words (keys or bits) of a picture's pixels, from those of its plate."""
     if not optics.bends(camera):
         return plate
     pixels = camera.width * camera.height
     out = wp.empty(pixels, dtype=wp.uint64, device=device)
-    launch(cut_words, pixels, [plate, curve_of(camera), out], device)
+    launch(resample_words, pixels, [plate, distortion_of(camera), out], device)
     return out

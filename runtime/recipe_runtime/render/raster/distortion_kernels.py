@@ -14,7 +14,7 @@ wp.set_module_options(OPTIONS)
 
 
 @wp.struct
-class Curve:
+class Distortion:
     """A picture's way to its plate."""
 
     k: wp.float64
@@ -29,7 +29,7 @@ class Curve:
 
 
 @wp.func
-def place_on_plate(x: wp.float64, y: wp.float64, c: Curve) -> wp.vec2d:
+def plate_position(x: wp.float64, y: wp.float64, c: Distortion) -> wp.vec2d:
     """Where on the plate, in its samples, a place of the picture, in pixels, is seen."""
     dx = x - wp.float64(c.width) * wp.float64(0.5)
     dy = y - wp.float64(c.height) * wp.float64(0.5)
@@ -42,17 +42,17 @@ def place_on_plate(x: wp.float64, y: wp.float64, c: Curve) -> wp.vec2d:
 
 
 @wp.kernel
-def cut_words(plate: wp.array[wp.uint64], c: Curve, out: wp.array[wp.uint64]):
+def resample_words(plate: wp.array[wp.uint64], c: Distortion, out: wp.array[wp.uint64]):
     """A pixel's word: that of the plate's sample nearest to what its centre shows."""
     i = wp.tid()
-    p = place_on_plate(wp.float64(i % c.width) + wp.float64(0.5), wp.float64(i / c.width) + wp.float64(0.5), c)
+    p = plate_position(wp.float64(i % c.width) + wp.float64(0.5), wp.float64(i / c.width) + wp.float64(0.5), c)
     x = wp.min(wp.max(wp.int32(p[0]), 0), c.wide - 1)
     y = wp.min(wp.max(wp.int32(p[1]), 0), c.high - 1)
     out[i] = plate[y * c.wide + x]
 
 
 @wp.func
-def bent(x: wp.float64, y: wp.float64, c: Curve) -> wp.vec2d:
+def distort(x: wp.float64, y: wp.float64, c: Distortion) -> wp.vec2d:
     """Where in the picture a place is shown that a pinhole would show at (x, y), in pixels: the inverse, by Newton.
 
     Beyond the corners the curve is followed in a straight line, so that whatever lies outside stays outside.

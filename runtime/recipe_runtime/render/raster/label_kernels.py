@@ -4,9 +4,9 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.raster.distortion_kernels import Curve, bent
-from recipe_runtime.render.raster.triangles import NEARNESS, cut, snap
-from recipe_runtime.render.scene.camera import Lens
+from recipe_runtime.render.raster.distortion_kernels import Distortion, distort
+from recipe_runtime.render.raster.triangles import NEARNESS, cut_at_near_plane, snap
+from recipe_runtime.render.scene.camera import Pinhole
 
 wp.set_module_options(OPTIONS)
 
@@ -38,14 +38,14 @@ def depth_of(key: wp.uint64, near: wp.float64) -> wp.float64:
 
 
 @wp.kernel
-def label(
+def label_pixels(
     corners: wp.array[wp.int32],
     keys: wp.array[wp.uint64],
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
     surface_instance: wp.array[wp.int32],
     surface_tag: wp.array[wp.int32],
-    lens: Lens,
+    lens: Pinhole,
     depth: wp.array[wp.float32],
     instance: wp.array[wp.uint16],
     semantic: wp.array[wp.uint8],
@@ -68,11 +68,11 @@ def label(
     semantic[i] = wp.uint8(surface_tag[surface])
     actor = surface_actor[surface]
     if actor >= 0:
-        extend(extents, actor, x, y)
+        count_pixel(extents, actor, x, y)
 
 
 @wp.func
-def widen(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32, size: wp.int32):
+def widen_box(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32, size: wp.int32):
     """Widen an actor's box by a point, or a pixel of size 1; only if it lies outside, for atomics make threads wait."""
     if x < extents[actor, 1]:
         wp.atomic_min(extents, actor, 1, x)
@@ -85,17 +85,17 @@ def widen(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int
 
 
 @wp.func
-def extend(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32):
+def count_pixel(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32):
     """Count a pixel into an actor's extent."""
     wp.atomic_add(extents, actor, 0, 1)
-    widen(extents, actor, x, y, 1)
+    widen_box(extents, actor, x, y, 1)
 
 
 @wp.kernel
-def amodal(
+def count_amodal(
     corners: wp.array[wp.int32],
     bits: wp.array[wp.uint64],
-    lens: Lens,
+    lens: Pinhole,
     first_actor: wp.int32,
     actors: wp.int32,
     extents: wp.array2d[wp.int32],
@@ -110,18 +110,18 @@ def amodal(
         return
     for a in range(actors):
         if ((rest >> wp.uint64(a)) & wp.uint64(1)) != wp.uint64(0):
-            extend(extents, first_actor + a, x, y)
+            count_pixel(extents, first_actor + a, x, y)
 
 
 @wp.kernel
-def project_box(
+def project_boxes(
     view: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
     first: wp.int32,
-    lens: Lens,
-    curve: Curve,
+    lens: Pinhole,
+    curve: Distortion,
     extents: wp.array2d[wp.int32],
     reach: wp.array2d[wp.int32],
 ):
@@ -136,12 +136,14 @@ def project_box(
         v = view[t[n]]
         z = wp.float64(v[2])
         if z >= lens.near:
-            at = bent(lens.cx + wp.float64(v[0]) * lens.focal / z, lens.cy + wp.float64(v[1]) * lens.focal / z, curve)
+            at = distort(
+                lens.cx + wp.float64(v[0]) * lens.focal / z, lens.cy + wp.float64(v[1]) * lens.focal / z, curve
+            )
             x = wp.int32(snap(at[0]))
             y = wp.int32(snap(at[1]))
-            widen(extents, actor, x, y, 0)
+            widen_box(extents, actor, x, y, 0)
             for m in range(3):
                 behind = view[t[m]]
                 if wp.float64(behind[2]) < lens.near:
-                    c = cut(v, behind, lens)
-                    widen(reach, actor, wp.int32(c.x), wp.int32(c.y), 0)
+                    c = cut_at_near_plane(v, behind, lens)
+                    widen_box(reach, actor, wp.int32(c.x), wp.int32(c.y), 0)

@@ -22,19 +22,19 @@ from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.raster import label_kernels, visibility_kernels
-from recipe_runtime.render.raster.distortion import curve_of, plate_of, through_lens
+from recipe_runtime.render.raster.distortion import apply_distortion, distortion_of, plate_of
 from recipe_runtime.render.raster.observation import Observation, objects_of
-from recipe_runtime.render.scene.camera import device_rows, lens_of, view_from_parts
+from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, view_from_parts
 from recipe_runtime.render.scene.geometry import CHUNK, Geometry
 from recipe_runtime.transforms import Array
 
-_BATCH = 64  # actors whose lone silhouettes fit a 64-bit word
-_POSES_KEPT = 4  # 10 MB each at 800 x 600
-_SPARE = 3  # arrays of vertices kept for a pose
+_ACTORS_PER_WORD = 64  # actors whose lone silhouettes fit a 64-bit word
+_POSE_CACHE_SIZE = 4  # 10 MB each at 800 x 600
+_VERTEX_POOL_SIZE = 3  # arrays of vertices kept for a pose
 
 
 @dataclass(frozen=True)
-class _Still:
+class _StaticView:
     """What stands still, seen from one pose as if nothing else were there."""
 
     vertices: Any
@@ -44,7 +44,7 @@ class _Still:
 
     def give_back(self, vertices: Any) -> None:
         """Keep an observation's vertices for the next."""
-        if len(self.spare) < _SPARE:
+        if len(self.spare) < _VERTEX_POOL_SIZE:
             self.spare.append(vertices)
 
 
@@ -62,7 +62,7 @@ class Observer:
     def __init__(self, geometry: Geometry, device: str, timings: Timings, reuse: TemporalReuse) -> None:
         self._g, self._device, self._timings = geometry, device, timings
         self._reuse = reuse.visibility
-        self._poses: OrderedDict[bytes, _Still | None] = OrderedDict()  # None: seen once, and so perhaps moving
+        self._poses: OrderedDict[bytes, _StaticView | None] = OrderedDict()  # None: seen once, and so perhaps moving
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
         """The observation of one frame; `parts` [P, 3, 4] are the actors' parts in the world."""
@@ -71,7 +71,7 @@ class Observer:
         pose = world_from_sensor.tobytes() + camera.model_dump_json().encode()
         still = self._still(pose, camera, world_from_sensor, parts)
         with self._timings("transform"):
-            matrices = device_rows(view_from_parts(world_from_sensor, parts), self._device)
+            matrices = upload_transforms(view_from_parts(world_from_sensor, parts), self._device)
             chunks = self._chunks(plate_of(camera), matrices)
             vertices = self._transform(matrices, chunks, still)
             projected, reach = self._projected(camera, vertices)
@@ -79,7 +79,7 @@ class Observer:
             touched = all_tiles(camera) if bends(camera) else _tiles_within(camera, projected, reach)
         if still is None:
             straight = self.visibility(plate_of(camera), vertices, chunks, side=1)
-            keys, labels = through_lens(straight, camera, self._device), self._no_labels(camera)
+            keys, labels = apply_distortion(straight, camera, self._device), self._no_labels(camera)
         else:
             keys, labels = wp.clone(still.keys), tuple(wp.clone(a) for a in still.labels)
             self.draw_moving(camera, vertices, chunks, 1, keys)
@@ -101,31 +101,31 @@ class Observer:
         with self._timings(f"visibility x{side}"):
             keys = wp.zeros(camera.width * camera.height * side * side, dtype=wp.uint64, device=self._device)
             count = self._g.static_chunks if still else self._g.chunk_count
-            self._raster(vertices, seen, 0, count, lens_of(camera, side), keys)
+            self._raster(vertices, seen, 0, count, pinhole_of(camera, side), keys)
             return keys
 
     def draw_moving(self, camera: CameraPlan, vertices: Any, seen: Any, side: int, keys: Any) -> None:
         """Draw what moves into the keys of what stands still."""
         with self._timings(f"visibility x{side}"):
             first = self._g.static_chunks
-            self._raster(vertices, seen, first, self._g.chunk_count - first, lens_of(camera, side), keys)
+            self._raster(vertices, seen, first, self._g.chunk_count - first, pinhole_of(camera, side), keys)
 
-    def _still(self, pose: bytes, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> _Still | None:
+    def _still(self, pose: bytes, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> _StaticView | None:
         """What stands still from a pose; None for a pose not seen before, which may not come again."""
         if not self._reuse or bends(camera):
             return None
         known = pose in self._poses
         still = self._poses.pop(pose, None)
         if known and still is None:
-            matrices = device_rows(view_from_parts(world_from_sensor, parts), self._device)
+            matrices = upload_transforms(view_from_parts(world_from_sensor, parts), self._device)
             chunks, labels = self._chunks(plate_of(camera), matrices), self._no_labels(camera)
             vertices = self._transform(matrices, chunks, None)
             keys = self.visibility(camera, vertices, chunks, side=1, still=True)
             with self._timings("label"):
                 self._label(camera, keys, all_tiles(camera), labels)
-            still = _Still(vertices, keys, labels)
+            still = _StaticView(vertices, keys, labels)
         self._poses[pose] = still
-        if len(self._poses) > _POSES_KEPT:
+        if len(self._poses) > _POSE_CACHE_SIZE:
             self._poses.popitem(last=False)
         return still
 
@@ -134,10 +134,15 @@ class Observer:
         g, seen = self._g, wp.empty(max(self._g.chunk_count, 1), dtype=wp.int32, device=self._device)
         if g.chunk_count:
             boxes = [g.chunks, g.chunk_centres, g.chunk_halves]
-            launch(visibility_kernels.cull, g.chunk_count, [*boxes, matrices, lens_of(camera, 1), seen], self._device)
+            launch(
+                visibility_kernels.cull_chunks,
+                g.chunk_count,
+                [*boxes, matrices, pinhole_of(camera, 1), seen],
+                self._device,
+            )
         return seen
 
-    def _transform(self, matrices: Any, chunks: Any, still: _Still | None) -> Any:
+    def _transform(self, matrices: Any, chunks: Any, still: _StaticView | None) -> Any:
         """All vertices in the camera's frame; of what stands still, on a CPU, only those in chunks that may be seen.
 
         From a pose that is known they are those of before, and an observation's that is gone, if there is one.
@@ -152,16 +157,16 @@ class Observer:
         if still is None and self._device == "cpu" and g.static_vertices:
             first = g.static_vertices
             inputs = [g.vertices, g.chunks, g.chunk_vertices, chunks, matrices, out]
-            launch(visibility_kernels.transform_seen, g.static_chunks, inputs, self._device)
+            launch(visibility_kernels.transform_visible_vertices, g.static_chunks, inputs, self._device)
         if g.vertex_count > first:
             inputs = [g.vertices, g.vertex_part, matrices, first, out]
-            launch(visibility_kernels.transform, g.vertex_count - first, inputs, self._device)
+            launch(visibility_kernels.transform_vertices, g.vertex_count - first, inputs, self._device)
         return out
 
     def _raster(self, vertices: Any, seen: Any, first: int, count: int, lens: Any, keys: Any) -> None:
         if count:
             inputs = [vertices, self._g.triangles, self._g.chunks, seen, first, lens, keys]
-            launch(visibility_kernels.raster, count * CHUNK, inputs, self._device)
+            launch(visibility_kernels.raster_keys, count * CHUNK, inputs, self._device)
 
     def _extents(self) -> Any:
         rows = np.zeros((max(len(self._g.actors), 1), 5), np.int32)
@@ -180,22 +185,27 @@ class Observer:
         g, extents = self._g, self._extents()
         if len(tiles):
             tables = [g.triangle_surface, g.surface_actor, g.surface_instance, g.surface_tag]
-            inputs = [self._tiles(tiles), keys, *tables, lens_of(camera, 1), *labels, extents]
-            launch(label_kernels.label, len(tiles) * int(label_kernels.TILE_PIXELS), inputs, self._device)
+            inputs = [self._tiles(tiles), keys, *tables, pinhole_of(camera, 1), *labels, extents]
+            launch(label_kernels.label_pixels, len(tiles) * int(label_kernels.TILE_PIXELS), inputs, self._device)
         rows: NDArray[np.int32] = extents.numpy()
         return rows
 
     def _amodal(self, camera: CameraPlan, vertices: Any, seen: Any, tiles: NDArray[np.int32]) -> NDArray[np.int32]:
-        g, plate, lens = self._g, plate_of(camera), lens_of(camera, 1)
+        g, plate, lens = self._g, plate_of(camera), pinhole_of(camera, 1)
         extents, first = self._extents(), g.static_chunks
-        for start in range(0, len(g.actors) if len(tiles) else 0, _BATCH):
+        for start in range(0, len(g.actors) if len(tiles) else 0, _ACTORS_PER_WORD):
             bits = wp.zeros(plate.width * plate.height, dtype=wp.uint64, device=self._device)
             tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor, g.chunks, seen]
             count = (g.chunk_count - first) * CHUNK
-            launch(visibility_kernels.cover, count, [*tables, first, start, lens_of(plate, 1), bits], self._device)
-            bits = through_lens(bits, camera, self._device)
-            inputs = [self._tiles(tiles), bits, lens, start, min(_BATCH, len(g.actors) - start), extents]
-            launch(label_kernels.amodal, len(tiles) * int(label_kernels.TILE_PIXELS), inputs, self._device)
+            launch(
+                visibility_kernels.raster_actor_bits,
+                count,
+                [*tables, first, start, pinhole_of(plate, 1), bits],
+                self._device,
+            )
+            bits = apply_distortion(bits, camera, self._device)
+            inputs = [self._tiles(tiles), bits, lens, start, min(_ACTORS_PER_WORD, len(g.actors) - start), extents]
+            launch(label_kernels.count_amodal, len(tiles) * int(label_kernels.TILE_PIXELS), inputs, self._device)
         rows: NDArray[np.int32] = extents.numpy()
         return rows
 
@@ -204,9 +214,9 @@ class Observer:
         g, extents, reach = self._g, self._extents(), self._extents()
         first = g.static_triangles
         if g.triangle_count > first:
-            tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor, first, lens_of(camera, 1)]
-            tables += [curve_of(camera), extents, reach]
-            launch(label_kernels.project_box, g.triangle_count - first, tables, self._device)
+            tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor, first, pinhole_of(camera, 1)]
+            tables += [distortion_of(camera), extents, reach]
+            launch(label_kernels.project_boxes, g.triangle_count - first, tables, self._device)
         return extents.numpy(), reach.numpy()
 
     def _tiles(self, tiles: NDArray[np.int32]) -> Any:

@@ -4,12 +4,12 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.scene.camera import Lens
+from recipe_runtime.render.scene.camera import Pinhole
 
 wp.set_module_options(OPTIONS)
 
 NEARNESS = wp.constant(wp.float64(1099511627775.0))  # 2^40 - 1
-GUARD = wp.constant(wp.float64(536870912.0))  # 2^29: corners beyond this many 1/256 pixels would overflow
+GUARD_BAND = wp.constant(wp.float64(536870912.0))  # 2^29: corners beyond this many 1/256 pixels would overflow
 
 
 @wp.struct
@@ -24,7 +24,7 @@ class Corner:
 @wp.func
 def snap(v: wp.float64) -> wp.int64:
     """The nearest 1/256 pixel, halves up; guarded against overflow."""
-    s = wp.max(wp.min(v * wp.float64(256.0) + wp.float64(0.5), GUARD), -GUARD)
+    s = wp.max(wp.min(v * wp.float64(256.0) + wp.float64(0.5), GUARD_BAND), -GUARD_BAND)
     i = wp.int64(s)
     if wp.float64(i) > s:
         i = i - wp.int64(1)
@@ -32,7 +32,7 @@ def snap(v: wp.float64) -> wp.int64:
 
 
 @wp.func
-def project(x: wp.float64, y: wp.float64, z: wp.float64, lens: Lens) -> Corner:
+def project(x: wp.float64, y: wp.float64, z: wp.float64, lens: Pinhole) -> Corner:
     """The corner of a point at depth z >= near."""
     scale = lens.focal / z
     c = Corner()
@@ -43,13 +43,13 @@ def project(x: wp.float64, y: wp.float64, z: wp.float64, lens: Lens) -> Corner:
 
 
 @wp.func
-def seen_at(v: wp.vec3f, lens: Lens) -> Corner:
+def project_vertex(v: wp.vec3f, lens: Pinhole) -> Corner:
     """The corner of a vertex that is not behind the near plane."""
     return project(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]), lens)
 
 
 @wp.func
-def cut(a: wp.vec3f, b: wp.vec3f, lens: Lens) -> Corner:
+def cut_at_near_plane(a: wp.vec3f, b: wp.vec3f, lens: Pinhole) -> Corner:
     """Where the edge from a (in front of the near plane) to b (behind it) meets that plane."""
     za = wp.float64(a[2])
     t = (za - lens.near) / (za - wp.float64(b[2]))
@@ -59,13 +59,13 @@ def cut(a: wp.vec3f, b: wp.vec3f, lens: Lens) -> Corner:
 
 
 @wp.func
-def edge(ax: wp.int64, ay: wp.int64, bx: wp.int64, by: wp.int64, x: wp.int64, y: wp.int64) -> wp.int64:
+def edge_function(ax: wp.int64, ay: wp.int64, bx: wp.int64, by: wp.int64, x: wp.int64, y: wp.int64) -> wp.int64:
     """Twice the area of the triangle a, b, (x, y): positive on the inner side of the edge from a to b."""
     return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
 
 
 @wp.func
-def bias(ax: wp.int64, ay: wp.int64, bx: wp.int64, by: wp.int64) -> wp.int64:
+def top_left_bias(ax: wp.int64, ay: wp.int64, bx: wp.int64, by: wp.int64) -> wp.int64:
     """0 for a top or left edge, which owns its samples; -1 for the others, which do not."""
     if by < ay or (by == ay and bx > ax):
         return wp.int64(0)

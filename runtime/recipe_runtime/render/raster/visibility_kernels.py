@@ -9,18 +9,25 @@ triangles that share an edge leave no gap and take no sample twice. A sample's w
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.scalars import index
-from recipe_runtime.render.numeric.vectors import breadth, moved
-from recipe_runtime.render.raster.triangles import NEARNESS, Corner, bias, cut, edge, seen_at
-from recipe_runtime.render.scene.camera import Lens
+from recipe_runtime.render.numeric.scalars import nonnegative
+from recipe_runtime.render.numeric.vectors import box_extent, transform_point
+from recipe_runtime.render.raster.triangles import (
+    NEARNESS,
+    Corner,
+    cut_at_near_plane,
+    edge_function,
+    project_vertex,
+    top_left_bias,
+)
+from recipe_runtime.render.scene.camera import Pinhole
 
 wp.set_module_options(OPTIONS)
 
-WIDE = wp.constant(wp.int64(12))  # samples across at which solving for a row's span beats testing each
+SPAN_THRESHOLD = wp.constant(wp.int64(12))  # samples across at which solving for a row's span beats testing each
 
 
 @wp.kernel
-def transform(
+def transform_vertices(
     vertices: wp.array[wp.vec3f],
     part: wp.array[wp.int32],
     matrices: wp.array2d[wp.float32],
@@ -29,11 +36,11 @@ def transform(
 ):
     """Vertices first.. of each part's frame, moved by the part's matrix (3x4, by rows)."""
     i = first + wp.tid()
-    out[i] = moved(matrices, part[i], vertices[i])
+    out[i] = transform_point(matrices, part[i], vertices[i])
 
 
 @wp.kernel
-def transform_seen(
+def transform_visible_vertices(
     vertices: wp.array[wp.vec3f],
     chunks: wp.array[wp.vec3i],
     ranges: wp.array[wp.vec2i],
@@ -47,31 +54,31 @@ def transform_seen(
         return
     part = chunks[n][2]
     for i in range(ranges[n][0], ranges[n][1]):
-        out[i] = moved(matrices, part, vertices[i])
+        out[i] = transform_point(matrices, part, vertices[i])
 
 
 @wp.func
-def before_plane(c: wp.vec3f, n: wp.vec3f, r: wp.float32, slack: wp.float32) -> bool:
+def inside_plane(c: wp.vec3f, n: wp.vec3f, r: wp.float32, slack: wp.float32) -> bool:
     """Whether a box about c, which reaches r along n, may lie on the inner side of the plane n through the origin."""
     return n[0] * c[0] + n[1] * c[1] + n[2] * c[2] + r > -slack
 
 
 @wp.kernel
-def cull(
+def cull_chunks(
     chunks: wp.array[wp.vec3i],
     centres: wp.array[wp.vec3f],
     halves: wp.array[wp.vec3f],
     matrices: wp.array2d[wp.float32],
-    lens: Lens,
+    lens: Pinhole,
     seen: wp.array[wp.int32],
 ):
     """1 for every chunk whose box may meet the view's pyramid, 0 for the others: nothing of them could be drawn."""
     i = wp.tid()
     part = chunks[i][2]
     half = halves[i]
-    c = moved(matrices, part, centres[i])
+    c = transform_point(matrices, part, centres[i])
     f = wp.float32(lens.focal)
-    deep = breadth(matrices, part, half, wp.vec3f(0.0, 0.0, 1.0))
+    deep = box_extent(matrices, part, half, wp.vec3f(0.0, 0.0, 1.0))
     # A centimetre and a pixel's hundredth to spare, for what is rounded on the way.
     slack = 0.01 * f + 0.01 * (wp.abs(c[2]) + deep)
     left = wp.vec3f(f, 0.0, wp.float32(lens.cx))
@@ -79,10 +86,10 @@ def cull(
     top = wp.vec3f(0.0, f, wp.float32(lens.cy))
     bottom = wp.vec3f(0.0, -f, wp.float32(lens.height) - wp.float32(lens.cy))
     ahead = c[2] + deep > 0.99 * wp.float32(lens.near) and c[2] - deep < 1.01 * wp.float32(lens.far)
-    across = before_plane(c, left, breadth(matrices, part, half, left), slack)
-    across = across and before_plane(c, right, breadth(matrices, part, half, right), slack)
-    across = across and before_plane(c, top, breadth(matrices, part, half, top), slack)
-    across = across and before_plane(c, bottom, breadth(matrices, part, half, bottom), slack)
+    across = inside_plane(c, left, box_extent(matrices, part, half, left), slack)
+    across = across and inside_plane(c, right, box_extent(matrices, part, half, right), slack)
+    across = across and inside_plane(c, top, box_extent(matrices, part, half, top), slack)
+    across = across and inside_plane(c, bottom, box_extent(matrices, part, half, bottom), slack)
     seen[i] = int(ahead and across)
 
 
@@ -123,7 +130,7 @@ def last_column(
 
 
 @wp.func
-def offer(
+def depth_test(
     keys: wp.array[wp.uint64], at: wp.int32, q: wp.float64, limit: wp.float64, triangle: wp.uint64, bit: wp.uint64
 ):
     """Offer a triangle to a sample, at nearness q; nothing is seen beyond the limit."""
@@ -135,9 +142,9 @@ def offer(
 
 
 @wp.func
-def draw(
+def fill_triangle(
     keys: wp.array[wp.uint64],
-    lens: Lens,
+    lens: Pinhole,
     a: Corner,
     b: Corner,
     c: Corner,
@@ -145,7 +152,7 @@ def draw(
     bit: wp.uint64,
 ):
     """Offer one front-facing triangle to every sample inside it: its key by maximum, or, if `bit`, that bit by or."""
-    area = edge(a.x, a.y, b.x, b.y, c.x, c.y)
+    area = edge_function(a.x, a.y, b.x, b.y, c.x, c.y)
     if area <= wp.int64(0):
         return
     # The samples that its box holds.
@@ -166,12 +173,12 @@ def draw(
     # The edge functions at the first of them, and what a step to the right or down adds.
     px = left * step + half
     py = top * step + half
-    row0 = edge(b.x, b.y, c.x, c.y, px, py)
-    row1 = edge(c.x, c.y, a.x, a.y, px, py)
-    row2 = edge(a.x, a.y, b.x, b.y, px, py)
-    bias0 = bias(b.x, b.y, c.x, c.y)
-    bias1 = bias(c.x, c.y, a.x, a.y)
-    bias2 = bias(a.x, a.y, b.x, b.y)
+    row0 = edge_function(b.x, b.y, c.x, c.y, px, py)
+    row1 = edge_function(c.x, c.y, a.x, a.y, px, py)
+    row2 = edge_function(a.x, a.y, b.x, b.y, px, py)
+    bias0 = top_left_bias(b.x, b.y, c.x, c.y)
+    bias1 = top_left_bias(c.x, c.y, a.x, a.y)
+    bias2 = top_left_bias(a.x, a.y, b.x, b.y)
     dx0 = -(c.y - b.y) * step
     dx1 = -(a.y - c.y) * step
     dx2 = -(b.y - a.y) * step
@@ -187,44 +194,44 @@ def draw(
     for y in range(int(top), int(bottom) + 1):
         k0 = wp.int64(0)
         k1 = span
-        if span > WIDE:
+        if span > SPAN_THRESHOLD:
             k0 = first_column(row0 + bias0, row1 + bias1, row2 + bias2, dx0, dx1, dx2, span)
             k1 = last_column(row0 + bias0, row1 + bias1, row2 + bias2, dx0, dx1, dx2, span)
         w0 = row0 + k0 * dx0
         w1 = row1 + k0 * dx1
         w2 = row2 + k0 * dx2
-        if span <= WIDE:  # what an edge does not own lies below 0
+        if span <= SPAN_THRESHOLD:  # what an edge does not own lies below 0
             w0 = w0 + bias0
             w1 = w1 + bias1
             w2 = w2 + bias2
         base = y * int(columns) + int(left)
-        at = index(base + int(k0))
+        at = nonnegative(base + int(k0))
         last = base + int(k1)
-        if span > WIDE:  # all of these are inside
+        if span > SPAN_THRESHOLD:  # all of these are inside
             while at <= last:
                 q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
-                offer(keys, at, q, limit, triangle, bit)
+                depth_test(keys, at, q, limit, triangle, bit)
                 w1 = w1 + dx1
                 w2 = w2 + dx2
-                at = index(at + 1)
+                at = nonnegative(at + 1)
         else:
             while at <= last:
                 if (w0 | w1 | w2) >= wp.int64(0):
                     q = a.q + wp.float64(w1 - bias1) * slope1 + wp.float64(w2 - bias2) * slope2
-                    offer(keys, at, q, limit, triangle, bit)
+                    depth_test(keys, at, q, limit, triangle, bit)
                 w0 = w0 + dx0
                 w1 = w1 + dx1
                 w2 = w2 + dx2
-                at = index(at + 1)
+                at = nonnegative(at + 1)
         row0 = row0 + dy0
         row1 = row1 + dy1
         row2 = row2 + dy2
 
 
 @wp.func
-def clip_and_draw(
+def clip_and_fill(
     keys: wp.array[wp.uint64],
-    lens: Lens,
+    lens: Pinhole,
     v0: wp.vec3f,
     v1: wp.vec3f,
     v2: wp.vec3f,
@@ -256,34 +263,34 @@ def clip_and_draw(
     s = Corner()
     pieces = wp.int32(1)
     if inside == 2:
-        p = cut(b, a, lens)
-        q = seen_at(b, lens)
-        r = seen_at(c, lens)
-        s = cut(c, a, lens)
+        p = cut_at_near_plane(b, a, lens)
+        q = project_vertex(b, lens)
+        r = project_vertex(c, lens)
+        s = cut_at_near_plane(c, a, lens)
         pieces = wp.int32(2)
     elif inside == 1:
-        p = seen_at(a, lens)
-        q = cut(a, b, lens)
-        r = cut(a, c, lens)
+        p = project_vertex(a, lens)
+        q = cut_at_near_plane(a, b, lens)
+        r = cut_at_near_plane(a, c, lens)
     else:
-        p = seen_at(a, lens)
-        q = seen_at(b, lens)
-        r = seen_at(c, lens)
+        p = project_vertex(a, lens)
+        q = project_vertex(b, lens)
+        r = project_vertex(c, lens)
     for piece in range(pieces):
         if piece == 1:
             q = r
             r = s
-        draw(keys, lens, p, q, r, triangle, bit)
+        fill_triangle(keys, lens, p, q, r, triangle, bit)
 
 
 @wp.kernel
-def raster(
+def raster_keys(
     view: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     chunks: wp.array[wp.vec3i],
     seen: wp.array[wp.int32],
     first: wp.int32,
-    lens: Lens,
+    lens: Pinhole,
     keys: wp.array[wp.uint64],
 ):
     """Draw the chunks first.. that may be seen, 64 places each, of camera-space vertices into the keys.
@@ -299,11 +306,11 @@ def raster(
         return
     i = chunk[0] + (place & 63)
     t = triangles[i]
-    clip_and_draw(keys, lens, view[t[0]], view[t[1]], view[t[2]], wp.uint64(i), wp.uint64(0))
+    clip_and_fill(keys, lens, view[t[0]], view[t[1]], view[t[2]], wp.uint64(i), wp.uint64(0))
 
 
 @wp.kernel
-def cover(
+def raster_actor_bits(
     view: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     triangle_surface: wp.array[wp.int32],
@@ -312,7 +319,7 @@ def cover(
     seen: wp.array[wp.int32],
     first: wp.int32,
     first_actor: wp.int32,
-    lens: Lens,
+    lens: Pinhole,
     bits: wp.array[wp.uint64],
 ):
     """Set bit a - first_actor of every pixel that actor a would cover if it were alone; 64 actors a run."""
@@ -329,4 +336,4 @@ def cover(
         return
     t = triangles[i]
     bit = wp.uint64(1) << wp.uint64(actor)
-    clip_and_draw(bits, lens, view[t[0]], view[t[1]], view[t[2]], wp.uint64(i), bit)
+    clip_and_fill(bits, lens, view[t[0]], view[t[1]], view[t[2]], wp.uint64(i), bit)

@@ -9,11 +9,11 @@ For a camera that stands still, so do all frames: only a pixel that something mo
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.scalars import greater, index, lesser
-from recipe_runtime.render.numeric.vectors import direction, inner, outer, rotate
+from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
+from recipe_runtime.render.numeric.vectors import cross, dot, normalize, rotate
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of, pixel_at, triangle_of
-from recipe_runtime.render.scene.camera import Lens
-from recipe_runtime.render.texture.images import IMAGE, longer_first, second_step, steps_between_pixels
+from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.texture.images import IMAGE, order_steps, second_step, steps_between_pixels
 from recipe_runtime.render.texture.patterns import detail_of
 
 wp.set_module_options(OPTIONS)
@@ -22,7 +22,7 @@ CENTRE = wp.constant(4)  # place of a sample at the pixel's centre; 0..3 are its
 
 
 @wp.struct
-class Scene:
+class SceneArrays:
     """The geometry's arrays that a sample looks into."""
 
     view: wp.array[wp.vec3f]
@@ -38,7 +38,7 @@ class Scene:
 
 
 @wp.func
-def alike(a: wp.uint64, b: wp.uint64, scene: wp.array[Scene]) -> bool:
+def same_surface(a: wp.uint64, b: wp.uint64, scene: wp.array[SceneArrays]) -> bool:
     """Whether two samples see one smooth surface: same look, near in depth, faces turned alike."""
     if a == b:
         return True
@@ -52,7 +52,7 @@ def alike(a: wp.uint64, b: wp.uint64, scene: wp.array[Scene]) -> bool:
         return False
     if scene[0].vertex_part[scene[0].triangles[s][0]] != scene[0].vertex_part[scene[0].triangles[t][0]]:
         return False
-    if inner(scene[0].face_normals[s], scene[0].face_normals[t]) < 0.8:
+    if dot(scene[0].face_normals[s], scene[0].face_normals[t]) < 0.8:
         return False
     # Keys grow with nearness: within 3 % of each other means as near.
     u = wp.float64(wp.int64(a >> wp.uint64(24)))
@@ -61,7 +61,7 @@ def alike(a: wp.uint64, b: wp.uint64, scene: wp.array[Scene]) -> bool:
 
 
 @wp.struct
-class Still:
+class StaticSamples:
     """What stands still, seen from a pose, and its samples; `known` 0: there is no such thing."""
 
     coarse: wp.array[wp.uint64]
@@ -72,8 +72,8 @@ class Still:
 
 
 @wp.func
-def as_before(
-    still: wp.array[Still],
+def sees_static_only(
+    still: wp.array[StaticSamples],
     coarse: wp.array[wp.uint64],
     fine: wp.array[wp.uint64],
     i: wp.int32,
@@ -91,7 +91,9 @@ def as_before(
 
 
 @wp.func
-def grouped(k0: wp.uint64, k1: wp.uint64, k2: wp.uint64, k3: wp.uint64, scene: wp.array[Scene]) -> wp.int32:
+def group_quarters(
+    k0: wp.uint64, k1: wp.uint64, k2: wp.uint64, k3: wp.uint64, scene: wp.array[SceneArrays]
+) -> wp.int32:
     """How many different surfaces a pixel's quarters see, with the quarters' groups in the bits above.
 
     Bits 0-2 hold the count, bits 4 + 2q, 5 + 2q the group of quarter q.
@@ -104,19 +106,19 @@ def grouped(k0: wp.uint64, k1: wp.uint64, k2: wp.uint64, k3: wp.uint64, scene: w
     g1 = wp.int32(0)
     g2 = wp.int32(0)
     g3 = wp.int32(0)
-    if not alike(k0, k1, scene):
+    if not same_surface(k0, k1, scene):
         g1 = n
         n = n + 1
-    if not alike(k0, k2, scene):
-        if g1 != 0 and alike(k1, k2, scene):
+    if not same_surface(k0, k2, scene):
+        if g1 != 0 and same_surface(k1, k2, scene):
             g2 = g1
         else:
             g2 = n
             n = n + 1
-    if not alike(k0, k3, scene):
-        if g1 != 0 and alike(k1, k3, scene):
+    if not same_surface(k0, k3, scene):
+        if g1 != 0 and same_surface(k1, k3, scene):
             g3 = g1
-        elif g2 != 0 and alike(k2, k3, scene):
+        elif g2 != 0 and same_surface(k2, k3, scene):
             g3 = g2
         else:
             g3 = n
@@ -125,7 +127,7 @@ def grouped(k0: wp.uint64, k1: wp.uint64, k2: wp.uint64, k3: wp.uint64, scene: w
 
 
 @wp.kernel
-def restore(corners: wp.array[wp.int32], still: wp.array[wp.uint64], lens: Lens, fine: wp.array[wp.uint64]):
+def restore_keys(corners: wp.array[wp.int32], still: wp.array[wp.uint64], lens: Pinhole, fine: wp.array[wp.uint64]):
     """Make the tiles' quarters see what stands still."""
     x, y = pixel_at(corners, wp.tid())
     if x >= lens.width or y >= lens.height:
@@ -139,13 +141,13 @@ def restore(corners: wp.array[wp.int32], still: wp.array[wp.uint64], lens: Lens,
 
 
 @wp.kernel
-def count(
+def count_samples(
     corners: wp.array[wp.int32],
     coarse: wp.array[wp.uint64],
     fine: wp.array[wp.uint64],
-    lens: Lens,
-    scene: wp.array[Scene],
-    still: wp.array[Still],
+    lens: Pinhole,
+    scene: wp.array[SceneArrays],
+    still: wp.array[StaticSamples],
     groups: wp.array[wp.int32],
     starts: wp.array[wp.int32],
     counts: wp.array[wp.int32],
@@ -166,26 +168,26 @@ def count(
     if lens.side == 2:
         row = lens.width * 2
         base = y * 2 * row + x * 2
-    if still[0].known != 0 and as_before(still, coarse, fine, i, base, row):
+    if still[0].known != 0 and sees_static_only(still, coarse, fine, i, base, row):
         groups[i] = still[0].groups[i]
         starts[i] = still[0].starts[i]
         return
     g = wp.int32(1)
     if row != 0:
-        g = grouped(fine[base], fine[base + 1], fine[base + row], fine[base + row + 1], scene)
+        g = group_quarters(fine[base], fine[base + 1], fine[base + row], fine[base + row + 1], scene)
     groups[i] = g
     counts[place] = g & 7
 
 
 @wp.kernel
-def place(
+def emit_samples(
     corners: wp.array[wp.int32],
     coarse: wp.array[wp.uint64],
     fine: wp.array[wp.uint64],
     counts: wp.array[wp.int32],
     firsts: wp.array[wp.int32],
-    lens: Lens,
-    scene: wp.array[Scene],
+    lens: Pinhole,
+    scene: wp.array[SceneArrays],
     groups: wp.array[wp.int32],
     starts: wp.array[wp.int32],
     keys: wp.array[wp.uint64],
@@ -220,7 +222,7 @@ def place(
         weights[first] = 1.0
         key = fine[base]
         spot = wp.int32(0)
-        if alike(key, coarse[i], scene):
+        if same_surface(key, coarse[i], scene):
             key = coarse[i]
             spot = CENTRE
         keys[first] = key
@@ -239,7 +241,7 @@ def place(
 
 
 @wp.func
-def ray_of(pixel: wp.int32, spot: wp.int32, lens: Lens) -> wp.vec3f:
+def ray_of(pixel: wp.int32, spot: wp.int32, lens: Pinhole) -> wp.vec3f:
     """The sight through a place within a pixel, in the camera's frame and one metre deep."""
     dx = wp.float64(0.5)
     dy = wp.float64(0.5)
@@ -252,11 +254,11 @@ def ray_of(pixel: wp.int32, spot: wp.int32, lens: Lens) -> wp.vec3f:
 
 
 @wp.func
-def weights_along(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f) -> wp.vec3f:
+def barycentric_weights(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f) -> wp.vec3f:
     """A triangle's perspective-correct weights where a ray meets it: the volumes that the ray spans with its edges."""
-    w0 = inner(ray, outer(v1, v2))
-    w1 = inner(ray, outer(v2, v0))
-    w2 = inner(ray, outer(v0, v1))
+    w0 = dot(ray, cross(v1, v2))
+    w1 = dot(ray, cross(v2, v0))
+    w2 = dot(ray, cross(v0, v1))
     # All three have the sign of their sum inside the triangle; rounding may put an edge's sample just outside.
     total = w0 + w1 + w2
     if total * total < 1.0e-30:  # (returning from here would cost a tenth of the survey's time)
@@ -265,27 +267,27 @@ def weights_along(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f) -> wp
         w1 = 0.0
         w2 = 0.0
     one = 1.0 / total
-    w0 = greater(w0 * one, 0.0)
-    w1 = greater(w1 * one, 0.0)
-    w2 = greater(w2 * one, 0.0)
-    one = 1.0 / greater(w0 + w1 + w2, 1.0e-6)
+    w0 = maximum(w0 * one, 0.0)
+    w1 = maximum(w1 * one, 0.0)
+    w2 = maximum(w2 * one, 0.0)
+    one = 1.0 / maximum(w0 + w1 + w2, 1.0e-6)
     return wp.vec3f(w0 * one, w1 * one, w2 * one)
 
 
 @wp.func
 def footprint_of(face: wp.vec3f, sight: wp.vec3f, across: wp.float32) -> wp.vec2f:
     """Metres of a surface that a pixel holds, across the sight and along it: the more, the nearer to grazing."""
-    return wp.vec2f(across, across / greater(-inner(face, sight), 0.04))
+    return wp.vec2f(across, across / maximum(-dot(face, sight), 0.04))
 
 
 @wp.kernel
-def survey(
+def evaluate_samples(
     first: wp.int32,
     keys: wp.array[wp.uint64],
     pixels: wp.array[wp.int32],
     places: wp.array[wp.int32],
-    lens: Lens,
-    scene: wp.array[Scene],
+    lens: Pinhole,
+    scene: wp.array[SceneArrays],
     surfaces: wp.array[wp.int32],
     positions: wp.array[wp.vec3f],
     normals: wp.array[wp.vec3f],
@@ -293,7 +295,7 @@ def survey(
     codes: wp.array[wp.uint32],
 ):
     """The surface, world position, unit normal and pattern at the samples first..; for the sky, -1 and a direction."""
-    i = index(first + wp.tid())
+    i = nonnegative(first + wp.tid())
     pixel = pixels[i]
     if pixel < 0:  # a slot that no sample took
         return
@@ -303,26 +305,26 @@ def survey(
     turned = rotate(scene[0].world_from_view, 0, ray)
     if key == wp.uint64(0):
         surfaces[i] = -1
-        positions[i] = direction(turned)
+        positions[i] = normalize(turned)
         return
     z = wp.float32(depth_of(key, lens.near))
     m = scene[0].world_from_view
     positions[i] = wp.vec3f(m[0, 3] + turned[0] * z, m[0, 7] + turned[1] * z, m[0, 11] + turned[2] * z)
     triangle = triangle_of(key)
     t = scene[0].triangles[triangle]
-    t = wp.vec3i(index(t[0]), index(t[1]), index(t[2]))
-    surface = index(scene[0].triangle_surface[triangle])
+    t = wp.vec3i(nonnegative(t[0]), nonnegative(t[1]), nonnegative(t[2]))
+    surface = nonnegative(scene[0].triangle_surface[triangle])
     surfaces[i] = surface
-    w = weights_along(ray, scene[0].view[t[0]], scene[0].view[t[1]], scene[0].view[t[2]])
+    w = barycentric_weights(ray, scene[0].view[t[0]], scene[0].view[t[1]], scene[0].view[t[2]])
     local = scene[0].normals[t[0]] * w[0] + scene[0].normals[t[1]] * w[1] + scene[0].normals[t[2]] * w[2]
     uv = scene[0].uvs[t[0]] * w[0] + scene[0].uvs[t[1]] * w[1] + scene[0].uvs[t[2]] * w[2]
-    part = index(scene[0].vertex_part[t[0]])
+    part = nonnegative(scene[0].vertex_part[t[0]])
     face = scene[0].face_normals[triangle]
     if part != 0:  # what stands still is in the world's frame as it is
         face = rotate(scene[0].world_from_part, part, face)
         local = rotate(scene[0].world_from_part, part, local)
-    normal = direction(local)
-    sight = direction(turned)
+    normal = normalize(local)
+    sight = normalize(turned)
     footprint = footprint_of(face, sight, z / wp.float32(lens.focal))
     pattern = scene[0].surface_pattern[surface]
     detail = detail_of(pattern, uv, positions[i], normal, sight, footprint, wp.uint32(surface))
@@ -334,7 +336,7 @@ def survey(
         b = scene[0].view[t[1]]
         c = scene[0].view[t[2]]
         focal = wp.float32(lens.focal)
-        steps = longer_first(
+        steps = order_steps(
             steps_between_pixels(ray, focal, a, b, c, scene[0].uvs[t[0]], scene[0].uvs[t[1]], scene[0].uvs[t[2]], uv)
         )
         details[i] = wp.vec4f(uv[0], uv[1], steps[0], steps[1])
@@ -342,9 +344,9 @@ def survey(
 
 
 @wp.kernel
-def enclose(
+def bound_tiles(
     corners: wp.array[wp.int32],
-    lens: Lens,
+    lens: Pinhole,
     starts: wp.array[wp.int32],
     count: wp.int32,
     surfaces: wp.array[wp.int32],
@@ -365,8 +367,8 @@ def enclose(
     for i in range(begin, end):
         if surfaces[i] >= 0:
             p = positions[i]
-            low = wp.vec3f(lesser(low[0], p[0]), lesser(low[1], p[1]), lesser(low[2], p[2]))
-            high = wp.vec3f(greater(high[0], p[0]), greater(high[1], p[1]), greater(high[2], p[2]))
+            low = wp.vec3f(minimum(low[0], p[0]), minimum(low[1], p[1]), minimum(low[2], p[2]))
+            high = wp.vec3f(maximum(high[0], p[0]), maximum(high[1], p[1]), maximum(high[2], p[2]))
     if high[0] < low[0]:
         low = wp.vec3f(0.0, 0.0, 0.0)
         high = low

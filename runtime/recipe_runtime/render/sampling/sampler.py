@@ -23,16 +23,16 @@ from recipe_runtime.render.raster import label_kernels
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer, all_tiles
 from recipe_runtime.render.sampling import sample_kernels
-from recipe_runtime.render.scene.camera import device_rows, lens_of, world_from_parts, world_from_view
+from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, world_from_parts, world_from_view
 from recipe_runtime.render.scene.geometry import Geometry
 
-_POSES_KEPT = 4  # 90 MB each at 800 x 600
-_SAMPLES_KEPT = 16_000_000  # of all of them, but for the last: a supersampled picture has many
-_LEAST_ROOM = 1 << 16  # samples
+_POSE_CACHE_SIZE = 4  # 90 MB each at 800 x 600
+_SAMPLE_CACHE_SIZE = 16_000_000  # of all of them, but for the last: a supersampled picture has many
+_MIN_CAPACITY = 1 << 16  # samples
 
 
 @dataclass(eq=False)
-class Points:
+class FrameSamples:
     """The samples of a frame: what each sees, and which pixel it belongs to."""
 
     data: Any  # shade.Samples
@@ -40,27 +40,27 @@ class Points:
     starts: Any  # int32 [H * W]
     weights: Any  # float32 [N]
     count: int
-    base: Base | None  # that keeps the first of them; None for a pose that was not seen before
+    base: StaticBase | None  # that keeps the first of them; None for a pose that was not seen before
 
 
 @dataclass(eq=False)
-class Base:
+class StaticBase:
     """What a pose's frames share. Its arrays are worked on in place: they serve one frame, the tenant, at a time."""
 
     still: Any  # samples.Still
     fine: Any  # uint64 [4 H * W], the tenant's
     groups: Any
     starts: Any
-    columns: _Columns
+    columns: SampleColumns
     count: int  # samples of what stands still
     firsts: Any  # int32, each tile's first sample, and at last their count
     boxes: tuple[Any, Any]  # vec3f by tile, the low and the high corners of the world's boxes about them
-    tenant: Points | None = None
+    tenant: FrameSamples | None = None
     touched: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))  # the tenant's tiles
     lights: dict[str, Any] = field(default_factory=dict)  # the picture's, by appearance
 
 
-class _Columns:
+class SampleColumns:
     """Room for samples."""
 
     def __init__(self, room: int, device: str) -> None:
@@ -82,12 +82,12 @@ class Sampler:
     ) -> None:
         self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
         self._reuse = reuse.samples
-        self._bases: OrderedDict[tuple[bytes, bool], Base | None] = OrderedDict()  # None: seen once
+        self._bases: OrderedDict[tuple[bytes, bool], StaticBase | None] = OrderedDict()  # None: seen once
 
-    def points(self, obs: Observation, antialias: bool) -> Points:
+    def points(self, obs: Observation, antialias: bool) -> FrameSamples:
         """A frame's samples; they hold until another frame's are asked for."""
         name = "smooth" if antialias else "plain"
-        found: Points | None = obs.derived.get(name)
+        found: FrameSamples | None = obs.derived.get(name)
         if found is None or (found.base is not None and found.base.tenant is not found):
             base = self._base(obs, antialias)
             found = obs.derived[name] = (
@@ -95,39 +95,45 @@ class Sampler:
             )
         return found
 
-    def _base(self, obs: Observation, antialias: bool) -> Base | None:
+    def _base(self, obs: Observation, antialias: bool) -> StaticBase | None:
         """What is kept of a pose; None if it was not seen before."""
         if not self._reuse:
             return None
         name = obs.pose, antialias
         known, base = name in self._bases, self._bases.pop(name, None)
         if known and base is None:
-            base = self._still(obs, antialias, _LEAST_ROOM)
+            base = self._still(obs, antialias, _MIN_CAPACITY)
         self._bases[name] = base
-        while len(self._bases) > _POSES_KEPT or (len(self._bases) > 1 and self._kept() > _SAMPLES_KEPT):
+        while len(self._bases) > _POSE_CACHE_SIZE or (len(self._bases) > 1 and self._kept() > _SAMPLE_CACHE_SIZE):
             self._bases.popitem(last=False)
         return base
 
     def _kept(self) -> int:
         return sum(base.columns.room for base in self._bases.values() if base is not None)
 
-    def _fresh(self, obs: Observation, antialias: bool) -> Points:
+    def _fresh(self, obs: Observation, antialias: bool) -> FrameSamples:
         fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2) if antialias else obs.keys
         groups, starts = self._pixels(obs), self._pixels(obs)
-        inputs = obs.keys, fine, record(sample_kernels.Still(), self._device), groups, starts
+        inputs = obs.keys, fine, record(sample_kernels.StaticSamples(), self._device), groups, starts
         columns, count = self._placed(obs, antialias, all_tiles(obs.camera), *inputs)
         self._survey(obs, columns, 0, count)
-        return Points(_data(obs, columns), groups, starts, columns.weights, count, None)
+        return FrameSamples(_data(obs, columns), groups, starts, columns.weights, count, None)
 
-    def _still(self, obs: Observation, antialias: bool, room: int) -> Base:
+    def _still(self, obs: Observation, antialias: bool, room: int) -> StaticBase:
         """The samples of what stands still."""
-        still = sample_kernels.Still()
+        still = sample_kernels.StaticSamples()
         still.coarse = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=1, still=True)
         still.fine = still.coarse
         if antialias:
             still.fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2, still=True)
         still.groups, still.starts = self._pixels(obs), self._pixels(obs)
-        inputs = still.coarse, still.fine, record(sample_kernels.Still(), self._device), still.groups, still.starts
+        inputs = (
+            still.coarse,
+            still.fine,
+            record(sample_kernels.StaticSamples(), self._device),
+            still.groups,
+            still.starts,
+        )
         columns, count = self._placed(obs, antialias, all_tiles(obs.camera), *inputs, room=room)
         self._survey(obs, columns, 0, count)
         still.known = 1
@@ -135,36 +141,38 @@ class Sampler:
         tiles = columns.tiles.numpy()[:count]
         firsts = self._tiles(np.searchsorted(tiles, np.arange(len(all_tiles(obs.camera)) + 1)).astype(np.int32))
         boxes = self._boxes(obs, still.starts, columns, count)
-        return Base(still, fine, groups, starts, columns, count, firsts, boxes)
+        return StaticBase(still, fine, groups, starts, columns, count, firsts, boxes)
 
-    def _boxes(self, obs: Observation, starts: Any, columns: _Columns, count: int) -> tuple[Any, Any]:
+    def _boxes(self, obs: Observation, starts: Any, columns: SampleColumns, count: int) -> tuple[Any, Any]:
         """The world's boxes about the samples of every tile."""
         corners = all_tiles(obs.camera)
         lows, highs = (wp.empty(len(corners), dtype=wp.vec3f, device=self._device) for _ in range(2))
-        inputs = [self._tiles(corners), lens_of(obs.camera, 1), starts, count]
+        inputs = [self._tiles(corners), pinhole_of(obs.camera, 1), starts, count]
         launch(
-            sample_kernels.enclose,
+            sample_kernels.bound_tiles,
             len(corners),
             [*inputs, columns.surfaces, columns.positions, lows, highs],
             self._device,
         )
         return lows, highs
 
-    def _upon(self, base: Base, obs: Observation, antialias: bool) -> Points:
+    def _upon(self, base: StaticBase, obs: Observation, antialias: bool) -> FrameSamples:
         """A frame's samples: those of the base, and its own where something moving is seen."""
-        lens, before = lens_of(obs.camera, 1), base.touched
+        lens, before = pinhole_of(obs.camera, 1), base.touched
         if antialias:
             with self._timings("restore"):
                 if len(before):
                     inputs = [self._tiles(before), base.still.fine, lens, base.fine]
-                    launch(sample_kernels.restore, len(before) * int(label_kernels.TILE_PIXELS), inputs, self._device)
+                    launch(
+                        sample_kernels.restore_keys, len(before) * int(label_kernels.TILE_PIXELS), inputs, self._device
+                    )
             self._observer.draw_moving(obs.camera, obs.vertices, obs.seen, 2, base.fine)
         fine = base.fine if antialias else obs.keys
         tiles = np.union1d(before, obs.touched).astype(np.int32)
         arrays = obs.keys, fine, record(base.still, self._device), base.groups, base.starts
         columns, count = self._placed(obs, antialias, tiles, *arrays, base=base)
         self._survey(obs, columns, base.count, count - base.count)
-        points = Points(_data(obs, columns), base.groups, base.starts, columns.weights, count, base)
+        points = FrameSamples(_data(obs, columns), base.groups, base.starts, columns.weights, count, base)
         base.tenant, base.touched = points, obs.touched
         return points
 
@@ -179,56 +187,56 @@ class Sampler:
         groups: Any,
         starts: Any,
         room: int = 0,
-        base: Base | None = None,
-    ) -> tuple[_Columns, int]:
+        base: StaticBase | None = None,
+    ) -> tuple[SampleColumns, int]:
         """Where the samples of the tiles are, with some room to spare; and the count of all samples."""
-        lens, corners, size = lens_of(obs.camera, 1), self._tiles(tiles), len(tiles) * int(label_kernels.TILE_PIXELS)
+        lens, corners, size = pinhole_of(obs.camera, 1), self._tiles(tiles), len(tiles) * int(label_kernels.TILE_PIXELS)
         lens.side = 2 if antialias else 1
         first, scene = 0 if base is None else base.count, record(self._scene(obs), self._device)
         counts = wp.empty(size, dtype=wp.int32, device=self._device)
         with self._timings("group"):
             if size:
                 inputs = [corners, coarse, fine, lens, scene, still, groups, starts, counts]
-                launch(sample_kernels.count, size, inputs, self._device)
+                launch(sample_kernels.count_samples, size, inputs, self._device)
             found = counts.numpy()
             ends = np.cumsum(found, dtype=np.int32) + np.int32(first)
             count = int(ends[-1]) if size else first
         with self._timings("place"):
-            columns = _Columns(count + room, self._device) if base is None else self._roomy(base, count)
+            columns = SampleColumns(count + room, self._device) if base is None else self._roomy(base, count)
             if count > first:
                 firsts = wp.array(ends - found, dtype=wp.int32, device=self._device)
                 out = [columns.keys, columns.pixels, columns.places, columns.weights, columns.tiles]
                 inputs = [corners, coarse, fine, counts, firsts, lens, scene, groups, starts, *out]
-                launch(sample_kernels.place, size, inputs, self._device)
+                launch(sample_kernels.emit_samples, size, inputs, self._device)
         return columns, count
 
-    def _roomy(self, base: Base, count: int) -> _Columns:
+    def _roomy(self, base: StaticBase, count: int) -> SampleColumns:
         """The base's columns, after they have grown, if need be, to hold so many samples."""
         if base.columns.room < count:
-            wider = _Columns(count + (count - base.count), self._device)
+            wider = SampleColumns(count + (count - base.count), self._device)
             for name, column in vars(base.columns).items():
                 if name != "room":
                     wp.copy(vars(wider)[name], column, count=base.count)
             base.columns, base.lights = wider, {}
         return base.columns
 
-    def _survey(self, obs: Observation, columns: _Columns, first: int, count: int) -> None:
+    def _survey(self, obs: Observation, columns: SampleColumns, first: int, count: int) -> None:
         """What the samples first.. see."""
         with self._timings("survey"):
             if count:
-                c, lens = columns, lens_of(obs.camera, 1)
+                c, lens = columns, pinhole_of(obs.camera, 1)
                 inputs = [first, c.keys, c.pixels, c.places, lens, record(self._scene(obs), self._device)]
                 out = [c.surfaces, c.positions, c.normals, c.details, c.codes]
-                launch(sample_kernels.survey, count, [*inputs, *out], self._device)
+                launch(sample_kernels.evaluate_samples, count, [*inputs, *out], self._device)
 
     def _scene(self, obs: Observation) -> Any:
         """The geometry as a frame has it, for samples to look into."""
-        g, scene = self._g, sample_kernels.Scene()
+        g, scene = self._g, sample_kernels.SceneArrays()
         scene.view, scene.normals, scene.uvs = obs.vertices, g.normals, g.uvs
         scene.vertex_part, scene.triangles, scene.face_normals = g.vertex_part, g.triangles, g.face_normals
         scene.triangle_surface, scene.surface_pattern = g.triangle_surface, g.surface_pattern
-        scene.world_from_part = device_rows(world_from_parts(obs.parts), self._device)
-        scene.world_from_view = device_rows(world_from_view(obs.world_from_sensor), self._device)
+        scene.world_from_part = upload_transforms(world_from_parts(obs.parts), self._device)
+        scene.world_from_view = upload_transforms(world_from_view(obs.world_from_sensor), self._device)
         return scene
 
     def _pixels(self, obs: Observation) -> Any:
@@ -238,7 +246,7 @@ class Sampler:
         return wp.array(tiles, dtype=wp.int32, device=self._device)
 
 
-def _data(obs: Observation, columns: _Columns) -> Any:
+def _data(obs: Observation, columns: SampleColumns) -> Any:
     """What a frame's samples see, as shading wants it."""
     data, c = sample_kernels.Samples(), columns
     data.surfaces, data.positions, data.normals = c.surfaces, c.positions, c.normals

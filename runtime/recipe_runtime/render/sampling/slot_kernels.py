@@ -9,13 +9,13 @@ each tile takes a stretch there, and which one is chance, but a sample's place t
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.raster.label_kernels import pixel_at
-from recipe_runtime.render.scene.camera import Lens
+from recipe_runtime.render.scene.camera import Pinhole
 
 wp.set_module_options(OPTIONS)
 
 
 @wp.kernel
-def rank(counts: wp.array[wp.int32], firsts: wp.array[wp.int32], wanted: wp.array[wp.int32]):
+def rank_in_tile(counts: wp.array[wp.int32], firsts: wp.array[wp.int32], wanted: wp.array[wp.int32]):
     """Where an edge's pixel stands within its tile's stretch; `wanted` counts the tile's samples and comes zeroed."""
     at = wp.tid()
     n = counts[at]
@@ -24,16 +24,16 @@ def rank(counts: wp.array[wp.int32], firsts: wp.array[wp.int32], wanted: wp.arra
 
 
 @wp.kernel
-def reserve(wanted: wp.array[wp.int32], stretches: wp.array[wp.int32], cursor: wp.array[wp.int32]):
+def reserve_slots(wanted: wp.array[wp.int32], stretches: wp.array[wp.int32], cursor: wp.array[wp.int32]):
     """A stretch for each tile; the cursor comes zeroed."""
     tile = wp.tid()
     stretches[tile] = wp.atomic_add(cursor, 0, wanted[tile])
 
 
 @wp.kernel
-def settle(
+def assign_slots(
     corners: wp.array[wp.int32],
-    lens: Lens,
+    lens: Pinhole,
     stretches: wp.array[wp.int32],
     room: wp.int32,
     counts: wp.array[wp.int32],

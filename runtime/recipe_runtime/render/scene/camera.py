@@ -20,10 +20,10 @@ _SENSOR_FROM_VIEW = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0,
 _HERE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
 
-def lens_of(camera: CameraPlan, side: int) -> Any:
+def pinhole_of(camera: CameraPlan, side: int) -> Any:
     """The camera as kernels want it, with side x side samples a pixel."""
     sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
-    lens = Lens()
+    lens = Pinhole()
     lens.focal = camera.width / 2.0 * cosine / sine
     lens.cx, lens.cy = camera.width / 2.0, camera.height / 2.0
     lens.near, lens.far = camera.near, camera.far
@@ -49,7 +49,7 @@ def world_from_view(world_from_sensor: Array) -> Array:
 
 
 @wp.struct
-class Lens:
+class Pinhole:
     """A pinhole camera: focal length and centre in pixels, depth limits in metres, samples a pixel (1 or 2 a side)."""
 
     focal: wp.float64
@@ -62,6 +62,6 @@ class Lens:
     side: wp.int32  # samples along a pixel's side
 
 
-def device_rows(transforms: Array, device: str) -> Any:
+def upload_transforms(transforms: Array, device: str) -> Any:
     """3x4 transforms as rows of twelve float32 on the device."""
     return wp.array(transforms.reshape(-1, 12).astype(np.float32), dtype=wp.float32, device=device)

@@ -7,8 +7,8 @@ All are analytic, and averaged over a pixel's footprint, so that nothing aliases
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.noise import hash2, unit, whole
-from recipe_runtime.render.numeric.scalars import clamp01, greater, lesser
+from recipe_runtime.render.numeric.noise import floor, hash2, unit
+from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum
 
 wp.set_module_options(OPTIONS)
 
@@ -32,13 +32,13 @@ def fade(width: wp.float32, footprint: wp.float32) -> wp.float32:
 
 
 @wp.func
-def joint(t: wp.float32, half: wp.float32, footprint: wp.float32) -> wp.float32:
+def joint_share(t: wp.float32, half: wp.float32, footprint: wp.float32) -> wp.float32:
     """Share of a pixel that lies on joints 2 half wide, one at each whole number; box-filtered, so exact on average."""
-    w = greater(footprint, 1.0e-4) * 0.5
+    w = maximum(footprint, 1.0e-4) * 0.5
     low = t - w + half
     high = t + w + half
-    a = wp.float32(whole(low)) * 2.0 * half + lesser(low - wp.float32(whole(low)), 2.0 * half)
-    b = wp.float32(whole(high)) * 2.0 * half + lesser(high - wp.float32(whole(high)), 2.0 * half)
+    a = wp.float32(floor(low)) * 2.0 * half + minimum(low - wp.float32(floor(low)), 2.0 * half)
+    b = wp.float32(floor(high)) * 2.0 * half + minimum(high - wp.float32(floor(high)), 2.0 * half)
     return clamp01((b - a) / (2.0 * w))
 
 
@@ -48,13 +48,13 @@ def tiles(
 ) -> wp.vec3f:
     """Courses of stones: the share of joint, a tone of the stone in [0, 1), and how much of that tone is left."""
     v = uv[1] / height
-    course = whole(v)
+    course = floor(v)
     u = uv[0] / width + bond * wp.float32(course & 1)
-    mortar = greater(joint(u, 0.5 * gap / width, foot / width), joint(v, 0.5 * gap / height, foot / height))
-    return wp.vec3f(mortar, unit(hash2(whole(u), course, wp.uint32(77))), fade(height, foot))
+    mortar = maximum(joint_share(u, 0.5 * gap / width, foot / width), joint_share(v, 0.5 * gap / height, foot / height))
+    return wp.vec3f(mortar, unit(hash2(floor(u), course, wp.uint32(77))), fade(height, foot))
 
 
 @wp.func
-def either(a: wp.float32, b: wp.float32) -> wp.float32:
+def union_share(a: wp.float32, b: wp.float32) -> wp.float32:
     """The share covered by at least one of two things that lie independently."""
     return a + b - a * b

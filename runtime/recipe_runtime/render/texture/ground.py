@@ -4,16 +4,16 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.noise import hash2, noise2, scramble, unit, whole
-from recipe_runtime.render.numeric.scalars import clamp01, greater, lesser
-from recipe_runtime.render.numeric.vectors import direction
+from recipe_runtime.render.numeric.noise import floor, hash2, noise2, scramble, unit
+from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum
+from recipe_runtime.render.numeric.vectors import normalize
 from recipe_runtime.render.texture.detail import Detail, fade, tiles
 
 wp.set_module_options(OPTIONS)
 
 
 @wp.func
-def hollows(p: wp.vec3f, foot: wp.float32) -> wp.float32:
+def ground_height(p: wp.vec3f, foot: wp.float32) -> wp.float32:
     """Slow unevenness of the ground in the world, in [0, 1): where it is low, water stands."""
     a = noise2(p[0] * 0.45, p[1] * 0.45, wp.uint32(11))
     level = a * 0.7 + 0.15
@@ -27,20 +27,20 @@ def hollows(p: wp.vec3f, foot: wp.float32) -> wp.float32:
 
 
 @wp.func
-def mended(p: wp.vec3f, foot: wp.float32) -> wp.float32:
+def repairs(p: wp.vec3f, foot: wp.float32) -> wp.float32:
     """What a road's repairs do to its tone: here and there a rectangle of newer, darker asphalt with a tarred seam."""
     x = p[0] / 4.7
     y = p[1] / 7.3
-    i = whole(x)
-    j = whole(y)
+    i = floor(x)
+    j = floor(y)
     code = hash2(i, j, wp.uint32(28))
     tone = wp.float32(0.0)
     if unit(code) < 0.16:
         half = 0.14 + 0.24 * unit(scramble(code))
         beside = (half - wp.abs(x - wp.float32(i) - 0.5)) * 4.7
         ends = (0.36 - wp.abs(y - wp.float32(j) - 0.5)) * 7.3
-        inner = lesser(beside, ends)
-        w = greater(foot, 0.01)
+        inner = minimum(beside, ends)
+        w = maximum(foot, 0.01)
         seam = clamp01((0.03 - wp.abs(inner)) / w + 0.5) * clamp01(0.06 / w)
         tone = -0.1 * clamp01(inner / w + 0.5) - 0.3 * seam
     return tone
@@ -54,15 +54,15 @@ def asphalt(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     near = fade(0.5, foot)
     if near > 0.0:
         patch = noise2(p[0] * 2.1, p[1] * 2.1, wp.uint32(2)) - 0.5
-        d.tone = d.tone + near * (0.2 * patch + mended(p, foot))
+        d.tone = d.tone + near * (0.2 * patch + repairs(p, foot))
         crack = 1.0 - wp.abs(age + 0.09 * patch - 0.06) / (0.0035 + 0.2 * foot)
-        d.tone = d.tone - 0.3 * near * clamp01(crack) * clamp01(0.012 / greater(foot, 0.004))
+        d.tone = d.tone - 0.3 * near * clamp01(crack) * clamp01(0.012 / maximum(foot, 0.004))
     near = fade(0.06, foot)
     if near > 0.0:
         d.tone = d.tone + 0.3 * near * (noise2(p[0] * 17.0, p[1] * 17.0, wp.uint32(4)) - 0.5)
     near = fade(0.018, foot)
     if near > 0.0:
-        stone = unit(hash2(whole(p[0] * 55.0), whole(p[1] * 55.0), wp.uint32(3))) - 0.5
+        stone = unit(hash2(floor(p[0] * 55.0), floor(p[1] * 55.0), wp.uint32(3))) - 0.5
         d.tone = d.tone + 0.5 * near * stone
     d.last = foot
     return d
@@ -90,7 +90,7 @@ def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     d.tone = 1.0 + 0.16 * (t[1] - 0.5) * t[2] + 0.16 * stain
     near = fade(0.015, foot)
     if near > 0.0:
-        speck = unit(hash2(whole(uv[0] * 70.0), whole(uv[1] * 70.0), wp.uint32(5))) - 0.5
+        speck = unit(hash2(floor(uv[0] * 70.0), floor(uv[1] * 70.0), wp.uint32(5))) - 0.5
         d.tone = d.tone + 0.14 * speck * near
     d.last = foot
     return d
@@ -122,6 +122,6 @@ def ripples(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
     near = fade(0.3, foot) * 0.09
     a = noise2(p[0] * 4.3, p[1] * 4.3 + 7.0, wp.uint32(25)) - 0.5
     b = noise2(p[0] * 4.3 + 11.0, p[1] * 4.3, wp.uint32(26)) - 0.5
-    d.normal = direction(d.normal + wp.vec3f(a * near, b * near, 0.0))
+    d.normal = normalize(d.normal + wp.vec3f(a * near, b * near, 0.0))
     d.tone = 1.0 + 1.2 * near * (a + b)
     return d

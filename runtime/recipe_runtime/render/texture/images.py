@@ -10,19 +10,19 @@ and down) in the sample's own numbers, the longer one as it is and the other one
 
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.noise import whole
-from recipe_runtime.render.numeric.scalars import greater, lesser
-from recipe_runtime.render.numeric.vectors import inner, outer
+from recipe_runtime.render.numeric.noise import floor
+from recipe_runtime.render.numeric.scalars import maximum, minimum
+from recipe_runtime.render.numeric.vectors import cross, dot
 
 wp.set_module_options(OPTIONS)
 
 IMAGE = wp.constant(int(Pattern.IMAGE))
-MOST_TAPS = wp.constant(8)  # along the longer side of a footprint
-_FAR = wp.constant(wp.float32(1.0e4))  # no step is longer, in images
+MAX_TAPS = wp.constant(8)  # along the longer side of a footprint
+_MAX_STEP = wp.constant(wp.float32(1.0e4))  # no step is longer, in images
 
 
 @wp.struct
-class Album:
+class ImageAtlas:
     """The images of an appearance. Image k has the levels first[k] .. first[k + 1], each half as fine as the last."""
 
     of_surface: wp.array[wp.int32]  # image of each surface, -1 for none
@@ -38,7 +38,7 @@ class Album:
 @wp.func
 def bounded(v: wp.float32) -> wp.float32:
     """A step of sensible length."""
-    return lesser(greater(v, -_FAR), _FAR)
+    return minimum(maximum(v, -_MAX_STEP), _MAX_STEP)
 
 
 @wp.func
@@ -67,10 +67,10 @@ def steps_between_pixels(
     A weight is the ray's product with the outer product of two corners, so its change along the picture is a
     component of that.
     """
-    e0 = outer(v1, v2)
-    e1 = outer(v2, v0)
-    e2 = outer(v0, v1)
-    total = inner(ray, e0) + inner(ray, e1) + inner(ray, e2)
+    e0 = cross(v1, v2)
+    e1 = cross(v2, v0)
+    e2 = cross(v0, v1)
+    total = dot(ray, e0) + dot(ray, e1) + dot(ray, e2)
     if total * total < 1.0e-30:
         total = wp.float32(1.0e-15)
     scale = 1.0 / (total * focal)
@@ -82,7 +82,7 @@ def steps_between_pixels(
 
 
 @wp.func
-def longer_first(s: wp.vec4f) -> wp.vec4f:
+def order_steps(s: wp.vec4f) -> wp.vec4f:
     """The two steps, the longer one first."""
     if s[2] * s[2] + s[3] * s[3] > s[0] * s[0] + s[1] * s[1]:
         return wp.vec4f(s[2], s[3], s[0], s[1])
@@ -92,7 +92,7 @@ def longer_first(s: wp.vec4f) -> wp.vec4f:
 @wp.func
 def share_code(share: wp.float32) -> wp.uint32:
     """A share in [-1, 1] as 16 bits."""
-    return wp.uint32(wp.int32(lesser(greater(share, -1.0), 1.0) * 32767.0 + 32768.0))
+    return wp.uint32(wp.int32(minimum(maximum(share, -1.0), 1.0) * 32767.0 + 32768.0))
 
 
 @wp.func
@@ -105,12 +105,12 @@ def share_of(code: wp.uint32) -> wp.float32:
 def second_step(steps: wp.vec4f) -> wp.uint32:
     """The shorter step as shares of the longer one's length, 16 bits each."""
     length = wp.sqrt(steps[0] * steps[0] + steps[1] * steps[1])
-    scale = 1.0 / greater(length, 1.0e-12)
+    scale = 1.0 / maximum(length, 1.0e-12)
     return share_code(steps[2] * scale) | (share_code(steps[3] * scale) << wp.uint32(16))
 
 
 @wp.func
-def around(i: wp.int32, size: wp.int32, repeats: wp.int32) -> wp.int32:
+def wrap_texel(i: wp.int32, size: wp.int32, repeats: wp.int32) -> wp.int32:
     """A texel's place in a row, whatever lies beyond its ends."""
     if repeats != 0:
         i = i % size
@@ -121,10 +121,10 @@ def around(i: wp.int32, size: wp.int32, repeats: wp.int32) -> wp.int32:
 
 
 @wp.func
-def texel(album: wp.array[Album], level: wp.int32, x: wp.int32, y: wp.int32, repeats: wp.int32) -> wp.vec3f:
+def texel(album: wp.array[ImageAtlas], level: wp.int32, x: wp.int32, y: wp.int32, repeats: wp.int32) -> wp.vec3f:
     """One texel, in linear light."""
     w = album[0].widths[level]
-    at = album[0].starts[level] + around(y, album[0].heights[level], repeats) * w + around(x, w, repeats)
+    at = album[0].starts[level] + wrap_texel(y, album[0].heights[level], repeats) * w + wrap_texel(x, w, repeats)
     c = album[0].texels[at]
     return wp.vec3f(
         album[0].linear[wp.int32(c & wp.uint32(255))],
@@ -134,12 +134,12 @@ def texel(album: wp.array[Album], level: wp.int32, x: wp.int32, y: wp.int32, rep
 
 
 @wp.func
-def smooth(album: wp.array[Album], level: wp.int32, x: wp.float32, y: wp.float32, repeats: wp.int32) -> wp.vec3f:
+def bilinear(album: wp.array[ImageAtlas], level: wp.int32, x: wp.float32, y: wp.float32, repeats: wp.int32) -> wp.vec3f:
     """A level at a place in its texels, between the four nearest."""
     px = x - 0.5
     py = y - 0.5
-    ix = whole(px)
-    iy = whole(py)
+    ix = floor(px)
+    iy = floor(py)
     fx = px - wp.float32(ix)
     fy = py - wp.float32(iy)
     top = texel(album, level, ix, iy, repeats) * (1.0 - fx) + texel(album, level, ix + 1, iy, repeats) * fx
@@ -148,15 +148,15 @@ def smooth(album: wp.array[Album], level: wp.int32, x: wp.float32, y: wp.float32
 
 
 @wp.func
-def within(t: wp.float32, repeats: wp.int32) -> wp.float32:
+def wrap_coordinate(t: wp.float32, repeats: wp.int32) -> wp.float32:
     """A coordinate within the image."""
     if repeats != 0:
-        return t - wp.float32(whole(t))
-    return lesser(greater(t, 0.0), 1.0)
+        return t - wp.float32(floor(t))
+    return minimum(maximum(t, 0.0), 1.0)
 
 
 @wp.func
-def image_at(album: wp.array[Album], image: wp.int32, detail: wp.vec4f, code: wp.uint32) -> wp.vec3f:
+def image_at(album: wp.array[ImageAtlas], image: wp.int32, detail: wp.vec4f, code: wp.uint32) -> wp.vec3f:
     """The mean colour of an image, linear, over the footprint of a pixel.
 
     Taps lie along the longer side of the footprint; each is as wide as the shorter one, between two levels.
@@ -179,25 +179,25 @@ def image_at(album: wp.array[Album], image: wp.int32, detail: wp.vec4f, code: wp
         short = swapped
         ax = bx
         ay = by
-    short = greater(greater(short, long / wp.float32(MOST_TAPS)), 1.0)
-    taps = wp.max(wp.min(wp.int32(wp.min(long / short, 99.0) + 0.5), MOST_TAPS), 1)
-    short = greater(short, long / wp.float32(taps))
+    short = maximum(maximum(short, long / wp.float32(MAX_TAPS)), 1.0)
+    taps = wp.max(wp.min(wp.int32(wp.min(long / short, 99.0) + 0.5), MAX_TAPS), 1)
+    short = maximum(short, long / wp.float32(taps))
     scale = wp.float32(1.0)
     level = first
     while short >= 2.0 and level < last:
         short = short * 0.5
         scale = scale * 0.5
         level = level + 1
-    finer = lesser(short - 1.0, 1.0)  # between two levels the size's logarithm is all but straight
+    finer = minimum(short - 1.0, 1.0)  # between two levels the size's logarithm is all but straight
     if level == last:
         finer = wp.float32(0.0)
     total = wp.vec3f(0.0, 0.0, 0.0)
     for k in range(taps):
         along = (wp.float32(k) + 0.5) / wp.float32(taps) - 0.5
-        x = within(detail[0] + along * ax / w, repeats) * w * scale
-        y = within(detail[1] + along * ay / h, repeats) * h * scale
-        colour = smooth(album, level, x, y, repeats)
+        x = wrap_coordinate(detail[0] + along * ax / w, repeats) * w * scale
+        y = wrap_coordinate(detail[1] + along * ay / h, repeats) * h * scale
+        colour = bilinear(album, level, x, y, repeats)
         if finer > 0.0:
-            colour = colour * (1.0 - finer) + smooth(album, level + 1, x * 0.5, y * 0.5, repeats) * finer
+            colour = colour * (1.0 - finer) + bilinear(album, level + 1, x * 0.5, y * 0.5, repeats) * finer
         total = total + colour
     return total * (1.0 / wp.float32(taps))

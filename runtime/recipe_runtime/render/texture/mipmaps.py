@@ -14,17 +14,17 @@ from recipe_compiler.plan import AppearancePlan, TexturePlan
 from recipe_runtime.render.device.arrays import record
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.geometry import Geometry
-from recipe_runtime.render.texture.images import Album
-from recipe_runtime.render.texture.surface_colours import decoded
+from recipe_runtime.render.texture.images import ImageAtlas
+from recipe_runtime.render.texture.surface_colours import srgb_to_linear
 
 Images = Callable[[TexturePlan], NDArray[np.uint8]]  # pixels [H, W, 3], sRGB
 Textures = Mapping[str, Mapping[str, TexturePlan]]  # body -> slot -> image
 _ONE = 65535  # linear light in whole numbers, 1.0
-_ALBUMS_KEPT = 4  # each holds all images of an appearance, four thirds of their pixels times four bytes
+_ATLAS_CACHE_SIZE = 4  # each holds all images of an appearance, four thirds of their pixels times four bytes
 _ROWS = 256  # of an image that are summed at a time
 
 
-class Albums:
+class ImageAtlases:
     """The albums of a geometry's appearances, the last few kept."""
 
     def __init__(self, geometry: Geometry, images: Images | None, device: str) -> None:
@@ -35,9 +35,9 @@ class Albums:
         """An appearance's album, as a record."""
         name = appearance.colours if appearance.textures else ""
         if name not in self._kept:
-            if len(self._kept) >= _ALBUMS_KEPT:
+            if len(self._kept) >= _ATLAS_CACHE_SIZE:
                 self._kept.pop(next(iter(self._kept)))
-            album = album_of(self._geometry, appearance.textures, self._images, self._device)
+            album = atlas_of(self._geometry, appearance.textures, self._images, self._device)
             self._kept[name] = record(album, self._device)
         return self._kept[name]
 
@@ -46,14 +46,14 @@ def _no_images(texture: TexturePlan) -> NDArray[np.uint8]:
     raise ValueError(f"nobody told where image sha256:{texture.file.sha256} is")
 
 
-def album_of(geometry: Geometry, textures: Textures, images: Images, device: str) -> Any:
+def atlas_of(geometry: Geometry, textures: Textures, images: Images, device: str) -> Any:
     """The images of a geometry's surfaces; an image that several surfaces show is there once."""
     wanted = [textures.get(key.body, {}).get(key.slot) for key in geometry.surfaces]
     known = list(dict.fromkeys(texture for texture in wanted if texture is not None))
     ladders = [mip_levels(images(texture)) for texture in known]
     levels = [level for ladder in ladders for level in ladder]
     sizes = np.array([level.size for level in levels], np.int64)
-    album = Album()
+    album = ImageAtlas()
 
     def column(values: Any) -> Any:
         return wp.array(np.array(values, np.int32).reshape(-1), dtype=wp.int32, device=device)
@@ -65,7 +65,9 @@ def album_of(geometry: Geometry, textures: Textures, images: Images, device: str
     album.widths, album.heights = (column([level.shape[axis] for level in levels]) for axis in (1, 0))
     texels = np.concatenate([level.reshape(-1) for level in levels]) if levels else np.zeros(1, np.uint32)
     album.texels = wp.array(texels, dtype=wp.uint32, device=device)
-    album.linear = wp.array(np.array([decoded(v) for v in range(256)], np.float32), dtype=wp.float32, device=device)
+    album.linear = wp.array(
+        np.array([srgb_to_linear(v) for v in range(256)], np.float32), dtype=wp.float32, device=device
+    )
     return album
 
 
@@ -75,7 +77,7 @@ def mip_levels(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint32]]:
     Texel i of level l is the mean of the texels i * 2^l .. (i + 1) * 2^l of the image, as far as it goes, in linear
     light, and then the nearest 8-bit colour. Sums are whole numbers, so they have no order.
     """
-    linear = np.array([round(decoded(v) * _ONE) for v in range(256)], np.int64)
+    linear = np.array([round(srgb_to_linear(v) * _ONE) for v in range(256)], np.int64)
     levels = [_packed(pixels)]
     height, width = pixels.shape[:2]
     if height == 1 and width == 1:
@@ -114,7 +116,7 @@ def _nearest(sums: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.u
 
 @cache
 def _middles() -> NDArray[np.int64]:
-    light = [round(decoded(v) * _ONE) for v in range(256)]
+    light = [round(srgb_to_linear(v) * _ONE) for v in range(256)]
     return np.array([a + b for a, b in itertools.pairwise(light)], np.int64)
 
 

@@ -11,8 +11,8 @@ by the pixel's footprint, so that nothing aliases at a distance.
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.noise import noise2, noise3
-from recipe_runtime.render.numeric.scalars import clamp01, greater
-from recipe_runtime.render.numeric.vectors import direction
+from recipe_runtime.render.numeric.scalars import clamp01, maximum
+from recipe_runtime.render.numeric.vectors import normalize
 from recipe_runtime.render.texture.detail import Detail, fade
 from recipe_runtime.render.texture.ground import asphalt, blades, ripples, road_paint, slabs
 from recipe_runtime.render.texture.lettering import letter, poster
@@ -64,18 +64,18 @@ def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     near = fade(0.22, foot)
     tone = 1.04 + 0.35 * bough + 0.5 * twig * near
     lean = 0.5 * near
-    d.normal = direction(d.normal + wp.vec3f(twig * lean, bough * lean, -0.5 * twig * lean))
+    d.normal = normalize(d.normal + wp.vec3f(twig * lean, bough * lean, -0.5 * twig * lean))
     near = fade(0.07, foot)
     if near > 0.0:
         leaf = noise3(p[0] * 19.0, p[1] * 19.0, p[2] * 23.0, wp.uint32(9)) - 0.5
         tone = tone + (0.95 * leaf - 0.3 * hole(leaf + 0.3 * twig)) * near
-        d.normal = direction(d.normal + wp.vec3f(0.6 * leaf * near, -0.5 * leaf * near, 0.8 * leaf * near))
+        d.normal = normalize(d.normal + wp.vec3f(0.6 * leaf * near, -0.5 * leaf * near, 0.8 * leaf * near))
         close = fade(0.03, foot)
         if close > 0.0:
             edge = noise3(p[0] * 61.0, p[1] * 61.0, p[2] * 67.0, wp.uint32(11)) - 0.5
             tone = tone + (0.75 * edge - 0.35 * hole(edge + 0.4 * leaf)) * close
-            d.normal = direction(d.normal + wp.vec3f(0.7 * edge * close, 0.6 * edge * close, -0.5 * edge * close))
-    d.tone = greater(tone, 0.2) * (0.34 + 0.66 * uv[1])
+            d.normal = normalize(d.normal + wp.vec3f(0.7 * edge * close, 0.6 * edge * close, -0.5 * edge * close))
+    d.tone = maximum(tone, 0.2) * (0.34 + 0.66 * uv[1])
     d.second = clamp01(0.35 + 1.4 * bough + 0.9 * twig * near)
     return d
 

@@ -13,7 +13,7 @@ from recipe_compiler import exact
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.scene.geometry import Geometry, SurfaceKey
-from recipe_runtime.render.texture.images import Album
+from recipe_runtime.render.texture.images import ImageAtlas
 
 wp.set_module_options(OPTIONS)
 
@@ -34,15 +34,15 @@ _AROUND = {**dict.fromkeys(_PANES, "frame"), Pattern.FACADE: "wall"}  # the slot
 _SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at night
 
 
-def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], album: Any, device: str) -> Any:
+def surface_colours(geometry: Geometry, looks: dict[str, dict[str, str]], album: Any, device: str) -> Any:
     """Every surface's colours in one appearance; `album` holds its images, as a record."""
     firsts, seconds = [], []
     for key in geometry.surfaces:
-        first = linear(looks.get(key.body, {}).get(key.slot) or _FALLBACK[key.pattern])
+        first = linear_colour(looks.get(key.body, {}).get(key.slot) or _FALLBACK[key.pattern])
         firsts.append(first)
         around = looks.get(key.body, {}).get(_AROUND.get(key.pattern, ""))
-        seconds.append(linear(around) if around else _second(key, first))
-    out = Looks()
+        seconds.append(linear_colour(around) if around else _second(key, first))
+    out = SurfaceColours()
     out.first = wp.array(np.array(firsts, np.float32), dtype=wp.vec3f, device=device)
     out.second = wp.array(np.array(seconds, np.float32), dtype=wp.vec3f, device=device)
     out.pattern, out.album = geometry.surface_pattern, album
@@ -51,9 +51,9 @@ def looks_of(geometry: Geometry, looks: dict[str, dict[str, str]], album: Any, d
     return out
 
 
-def linear(text: str) -> NDArray[np.float64]:
+def linear_colour(text: str) -> NDArray[np.float64]:
     """Linear RGB of `#rrggbb`."""
-    return np.array([decoded(int(text[i : i + 2], 16)) for i in (1, 3, 5)])
+    return np.array([srgb_to_linear(int(text[i : i + 2], 16)) for i in (1, 3, 5)])
 
 
 def _second(key: SurfaceKey, first: Any) -> Any:
@@ -76,18 +76,18 @@ def _second(key: SurfaceKey, first: Any) -> Any:
 
 
 @cache
-def decoded(value: int) -> float:
+def srgb_to_linear(value: int) -> float:
     """The light of an 8-bit sRGB value, 0 to 1."""
     v = value / 255.0
     return v / 12.92 if v <= 0.04045 else exact.power((v + 0.055) / 1.055, 2.4)
 
 
 @wp.struct
-class Looks:
+class SurfaceColours:
     """Colours and kinds of the surfaces."""
 
     first: wp.array[wp.vec3f]  # linear albedo
     second: wp.array[wp.vec3f]
     pattern: wp.array[wp.int32]
     awake: wp.array[wp.float32]  # share of the windows that are lit at night
-    album: wp.array[Album]
+    album: wp.array[ImageAtlas]

@@ -4,15 +4,15 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.noise import hash2, noise2, unit, whole
-from recipe_runtime.render.numeric.scalars import clamp01, greater
-from recipe_runtime.render.texture.detail import Detail, fade, joint, tiles
+from recipe_runtime.render.numeric.noise import floor, hash2, noise2, unit
+from recipe_runtime.render.numeric.scalars import clamp01, maximum
+from recipe_runtime.render.texture.detail import Detail, fade, joint_share, tiles
 
 wp.set_module_options(OPTIONS)
 
 
 @wp.func
-def weathered(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
+def apply_stains(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     """Years of rain on an upright wall: runs below its edges, and splashed dirt at its foot."""
     if d.normal[2] * d.normal[2] < 0.25:
         low = clamp01(1.0 - uv[1] * 1.3)
@@ -34,7 +34,7 @@ def wall(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, grain: wp.float
     if near > 0.0:
         fine = noise2(uv[0] * 14.0, uv[1] * 14.0, wp.uint32(14)) - 0.5
         d.tone = d.tone + grain * fine * near
-    return weathered(d, uv, foot)
+    return apply_stains(d, uv, foot)
 
 
 @wp.func
@@ -43,9 +43,9 @@ def bricks(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     t = tiles(uv, 0.25, 0.083, 0.011, 0.5, foot)
     stain = noise2((p[0] + p[1]) * 0.5, p[2] * 0.3, wp.uint32(16)) - 0.5
     d.second = t[0] * 0.7
-    burnt = greater(t[1] - 0.86, 0.0) * 3.0
+    burnt = maximum(t[1] - 0.86, 0.0) * 3.0
     d.tone = 1.0 + (0.34 * (t[1] - 0.5) - burnt + 0.03) * t[2] + 0.16 * stain
-    return weathered(d, uv, foot)
+    return apply_stains(d, uv, foot)
 
 
 @wp.func
@@ -57,7 +57,7 @@ def stones(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     near = fade(0.1, foot)
     if near > 0.0:
         d.tone = d.tone + 0.12 * near * (noise2(uv[0] * 11.0, uv[1] * 15.0, wp.uint32(20)) - 0.5)
-    return weathered(d, uv, foot)
+    return apply_stains(d, uv, foot)
 
 
 @wp.func
@@ -65,11 +65,11 @@ def roof_tiles(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail
     """Overlapping tiles: each rounded across, with a shadow under the course above; moss here and there."""
     t = tiles(uv, 0.24, 0.32, 0.0, 0.5, foot)
     d.tone = 1.0 + 0.26 * (t[1] - 0.5) * t[2] + 0.2 * (noise2(p[0] * 0.7, p[1] * 0.7, wp.uint32(21)) - 0.5)
-    d.second = 0.8 * joint(uv[1] / 0.32, 0.08, foot / 0.32)
+    d.second = 0.8 * joint_share(uv[1] / 0.32, 0.08, foot / 0.32)
     near = fade(0.24, foot)
     if near > 0.0:
-        across = uv[0] / 0.24 + 0.5 * wp.float32(whole(uv[1] / 0.32) & 1)
-        round_ = wp.abs(across - wp.float32(whole(across)) - 0.5) * 2.0
+        across = uv[0] / 0.24 + 0.5 * wp.float32(floor(uv[1] / 0.32) & 1)
+        round_ = wp.abs(across - wp.float32(floor(across)) - 0.5) * 2.0
         d.tone = d.tone + near * 0.3 * (0.33 - round_ * round_)
     return d
 
@@ -78,21 +78,21 @@ def roof_tiles(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail
 def boards(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     """Level boards, each lapping over the one below: a dark line under its edge, and lighter towards it."""
     v = uv[1] / 0.15
-    course = whole(v)
-    d.second = 0.7 * joint(v, 0.045, foot / 0.15)
+    course = floor(v)
+    d.second = 0.7 * joint_share(v, 0.045, foot / 0.15)
     near = fade(0.15, foot)
     if near > 0.0:
-        board = unit(hash2(whole(uv[0] * 0.28 + 0.37 * wp.float32(course & 3)), course, wp.uint32(22))) - 0.5
+        board = unit(hash2(floor(uv[0] * 0.28 + 0.37 * wp.float32(course & 3)), course, wp.uint32(22))) - 0.5
         d.tone = 1.0 + near * (0.07 * board + 0.1 * (0.5 - (v - wp.float32(course))))
-    return weathered(d, uv, foot)
+    return apply_stains(d, uv, foot)
 
 
 @wp.func
 def planks(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     """Upright planks with their grain."""
     u = uv[0] / 0.13
-    plank = unit(hash2(whole(u), 0, wp.uint32(23))) - 0.5
-    d.second = 0.8 * joint(u, 0.035, foot / 0.13)
+    plank = unit(hash2(floor(u), 0, wp.uint32(23))) - 0.5
+    d.second = 0.8 * joint_share(u, 0.035, foot / 0.13)
     d.tone = 1.0 + 0.22 * plank * fade(0.13, foot)
     near = fade(0.03, foot)
     if near > 0.0:

@@ -7,24 +7,24 @@ A sight that enters a pane meets the room's walls, floor or ceiling, so a window
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.noise import hash2, noise2, scramble, unit, whole
-from recipe_runtime.render.numeric.scalars import clamp01, greater, lesser
-from recipe_runtime.render.numeric.vectors import direction, inner
-from recipe_runtime.render.texture.detail import Detail, either, fade, joint
+from recipe_runtime.render.numeric.noise import floor, hash2, noise2, scramble, unit
+from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum
+from recipe_runtime.render.numeric.vectors import dot, normalize
+from recipe_runtime.render.texture.detail import Detail, fade, joint_share, union_share
 
 wp.set_module_options(OPTIONS)
 
 
 @wp.func
-def behind(sight: wp.vec3f, normal: wp.vec3f) -> wp.vec3f:
+def slope_behind(sight: wp.vec3f, normal: wp.vec3f) -> wp.vec3f:
     """The sight's slope behind a pane: to the right and up for each unit inwards, and how fast it goes in."""
-    inward = greater(-inner(sight, normal), 0.08)
+    inward = maximum(-dot(sight, normal), 0.08)
     right = sight[1] * normal[0] - sight[0] * normal[1]
     return wp.vec3f(right / inward, sight[2] / inward, inward)
 
 
 @wp.func
-def until(at: wp.float32, slope: wp.float32, low: wp.float32, high: wp.float32) -> wp.float32:
+def distance_to_wall(at: wp.float32, slope: wp.float32, low: wp.float32, high: wp.float32) -> wp.float32:
     """How far inwards a sight goes until it leaves the interval on this axis."""
     far = wp.float32(99.0)
     if slope > 1.0e-4:
@@ -37,16 +37,16 @@ def until(at: wp.float32, slope: wp.float32, low: wp.float32, high: wp.float32) 
 @wp.func
 def room(fu: wp.float32, fv: wp.float32, ray: wp.vec3f, code: wp.uint32) -> wp.float32:
     """How bright what one sees of a room is, by the wall, floor or ceiling that the sight meets; in parts of a pane."""
-    side = until(fu, ray[0], -0.75, 1.75)
-    level = until(fv, ray[1], -0.5, 1.22)
+    side = distance_to_wall(fu, ray[0], -0.75, 1.75)
+    level = distance_to_wall(fv, ray[1], -0.5, 1.22)
     back = 2.0 + 1.2 * unit(code)
-    deep = lesser(back, lesser(side, level))
+    deep = minimum(back, minimum(side, level))
     x = fu + ray[0] * deep
     y = fv + ray[1] * deep
     bright = wp.float32(0.62)
     if deep == back:
         bright = 0.85
-        shelf = unit(scramble(code + wp.uint32(whole(x * 2.0 + 8.0))))
+        shelf = unit(scramble(code + wp.uint32(floor(x * 2.0 + 8.0))))
         if y < -0.2 + 0.9 * shelf * shelf:
             bright = 0.38
     elif deep == level:
@@ -63,21 +63,21 @@ def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail
     `code` names the window, `height` is how far it is seen by itself and not as one of many. A building's windows
     are divided alike.
     """
-    i = whole(uv[0])
-    j = whole(uv[1])
+    i = floor(uv[0])
+    j = floor(uv[1])
     fu = uv[0] - wp.float32(i)
     fv = uv[1] - wp.float32(j)
-    w = greater(foot * 0.65, 0.003)
-    d.second = either(joint(uv[0], 0.055, w), joint(uv[1], 0.04, w))
+    w = maximum(foot * 0.65, 0.003)
+    d.second = union_share(joint_share(uv[0], 0.055, w), joint_share(uv[1], 0.04, w))
     kind = hash2(i >> 4, 5, wp.uint32(71)) & wp.uint32(3)
     if kind < wp.uint32(3):
-        d.second = either(d.second, joint(uv[0] + 0.5, 0.022, w))
+        d.second = union_share(d.second, joint_share(uv[0] + 0.5, 0.022, w))
     if kind == wp.uint32(0):
-        d.second = either(d.second, joint(uv[1] + 0.3, 0.018, w))
+        d.second = union_share(d.second, joint_share(uv[1] + 0.3, 0.018, w))
     elif kind == wp.uint32(3):
-        d.second = either(d.second, joint(uv[1] + 0.5, 0.022, w))
+        d.second = union_share(d.second, joint_share(uv[1] + 0.5, 0.022, w))
     d.code = hash2(i, j, d.code)
-    side = lesser(fu, 1.0 - fu)
+    side = minimum(fu, 1.0 - fu)
     drawn = unit(d.code * wp.uint32(747796405)) * 0.4
     edge = drawn - side
     style = d.code & wp.uint32(7)
@@ -86,13 +86,13 @@ def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail
     elif style == wp.uint32(2):
         edge = fv - (1.0 - 2.0 * drawn)  # a blind, let down
     near = fade(1.3, foot)
-    d.wear = 0.27 + (clamp01(edge / greater(w, 0.02) + 0.5) - 0.27) * near
+    d.wear = 0.27 + (clamp01(edge / maximum(w, 0.02) + 0.5) - 0.27) * near
     d.last = near
     d.tone = 0.66
     near = fade(0.5, foot)
     if near > 0.0:
-        fold = 0.12 * fade(0.12, foot) * (wp.abs(fu * 11.0 - wp.float32(whole(fu * 11.0)) - 0.5) - 0.25)
-        seen = room(fu, fv, behind(sight, d.normal), d.code)
+        fold = 0.12 * fade(0.12, foot) * (wp.abs(fu * 11.0 - wp.float32(floor(fu * 11.0)) - 0.5) - 0.25)
+        seen = room(fu, fv, slope_behind(sight, d.normal), d.code)
         seen = seen + (0.9 + 3.0 * fold - seen) * d.wear
         d.tone = 0.66 + (seen - 0.66) * near
     # The lintel and the jambs keep the sky from the pane's edges.
@@ -103,26 +103,26 @@ def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail
 @wp.func
 def curtain_wall(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail:
     """Glass from floor to floor between thin mullions; below it, as `wear`, the panel that hides a floor slab."""
-    i = whole(uv[0])
-    j = whole(uv[1])
+    i = floor(uv[0])
+    j = floor(uv[1])
     fu = uv[0] - wp.float32(i)
     fv = uv[1] - wp.float32(j)
-    w = greater(foot * 0.5, 0.003)
-    d.wear = joint(uv[1] - 0.12, 0.13, w)
-    d.second = either(joint(uv[0], 0.028, w), joint(uv[1], 0.012, w))
-    d.second = either(d.second, joint(uv[1] - 0.25, 0.012, w))
+    w = maximum(foot * 0.5, 0.003)
+    d.wear = joint_share(uv[1] - 0.12, 0.13, w)
+    d.second = union_share(joint_share(uv[0], 0.028, w), joint_share(uv[1], 0.012, w))
+    d.second = union_share(d.second, joint_share(uv[1] - 0.25, 0.012, w))
     pane = hash2(i, j, d.code)
     d.code = hash2(i / 3, j, d.code)  # an office is three panes wide
     d.last = fade(3.0, foot)
     d.tone = 0.48
     near = fade(0.6, foot)
     if near > 0.0:
-        seen = room((fu + wp.float32(i % 3)) * 0.4, (fv - 0.25) * 0.6, behind(sight, d.normal), d.code)
+        seen = room((fu + wp.float32(i % 3)) * 0.4, (fv - 0.25) * 0.6, slope_behind(sight, d.normal), d.code)
         d.tone = 0.48 + (seen - 0.48) * near
     d.tone = d.tone + 0.2 * near * (unit(pane) - 0.5)
     # No pane is quite in its neighbours' plane.
     lean = 0.03 * near
-    d.normal = direction(
+    d.normal = normalize(
         d.normal + wp.vec3f(lean * (unit(pane) - 0.5), lean * (unit(pane * wp.uint32(747796405)) - 0.5), 0.0)
     )
     return d
@@ -134,29 +134,29 @@ def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> D
 
     `height` says which colour.
     """
-    i = whole(uv[0])
-    j = whole(uv[1])
+    i = floor(uv[0])
+    j = floor(uv[1])
     fu = uv[0] - wp.float32(i)
     fv = uv[1] - wp.float32(j)
-    w = greater(foot * 0.4, 0.002)
-    d.second = either(joint(uv[0], 0.022, w), joint(uv[1], 0.022, w))
-    d.second = either(d.second, joint(uv[1] + 0.22, 0.012, w))
+    w = maximum(foot * 0.4, 0.002)
+    d.second = union_share(joint_share(uv[0], 0.022, w), joint_share(uv[1], 0.022, w))
+    d.second = union_share(d.second, joint_share(uv[1] + 0.22, 0.012, w))
     d.code = hash2(i >> 4, j, d.code)
     d.last = 0.4
     d.tone = 0.62
     near = fade(0.2, foot)
     if near > 0.0:
-        ray = behind(sight, d.normal)
+        ray = slope_behind(sight, d.normal)
         seen = room(0.5 + (fu - 0.5) * 1.4, fv * 1.1, ray, d.code)
         for row in range(2):
             # goods a little behind the pane, and more of them farther in
             deep = 0.14 + 0.5 * wp.float32(row)
             x = (fu + ray[0] * deep + wp.float32(i)) * (11.0 - 3.0 * wp.float32(row))
             y = fv + ray[1] * deep - 0.04 - 0.3 * wp.float32(row)
-            goods = hash2(whole(x), row, d.code)
+            goods = hash2(floor(x), row, d.code)
             tall = 0.07 + 0.2 * unit(goods)
             wide = 0.28 + 0.2 * unit(scramble(goods))
-            at = wp.abs(x - wp.float32(whole(x)) - 0.5)
+            at = wp.abs(x - wp.float32(floor(x)) - 0.5)
             if (goods & wp.uint32(3)) == wp.uint32(0) and y > 0.55 * tall:
                 wide = 0.4 * wide  # a bottle's neck
             elif (goods & wp.uint32(3)) == wp.uint32(1):
@@ -176,9 +176,9 @@ def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> D
 @wp.func
 def facade(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """A bay of a distant wall: its window, and as `second` the wall around it. Buildings differ."""
-    i = whole(uv[0])
-    j = whole(uv[1])
-    w = greater(foot * 0.33, 0.003)
+    i = floor(uv[0])
+    j = floor(uv[1])
+    w = maximum(foot * 0.33, 0.003)
     kind = hash2(i >> 6, 6, wp.uint32(72))  # a building's key: 64 bays go by its name
     beside = 0.1 + 0.2 * unit(kind)
     between = 0.16 + 0.1 * unit(scramble(kind))
@@ -186,8 +186,8 @@ def facade(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
         beside = 0.02
     elif (kind & wp.uint32(3)) == wp.uint32(1):
         between = 0.06
-    d.second = either(joint(uv[0], beside, w), joint(uv[1] - 0.04, between, w))
-    d.second = either(d.second, joint(uv[0] + 0.5, 0.012, w))
+    d.second = union_share(joint_share(uv[0], beside, w), joint_share(uv[1] - 0.04, between, w))
+    d.second = union_share(d.second, joint_share(uv[0] + 0.5, 0.012, w))
     d.code = hash2(i, j, d.code)
     d.last = fade(2.5, foot)
     d.wear = 0.25 + 0.5 * d.last * (unit(d.code * wp.uint32(747796405)) - 0.5)
