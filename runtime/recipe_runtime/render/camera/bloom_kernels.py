@@ -11,7 +11,7 @@ wp.set_module_options(OPTIONS)
 @wp.kernel
 def downsample(
     plate: wp.array[wp.vec3f], wide: wp.int32, high: wp.int32, side: wp.int32, columns: wp.int32,
-    out: wp.array[wp.vec3f],
+    out_light: wp.array[wp.vec3f],
 ):  # fmt: skip
     """The mean of a square of samples."""
     i = wp.tid()
@@ -23,13 +23,13 @@ def downsample(
         for x in range(x0, wp.min(x0 + side, wide)):
             total = total + plate[y * wide + x]
             count = count + 1.0
-    out[i] = total / count
+    out_light[i] = total / count
 
 
 @wp.kernel
 def blur_rows(
     light: wp.array[wp.vec3f], weights: wp.array[wp.float32], wide: wp.int32, high: wp.int32, across: wp.int32,
-    out: wp.array[wp.vec3f],
+    out_light: wp.array[wp.vec3f],
 ):  # fmt: skip
     """Weighted by distance along rows (across = 1) or columns (0); the rim's light stands for what lies beyond."""
     i = wp.tid()
@@ -41,4 +41,4 @@ def blur_rows(
         u = wp.min(wp.max(x + n * across, 0), wide - 1)
         v = wp.min(wp.max(y + n * (1 - across), 0), high - 1)
         total = total + light[v * wide + u] * weights[n + reach]
-    out[i] = total
+    out_light[i] = total

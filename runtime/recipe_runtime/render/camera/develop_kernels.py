@@ -100,13 +100,13 @@ def record_levels(
 
 
 @wp.kernel
-def vignette_gains(responses: wp.array[Response], rims: wp.array[wp.float32], gains: wp.array[wp.float32]):
+def vignette_gains(responses: wp.array[Response], lens_circle: wp.array[wp.float32], out_gains: wp.array[wp.float32]):
     """The share of light that the lens lets through to every pixel."""
     i = wp.tid()
     r = responses[0]
     x = (wp.float32(i % r.width) + 0.5) / wp.float32(r.width) - 0.5
     y = (wp.float32(i / r.width) + 0.5 - 0.5 * wp.float32(r.height)) / wp.float32(r.width)
-    gains[i] = vignette_at(x, y, r, rims)
+    out_gains[i] = vignette_at(x, y, r, lens_circle)
 
 
 @wp.func
@@ -140,17 +140,17 @@ def develop_pixels(
     starts: wp.array[wp.int32],
     groups: wp.array[wp.int32],
     weights: wp.array[wp.float32],
-    rain: wp.array[wp.int32],
+    rain_cover: wp.array[wp.int32],
     streak: wp.vec3f,
     responses: wp.array[Response],
-    kept: wp.int32,
-    stale: wp.array[wp.uint8],
-    levels: wp.array[wp.vec3f],
+    kept_samples: wp.int32,
+    out_stale: wp.array[wp.uint8],
+    out_levels: wp.array[wp.vec3f],
     gains: wp.array[wp.float32],
-    srgb: wp.array[wp.uint8],
-    bells: wp.array[wp.float32],
-    span: wp.int32,
-    out: wp.array[wp.uint8],
+    tone_table: wp.array[wp.uint8],
+    deviates: wp.array[wp.float32],
+    pixels_per_thread: wp.int32,
+    out_rgb: wp.array[wp.uint8],
 ):
     """The three bytes of `span` pixels to a thread; `gains` is what `fall_off` found.
 
@@ -158,16 +158,16 @@ def develop_pixels(
     then. `rain` has one element only where no drop falls.
     """
     r = responses[0]
-    raining = rain.shape[0] > 1
-    begin = wp.tid() * span
-    for place in range(begin, wp.min(begin + span, r.width * r.height)):
+    raining = rain_cover.shape[0] > 1
+    begin = wp.tid() * pixels_per_thread
+    for place in range(begin, wp.min(begin + pixels_per_thread, r.width * r.height)):
         i = nonnegative(place)
         drops = wp.int32(0)
         if raining:
-            drops = rain[i]
-        fresh = drops != 0 or kept == 0
+            drops = rain_cover[i]
+        fresh = drops != 0 or kept_samples == 0
         if not fresh:
-            fresh = stale[i] != wp.uint8(0)
+            fresh = out_stale[i] != wp.uint8(0)
         red = wp.float32(0.0)
         green = wp.float32(0.0)
         blue = wp.float32(0.0)
@@ -178,15 +178,15 @@ def develop_pixels(
             red = colour[0]
             green = colour[1]
             blue = colour[2]
-            if first < kept and drops == 0:
-                levels[i] = colour
-                stale[i] = wp.uint8(0)
+            if first < kept_samples and drops == 0:
+                out_levels[i] = colour
+                out_stale[i] = wp.uint8(0)
         else:
-            held = levels[i]
+            held = out_levels[i]
             red = held[0]
             green = held[1]
             blue = held[2]
-        record_levels(out, i, red, green, blue, r, srgb, bells)
+        record_levels(out_rgb, i, red, green, blue, r, tone_table, deviates)
 
 
 @wp.kernel
@@ -195,15 +195,15 @@ def expose_samples(
     starts: wp.array[wp.int32],
     groups: wp.array[wp.int32],
     weights: wp.array[wp.float32],
-    rain: wp.array[wp.int32],
+    rain_cover: wp.array[wp.int32],
     streak: wp.vec3f,
-    r: Response,
-    plate: wp.array[wp.vec3f],
+    response: Response,
+    out_plate: wp.array[wp.vec3f],
 ):
     """One plate pixel's light, exposed and balanced, its samples averaged as `develop` does; what blurs acts on it."""
     i = wp.tid()
     drops = wp.int32(0)
-    if rain.shape[0] > 1:
-        drops = rain[i]
-    colour = tone_mapped(starts[i], groups[i] & 7, radiance, weights, drops, streak, r.exposure, r.white)
-    plate[i] = wp.vec3f(inverse_tone(colour[0]), inverse_tone(colour[1]), inverse_tone(colour[2]))
+    if rain_cover.shape[0] > 1:
+        drops = rain_cover[i]
+    colour = tone_mapped(starts[i], groups[i] & 7, radiance, weights, drops, streak, response.exposure, response.white)
+    out_plate[i] = wp.vec3f(inverse_tone(colour[0]), inverse_tone(colour[1]), inverse_tone(colour[2]))

@@ -35,32 +35,32 @@ def screen_motion(
     triangles: wp.array[wp.vec3i],
     vertex_part: wp.array[wp.int32],
     then_from_now: wp.array2d[wp.float32],
-    lens: Pinhole,
-    s: Shutter,
-    ways: wp.array[wp.vec2f],
+    pinhole: Pinhole,
+    shutter: Shutter,
+    out_motion: wp.array[wp.vec2f],
 ):
     """A sample's way on the plate during the exposure; the sky turns with the camera."""
     i = wp.tid()
     key = keys[i]
-    x = wp.float32((wp.float64(i % s.wide) + wp.float64(0.5) - lens.cx) / lens.focal)
-    y = wp.float32((wp.float64(i / s.wide) + wp.float64(0.5) - lens.cy) / lens.focal)
+    x = wp.float32((wp.float64(i % shutter.wide) + wp.float64(0.5) - pinhole.cx) / pinhole.focal)
+    y = wp.float32((wp.float64(i / shutter.wide) + wp.float64(0.5) - pinhole.cy) / pinhole.focal)
     m = then_from_now
     part = wp.int32(0)
     away = wp.float32(0.0)
     if key != wp.uint64(0):
         part = vertex_part[triangles[triangle_of(key)][0]]
-        away = 1.0 / wp.float32(depth_of(key, lens.near))
+        away = 1.0 / wp.float32(depth_of(key, pinhole.near))
     px = (m[part, 0] * x + m[part, 1] * y) + m[part, 2] + m[part, 3] * away
     py = (m[part, 4] * x + m[part, 5] * y) + m[part, 6] + m[part, 7] * away
     pz = wp.max((m[part, 8] * x + m[part, 9] * y) + m[part, 10] + m[part, 11] * away, 0.05)
-    scale = wp.float32(lens.focal) * s.frames
+    scale = wp.float32(pinhole.focal) * shutter.frames
     vx = (px / pz - x) * scale
     vy = (py / pz - y) * scale
     length = wp.sqrt(vx * vx + vy * vy)
-    if length > s.most:
-        vx = vx * (s.most / length)
-        vy = vy * (s.most / length)
-    ways[i] = wp.vec2f(vx, vy)
+    if length > shutter.most:
+        vx = vx * (shutter.most / length)
+        vy = vy * (shutter.most / length)
+    out_motion[i] = wp.vec2f(vx, vy)
 
 
 @wp.func
@@ -70,40 +70,40 @@ def longer(a: wp.vec2f, b: wp.vec2f) -> bool:
 
 
 @wp.kernel
-def longest_in_tile(ways: wp.array[wp.vec2f], s: Shutter, tiles: wp.array[wp.vec2f]):
+def longest_in_tile(motion: wp.array[wp.vec2f], shutter: Shutter, out_longest: wp.array[wp.vec2f]):
     """A tile's longest way, the first of equals."""
     i = wp.tid()
-    columns = (s.wide + TILE - 1) / TILE
+    columns = (shutter.wide + TILE - 1) / TILE
     x0 = i % columns * TILE
     y0 = i / columns * TILE
     best = wp.vec2f(0.0, 0.0)
-    for y in range(y0, wp.min(y0 + TILE, s.high)):
-        for x in range(x0, wp.min(x0 + TILE, s.wide)):
-            way = ways[y * s.wide + x]
+    for y in range(y0, wp.min(y0 + TILE, shutter.high)):
+        for x in range(x0, wp.min(x0 + TILE, shutter.wide)):
+            way = motion[y * shutter.wide + x]
             if longer(way, best):
                 best = way
-    tiles[i] = best
+    out_longest[i] = best
 
 
 @wp.kernel
-def longest_around_tile(tiles: wp.array[wp.vec2f], s: Shutter, reached: wp.array[wp.vec2f]):
+def longest_around_tile(longest: wp.array[wp.vec2f], shutter: Shutter, out_longest: wp.array[wp.vec2f]):
     """The longest way that comes into a tile from anywhere."""
     i = wp.tid()
-    columns = (s.wide + TILE - 1) / TILE
-    rows = (s.high + TILE - 1) / TILE
+    columns = (shutter.wide + TILE - 1) / TILE
+    rows = (shutter.high + TILE - 1) / TILE
     column = i % columns
     row = i / columns
-    radius = wp.int32(0.5 * s.most) / TILE + 1
-    best = tiles[i]
+    radius = wp.int32(0.5 * shutter.most) / TILE + 1
+    best = longest[i]
     for v in range(wp.max(row - radius, 0), wp.min(row + radius, rows - 1) + 1):
         for u in range(wp.max(column - radius, 0), wp.min(column + radius, columns - 1) + 1):
-            way = tiles[v * columns + u]
+            way = longest[v * columns + u]
             across = wp.float32(wp.max(wp.abs(u - column) - 1, 0) * TILE)
             down = wp.float32(wp.max(wp.abs(v - row) - 1, 0) * TILE)
             comes = across <= 0.5 * wp.abs(way[0]) + 1.0 and down <= 0.5 * wp.abs(way[1]) + 1.0
             if comes and longer(way, best):
                 best = way
-    reached[i] = best
+    out_longest[i] = best
 
 
 @wp.func
@@ -137,38 +137,38 @@ def is_in_front(a: wp.uint64, b: wp.uint64) -> bool:
 def average_exposure(
     plate: wp.array[wp.vec3f],
     keys: wp.array[wp.uint64],
-    ways: wp.array[wp.vec2f],
-    reached: wp.array[wp.vec2f],
-    s: Shutter,
-    out: wp.array[wp.vec3f],
+    motion: wp.array[wp.vec2f],
+    longest: wp.array[wp.vec2f],
+    shutter: Shutter,
+    out_light: wp.array[wp.vec3f],
 ):
     """One sample's light, averaged over the moments of the exposure."""
     i = wp.tid()
-    row = i / s.wide
-    column = i - row * s.wide
-    there = reached[row / TILE * ((s.wide + TILE - 1) / TILE) + column / TILE]
+    row = i / shutter.wide
+    column = i - row * shutter.wide
+    there = longest[row / TILE * ((shutter.wide + TILE - 1) / TILE) + column / TILE]
     length = wp.sqrt(there[0] * there[0] + there[1] * there[1])
     if length < 0.5:
-        out[i] = plate[i]
+        out_light[i] = plate[i]
         return
     x = wp.float32(column)
     y = wp.float32(row)
-    own = ways[i]
+    own = motion[i]
     moments = wp.min(wp.int32(length) + 2, MAX_STEPS)
     here = plate[i]
     total = wp.vec3f(0.0, 0.0, 0.0)  # of differences, so that what does not change stays the same to the bit
     for n in range(moments):
         t = (wp.float32(n) + 0.5) / wp.float32(moments) - 0.5
         # Where something comes from is guessed from one way along, and then found by the way of what is there.
-        a = place_at(x - there[0] * t, y - there[1] * t, s)
-        a = place_at(x - ways[a][0] * t, y - ways[a][1] * t, s)
-        behind = place_at(x - own[0] * t, y - own[1] * t, s)
-        b = place_at(x - ways[behind][0] * t, y - ways[behind][1] * t, s)
-        stays = lands_on(b, ways[b], t, x, y, s)
-        if lands_on(a, ways[a], t, x, y, s) and (not stays or is_in_front(keys[a], keys[b])):
+        a = place_at(x - there[0] * t, y - there[1] * t, shutter)
+        a = place_at(x - motion[a][0] * t, y - motion[a][1] * t, shutter)
+        behind = place_at(x - own[0] * t, y - own[1] * t, shutter)
+        b = place_at(x - motion[behind][0] * t, y - motion[behind][1] * t, shutter)
+        stays = lands_on(b, motion[b], t, x, y, shutter)
+        if lands_on(a, motion[a], t, x, y, shutter) and (not stays or is_in_front(keys[a], keys[b])):
             total = total + (plate[a] - here)
         elif stays:
             total = total + (plate[b] - here)
         elif is_in_front(keys[i], keys[behind]):  # (what is nearer hides the way, and does not belong to it)
             total = total + (plate[behind] - here)
-    out[i] = here + total * (1.0 / wp.float32(moments))
+    out_light[i] = here + total * (1.0 / wp.float32(moments))

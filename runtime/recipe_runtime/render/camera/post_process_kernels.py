@@ -58,39 +58,43 @@ def light_at(
 def finish_pixels(
     plate: wp.array[wp.vec3f],
     spread: wp.array[wp.vec3f],
-    c: Distortion,
-    f: LensEffects,
-    r: Response,
-    rims: wp.array[wp.float32],
-    srgb: wp.array[wp.uint8],
-    bells: wp.array[wp.float32],
-    out: wp.array[wp.uint8],
+    distortion: Distortion,
+    effects: LensEffects,
+    response: Response,
+    lens_circle: wp.array[wp.float32],
+    tone_table: wp.array[wp.uint8],
+    deviates: wp.array[wp.float32],
+    out_rgb: wp.array[wp.uint8],
 ):
     """One pixel's three bytes from the plate: its samples toned one by one, then averaged, and noise on top."""
     i = wp.tid()
-    step = wp.float64(1.0) / wp.float64(c.fine)
+    step = wp.float64(1.0) / wp.float64(distortion.fine)
     red = wp.float32(0.0)
     green = wp.float32(0.0)
     blue = wp.float32(0.0)
-    half = wp.float64(c.width) * wp.float64(0.5)
-    middle = wp.float64(c.height) * wp.float64(0.5)
-    for s in range(c.fine * c.fine):
-        x = wp.float64(i % c.width) + (wp.float64(s % c.fine) + wp.float64(0.5)) * step
-        y = wp.float64(i / c.width) + (wp.float64(s / c.fine) + wp.float64(0.5)) * step
+    half = wp.float64(distortion.width) * wp.float64(0.5)
+    middle = wp.float64(distortion.height) * wp.float64(0.5)
+    for s in range(distortion.fine * distortion.fine):
+        x = wp.float64(i % distortion.width) + (wp.float64(s % distortion.fine) + wp.float64(0.5)) * step
+        y = wp.float64(i / distortion.width) + (wp.float64(s / distortion.fine) + wp.float64(0.5)) * step
         dx = x - half
         dy = y - middle
-        light = light_at(plate, spread, plate_position(x, y, c), c, f)
-        if f.fringe > 0.0:
-            radius = wp.float32(wp.sqrt(dx * dx + dy * dy) / (half * c.limit))
-            part = wp.float64(f.fringe * wp.max(radius - f.clear, 0.0) / (1.0 - f.clear))
-            outward = light_at(plate, spread, plate_position(x - dx * part, y - dy * part, c), c, f)
-            inward = light_at(plate, spread, plate_position(x + dx * part, y + dy * part, c), c, f)
+        light = light_at(plate, spread, plate_position(x, y, distortion), distortion, effects)
+        if effects.fringe > 0.0:
+            radius = wp.float32(wp.sqrt(dx * dx + dy * dy) / (half * distortion.limit))
+            part = wp.float64(effects.fringe * wp.max(radius - effects.clear, 0.0) / (1.0 - effects.clear))
+            outward = light_at(
+                plate, spread, plate_position(x - dx * part, y - dy * part, distortion), distortion, effects
+            )
+            inward = light_at(
+                plate, spread, plate_position(x + dx * part, y + dy * part, distortion), distortion, effects
+            )
             light = wp.vec3f(outward[0], light[1], inward[2])
         gain = vignette_at(
-            wp.float32(dx / (half * wp.float64(2.0))), wp.float32(dy / (half * wp.float64(2.0))), r, rims
+            wp.float32(dx / (half * wp.float64(2.0))), wp.float32(dy / (half * wp.float64(2.0))), response, lens_circle
         )
         red = red + tone(light[0] * gain)
         green = green + tone(light[1] * gain)
         blue = blue + tone(light[2] * gain)
-    share = 1.0 / wp.float32(c.fine * c.fine)
-    record_levels(out, i, red * share, green * share, blue * share, r, srgb, bells)
+    share = 1.0 / wp.float32(distortion.fine * distortion.fine)
+    record_levels(out_rgb, i, red * share, green * share, blue * share, response, tone_table, deviates)

@@ -47,9 +47,9 @@ def wrap_coordinate(start: wp.uint32, moved: wp.float64, low: wp.float64, cube: 
 def draw_streaks(
     shower: wp.array[Rain],
     depth: wp.array[wp.float32],
-    view: wp.array2d[wp.float32],
-    lens: Pinhole,
-    rain: wp.array[wp.int32],
+    view_from_world: wp.array2d[wp.float32],
+    pinhole: Pinhole,
+    out_cover: wp.array[wp.int32],
 ):
     """Draw one drop."""
     i = wp.tid()
@@ -65,20 +65,20 @@ def draw_streaks(
     y = wp.float32(wrap_coordinate(h, shower[0].fall[1] * passed, low[1], cube) - shower[0].eye[1])
     h = scramble(h + wp.uint32(0x6D2B79))
     w = wp.float32(wrap_coordinate(h, shower[0].fall[2] * passed, low[2], cube) - shower[0].eye[2])
-    z = (view[0, 8] * x + view[0, 9] * y) + view[0, 10] * w
+    z = (view_from_world[0, 8] * x + view_from_world[0, 9] * y) + view_from_world[0, 10] * w
     if z < 0.8 or z > shower[0].depth:
         return
-    focal = wp.float32(lens.focal)
-    vx = (view[0, 0] * x + view[0, 1] * y) + view[0, 2] * w
-    vy = (view[0, 4] * x + view[0, 5] * y) + view[0, 6] * w
-    x0 = vx / z * focal + wp.float32(lens.cx)
-    y0 = vy / z * focal + wp.float32(lens.cy)
+    focal = wp.float32(pinhole.focal)
+    vx = (view_from_world[0, 0] * x + view_from_world[0, 1] * y) + view_from_world[0, 2] * w
+    vy = (view_from_world[0, 4] * x + view_from_world[0, 5] * y) + view_from_world[0, 6] * w
+    x0 = vx / z * focal + wp.float32(pinhole.cx)
+    y0 = vy / z * focal + wp.float32(pinhole.cy)
     z1 = maximum(z + shower[0].streak[2] * speed, 0.5)
-    x1 = (vx + shower[0].streak[0] * speed) / z1 * focal + wp.float32(lens.cx)
-    y1 = (vy + shower[0].streak[1] * speed) / z1 * focal + wp.float32(lens.cy)
-    if maximum(x0, x1) < -3.0 or minimum(x0, x1) > wp.float32(lens.width):
+    x1 = (vx + shower[0].streak[0] * speed) / z1 * focal + wp.float32(pinhole.cx)
+    y1 = (vy + shower[0].streak[1] * speed) / z1 * focal + wp.float32(pinhole.cy)
+    if maximum(x0, x1) < -3.0 or minimum(x0, x1) > wp.float32(pinhole.width):
         return
-    if maximum(y0, y1) < -1.0 or minimum(y0, y1) > wp.float32(lens.height):
+    if maximum(y0, y1) < -1.0 or minimum(y0, y1) > wp.float32(pinhole.height):
         return
     dx = x1 - x0
     dy = y1 - y0
@@ -94,7 +94,7 @@ def draw_streaks(
         px = floor(left)
         py = floor(y0 + dy * t)
         past = left - wp.float32(px)
-        if py >= 0 and py < lens.height:
+        if py >= 0 and py < pinhole.height:
             # Its two sides fill pixels in part, so that a slanted streak has no steps.
             for k in range(broad + 1):
                 qx = px + k
@@ -103,7 +103,7 @@ def draw_streaks(
                     part = 1.0 - past
                 if k == broad:
                     part = past
-                if qx >= 0 and qx < lens.width:
-                    pixel = nonnegative(py * lens.width + qx)
+                if qx >= 0 and qx < pinhole.width:
+                    pixel = nonnegative(py * pinhole.width + qx)
                     if depth[pixel] > z:
-                        wp.atomic_add(rain, pixel, wp.int32(cover * part))
+                        wp.atomic_add(out_cover, pixel, wp.int32(cover * part))

@@ -41,24 +41,36 @@ def arctangent(x: wp.float32) -> wp.float32:
 
 @wp.kernel
 def cull_glows(
-    lens: Pinhole,
-    view: wp.array2d[wp.float32],
+    pinhole: Pinhole,
+    view_from_world: wp.array2d[wp.float32],
     lamps: wp.array[Lamps],
-    lists: wp.array2d[wp.int32],
+    out_lists: wp.array2d[wp.int32],
 ):
     """List the lamps whose glow may be seen within a tile; entry 0 is the count."""
     tile = wp.tid()
-    columns = (lens.width + TILE - 1) / TILE
-    focal = wp.float32(lens.focal)
-    middle_x = (wp.float32((tile % columns) * TILE + TILE / 2) - wp.float32(lens.cx)) / focal
-    middle_y = (wp.float32((tile / columns) * TILE + TILE / 2) - wp.float32(lens.cy)) / focal
+    columns = (pinhole.width + TILE - 1) / TILE
+    focal = wp.float32(pinhole.focal)
+    middle_x = (wp.float32((tile % columns) * TILE + TILE / 2) - wp.float32(pinhole.cx)) / focal
+    middle_y = (wp.float32((tile / columns) * TILE + TILE / 2) - wp.float32(pinhole.cy)) / focal
     half = 0.75 * wp.float32(TILE) / focal
     n = wp.int32(0)
     for i in range(lamps[0].count):
         p = lamps[0].position[i]
-        x = (view[0, 0] * p[0] + view[0, 1] * p[1]) + view[0, 2] * p[2] + view[0, 3]
-        y = (view[0, 4] * p[0] + view[0, 5] * p[1]) + view[0, 6] * p[2] + view[0, 7]
-        z = (view[0, 8] * p[0] + view[0, 9] * p[1]) + view[0, 10] * p[2] + view[0, 11]
+        x = (
+            (view_from_world[0, 0] * p[0] + view_from_world[0, 1] * p[1])
+            + view_from_world[0, 2] * p[2]
+            + view_from_world[0, 3]
+        )
+        y = (
+            (view_from_world[0, 4] * p[0] + view_from_world[0, 5] * p[1])
+            + view_from_world[0, 6] * p[2]
+            + view_from_world[0, 7]
+        )
+        z = (
+            (view_from_world[0, 8] * p[0] + view_from_world[0, 9] * p[1])
+            + view_from_world[0, 10] * p[2]
+            + view_from_world[0, 11]
+        )
         # How far the lamp stands beside the tile's middle, in the plane across the optical axis.
         depth = maximum(z, 0.0)
         dx = x - middle_x * depth
@@ -66,8 +78,8 @@ def cull_glows(
         reach = MAX_RADIUS * wp.sqrt(1.0 + middle_x * middle_x + middle_y * middle_y) + half * depth
         if z > -MAX_RADIUS and z < MAX_DISTANCE and dx * dx + dy * dy < reach * reach and n < MAX_PER_TILE:
             n = n + 1
-            lists[tile, n] = i
-    lists[tile, 0] = n
+            out_lists[tile, n] = i
+    out_lists[tile, 0] = n
 
 
 @wp.func

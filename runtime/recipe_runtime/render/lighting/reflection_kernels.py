@@ -158,52 +158,52 @@ def trace_rays(
     gleam: wp.array[wp.vec2f],
     depth: wp.array[wp.float32],
     starts: wp.array[wp.int32],
-    view: wp.array2d[wp.float32],
-    lens: Pinhole,
-    before: wp.array[PreviousFrame],
-    moved: wp.array2d[wp.int32],
-    span: wp.int32,
-    reach: wp.array[wp.float32],
-    asked: wp.array[wp.int32],
-    ways: wp.array[wp.uint32],
+    view_from_world: wp.array2d[wp.float32],
+    pinhole: Pinhole,
+    previous: wp.array[PreviousFrame],
+    motion_sums: wp.array2d[wp.int32],
+    blocks_per_thread: wp.int32,
+    out_reach: wp.array[wp.float32],
+    out_origins: wp.array[wp.int32],
+    out_ways: wp.array[wp.uint32],
 ):
     """How far the mirrored rays of blocks of 2 x 2 pixels go to what they meet; `span` blocks of a row to a thread.
 
     The ray of an earlier frame, from sample `asked` past the tiles `ways`, is kept where all of them are still; so is
     the knowledge (`DRY`) that a block mirrors nothing. A block whose ray goes another way than it did is disturbed.
     """
-    columns = (lens.width + 1) / 2
-    spans = (columns + span - 1) / span
+    columns = (pinhole.width + 1) / 2
+    spans = (columns + blocks_per_thread - 1) / blocks_per_thread
     row = wp.tid() / spans
-    first = (wp.tid() % spans) * span
-    small = before[0].kept > 0 and wp.max(lens.width, lens.height) <= MAX_PICTURE_SIDE
+    first = (wp.tid() % spans) * blocks_per_thread
+    small = previous[0].kept > 0 and wp.max(pinhole.width, pinhole.height) <= MAX_PICTURE_SIDE
     y0 = row * 2
-    for column in range(first, wp.min(first + span, columns)):
+    for column in range(first, wp.min(first + blocks_per_thread, columns)):
         x0 = column * 2
         block = nonnegative(row * columns + column)
-        known = asked[block]
+        known = out_origins[block]
         same = bool(False)
         # (Nested, for what a kernel works out of an `and` is Warp's affair, and `calm` needs a small picture.)
         if small and known != -1:  # noqa: SIM102
-            if is_block_unchanged(x0, y0, before, lens):
+            if is_block_unchanged(x0, y0, previous, pinhole):
                 same = known == DRY
                 if not same:
-                    same = no_motion_in(moved, ways[block])
+                    same = no_motion_in(motion_sums, out_ways[block])
         if not same:
-            i = first_wet(x0, y0, gleam, starts, lens)
-            was = reach[block]
+            i = first_wet(x0, y0, gleam, starts, pinhole)
+            was = out_reach[block]
             now = wp.float32(-1.0)
-            asked[block] = DRY
+            out_origins[block] = DRY
             if i >= 0:
-                now, way = follow_ray(i, x0, y0, samples, depth, view, lens)
-                ways[block] = way
-                asked[block] = -1
-                if small and i < before[0].kept:  # noqa: SIM102
-                    if no_motion_in(moved, way):
-                        asked[block] = i
-            reach[block] = now
+                now, way = follow_ray(i, x0, y0, samples, depth, view_from_world, pinhole)
+                out_ways[block] = way
+                out_origins[block] = -1
+                if small and i < previous[0].kept:  # noqa: SIM102
+                    if no_motion_in(motion_sums, way):
+                        out_origins[block] = i
+            out_reach[block] = now
             if was != now:
-                mark_block_dirty(x0, y0, before, lens)
+                mark_block_dirty(x0, y0, previous, pinhole)
 
 
 @wp.func
@@ -262,13 +262,13 @@ def reflect(
     reach: wp.array[wp.float32],
     depth: wp.array[wp.float32],
     starts: wp.array[wp.int32],
-    view: wp.array2d[wp.float32],
-    lens: Pinhole,
-    before: wp.array[PreviousFrame],
-    asked: wp.array[DirtySamples],
+    view_from_world: wp.array2d[wp.float32],
+    pinhole: Pinhole,
+    previous: wp.array[PreviousFrame],
+    dirty: wp.array[DirtySamples],
     radiance: wp.array[wp.vec3f],
-    sources: wp.array[wp.vec2i],
-    out: wp.array[wp.vec3f],
+    out_sources: wp.array[wp.vec2i],
+    out_shown: wp.array[wp.vec3f],
 ):
     """Add to the samples that are asked what they mirror: along their own ray, as far as their block's ray went.
 
@@ -276,7 +276,7 @@ def reflect(
     of a block beside it may end better. `sources` is told which pixel's light it was, and which other pixel's depth had
     a part in that, as `due` takes it.
     """
-    i = dirty_sample(asked, wp.tid())
+    i = dirty_sample(dirty, wp.tid())
     share = gleam[i][0]
     if share <= 0.0:
         return
@@ -285,20 +285,20 @@ def reflect(
         return
     light = radiance[i]
     pixel = nonnegative(pixel)
-    block = nonnegative((pixel / lens.width / 2) * ((lens.width + 1) / 2) + (pixel % lens.width) / 2)
-    keep = i < before[0].kept
-    mark_dirty(before, pixel)
+    block = nonnegative((pixel / pinhole.width / 2) * ((pinhole.width + 1) / 2) + (pixel % pinhole.width) / 2)
+    keep = i < previous[0].kept
+    mark_dirty(previous, pixel)
     p = samples[0].positions[i]
     to_point = p - samples[0].eye
     d = mirror_direction(to_point, ripple_tilt(air, p, ring_pattern(ring_phase(p), air[0].moment), gleam[i][1]))
     t = reach[block]
-    own = ray_hit(t, to_point, d, depth, view, lens)
+    own = ray_hit(t, to_point, d, depth, view_from_world, pinhole)
     at = own[0]
     other = wp.int32(-1)
     if own[1] == 0:
-        beside = reach[nonnegative(block_beside(block, pixel, t, reach, lens))]
+        beside = reach[nonnegative(block_beside(block, pixel, t, reach, pinhole))]
         if beside > 0.0 and beside != t:
-            end = ray_hit(beside, to_point, d, depth, view, lens)
+            end = ray_hit(beside, to_point, d, depth, view_from_world, pinhole)
             other = end[0]
             if end[1] != 0:
                 other = at
@@ -309,15 +309,15 @@ def reflect(
         seen = nonnegative(starts[nonnegative(at)])
         shown = radiance[seen]
         shown = wp.vec3f(minimum(shown[0], most[0]), minimum(shown[1], most[1]), minimum(shown[2], most[2]))
-        out[i] = light + shown * share
-        if seen >= before[0].kept:
+        out_shown[i] = light + shown * share
+        if seen >= previous[0].kept:
             at = -2
     else:
         street = clamp01(smoothstep(0.34, 0.12, d[2]))
         beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
-        out[i] = (
+        out_shown[i] = (
             light
             + mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * DISTANCE_BEYOND_PICTURE)) * share
         )
     if keep:
-        sources[i] = wp.vec2i(at, other)
+        out_sources[i] = wp.vec2i(at, other)

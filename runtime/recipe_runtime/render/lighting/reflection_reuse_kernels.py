@@ -72,40 +72,43 @@ def no_motion_in(moved: wp.array2d[wp.int32], tiles: wp.uint32) -> wp.bool:
 
 @wp.kernel
 def collect_reflective(
-    samples: wp.array[Samples], gleam: wp.array[wp.vec2f], count: wp.array[wp.int32], mirrors: wp.array[wp.int32]
+    samples: wp.array[Samples],
+    gleam: wp.array[wp.vec2f],
+    out_count: wp.array[wp.int32],
+    out_samples: wp.array[wp.int32],
 ):
     """List the samples that mirror anything, and the turn of the ground there in the two highest bits but one."""
     i = nonnegative(wp.tid())
     if gleam[i][0] > 0.0:
-        mirrors[wp.atomic_add(count, 0, 1)] = i | (ring_phase(samples[0].positions[i]) << 29)
+        out_samples[wp.atomic_add(out_count, 0, 1)] = i | (ring_phase(samples[0].positions[i]) << 29)
 
 
 @wp.kernel
 def stale_reflections(
     samples: wp.array[Samples],
     air: wp.array[Air],
-    before: wp.array[PreviousFrame],
-    mirrors: wp.array[wp.int32],
-    moment: wp.int32,
+    previous: wp.array[PreviousFrame],
+    reflective: wp.array[wp.int32],
+    previous_moment: wp.int32,
     sources: wp.array[wp.vec2i],
-    count: wp.array[wp.int32],
-    listed: wp.array[wp.int32],
+    out_count: wp.array[wp.int32],
+    out_samples: wp.array[wp.int32],
 ):
     """List those of `pools` that mirror something else than before, when the rings were those of `moment`.
 
     So do they where their own light or ray has changed, the water, or what is seen at the two pixels that `sources`
     tells: -1 is what lies beyond the picture, -2: it is not known. `count` comes zeroed. Their order tells in no byte.
     """
-    entry = mirrors[wp.tid()]
+    entry = reflective[wp.tid()]
     i = nonnegative(entry & 0x1FFFFFFF)
     turn = entry >> 29
     source = sources[i]
-    same = ring_pattern(turn, moment) == ring_pattern(turn, air[0].moment) and source[0] > -2
+    same = ring_pattern(turn, previous_moment) == ring_pattern(turn, air[0].moment) and source[0] > -2
     if same:
-        same = before[0].stale[nonnegative(samples[0].pixels[i])] == wp.uint8(0)
+        same = previous[0].stale[nonnegative(samples[0].pixels[i])] == wp.uint8(0)
         if same and source[0] >= 0:
-            same = before[0].stale[nonnegative(source[0])] == wp.uint8(0)
+            same = previous[0].stale[nonnegative(source[0])] == wp.uint8(0)
         if same and source[1] >= 0:
-            same = before[0].stale[nonnegative(source[1])] == wp.uint8(0)
+            same = previous[0].stale[nonnegative(source[1])] == wp.uint8(0)
     if not same:
-        listed[wp.atomic_add(count, 0, 1)] = i
+        out_samples[wp.atomic_add(out_count, 0, 1)] = i

@@ -201,7 +201,7 @@ def add_lamps(
 @wp.kernel
 def shade_samples(
     samples: wp.array[Samples],
-    looks: wp.array[SurfaceColours],
+    colours: wp.array[SurfaceColours],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
     lamps: wp.array[Lamps],
@@ -209,20 +209,20 @@ def shade_samples(
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
     glow_lists: wp.array2d[wp.int32],
-    before: wp.array[PreviousFrame],
-    asked: wp.array[DirtySamples],
-    out: wp.array[wp.vec3f],
-    gleam: wp.array[wp.vec2f],
-    known: wp.array[wp.uint8],
-    shown: wp.array[wp.vec3f],
+    previous: wp.array[PreviousFrame],
+    dirty: wp.array[DirtySamples],
+    out_radiance: wp.array[wp.vec3f],
+    out_gleam: wp.array[wp.vec2f],
+    out_known: wp.array[wp.uint8],
+    out_shown: wp.array[wp.vec3f],
 ):
     """Linear radiance of every sample that is asked.
 
     Wet ground's reflection is left to `reflect`, its share and gloss in gleam; what mirrors nothing is put into `shown`
     as it is where anything is wet. `known` is what `enlist` asks for a frame later.
     """
-    i = dirty_sample(asked, wp.tid())
-    earlier = i < before[0].known
+    i = dirty_sample(dirty, wp.tid())
+    earlier = i < previous[0].known
     tile = samples[0].tiles[i]
     if tile < 0:  # a slot that no sample took
         return
@@ -230,20 +230,20 @@ def shade_samples(
     p = samples[0].positions[i]
     surface = samples[0].surfaces[i]
     if surface < 0:
-        mark_dirty(before, samples[0].pixels[i])
-        known[i] = SKY
-        gleam[i] = wp.vec2f(0.0, 0.0)
+        mark_dirty(previous, samples[0].pixels[i])
+        out_known[i] = SKY
+        out_gleam[i] = wp.vec2f(0.0, 0.0)
         radiance = sky_through_fog(air, samples[0].eye, p)
         if air[0].glow > 0.0:
             radiance = radiance + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, p, 1000.0)
-        out[i] = radiance
+        out_radiance[i] = radiance
         if air[0].wet > 0.0:
-            shown[i] = radiance
+            out_shown[i] = radiance
         return
     n = samples[0].normals[i]
     to_point = p - samples[0].eye
     surface = nonnegative(surface)
-    pattern = looks[0].pattern[surface]
+    pattern = colours[0].pattern[surface]
     swaying = air[0].flutter > 0.0 and (pattern == patterns.FOLIAGE or pattern == patterns.GRASS)
     if swaying:
         swaying = dot(to_point, to_point) < MAX_LEAF_DISTANCE * MAX_LEAF_DISTANCE
@@ -255,10 +255,10 @@ def shade_samples(
     if (
         earlier
         and dot(n, to_point) <= 0.0
-        and is_light_unchanged(before, air, beams, bodies, body_lists, known[i], tile, p, n)
+        and is_light_unchanged(previous, air, beams, bodies, body_lists, out_known[i], tile, p, n)
     ):
         return
-    mark_dirty(before, samples[0].pixels[i])
+    mark_dirty(previous, samples[0].pixels[i])
     detail = samples[0].details[i]
     distance = wp.sqrt(dot(to_point, to_point))
     sight = to_point * (1.0 / maximum(distance, 1.0e-4))
@@ -267,14 +267,14 @@ def shade_samples(
         # A smoothed normal may turn away at a silhouette; bring it back to the edge.
         n = normalize(n - sight * (facing * -1.0))
         facing = wp.float32(0.0)
-    first = looks[0].first[surface]
-    second = looks[0].second[surface]
+    first = colours[0].first[surface]
+    second = colours[0].second[surface]
     if pattern == IMAGE:
-        image = looks[0].album[0].of_surface[surface]
+        image = colours[0].album[0].of_surface[surface]
         if image >= 0:
-            first = multiply(first, image_at(looks[0].album, image, detail, samples[0].codes[i]))
+            first = multiply(first, image_at(colours[0].album, image, detail, samples[0].codes[i]))
         detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
-    m = material_of(pattern, air, first, second, detail, n, samples[0].codes[i], looks[0].awake[surface])
+    m = material_of(pattern, air, first, second, detail, n, samples[0].codes[i], colours[0].awake[surface])
     # (Parts of a matter are put into place one by one: the choice between two whole ones would go through memory.)
     if air[0].wet > 0.0:
         low = detail[3]
@@ -296,7 +296,7 @@ def shade_samples(
     rest = AT_REST
     if swaying:
         rest = LEAF + wp.uint8(turn)
-    known[i] = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
+    out_known[i] = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
     if air[0].night > 0.0:
         light, shine = add_lamps(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
     radiance = multiply(m.albedo, light) + m.glow + shine
@@ -306,10 +306,10 @@ def shade_samples(
         mirrored = fresnel(m.coat, m.gloss, facing) * sky_left * left
     elif m.coat > 0.0:
         radiance = radiance + sky_reflection(air, m, p, sight, facing, sky_left)
-    gleam[i] = wp.vec2f(mirrored, m.gloss)
+    out_gleam[i] = wp.vec2f(mirrored, m.gloss)
     radiance = apply_fog(air, radiance, sight, left)
     if air[0].glow > 0.0:
         radiance = radiance + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, sight, distance)
-    out[i] = radiance
+    out_radiance[i] = radiance
     if air[0].wet > 0.0 and mirrored <= 0.0:
-        shown[i] = radiance
+        out_shown[i] = radiance

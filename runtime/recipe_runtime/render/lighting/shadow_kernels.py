@@ -64,20 +64,20 @@ def box_meets_map(
 @wp.kernel
 def cull_casters(
     chunks: wp.array[wp.vec3i],
-    centres: wp.array[wp.vec3f],
-    halves: wp.array[wp.vec3f],
-    matrices: wp.array2d[wp.float32],
+    chunk_centres: wp.array[wp.vec3f],
+    chunk_halves: wp.array[wp.vec3f],
+    transforms: wp.array2d[wp.float32],
     beams: wp.array[Sunbeam],
-    first: wp.int32,
-    seen: wp.array[wp.int32],
+    first_chunk: wp.int32,
+    out_visible: wp.array[wp.int32],
 ):
     """1 for every chunk first.. whose box may meet the map; `matrices` lead from the parts to the world."""
-    i = first + wp.tid()
+    i = first_chunk + wp.tid()
     part = chunks[i][2]
-    c = transform_point(matrices, part, centres[i])
+    c = transform_point(transforms, part, chunk_centres[i])
     size = beams[0].size
-    across = box_meets_map(beams[0].u, matrices, part, c, halves[i], size)
-    seen[i] = int(across and box_meets_map(beams[0].v, matrices, part, c, halves[i], size))
+    across = box_meets_map(beams[0].u, transforms, part, c, chunk_halves[i], size)
+    out_visible[i] = int(across and box_meets_map(beams[0].v, transforms, part, c, chunk_halves[i], size))
 
 
 @wp.kernel
@@ -85,18 +85,18 @@ def raster_casters(
     vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     chunks: wp.array[wp.vec3i],
-    seen: wp.array[wp.int32],
+    chunk_visible: wp.array[wp.int32],
     casts: wp.array[wp.int32],
-    first: wp.int32,
+    first_chunk: wp.int32,
     beams: wp.array[Sunbeam],
-    lens: Pinhole,
-    keys: wp.array[wp.uint64],
-    used: wp.array[wp.int32],
+    pinhole: Pinhole,
+    out_keys: wp.array[wp.uint64],
+    out_used: wp.array[wp.int32],
 ):
     """Draw the chunks first.. that the map may hold, of world-space vertices, whichever way they face."""
     place = wp.tid()
-    n = first + (place >> 6)
-    if seen[n] == 0:
+    n = first_chunk + (place >> 6)
+    if chunk_visible[n] == 0:
         return
     chunk = chunks[n]
     if (place & 63) >= chunk[1]:
@@ -112,7 +112,7 @@ def raster_casters(
         turn = b
         b = c
         c = turn
-    fill_triangle(keys, lens, a, b, c, wp.uint64(0), wp.uint64(0))
+    fill_triangle(out_keys, pinhole, a, b, c, wp.uint64(0), wp.uint64(0))
     # Mark the tiles that it may touch, a filter's width further out.
     side = beams[0].size / TILE
     left = wp.max(int((wp.min(a.x, wp.min(b.x, c.x)) >> wp.int64(8)) - wp.int64(3)) / TILE, 0)
@@ -121,42 +121,44 @@ def raster_casters(
     bottom = wp.min(int((wp.max(a.y, wp.max(b.y, c.y)) >> wp.int64(8)) + wp.int64(3)) / TILE, side - 1)
     for y in range(top, bottom + 1):
         for x in range(left, right + 1):
-            used[y * side + x] = 1
+            out_used[y * side + x] = 1
 
 
 @wp.kernel
 def resolve_depths(
     keys: wp.array[wp.uint64],
     used: wp.array[wp.int32],
-    before: wp.array[wp.int32],
+    used_before: wp.array[wp.int32],
     size: wp.int32,
-    rows: wp.int32,
-    out: wp.array[wp.float32],
+    rows_per_thread: wp.int32,
+    out_depths: wp.array[wp.float32],
 ):
     """Some rows of a used tile: keys as nearness in 0..1, half as large to keep, and cleared.
 
     `out` comes zeroed but for the tiles that were used `before`, which are cleared.
     """
-    shares = TILE / rows
+    shares = TILE / rows_per_thread
     tile = wp.tid() / shares
-    if used[tile] == 0 and before[tile] == 0:
+    if used[tile] == 0 and used_before[tile] == 0:
         return
     side = size / TILE
     first = (tile / side) * TILE * size + (tile % side) * TILE
-    top = (wp.tid() % shares) * rows
-    for y in range(top, top + rows):
+    top = (wp.tid() % shares) * rows_per_thread
+    for y in range(top, top + rows_per_thread):
         for x in range(TILE):
             i = first + y * size + x
-            out[i] = wp.float32(wp.float64(wp.int64(keys[i] >> wp.uint64(24))) / wp.float64(1099511627775.0))
+            out_depths[i] = wp.float32(wp.float64(wp.int64(keys[i] >> wp.uint64(24))) / wp.float64(1099511627775.0))
             keys[i] = wp.uint64(0)
 
 
 @wp.kernel
-def bound_depths(depths: wp.array[wp.float32], used: wp.array[wp.int32], size: wp.int32, bounds: wp.array[wp.vec2f]):
+def bound_depths(
+    depths: wp.array[wp.float32], used: wp.array[wp.int32], size: wp.int32, out_bounds: wp.array[wp.vec2f]
+):
     """The least and the greatest nearness that a filter may meet from within a tile: most need not filter at all."""
     tile = wp.tid()
     if used[tile] == 0:
-        bounds[tile] = wp.vec2f(0.0, 0.0)
+        out_bounds[tile] = wp.vec2f(0.0, 0.0)
         return
     side = size / TILE
     top = (tile / side) * TILE
@@ -168,7 +170,7 @@ def bound_depths(depths: wp.array[wp.float32], used: wp.array[wp.int32], size: w
             q = depths[y * size + x]
             low = minimum(low, q)
             high = maximum(high, q)
-    bounds[tile] = wp.vec2f(low, high)
+    out_bounds[tile] = wp.vec2f(low, high)
 
 
 @wp.func
@@ -237,12 +239,12 @@ def mark_unshadowed(
     lows: wp.array[wp.vec3f],
     highs: wp.array[wp.vec3f],
     beams: wp.array[Sunbeam],
-    needed: wp.int32,
-    same: wp.array[wp.int32],
+    needed_bits: wp.int32,
+    out_bits: wp.array[wp.int32],
 ):
     """Set `UNTOUCHED` in a tile with all `needed` bits whose box no shadow of what moves (maps 2, 3) can reach."""
     tile = wp.tid()
-    if (same[tile] & needed) != needed:
+    if (out_bits[tile] & needed_bits) != needed_bits:
         return
     low = lows[tile]
     high = highs[tile]
@@ -253,7 +255,7 @@ def mark_unshadowed(
     if not untouched:
         untouched = box_unshadowed(beams, 3, low, high)
     if untouched:
-        same[tile] = same[tile] | UNTOUCHED
+        out_bits[tile] = out_bits[tile] | UNTOUCHED
 
 
 @wp.func

@@ -95,26 +95,26 @@ def unchanged_leaf_phases(now: wp.int32, then: wp.int32) -> wp.uint32:
 def collect_dirty(
     firsts: wp.array[wp.int32],
     air: wp.array[Air],
-    before: wp.array[PreviousFrame],
+    previous: wp.array[PreviousFrame],
     known: wp.array[wp.uint8],
-    quiet: wp.array[wp.uint8],
-    count: wp.array[wp.int32],
-    listed: wp.array[wp.int32],
+    out_quiet: wp.array[wp.uint8],
+    out_count: wp.array[wp.int32],
+    out_samples: wp.array[wp.int32],
 ):
     """List a tile's samples whose light may change; `count` comes zeroed. Their order tells in no byte.
 
     A tile is `quiet` if none of them changes unless something else comes near: it need not be looked through again.
     """
     tile = wp.tid()
-    bits = before[0].tiles[tile]
+    bits = previous[0].tiles[tile]
     calm = (bits & UNTOUCHED) != 0
-    still_sky = before[0].sky != 0
+    still_sky = previous[0].sky != 0
     if air[0].glow > 0.0 and (bits & 4) == 0:
         still_sky = False
     still = calm and still_sky
-    if still and quiet[tile] != wp.uint8(0):
+    if still and out_quiet[tile] != wp.uint8(0):
         return
-    resting = unchanged_leaf_phases(air[0].stirs, before[0].stirs)
+    resting = unchanged_leaf_phases(air[0].stirs, previous[0].stirs)
     first = nonnegative(firsts[tile])
     end = firsts[tile + 1]
     n = wp.int32(0)
@@ -123,11 +123,11 @@ def collect_dirty(
         of_sample = known[nonnegative(i)]
         n = n + wp.where(is_unchanged(of_sample, calm, still_sky, resting), 0, 1)
         leaves = leaves + wp.where(of_sample >= LEAF, 1, 0)
-    quiet[tile] = wp.where(still and n + leaves == 0, wp.uint8(1), wp.uint8(0))
+    out_quiet[tile] = wp.where(still and n + leaves == 0, wp.uint8(1), wp.uint8(0))
     if n == 0:
         return
-    at = wp.atomic_add(count, 0, n)
+    at = wp.atomic_add(out_count, 0, n)
     for i in range(first, end):
         if not is_unchanged(known[nonnegative(i)], calm, still_sky, resting):
-            listed[at] = i
+            out_samples[at] = i
             at = at + 1

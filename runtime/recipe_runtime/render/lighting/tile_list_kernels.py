@@ -147,31 +147,31 @@ def list_bodies(bodies: wp.array[Bodies], low: wp.vec3f, high: wp.vec3f, tile: w
 @wp.kernel
 def cull_lights(
     keys: wp.array[wp.uint64],
-    lens: Pinhole,
-    world: wp.array2d[wp.float32],
+    pinhole: Pinhole,
+    world_from_view: wp.array2d[wp.float32],
     lamps: wp.array[Lamps],
     bodies: wp.array[Bodies],
-    lamp_lists: wp.array2d[wp.int32],
-    body_lists: wp.array2d[wp.int32],
+    out_lamp_lists: wp.array2d[wp.int32],
+    out_body_lists: wp.array2d[wp.int32],
 ):
     """List the lamps and bodies that reach a tile; entry 0 is the count."""
     tile = wp.tid()
-    columns = (lens.width + TILE - 1) / TILE
+    columns = (pinhole.width + TILE - 1) / TILE
     x0 = (tile % columns) * TILE
     y0 = (tile / columns) * TILE
-    x1 = wp.min(x0 + TILE, lens.width)
-    y1 = wp.min(y0 + TILE, lens.height)
-    near, far = key_range(keys, lens, x0, y0, x1, y1)
-    lamp_lists[tile, 0] = 0
-    body_lists[tile, 0] = 0
+    x1 = wp.min(x0 + TILE, pinhole.width)
+    y1 = wp.min(y0 + TILE, pinhole.height)
+    near, far = key_range(keys, pinhole, x0, y0, x1, y1)
+    out_lamp_lists[tile, 0] = 0
+    out_body_lists[tile, 0] = 0
     if near == wp.uint64(0):
         return
     # A little to spare: samples within a pixel may lie nearer or farther than its centre.
-    z0 = wp.float32(depth_of(near, lens.near)) * 0.97 - 0.05
-    z1 = wp.float32(depth_of(far, lens.near)) * 1.03 + 0.05
-    low, high = world_box(world, lens, x0, y0, x1, y1, z0, z1)
-    list_lamps(lamps, low, high, tile, lamp_lists)
-    list_bodies(bodies, low, high, tile, body_lists)
+    z0 = wp.float32(depth_of(near, pinhole.near)) * 0.97 - 0.05
+    z1 = wp.float32(depth_of(far, pinhole.near)) * 1.03 + 0.05
+    low, high = world_box(world_from_view, pinhole, x0, y0, x1, y1, z0, z1)
+    list_lamps(lamps, low, high, tile, out_lamp_lists)
+    list_bodies(bodies, low, high, tile, out_body_lists)
 
 
 @wp.func
@@ -196,7 +196,7 @@ def compare_lists(
     lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
     glow_lists: wp.array2d[wp.int32],
-    same: wp.array[wp.int32],
+    out_bits: wp.array[wp.int32],
 ):
     """Compare a tile's lists in two frames.
 
@@ -210,7 +210,7 @@ def compare_lists(
         bits = bits | 2
     if same_lamps(lamps, glows_before, glow_lists, tile):
         bits = bits | 4
-    same[tile] = bits
+    out_bits[tile] = bits
 
 
 @wp.func

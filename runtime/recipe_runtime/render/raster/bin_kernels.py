@@ -193,26 +193,26 @@ def actor_bit(
 
 @wp.kernel
 def bin_triangles(
-    view: wp.array[wp.vec3f],
+    vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     chunks: wp.array[wp.vec3i],
-    seen: wp.array[wp.int32],
-    first: wp.int32,
+    chunk_visible: wp.array[wp.int32],
+    first_chunk: wp.int32,
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
     first_actor: wp.int32,
-    lens: Pinhole,
-    keys: wp.array[wp.uint64],
-    bands: wp.array[wp.uint64],
-    taken: wp.array[wp.int32],
+    pinhole: Pinhole,
+    out_keys: wp.array[wp.uint64],
+    out_bins: wp.array[wp.uint64],
+    out_bin_count: wp.array[wp.int32],
 ):
     """Draw the small ones of the chunks first.. and list the large ones' bands; `taken` comes zeroed.
 
     Keys, as `visibility.raster` draws them, if `first_actor` is below 0; else the actors' bits, as `visibility.cover`.
     """
     place = wp.tid()
-    n = first + (place >> 6)
-    if seen[n] == 0:
+    n = first_chunk + (place >> 6)
+    if chunk_visible[n] == 0:
         return
     chunk = chunks[n]
     if (place & 63) >= chunk[1]:
@@ -223,31 +223,31 @@ def bin_triangles(
         return
     t = triangles[i]
     for which in range(2):
-        piece = clipped_piece(lens, view[t[0]], view[t[1]], view[t[2]], which)
-        fill_or_bin(keys, lens, piece, i, which, bit, bands, taken)
+        piece = clipped_piece(pinhole, vertices[t[0]], vertices[t[1]], vertices[t[2]], which)
+        fill_or_bin(out_keys, pinhole, piece, i, which, bit, out_bins, out_bin_count)
 
 
 @wp.kernel
 def raster_bins(
-    view: wp.array[wp.vec3f],
+    vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
     first_actor: wp.int32,
-    lens: Pinhole,
-    keys: wp.array[wp.uint64],
-    bands: wp.array[wp.uint64],
-    taken: wp.array[wp.int32],
+    pinhole: Pinhole,
+    out_keys: wp.array[wp.uint64],
+    bins: wp.array[wp.uint64],
+    bin_count: wp.array[wp.int32],
 ):
     """Draw the listed bands; CREWS x CREW threads."""
     thread = wp.tid()
-    for at in range(thread / BIN_THREADS, wp.min(taken[0], bands.shape[0]), wp.int32(BIN_GROUPS)):
-        entry = bands[at]
+    for at in range(thread / BIN_THREADS, wp.min(bin_count[0], bins.shape[0]), wp.int32(BIN_GROUPS)):
+        entry = bins[at]
         if entry != wp.uint64(0):
             i = wp.int32(entry & wp.uint64(0xFFFFFF))
             which = wp.int32((entry >> wp.uint64(24)) & wp.uint64(1))
             band = wp.int32((entry & ~USED_ENTRY) >> wp.uint64(25))
             t = triangles[i]
             bit = actor_bit(i, triangle_surface, surface_actor, first_actor)
-            piece = clipped_piece(lens, view[t[0]], view[t[1]], view[t[2]], which)
-            fill_bin(keys, lens, piece, wp.uint64(i), band, thread % BIN_THREADS, bit)
+            piece = clipped_piece(pinhole, vertices[t[0]], vertices[t[1]], vertices[t[2]], which)
+            fill_bin(out_keys, pinhole, piece, wp.uint64(i), band, thread % BIN_THREADS, bit)

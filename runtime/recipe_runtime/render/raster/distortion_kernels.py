@@ -42,13 +42,17 @@ def plate_position(x: wp.float64, y: wp.float64, c: Distortion) -> wp.vec2d:
 
 
 @wp.kernel
-def resample_words(plate: wp.array[wp.uint64], c: Distortion, out: wp.array[wp.uint64]):
+def resample_words(plate: wp.array[wp.uint64], distortion: Distortion, out_words: wp.array[wp.uint64]):
     """A pixel's word: that of the plate's sample nearest to what its centre shows."""
     i = wp.tid()
-    p = plate_position(wp.float64(i % c.width) + wp.float64(0.5), wp.float64(i / c.width) + wp.float64(0.5), c)
-    x = wp.min(wp.max(wp.int32(p[0]), 0), c.wide - 1)
-    y = wp.min(wp.max(wp.int32(p[1]), 0), c.high - 1)
-    out[i] = plate[y * c.wide + x]
+    p = plate_position(
+        wp.float64(i % distortion.width) + wp.float64(0.5),
+        wp.float64(i / distortion.width) + wp.float64(0.5),
+        distortion,
+    )
+    x = wp.min(wp.max(wp.int32(p[0]), 0), distortion.wide - 1)
+    y = wp.min(wp.max(wp.int32(p[1]), 0), distortion.high - 1)
+    out_words[i] = plate[y * distortion.wide + x]
 
 
 @wp.func

@@ -39,36 +39,36 @@ def depth_of(key: wp.uint64, near: wp.float64) -> wp.float64:
 
 @wp.kernel
 def label_pixels(
-    corners: wp.array[wp.int32],
+    tile_corners: wp.array[wp.int32],
     keys: wp.array[wp.uint64],
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
     surface_instance: wp.array[wp.int32],
     surface_tag: wp.array[wp.int32],
-    lens: Pinhole,
-    depth: wp.array[wp.float32],
-    instance: wp.array[wp.uint16],
-    semantic: wp.array[wp.uint8],
-    extents: wp.array2d[wp.int32],
+    pinhole: Pinhole,
+    out_depth: wp.array[wp.float32],
+    out_instance: wp.array[wp.uint16],
+    out_semantic: wp.array[wp.uint8],
+    out_extents: wp.array2d[wp.int32],
 ):
     """Depth, instance and tag of the tiles' pixels, and their actors' visible count and box (count, x0, y0, x1, y1)."""
-    x, y = pixel_at(corners, wp.tid())
-    if x >= lens.width or y >= lens.height:
+    x, y = pixel_at(tile_corners, wp.tid())
+    if x >= pinhole.width or y >= pinhole.height:
         return
-    i = y * lens.width + x
+    i = y * pinhole.width + x
     key = keys[i]
     if key == wp.uint64(0):
-        depth[i] = wp.float32(lens.far)
-        instance[i] = wp.uint16(0)
-        semantic[i] = SKY
+        out_depth[i] = wp.float32(pinhole.far)
+        out_instance[i] = wp.uint16(0)
+        out_semantic[i] = SKY
         return
     surface = triangle_surface[triangle_of(key)]
-    depth[i] = wp.float32(depth_of(key, lens.near))
-    instance[i] = wp.uint16(surface_instance[surface])
-    semantic[i] = wp.uint8(surface_tag[surface])
+    out_depth[i] = wp.float32(depth_of(key, pinhole.near))
+    out_instance[i] = wp.uint16(surface_instance[surface])
+    out_semantic[i] = wp.uint8(surface_tag[surface])
     actor = surface_actor[surface]
     if actor >= 0:
-        count_pixel(extents, actor, x, y)
+        count_pixel(out_extents, actor, x, y)
 
 
 @wp.func
@@ -93,57 +93,59 @@ def count_pixel(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: 
 
 @wp.kernel
 def count_amodal(
-    corners: wp.array[wp.int32],
+    tile_corners: wp.array[wp.int32],
     bits: wp.array[wp.uint64],
-    lens: Pinhole,
+    pinhole: Pinhole,
     first_actor: wp.int32,
-    actors: wp.int32,
-    extents: wp.array2d[wp.int32],
+    actor_count: wp.int32,
+    out_extents: wp.array2d[wp.int32],
 ):
     """Count the tiles' pixels into the extent of every actor whose bit they carry."""
-    x, y = pixel_at(corners, wp.tid())
-    if x >= lens.width or y >= lens.height:
+    x, y = pixel_at(tile_corners, wp.tid())
+    if x >= pinhole.width or y >= pinhole.height:
         return
-    i = y * lens.width + x
+    i = y * pinhole.width + x
     rest = bits[i]
     if rest == wp.uint64(0):
         return
-    for a in range(actors):
+    for a in range(actor_count):
         if ((rest >> wp.uint64(a)) & wp.uint64(1)) != wp.uint64(0):
-            count_pixel(extents, first_actor + a, x, y)
+            count_pixel(out_extents, first_actor + a, x, y)
 
 
 @wp.kernel
 def project_boxes(
-    view: wp.array[wp.vec3f],
+    vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
-    first: wp.int32,
-    lens: Pinhole,
-    curve: Distortion,
-    extents: wp.array2d[wp.int32],
-    reach: wp.array2d[wp.int32],
+    first_triangle: wp.int32,
+    pinhole: Pinhole,
+    distortion: Distortion,
+    out_extents: wp.array2d[wp.int32],
+    out_reach: wp.array2d[wp.int32],
 ):
     """Widen an actor's unclipped box (1/256 pixels) by a triangle's corners in front of the near plane.
 
     `reach` is widened by the points too where the triangle is cut there: what it draws lies within both boxes.
     """
-    i = first + wp.tid()
+    i = first_triangle + wp.tid()
     actor = surface_actor[triangle_surface[i]]
     t = triangles[i]
     for n in range(3):
-        v = view[t[n]]
+        v = vertices[t[n]]
         z = wp.float64(v[2])
-        if z >= lens.near:
+        if z >= pinhole.near:
             at = distort(
-                lens.cx + wp.float64(v[0]) * lens.focal / z, lens.cy + wp.float64(v[1]) * lens.focal / z, curve
+                pinhole.cx + wp.float64(v[0]) * pinhole.focal / z,
+                pinhole.cy + wp.float64(v[1]) * pinhole.focal / z,
+                distortion,
             )
             x = wp.int32(snap(at[0]))
             y = wp.int32(snap(at[1]))
-            widen_box(extents, actor, x, y, 0)
+            widen_box(out_extents, actor, x, y, 0)
             for m in range(3):
-                behind = view[t[m]]
-                if wp.float64(behind[2]) < lens.near:
-                    c = cut_at_near_plane(v, behind, lens)
-                    widen_box(reach, actor, wp.int32(c.x), wp.int32(c.y), 0)
+                behind = vertices[t[m]]
+                if wp.float64(behind[2]) < pinhole.near:
+                    c = cut_at_near_plane(v, behind, pinhole)
+                    widen_box(out_reach, actor, wp.int32(c.x), wp.int32(c.y), 0)

@@ -29,32 +29,32 @@ SPAN_THRESHOLD = wp.constant(wp.int64(12))  # samples across at which solving fo
 @wp.kernel
 def transform_vertices(
     vertices: wp.array[wp.vec3f],
-    part: wp.array[wp.int32],
-    matrices: wp.array2d[wp.float32],
-    first: wp.int32,
-    out: wp.array[wp.vec3f],
+    vertex_part: wp.array[wp.int32],
+    transforms: wp.array2d[wp.float32],
+    first_vertex: wp.int32,
+    out_vertices: wp.array[wp.vec3f],
 ):
     """Vertices first.. of each part's frame, moved by the part's matrix (3x4, by rows)."""
-    i = first + wp.tid()
-    out[i] = transform_point(matrices, part[i], vertices[i])
+    i = first_vertex + wp.tid()
+    out_vertices[i] = transform_point(transforms, vertex_part[i], vertices[i])
 
 
 @wp.kernel
 def transform_visible_vertices(
     vertices: wp.array[wp.vec3f],
     chunks: wp.array[wp.vec3i],
-    ranges: wp.array[wp.vec2i],
-    seen: wp.array[wp.int32],
-    matrices: wp.array2d[wp.float32],
-    out: wp.array[wp.vec3f],
+    chunk_vertices: wp.array[wp.vec2i],
+    chunk_visible: wp.array[wp.int32],
+    transforms: wp.array2d[wp.float32],
+    out_vertices: wp.array[wp.vec3f],
 ):
     """The vertices of the chunks that may be seen, moved as `transform` moves them; the others' are left."""
     n = wp.tid()
-    if seen[n] == 0:
+    if chunk_visible[n] == 0:
         return
     part = chunks[n][2]
-    for i in range(ranges[n][0], ranges[n][1]):
-        out[i] = transform_point(matrices, part, vertices[i])
+    for i in range(chunk_vertices[n][0], chunk_vertices[n][1]):
+        out_vertices[i] = transform_point(transforms, part, vertices[i])
 
 
 @wp.func
@@ -66,31 +66,31 @@ def inside_plane(c: wp.vec3f, n: wp.vec3f, r: wp.float32, slack: wp.float32) -> 
 @wp.kernel
 def cull_chunks(
     chunks: wp.array[wp.vec3i],
-    centres: wp.array[wp.vec3f],
-    halves: wp.array[wp.vec3f],
-    matrices: wp.array2d[wp.float32],
-    lens: Pinhole,
-    seen: wp.array[wp.int32],
+    chunk_centres: wp.array[wp.vec3f],
+    chunk_halves: wp.array[wp.vec3f],
+    transforms: wp.array2d[wp.float32],
+    pinhole: Pinhole,
+    out_visible: wp.array[wp.int32],
 ):
     """1 for every chunk whose box may meet the view's pyramid, 0 for the others: nothing of them could be drawn."""
     i = wp.tid()
     part = chunks[i][2]
-    half = halves[i]
-    c = transform_point(matrices, part, centres[i])
-    f = wp.float32(lens.focal)
-    deep = box_extent(matrices, part, half, wp.vec3f(0.0, 0.0, 1.0))
+    half = chunk_halves[i]
+    c = transform_point(transforms, part, chunk_centres[i])
+    f = wp.float32(pinhole.focal)
+    deep = box_extent(transforms, part, half, wp.vec3f(0.0, 0.0, 1.0))
     # A centimetre and a pixel's hundredth to spare, for what is rounded on the way.
     slack = 0.01 * f + 0.01 * (wp.abs(c[2]) + deep)
-    left = wp.vec3f(f, 0.0, wp.float32(lens.cx))
-    right = wp.vec3f(-f, 0.0, wp.float32(lens.width) - wp.float32(lens.cx))
-    top = wp.vec3f(0.0, f, wp.float32(lens.cy))
-    bottom = wp.vec3f(0.0, -f, wp.float32(lens.height) - wp.float32(lens.cy))
-    ahead = c[2] + deep > 0.99 * wp.float32(lens.near) and c[2] - deep < 1.01 * wp.float32(lens.far)
-    across = inside_plane(c, left, box_extent(matrices, part, half, left), slack)
-    across = across and inside_plane(c, right, box_extent(matrices, part, half, right), slack)
-    across = across and inside_plane(c, top, box_extent(matrices, part, half, top), slack)
-    across = across and inside_plane(c, bottom, box_extent(matrices, part, half, bottom), slack)
-    seen[i] = int(ahead and across)
+    left = wp.vec3f(f, 0.0, wp.float32(pinhole.cx))
+    right = wp.vec3f(-f, 0.0, wp.float32(pinhole.width) - wp.float32(pinhole.cx))
+    top = wp.vec3f(0.0, f, wp.float32(pinhole.cy))
+    bottom = wp.vec3f(0.0, -f, wp.float32(pinhole.height) - wp.float32(pinhole.cy))
+    ahead = c[2] + deep > 0.99 * wp.float32(pinhole.near) and c[2] - deep < 1.01 * wp.float32(pinhole.far)
+    across = inside_plane(c, left, box_extent(transforms, part, half, left), slack)
+    across = across and inside_plane(c, right, box_extent(transforms, part, half, right), slack)
+    across = across and inside_plane(c, top, box_extent(transforms, part, half, top), slack)
+    across = across and inside_plane(c, bottom, box_extent(transforms, part, half, bottom), slack)
+    out_visible[i] = int(ahead and across)
 
 
 @wp.func
@@ -285,47 +285,47 @@ def clip_and_fill(
 
 @wp.kernel
 def raster_keys(
-    view: wp.array[wp.vec3f],
+    vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     chunks: wp.array[wp.vec3i],
-    seen: wp.array[wp.int32],
-    first: wp.int32,
-    lens: Pinhole,
-    keys: wp.array[wp.uint64],
+    chunk_visible: wp.array[wp.int32],
+    first_chunk: wp.int32,
+    pinhole: Pinhole,
+    out_keys: wp.array[wp.uint64],
 ):
     """Draw the chunks first.. that may be seen, 64 places each, of camera-space vertices into the keys.
 
     In that space x is right, y down, z forward.
     """
     place = wp.tid()
-    n = first + (place >> 6)
-    if seen[n] == 0:
+    n = first_chunk + (place >> 6)
+    if chunk_visible[n] == 0:
         return
     chunk = chunks[n]
     if (place & 63) >= chunk[1]:
         return
     i = chunk[0] + (place & 63)
     t = triangles[i]
-    clip_and_fill(keys, lens, view[t[0]], view[t[1]], view[t[2]], wp.uint64(i), wp.uint64(0))
+    clip_and_fill(out_keys, pinhole, vertices[t[0]], vertices[t[1]], vertices[t[2]], wp.uint64(i), wp.uint64(0))
 
 
 @wp.kernel
 def raster_actor_bits(
-    view: wp.array[wp.vec3f],
+    vertices: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
     triangle_surface: wp.array[wp.int32],
     surface_actor: wp.array[wp.int32],
     chunks: wp.array[wp.vec3i],
-    seen: wp.array[wp.int32],
-    first: wp.int32,
+    chunk_visible: wp.array[wp.int32],
+    first_chunk: wp.int32,
     first_actor: wp.int32,
-    lens: Pinhole,
-    bits: wp.array[wp.uint64],
+    pinhole: Pinhole,
+    out_bits: wp.array[wp.uint64],
 ):
     """Set bit a - first_actor of every pixel that actor a would cover if it were alone; 64 actors a run."""
     place = wp.tid()
-    n = first + (place >> 6)
-    if seen[n] == 0:
+    n = first_chunk + (place >> 6)
+    if chunk_visible[n] == 0:
         return
     chunk = chunks[n]
     if (place & 63) >= chunk[1]:
@@ -336,4 +336,4 @@ def raster_actor_bits(
         return
     t = triangles[i]
     bit = wp.uint64(1) << wp.uint64(actor)
-    clip_and_fill(bits, lens, view[t[0]], view[t[1]], view[t[2]], wp.uint64(i), bit)
+    clip_and_fill(out_bits, pinhole, vertices[t[0]], vertices[t[1]], vertices[t[2]], wp.uint64(i), bit)

@@ -127,30 +127,32 @@ def group_quarters(
 
 
 @wp.kernel
-def restore_keys(corners: wp.array[wp.int32], still: wp.array[wp.uint64], lens: Pinhole, fine: wp.array[wp.uint64]):
+def restore_keys(
+    tile_corners: wp.array[wp.int32], static_keys: wp.array[wp.uint64], pinhole: Pinhole, out_fine: wp.array[wp.uint64]
+):
     """Make the tiles' quarters see what stands still."""
-    x, y = pixel_at(corners, wp.tid())
-    if x >= lens.width or y >= lens.height:
+    x, y = pixel_at(tile_corners, wp.tid())
+    if x >= pinhole.width or y >= pinhole.height:
         return
-    row = lens.width * 2
+    row = pinhole.width * 2
     base = y * 2 * row + x * 2
-    fine[base] = still[base]
-    fine[base + 1] = still[base + 1]
-    fine[base + row] = still[base + row]
-    fine[base + row + 1] = still[base + row + 1]
+    out_fine[base] = static_keys[base]
+    out_fine[base + 1] = static_keys[base + 1]
+    out_fine[base + row] = static_keys[base + row]
+    out_fine[base + row + 1] = static_keys[base + row + 1]
 
 
 @wp.kernel
 def count_samples(
-    corners: wp.array[wp.int32],
+    tile_corners: wp.array[wp.int32],
     coarse: wp.array[wp.uint64],
     fine: wp.array[wp.uint64],
-    lens: Pinhole,
+    pinhole: Pinhole,
     scene: wp.array[SceneArrays],
-    still: wp.array[StaticSamples],
-    groups: wp.array[wp.int32],
-    starts: wp.array[wp.int32],
-    counts: wp.array[wp.int32],
+    static: wp.array[StaticSamples],
+    out_groups: wp.array[wp.int32],
+    out_starts: wp.array[wp.int32],
+    out_counts: wp.array[wp.int32],
 ):
     """How many new samples a pixel of the tiles needs, and how its quarters are grouped.
 
@@ -158,86 +160,86 @@ def count_samples(
     (a side of 1) there is one sample a pixel.
     """
     place = wp.tid()
-    x, y = pixel_at(corners, place)
-    counts[place] = 0
-    if x >= lens.width or y >= lens.height:
+    x, y = pixel_at(tile_corners, place)
+    out_counts[place] = 0
+    if x >= pinhole.width or y >= pinhole.height:
         return
-    i = y * lens.width + x
+    i = y * pinhole.width + x
     row = wp.int32(0)
     base = wp.int32(0)
-    if lens.side == 2:
-        row = lens.width * 2
+    if pinhole.side == 2:
+        row = pinhole.width * 2
         base = y * 2 * row + x * 2
-    if still[0].known != 0 and sees_static_only(still, coarse, fine, i, base, row):
-        groups[i] = still[0].groups[i]
-        starts[i] = still[0].starts[i]
+    if static[0].known != 0 and sees_static_only(static, coarse, fine, i, base, row):
+        out_groups[i] = static[0].groups[i]
+        out_starts[i] = static[0].starts[i]
         return
     g = wp.int32(1)
     if row != 0:
         g = group_quarters(fine[base], fine[base + 1], fine[base + row], fine[base + row + 1], scene)
-    groups[i] = g
-    counts[place] = g & 7
+    out_groups[i] = g
+    out_counts[place] = g & 7
 
 
 @wp.kernel
 def emit_samples(
-    corners: wp.array[wp.int32],
+    tile_corners: wp.array[wp.int32],
     coarse: wp.array[wp.uint64],
     fine: wp.array[wp.uint64],
     counts: wp.array[wp.int32],
     firsts: wp.array[wp.int32],
-    lens: Pinhole,
+    pinhole: Pinhole,
     scene: wp.array[SceneArrays],
     groups: wp.array[wp.int32],
-    starts: wp.array[wp.int32],
-    keys: wp.array[wp.uint64],
-    pixels: wp.array[wp.int32],
-    places: wp.array[wp.int32],
-    weights: wp.array[wp.float32],
-    tiles: wp.array[wp.int32],
+    out_starts: wp.array[wp.int32],
+    out_keys: wp.array[wp.uint64],
+    out_pixels: wp.array[wp.int32],
+    out_places: wp.array[wp.int32],
+    out_weights: wp.array[wp.float32],
+    out_tiles: wp.array[wp.int32],
 ):
     """Write a pixel's new samples from its first on: key, pixel, place within it, share, and tile."""
     at = wp.tid()
     if counts[at] == 0:
         return
-    x, y = pixel_at(corners, at)
-    i = y * lens.width + x
+    x, y = pixel_at(tile_corners, at)
+    i = y * pinhole.width + x
     g = groups[i]
     n = g & 7
     first = firsts[at]
-    starts[i] = first
-    tile = (y >> 4) * ((lens.width + TILE - 1) >> 4) + (x >> 4)
-    if lens.side == 1:
-        tiles[first] = tile
-        pixels[first] = i
-        weights[first] = 1.0
-        keys[first] = coarse[i]
-        places[first] = CENTRE
+    out_starts[i] = first
+    tile = (y >> 4) * ((pinhole.width + TILE - 1) >> 4) + (x >> 4)
+    if pinhole.side == 1:
+        out_tiles[first] = tile
+        out_pixels[first] = i
+        out_weights[first] = 1.0
+        out_keys[first] = coarse[i]
+        out_places[first] = CENTRE
         return
-    row = lens.width * 2
+    row = pinhole.width * 2
     base = y * 2 * row + x * 2
     if n == 1:
-        tiles[first] = tile
-        pixels[first] = i
-        weights[first] = 1.0
+        out_tiles[first] = tile
+        out_pixels[first] = i
+        out_weights[first] = 1.0
         key = fine[base]
         spot = wp.int32(0)
         if same_surface(key, coarse[i], scene):
             key = coarse[i]
             spot = CENTRE
-        keys[first] = key
-        places[first] = spot
+        out_keys[first] = key
+        out_places[first] = spot
         return
     for s in range(n):
-        tiles[first + s] = tile
-        weights[first + s] = 0.0
-        pixels[first + s] = i
+        out_tiles[first + s] = tile
+        out_weights[first + s] = 0.0
+        out_pixels[first + s] = i
     for back in range(4):
         quarter = 3 - back  # so that a group is led by its first quarter
         s = first + ((g >> (4 + 2 * quarter)) & 3)
-        keys[s] = fine[base + (quarter >> 1) * row + (quarter & 1)]
-        places[s] = quarter
-        weights[s] = weights[s] + 0.25
+        out_keys[s] = fine[base + (quarter >> 1) * row + (quarter & 1)]
+        out_places[s] = quarter
+        out_weights[s] = out_weights[s] + 0.25
 
 
 @wp.func
@@ -282,39 +284,39 @@ def footprint_of(face: wp.vec3f, sight: wp.vec3f, across: wp.float32) -> wp.vec2
 
 @wp.kernel
 def evaluate_samples(
-    first: wp.int32,
+    first_sample: wp.int32,
     keys: wp.array[wp.uint64],
     pixels: wp.array[wp.int32],
     places: wp.array[wp.int32],
-    lens: Pinhole,
+    pinhole: Pinhole,
     scene: wp.array[SceneArrays],
-    surfaces: wp.array[wp.int32],
-    positions: wp.array[wp.vec3f],
-    normals: wp.array[wp.vec3f],
-    details: wp.array[wp.vec4f],
-    codes: wp.array[wp.uint32],
+    out_surfaces: wp.array[wp.int32],
+    out_positions: wp.array[wp.vec3f],
+    out_normals: wp.array[wp.vec3f],
+    out_details: wp.array[wp.vec4f],
+    out_codes: wp.array[wp.uint32],
 ):
     """The surface, world position, unit normal and pattern at the samples first..; for the sky, -1 and a direction."""
-    i = nonnegative(first + wp.tid())
+    i = nonnegative(first_sample + wp.tid())
     pixel = pixels[i]
     if pixel < 0:  # a slot that no sample took
         return
     key = keys[i]
     spot = places[i]
-    ray = ray_of(pixel, spot, lens)
+    ray = ray_of(pixel, spot, pinhole)
     turned = rotate(scene[0].world_from_view, 0, ray)
     if key == wp.uint64(0):
-        surfaces[i] = -1
-        positions[i] = normalize(turned)
+        out_surfaces[i] = -1
+        out_positions[i] = normalize(turned)
         return
-    z = wp.float32(depth_of(key, lens.near))
+    z = wp.float32(depth_of(key, pinhole.near))
     m = scene[0].world_from_view
-    positions[i] = wp.vec3f(m[0, 3] + turned[0] * z, m[0, 7] + turned[1] * z, m[0, 11] + turned[2] * z)
+    out_positions[i] = wp.vec3f(m[0, 3] + turned[0] * z, m[0, 7] + turned[1] * z, m[0, 11] + turned[2] * z)
     triangle = triangle_of(key)
     t = scene[0].triangles[triangle]
     t = wp.vec3i(nonnegative(t[0]), nonnegative(t[1]), nonnegative(t[2]))
     surface = nonnegative(scene[0].triangle_surface[triangle])
-    surfaces[i] = surface
+    out_surfaces[i] = surface
     w = barycentric_weights(ray, scene[0].view[t[0]], scene[0].view[t[1]], scene[0].view[t[2]])
     local = scene[0].normals[t[0]] * w[0] + scene[0].normals[t[1]] * w[1] + scene[0].normals[t[2]] * w[2]
     uv = scene[0].uvs[t[0]] * w[0] + scene[0].uvs[t[1]] * w[1] + scene[0].uvs[t[2]] * w[2]
@@ -325,43 +327,43 @@ def evaluate_samples(
         local = rotate(scene[0].world_from_part, part, local)
     normal = normalize(local)
     sight = normalize(turned)
-    footprint = footprint_of(face, sight, z / wp.float32(lens.focal))
+    footprint = footprint_of(face, sight, z / wp.float32(pinhole.focal))
     pattern = scene[0].surface_pattern[surface]
-    detail = detail_of(pattern, uv, positions[i], normal, sight, footprint, wp.uint32(surface))
-    normals[i] = detail.normal
-    details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.last)
-    codes[i] = detail.code
+    detail = detail_of(pattern, uv, out_positions[i], normal, sight, footprint, wp.uint32(surface))
+    out_normals[i] = detail.normal
+    out_details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.last)
+    out_codes[i] = detail.code
     if pattern == IMAGE:
         a = scene[0].view[t[0]]
         b = scene[0].view[t[1]]
         c = scene[0].view[t[2]]
-        focal = wp.float32(lens.focal)
+        focal = wp.float32(pinhole.focal)
         steps = order_steps(
             steps_between_pixels(ray, focal, a, b, c, scene[0].uvs[t[0]], scene[0].uvs[t[1]], scene[0].uvs[t[2]], uv)
         )
-        details[i] = wp.vec4f(uv[0], uv[1], steps[0], steps[1])
-        codes[i] = second_step(steps)
+        out_details[i] = wp.vec4f(uv[0], uv[1], steps[0], steps[1])
+        out_codes[i] = second_step(steps)
 
 
 @wp.kernel
 def bound_tiles(
-    corners: wp.array[wp.int32],
-    lens: Pinhole,
+    tile_corners: wp.array[wp.int32],
+    pinhole: Pinhole,
     starts: wp.array[wp.int32],
-    count: wp.int32,
+    sample_count: wp.int32,
     surfaces: wp.array[wp.int32],
     positions: wp.array[wp.vec3f],
-    lows: wp.array[wp.vec3f],
-    highs: wp.array[wp.vec3f],
+    out_lows: wp.array[wp.vec3f],
+    out_highs: wp.array[wp.vec3f],
 ):
     """The world's box about the samples of a tile, which lie one after the other; the sky's are left out."""
     tile = wp.tid()
-    x, y = pixel_at(corners, tile * TILE * TILE)
-    begin = starts[y * lens.width + x]
-    end = count
-    if tile + 1 < lows.shape[0]:
-        x, y = pixel_at(corners, (tile + 1) * TILE * TILE)
-        end = starts[y * lens.width + x]
+    x, y = pixel_at(tile_corners, tile * TILE * TILE)
+    begin = starts[y * pinhole.width + x]
+    end = sample_count
+    if tile + 1 < out_lows.shape[0]:
+        x, y = pixel_at(tile_corners, (tile + 1) * TILE * TILE)
+        end = starts[y * pinhole.width + x]
     low = wp.vec3f(1.0e9, 1.0e9, 1.0e9)
     high = wp.vec3f(-1.0e9, -1.0e9, -1.0e9)
     for i in range(begin, end):
@@ -372,8 +374,8 @@ def bound_tiles(
     if high[0] < low[0]:
         low = wp.vec3f(0.0, 0.0, 0.0)
         high = low
-    lows[tile] = low
-    highs[tile] = high
+    out_lows[tile] = low
+    out_highs[tile] = high
 
 
 @wp.struct

@@ -15,38 +15,38 @@ wp.set_module_options(OPTIONS)
 
 
 @wp.kernel
-def rank_in_tile(counts: wp.array[wp.int32], firsts: wp.array[wp.int32], wanted: wp.array[wp.int32]):
+def rank_in_tile(counts: wp.array[wp.int32], out_firsts: wp.array[wp.int32], out_wanted: wp.array[wp.int32]):
     """Where an edge's pixel stands within its tile's stretch; `wanted` counts the tile's samples and comes zeroed."""
     at = wp.tid()
     n = counts[at]
     if n > 1:
-        firsts[at] = wp.atomic_add(wanted, at >> 8, n)
+        out_firsts[at] = wp.atomic_add(out_wanted, at >> 8, n)
 
 
 @wp.kernel
-def reserve_slots(wanted: wp.array[wp.int32], stretches: wp.array[wp.int32], cursor: wp.array[wp.int32]):
+def reserve_slots(wanted: wp.array[wp.int32], out_stretches: wp.array[wp.int32], out_cursor: wp.array[wp.int32]):
     """A stretch for each tile; the cursor comes zeroed."""
     tile = wp.tid()
-    stretches[tile] = wp.atomic_add(cursor, 0, wanted[tile])
+    out_stretches[tile] = wp.atomic_add(out_cursor, 0, wanted[tile])
 
 
 @wp.kernel
 def assign_slots(
-    corners: wp.array[wp.int32],
-    lens: Pinhole,
+    tile_corners: wp.array[wp.int32],
+    pinhole: Pinhole,
     stretches: wp.array[wp.int32],
-    room: wp.int32,
-    counts: wp.array[wp.int32],
-    firsts: wp.array[wp.int32],
+    capacity: wp.int32,
+    out_counts: wp.array[wp.int32],
+    out_firsts: wp.array[wp.int32],
 ):
     """Every pixel's first slot. Those for whom there is no room get none: the cursor tells, and the frame is redone."""
     at = wp.tid()
-    n = counts[at]
-    x, y = pixel_at(corners, at)
+    n = out_counts[at]
+    x, y = pixel_at(tile_corners, at)
     if n == 1:
-        firsts[at] = y * lens.width + x
+        out_firsts[at] = y * pinhole.width + x
     elif n > 1:
-        first = lens.width * lens.height + stretches[at >> 8] + firsts[at]
-        firsts[at] = first
-        if first + n > room:
-            counts[at] = 0
+        first = pinhole.width * pinhole.height + stretches[at >> 8] + out_firsts[at]
+        out_firsts[at] = first
+        if first + n > capacity:
+            out_counts[at] = 0
