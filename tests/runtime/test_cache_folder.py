@@ -14,7 +14,7 @@ from recipe_runtime.build import build
 from recipe_runtime.cache_folder import claim, contents, is_marked, recognised
 from recipe_runtime.housekeeping import entries, prune, tidy
 from recipe_runtime.leases import in_use_since, lease
-from recipe_runtime.render import device
+from recipe_runtime.render.device import setup
 from recipe_runtime.store import Store
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
@@ -103,7 +103,7 @@ def _leased(root: Path) -> None:
 
 
 def _kernels(root: Path) -> None:
-    device._cache_folder()
+    setup._cache_folder()
 
 
 def _built(root: Path) -> None:

@@ -164,7 +164,7 @@ import warp._src.build as build
 compile = build.build_cpu
 build.build_cpu = lambda *a, **k: (print("compiled", flush=True), compile(*a, **k))
 sys.path.insert(0, {str(ROOT)!r})
-from tests.runtime.test_compiled_kernels import drawn
+from tests.runtime.render.test_compiled_kernels import drawn
 print("ready", flush=True)
 sys.stdin.readline()
 assert drawn() == [0, 1, 2, 3]

@@ -149,7 +149,7 @@ def count_samples(
     fine: wp.array[wp.uint64],
     pinhole: Pinhole,
     scene: wp.array[SceneArrays],
-    static: wp.array[StaticSamples],
+    static_samples: wp.array[StaticSamples],
     out_groups: wp.array[wp.int32],
     out_starts: wp.array[wp.int32],
     out_counts: wp.array[wp.int32],
@@ -170,9 +170,9 @@ def count_samples(
     if pinhole.side == 2:
         row = pinhole.width * 2
         base = y * 2 * row + x * 2
-    if static[0].known != 0 and sees_static_only(static, coarse, fine, i, base, row):
-        out_groups[i] = static[0].groups[i]
-        out_starts[i] = static[0].starts[i]
+    if static_samples[0].known != 0 and sees_static_only(static_samples, coarse, fine, i, base, row):
+        out_groups[i] = static_samples[0].groups[i]
+        out_starts[i] = static_samples[0].starts[i]
         return
     g = wp.int32(1)
     if row != 0:
