@@ -25,9 +25,10 @@ from recipe_compiler.plan import DatasetPlan, ScenePlan
 from recipe_runtime import housekeeping, pool, provenance
 from recipe_runtime.admission import check_bounds, check_plan
 from recipe_runtime.dataset import Dataset
-from recipe_runtime.engines import Engines, Progress, devices, real_engines
+from recipe_runtime.engines import Engines, devices, real_engines
 from recipe_runtime.finish import Finisher
 from recipe_runtime.harvest import Harvest
+from recipe_runtime.interfaces import Progress
 from recipe_runtime.manifest import head, is_whole
 from recipe_runtime.recipe_files import RecipeFiles
 from recipe_runtime.repair import examine

@@ -23,7 +23,8 @@ from pathlib import Path
 
 from recipe_compiler.errors import InputError
 
-from recipe_runtime.store import KINDS, default_cache, write_atomic
+from recipe_runtime.files import write_atomic
+from recipe_runtime.store import KINDS, default_cache
 
 TAG, MARKER, LEASES = "CACHEDIR.TAG", "dataset-recipe-cache", "in-use"
 _FORM = b"recipe/cache/1\n"

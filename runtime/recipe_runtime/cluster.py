@@ -25,12 +25,14 @@ from recipe_compiler.errors import Code, InputError, RunError
 from recipe_runtime.assets import Assets
 from recipe_runtime.build import Runner
 from recipe_runtime.engines import real_engines
+from recipe_runtime.files import host_errors, link_or_copy, stamp_of, write_atomic
 from recipe_runtime.pool import PINNED, Done, Seconds
+from recipe_runtime.records import FrameRecord
 from recipe_runtime.schedule import Shard, simulations
-from recipe_runtime.store import Store, host_errors, link_or_copy, stamp_of, write_atomic
+from recipe_runtime.store import Store
 from recipe_runtime.trace import Trace
 from recipe_runtime.versions import renderer
-from recipe_runtime.worker import FrameRecord, Job, Worker
+from recipe_runtime.worker import Job, Worker
 
 QUEUED = 2  # shards that a worker has at once, so that it never waits for the next
 RETRIES = 3  # times that a shard is done again after its worker was lost

@@ -9,7 +9,7 @@ from recipe_compiler.lockfile import Lockfile
 from recipe_compiler.plan import DatasetPlan
 from recipe_compiler.wording import count
 
-from recipe_runtime import locking
+from recipe_runtime import digests
 from recipe_runtime.excuses import excuse_of
 from recipe_runtime.verdict import ORDER, Difference
 from recipe_runtime.versions import STAGES
@@ -58,7 +58,7 @@ def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None
 def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse_of) -> list[Difference]:
     """Every variant's three plans, by their digests."""
     found, excuse = [], excuse_for("plan", lock)
-    ours = locking.bare(plan, lock.source, {}).variants
+    ours = digests.bare(plan, lock.source, {}).variants
     for name in [*lock.variants, *(name for name in ours if name not in lock.variants)]:
         if name not in ours or name not in lock.variants:
             where = "the recipe" if name not in ours else "the lockfile"
@@ -82,12 +82,12 @@ def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
         found.append("it was damaged or edited: its digests do not add up")
     if lock.recipe != plan.recipe:
         found.append(f"it is of the recipe {lock.recipe!r}, and this is {plan.recipe!r}")
-    agreed = {name: row for name, row in locking.bare(plan, "", {}).variants.items() if lock.variants.get(name) == row}
+    agreed = {name: row for name, row in digests.bare(plan, "", {}).variants.items() if lock.variants.get(name) == row}
     if len(agreed) == len(plan.variants) == len(lock.variants):
         kinds = (
             ("stage", set(STAGES), set(lock.stages)),
             ("trace", {v.scene.digest for v in plan.variants}, set(lock.traces)),
-            ("frame", set(locking.frame_keys(plan)), set(lock.frames)),
+            ("frame", set(digests.frame_keys(plan)), set(lock.frames)),
         )
         for kind, ours, theirs in kinds:
             found += _uneven(kind, sorted(map(str, ours - theirs)), sorted(map(str, theirs - ours)))

@@ -19,15 +19,15 @@ from recipe_compiler.lockfile import Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
 from recipe_compiler.wording import count
 
-from recipe_runtime import layout, locking, manifest_reader
+from recipe_runtime import digests, layout, manifest_reader
 from recipe_runtime.admission import check_bounds, check_plan, file_count, row_count
-from recipe_runtime.engines import Progress
-from recipe_runtime.harvest import Video
+from recipe_runtime.files import file_sha256
+from recipe_runtime.files import regular_file as regular_file
+from recipe_runtime.interfaces import Progress
 from recipe_runtime.manifest import DAMAGE, listed_files
 from recipe_runtime.manifest import lock_of as lock_of
 from recipe_runtime.plan_reader import MAX_PLAN_BYTES, PlanReader
-from recipe_runtime.store import file_sha256
-from recipe_runtime.store import regular_file as regular_file
+from recipe_runtime.records import Video
 from recipe_runtime.texts import annotation_texts, closing_texts, labels_of
 from recipe_runtime.trace import Trace
 from recipe_runtime.tracks import tracks_csv
@@ -205,7 +205,7 @@ def _file_damage(
 
 def _frames_without_digest(dataset: Dataset) -> list[Fault]:
     """What the manifest's frames lack or have beyond the plan's."""
-    rows, expected = locking.bare(dataset.plan, "", {}).variants, set()
+    rows, expected = digests.bare(dataset.plan, "", {}).variants, set()
     for variant in dataset.plan.variants:
         key, frames = rows[variant.variant], range(variant.scene.clock.frames)
         for sensor in variant.rig.sensors:

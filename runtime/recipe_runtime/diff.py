@@ -18,7 +18,7 @@ from recipe_compiler.wording import count, form
 
 from recipe_runtime import layout
 from recipe_runtime.compare import stage_of
-from recipe_runtime.locking import first_parting, parting_words
+from recipe_runtime.digests import first_parting, parting_words
 
 MOST_FIELDS = 12  # of one plan; the rest is counted
 _PARTS = ("scene", "rig", "appearance")

@@ -21,8 +21,9 @@ from recipe_compiler.plan import DatasetPlan
 from recipe_runtime import host, layout
 from recipe_runtime.build import build
 from recipe_runtime.compare import compare_locks
-from recipe_runtime.engines import Engines, Progress
+from recipe_runtime.engines import Engines
 from recipe_runtime.excuses import own_excuse_of
+from recipe_runtime.interfaces import Progress
 from recipe_runtime.manifest import lock_of
 from recipe_runtime.opening import compiled
 from recipe_runtime.verdict import Difference

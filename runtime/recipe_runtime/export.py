@@ -31,9 +31,9 @@ from recipe_compiler.wording import count
 
 from recipe_runtime import layout
 from recipe_runtime.dataset import Dataset, labels
-from recipe_runtime.engines import Progress
+from recipe_runtime.files import file_sha256, host_errors, regular_file
+from recipe_runtime.interfaces import Progress
 from recipe_runtime.manifest import DAMAGE
-from recipe_runtime.store import file_sha256, host_errors, regular_file
 
 INDEX = "index.json"
 SHARD_BYTES = 1 << 30

@@ -20,7 +20,7 @@ from recipe_compiler.errors import Code, InputError, RunError
 
 from recipe_runtime import layout, manifest_reader, urls
 from recipe_runtime.admission import MAX_FILES
-from recipe_runtime.engines import Progress
+from recipe_runtime.interfaces import Progress
 from recipe_runtime.manifest import listed_files, stays_inside
 from recipe_runtime.manifest_reader import MAX_BYTES
 from recipe_runtime.remote import located, scheme_of, told

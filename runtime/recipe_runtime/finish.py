@@ -12,10 +12,11 @@ from recipe_compiler.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime import layout
 from recipe_runtime.annotate.validate import problems
-from recipe_runtime.engines import Progress
-from recipe_runtime.harvest import Harvest, Video
+from recipe_runtime.harvest import Harvest
+from recipe_runtime.interfaces import Progress
 from recipe_runtime.manifest import file_row, manifest_text
 from recipe_runtime.recipe_files import RecipeFiles
+from recipe_runtime.records import Video
 from recipe_runtime.report.sheets import contact_sheet, overlay_sheet
 from recipe_runtime.schedule import simulations, views
 from recipe_runtime.stopwatch import Stopwatch

@@ -13,27 +13,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.canonical import digest, digest_array
+from recipe_compiler.canonical import digest
 from recipe_compiler.plan import AppearancePlan, ScenarioPlan, ScenePlan, SensorPlan
 
 from recipe_runtime.annotate.objects import Annotator, Record
-from recipe_runtime.engines import Engines, Observed, SceneRenderer, real_engines
+from recipe_runtime.engines import Engines, SceneRenderer, real_engines
+from recipe_runtime.interfaces import Observed
+from recipe_runtime.modalities import LABEL_MODALITIES, label_array
 from recipe_runtime.stopwatch import Stopwatch
 from recipe_runtime.trace import Trace
 from recipe_runtime.transforms import part_transforms, sensor_transform
 
 _REELED = 512  # frames whose numbers a reel is given at once
-LABEL_MODALITIES = ("depth", "instance", "semantic")  # follow from scene and rig alone
-
-
-def pixel_digest(modality: str, array: NDArray[Any]) -> str:
-    """Identity of a frame's pixels; depth is hashed as float32 metres, whatever form it has on disk."""
-    return digest_array(f"pixels/{modality}/1", array)
-
-
-def label_digest(records: list[Record]) -> str:
-    """Identity of a frame's labels."""
-    return digest("labels/1", records)
 
 
 @dataclass(frozen=True)
@@ -204,9 +195,3 @@ class FrameSource:
         if "rgb" in plan.capture:
             arrays["rgb"] = self.source.shade(seen, self.scenario.appearance, plan, frame)
         return arrays, self.source.labels(seen, plan, frame)
-
-
-def label_array(seen: Observed, modality: str) -> NDArray[Any]:
-    """A label modality of an observation."""
-    array: NDArray[Any] = getattr(seen, modality)
-    return array

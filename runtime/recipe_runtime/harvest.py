@@ -6,26 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from recipe_compiler.plan import DatasetPlan, SensorPlan
+from recipe_compiler.plan import DatasetPlan
 
-from recipe_runtime import locking
+from recipe_runtime import digests
+from recipe_runtime.records import FrameRecord, Video
 from recipe_runtime.schedule import Shard, views
-from recipe_runtime.worker import FrameRecord
-
-
-@dataclass(frozen=True)
-class Video:
-    """The frames of one sensor in one variant, in order."""
-
-    variant: str
-    sensor: SensorPlan
-    fps: int
-    frames: tuple[FrameRecord, ...]
-
-    @property
-    def name(self) -> str:
-        """Its name in every annotation file."""
-        return f"{self.variant}/{self.sensor.name}"
 
 
 @dataclass
@@ -77,11 +62,11 @@ class Harvest:
 
     def identity(self) -> str:
         """What a paper prints; the lockfile's identity, made from the same rows."""
-        lock, seen = locking.bare(self.dataset, "", {}), views(self.dataset)
+        lock, seen = digests.bare(self.dataset, "", {}), views(self.dataset)
         frames = {
             key: value
             for (view, _), record in self.records.items()
-            for key, value in locking.frame_rows(self.dataset, seen[view], record)
+            for key, value in digests.frame_rows(self.dataset, seen[view], record)
         }
         return replace(lock, traces=self.traces, frames=frames).identity
 

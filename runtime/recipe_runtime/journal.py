@@ -17,9 +17,10 @@ from pathlib import Path
 from recipe_compiler.canonical import digest
 from recipe_compiler.plan import DatasetPlan
 
+from recipe_runtime.files import write_atomic
+from recipe_runtime.records import FrameRecord
 from recipe_runtime.schedule import Shard, View, all_shards, views
-from recipe_runtime.store import Store, write_atomic
-from recipe_runtime.worker import FrameRecord
+from recipe_runtime.store import Store
 
 _KIND = "shards"
 

@@ -16,9 +16,9 @@ from recipe_compiler.plan import MAX_DESCRIPTION, MAX_VARIANT_NAME, MAX_VARIANTS
 
 from recipe_runtime import layout
 from recipe_runtime.admission import MAX_FILES, MAX_ROWS
+from recipe_runtime.files import regular_file
 from recipe_runtime.json_stream import JsonStream
 from recipe_runtime.manifest import FORMAT, stays_inside
-from recipe_runtime.store import regular_file
 
 MAX_BYTES = 1 << 28
 _MAX_PATH, _MAX_PART = 2_000, 255  # bytes of a path, and of a name in it

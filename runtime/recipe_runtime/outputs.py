@@ -10,7 +10,7 @@ from pathlib import Path
 
 from recipe_compiler.errors import InputError
 
-from recipe_runtime.store import write_atomic
+from recipe_runtime.files import write_atomic
 
 
 def check_output(path: Path, *, replace: bool = False) -> None:

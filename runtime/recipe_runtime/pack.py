@@ -26,7 +26,7 @@ from recipe_compiler.canonical import canonical_bytes
 from recipe_compiler.errors import Code, InputError, Place, Problem
 from recipe_compiler.files import read_regular
 
-from recipe_runtime.store import host_errors
+from recipe_runtime.files import host_errors
 
 SUFFIX = ".recipe"
 MOST_BYTES = 512 << 20

@@ -21,8 +21,9 @@ from typing import Any, TypeAlias
 from recipe_compiler.errors import RecipeError, RunError
 
 from recipe_runtime import children
+from recipe_runtime.records import FrameRecord
 from recipe_runtime.schedule import Shard
-from recipe_runtime.worker import FrameRecord, Job, Worker
+from recipe_runtime.worker import Job, Worker
 
 PINNED: dict[str, str] = {
     "PYTHONHASHSEED": "0",

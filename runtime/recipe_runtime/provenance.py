@@ -20,7 +20,7 @@ from recipe_compiler.errors import InputError
 from recipe_compiler.files import read_regular
 from recipe_compiler.plan import DatasetPlan
 
-from recipe_runtime.store import host_errors, write_atomic
+from recipe_runtime.files import host_errors, write_atomic
 
 _FORMAT = "recipe/source/1"
 _MAX_BYTES = 1 << 16

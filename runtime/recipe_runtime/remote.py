@@ -21,10 +21,10 @@ from recipe_compiler.canonical import canonical_bytes
 from recipe_compiler.errors import Code, InputError, RecipeError, RunError
 
 from recipe_runtime import layout, manifest_reader, urls
-from recipe_runtime.engines import Progress
 from recipe_runtime.entropy import fresh_nonce
+from recipe_runtime.files import file_sha256, host_errors
+from recipe_runtime.interfaces import Progress
 from recipe_runtime.manifest import DAMAGE, listed_files
-from recipe_runtime.store import file_sha256, host_errors
 
 NOTE = ".recipe-upload.json"
 SCHEMES = (

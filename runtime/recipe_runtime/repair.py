@@ -13,7 +13,7 @@ from recipe_compiler.errors import RunError
 from recipe_compiler.plan import DatasetPlan
 
 from recipe_runtime.dataset import Dataset, damaged_files, lock_of, recipe_file_of
-from recipe_runtime.engines import Progress
+from recipe_runtime.interfaces import Progress
 from recipe_runtime.manifest import DAMAGE, is_of, listed_files
 from recipe_runtime.workspace import Workspace, read_manifest
 

@@ -23,14 +23,15 @@ from recipe_compiler.wording import count
 from recipe_runtime import dataset as datasets
 from recipe_runtime import layout
 from recipe_runtime.dataset import Dataset
-from recipe_runtime.engines import Progress
-from recipe_runtime.locking import Known
+from recipe_runtime.files import file_sha256, regular_file
+from recipe_runtime.interfaces import Progress
+from recipe_runtime.known_frames import Known
 from recipe_runtime.manifest import DAMAGE
+from recipe_runtime.records import FrameRecord
 from recipe_runtime.schedule import Shard, Taken, View, views
-from recipe_runtime.store import Store, file_sha256, regular_file
+from recipe_runtime.store import Store
 from recipe_runtime.texts import labels_of
 from recipe_runtime.versions import builder
-from recipe_runtime.worker import FrameRecord
 from recipe_runtime.workspace import Workspace
 
 

@@ -25,9 +25,11 @@ from recipe_compiler.wording import count
 
 from recipe_runtime import encode
 from recipe_runtime.annotate.objects import Record
-from recipe_runtime.engines import Engines, Observed, devices, real_engines
-from recipe_runtime.frames import SceneSource, label_array
+from recipe_runtime.engines import Engines, devices, real_engines
+from recipe_runtime.frames import SceneSource
 from recipe_runtime.housekeeping import leased
+from recipe_runtime.interfaces import Observed
+from recipe_runtime.modalities import label_array
 from recipe_runtime.store import Store
 from recipe_runtime.versions import builder
 

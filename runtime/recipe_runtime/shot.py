@@ -13,12 +13,15 @@ from recipe_compiler.errors import Code, InputError
 from recipe_compiler.plan import ScenarioPlan, ScenePlan, SensorPlan
 
 from recipe_runtime import encode
-from recipe_runtime.engines import Engines, Progress, devices, real_engines
-from recipe_runtime.frames import SceneSource, label_array, pixel_digest
+from recipe_runtime.engines import Engines, devices, real_engines
+from recipe_runtime.files import host_errors
+from recipe_runtime.frames import SceneSource
 from recipe_runtime.housekeeping import leased
+from recipe_runtime.interfaces import Progress
+from recipe_runtime.modalities import label_array, pixel_digest
 from recipe_runtime.outputs import write_output
 from recipe_runtime.report.colours import depth_picture, instance_picture, semantic_picture
-from recipe_runtime.store import Store, host_errors
+from recipe_runtime.store import Store
 from recipe_runtime.trace import Trace
 
 

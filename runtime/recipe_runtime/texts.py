@@ -18,9 +18,8 @@ from recipe_runtime import layout
 from recipe_runtime.annotate.coco import flat_coco, kwcoco
 from recipe_runtime.annotate.mots import mots_lines, runs_fill, seqinfo, seqmap
 from recipe_runtime.annotate.objects import Record
-from recipe_runtime.frames import label_digest
-from recipe_runtime.harvest import Video
 from recipe_runtime.json_stream import loads
+from recipe_runtime.records import Video, label_digest
 from recipe_runtime.report.card import card
 
 _MOST_VALUES = 2_000_000  # of one frame's labels; the codes of masks hold brackets, which are counted

@@ -19,7 +19,7 @@ from pathlib import Path
 from recipe_compiler.errors import InputError
 from recipe_compiler.files import read_regular
 
-from recipe_runtime.store import host_errors, write_atomic
+from recipe_runtime.files import host_errors, write_atomic
 from recipe_runtime.trace import Trace
 
 SUFFIX = ".traces"

@@ -20,7 +20,7 @@ from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
 from recipe_compiler.plan import DatasetPlan, ScenePlan
 from recipe_compiler.wording import count, form
 
-from recipe_runtime import host, layout, locking
+from recipe_runtime import digests, host, layout, locking
 from recipe_runtime.assets import Assets
 from recipe_runtime.compare import (
     compare_datasets,
@@ -31,20 +31,24 @@ from recipe_runtime.compare import (
     text_note,
 )
 from recipe_runtime.dataset import Dataset, Fault, damaged_files, regular_file, text_differences
-from recipe_runtime.engines import Engines, Progress, devices, real_engines
+from recipe_runtime.engines import Engines, devices, real_engines
 from recipe_runtime.excuses import excuse_of
+from recipe_runtime.files import file_sha256
 from recipe_runtime.housekeeping import leased
+from recipe_runtime.interfaces import Progress
 from recipe_runtime.journal import CacheJournal
-from recipe_runtime.recipe_files import asset_places, recipe_differences
+from recipe_runtime.recipe_comparison import recipe_differences
+from recipe_runtime.recipe_files import asset_places
+from recipe_runtime.records import FrameRecord
 from recipe_runtime.report.difference import first_difference, write_difference
 from recipe_runtime.sample import Bound, draw, sample_size
 from recipe_runtime.schedule import chosen_shards
 from recipe_runtime.shot import shot
-from recipe_runtime.store import Store, file_sha256
+from recipe_runtime.store import Store
 from recipe_runtime.trace import Trace
 from recipe_runtime.verdict import Difference, Report
 from recipe_runtime.versions import builder
-from recipe_runtime.worker import FrameRecord, Job
+from recipe_runtime.worker import Job
 
 Choice = tuple[str, str, int]  # variant, sensor, frame
 
@@ -218,7 +222,7 @@ class _Check:
                     self.traces[digest] = trace
                     whole.add(digest)
                     continue
-                message = _parting(self.lock, scene, locking.body_motions(trace))
+                message = _parting(self.lock, scene, digests.body_motions(trace))
             if kept is not None and reason:
                 self.traces[digest] = store.keep_trace(scene, kept)
                 whole.add(digest)
@@ -234,7 +238,7 @@ class _Check:
         resumption = self._resumption(job)
         rows = locking.render_rows(job, shards, options.workers, self.progress, resumption)
         self.resumed = resumption.frames if resumption else 0
-        keys = locking.bare(self.plan, "", {}).variants
+        keys = digests.bare(self.plan, "", {}).variants
         found = [self._frame(choice, keys[choice[0]], rows) for choice in chosen]
         differences = [difference for difference in found if difference is not None]
         if self.dataset is None or root is None:
@@ -355,12 +359,12 @@ def _parting(lock: Lockfile, scene: ScenePlan, ours: dict[str, Any]) -> str:
     partings = []
     for actor, motion in ours.items():
         locked = lock.bodies.get((scene.digest, actor))
-        at = locking.first_parting(locked, motion) if locked else None
+        at = digests.first_parting(locked, motion) if locked else None
         if at:
             partings.append((at[0], actor, at[1]))
     if not partings:
         return "the motion differs from the one that was locked"
     first, actor, last = min(partings)
-    where = f"{locking.parting_words(first, last)} (from step {first * scene.clock.steps_per_frame})"
+    where = f"{digests.parting_words(first, last)} (from step {first * scene.clock.steps_per_frame})"
     bodies = f"{len(partings)} of {count(len(ours), 'body', 'bodies')} {form(len(partings), 'differs', 'differ')}"
     return f"body {actor} parts {where}; {bodies}"

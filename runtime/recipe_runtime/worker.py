@@ -19,15 +19,15 @@ from recipe_compiler.plan import DatasetPlan
 
 from recipe_runtime import encode, failures, layout
 from recipe_runtime.annotate.mots import mots_picture
-from recipe_runtime.engines import Engines, Observed, SceneRenderer
-from recipe_runtime.frames import LABEL_MODALITIES, Made, SceneSource, label_array, label_digest, pixel_digest
+from recipe_runtime.engines import Engines, SceneRenderer
+from recipe_runtime.files import link_or_copy, stamp_of, write_atomic
+from recipe_runtime.frames import Made, SceneSource
+from recipe_runtime.interfaces import Observed
+from recipe_runtime.modalities import LABEL_MODALITIES, label_array, pixel_digest
+from recipe_runtime.records import FrameRecord, label_digest
 from recipe_runtime.schedule import Shard, View, views
 from recipe_runtime.stopwatch import Stopwatch
-from recipe_runtime.store import Store, link_or_copy, stamp_of, write_atomic
-
-# frame, objects, digests {modality: digest}, rgb {variant: digest},
-# files {path: [size, SHA-256, stamp of the written file]}
-FrameRecord = dict[str, Any]
+from recipe_runtime.store import Store
 
 
 @dataclass(frozen=True)

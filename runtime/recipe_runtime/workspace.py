@@ -26,10 +26,7 @@ from recipe_compiler.canonical import pretty
 from recipe_compiler.errors import Code, InputError, RunError
 
 from recipe_runtime import layout, manifest_reader
-from recipe_runtime.journal import FolderJournal
-from recipe_runtime.manifest import DAMAGE, FileRows, listed_files
-from recipe_runtime.schedule import Shard, View
-from recipe_runtime.store import (
+from recipe_runtime.files import (
     atomic_file,
     file_sha256,
     host_errors,
@@ -38,7 +35,10 @@ from recipe_runtime.store import (
     stamp_of,
     write_atomic,
 )
-from recipe_runtime.worker import FrameRecord
+from recipe_runtime.journal import FolderJournal
+from recipe_runtime.manifest import DAMAGE, FileRows, listed_files
+from recipe_runtime.records import FrameRecord
+from recipe_runtime.schedule import Shard, View
 
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
 

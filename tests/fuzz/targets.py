@@ -29,8 +29,8 @@ from recipe_runtime import dataset, layout, pack, traces
 from recipe_runtime.build import build
 from recipe_runtime.compare import compare_datasets, compare_locks
 from recipe_runtime.diff import Side, differences
-from recipe_runtime.frames import label_digest
 from recipe_runtime.meshes import actor_body, town_bodies
+from recipe_runtime.records import label_digest
 from recipe_runtime.trace import Trace
 from recipe_runtime.verify import Options, verify_files
 

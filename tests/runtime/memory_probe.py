@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 from recipe_compiler.plan import ScenePlan
+from recipe_runtime.digests import body_motions
 from recipe_runtime.frames import SceneSource
-from recipe_runtime.locking import body_motions
 from recipe_runtime.store import Store
 from recipe_runtime.trace import METRE, UNIT, Trace, TraceWriter, frame_bytes
 from recipe_runtime.tracks import tracks_csv

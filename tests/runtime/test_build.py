@@ -21,11 +21,12 @@ from PIL import Image
 from recipe_compiler.errors import InputError, RunError
 from recipe_compiler.plan import DatasetPlan, RigPlan
 from recipe_runtime import build as build_module
-from recipe_runtime import encode, locking, worker
+from recipe_runtime import encode, files, locking, worker
 from recipe_runtime import store as store_module
 from recipe_runtime.build import BuildResult, build
 from recipe_runtime.engines import Engines
-from recipe_runtime.frames import FrameSource, pixel_digest
+from recipe_runtime.frames import FrameSource
+from recipe_runtime.modalities import pixel_digest
 
 from tests.runtime.fakes import BROKEN, DYING, ENGINES, NOTED, UNLOADABLE, dataset_plan, sensor_plan, simulate, tree
 
@@ -396,7 +397,7 @@ def test_a_full_disk_is_an_error_and_what_is_done_is_kept(
         written += 1
         if written > 40:
             raise OSError(28, "No space left on device", str(path))
-        store_module.write_atomic(path, body)
+        files.write_atomic(path, body)
 
     with monkeypatch.context() as patched:
         patched.setattr(worker, "write_atomic", fill)

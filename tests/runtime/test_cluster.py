@@ -18,9 +18,10 @@ from recipe_runtime.build import build
 from recipe_runtime.cluster import Hand, Luggage
 from recipe_runtime.engines import Engines
 from recipe_runtime.opening import compiled, opened
+from recipe_runtime.records import FrameRecord
 from recipe_runtime.schedule import all_shards
 from recipe_runtime.versions import renderer
-from recipe_runtime.worker import FrameRecord, Job, Worker
+from recipe_runtime.worker import Job, Worker
 
 from tests.runtime.fakes import BROKEN, DYING, ENGINES, SLOW, Renderer, actor_bodies, dataset_plan, simulate, tree
 from tests.sources import ROOT

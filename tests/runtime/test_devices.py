@@ -8,8 +8,10 @@ import pytest
 from recipe_compiler.errors import InputError
 from recipe_compiler.lockfile import read
 from recipe_runtime.engines import devices, real_engines
-from recipe_runtime.frames import FrameSource, SceneSource, label_digest, pixel_digest
+from recipe_runtime.frames import FrameSource, SceneSource
+from recipe_runtime.modalities import pixel_digest
 from recipe_runtime.opening import compiled
+from recipe_runtime.records import label_digest
 from recipe_runtime.render.device import setup as device_module
 from recipe_runtime.store import Store
 from recipe_runtime.verify import Options, verify

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from recipe_compiler.errors import RunError
 from recipe_runtime import encode
-from recipe_runtime.harvest import Video
+from recipe_runtime.records import Video
 from recipe_runtime.report.difference import first_difference, write_difference
 from recipe_runtime.report.sheets import contact_sheet, overlay_sheet
 from recipe_runtime.shot import Shot

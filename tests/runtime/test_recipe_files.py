@@ -17,7 +17,8 @@ from recipe_runtime.assets import Assets
 from recipe_runtime.build import BuildResult, build
 from recipe_runtime.dataset import damaged_files
 from recipe_runtime.locking import lock
-from recipe_runtime.recipe_files import RecipeFiles, asset_places, recipe_differences
+from recipe_runtime.recipe_comparison import recipe_differences
+from recipe_runtime.recipe_files import RecipeFiles, asset_places
 from recipe_runtime.verdict import Report
 from recipe_runtime.verify import Options, verify, verify_files
 

@@ -20,7 +20,8 @@ from recipe_runtime import dataset as datasets
 from recipe_runtime import host, locking, reuse, verify
 from recipe_runtime.build import build
 from recipe_runtime.engines import Engines
-from recipe_runtime.locking import Known, lock
+from recipe_runtime.known_frames import Known
+from recipe_runtime.locking import lock
 from recipe_runtime.reuse import known_frames
 from recipe_runtime.verdict import Report
 from recipe_runtime.verify import Options

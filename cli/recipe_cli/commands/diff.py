@@ -56,7 +56,7 @@ def _side(path: Path, allow_large: bool) -> Side:
     from recipe_compiler import lockfile
     from recipe_runtime import dataset
     from recipe_runtime.diff import Side
-    from recipe_runtime.locking import bare
+    from recipe_runtime.digests import bare
 
     if path.is_dir():
         held = dataset.read(path)

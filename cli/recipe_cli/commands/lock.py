@@ -27,7 +27,7 @@ from recipe_cli.progress import Progress
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.lockfile import Lockfile
-    from recipe_runtime.locking import Known
+    from recipe_runtime.known_frames import Known
     from recipe_runtime.trace import Trace
 
 

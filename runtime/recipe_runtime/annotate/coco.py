@@ -17,7 +17,7 @@ from recipe_runtime import layout
 from recipe_runtime.annotate.categories import CATEGORY_IDS, category_rows
 from recipe_runtime.annotate.objects import Record
 from recipe_runtime.annotate.rows import tables
-from recipe_runtime.harvest import Video
+from recipe_runtime.records import Video
 
 Row = dict[str, Any]
 

@@ -29,7 +29,7 @@ from recipe_compiler import exact
 from recipe_compiler.plan import CameraPlan, ScenePlan, fixed
 
 from recipe_runtime.annotate.masks import masks
-from recipe_runtime.engines import Observed
+from recipe_runtime.interfaces import Observed
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.posture import of_rotation
 from recipe_runtime.trace import METRE, Trace

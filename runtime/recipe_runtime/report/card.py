@@ -11,7 +11,7 @@ from recipe_compiler.wording import count
 
 from recipe_runtime import layout
 from recipe_runtime.annotate.categories import CATEGORIES
-from recipe_runtime.harvest import Video
+from recipe_runtime.records import Video
 from recipe_runtime.report.markdown import one_line, paragraphs
 
 _DEPTH = {

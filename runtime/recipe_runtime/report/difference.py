@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from recipe_runtime import encode
+from recipe_runtime.files import host_errors, write_atomic
 from recipe_runtime.outputs import unused_names
-from recipe_runtime.store import host_errors, write_atomic
 
 _MODES = ("RGB", "L", "I;16")  # what encode.png writes
 _MOST_SIDE = 4096

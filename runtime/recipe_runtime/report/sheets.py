@@ -21,7 +21,7 @@ from recipe_compiler.errors import RunError
 from recipe_runtime import encode
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.annotate.objects import Record
-from recipe_runtime.harvest import Video
+from recipe_runtime.records import Video
 
 _GROUND = (24, 26, 31)
 _EMPTY = (33, 36, 42)

@@ -1,0 +1,115 @@
+"""Files that are written whole or not at all, and read without following links."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import itertools
+import os
+import shutil
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from recipe_compiler.errors import RunError
+
+
+def regular_file(root: Path, path: str) -> os.stat_result | None:
+    """What the file system says of a plain file within a folder; None if it is none, or a link leads to it."""
+    place, *rest = path.split("/")
+    try:
+        while rest:
+            if not stat.S_ISDIR((root / place).lstat().st_mode):
+                return None
+            place = f"{place}/{rest.pop(0)}"
+        found = (root / place).lstat()
+    except OSError:
+        return None
+    return found if stat.S_ISREG(found.st_mode) else None
+
+
+def stamp_of(found: os.stat_result) -> str:
+    """Inode and time of last change in nanoseconds: equal as long as nobody writes to a file, renames or links it.
+
+    The time is the inode's (ctime), which no program can set; a copy that keeps the other times has another one.
+    """
+    return f"{found.st_ino} {found.st_ctime_ns}"
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file, read in pieces; OSError for a link."""
+    hasher = hashlib.sha256()
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
+        while piece := file.read(1 << 20):
+            hasher.update(piece)
+    return hasher.hexdigest()
+
+
+def write_atomic(path: Path, body: bytes | bytearray | memoryview) -> None:
+    """Write a file so that its name only ever stands for the whole of it. An OSError names the file."""
+    with atomic_file(path) as file:
+        file.write(body)
+
+
+@contextmanager
+def atomic_file(path: Path) -> Iterator[BinaryIO]:
+    """A new file to write, which takes its name when the block ends, and none after an error.
+
+    An OSError names the file.
+    """
+    temporary, handle = _fresh(path)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            yield file
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def link_or_copy(source: Path, target: Path) -> None:
+    """Give a file a second name, as a hard link; a copy where the file system has none. What was there goes."""
+    temporary, handle = _fresh(target)
+    try:
+        os.close(handle)
+        temporary.unlink()  # a link is not made over a file; nobody else takes a name with our number
+        try:
+            os.link(source, temporary)
+        except OSError as error:
+            if error.errno not in _NO_LINKS:
+                raise
+            shutil.copyfile(source, temporary)
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)  # rename does nothing if both are one file already
+
+
+_NO_LINKS = (errno.EPERM, errno.EXDEV, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS, errno.EACCES)
+
+
+def _fresh(path: Path) -> tuple[Path, int]:
+    """A new file beside a path, opened for writing: nobody else's, whatever host or container they write from."""
+    for number in itertools.count():
+        temporary = path.with_name(f".{path.name}.{os.getpid()}.{number}.tmp")
+        try:
+            return temporary, os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        except FileExistsError:
+            continue
+        except FileNotFoundError:
+            path.parent.mkdir(parents=True, exist_ok=True)
+    raise AssertionError("a count has no end")
+
+
+@contextmanager
+def host_errors(what: str, remedy: str) -> Iterator[None]:
+    """Turn an OSError into a RunError that says what could not be written and what to do."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise RunError(f"{what} cannot be written: {reason}; {remedy}") from error
