@@ -21,7 +21,7 @@ from typing import Any
 
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.limits import Cost
-from recipe_runtime.store import kernel_cache
+from recipe_runtime.cache.store import kernel_cache
 
 from benchmarks.estimate_recipes import RECIPES
 

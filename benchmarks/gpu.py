@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.transforms import Array, part_transforms, sensor_transform
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.render.gpu.frame_stream import FrameBatch, FrameStream
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.trace import Trace
-from recipe_runtime.transforms import Array, part_transforms, sensor_transform
 
 _SHIFT = 0.01  # metres a frame that the moving camera goes ahead
 
@@ -89,9 +89,9 @@ def arguments() -> argparse.Namespace:
 
 def main() -> None:
     """Simulate what is needed, and measure."""
-    from recipe_runtime.engines import real_engines
-    from recipe_runtime.opening import compiled
-    from recipe_runtime.store import Store
+    from recipe_runtime.cache.store import Store
+    from recipe_runtime.frames.engines import real_engines
+    from recipe_runtime.loading import compiled
 
     options = arguments()
     dataset, store = compiled(options.recipe), Store()

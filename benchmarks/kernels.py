@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 
 from recipe_compiler.compile import compile_recipe
-from recipe_runtime.engines import real_engines
-from recipe_runtime.frames import SceneSource
+from recipe_runtime.frames.engines import real_engines
+from recipe_runtime.frames.source import SceneSource
 from recipe_runtime.render.renderer import Renderer
 
 WARM = 3  # frames: what a camera that stands still remembers is there after two

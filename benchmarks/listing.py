@@ -17,9 +17,9 @@ from typing import Any
 
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan
-from recipe_runtime.engines import real_engines
-from recipe_runtime.frames import FrameSource
-from recipe_runtime.trace import Trace
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.frames.engines import real_engines
+from recipe_runtime.frames.source import FrameSource
 
 from benchmarks.stage import write_stage
 from benchmarks.table import text_of
@@ -120,7 +120,7 @@ def cold_start(folder: Path) -> float:
     environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cold"), "RECIPE_CACHE": str(folder / "cold" / "store")}
     code = (
         "import sys, time; start = time.perf_counter(); from pathlib import Path\n"
-        "from recipe_compiler.compile import compile_recipe; from recipe_runtime.shot import shot\n"
+        "from recipe_compiler.compile import compile_recipe; from recipe_runtime.frames.shot import shot\n"
         "shot(compile_recipe(Path(sys.argv[1])).plan.variants[1], frame=0); print(time.perf_counter() - start)"
     )
     return float(run([sys.executable, "-c", code, str(RECIPE)], environment).splitlines()[-1])

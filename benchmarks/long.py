@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from recipe_runtime.store import kernel_cache
+from recipe_runtime.cache.store import kernel_cache
 
 RECIPE = Path(__file__).parent / "long.yaml"
 SMALL = "width: 64, height: 48"

@@ -20,8 +20,8 @@ from pathlib import Path
 
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.plan import DatasetPlan
-from recipe_runtime import pool
-from recipe_runtime.build import Runner, build
+from recipe_runtime.build import local
+from recipe_runtime.build.pipeline import Runner, build
 
 
 def main() -> None:
@@ -73,9 +73,9 @@ def main() -> None:
 def runner(on_ray: bool) -> Iterator[Runner]:
     """What does the shards: this host's own processes, or Ray's."""
     if not on_ray:
-        yield pool.run
+        yield local.run
         return
-    from recipe_runtime.cluster import joined
+    from recipe_runtime.build.ray import joined
 
     with joined(None) as run:
         yield run

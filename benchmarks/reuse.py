@@ -17,12 +17,12 @@ from dataclasses import replace
 import numpy as np
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.plan import ScenarioPlan
-from recipe_runtime.engines import real_engines
-from recipe_runtime.frames import SceneSource
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.frames.engines import real_engines
+from recipe_runtime.frames.source import SceneSource
 from recipe_runtime.meshes import scene_bodies
 from recipe_runtime.render.device.reuse import ALL_REUSE, NO_REUSE, TemporalReuse
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.trace import Trace
 
 from benchmarks.listing import RECIPE
 

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.plan import ScenarioPlan
+from recipe_runtime.core.trace import METRE, UNIT, Trace
+from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.meshes.mesh import Mesh
-from recipe_runtime.trace import METRE, UNIT, Trace
-from recipe_runtime.transforms import sensor_transform
 
 Corners = NDArray[np.float32]  # [3 T, 6] positions and normals, three rows a triangle
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.plan import ScenarioPlan
-from recipe_runtime.engines import real_engines
-from recipe_runtime.frames import SceneSource
+from recipe_runtime.frames.engines import real_engines
+from recipe_runtime.frames.source import SceneSource
 
 ROOT = Path(__file__).parents[1]
 RECIPE, SHEET = ROOT / "recipes" / "presets.yaml", ROOT / "docs" / "presets.jpg"

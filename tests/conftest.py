@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from recipe_runtime.store import kernel_cache
+from recipe_runtime.cache.store import kernel_cache
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,7 +1,7 @@
 """ARCHITECTURE.md's rules: imports run one way, and each engine has one door."""
 
 import pytest
-from recipe_runtime.versions import SHARED
+from recipe_runtime.core.versions import SHARED
 
 from tests.sources import PACKAGES, imports, modules
 
@@ -12,20 +12,20 @@ ABOVE = {
 }
 # What the runtime may know of the compiler: values and arithmetic, never the language.
 # Only the door through which Python opens a recipe's file may compile one.
-COMPILES = "recipe_runtime/opening.py"
+COMPILES = "recipe_runtime/loading.py"
 DOORS = {
-    "pybullet": {"recipe_runtime/bullet.py"},
+    "pybullet": {"recipe_runtime/simulation/bullet.py"},
     "warp": {"recipe_runtime/render/"},
     "click": {"recipe_cli/"},
     "yaml": {"recipe_compiler/source.py"},
     "astral": {"recipe_compiler/sun.py"},
-    "zlib_ng": {"recipe_runtime/encode.py"},
+    "zlib_ng": {"recipe_runtime/core/codecs.py"},
     "pycocotools": {"recipe_runtime/annotate/", "recipe_runtime/report/"},
     "PIL": {"recipe_compiler/assets/png.py", "recipe_runtime/report/", "recipe_runtime/webdataset.py"},
-    "fsspec": {"recipe_runtime/remote.py"},
-    "ray": {"recipe_runtime/cluster.py"},
+    "fsspec": {"recipe_runtime/transfer/upload.py"},
+    "ray": {"recipe_runtime/build/ray.py"},
     "torch": {"recipe_runtime/torch.py"},
-    "multiprocessing": {"recipe_runtime/pool.py"},
+    "multiprocessing": {"recipe_runtime/build/local.py"},
 }
 
 

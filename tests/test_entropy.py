@@ -14,11 +14,11 @@ from tests.sources import PACKAGES, imports, modules
 
 BANNED_IMPORTS = {"random", "secrets", "uuid", "datetime", "time", "socket", "getpass"}
 ALLOWED_IMPORTS = {
-    ("recipe_runtime/entropy.py", "secrets"): "the verifier's nonce, the one door to entropy",
-    ("recipe_runtime/stopwatch.py", "time"): "a stopwatch, for the terminal",
-    ("recipe_runtime/build.py", "time"): "a stopwatch, for the terminal",
-    ("recipe_runtime/cluster.py", "socket"): "whether a Ray cluster answers",
-    ("recipe_runtime/cluster.py", "time"): "how long a door that says nothing is waited at",
+    ("recipe_runtime/core/nonce.py", "secrets"): "the verifier's nonce, the one door to entropy",
+    ("recipe_runtime/core/timings.py", "time"): "a stopwatch, for the terminal",
+    ("recipe_runtime/build/pipeline.py", "time"): "a stopwatch, for the terminal",
+    ("recipe_runtime/build/ray.py", "socket"): "whether a Ray cluster answers",
+    ("recipe_runtime/build/ray.py", "time"): "how long a door that says nothing is waited at",
     ("recipe_runtime/render/device/compiled.py", "time"): "how long another process's compiling is waited for",
     ("recipe_runtime/render/device/timings.py", "time"): "a stopwatch, for the benchmark",
     ("recipe_compiler/sun.py", "datetime"): "dates and hours that a recipe names; never the clock",

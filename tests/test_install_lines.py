@@ -38,9 +38,9 @@ def test_pip_lines_name_what_there_is(path: Path) -> None:
 
 
 def test_the_libraries_of_stores_are_those_of_the_extras() -> None:
-    from recipe_runtime import remote
+    from recipe_runtime.transfer import upload
 
-    assert {f'"{library}"' for library in remote._LIBRARIES.values()} == {EXTRAS["s3"], EXTRAS["gcs"]}
+    assert {f'"{library}"' for library in upload._LIBRARIES.values()} == {EXTRAS["s3"], EXTRAS["gcs"]}
 
 
 def test_the_lint_sees_an_extra_that_is_not_there() -> None:

@@ -15,7 +15,7 @@ from recipe_cli.console import State, warn
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
-    from recipe_runtime.engines import Engines
+    from recipe_runtime.frames.engines import Engines
 
 
 class LocalPath(click.Path):
@@ -76,7 +76,7 @@ def shown(place: Path | str) -> str:
     """A path, or a URL without its password, to print."""
     if isinstance(place, Path):
         return str(place)
-    from recipe_runtime import urls
+    from recipe_runtime.core import urls
 
     return urls.shown(place)
 
@@ -87,7 +87,7 @@ def dataset_at(place: Path | str, progress: Any) -> Iterator[Path]:
     if isinstance(place, Path):
         yield place
         return
-    from recipe_runtime.fetch import fetched
+    from recipe_runtime.transfer.download import fetched
 
     with fetched(place, progress) as folder:
         yield folder
@@ -100,9 +100,9 @@ def opened(path: Path) -> Iterator[Path]:
         yield path
         return
     from recipe_compiler.compile import named_files
-    from recipe_runtime import pack
+    from recipe_runtime.transfer import bundle
 
-    with pack.unpacked(path, named_files) as recipe:
+    with bundle.unpacked(path, named_files) as recipe:
         yield recipe
 
 
@@ -142,8 +142,8 @@ def compile_quietly(
 
 def engines_for(compiled: Compiled, simulated: Callable[[int, int], None] | None = None) -> Engines:
     """The real engines, told where the recipe's assets lie; `simulated` hears of the steps of a simulation."""
-    from recipe_runtime.assets import Assets
-    from recipe_runtime.engines import real_engines
+    from recipe_runtime.core.asset_files import Assets
+    from recipe_runtime.frames.engines import real_engines
 
     return real_engines(Assets(compiled.places), simulated)
 
@@ -174,6 +174,6 @@ def worker_count(asked: int | None, device: str = "cpu") -> int:
     cores = max(1, len(os.sched_getaffinity(0)))
     if asked or device == "cpu":
         return asked or cores
-    from recipe_runtime.engines import devices
+    from recipe_runtime.frames.engines import devices
 
     return min(cores, 8 * len(devices(device)))

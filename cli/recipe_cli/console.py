@@ -56,7 +56,7 @@ def safe(text: str) -> str:
     from recipe_compiler.errors import printable
 
     if "://" in text:
-        from recipe_runtime.urls import without_secrets
+        from recipe_runtime.core.urls import without_secrets
 
         text = without_secrets(text)
     return printable(text)

@@ -141,7 +141,7 @@ def free_disk(folder: Path) -> int:
 def memory(workers: int) -> Memory:
     """What this host has of memory, for a build with so many workers."""
     from recipe_compiler.limits import Memory
-    from recipe_runtime import host_memory
+    from recipe_runtime.build import host_memory
 
     return Memory(host_memory.total(), host_memory.per_process(), workers)
 

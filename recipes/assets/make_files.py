@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler import exact
-from recipe_runtime.encode import png
+from recipe_runtime.core.codecs import png
 
 HERE = Path(__file__).parent
 Pixels = NDArray[np.uint8]

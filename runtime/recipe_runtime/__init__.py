@@ -34,7 +34,7 @@ def open(
     `disk_cache` is a folder in which rendered arrays are kept and looked for. InputError with all that is wrong with
     the recipe, or for a variant that it has not.
     """
-    from recipe_runtime.opening import opened, scenario
+    from recipe_runtime.loading import opened, scenario
 
     plan, engines = opened(recipe, allow_large)
     return scenario(plan, variant, device, disk_cache, engines)

@@ -23,15 +23,15 @@ from recipe_compiler.errors import Code, InputError
 from recipe_compiler.plan import ScenarioPlan, ScenePlan, SensorPlan
 from recipe_compiler.wording import count
 
-from recipe_runtime import encode
 from recipe_runtime.annotate.objects import Record
-from recipe_runtime.engines import Engines, devices, real_engines
-from recipe_runtime.frames import SceneSource
-from recipe_runtime.housekeeping import leased
-from recipe_runtime.interfaces import Observed
-from recipe_runtime.modalities import label_array
-from recipe_runtime.store import Store
-from recipe_runtime.versions import builder
+from recipe_runtime.cache.pruning import leased
+from recipe_runtime.cache.store import Store
+from recipe_runtime.core import codecs
+from recipe_runtime.core.interfaces import Observed
+from recipe_runtime.core.modalities import label_array
+from recipe_runtime.core.versions import builder
+from recipe_runtime.frames.engines import Engines, devices, real_engines
+from recipe_runtime.frames.source import SceneSource
 
 SCENES_KEPT = 2  # renderers in memory at once; each holds a town's triangles
 LANES = 16  # frames under way at once on a GPU
@@ -190,7 +190,7 @@ class Scenario(Sequence[Frame]):
         body = self._kept.get("pixels", key)
         if body is None:
             pixels = self._render(frame, plan, modality)
-            self._kept.put("pixels", key, encode.npy(pixels))
+            self._kept.put("pixels", key, codecs.npy(pixels))
             return pixels
         kept: NDArray[Any] = np.load(io.BytesIO(body), allow_pickle=False)
         return kept

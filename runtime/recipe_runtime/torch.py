@@ -25,7 +25,7 @@ from recipe_compiler.plan import DatasetPlan
 from torch.utils.data import Dataset
 
 from recipe_runtime.annotate.objects import Record
-from recipe_runtime.opening import opened
+from recipe_runtime.loading import opened
 from recipe_runtime.scenario import Scenario, Scenes
 
 Sample = dict[str, Any]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from recipe_runtime.encode import metres_from_carla
+from recipe_runtime.core.codecs import metres_from_carla
 
 _PICTURES = {"rgb", "instance", "semantic", "depth"}
 

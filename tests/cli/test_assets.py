@@ -71,7 +71,7 @@ def test_a_pack_brings_its_assets_along(tmp_path: Path) -> None:
 def test_a_strangers_pack_is_refused_with_the_place_of_its_asset(
     path: str, content: bytes, words: str, tmp_path: Path
 ) -> None:
-    from recipe_runtime.pack import Pack
+    from recipe_runtime.transfer.bundle import Pack
 
     text = (GOOD / "recipe.yaml").read_text().replace("files/tetrahedron.obj, up: z", path)
     files = {file.relative_to(GOOD).as_posix(): file.read_bytes() for file in sorted(GOOD.rglob("*.*"))}

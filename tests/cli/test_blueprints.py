@@ -15,8 +15,8 @@ from recipe_cli.commands.blueprints import command
 from recipe_compiler.blueprints import LIBRARY, Blueprint, specimen
 from recipe_compiler.errors import InputError, RunError
 from recipe_compiler.plan import CameraPlan
+from recipe_runtime.frames.portrait import matrices, stance
 from recipe_runtime.meshes import actor_body
-from recipe_runtime.studio import matrices, stance
 
 
 def run(*arguments: str) -> Result:

@@ -383,7 +383,7 @@ def test_diff_of_what_is_none_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_cache_is_shown_and_pruned(tmp_path: Path) -> None:
-    from recipe_runtime.store import Store
+    from recipe_runtime.cache.store import Store
 
     Store(tmp_path / "cache").put("traces", "ab" * 32, b"x" * 2000)
     places = {"RECIPE_CACHE": str(tmp_path / "cache"), "RECIPE_KERNEL_CACHE": ""}  # no user's own is pruned here

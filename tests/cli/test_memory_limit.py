@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 from recipe_cli.main import recipe as cli
 from recipe_compiler.limits import TooLargeError
-from recipe_runtime import host_memory
+from recipe_runtime.build import host_memory
 
 from tests.compiler.kitchen import small
 

@@ -13,7 +13,8 @@ from recipe_cli import places
 from recipe_cli.commands import blueprints, build, diff, lock, pack, schema, shot, verify
 from recipe_compiler import lockfile
 from recipe_compiler.errors import InputError
-from recipe_runtime import housekeeping, provenance
+from recipe_runtime.build import provenance
+from recipe_runtime.cache import pruning
 
 from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES
@@ -29,7 +30,7 @@ def recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     (tmp_path / "pyproject.toml").touch()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(housekeeping, "tidy", lambda *_: None)
+    monkeypatch.setattr(pruning, "tidy", lambda *_: None)
     for module in (build, lock, verify, shot):
         monkeypatch.setattr(module, "engines_for", lambda *_: ENGINES)
     for module in (build, lock, verify):

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 from recipe_cli.commands import build
-from recipe_runtime import pool
-from recipe_runtime.schedule import Shard
-from recipe_runtime.worker import Job
+from recipe_runtime.build import local
+from recipe_runtime.build.worker import Job
+from recipe_runtime.dataset.schedule import Shard
 
 from tests.cli.reading import problems
 from tests.cli.test_commands import RECIPE
@@ -21,21 +21,21 @@ from tests.runtime.fakes import ENGINES
 _NONE = "interrupted; no frame was finished yet; build again to start over"
 
 FRAMES = 12
-Runner = Callable[..., pool.Seconds]
+Runner = Callable[..., local.Seconds]
 
 
 def _stopping(after: int) -> Runner:
     """A runner that is interrupted when so many shards are done."""
 
-    def run(job: Job, shards: Sequence[Shard], workers: int, done: pool.Done, tick: Callable[[int], None]) -> Any:
-        pool.run(job, shards[:after], 0, done, tick)
+    def run(job: Job, shards: Sequence[Shard], workers: int, done: local.Done, tick: Callable[[int], None]) -> Any:
+        local.run(job, shards[:after], 0, done, tick)
         raise KeyboardInterrupt
 
     return run
 
 
-def _whole(job: Job, shards: Sequence[Shard], workers: int, done: pool.Done, tick: Callable[[int], None]) -> Any:
-    return pool.run(job, shards, 0, done, tick)
+def _whole(job: Job, shards: Sequence[Shard], workers: int, done: local.Done, tick: Callable[[int], None]) -> Any:
+    return local.run(job, shards, 0, done, tick)
 
 
 @pytest.fixture
@@ -82,7 +82,7 @@ def test_frames_of_another_recipe_are_not_counted(command: Callable[..., Result]
 def test_an_interrupted_copy_says_that_the_dataset_is_whole(
     command: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from recipe_runtime.remote import Target
+    from recipe_runtime.transfer.upload import Target
 
     def put(self: Target, *_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
@@ -113,7 +113,7 @@ def test_an_interrupted_repair_claims_nothing(command: Callable[..., Result], tm
 def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
     command: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from recipe_runtime import housekeeping
+    from recipe_runtime.cache import pruning
 
     command(_whole)
     picture = tmp_path / "datasets/small/weather=dry/street/rgb/000001.png"
@@ -124,7 +124,7 @@ def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(housekeeping, "tidy", tidy)
+        patch.setattr(pruning, "tidy", tidy)
         stopped = command(_whole, "--repair")
     assert problems(stopped.stderr) == ["interrupted; run it again with --repair to mend what is still damaged"]
     assert picture.read_bytes() == whole  # it was in place by then

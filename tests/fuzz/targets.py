@@ -25,14 +25,17 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.errors import InputError
 from recipe_compiler.lockfile import VariantRow
 from recipe_compiler.plan import TownPlan
-from recipe_runtime import dataset, layout, pack, traces
-from recipe_runtime.build import build
-from recipe_runtime.compare import compare_datasets, compare_locks
-from recipe_runtime.diff import Side, differences
+from recipe_runtime.annotate.records import label_digest
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core import layout
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.dataset import reader
 from recipe_runtime.meshes import actor_body, town_bodies
-from recipe_runtime.records import label_digest
-from recipe_runtime.trace import Trace
-from recipe_runtime.verify import Options, verify_files
+from recipe_runtime.transfer import bundle
+from recipe_runtime.verify import trace_bundle
+from recipe_runtime.verify.compare import compare_datasets, compare_locks
+from recipe_runtime.verify.diff import Side, differences
+from recipe_runtime.verify.verify import Options, verify_files
 
 from tests.runtime.fakes import ENGINES, dataset_plan, scene_plan, simulate
 from tests.sources import ROOT
@@ -108,7 +111,7 @@ def _lockfile(content: bytes) -> None:
 
 def _pack(content: bytes) -> None:
     with suppress(InputError):
-        pack.read(_file("fed.recipe", content))
+        bundle.read(_file("fed.recipe", content))
 
 
 def _trace(content: bytes) -> None:
@@ -118,12 +121,12 @@ def _trace(content: bytes) -> None:
 
 def _traces(content: bytes) -> None:
     with suppress(InputError):
-        traces.read(_file("fed.traces", content), {"a" * 64: "b" * 64})
+        trace_bundle.read(_file("fed.traces", content), {"a" * 64: "b" * 64})
 
 
 def _plan(content: bytes) -> None:
     with suppress(InputError):
-        dataset.plan_alone(_file("fed.json", content))
+        reader.plan_alone(_file("fed.json", content))
 
 
 @cache
@@ -136,12 +139,12 @@ def _manifest(content: bytes) -> None:
     """A manifest beside honest files; of what is accepted, all that is compared without rendering."""
     (_dataset() / layout.MANIFEST).write_bytes(content)
     with suppress(InputError):
-        _compared(dataset.read(_dataset()))
+        _compared(reader.read(_dataset()))
 
 
-def _compared(held: dataset.Dataset) -> None:
+def _compared(held: reader.Dataset) -> None:
     verify_files(held, Options(nonce=1), lambda *_: None).document()
-    dataset.text_differences(held, {})
+    reader.text_differences(held, {})
     compare_datasets(held.plan, _locked(), held.lock, held.name)
     side = Side(held.name, held.lock, held.plan, {path: row[1] for path, row in held.files.items()})
     differences(side, Side("honest", _locked(), dataset_plan(2, 1)))
@@ -149,14 +152,14 @@ def _compared(held: dataset.Dataset) -> None:
 
 @cache
 def _locked() -> lockfile.Lockfile:
-    return dataset.read(_planned()).lock
+    return reader.read(_planned()).lock
 
 
 @cache
 def _planned() -> Path:
     """A dataset of which the first variant's plan is fed."""
     made = build(dataset_plan(2, 1), _folder() / "planned", workers=0, cache=_folder() / "cache", engines=ENGINES)
-    dataset.read(made.path)
+    reader.read(made.path)
     return made.path
 
 
@@ -166,13 +169,13 @@ def _dataset_plan(content: bytes) -> None:
     name = dataset_plan(2, 1).variants[0].variant
     (_planned() / layout.plan_file(name)).write_bytes(content)
     with suppress(InputError):
-        _compared(dataset.read(_planned()))
+        _compared(reader.read(_planned()))
 
 
 def _town_plan(content: bytes) -> None:
     """A plan whose town has every kind of element; of what is accepted, the meshes are made."""
     try:
-        plan = dataset.plan_alone(_file("fed-town.json", content))
+        plan = reader.plan_alone(_file("fed-town.json", content))
     except InputError:
         return
     scene = plan.variants[0].scene
@@ -191,10 +194,10 @@ def _verified(content: bytes) -> None:
 
 
 @cache
-def _labelled() -> dataset.Dataset:
+def _labelled() -> reader.Dataset:
     """A dataset of which the first variant's first sensor is fed."""
     made = build(dataset_plan(1, 1), _folder() / "labelled", workers=0, cache=_folder() / "cache", engines=ENGINES)
-    return dataset.read(made.path)
+    return reader.read(made.path)
 
 
 def _labels(content: bytes) -> None:
@@ -210,7 +213,7 @@ def _labels(content: bytes) -> None:
     row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
     key = row.frame_key("labels"), variant.rig.sensors[0].name, "labels", 0
     vouched = replace(held, lock=replace(held.lock, frames={**held.lock.frames, key: value}))
-    dataset.text_differences(vouched, {})
+    reader.text_differences(vouched, {})
 
 
 def _labels_file() -> Path:
@@ -285,7 +288,7 @@ def _picture_rows() -> Iterator[bytes]:
 
 
 def _packs() -> Iterator[bytes]:
-    yield pack.Pack("a.yaml", {"a.yaml": b"recipe: a\n", "lockfiles/a.lock": b"x"}).dumps()
+    yield bundle.Pack("a.yaml", {"a.yaml": b"recipe: a\n", "lockfiles/a.lock": b"x"}).dumps()
 
 
 def _trace_bytes() -> Iterator[bytes]:
@@ -293,7 +296,7 @@ def _trace_bytes() -> Iterator[bytes]:
 
 
 def _traces_bytes() -> Iterator[bytes]:
-    yield traces.dumps({"a" * 64: simulate(scene_plan(2))})
+    yield trace_bundle.dumps({"a" * 64: simulate(scene_plan(2))})
 
 
 def _manifests() -> Iterator[bytes]:

@@ -6,9 +6,9 @@ import tempfile
 from pathlib import Path
 
 from recipe_compiler.compile import compile_recipe
-from recipe_runtime import doctor
-from recipe_runtime.build import build
-from recipe_runtime.locking import lock
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.verify import self_test
+from recipe_runtime.verify.locking import lock
 
 from tests.golden import renew_render
 
@@ -28,11 +28,11 @@ def main() -> None:
     """Renew the pictures' digests, the tests' lockfile, and what `recipe doctor` compares with."""
     renew_render.main()
     _lock(TINY, TINY.with_name("lockfiles") / "tiny.lock", "../tiny.yaml")
-    _lock(doctor.RECIPE, doctor.LOCK, doctor.RECIPE.name)
+    _lock(self_test.RECIPE, self_test.LOCK, self_test.RECIPE.name)
     with tempfile.TemporaryDirectory() as folder:
-        made = build(compile_recipe(doctor.RECIPE).plan, Path(folder) / "made", cache=Path(folder) / "cache")
-    rows = doctor.file_rows(made.manifest["files"])
-    doctor.FILES.write_text("".join(f"{value}  {path}\n" for path, value in rows.items()))
+        made = build(compile_recipe(self_test.RECIPE).plan, Path(folder) / "made", cache=Path(folder) / "cache")
+    rows = self_test.file_rows(made.manifest["files"])
+    self_test.FILES.write_text("".join(f"{value}  {path}\n" for path, value in rows.items()))
 
 
 if __name__ == "__main__":

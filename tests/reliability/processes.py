@@ -60,7 +60,7 @@ class Build:
         """Kill a worker, else the simulation, as soon as there is one; False if the build ends without."""
         while self.process.poll() is None:
             children = [p for p in session(self.process.pid) if p != self.process.pid]
-            workers = [p for p in children if "recipe_runtime.pool" in _command(p)] or children
+            workers = [p for p in children if "recipe_runtime.build.local" in _command(p)] or children
             if workers:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(workers[0], signal.SIGKILL)

@@ -27,9 +27,9 @@ from recipe_compiler.plan import (
     TownPlan,
     Weather,
 )
-from recipe_runtime.engines import Engines
+from recipe_runtime.core.trace import METRE, UNIT, Trace
+from recipe_runtime.frames.engines import Engines
 from recipe_runtime.meshes.mesh import Body, Mesh
-from recipe_runtime.trace import METRE, UNIT, Trace
 
 ACTORS = (("hero1", "pedestrian", 12, 1), ("hero2", "pedestrian", 12, 2), ("van", "vehicle", 15, 1))
 

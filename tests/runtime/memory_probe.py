@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 from recipe_compiler.plan import ScenePlan
-from recipe_runtime.digests import body_motions
-from recipe_runtime.frames import SceneSource
-from recipe_runtime.store import Store
-from recipe_runtime.trace import METRE, UNIT, Trace, TraceWriter, frame_bytes
-from recipe_runtime.tracks import tracks_csv
+from recipe_runtime.cache.store import Store
+from recipe_runtime.core.trace import METRE, UNIT, Trace, TraceWriter, frame_bytes
+from recipe_runtime.dataset.digests import body_motions
+from recipe_runtime.dataset.tracks import tracks_csv
+from recipe_runtime.frames.source import SceneSource
 
 from tests.runtime.fakes import ENGINES, scene_plan, sensor_plan
 

@@ -16,8 +16,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan, ScenePlan
-from recipe_runtime.trace import Trace
-from recipe_runtime.transforms import Array, part_transforms
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.transforms import Array, part_transforms
 
 _BATCH = 2500  # triangles in one visual shape; larger ones overflow PyBullet's shared memory
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from recipe_compiler.compile import compile_recipe
-from recipe_runtime.build import build
+from recipe_runtime.build.pipeline import build
 
 from tests.sources import ROOT
 

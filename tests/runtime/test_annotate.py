@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from recipe_compiler.plan import CameraPlan, Pose, fixed
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.objects import quaternion, truncation
-from recipe_runtime.frames import FrameSource
-from recipe_runtime.modalities import pixel_digest
-from recipe_runtime.records import label_digest
-from recipe_runtime.transforms import compose, from_pose, invert, part_transforms
+from recipe_runtime.annotate.records import label_digest
+from recipe_runtime.core.modalities import pixel_digest
+from recipe_runtime.core.transforms import compose, from_pose, invert, part_transforms
+from recipe_runtime.frames.source import FrameSource
 
 from tests.runtime.fakes import ENGINES, actor_bodies, dataset_plan, simulate
 

@@ -9,16 +9,16 @@ import pytest
 from numpy.typing import NDArray
 from recipe_compiler import blueprints, towns
 from recipe_compiler.plan import ActorPlan, Clock, Point, Pose, ScenePlan
-from recipe_runtime import gait, riding
-from recipe_runtime.ground import Ground
+from recipe_runtime.body import riding, walk_cycle
+from recipe_runtime.body.kinematics import STILL, about, limb, place, turned
+from recipe_runtime.body.skeleton import Bike, Figure
+from recipe_runtime.core.trace import METRE, Trace
+from recipe_runtime.core.transforms import invert, part_transforms
+from recipe_runtime.frames.portrait import matrices
 from recipe_runtime.meshes import actor_body
 from recipe_runtime.meshes.mesh import Body
-from recipe_runtime.meshes.skeleton import Bike, Figure
-from recipe_runtime.posture import STILL, about, limb, place, turned
-from recipe_runtime.simulate import simulate
-from recipe_runtime.studio import matrices
-from recipe_runtime.trace import METRE, Trace
-from recipe_runtime.transforms import invert, part_transforms
+from recipe_runtime.simulation.process import simulate
+from recipe_runtime.simulation.terrain import Ground
 
 TOWN = towns.build("downtown", 0, {"blocks": [2, 2]})
 GROUND = Ground(TOWN.plan)
@@ -201,10 +201,10 @@ def test_somebody_always_treads_the_ground(blueprint: blueprints.Blueprint) -> N
     actor = turning("vehicle.sedan.a", "left").model_copy(update={"shape": blueprint.shape, "category": "pedestrian"})
     body = actor_body(actor)
     for n in range(12):
-        turns = gait.pose(figure, n / 12, speed)
-        base = (0.0, 0.0, -gait.tread(figure, turns))
+        turns = walk_cycle.pose(figure, n / 12, speed)
+        base = (0.0, 0.0, -walk_cycle.tread(figure, turns))
         assert abs(lowest(body, matrices(place((base, STILL), figure.joints, turns)))) < 0.005
-        assert base[2] == pytest.approx(-gait.sink(figure, n / 12, speed), abs=0.012)  # where the engine has it
+        assert base[2] == pytest.approx(-walk_cycle.sink(figure, n / 12, speed), abs=0.012)  # where the engine has it
 
 
 @cache
@@ -258,23 +258,23 @@ def test_a_planted_foot_goes_back_as_fast_as_the_body_goes_on(blueprint: bluepri
     figure, speed = Figure.of(blueprint.shape), blueprint.default_speed
     at = []
     for phase in (0.15, 0.18, 0.21):
-        low = gait.sink(figure, phase, speed)
-        parts = place(((0.0, 0.0, -low), STILL), figure.joints, gait.pose(figure, phase, speed))
+        low = walk_cycle.sink(figure, phase, speed)
+        parts = place(((0.0, 0.0, -low), STILL), figure.joints, walk_cycle.pose(figure, phase, speed))
         names = ["pelvis", *(joint.part for joint in figure.joints)]
         at.append(parts[names.index("foot_left")][0])
-    assert np.diff([x for x, _, _ in at]) == pytest.approx([-0.03 * gait.stride(figure, speed)] * 2, abs=1e-3)
+    assert np.diff([x for x, _, _ in at]) == pytest.approx([-0.03 * walk_cycle.stride(figure, speed)] * 2, abs=1e-3)
     assert [z for _, _, z in at] == pytest.approx([figure.ankle] * 3, abs=2e-3)
 
 
 def test_children_step_quicker() -> None:
     adult, child = (Figure.of(blueprints.match(f"walker.pedestrian.{n}")[0].shape) for n in ("0001", "0013"))
-    assert 1.2 / gait.stride(child, 1.2) > 1.25 * 1.2 / gait.stride(adult, 1.2)
+    assert 1.2 / walk_cycle.stride(child, 1.2) > 1.25 * 1.2 / walk_cycle.stride(adult, 1.2)
 
 
 def test_arms_swing_against_the_legs() -> None:
     figure = Figure.of(PEOPLE[0].shape)
     names = [joint.part for joint in figure.joints]
-    turns = gait.pose(figure, 0.0, 1.4)  # the left heel strikes
+    turns = walk_cycle.pose(figure, 0.0, 1.4)  # the left heel strikes
     thigh, arm = turns[names.index("thigh_left")], turns[names.index("upper_arm_left")]
     assert turned(thigh, (0.0, 0.0, -1.0))[0] > 0.2  # the left leg is in front, the left arm behind
     assert turned(arm, (0.0, 0.0, -1.0))[0] < -0.2

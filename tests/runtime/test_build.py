@@ -20,13 +20,15 @@ import pytest
 from PIL import Image
 from recipe_compiler.errors import InputError, RunError
 from recipe_compiler.plan import DatasetPlan, RigPlan
-from recipe_runtime import build as build_module
-from recipe_runtime import encode, files, locking, worker
-from recipe_runtime import store as store_module
-from recipe_runtime.build import BuildResult, build
-from recipe_runtime.engines import Engines
-from recipe_runtime.frames import FrameSource
-from recipe_runtime.modalities import pixel_digest
+from recipe_runtime.build import pipeline as build_module
+from recipe_runtime.build import worker
+from recipe_runtime.build.pipeline import BuildResult, build
+from recipe_runtime.cache import store as store_module
+from recipe_runtime.core import codecs, files
+from recipe_runtime.core.modalities import pixel_digest
+from recipe_runtime.frames.engines import Engines
+from recipe_runtime.frames.source import FrameSource
+from recipe_runtime.verify import locking
 
 from tests.runtime.fakes import BROKEN, DYING, ENGINES, NOTED, UNLOADABLE, dataset_plan, sensor_plan, simulate, tree
 
@@ -72,7 +74,7 @@ def test_files_hold_the_frames_that_are_rendered_alone(made: BuildResult) -> Non
             folder = made.path / variant.variant / "street"
             for modality, array in arrays.items():
                 stored = np.asarray(Image.open(folder / modality / f"{number:06d}.png"))
-                shown = encode.carla_depth(array) if modality == "depth" else array
+                shown = codecs.carla_depth(array) if modality == "depth" else array
                 assert np.array_equal(stored, shown)
                 assert frames["street"][modality][number] == pixel_digest(modality, array)
 

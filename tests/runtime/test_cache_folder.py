@@ -9,13 +9,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.errors import InputError
-from recipe_runtime import cache_folder, housekeeping
-from recipe_runtime.build import build
-from recipe_runtime.cache_folder import claim, contents, is_marked, recognised
-from recipe_runtime.housekeeping import entries, prune, tidy
-from recipe_runtime.leases import in_use_since, lease
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.cache import cache_folder, pruning
+from recipe_runtime.cache.cache_folder import claim, contents, is_marked, recognised
+from recipe_runtime.cache.leases import in_use_since, lease
+from recipe_runtime.cache.pruning import entries, prune, tidy
+from recipe_runtime.cache.store import Store
 from recipe_runtime.render.device import setup
-from recipe_runtime.store import Store
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
 
@@ -198,7 +198,7 @@ def test_a_link_that_takes_a_folders_place_meanwhile_is_not_followed(
     folder = (root / path).parent
     folder.rename(tmp_path / "aside")
     folder.symlink_to(outside)
-    monkeypatch.setattr(housekeeping, "entries", lambda roots: listed)
+    monkeypatch.setattr(pruning, "entries", lambda roots: listed)
     prune([root], 0)
     assert tree(outside) == {Path(path).name: b"theirs"}
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 from recipe_compiler.errors import RunError
-from recipe_runtime import workspace
-from recipe_runtime.build import BuildResult, build
+from recipe_runtime.build import workspace
+from recipe_runtime.build.pipeline import BuildResult, build
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
 

@@ -14,14 +14,14 @@ from typing import Any
 
 import pytest
 from recipe_compiler.errors import InputError, RunError
-from recipe_runtime.build import build
-from recipe_runtime.cluster import Hand, Luggage
-from recipe_runtime.engines import Engines
-from recipe_runtime.opening import compiled, opened
-from recipe_runtime.records import FrameRecord
-from recipe_runtime.schedule import all_shards
-from recipe_runtime.versions import renderer
-from recipe_runtime.worker import Job, Worker
+from recipe_runtime.annotate.records import FrameRecord
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.ray import Hand, Luggage
+from recipe_runtime.build.worker import Job, Worker
+from recipe_runtime.core.versions import renderer
+from recipe_runtime.dataset.schedule import all_shards
+from recipe_runtime.frames.engines import Engines
+from recipe_runtime.loading import compiled, opened
 
 from tests.runtime.fakes import BROKEN, DYING, ENGINES, SLOW, Renderer, actor_bodies, dataset_plan, simulate, tree
 from tests.sources import ROOT
@@ -50,7 +50,7 @@ def cluster() -> Iterator[Any]:
 
 
 def _build(folder: Path, cluster: Any, engines: Any = ENGINES, plan: Any = None, **more: Any) -> Any:
-    from recipe_runtime.cluster import joined
+    from recipe_runtime.build.ray import joined
 
     plan = plan or dataset_plan()
     with joined(cluster.address) as run:
@@ -182,7 +182,7 @@ def test_a_shard_that_takes_every_worker_with_it_is_named(cluster: Any, tmp_path
 
 
 def test_no_cluster_is_an_error_in_a_line(tmp_path: Path) -> None:
-    from recipe_runtime.cluster import joined
+    from recipe_runtime.build.ray import joined
 
     with pytest.raises(InputError) as caught, joined("127.0.0.1:1"):
         pass
@@ -190,7 +190,7 @@ def test_no_cluster_is_an_error_in_a_line(tmp_path: Path) -> None:
 
 
 def test_a_port_that_is_no_clusters_is_an_error_in_a_line_and_soon() -> None:
-    from recipe_runtime.cluster import joined
+    from recipe_runtime.build.ray import joined
 
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address, start = f"127.0.0.1:{silent.getsockname()[1]}", time.monotonic()

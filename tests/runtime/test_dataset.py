@@ -14,12 +14,12 @@ import pytest
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.errors import InputError
 from recipe_compiler.plan import SensorPlan
-from recipe_runtime import dataset as datasets
-from recipe_runtime.admission import check_bounds
 from recipe_runtime.annotate.mots import runs_fill
-from recipe_runtime.build import build
-from recipe_runtime.layout import expected_files
-from recipe_runtime.manifest import is_whole
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core.layout import expected_files
+from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.dataset.limits import check_bounds
+from recipe_runtime.dataset.manifest import is_whole
 
 from tests.runtime import fakes
 from tests.sources import ROOT

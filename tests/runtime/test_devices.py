@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 from recipe_compiler.errors import InputError
 from recipe_compiler.lockfile import read
-from recipe_runtime.engines import devices, real_engines
-from recipe_runtime.frames import FrameSource, SceneSource
-from recipe_runtime.modalities import pixel_digest
-from recipe_runtime.opening import compiled
-from recipe_runtime.records import label_digest
+from recipe_runtime.annotate.records import label_digest
+from recipe_runtime.build.worker import Job, Worker
+from recipe_runtime.cache.store import Store
+from recipe_runtime.core.modalities import pixel_digest
+from recipe_runtime.frames.engines import devices, real_engines
+from recipe_runtime.frames.source import FrameSource, SceneSource
+from recipe_runtime.loading import compiled
 from recipe_runtime.render.device import setup as device_module
-from recipe_runtime.store import Store
-from recipe_runtime.verify import Options, verify
-from recipe_runtime.worker import Job, Worker
+from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 from tests.sources import ROOT

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from recipe_compiler.lockfile import Lockfile, read
 from recipe_compiler.plan import DatasetPlan
-from recipe_runtime.diff import Finding, Side, differences, left_out, walk
-from recipe_runtime.digests import bare
-from recipe_runtime.locking import lock
+from recipe_runtime.dataset.digests import bare
+from recipe_runtime.verify.diff import Finding, Side, differences, left_out, walk
+from recipe_runtime.verify.locking import lock
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 

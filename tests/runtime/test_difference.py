@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image
 from recipe_compiler.errors import RunError
-from recipe_runtime import encode
-from recipe_runtime.records import Video
+from recipe_runtime.annotate.records import Video
+from recipe_runtime.core import codecs
+from recipe_runtime.frames.shot import Shot
+from recipe_runtime.report.contact_sheets import contact_sheet, overlay_sheet
 from recipe_runtime.report.difference import first_difference, write_difference
-from recipe_runtime.report.sheets import contact_sheet, overlay_sheet
-from recipe_runtime.shot import Shot
 
 from tests.runtime.fakes import sensor_plan
 
@@ -43,15 +43,15 @@ def npy(array: np.ndarray) -> bytes:
 
 
 STRANGE = {
-    "smaller.png": encode.png(PIXELS[:5]),
-    "grey.png": encode.png(PIXELS[..., 0]),
-    "sixteen.png": encode.png(PIXELS[..., 0].astype(np.uint16)),
+    "smaller.png": codecs.png(PIXELS[:5]),
+    "grey.png": codecs.png(PIXELS[..., 0]),
+    "sixteen.png": codecs.png(PIXELS[..., 0].astype(np.uint16)),
     "alpha.png": png(Image.fromarray(PIXELS).convert("RGBA")),
     "palette.png": png(Image.fromarray(PIXELS).convert("P")),
     "one_bit.png": png(Image.fromarray(PIXELS).convert("1")),
     "large.png": bomb(12_000, 9_000),
     "larger.png": bomb(200_000, 100_000),
-    "cut.png": encode.png(PIXELS)[:60],
+    "cut.png": codecs.png(PIXELS)[:60],
     "empty.png": b"",
     "text.png": b"no picture",
     "bytes.npy": npy(PIXELS),
@@ -66,7 +66,7 @@ STRANGE = {
 def test_another_size_or_kind_is_no_number_and_no_traceback(tmp_path: Path, name: str, modality: str) -> None:
     there, ours = tmp_path / name, tmp_path / "ours.png"
     there.write_bytes(STRANGE[name])
-    ours.write_bytes(encode.png(PIXELS))
+    ours.write_bytes(codecs.png(PIXELS))
     assert first_difference(ours, there) is None
     pixels = PIXELS if modality == "rgb" else np.ones((6, 8), np.float32)
     (written,) = write_difference(tmp_path / "out" / "x", Shot("street", 0, modality, pixels), there)
@@ -75,7 +75,7 @@ def test_another_size_or_kind_is_no_number_and_no_traceback(tmp_path: Path, name
 
 def test_links_and_folders_are_not_read(tmp_path: Path) -> None:
     ours = tmp_path / "ours.png"
-    ours.write_bytes(encode.png(PIXELS))
+    ours.write_bytes(codecs.png(PIXELS))
     (tmp_path / "link.png").symlink_to(ours)
     (tmp_path / "folder.png").mkdir()
     for name in ("link.png", "folder.png", "missing.png"):
@@ -101,7 +101,7 @@ def test_a_folder_that_cannot_be_written_is_an_error_that_says_so(tmp_path: Path
 
 def test_a_picture_that_cannot_be_read_back_is_no_traceback(tmp_path: Path) -> None:
     broken = tmp_path / "000000.png"
-    broken.write_bytes(encode.png(PIXELS)[:60])
+    broken.write_bytes(codecs.png(PIXELS)[:60])
     video = Video("a", sensor_plan(), 10, ({"frame": 0, "objects": [], "digests": {"labels": ""}},))
     for sheet in (contact_sheet, overlay_sheet):
         with pytest.raises(RunError, match=r"000000.png was written and cannot be read back"):

@@ -16,9 +16,9 @@ from recipe_cli.commands.doctor import command
 from recipe_compiler import lockfile
 from recipe_compiler.errors import RunError
 from recipe_compiler.lockfile import Lockfile
-from recipe_runtime import doctor
-from recipe_runtime.build import build
-from recipe_runtime.locking import lock
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.verify import self_test
+from recipe_runtime.verify.locking import lock
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 
@@ -34,15 +34,15 @@ def golden(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Golden digests of the light engines, in place of those that ship."""
     made = build(PLAN, tmp_path / "made", workers=0, cache=tmp_path / "cache", engines=ENGINES)
     lock(PLAN, "x.yaml", {"x.yaml": "aa"}, workers=0, progress=quiet, engines=ENGINES).write(tmp_path / "golden.lock")
-    rows = doctor.file_rows(made.manifest["files"])
+    rows = self_test.file_rows(made.manifest["files"])
     (tmp_path / "golden.files").write_text("".join(f"{v}  {p}\n" for p, v in rows.items()))
-    monkeypatch.setattr(doctor, "LOCK", tmp_path / "golden.lock")
-    monkeypatch.setattr(doctor, "FILES", tmp_path / "golden.files")
+    monkeypatch.setattr(self_test, "LOCK", tmp_path / "golden.lock")
+    monkeypatch.setattr(self_test, "FILES", tmp_path / "golden.files")
     return tmp_path
 
 
 def _states() -> dict[str, str]:
-    return {check.stage: check.state for check in doctor.self_test(PLAN, quiet, engines=ENGINES)}
+    return {check.stage: check.state for check in self_test.self_test(PLAN, quiet, engines=ENGINES)}
 
 
 def _frame(modality: str) -> Callable[[Lockfile], dict[str, Any]]:
@@ -71,7 +71,7 @@ def test_the_first_stage_that_differs_is_named(golden: Path, stage: str) -> None
     held = lockfile.read(golden / "golden.lock")
     replace(held, **CHANGES[stage](held)).write(golden / "golden.lock")
     states = _states()
-    order = list(doctor.STAGES)
+    order = list(self_test.STAGES)
     at = order.index(stage)
     assert [states[s] for s in order[:at]] == ["equal"] * at
     assert states[stage] == "differs"
@@ -90,7 +90,7 @@ def test_another_tool_is_a_reason_and_no_promise(golden: Path) -> None:
     held = lockfile.read(golden / "golden.lock")
     changed = replace(held, **CHANGES["shading"](held), tools={**held.tools, "warp-lang": "0.1"})
     changed.write(golden / "golden.lock")
-    found = doctor.Examination({}, doctor.self_test(PLAN, quiet, engines=ENGINES))
+    found = self_test.Examination({}, self_test.self_test(PLAN, quiet, engines=ENGINES))
     assert found.healthy
     assert found.tiers["A"].startswith("not promised here: ")
     assert "warp-lang 0.1" in found.tiers["A"]
@@ -100,9 +100,9 @@ def test_a_host_that_cannot_is_told_why(golden: Path) -> None:
     def barred(scene: Any) -> Any:
         raise RunError("there is no PyBullet here")
 
-    checks = doctor.self_test(PLAN, quiet, engines=replace(ENGINES, simulate=barred))
+    checks = self_test.self_test(PLAN, quiet, engines=replace(ENGINES, simulate=barred))
     assert {(c.state, c.reason) for c in checks} == {("not reached", "there is no PyBullet here")}
-    found = doctor.Examination({}, checks)
+    found = self_test.Examination({}, checks)
     assert (found.tiers["A"], found.healthy) == ("no", False)
 
 
@@ -112,9 +112,9 @@ def test_the_exit_code_is_1_where_tier_a_is_denied(
     monkeypatch: pytest.MonkeyPatch, options: list[str], state: Any, code: int
 ) -> None:
     """A host without PyBullet was told `tier A: no`, and the command's exit code was 0."""
-    host = doctor.fingerprint([])
-    found = doctor.Examination(host, [doctor.Check(stage, state, "a reason") for stage in doctor.STAGES])
-    monkeypatch.setattr(doctor, "examine", lambda progress: found)
+    host = self_test.fingerprint([])
+    found = self_test.Examination(host, [self_test.Check(stage, state, "a reason") for stage in self_test.STAGES])
+    monkeypatch.setattr(self_test, "examine", lambda progress: found)
     told = CliRunner().invoke(command, options)
     assert told.exit_code == code, told.output
     denied = '"A": "no"' if options else "tier A: no\n"
@@ -122,12 +122,12 @@ def test_the_exit_code_is_1_where_tier_a_is_denied(
 
 
 def test_the_fingerprint_names_no_host_user_or_place() -> None:
-    told = json.dumps(doctor.fingerprint(["cuda:0"]))
+    told = json.dumps(self_test.fingerprint(["cuda:0"]))
     for private in (socket.gethostname(), str(Path.home()), str(Path.cwd()), os.environ.get("USER", "\0")):
         assert len(private) < 3 or private not in told
 
 
 def test_this_host_makes_the_bytes_that_ship() -> None:
-    found = doctor.examine(quiet, gpus=[])
-    assert [(c.stage, c.state, c.reason) for c in found.checks] == [(s, "equal", "") for s in doctor.STAGES]
+    found = self_test.examine(quiet, gpus=[])
+    assert [(c.stage, c.state, c.reason) for c in found.checks] == [(s, "equal", "") for s in self_test.STAGES]
     assert found.tiers == {"A": "yes", "B": "no CUDA GPU here"}

@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 from PIL import Image
-from recipe_runtime import encode
+from recipe_runtime.core import codecs
 
 PINNED = ["ba7a692cf63fa9e2", "066bee1204be7dbd", "ae32eceb1716bb0d", "d49ceadc736ad0cc", "8a838b024e55f0c0"]
 
@@ -29,7 +29,7 @@ def noisy(shape: tuple[int, ...], top: int, dtype: type) -> np.ndarray:
     ],
 )
 def test_pillow_reads_what_was_written(pixels: np.ndarray, mode: str) -> None:
-    picture = Image.open(io.BytesIO(encode.png(pixels)))
+    picture = Image.open(io.BytesIO(codecs.png(pixels)))
     picture.load()
     assert picture.mode == mode
     assert np.array_equal(np.asarray(picture), pixels)
@@ -39,15 +39,15 @@ def ramp(height: int, width: int) -> np.ndarray:
     """Depth as of a plane that is walked away upon, with a wall on it."""
     rows = np.arange(height)[::-1, None] * 0.37 + np.arange(width) * 0.011 + 2.0
     rows[height // 4 : height // 2, width // 3 :] = 7.5
-    return encode.carla_depth(rows.astype(np.float32))
+    return codecs.carla_depth(rows.astype(np.float32))
 
 
 def digests() -> list[str]:
     """Of files of every kind."""
     labels, wide = noisy((480, 640), 28, np.uint8), noisy((48, 64), 15999, np.uint16)
     labels[:, 40:600] //= 8
-    files = [encode.photograph(noisy((480, 640, 3), 90, np.uint8)), encode.png(ramp(480, 640))]
-    files += [encode.png(labels), encode.png(wide), encode.png(labels, level=6)]
+    files = [codecs.photograph(noisy((480, 640, 3), 90, np.uint8)), codecs.png(ramp(480, 640))]
+    files += [codecs.png(labels), codecs.png(wide), codecs.png(labels, level=6)]
     return [hashlib.sha256(file).hexdigest()[:16] for file in files]
 
 
@@ -59,7 +59,7 @@ def test_png_bytes_are_pinned() -> None:
 @pytest.mark.parametrize("shape", [(7, 5, 3), (1, 1, 3), (480, 640, 3)])
 def test_pillow_reads_a_photograph(shape: tuple[int, ...]) -> None:
     pixels = noisy(shape, 255, np.uint8)
-    picture = Image.open(io.BytesIO(encode.photograph(pixels)))
+    picture = Image.open(io.BytesIO(codecs.photograph(pixels)))
     picture.load()
     assert picture.mode == "RGB"
     assert np.array_equal(np.asarray(picture), pixels)
@@ -67,34 +67,34 @@ def test_pillow_reads_a_photograph(shape: tuple[int, ...]) -> None:
 
 def test_a_photograph_of_noise_is_smaller_than_the_search_for_repeats_makes_it() -> None:
     steps = noisy((480, 640, 3), 15, np.uint8).cumsum(axis=1, dtype=np.uint8)
-    assert len(encode.photograph(steps)) < len(encode.png(steps))
+    assert len(codecs.photograph(steps)) < len(codecs.png(steps))
 
 
 @pytest.mark.parametrize("pixels", [np.zeros((4, 4), np.uint8), np.zeros((4, 4, 3), np.uint16)])
 def test_no_photograph_of_labels(pixels: np.ndarray) -> None:
     with pytest.raises(ValueError, match="no photograph"):
-        encode.photograph(pixels)
+        codecs.photograph(pixels)
 
 
 def test_no_png_of_what_has_no_form() -> None:
     with pytest.raises(ValueError, match="float32"):
-        encode.png(np.zeros((4, 4), np.float32))
+        codecs.png(np.zeros((4, 4), np.float32))
 
 
 def test_carla_depth_is_carlas_formula_and_keeps_its_precision() -> None:
     metres = np.array([[0.0, 1e-4, 0.1, 1.0, 123.456, 999.99997, 1000.0, 5000.0, np.inf]], np.float32)
-    pixels = encode.carla_depth(metres)
+    pixels = codecs.carla_depth(metres)
     r, g, b = (pixels[..., n].astype(np.float64) for n in range(3))
     carla = 1000.0 * (r + g * 256 + b * 256 * 256) / (256**3 - 1)
     clipped = np.minimum(metres.astype(np.float64), 1000.0)
     assert np.abs(carla - clipped).max() <= 0.5 * 1000.0 / (256**3 - 1) * (1 + 1e-9)
-    assert np.array_equal(encode.metres_from_carla(pixels), carla)
+    assert np.array_equal(codecs.metres_from_carla(pixels), carla)
     assert pixels[0, 6].tolist() == [255, 255, 255]
 
 
 @pytest.mark.parametrize("array", [np.arange(6, dtype=np.float32).reshape(2, 3), np.zeros(3, ">u2")])
 def test_numpy_reads_npy(array: np.ndarray) -> None:
-    data = encode.npy(array)
+    data = codecs.npy(array)
     assert data.index(b"\n") % 64 == 63
     loaded = np.load(io.BytesIO(data))
     assert loaded.dtype == array.dtype.newbyteorder("<")

@@ -15,9 +15,10 @@ import pytest
 import webdataset
 from PIL import Image
 from recipe_compiler.errors import InputError, RunError
-from recipe_runtime import export, layout
-from recipe_runtime.build import build
-from recipe_runtime.dataset import Dataset, read
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core import layout
+from recipe_runtime.dataset.reader import Dataset, read
+from recipe_runtime.transfer import shards
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 
@@ -31,16 +32,16 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 def exported(dataset: Dataset, out: Path, shard_bytes: int = SMALL) -> list[Path]:
-    index = export.webdataset(dataset, out, lambda *_: None, shard_bytes)
+    index = shards.webdataset(dataset, out, lambda *_: None, shard_bytes)
     return [out / row["file"] for row in index["shards"]]
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:unclosed:ResourceWarning")
 def test_webdataset_reads_every_frame(built: Dataset, tmp_path: Path) -> None:
     """By the library's own pipeline: keys, pictures decoded by Pillow, and the records of every frame, in order."""
-    shards = exported(built, tmp_path / "out")
-    assert len(shards) > 3
-    samples = list(webdataset.WebDataset([str(p) for p in shards], shardshuffle=False).decode("rgb8"))
+    made = exported(built, tmp_path / "out")
+    assert len(made) > 3
+    samples = list(webdataset.WebDataset([str(p) for p in made], shardshuffle=False).decode("rgb8"))
     gc.collect()  # the library leaves shards open; that is its warning, and no other test's
     wanted = [
         (variant, sensor, frame)
@@ -104,7 +105,7 @@ def test_two_exports_at_once_and_a_folder_in_the_way(built: Dataset, tmp_path: P
             with pytest.raises(RunError, match="another export is writing"):
                 exported(built, tmp_path / "out")
 
-    export.webdataset(built, tmp_path / "out", meet, SMALL)
+    shards.webdataset(built, tmp_path / "out", meet, SMALL)
     assert met and not list(tmp_path.glob(".out*"))
     (tmp_path / ".other.export").mkdir()
     (tmp_path / ".other.export" / "thesis.tex").write_text("precious")
@@ -117,14 +118,14 @@ def test_equal_datasets_give_equal_shards(built: Dataset, tmp_path: Path) -> Non
     shutil.copytree(built.root, copy)
     one, other = exported(built, tmp_path / "one"), exported(read(copy), tmp_path / "other")
     assert [p.read_bytes() for p in one] == [p.read_bytes() for p in other]
-    index = json.loads((tmp_path / "one" / export.INDEX).read_text())
+    index = json.loads((tmp_path / "one" / shards.INDEX).read_text())
     assert index["dataset"] == built.lock.identity
     assert [r["sha256"] for r in index["shards"]] == [hashlib.sha256(p.read_bytes()).hexdigest() for p in one]
 
 
 def test_what_is_there_already_is_left_alone(built: Dataset, tmp_path: Path) -> None:
-    shards = exported(built, tmp_path / "out")
-    times = [p.stat().st_mtime_ns for p in shards]
+    made = exported(built, tmp_path / "out")
+    times = [p.stat().st_mtime_ns for p in made]
     assert [p.stat().st_mtime_ns for p in exported(built, tmp_path / "out")] == times
     with pytest.raises(InputError, match="is there already, and is another export"):
         exported(built, tmp_path / "out", SMALL * 2)

@@ -15,14 +15,15 @@ import pytest
 import recipe_runtime
 from fsspec.spec import AbstractFileSystem
 from recipe_compiler.errors import InputError, RunError
-from recipe_runtime import fetch, manifest_reader, remote
-from recipe_runtime.build import build
-from recipe_runtime.dataset import read
-from recipe_runtime.fetch import fetched
-from recipe_runtime.remote import Target
-from recipe_runtime.urls import without_secrets
-from recipe_runtime.verdict import Report
-from recipe_runtime.verify import Options, verify, verify_files
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core.urls import without_secrets
+from recipe_runtime.dataset import manifest_reader
+from recipe_runtime.dataset.reader import read
+from recipe_runtime.transfer import download, upload
+from recipe_runtime.transfer.download import fetched
+from recipe_runtime.transfer.upload import Target
+from recipe_runtime.verify.verdict import Report
+from recipe_runtime.verify.verify import Options, verify, verify_files
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
 
@@ -197,7 +198,7 @@ def test_a_manifest_of_something_else_is_refused(store: dict[str, Any]) -> None:
 
 
 def test_what_does_not_fit_on_the_disk_is_not_fetched(store: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fetch.shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10, 9, 1))  # type: ignore[attr-defined]
+    monkeypatch.setattr(download.shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10, 9, 1))  # type: ignore[attr-defined]
     with pytest.raises(RunError, match=r"its files take .* MiB, and .* has 0\.0 MiB left; set TMPDIR"):
         integrity(URL)
 
@@ -234,7 +235,7 @@ class Hostile(AbstractFileSystem):  # type: ignore[misc]
 @pytest.fixture
 def hostile(monkeypatch: pytest.MonkeyPatch) -> type[Hostile]:
     fsspec.register_implementation("hostile", Hostile, clobber=True)
-    monkeypatch.setattr(remote, "SCHEMES", (*remote.SCHEMES, "hostile"))
+    monkeypatch.setattr(upload, "SCHEMES", (*upload.SCHEMES, "hostile"))
     monkeypatch.setattr(Endless, "read_so_far", 0)
     return Hostile
 
@@ -256,7 +257,7 @@ def test_a_file_without_an_end_is_read_as_far_as_the_manifest_says(
 
 def test_a_manifest_without_an_end_is_refused(hostile: type[Hostile], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hostile, "manifest", None)
-    for module in (fetch, manifest_reader):
+    for module in (download, manifest_reader):
         monkeypatch.setattr(module, "MAX_BYTES", 5_000_000)
     with pytest.raises(InputError, match=r"has 5,000,001 bytes, and at most 5,000,000 are read"):
         integrity("hostile://x/y")

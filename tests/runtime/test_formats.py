@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from pycocotools.coco import COCO
 from recipe_runtime.annotate.validate import problems
-from recipe_runtime.build import build
+from recipe_runtime.build.pipeline import build
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 

@@ -7,7 +7,7 @@ import resource
 from pathlib import Path
 
 import pytest
-from recipe_runtime import host_memory
+from recipe_runtime.build import host_memory
 
 MACHINE = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 

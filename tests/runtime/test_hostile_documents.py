@@ -19,11 +19,11 @@ from hypothesis import strategies as st
 from recipe_compiler import lockfile, towns
 from recipe_compiler.errors import InputError
 from recipe_compiler.plan import ScenarioPlan, TownPlan
-from recipe_runtime import dataset as datasets
-from recipe_runtime.build import build
-from recipe_runtime.pack import Pack, unpacked
-from recipe_runtime.plan_reader import PlanReader
-from recipe_runtime.verify import Options, verify_files
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.dataset.plan_reader import PlanReader
+from recipe_runtime.transfer.bundle import Pack, unpacked
+from recipe_runtime.verify.verify import Options, verify_files
 
 from tests.runtime import fakes
 from tests.sources import ROOT

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 from recipe_compiler.errors import InputError
-from recipe_runtime import housekeeping
-from recipe_runtime.build import build
-from recipe_runtime.cache_folder import claim
-from recipe_runtime.housekeeping import bytes_of, entries, prune, sizes, tidy
-from recipe_runtime.leases import in_use_since, lease
-from recipe_runtime.store import Store
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.cache import pruning
+from recipe_runtime.cache.cache_folder import claim
+from recipe_runtime.cache.leases import in_use_since, lease
+from recipe_runtime.cache.pruning import bytes_of, entries, prune, sizes, tidy
+from recipe_runtime.cache.store import Store
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 
@@ -103,7 +103,7 @@ def test_what_a_running_build_has_read_is_not_tidied_away(tmp_path: Path) -> Non
 
 
 def test_a_lease_ends_with_its_process_and_the_oldest_counts(tmp_path: Path) -> None:
-    hold = "import sys; from pathlib import Path; from recipe_runtime.leases import lease\n"
+    hold = "import sys; from pathlib import Path; from recipe_runtime.cache.leases import lease\n"
     hold += f"with lease(Path({str(tmp_path)!r})): print(flush=True); sys.stdin.read()"
     other = subprocess.Popen([sys.executable, "-c", hold], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert other.stdin is not None and other.stdout is not None
@@ -124,7 +124,7 @@ def test_an_entry_that_is_read_meanwhile_stays(tmp_path: Path, monkeypatch: pyte
     store = _filled(tmp_path)
     stale = entries([tmp_path])
     with lease(tmp_path):
-        monkeypatch.setattr(housekeeping, "entries", lambda roots: stale)
+        monkeypatch.setattr(pruning, "entries", lambda roots: stale)
         assert store.get("traces", "aa" * 32) is not None  # after the listing
         tidy([tmp_path], 0)
         assert store.get("traces", "aa" * 32) is not None

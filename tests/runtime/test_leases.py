@@ -14,13 +14,13 @@ from typing import Any
 
 import pytest
 from recipe_compiler.plan import DatasetPlan
-from recipe_runtime import housekeeping
-from recipe_runtime.engines import Engines
-from recipe_runtime.locking import lock
+from recipe_runtime.cache import pruning
+from recipe_runtime.cache.store import default_cache
+from recipe_runtime.frames.engines import Engines
+from recipe_runtime.frames.shot import shot
 from recipe_runtime.scenario import Scenario, Scenes
-from recipe_runtime.shot import shot
-from recipe_runtime.store import default_cache
-from recipe_runtime.verify import Options, verify
+from recipe_runtime.verify.locking import lock
+from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 from tests.sources import ROOT
@@ -37,7 +37,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def held() -> bool:
     """Whether a pruning would spare what is read now, in every folder that things are kept in."""
-    since = [housekeeping.in_use([root]) for root in housekeeping.folders()]
+    since = [pruning.in_use([root]) for root in pruning.folders()]
     assert len(since) == 2
     return max(since) < float("inf")
 
@@ -78,8 +78,8 @@ def test_a_scenario_holds_the_cache_until_it_is_closed_or_collected() -> None:
     assert not held()  # nothing was read yet
     street.render(0)
     assert held()
-    trace = [e.path for e in housekeeping.entries(housekeeping.folders()) if e.kind == "traces"]
-    assert trace and housekeeping.tidy(housekeeping.folders(), 0) == []
+    trace = [e.path for e in pruning.entries(pruning.folders()) if e.kind == "traces"]
+    assert trace and pruning.tidy(pruning.folders(), 0) == []
     street.close()
     assert not held()
     street.render(1)  # goes on all the same
@@ -141,5 +141,5 @@ def test_the_end_of_the_process_gives_it_back(end: str) -> None:
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
     assert done.stderr == ""
     assert not held()
-    for root in housekeeping.folders():
+    for root in pruning.folders():
         assert list((root / "in-use").iterdir()) == []

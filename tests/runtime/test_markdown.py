@@ -9,8 +9,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
-from recipe_runtime.report.card import card
-from recipe_runtime.report.markdown import one_line, paragraphs
+from recipe_runtime.dataset.card import card
+from recipe_runtime.dataset.markdown import one_line, paragraphs
 
 from tests.runtime.fakes import dataset_plan
 

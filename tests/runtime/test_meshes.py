@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from recipe_compiler import towns
 from recipe_compiler.blueprints import LIBRARY, Blueprint
 from recipe_compiler.plan import ActorPlan, Pose
+from recipe_runtime.body.skeleton import part_names
+from recipe_runtime.frames.portrait import matrices, stance
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.meshes import builder as builder_module
 from recipe_runtime.meshes.builder import Builder, icosphere, noise, noises
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
-from recipe_runtime.meshes.skeleton import part_names
 from recipe_runtime.meshes.smoothing import Sheet, flatten
 from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.vectors import cross, unit
-from recipe_runtime.studio import matrices, stance
 
 TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
 BODIES = town_bodies(TOWN.plan)

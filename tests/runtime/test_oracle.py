@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from PIL import Image
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.plan import ScenarioPlan
-from recipe_runtime.frames import SceneSource
-from recipe_runtime.report.colours import instance_picture
-from recipe_runtime.simulate import simulate
-from recipe_runtime.transforms import sensor_transform
+from recipe_runtime.core.transforms import sensor_transform
+from recipe_runtime.frames.colormaps import instance_picture
+from recipe_runtime.frames.source import SceneSource
+from recipe_runtime.simulation.process import simulate
 
 from tests.runtime.oracle_tiny import tiny_render
 from tests.sources import ROOT

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.errors import InputError, Place, Problem
-from recipe_runtime.pack import Pack, identity, read, unpacked
+from recipe_runtime.transfer.bundle import Pack, identity, read, unpacked
 
 FILES = {"street.yaml": b"recipe: street\n", "common/base.yaml": b"town: downtown\n", "lockfiles/street.lock": b"x\n"}
 PACK = Pack("street.yaml", FILES)

@@ -18,17 +18,17 @@ from recipe_compiler import towns
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.errors import InputError, RunError
 from recipe_compiler.plan import Clock, Pose, PropPlan, ScenePlan
-from recipe_runtime import dataset as datasets
-from recipe_runtime.admission import check_bounds
-from recipe_runtime.assets import Assets
-from recipe_runtime.build import build
-from recipe_runtime.engines import Engines, real_engines
-from recipe_runtime.locking import lock
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core.asset_files import Assets
+from recipe_runtime.core.trace import METRE
+from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.dataset.limits import check_bounds
+from recipe_runtime.frames.engines import Engines, real_engines
 from recipe_runtime.meshes.props import prop_body
-from recipe_runtime.pack import Pack, unpacked
-from recipe_runtime.simulate import simulate
-from recipe_runtime.trace import METRE
-from recipe_runtime.verify import Options, verify
+from recipe_runtime.simulation.process import simulate
+from recipe_runtime.transfer.bundle import Pack, unpacked
+from recipe_runtime.verify.locking import lock
+from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime import fakes
 from tests.runtime.test_simulate import HERO1, TOWN

@@ -12,15 +12,15 @@ import pytest
 from recipe_compiler import lockfile
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.errors import InputError
-from recipe_runtime import dataset as datasets
-from recipe_runtime.assets import Assets
-from recipe_runtime.build import BuildResult, build
-from recipe_runtime.dataset import damaged_files
-from recipe_runtime.locking import lock
-from recipe_runtime.recipe_comparison import recipe_differences
-from recipe_runtime.recipe_files import RecipeFiles, asset_places
-from recipe_runtime.verdict import Report
-from recipe_runtime.verify import Options, verify, verify_files
+from recipe_runtime.build.pipeline import BuildResult, build
+from recipe_runtime.build.recipe_files import RecipeFiles, asset_places
+from recipe_runtime.core.asset_files import Assets
+from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.dataset.reader import damaged_files
+from recipe_runtime.verify.locking import lock
+from recipe_runtime.verify.recipe_comparison import recipe_differences
+from recipe_runtime.verify.verdict import Report
+from recipe_runtime.verify.verify import Options, verify, verify_files
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
 
@@ -191,6 +191,6 @@ def test_a_path_that_leads_elsewhere_is_refused(path: str) -> None:
 
 
 def test_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recipe_runtime.recipe_files.MAX_BYTES", 10)
+    monkeypatch.setattr("recipe_runtime.build.recipe_files.MAX_BYTES", 10)
     with pytest.raises(InputError, match="have 11 bytes, over 10"):
         RecipeFiles("tiny.yaml", {"tiny.yaml": b"01234567890"})

@@ -14,10 +14,10 @@ from typing import Any
 import fsspec
 import pytest
 from recipe_compiler.errors import InputError, RunError
-from recipe_runtime.build import build
-from recipe_runtime.dataset import read
-from recipe_runtime.remote import NOTE, Copied, Target
-from recipe_runtime.verify import Options, verify_files
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.dataset.reader import read
+from recipe_runtime.transfer.upload import NOTE, Copied, Target
+from recipe_runtime.verify.verify import Options, verify_files
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 from tests.sources import ROOT

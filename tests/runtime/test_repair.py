@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from recipe_compiler.errors import InputError, RunError
-from recipe_runtime import layout
-from recipe_runtime.build import BuildResult, build
-from recipe_runtime.dataset import read
-from recipe_runtime.verify import Options, verify_files
+from recipe_runtime.build.pipeline import BuildResult, build
+from recipe_runtime.core import layout
+from recipe_runtime.dataset.reader import read
+from recipe_runtime.verify.verify import Options, verify_files
 
 from tests.runtime.fakes import dataset_plan, tree
 from tests.runtime.test_reuse import Calls, counting
@@ -130,7 +130,7 @@ def test_what_this_host_makes_otherwise_is_not_passed_off_as_the_same(made: Buil
     manifest = json.loads((made.path / layout.MANIFEST).read_text())
     rows = manifest["variants"]["weather=w0,jitter=still"]["frames"]["street"]["rgb"]
     rows[3] = "0" * 64
-    from recipe_runtime.manifest import lock_of
+    from recipe_runtime.dataset.manifest import lock_of
 
     manifest["identity"] = lock_of(manifest).identity
     (made.path / layout.MANIFEST).write_text(json.dumps(manifest))

@@ -16,15 +16,17 @@ from typing import Any
 import pytest
 from recipe_compiler.errors import RunError
 from recipe_compiler.lockfile import Lockfile
-from recipe_runtime import dataset as datasets
-from recipe_runtime import host, locking, reuse, verify
-from recipe_runtime.build import build
-from recipe_runtime.engines import Engines
-from recipe_runtime.known_frames import Known
-from recipe_runtime.locking import lock
-from recipe_runtime.reuse import known_frames
-from recipe_runtime.verdict import Report
-from recipe_runtime.verify import Options
+from recipe_runtime.build import reuse
+from recipe_runtime.build.known_frames import Known
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.reuse import known_frames
+from recipe_runtime.core import host
+from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.frames.engines import Engines
+from recipe_runtime.verify import locking, verify
+from recipe_runtime.verify.locking import lock
+from recipe_runtime.verify.verdict import Report
+from recipe_runtime.verify.verify import Options
 
 from tests.runtime.fakes import BROKEN, ENGINES, Renderer, dataset_plan, simulate, tree
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 from recipe_compiler.plan import DatasetPlan, RigPlan
-from recipe_runtime import reuse as reuse_module
-from recipe_runtime.build import BuildResult, build
-from recipe_runtime.engines import Engines
+from recipe_runtime.build import reuse as reuse_module
+from recipe_runtime.build.pipeline import BuildResult, build
+from recipe_runtime.frames.engines import Engines
 
 from tests.runtime.fakes import ENGINES, Renderer, dataset_plan, sensor_plan, tree
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_runtime.sample import Bound, draw, sample_size
+from recipe_runtime.verify.sampling import Bound, draw, sample_size
 
 
 @given(st.integers(1, 400), st.data())

@@ -13,10 +13,10 @@ import pytest
 import recipe_runtime
 from PIL import Image
 from recipe_compiler.errors import InputError
-from recipe_runtime import encode, layout
-from recipe_runtime.build import build
-from recipe_runtime.engines import Engines
-from recipe_runtime.opening import compiled
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core import codecs, layout
+from recipe_runtime.frames.engines import Engines
+from recipe_runtime.loading import compiled
 from recipe_runtime.scenario import Scenario, Scenes
 
 from tests.runtime.fakes import ENGINES, dataset_plan
@@ -47,7 +47,7 @@ def test_rendered_on_demand_equals_the_built_files(built: Path) -> None:
                 ours = scenario.render(frame, sensor, modality)
                 file = _read(built / layout.frame_file(RAIN, sensor, modality, frame, "carla"))
                 if modality == "depth":
-                    ours = encode.carla_depth(ours)
+                    ours = codecs.carla_depth(ours)
                 np.testing.assert_array_equal(ours, file, err_msg=f"{frame} {sensor} {modality}")
 
 

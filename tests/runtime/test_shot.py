@@ -13,12 +13,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recipe_compiler.plan import ActorPlan, Pose, ScenePlan
-from recipe_runtime import engines, meshes
-from recipe_runtime.frames import FrameSource
+from recipe_runtime import meshes
+from recipe_runtime.cache.store import Store
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.frames import engines
+from recipe_runtime.frames.shot import shot
+from recipe_runtime.frames.source import FrameSource
 from recipe_runtime.meshes import actors
-from recipe_runtime.shot import shot
-from recipe_runtime.store import Store
-from recipe_runtime.trace import Trace
 
 from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES, dataset_plan, simulate
@@ -121,7 +122,7 @@ def test_a_failure_to_load_is_that_of_the_shot(tmp_path: Path) -> None:
 def test_actors_meshes_are_built_once_a_shape(monkeypatch: pytest.MonkeyPatch) -> None:
     """A renderer and an annotator each built the meshes of all actors, alike ones too: 62 times for 31 actors."""
     from recipe_compiler.blueprints import match
-    from recipe_runtime.assets import Assets
+    from recipe_runtime.core.asset_files import Assets
 
     built: list[str] = []
     for name in ("pedestrian_parts", "vehicle_parts"):

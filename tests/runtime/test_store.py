@@ -11,15 +11,15 @@ import pytest
 from recipe_compiler import lockfile
 from recipe_compiler.errors import RunError
 from recipe_compiler.plan import DatasetPlan, ScenePlan
-from recipe_runtime import store as store_module
-from recipe_runtime.build import build
-from recipe_runtime.files import link_or_copy, write_atomic
-from recipe_runtime.locking import lock
-from recipe_runtime.meshes.skeleton import part_names
-from recipe_runtime.shot import shot
-from recipe_runtime.store import Store, default_cache, is_motion_of
-from recipe_runtime.trace import Trace
-from recipe_runtime.verify import Options, verify
+from recipe_runtime.body.skeleton import part_names
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.cache import store as store_module
+from recipe_runtime.cache.store import Store, default_cache, is_motion_of
+from recipe_runtime.core.files import link_or_copy, write_atomic
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.frames.shot import shot
+from recipe_runtime.verify.locking import lock
+from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime.fakes import ENGINES, dataset_plan, scene_plan, simulate
 

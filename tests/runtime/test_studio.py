@@ -7,10 +7,10 @@ import pytest
 from recipe_compiler.blueprints import match, specimen
 from recipe_compiler.plan import CameraPlan, Pose
 from recipe_runtime.annotate.mots import mots_id
+from recipe_runtime.core.transforms import from_pose
+from recipe_runtime.frames.portrait import View, _floor, matrices, portrait, stance
 from recipe_runtime.meshes import actor_body
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.studio import View, _floor, matrices, portrait, stance
-from recipe_runtime.transforms import from_pose
 
 
 @pytest.mark.parametrize("name", ["vehicle.bus.city", "vehicle.bicycle.child", "walker.pedestrian.0013"])

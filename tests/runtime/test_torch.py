@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import recipe_runtime
 from recipe_compiler.errors import InputError
-from recipe_runtime.opening import compiled
+from recipe_runtime.loading import compiled
 
 from tests.sources import ROOT
 

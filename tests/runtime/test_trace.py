@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recipe_runtime.trace import METRE, UNIT, Trace
+from recipe_runtime.core.trace import METRE, UNIT, Trace
 
 
 def make_trace(frames: int = 4) -> Trace:

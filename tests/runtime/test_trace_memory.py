@@ -14,12 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recipe_compiler.canonical import canonical_bytes, digest_array, digest_bytes
-from recipe_runtime import trace as trace_module
 from recipe_runtime.annotate import objects
-from recipe_runtime.store import Store
-from recipe_runtime.trace import Trace, TraceWriter, frame_bytes
-from recipe_runtime.tracks import tracks_csv
-from recipe_runtime.transforms import part_transforms
+from recipe_runtime.cache.store import Store
+from recipe_runtime.core import trace as trace_module
+from recipe_runtime.core.trace import Trace, TraceWriter, frame_bytes
+from recipe_runtime.core.transforms import part_transforms
+from recipe_runtime.dataset.tracks import tracks_csv
 
 from tests.runtime.fakes import actor_bodies, scene_plan, simulate
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.errors import InputError
-from recipe_runtime import traces
-from recipe_runtime.trace import Trace
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.verify import trace_bundle
 
 from tests.runtime.fakes import scene_plan, simulate
 
@@ -21,33 +21,33 @@ LOCKED = {scene: trace.digest for scene, trace in TRACES.items()}
 
 
 def test_traces_come_back_whole(tmp_path: Path) -> None:
-    path = traces.beside(tmp_path / "street.lock")
+    path = trace_bundle.beside(tmp_path / "street.lock")
     assert path.name == "street.traces"
-    assert traces.write(path, TRACES)
-    assert not traces.write(path, TRACES)
-    assert {s: t.digest for s, t in traces.read(path, LOCKED).items()} == LOCKED
+    assert trace_bundle.write(path, TRACES)
+    assert not trace_bundle.write(path, TRACES)
+    assert {s: t.digest for s, t in trace_bundle.read(path, LOCKED).items()} == LOCKED
 
 
 def test_no_file_is_no_trace(tmp_path: Path) -> None:
-    assert traces.read(tmp_path / "street.traces", LOCKED) == {}
+    assert trace_bundle.read(tmp_path / "street.traces", LOCKED) == {}
 
 
 def test_a_trace_that_the_lockfile_does_not_name_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.traces").write_bytes(traces.dumps(TRACES))
+    (tmp_path / "a.traces").write_bytes(trace_bundle.dumps(TRACES))
     with pytest.raises(InputError, match=r"not the lockfile's; `recipe lock --update --with-traces`"):
-        traces.read(tmp_path / "a.traces", {**LOCKED, SCENES[0].digest: "0" * 64})
+        trace_bundle.read(tmp_path / "a.traces", {**LOCKED, SCENES[0].digest: "0" * 64})
 
 
 def test_a_trace_under_anothers_digest_is_refused(tmp_path: Path) -> None:
     forged: dict[str, Trace] = {}
     for scene, trace in TRACES.items():
         forged[scene] = replace(trace, positions=trace.positions + 1)
-    body = traces.dumps(forged)
+    body = trace_bundle.dumps(forged)
     for scene, trace in forged.items():
         body = body.replace(trace.digest.encode(), LOCKED[scene].encode())
     (tmp_path / "a.traces").write_bytes(body)
     with pytest.raises(InputError, match="is not what its digest says"):
-        traces.read(tmp_path / "a.traces", LOCKED)
+        trace_bundle.read(tmp_path / "a.traces", LOCKED)
 
 
 def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
@@ -57,18 +57,18 @@ def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
         head = f"{scene} {LOCKED[scene]} {len(packed)} {told}\n".encode()
         (tmp_path / "a.traces").write_bytes(b"recipe-traces 1\n" + head + packed)
         with pytest.raises(InputError, match=r"size that is told|bytes is none"):
-            traces.read(tmp_path / "a.traces", LOCKED)
+            trace_bundle.read(tmp_path / "a.traces", LOCKED)
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(at=st.integers(0, len(traces.dumps(TRACES)) - 1), value=st.integers(0, 255), cut=st.booleans())
+@given(at=st.integers(0, len(trace_bundle.dumps(TRACES)) - 1), value=st.integers(0, 255), cut=st.booleans())
 def test_any_damage_is_the_locked_motion_or_a_clear_refusal(tmp_path: Path, at: int, value: int, cut: bool) -> None:
-    body = bytearray(traces.dumps(TRACES))
+    body = bytearray(trace_bundle.dumps(TRACES))
     body[at] = value
     path = tmp_path / "a.traces"
     path.write_bytes(body[:at] if cut else body)
     try:
-        found = traces.read(path, LOCKED)
+        found = trace_bundle.read(path, LOCKED)
     except InputError:
         return
     assert all(LOCKED[scene] == trace.digest for scene, trace in found.items())
@@ -81,4 +81,4 @@ def test_the_file_is_what_compressing_each_trace_at_once_gives() -> None:
     raw = trace.to_bytes()
     packed = zlib.compress(raw, 9)
     head = f"{scene.digest} {trace.digest} {len(packed)} {len(raw)}\n".encode()
-    assert traces.dumps({scene.digest: trace}) == b"recipe-traces 1\n" + head + packed
+    assert trace_bundle.dumps({scene.digest: trace}) == b"recipe-traces 1\n" + head + packed

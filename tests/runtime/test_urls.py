@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from recipe_compiler.errors import InputError, RunError
-from recipe_runtime import urls
-from recipe_runtime.remote import told
+from recipe_runtime.core import urls
+from recipe_runtime.transfer.upload import told
 
 MASKED = {
     "s3://KEY:sec/ret@bucket/name": "s3://KEY:***@bucket/name",

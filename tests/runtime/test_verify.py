@@ -20,14 +20,14 @@ from recipe_compiler.canonical import pretty
 from recipe_compiler.errors import InputError, RunError
 from recipe_compiler.lockfile import Lockfile
 from recipe_compiler.plan import DatasetPlan, ScenePlan
-from recipe_runtime import dataset as datasets
-from recipe_runtime.build import build
-from recipe_runtime.compare import compare_locks
-from recipe_runtime.locking import lock
-from recipe_runtime.trace import Trace
-from recipe_runtime.verdict import Report
-from recipe_runtime.verify import Options, verify
-from recipe_runtime.versions import host_versions
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.versions import host_versions
+from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.verify.compare import compare_locks
+from recipe_runtime.verify.locking import lock
+from recipe_runtime.verify.verdict import Report
+from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime import fakes
 

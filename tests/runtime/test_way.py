@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from recipe_runtime.meshes.curves import quarter, smooth, straight
-from recipe_runtime.way import Way
+from recipe_runtime.simulation.path import Way
 
 CORNER = ((0.0, 0.0), (10.0, 0.0), (10.0, 0.0), (10.0, 10.0))
 

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import webdataset
 from recipe_compiler.plan import DatasetPlan
-from recipe_runtime import encode, export
-from recipe_runtime.build import build
-from recipe_runtime.dataset import Dataset, read
-from recipe_runtime.frames import FrameSource
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core import codecs
+from recipe_runtime.dataset.reader import Dataset, read
+from recipe_runtime.frames.source import FrameSource
+from recipe_runtime.transfer import shards
 from recipe_runtime.webdataset import decode
 
 from tests.runtime.fakes import ENGINES, dataset_plan, sensor_plan, simulate
@@ -38,7 +39,7 @@ def plan_of(**outputs: str) -> DatasetPlan:
 def exported(plan: DatasetPlan, folder: Path) -> Dataset:
     made = build(plan, folder / "data", engines=ENGINES, workers=0, cache=folder / "cache")
     held = read(made.path)
-    index = export.webdataset(held, folder / "shards" / "weather_sweep", lambda *_: None, 1)
+    index = shards.webdataset(held, folder / "shards" / "weather_sweep", lambda *_: None, 1)
     assert [row["file"] for row in index["shards"]] == [f"weather_sweep-{n:06d}.tar" for n in range(4)]
     return held
 
@@ -48,8 +49,8 @@ def exported(plan: DatasetPlan, folder: Path) -> Dataset:
 def test_what_is_decoded_are_the_frames_that_were_rendered(tmp_path: Path, depth: str) -> None:
     plan = plan_of(depth=depth)
     exported(plan, tmp_path)
-    shards = [str(path) for path in sorted(tmp_path.glob("shards/*/*.tar"))]
-    samples = list(webdataset.WebDataset(shards, shardshuffle=False).decode(decode))
+    made = [str(path) for path in sorted(tmp_path.glob("shards/*/*.tar"))]
+    samples = list(webdataset.WebDataset(made, shardshuffle=False).decode(decode))
     gc.collect()
     (variant,) = plan.variants
     source = FrameSource(variant, simulate(variant.scene), engines=ENGINES)
@@ -95,7 +96,7 @@ def test_it_can_be_sent_to_workers() -> None:
     assert pickle.loads(pickle.dumps(decode)) is decode
 
 
-GREY = encode.png(np.zeros((2, 3), np.uint8))
+GREY = codecs.png(np.zeros((2, 3), np.uint8))
 
 
 @pytest.mark.parametrize(
@@ -104,12 +105,12 @@ GREY = encode.png(np.zeros((2, 3), np.uint8))
         (".instance.png", GREY),
         (".rgb.png", GREY),
         (".depth.png", GREY),
-        (".semantic.png", encode.png(np.zeros((2, 3), np.uint16))),
+        (".semantic.png", codecs.png(np.zeros((2, 3), np.uint16))),
         (".rgb.png", b"no picture"),
         (".rgb.png", GREY[:40]),
         (".depth.npy", b"no array"),
-        (".depth.npy", encode.npy(np.zeros((2, 3), np.float64))),
-        (".depth.npy", encode.npy(np.zeros(3, np.float32))),
+        (".depth.npy", codecs.npy(np.zeros((2, 3), np.float64))),
+        (".depth.npy", codecs.npy(np.zeros(3, np.float32))),
         (".json", b"{"),
     ],
 )

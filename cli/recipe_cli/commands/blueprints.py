@@ -90,10 +90,10 @@ def _print_table(found: tuple[Blueprint, ...]) -> None:
 
 def _draw(found: tuple[Blueprint, ...], folder: Path, replace: bool) -> None:
     from recipe_compiler.blueprints import specimen
-    from recipe_runtime import encode
-    from recipe_runtime.outputs import check_output, write_output
+    from recipe_runtime.core import codecs
+    from recipe_runtime.core.outputs import check_output, write_output
+    from recipe_runtime.frames.portrait import portrait
     from recipe_runtime.report.catalogue import sheet
-    from recipe_runtime.studio import portrait
 
     from recipe_cli.progress import Progress
 
@@ -105,7 +105,7 @@ def _draw(found: tuple[Blueprint, ...], folder: Path, replace: bool) -> None:
         for number, blueprint in enumerate(found):
             progress("pictures", number, len(found))
             pixels = portrait(*specimen(blueprint))
-            write_output(folder / f"{blueprint.id}.png", encode.png(pixels), replace=replace)
+            write_output(folder / f"{blueprint.id}.png", codecs.png(pixels), replace=replace)
             drawn.append((blueprint.id, pixels))
         progress("pictures", len(found), len(found))
         write_output(folder / "blueprints.jpg", sheet(drawn), replace=replace)

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.lockfile import Lockfile
     from recipe_compiler.plan import DatasetPlan
-    from recipe_runtime.build import BuildResult, Runner
-    from recipe_runtime.remote import Target
+    from recipe_runtime.build.pipeline import BuildResult, Runner
+    from recipe_runtime.transfer.upload import Target
 
 
 _MOST_SHOWN = 20
@@ -112,7 +112,7 @@ def command(
     folder = folder or Path("datasets") / compiled.plan.recipe
     lock = read_lockfile(recipe, compiled.plan)
     _note_text(compiled, lock)
-    from recipe_runtime.recipe_files import RecipeFiles
+    from recipe_runtime.build.recipe_files import RecipeFiles
 
     files = RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
     if locked or frozen:
@@ -123,7 +123,7 @@ def command(
     elif lock is not None:
         _warn_if_outdated(compiled, *lock)
     target = _target(out, compiled.plan, replace) if out and "://" in out else None
-    from recipe_runtime.build import build
+    from recipe_runtime.build.pipeline import build
 
     reasons: list[str] = []
     # On a cluster, as many as it has room for; here, one a core. Says before the work if there is no such device.
@@ -176,7 +176,7 @@ def command(
 
 def _target(url: str, plan: DatasetPlan, replace: bool) -> Target:
     """Where a URL leads; says before the work if that is nowhere, or holds another recipe's dataset."""
-    from recipe_runtime.remote import Target
+    from recipe_runtime.transfer.upload import Target
 
     target = Target(url)
     if not replace:
@@ -187,12 +187,12 @@ def _target(url: str, plan: DatasetPlan, replace: bool) -> Target:
 @contextmanager
 def _runner(ray: str | None) -> Iterator[Runner]:
     """What does the work: processes of this host, or a cluster's."""
-    from recipe_runtime import pool
+    from recipe_runtime.build import local
 
     if ray is None:
-        yield pool.run
+        yield local.run
         return
-    from recipe_runtime.cluster import joined
+    from recipe_runtime.build.ray import joined
 
     with joined(None if ray == "local" else ray) as run:
         yield run
@@ -205,7 +205,7 @@ def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None
     """
     from recipe_compiler.errors import Code, InputError, Problem
     from recipe_compiler.plan import DatasetPlan
-    from recipe_runtime.compare import compare_files, compare_plans
+    from recipe_runtime.verify.compare import compare_files, compare_plans
 
     if lock is None:
         raise InputError(
@@ -231,7 +231,7 @@ def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None
 def _warn_if_outdated(compiled: Compiled, path: Path, known: Lockfile) -> None:
     """Say before the work that its end will differ from the lockfile."""
     from recipe_compiler.errors import Code, Problem
-    from recipe_runtime.compare import compare_files, compare_plans
+    from recipe_runtime.verify.compare import compare_files, compare_plans
 
     found = compare_files(compiled.plan, known, compiled.files) or compare_plans(compiled.plan, known)
     if found:
@@ -241,7 +241,7 @@ def _warn_if_outdated(compiled: Compiled, path: Path, known: Lockfile) -> None:
 
 def _note_text(compiled: Compiled, lock: tuple[Path, Lockfile] | None) -> None:
     """Say in one line that the recipe's text is not the locked one, where that changes nothing."""
-    from recipe_runtime.compare import text_note
+    from recipe_runtime.verify.compare import text_note
 
     note = text_note(lock[1], compiled.plan.digest, compiled.files) if lock else None
     if note:
@@ -252,8 +252,8 @@ def _against(
     locked: tuple[Path, Lockfile] | None, recipe: Path, compiled: Compiled, result: BuildResult
 ) -> list[str] | None:
     """What differs from the lockfile, in the order of the stages; None if there is no lockfile."""
-    from recipe_runtime.compare import compare_locks
-    from recipe_runtime.dataset import lock_of
+    from recipe_runtime.dataset.reader import lock_of
+    from recipe_runtime.verify.compare import compare_locks
 
     if locked is None:
         return None
@@ -264,9 +264,9 @@ def _against(
 
 def _interrupted(plan: DatasetPlan, folder: Path, repair: bool, target: Target | None) -> tuple[str, str]:
     """What an interrupted build leaves behind, and how to go on."""
-    from recipe_runtime.build import kept_frames
-    from recipe_runtime.manifest import is_whole
-    from recipe_runtime.workspace import read_manifest
+    from recipe_runtime.build.pipeline import kept_frames
+    from recipe_runtime.build.workspace import read_manifest
+    from recipe_runtime.dataset.manifest import is_whole
 
     kept, manifest = kept_frames(plan, folder), read_manifest(folder)
     if kept:

@@ -24,15 +24,15 @@ def command(prune: bool, size: str | None, as_json: bool) -> None:
     """
     from recipe_compiler.errors import InputError
     from recipe_compiler.limits import size as told_size
-    from recipe_runtime import housekeeping
+    from recipe_runtime.cache import pruning
 
     if size is not None and not prune:
         raise InputError("--size says how much --prune leaves; give both")
-    limit = housekeeping.limit() if size is None else housekeeping.bytes_of(size)
-    roots = housekeeping.folders()
-    spared = housekeeping.in_use(roots)
-    removed = housekeeping.prune(roots, limit, spared) if prune and limit is not None else []
-    told = housekeeping.sizes(housekeeping.entries(roots))
+    limit = pruning.limit() if size is None else pruning.bytes_of(size)
+    roots = pruning.folders()
+    spared = pruning.in_use(roots)
+    removed = pruning.prune(roots, limit, spared) if prune and limit is not None else []
+    told = pruning.sizes(pruning.entries(roots))
     if as_json:
         kinds = {kind: {"entries": number, "bytes": total} for kind, (number, total) in told.items()}
         freed = sum(entry.size for entry in removed)

@@ -12,7 +12,7 @@ from recipe_cli.console import print_json, say
 from recipe_cli.places import lockfile_path
 
 if TYPE_CHECKING:
-    from recipe_runtime.diff import Side
+    from recipe_runtime.verify.diff import Side
 
 _MOST_SHOWN = 40
 
@@ -30,7 +30,7 @@ def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None
     manifests, which hold a digest of every frame and the SHA-256 of every file; `recipe verify --integrity`
     checks the files themselves. Exit code 0: nothing differs, 1: something does.
     """
-    from recipe_runtime.diff import differences, left_out
+    from recipe_runtime.verify.diff import differences, left_out
 
     a, b = _side(first, allow_large), _side(second, allow_large)
     found, notes = differences(a, b), left_out(a, b)
@@ -54,17 +54,17 @@ def _side(path: Path, allow_large: bool) -> Side:
     from dataclasses import replace
 
     from recipe_compiler import lockfile
-    from recipe_runtime import dataset
-    from recipe_runtime.diff import Side
-    from recipe_runtime.digests import bare
+    from recipe_runtime.dataset import reader
+    from recipe_runtime.dataset.digests import bare
+    from recipe_runtime.verify.diff import Side
 
     if path.is_dir():
-        held = dataset.read(path)
+        held = reader.read(path)
         return Side(str(path), held.lock, held.plan, {name: sha256 for name, (_, sha256) in held.files.items()})
     if path.suffix == ".lock":
         return Side(str(path), lockfile.read(path), None)
     if path.suffix == ".json":
-        plan = dataset.plan_alone(path)
+        plan = reader.plan_alone(path)
         return Side(str(path), bare(plan, "", {}), plan)
     with opened(path) as recipe:
         compiled = compile_quietly(recipe, allow_large=allow_large)

@@ -21,7 +21,7 @@ def command(as_json: bool) -> None:
 
     Exit code 0: nothing differs that must not; 1: something does, or the self-test could not be run (tier A: no).
     """
-    from recipe_runtime.doctor import STAGES, examine
+    from recipe_runtime.verify.self_test import STAGES, examine
 
     with Progress() as progress:
         found = examine(progress)

@@ -38,16 +38,17 @@ def command(dataset: Path, out: Path, form: str, shard_size: str, replace: bool,
     As WebDataset: tar files in which the pictures and the records of a frame lie side by side.
     """
     from recipe_compiler.limits import size
-    from recipe_runtime import export, housekeeping
-    from recipe_runtime.dataset import read
+    from recipe_runtime.cache import pruning
+    from recipe_runtime.dataset.reader import read
+    from recipe_runtime.transfer import shards
 
     with Progress(quiet=as_json) as progress:
-        index = export.webdataset(read(dataset), out, progress, housekeeping.bytes_of(shard_size), replace=replace)
+        index = shards.webdataset(read(dataset), out, progress, pruning.bytes_of(shard_size), replace=replace)
     if as_json:
         print_json(index)
         return
-    shards = index["shards"]
-    total = sum(shard["size"] for shard in shards)
-    samples = sum(shard["samples"] for shard in shards)
-    say(f"{out}: {count(samples, 'sample')} in {count(len(shards), 'shard')}, {size(total)}")
+    written = index["shards"]
+    total = sum(shard["size"] for shard in written)
+    samples = sum(shard["samples"] for shard in written)
+    say(f"{out}: {count(samples, 'sample')} in {count(len(written), 'shard')}, {size(total)}")
     say(index["dataset"])

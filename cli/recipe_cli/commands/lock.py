@@ -27,8 +27,8 @@ from recipe_cli.progress import Progress
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.lockfile import Lockfile
-    from recipe_runtime.known_frames import Known
-    from recipe_runtime.trace import Trace
+    from recipe_runtime.build.known_frames import Known
+    from recipe_runtime.core.trace import Trace
 
 
 @click.command("lock")
@@ -61,9 +61,9 @@ def command(
     """
     from recipe_compiler import lockfile
     from recipe_compiler.errors import InputError
-    from recipe_runtime import traces
-    from recipe_runtime.locking import lock
-    from recipe_runtime.reuse import known_frames
+    from recipe_runtime.build.reuse import known_frames
+    from recipe_runtime.verify import trace_bundle
+    from recipe_runtime.verify.locking import lock
 
     count = worker_count(workers, device)
     rows: list[dict[str, object]] = []
@@ -97,8 +97,8 @@ def command(
         if there is not None and not there.means_the_same(made):
             raise InputError(_otherwise(path, recipe))
         written = there is None and made.write(path, replace=replace)
-        if with_traces or traces.beside(path).exists():  # a file that is there must not fall behind
-            written |= traces.write(traces.beside(path), motion, replace=replace)
+        if with_traces or trace_bundle.beside(path).exists():  # a file that is there must not fall behind
+            written |= trace_bundle.write(trace_bundle.beside(path), motion, replace=replace)
         known.close()
         rows.append(
             {"recipe": str(recipe), "lockfile": str(path), "identity": made.identity, "written": written}
@@ -120,7 +120,7 @@ def command(
 
 def _note(there: Lockfile | None, made: Lockfile) -> str:
     """That the text of the recipe changed since it was locked, and its meaning did not."""
-    from recipe_runtime.compare import text_note
+    from recipe_runtime.verify.compare import text_note
 
     note = text_note(there, made.plan, made.files) if there is not None else None
     return f"; {note} (--update records the new text)" if note else ""

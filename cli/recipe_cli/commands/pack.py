@@ -33,25 +33,25 @@ def command(
     `plan`, `check`, `shot`, `build`, `verify` and `diff` take such a file in place of a recipe.
     """
     from recipe_compiler.errors import InputError
-    from recipe_runtime import pack
-    from recipe_runtime.outputs import check_output, write_output
+    from recipe_runtime.core.outputs import check_output, write_output
+    from recipe_runtime.transfer import bundle
 
     compiled = compile_quietly(recipe, allow_large=allow_large)
-    output = output or Path(f"{compiled.plan.recipe}{pack.SUFFIX}")
-    if not pack.is_pack(output):
-        raise InputError(f"{output}: give --output a name that ends in {pack.SUFFIX}")
+    output = output or Path(f"{compiled.plan.recipe}{bundle.SUFFIX}")
+    if not bundle.is_pack(output):
+        raise InputError(f"{output}: give --output a name that ends in {bundle.SUFFIX}")
     check_output(output, replace=replace)
     files = {**recipe_files(recipe, compiled), **_locked(recipe, compiled, with_traces)}
-    body = pack.Pack(recipe.name, files).dumps()
+    body = bundle.Pack(recipe.name, files).dumps()
     with writing(output):
         write_output(output, body, replace=replace)
     if as_json:
         rows = {path: len(content) for path, content in sorted(files.items())}
-        print_json({"file": str(output), "bytes": len(body), "identity": pack.identity(body), "files": rows})
+        print_json({"file": str(output), "bytes": len(body), "identity": bundle.identity(body), "files": rows})
         return
     for path, content in sorted(files.items()):
         say(f"  {path}  {count(len(content), 'byte')}")
-    say(f"{output}  {pack.identity(body)}")
+    say(f"{output}  {bundle.identity(body)}")
 
 
 def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, bytes]:
@@ -60,10 +60,10 @@ def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, by
 
     from recipe_compiler import lockfile
     from recipe_compiler.errors import InputError
-    from recipe_runtime import traces
+    from recipe_runtime.verify import trace_bundle
 
     path = lockfile_path(recipe, compiled.plan.recipe)
-    motion = traces.beside(path)
+    motion = trace_bundle.beside(path)
     if with_traces and not motion.exists():
         raise InputError(f"{motion}: there are no traces; `recipe lock --update --with-traces` writes them")
     if not path.exists():
@@ -75,5 +75,5 @@ def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, by
     name = f"{FOLDER}/{compiled.plan.recipe}"
     found = {f"{name}.lock": replace(lock, source=f"../{recipe.name}", files=compiled.files).dumps().encode()}
     if motion.exists():
-        found[f"{name}{traces.SUFFIX}"] = traces.dumps(traces.read(motion, lock.traces))
+        found[f"{name}{trace_bundle.SUFFIX}"] = trace_bundle.dumps(trace_bundle.read(motion, lock.traces))
     return found

@@ -24,7 +24,7 @@ def command(output: Path | None, replace: bool, as_json: bool) -> None:
     if output is None:
         print_document(text)
     else:
-        from recipe_runtime.outputs import write_output
+        from recipe_runtime.core.outputs import write_output
 
         with writing(output):
             write_output(output, f"{text}\n".encode(), replace=replace)

@@ -73,8 +73,8 @@ def command(
     compiled = compile_quietly(recipe, allow_large=allow_large)
     plan = compiled.plan
     scenario = plan.named(variant)
-    from recipe_runtime.outputs import check_output, unused_names
-    from recipe_runtime.shot import shot
+    from recipe_runtime.core.outputs import check_output, unused_names
+    from recipe_runtime.frames.shot import shot
 
     with writing(output or Path("shot.png")):  # a folder that is not there is said before the work
         if output is not None:
@@ -112,7 +112,7 @@ def _draw_map(
         scenario = compiled.plan.named(variant)
         town, name = compiled.towns[scenario.scene.town.digest], compiled.plan.recipe
         title = f"{name}: {town.plan.name}"
-    from recipe_runtime.outputs import check_output, unused_names, write_output
+    from recipe_runtime.core.outputs import check_output, unused_names, write_output
     from recipe_runtime.report.town_map import Spots, town_map
 
     with writing(output or Path("map.png")):

@@ -27,8 +27,8 @@ from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recip
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
-    from recipe_runtime.verdict import Report
-    from recipe_runtime.verify import Options
+    from recipe_runtime.verify.verdict import Report
+    from recipe_runtime.verify.verify import Options
 
 _EXIT = {"PASS": 0, "FAIL": 1, "INCONCLUSIVE": 3}
 _MOST_SHOWN = 20
@@ -93,8 +93,8 @@ def command(
     lockfile (its own digests, without one). Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE.
     """
     from recipe_compiler.errors import InputError
-    from recipe_runtime.entropy import fresh_nonce
-    from recipe_runtime.verify import Options
+    from recipe_runtime.core.nonce import fresh_nonce
+    from recipe_runtime.verify.verify import Options
 
     options = Options(
         nonce=fresh_nonce() if nonce is None else nonce,
@@ -143,28 +143,29 @@ def _is_dataset(target: Path | str) -> bool:
 def _integrity(target: Path | str, options: Options) -> Report:
     """Whether a dataset's files are those that its manifest lists."""
     from recipe_compiler.errors import InputError
-    from recipe_runtime import dataset
-    from recipe_runtime.verify import verify_files
+    from recipe_runtime.dataset import reader
+    from recipe_runtime.verify.verify import verify_files
 
     if not _is_dataset(target):
         raise InputError(f"{target}: --integrity hashes the files of a dataset folder; this is none")
     with Progress() as progress, dataset_at(target, progress) as folder:
-        return verify_files(dataset.read(folder, shown(target)), options, progress)
+        return verify_files(reader.read(folder, shown(target)), options, progress)
 
 
 def _verify(target: Path | str, options: Options, allow_large: bool, against: Path | str | None) -> Report:
     from recipe_compiler import lockfile
-    from recipe_runtime import dataset, traces
-    from recipe_runtime.store import default_cache
-    from recipe_runtime.verify import verify
+    from recipe_runtime.cache.store import default_cache
+    from recipe_runtime.dataset import reader
+    from recipe_runtime.verify import trace_bundle
+    from recipe_runtime.verify.verify import verify
 
     with Progress() as progress, ExitStack() as stack:
         if not isinstance(target, Path) or target.is_dir():
-            folder = dataset.read(stack.enter_context(dataset_at(target, progress)), shown(target))
+            folder = reader.read(stack.enter_context(dataset_at(target, progress)), shown(target))
             return verify(folder.plan, folder.lock, options, progress, dataset=folder, cache=default_cache())
         held = None
         if against is not None:
-            held = dataset.read(stack.enter_context(dataset_at(against, progress)), shown(against))
+            held = reader.read(stack.enter_context(dataset_at(against, progress)), shown(against))
         if target.suffix == ".lock":
             path, lock = target, lockfile.read(target)
             compiled = compile_quietly(recipe_of(path, lock), allow_large=allow_large)
@@ -174,7 +175,7 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
             lock = held.lock if held is not None and not path.exists() else lockfile.read(path, compiled.plan)
             if held is None or lock is not held.lock:
                 check_lockfile_is_of(target, compiled.plan, path, lock)
-        held_traces = traces.read(traces.beside(path), lock.traces)
+        held_traces = trace_bundle.read(trace_bundle.beside(path), lock.traces)
         return verify(
             compiled.plan,
             lock,

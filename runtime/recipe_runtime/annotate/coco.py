@@ -13,11 +13,11 @@ from typing import Any
 
 from recipe_compiler.plan import DatasetPlan
 
-from recipe_runtime import layout
 from recipe_runtime.annotate.categories import CATEGORY_IDS, category_rows
 from recipe_runtime.annotate.objects import Record
+from recipe_runtime.annotate.records import Video
 from recipe_runtime.annotate.rows import tables
-from recipe_runtime.records import Video
+from recipe_runtime.core import layout
 
 Row = dict[str, Any]
 

@@ -29,11 +29,11 @@ from recipe_compiler import exact
 from recipe_compiler.plan import CameraPlan, ScenePlan, fixed
 
 from recipe_runtime.annotate.masks import masks
-from recipe_runtime.interfaces import Observed
+from recipe_runtime.body.kinematics import of_rotation
+from recipe_runtime.core.interfaces import Observed
+from recipe_runtime.core.trace import METRE, Trace
+from recipe_runtime.core.transforms import Array, compose, invert, part_transforms
 from recipe_runtime.meshes.mesh import Body
-from recipe_runtime.posture import of_rotation
-from recipe_runtime.trace import METRE, Trace
-from recipe_runtime.transforms import Array, compose, invert, part_transforms
 
 Record = dict[str, Any]
 

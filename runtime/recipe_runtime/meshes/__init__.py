@@ -2,7 +2,7 @@
 
 from recipe_compiler.plan import ScenePlan
 
-from recipe_runtime.assets import Assets
+from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.meshes.actors import actor_body
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.meshes.props import prop_body

@@ -4,9 +4,9 @@ from functools import lru_cache
 
 from recipe_compiler.plan import ActorPlan
 
+from recipe_runtime.body.skeleton import has_rider, is_parked, is_person
 from recipe_runtime.meshes.mesh import Body, Mesh
 from recipe_runtime.meshes.pedestrian import pedestrian_parts
-from recipe_runtime.meshes.skeleton import has_rider, is_parked, is_person
 from recipe_runtime.meshes.twowheeler import twowheeler_parts
 from recipe_runtime.meshes.vehicle import vehicle_parts
 

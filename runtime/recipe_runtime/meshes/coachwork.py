@@ -9,10 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from recipe_runtime.body.skeleton import axle_shift
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.curves import Curve, quarter, smooth, straight
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.skeleton import axle_shift
 
 # Of the flank below the windows: heights between sill and belt, and half widths in parts of the station's.
 _FLANK = ((0.0, 0.935), (0.09, 0.978), (0.26, 0.994), (0.44, 1.0), (0.60, 0.999), (0.74, 0.996), (0.88, 0.982),

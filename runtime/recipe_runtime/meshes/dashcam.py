@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from recipe_runtime.meshes.skeleton import Bike, has_rider, is_person
+from recipe_runtime.body.skeleton import Bike, has_rider, is_person
 from recipe_runtime.meshes.vehicle import shell_of
 
 CLEARANCE = 0.15  # metres between the camera and the body, more than a camera's near plane

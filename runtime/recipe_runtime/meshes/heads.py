@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 from recipe_compiler import exact
 
+from recipe_runtime.body.skeleton import Figure
 from recipe_runtime.meshes.builder import Builder, circle
 from recipe_runtime.meshes.lofts import loft
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.skeleton import Figure
 from recipe_runtime.meshes.vectors import Array
 
 _SIDES = 14

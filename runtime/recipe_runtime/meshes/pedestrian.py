@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from recipe_runtime.body.skeleton import Figure, Joint
 from recipe_runtime.meshes.builder import Builder, circle
 from recipe_runtime.meshes.heads import Features, head
 from recipe_runtime.meshes.lofts import Section, loft, rings, tube
 from recipe_runtime.meshes.mesh import Mesh, Pattern, Surface
-from recipe_runtime.meshes.skeleton import Figure, Joint
 
 _SHORTS, _TROUSERS, _SKIRT = 0, 1, 2
 _BACKPACK, _SATCHEL = 1, 2

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from recipe_compiler.assets import Part
 from recipe_compiler.plan import PropPlan
 
-from recipe_runtime.assets import Assets
+from recipe_runtime.core.asset_files import Assets
+from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
-from recipe_runtime.transforms import Array, from_pose
 
 
 def prop_body(prop: PropPlan, assets: Assets) -> Body:

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 from recipe_compiler.plan import Element, Pose, TownPlan
 
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.buildings import building
 from recipe_runtime.meshes.fences import fence, wall
@@ -18,7 +19,6 @@ from recipe_runtime.meshes.plants import bush, hedge, planter, tree
 from recipe_runtime.meshes.roads import carriageway, ground, junction, path, road, sidewalk
 from recipe_runtime.meshes.signs import gantry, guardrail, sign, traffic_light
 from recipe_runtime.meshes.towers import tower
-from recipe_runtime.transforms import from_pose
 
 _KINDS: dict[str, Callable[[Builder, Element], None]] = {
     "bench": bench,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from recipe_runtime.body.skeleton import BODIES, BUS, PICKUP, TRUCK, wheel_joints
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.coachwork import Finish, Shell
 from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
-from recipe_runtime.meshes.skeleton import BODIES, BUS, PICKUP, TRUCK, wheel_joints
 from recipe_runtime.meshes.styles import STYLES
 from recipe_runtime.meshes.wheels import car_wheel
 

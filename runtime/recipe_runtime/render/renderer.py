@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan
 
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.render.camera.camera_pass import CameraPass
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame
@@ -24,7 +25,6 @@ from recipe_runtime.render.raster.observer import Observer
 from recipe_runtime.render.sampling.sampler import Sampler
 from recipe_runtime.render.scene.geometry import upload
 from recipe_runtime.render.texture.mipmaps import ImageAtlases, Images
-from recipe_runtime.transforms import Array
 
 
 class Renderer:

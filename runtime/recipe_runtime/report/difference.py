@@ -19,16 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from recipe_runtime import encode
-from recipe_runtime.files import host_errors, write_atomic
-from recipe_runtime.outputs import unused_names
+from recipe_runtime.core import codecs
+from recipe_runtime.core.files import host_errors, write_atomic
+from recipe_runtime.core.outputs import unused_names
 
 _MODES = ("RGB", "L", "I;16")  # what encode.png writes
 _MOST_SIDE = 4096
 _MOST_BYTES = 2 * _MOST_SIDE * _MOST_SIDE * 4
 
 if TYPE_CHECKING:
-    from recipe_runtime.shot import Shot
+    from recipe_runtime.frames.shot import Shot
 
 
 @dataclass(frozen=True)
@@ -99,14 +99,14 @@ def write_difference(stem: Path, made: Shot, there: Path | None) -> list[Path]:
     pictures = {"rendered": rendered}
     recorded = read_pixels(there) if there else None
     as_carla = recorded is not None and made.modality == "depth" and recorded.ndim == 3
-    pixels = encode.carla_depth(made.pixels) if as_carla else made.pixels
+    pixels = codecs.carla_depth(made.pixels) if as_carla else made.pixels
     if recorded is not None and _alike(pixels, recorded):
         faded = (rendered // 3).astype(np.uint8)
         faded[_differs(pixels, recorded)] = (255, 40, 40)
-        shown = encode.metres_from_carla(recorded) if as_carla else np.nan_to_num(recorded)
+        shown = codecs.metres_from_carla(recorded) if as_carla else np.nan_to_num(recorded)
         pictures |= {"recorded": replace(made, pixels=shown).picture(), "difference": faded}
     with host_errors(str(stem.parent), "choose another folder for pictures"):
-        bodies = {kind: encode.png(picture) for kind, picture in pictures.items()}
+        bodies = {kind: codecs.png(picture) for kind, picture in pictures.items()}
         files = unused_names(
             lambda suffix: {stem.with_name(f"{stem.name}{suffix}-{k}.png"): body for k, body in bodies.items()}
         )

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from recipe_compiler import exact
 from recipe_compiler.plan import ActorPlan, Element, Pose, ScenarioPlan, SensorPlan, TownPlan
 
-from recipe_runtime import encode
+from recipe_runtime.core import codecs
 from recipe_runtime.report.canvas import Box, Canvas, Point, placed, rectangle
 
 _LONGEST, _MOST, _MARGIN = 1800, 320.0, 30.0  # pixels; metres shown along an axis; metres about what is of interest
@@ -72,7 +72,7 @@ def town_map(town: TownPlan, spots: Spots, title: str, scenario: ScenarioPlan | 
             _actor(canvas, actor, _CAST[n % len(_CAST)])
         for sensor in scenario.rig.sensors:
             _sensor(canvas, sensor, scenario)
-    return encode.png(np.asarray(_page(canvas, title, scenario is not None)), level=6)
+    return codecs.png(np.asarray(_page(canvas, title, scenario is not None)), level=6)
 
 
 def _shown(spots: Spots, scenario: ScenarioPlan | None, cast: Sequence[ActorPlan]) -> Box:

@@ -8,9 +8,9 @@ import numpy as np
 from recipe_compiler import exact
 from recipe_compiler.canonical import digest_array
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, Pose, Sun, Weather
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern, Surface
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.transforms import from_pose
 
 _AXES = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.errors import RunError
-from recipe_runtime import cache_folder
-from recipe_runtime.cache_folder import claim, contents
+from recipe_runtime.cache import cache_folder
+from recipe_runtime.cache.cache_folder import claim, contents
 from recipe_runtime.render.device import compiled
 from recipe_runtime.render.device import launch as launch_module
 from recipe_runtime.render.device.arrays import zeros

@@ -14,12 +14,12 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.plan import CameraPlan, CameraResponse, Pose
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.validate import problems
-from recipe_runtime.build import build
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render.device.reuse import NO_REUSE
 from recipe_runtime.render.raster.distortion import plate_of
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render.street import EYE, LOOKS, WEATHERS, appearance, box, ground, parts_at, street
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
-from recipe_runtime.engines import real_engines
+from recipe_runtime.cache.store import Store
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.transforms import part_transforms, sensor_transform
+from recipe_runtime.frames.engines import real_engines
+from recipe_runtime.loading import compiled
 from recipe_runtime.meshes import actor_body, town_bodies
-from recipe_runtime.opening import compiled
 from recipe_runtime.render.device.reuse import NO_REUSE
 from recipe_runtime.render.device.setup import cuda_devices
 from recipe_runtime.render.gpu import frame_stream, recorded_frame
 from recipe_runtime.render.gpu.frame_stream import FrameBatch
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.store import Store
-from recipe_runtime.trace import Trace
-from recipe_runtime.transforms import part_transforms, sensor_transform
 
 from tests.sources import ROOT
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recipe_compiler.plan import CameraPlan, CameraResponse, Pose
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render.device.reuse import ALL_REUSE, NO_REUSE, TemporalReuse
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.transforms import from_pose
 
 from tests.golden.renew_render import GOLDEN
 from tests.runtime.render.street import (

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from recipe_compiler import blueprints
 from recipe_compiler.plan import CameraPlan, CameraResponse, Pose, Sun
+from recipe_runtime.core.transforms import from_pose
+from recipe_runtime.loading import compiled
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.meshes.mesh import Body, Light, Pattern
-from recipe_runtime.opening import compiled
 from recipe_runtime.render.lighting.lights import lamplight
 from recipe_runtime.render.lighting.weather_light import light_of
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render.street import PANES, appearance, box
 from tests.runtime.test_meshes import plan

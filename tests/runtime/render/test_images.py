@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan, FilePlan, Looks, Pose, TexturePlan
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.render.gpu.frame_stream import FrameBatch
 from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.render.texture.mipmaps import mip_levels
 from recipe_runtime.render.texture.surface_colours import srgb_to_linear
-from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render.street import appearance, quad
 from tests.runtime.test_devices import needs_gpu

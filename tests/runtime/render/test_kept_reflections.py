@@ -11,10 +11,10 @@ import random
 import numpy as np
 import pytest
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, Looks, Pose
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.render.device.reuse import NO_REUSE, TemporalReuse
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render.street import BRICKS, CLOTH, LOOKS, appearance, box, street
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from recipe_runtime import housekeeping
+from recipe_runtime.cache import pruning
 from recipe_runtime.render.device import setup
 
 
@@ -24,14 +24,14 @@ def test_kernels_follow_the_cache_and_are_counted_there(
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "moved"))
     moved = Path(setup._cache_folder())
     assert moved.parent == tmp_path / "moved" / "kernels"
-    assert housekeeping.folders() == [tmp_path / "moved"]
+    assert pruning.folders() == [tmp_path / "moved"]
     module = moved / "1.19.0" / "wp_render.shade_0123abc"
     module.mkdir(parents=True)
     (module / "wp_render.shade_0123abc.o").write_bytes(b"x" * 70)
-    assert housekeeping.sizes(housekeeping.entries(housekeeping.folders())) == {"kernels": (1, 70)}
+    assert pruning.sizes(pruning.entries(pruning.folders())) == {"kernels": (1, 70)}
     monkeypatch.setenv("RECIPE_KERNEL_CACHE", str(tmp_path / "apart"))
     assert Path(setup._cache_folder()).parent == tmp_path / "apart" / "kernels"
-    assert housekeeping.folders() == [tmp_path / "moved", tmp_path / "apart"]
+    assert pruning.folders() == [tmp_path / "moved", tmp_path / "apart"]
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o775])

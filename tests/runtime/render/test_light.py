@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from recipe_compiler import exact
 from recipe_compiler.plan import CameraPlan, Pose
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Pattern, Surface
 from recipe_runtime.render.lighting.weather_light import extinction, light_of
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render.street import appearance, box, ground
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from recipe_compiler.plan import CameraPlan, CameraResponse, Pose
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render.street import EYE, LOOKS, appearance, box, ground, parts_at, street
 from tests.runtime.render.test_camera import light

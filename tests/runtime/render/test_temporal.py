@@ -7,11 +7,7 @@ import pytest
 from recipe_runtime.render.device.arrays import record, records
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting import (
-    reflection_reuse_kernels,
-    shadow_kernels,
-    temporal_kernels,
-)
+from recipe_runtime.render.lighting import reflection_reuse_kernels, shadow_kernels, temporal_kernels
 from recipe_runtime.render.lighting.air import Air
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, contact_occlusion
 from recipe_runtime.render.sampling.sample_kernels import Samples

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from recipe_compiler.plan import CameraPlan, Pose
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.render.device.reuse import NO_REUSE
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render.street import CAMERA, EYE, ball, box, ground, parts_at, street
 

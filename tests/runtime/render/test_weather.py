@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from recipe_compiler import exact
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, Pose
 from recipe_compiler.weather import PARAMETERS
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Pattern, Surface
 from recipe_runtime.render.renderer import Renderer
-from recipe_runtime.transforms import from_pose
 
 from tests.runtime.render.street import (
     CAMERA,

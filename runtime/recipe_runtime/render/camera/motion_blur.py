@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from recipe_compiler.plan import CameraPlan, CameraResponse
 
+from recipe_runtime.core.transforms import Array, compose, invert
 from recipe_runtime.render.camera.motion_blur_kernels import (
     TILE,
     Shutter,
@@ -19,7 +20,6 @@ from recipe_runtime.render.camera.motion_blur_kernels import (
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.camera import pinhole_of, view_from_parts
-from recipe_runtime.transforms import Array, compose, invert
 
 
 @dataclass(frozen=True)

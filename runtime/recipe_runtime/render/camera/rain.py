@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.camera import rain_kernels
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.weather_light import Light
 from recipe_runtime.render.scene.camera import world_from_view
-from recipe_runtime.transforms import Array
 
 _EXPOSURE_TIME = 1.0 / 45.0  # seconds during which a drop leaves its streak
 _DROPS = 32000  # at precipitation 100, in a cube

@@ -20,8 +20,8 @@ from typing import Any
 
 from recipe_compiler.errors import RunError, printable
 
-from recipe_runtime import cache_folder
-from recipe_runtime.files import file_sha256, write_atomic
+from recipe_runtime.cache import cache_folder
+from recipe_runtime.core.files import file_sha256, write_atomic
 
 LOCK_SECONDS = 300.0  # a process that is stopped while it compiles does not stop the others for longer
 _POLL_SECONDS = 0.1

@@ -22,8 +22,8 @@ import platformdirs
 import warp
 from recipe_compiler.errors import InputError, RunError
 
-from recipe_runtime.cache_folder import claim
-from recipe_runtime.store import kernel_cache
+from recipe_runtime.cache.cache_folder import claim
+from recipe_runtime.cache.store import kernel_cache
 
 # Warp makes its types when it runs; to mypy they are all one.
 wp: Any = warp

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, SensorPlan
 
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.camera import develop_kernels, post_process, rain_kernels
 from recipe_runtime.render.camera.rain import rain_at
 from recipe_runtime.render.device.arrays import record, records
@@ -30,7 +31,6 @@ from recipe_runtime.render.scene.camera import view_from_parts, world_from_parts
 from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.texture.mipmaps import ImageAtlases
 from recipe_runtime.render.texture.surface_colours import surface_colours
-from recipe_runtime.transforms import Array
 
 _CHUNK = 8  # frames whose numbers are made at once, while those of before are drawn
 _EDGE_SAMPLES = 0.5  # samples at edges that there is room for at first, a pixel

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
 
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.camera import develop_kernels, rain_kernels
 from recipe_runtime.render.camera.rain import rain_at, streak_radiance
 from recipe_runtime.render.device.arrays import record
@@ -39,7 +40,6 @@ from recipe_runtime.render.raster.observation import Observation, objects_of
 from recipe_runtime.render.sampling import sample_kernels, slot_kernels
 from recipe_runtime.render.scene.camera import pinhole_of
 from recipe_runtime.render.scene.geometry import CHUNK, Geometry
-from recipe_runtime.transforms import Array
 
 _BIN_CAPACITY = 1 << 17  # of large triangles that a list holds
 

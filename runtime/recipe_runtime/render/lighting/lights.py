@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps
 from recipe_runtime.render.scene.geometry import Geometry
-from recipe_runtime.transforms import Array
 
 _CANDELA = 1.0 / 11000.0  # light on a white surface a metre away, in the scale of `air`, of one candela
 _SPILL = 1400.0  # candela above which a lamp's light near by grows by the square root only

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.arrays import record, zeros
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
@@ -16,7 +17,6 @@ from recipe_runtime.render.lighting.shadow_kernels import TILE, Sunbeam
 from recipe_runtime.render.raster import visibility_kernels
 from recipe_runtime.render.scene.camera import Pinhole, upload_transforms, world_from_parts
 from recipe_runtime.render.scene.geometry import CHUNK, Geometry
-from recipe_runtime.transforms import Array
 
 _STATIC_MAPS = ((3072, 0.03, 32.0), (2048, 0.2, 128.0))  # texels, metres a texel, metres between centres
 _MOVING_SIZE = 1024

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.plan import CameraPlan
 
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.geometry import Geometry
-from recipe_runtime.transforms import Array
 
 Box = tuple[int, int, int, int]
 

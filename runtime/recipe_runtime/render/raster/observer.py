@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from recipe_compiler.optics import bends
 from recipe_compiler.plan import CameraPlan
 
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
@@ -26,7 +27,6 @@ from recipe_runtime.render.raster.distortion import apply_distortion, distortion
 from recipe_runtime.render.raster.observation import Observation, objects_of
 from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, view_from_parts
 from recipe_runtime.render.scene.geometry import CHUNK, Geometry
-from recipe_runtime.transforms import Array
 
 _ACTORS_PER_WORD = 64  # actors whose lone silhouettes fit a 64-bit word
 _POSE_CACHE_SIZE = 4  # 10 MB each at 800 x 600

@@ -9,8 +9,8 @@ import numpy as np
 from recipe_compiler import exact
 from recipe_compiler.plan import CameraPlan
 
+from recipe_runtime.core.transforms import Array, compose, invert
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.transforms import Array, compose, invert
 
 wp.set_module_options(OPTIONS)
 

@@ -1,0 +1,1 @@
+"""Bodies of actors: skeletons, joints and the poses of their parts."""

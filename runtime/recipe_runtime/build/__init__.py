@@ -1,0 +1,1 @@
+"""A plan to a dataset in a folder: worker processes, reuse, repair, journals and publication."""

@@ -1,0 +1,134 @@
+"""What is written once all frames are known: annotation files and their check, plans, pictures, card, manifest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from recipe_compiler.errors import RunError
+from recipe_compiler.plan import DatasetPlan, ScenePlan
+
+from recipe_runtime.annotate.records import Video
+from recipe_runtime.annotate.validate import problems
+from recipe_runtime.build.recipe_files import RecipeFiles
+from recipe_runtime.build.workspace import Workspace
+from recipe_runtime.core import layout
+from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.core.timings import Stopwatch
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.dataset.assembly import Harvest
+from recipe_runtime.dataset.manifest import file_row, manifest_text
+from recipe_runtime.dataset.schedule import simulations, views
+from recipe_runtime.dataset.text_files import Text, annotation_texts, closing_texts, labels_text, with_labels
+from recipe_runtime.dataset.tracks import tracks_csv
+from recipe_runtime.report.contact_sheets import contact_sheet, overlay_sheet
+
+FileRow = list[Any]  # size, SHA-256; of frames' files also the stamp of the written file
+Task = Callable[[], dict[str, FileRow]]
+
+
+@dataclass
+class Finisher:
+    """The end of one build."""
+
+    dataset: DatasetPlan
+    harvest: Harvest
+    work: Workspace
+    progress: Progress
+    watch: Stopwatch
+    sources: RecipeFiles | None = None
+    videos: list[Video] = field(init=False)
+    identity: str = field(init=False)
+    labels: dict[str, tuple[str, list[str]]] = field(init=False)  # by view: the text, and its files
+
+    def __post_init__(self) -> None:
+        self.identity = self.harvest.identity()
+        homes = {(i, view.sensor.name): view.key for view in views(self.dataset) for i in view.variants}
+        places = {variant.variant: index for index, variant in enumerate(self.dataset.variants)}
+        self.videos, self.labels = [], {}
+        seen: dict[str, Video] = {}
+        for video in self.harvest.videos():
+            home = homes[places[video.variant], video.sensor.name]
+            if home not in seen:
+                text = labels_text(video)
+                seen[home], self.labels[home] = with_labels(video, text), (text, [])
+            self.videos.append(replace(video, frames=seen[home].frames))
+            self.labels[home][1].append(layout.labels_file(video.variant, video.sensor.name))
+
+    def finish(self, trace: Callable[[ScenePlan], Trace]) -> dict[str, FileRow]:
+        """Write all of it; the rows of every file that belongs to the dataset, by path."""
+        files = self.harvest.files()
+        known = self.dataset, self.identity, self.videos
+        annotate = [self._labels, *self._texts(annotation_texts(*known)), lambda: self._tracks(trace), self._check]
+        place = self.sources.place if self.sources else None
+        rest = [*self._texts(closing_texts(*known, place)), *self._sheets(), self._recipe]
+        for stage, tasks in (("annotate", annotate), ("finish", rest)):
+            self.progress(stage, 0, len(tasks))
+            for done, task in enumerate(tasks, start=1):
+                with self.watch(stage):
+                    files.update(task())
+                self.progress(stage, done, len(tasks))
+        with self.watch("finish"):
+            return files | self._write(layout.MANIFEST, manifest_text(self.dataset, self.harvest, files, place))
+
+    def _write(self, path: str, content: str | bytes) -> dict[str, FileRow]:
+        body = content.encode() if isinstance(content, str) else content
+        self.work.write(path, body)
+        return {path: file_row(body)}
+
+    def _texts(self, texts: Iterable[Text]) -> Iterator[Task]:
+        for path, make in texts:
+            yield lambda path=path, make=make: self._write(path, make())  # type: ignore[misc]
+
+    def _labels(self) -> dict[str, FileRow]:
+        """A `labels.jsonl` a view, under the name of each of its variants."""
+        files: dict[str, FileRow] = {}
+        for text, (first, *others) in self.labels.values():
+            files |= self._linked(first, others, text)
+        return files
+
+    def _linked(self, first: str, others: list[str], content: str) -> dict[str, FileRow]:
+        return self._shared(self._write(first, content)[first], first, others)
+
+    def _shared(self, row: FileRow, first: str, others: list[str]) -> dict[str, FileRow]:
+        for path in others:
+            self.work.link(first, path)
+        return dict.fromkeys([first, *others], row)
+
+    def _tracks(self, trace: Callable[[ScenePlan], Trace]) -> dict[str, FileRow]:
+        """A `tracks.csv` a scene, under the name of each of its variants."""
+        files: dict[str, FileRow] = {}
+        for scene in simulations(self.dataset):
+            names = [v.variant for v in self.dataset.variants if v.scene.digest == scene.digest]
+            first, *others = (layout.tracks_file(name) for name in names)
+            files |= self._shared(self.work.write_pieces(first, tracks_csv(scene, trace(scene))), first, others)
+        return files
+
+    def _check(self) -> dict[str, FileRow]:
+        """RunError if an annotation file does not hold what the pixels say: a fault of ours, never of the recipe."""
+        root = self.work.dataset
+        for path, start in ((layout.KWCOCO, None), (layout.coco_file("rgb"), root)):
+            found = problems(root / path, start) if (root / path).is_file() else []
+            if found:
+                more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+                raise RunError(f"{path} fails its check, which is a fault of this program: {found[0]}{more}")
+        return {}
+
+    def _recipe(self) -> dict[str, FileRow]:
+        """The recipe, all that it uses, and its lockfile if that is of this identity."""
+        files: dict[str, FileRow] = {}
+        found = self.sources.contents(self.dataset.recipe, self.identity) if self.sources else {}
+        for path, body in sorted(found.items()):
+            files |= self._write(path, body)
+        return files
+
+    def _sheets(self) -> Iterator[Task]:
+        title = self.dataset.recipe
+        yield lambda: self._write(layout.CONTACT_SHEET, contact_sheet(title, self.videos, self._picture))
+        yield lambda: self._write(layout.OVERLAY_SHEET, overlay_sheet(title, self.videos, self._picture))
+
+    def _picture(self, video: Video, frame: int) -> Path:
+        path = layout.frame_file(video.variant, video.sensor.name, "rgb", frame, self.dataset.depth)
+        return self.work.dataset / path

@@ -1,0 +1,204 @@
+"""Worker processes on this host: pinned to one thread each, and gone when the build is.
+
+Each is a fresh interpreter with a pipe of its own. It is started with interrupts blocked and ignores them from then
+on: they are the build's, which ends all workers at once. And it watches a pipe whose other end the build alone holds,
+so that none outlives the build, whatever ended that.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection, Pipe, wait
+from typing import Any, TypeAlias
+
+from recipe_compiler.errors import RecipeError, RunError
+
+from recipe_runtime.annotate.records import FrameRecord
+from recipe_runtime.build.worker import Job, Worker
+from recipe_runtime.core import subprocesses
+from recipe_runtime.dataset.schedule import Shard
+
+PINNED: dict[str, str] = {
+    "PYTHONHASHSEED": "0",
+    "LC_ALL": "C.UTF-8",
+    "TZ": "UTC",
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS"), "1"),
+}
+
+Done = Callable[[Shard, list[FrameRecord]], None]
+Seconds = dict[str, float]
+End: TypeAlias = "Connection[Any, Any]"
+
+
+def run(job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Callable[[int], None]) -> Seconds:
+    """Do all shards with so many processes (0: in this one); the seconds of every stage, over all workers.
+
+    `done` is told of every finished shard and `tick` of pictures, both in this process. RunError, with the frame and
+    its variant, if one fails; the others are stopped then.
+    """
+    if workers == 0:
+        worker = Worker(job)
+        for shard in shards:
+            done(shard, worker.do(shard, tick))
+        return worker.watch.seconds
+    if not shards:
+        return {}
+    with Crew(job, min(workers, len(shards))) as crew:
+        return crew.run(shards, done, tick)
+
+
+class _WorkerError(Exception):
+    """A worker's own traceback, as the cause of the error that it is reported by."""
+
+
+class Crew:
+    """So many processes for a job, from now until the `with` block ends. `load` names a scene by the place of its view.
+
+    They set to work at once: they start, and load that scene, while whoever hired them does something else.
+    """
+
+    def __init__(self, job: Job, workers: int, load: int | None = None) -> None:
+        self._job = job
+        self._processes: dict[End, subprocess.Popen[bytes]] = {}
+        self._busy: dict[End, Shard] = {}
+        self._seconds: Seconds = {}
+        watched, self._alive = os.pipe()
+        try:
+            with _interrupts_blocked():
+                for _ in range(workers):
+                    self._start(watched)
+            for number, pipe in enumerate(self._processes):
+                with _as_loss(self, pipe):
+                    pipe.send((job, number, load))
+        except BaseException:
+            self._stop()
+            raise
+        finally:
+            os.close(watched)
+
+    def _start(self, watched: int) -> None:
+        ours, theirs = Pipe()
+        with theirs:
+            ends = theirs.fileno(), watched
+            command = subprocesses.command("recipe_runtime.build.local", "serve", *map(str, ends))
+            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=ends, env={**os.environ, **PINNED})
+        self._processes[ours] = process
+
+    def __enter__(self) -> Crew:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop()
+
+    def run(self, shards: Iterable[Shard], done: Done, tick: Callable[[int], None]) -> Seconds:
+        """Do all shards, as the module's `run` does."""
+        rest = iter(shards)
+        for pipe in self._processes:
+            self._feed(pipe, rest)
+        while self._busy:
+            ready = wait(list(self._busy))
+            for pipe in [pipe for pipe in self._busy if pipe in ready]:
+                self._hear(pipe, rest, done, tick)
+        return self._seconds
+
+    def _feed(self, pipe: End, rest: Iterator[Shard]) -> None:
+        self._busy.pop(pipe, None)
+        shard = next(rest, None)
+        if shard is not None:
+            self._busy[pipe] = shard
+            with _as_loss(self, pipe):
+                pipe.send(shard)
+
+    def _hear(self, pipe: End, rest: Iterator[Shard], done: Done, tick: Callable[[int], None]) -> None:
+        with _as_loss(self, pipe):
+            kind, body = pipe.recv()
+        if kind == "tick":
+            tick(body)
+        elif kind == "failed":
+            message, details = body
+            raise RunError(message) from _WorkerError(details)
+        else:
+            records, seconds = body
+            for stage, value in seconds.items():
+                self._seconds[stage] = self._seconds.get(stage, 0.0) + value
+            done(self._busy[pipe], records)
+            self._feed(pipe, rest)
+
+    def lost(self, pipe: End) -> RunError:
+        """The error that a worker's end is, with what it was at."""
+        process, shard = self._processes[pipe], self._busy.get(pipe)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(5)
+        what = f"a worker process was lost (exit {process.returncode}; -9 is often memory running out)"
+        remedy = f"with fewer workers, {self._job.again}"
+        if shard is None:
+            return RunError(f"{what}; {remedy}")
+        names = ", ".join(self._job.dataset.variants[i].variant for i in shard.variants[:3])
+        return RunError(f"{names}, frames {shard.frames[0]} to {shard.frames[-1]}: {what}; {remedy}")
+
+    def _stop(self) -> None:
+        for process in self._processes.values():
+            process.kill()
+        for pipe, process in self._processes.items():
+            process.wait()
+            pipe.close()
+        os.close(self._alive)
+
+
+@contextmanager
+def _as_loss(pool: Crew, pipe: End) -> Iterator[None]:
+    """Whatever fails on the way to or from a worker means that it is gone."""
+    try:
+        yield
+    except (EOFError, OSError):
+        raise pool.lost(pipe) from None
+
+
+def serve() -> None:
+    """A worker's life: take the job and a number, then shards until the pipe closes. Its arguments: two pipes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    work, watched = map(int, sys.argv[1:])
+    threading.Thread(target=_end_with_parent, args=(watched,), daemon=True).start()
+    pipe: End = Connection(work)
+    try:
+        job, number, load = pipe.recv()
+        worker = Worker(job, number)
+        if load is not None:
+            with suppress(Exception):  # what is wrong is told when a shard of that scene is asked for
+                worker.load(load)
+        while True:
+            pipe.send(_answer(worker, pipe.recv(), lambda count: pipe.send(("tick", count))))
+            worker.watch.seconds.clear()
+    except (EOFError, ConnectionError):
+        return
+
+
+def _answer(worker: Worker, shard: Shard, tick: Callable[[int], None]) -> tuple[str, Any]:
+    try:
+        return "done", (worker.do(shard, tick), dict(worker.watch.seconds))
+    except (EOFError, ConnectionError):
+        raise
+    except RecipeError as error:
+        return "failed", (str(error), traceback.format_exc())
+
+
+def _end_with_parent(watched: int) -> None:
+    os.read(watched, 1)  # returns when the last writer, the build, is gone
+    os._exit(1)
+
+
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """What a process inherits is the signal mask of now; an interrupt that comes meanwhile is ours, a little later."""
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)

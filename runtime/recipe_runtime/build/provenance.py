@@ -1,0 +1,83 @@
+"""Which recipe a dataset's folder belongs to, so that no recipe replaces the dataset of another.
+
+    datasets/rain_bench/                 the dataset: no path of this machine is in it
+    datasets/.rain_bench.source.json     format, the recipe's name, its path from datasets/, the dataset's identity
+
+A recipe is known by its name and its file. The record counts only for the dataset whose identity it names: one that
+was copied to that place from elsewhere has no recorded recipe.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from recipe_compiler.canonical import pretty
+from recipe_compiler.errors import InputError
+from recipe_compiler.files import read_regular
+from recipe_compiler.plan import DatasetPlan
+
+from recipe_runtime.core.files import host_errors, write_atomic
+
+_FORMAT = "recipe/source/1"
+_MAX_BYTES = 1 << 16
+
+
+def record_path(out: Path) -> Path:
+    """Where the record of a dataset lies: beside the dataset's folder."""
+    return out.with_name(f".{out.name}.source.json")
+
+
+def record(out: Path, manifest: Mapping[str, Any], source: Path | None) -> None:
+    """Note that the dataset in `out` was built from the recipe file `source`, unless a recipe is noted already."""
+    if source is None or _recorded(out, manifest) is not None:
+        return
+    row = {"format": _FORMAT, "recipe": manifest["recipe"], "identity": manifest["identity"]}
+    path = record_path(out)
+    with host_errors(str(path), "allow writing, then build again"):
+        write_atomic(path, pretty({**row, "source": _from(out, source)}).encode())
+
+
+def check_replaceable(out: Path, manifest: Mapping[str, Any] | None, plan: DatasetPlan, source: Path | None) -> None:
+    """InputError if the dataset in `out` is of another recipe than the one about to be built there.
+
+    Args:
+        out: the dataset's folder.
+        manifest: the manifest that is there; None where there is no dataset.
+        plan: what is to be built.
+        source: the recipe's file; None where the caller has only a plan. Then the name alone tells recipes apart.
+    """
+    if manifest is None:
+        return
+    name, ours = str(manifest.get("recipe"))[:100], str(source) if source else plan.recipe
+    remedy = f"choose another folder with --out, or replace that dataset with {ours}'s (--replace)"
+    if name != plan.recipe:
+        raise InputError(f"{out} holds the dataset of another recipe, {name!r}, and this is {plan.recipe!r}; {remedy}")
+    if source is None or manifest.get("plan") == plan.digest:
+        return
+    there = _recorded(out, manifest)
+    if there is None:
+        raise InputError(f"{out} holds a dataset named {name!r} that is not known to be built from {source}; {remedy}")
+    if there != _from(out, source):
+        other = os.path.relpath(out.resolve().parent / there)
+        raise InputError(
+            f"{out} holds the dataset of {other}, another recipe that is named {name!r} as {source} is; {remedy}"
+        )
+
+
+def _recorded(out: Path, manifest: Mapping[str, Any]) -> str | None:
+    """The path of the recipe that is noted for this very dataset; None if there is none."""
+    try:
+        row = json.loads(read_regular(record_path(out), _MAX_BYTES))
+        known = (row["format"], row["recipe"], row["identity"]) == (_FORMAT, manifest["recipe"], manifest["identity"])
+        return str(row["source"]) if known else None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def _from(out: Path, source: Path) -> str:
+    """The path from the folder of `out` to a recipe: a project that is moved as a whole keeps it."""
+    return Path(os.path.relpath(source.resolve(), out.resolve().parent)).as_posix()

@@ -1,0 +1,67 @@
+"""The recipe in its dataset's folder: the YAML files and assets that were compiled, and the lockfile.
+
+    recipe/
+        rain_bench.yaml, towns/base.yaml, crate.glb     the recipe and all that it uses, at their places
+        lockfiles/rain_bench.lock                       the lockfile, if the dataset is the one that it stands for
+
+A copied dataset can thus be verified and built again from itself. All assets are included: the compiler holds them to
+128 MiB together. Files are in the manifest, and are compared with the plan: the recipe must compile to it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from recipe_compiler.errors import InputError
+from recipe_compiler.lockfile import Lockfile
+
+from recipe_runtime.core import layout
+from recipe_runtime.core.files import regular_file
+from recipe_runtime.dataset.manifest import stays_inside
+from recipe_runtime.dataset.reader import Dataset
+
+MAX_BYTES = 256 << 20
+
+
+@dataclass(frozen=True)
+class RecipeFiles:
+    """The files of a recipe, by their paths below its folder, read when it was compiled; `lock`: its lockfile."""
+
+    recipe: str
+    files: Mapping[str, bytes]
+    lock: Lockfile | None = None
+
+    def __post_init__(self) -> None:
+        """InputError for a file that cannot be in a dataset's folder."""
+        for path in self.files:
+            if not stays_inside(path):
+                raise InputError(f"{path!r} cannot be a file of a dataset; rename it with plain, printable characters")
+        size = sum(map(len, self.files.values()))
+        if size > MAX_BYTES:
+            raise InputError(f"the recipe's files have {size:,} bytes, over {MAX_BYTES:,}; bring smaller ones")
+
+    @property
+    def place(self) -> str:
+        """The recipe's path in the dataset."""
+        return f"{layout.RECIPE}/{self.recipe}"
+
+    def contents(self, name: str, identity: str) -> dict[str, bytes]:
+        """Every file by its path in the dataset of that name and identity."""
+        found = {f"{layout.RECIPE}/{path}": body for path, body in self.files.items()}
+        if self.lock is not None and self.lock.sealed and self.lock.identity == identity:
+            digests = {path: hashlib.sha256(body).hexdigest() for path, body in self.files.items()}
+            lock = replace(self.lock, source=f"../{self.recipe}", files=digests)
+            found[layout.recipe_lockfile(name)] = lock.dumps().encode()
+        return found
+
+
+def asset_places(dataset: Dataset) -> dict[str, Path]:
+    """Where the assets of a dataset's plan may lie in its folder, by digest; readers hold them to it."""
+    return {
+        sha256: dataset.root / path
+        for path, (_, sha256) in dataset.files.items()
+        if layout.is_recipe_file(path) and regular_file(dataset.root, path) is not None
+    }

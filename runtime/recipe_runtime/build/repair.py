@@ -1,0 +1,49 @@
+"""A dataset that stands in its place, held against its manifest: what a repair has to mend.
+
+A manifest is believed if it is of the plan at hand and adds up to its identity. Frames of which any file has other
+bytes than it says are made again, under all of their names; so is every text and drawing. The rest is linked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from recipe_compiler.errors import RunError
+from recipe_compiler.plan import DatasetPlan
+
+from recipe_runtime.build.workspace import Workspace, read_manifest
+from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.dataset.manifest import DAMAGE, is_of, listed_files
+from recipe_runtime.dataset.reader import Dataset, damaged_files, lock_of, recipe_file_of
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A dataset of ours, and what is wrong with its files, a line each."""
+
+    held: Dataset
+    damage: tuple[str, ...]
+
+    def check(self, identity: str, work: Workspace) -> None:
+        """RunError, and no work left, if what was made to mend it is of another identity."""
+        if identity != self.held.lock.identity:
+            work.abandon()
+            out = self.held.root
+            raise RunError(
+                f"{out}: its manifest says {self.held.lock.identity}, and this host makes {identity}; nothing was"
+                f" changed. `recipe verify {out}` tells where they part; to build it anew, move it away"
+            )
+
+
+def examine(plan: DatasetPlan, out: Path, progress: Progress) -> Examined | None:
+    """Hash every file of the dataset in a folder; None if what stands there is none of this plan and these tools."""
+    manifest = read_manifest(out)
+    try:
+        if manifest is None or not is_of(manifest, plan):
+            return None
+        files = listed_files(manifest)
+        held = Dataset(out, plan, lock_of(manifest), files, str(out), recipe_file_of(manifest, files))
+    except DAMAGE:
+        return None
+    return Examined(held, tuple(line for _, line in damaged_files(held, progress)))

@@ -1,0 +1,250 @@
+"""What an earlier build of another plan made and this one wants too: linked into place, not made again.
+
+A view (scene and sensor) that is in both has the same labels; a view and an appearance that are in both have the same
+pictures. The dataset that stands where the new one will be is taken from if this very program built it, from
+this host, which the cache remembers, and every file is read and held against its digest before it gets its second name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from recipe_compiler.canonical import digest
+from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.lockfile import VariantRow
+from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
+from recipe_compiler.wording import count
+
+from recipe_runtime.annotate.records import FrameRecord
+from recipe_runtime.build.known_frames import Known
+from recipe_runtime.build.workspace import Workspace
+from recipe_runtime.cache.store import Store
+from recipe_runtime.core import layout
+from recipe_runtime.core.files import file_sha256, regular_file
+from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.core.versions import builder
+from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.dataset.manifest import DAMAGE
+from recipe_runtime.dataset.reader import Dataset
+from recipe_runtime.dataset.schedule import Shard, Taken, View, views
+from recipe_runtime.dataset.text_files import labels_of
+
+
+def remember(store: Store, out: Path, plan: DatasetPlan) -> None:
+    """Note that this program built the dataset of that plan there. It is whole, whether or not a cache can say so."""
+    with suppress(RunError):
+        store.put("built", _name(out), b"")
+        store.put("built", _place(plan), os.fsencode(out))
+
+
+def built(store: Store, plan: DatasetPlan) -> Dataset | None:
+    """The dataset of a plan that this program, on this host, built last; None if it is not there any more."""
+    place = store.get("built", _place(plan))
+    before = None if place is None else earlier(store, Path(os.fsdecode(place)))
+    return before if before is not None and before.plan.digest == plan.digest else None
+
+
+def earlier(store: Store, out: Path) -> Dataset | None:
+    """The dataset that stands there, if this program built it."""
+    if regular_file(out, layout.MANIFEST) is None or store.get("built", _name(out)) is None:
+        return None
+    try:
+        return datasets.read(out)
+    except InputError:
+        return None
+
+
+def _name(out: Path) -> str:
+    manifest = hashlib.sha256((out / layout.MANIFEST).read_bytes()).hexdigest()
+    return digest("store/built/1", [manifest, builder()])
+
+
+def _place(plan: DatasetPlan) -> str:
+    return digest("store/built-at/1", [plan.digest, builder()])
+
+
+@dataclass
+class Reuse:
+    """What of a plan's views an earlier dataset holds. `before` None: nothing."""
+
+    plan: DatasetPlan
+    before: Dataset | None
+    _labels: dict[str, tuple[ScenarioPlan, SensorPlan]] = field(default_factory=dict)  # by view
+    _pictures: dict[tuple[str, str], str] = field(default_factory=dict)  # view, appearance -> a variant
+    _seen: dict[str, list[bytes]] = field(default_factory=dict)  # by view, the last: its labels' lines
+
+    def __post_init__(self) -> None:
+        if self.before is None or _forms(self.plan) != _forms(self.before.plan):
+            return
+        for view in views(self.before.plan):
+            for index in view.variants:
+                variant = self.before.plan.variants[index]
+                self._labels.setdefault(view.key, (variant, view.sensor))
+                self._pictures.setdefault((view.key, variant.appearance.digest), variant.variant)
+
+    def knows(self, view: View) -> bool:
+        """Whether the earlier dataset saw the same through that sensor."""
+        return view.key in self._labels
+
+    def covered(self, view: View) -> tuple[int, ...]:
+        """The view's variants whose pictures and labels are all there."""
+        if not self.knows(view):
+            return ()
+        plain = "rgb" not in view.sensor.capture
+        return tuple(n for n in view.variants if plain or self._picture(view, n) is not None)
+
+    def take(self, work: Workspace | None, view: View, variants: Sequence[int]) -> list[FrameRecord]:
+        """The records of a view's frames for these variants, except those of which a file is damaged.
+
+        Every file is hashed. It is then linked into the workspace; without one, nothing is written.
+        """
+        records = []
+        for frame in range(view.scene.clock.frames):
+            with suppress(OSError, *DAMAGE):
+                records.append(self._frame(work, view, frame, variants))
+        return records
+
+    def _picture(self, view: View, index: int) -> str | None:
+        return self._pictures.get((view.key, self.plan.variants[index].appearance.digest))
+
+    def _frame(self, work: Workspace | None, view: View, frame: int, variants: Sequence[int]) -> FrameRecord:
+        assert self.before is not None
+        old, sensor = self._labels[view.key]
+        names = [self.plan.variants[n].variant for n in variants]
+        files: dict[str, list[int | str]] = {}
+        for modality in (m for m in view.sensor.capture if m != "rgb"):
+            source = layout.frame_file(old.variant, sensor.name, modality, frame, self.plan.depth)
+            paths = [layout.frame_file(n, view.sensor.name, modality, frame, self.plan.depth) for n in names]
+            files |= self._linked(work, source, paths)
+        if "mots_png" in self.plan.annotations:
+            source = layout.mots_png_file(old.variant, sensor.name, frame)
+            files |= self._linked(work, source, [layout.mots_png_file(n, view.sensor.name, frame) for n in names])
+        rgb: dict[str, str] = {}
+        for index, name in zip(variants, names, strict=True):
+            picture = self._picture(view, index)
+            if "rgb" in view.sensor.capture and picture is not None:
+                source = layout.frame_file(picture, sensor.name, "rgb", frame, self.plan.depth)
+                path = layout.frame_file(name, view.sensor.name, "rgb", frame, self.plan.depth)
+                files |= self._linked(work, source, [path])
+                rgb[name] = self._digest(picture, sensor, "rgb", frame)
+        labels = [m for m in view.sensor.capture if m != "rgb"] + ["labels"]
+        digests = {m: self._digest(old.variant, sensor, m, frame) for m in labels}
+        seen = labels_of(self._lines(view)[frame], digests["labels"], sensor)
+        return {"frame": frame, "objects": seen, "digests": digests, "rgb": rgb, "files": files}
+
+    def _linked(self, work: Workspace | None, source: str, paths: list[str]) -> dict[str, list[int | str]]:
+        """Verify a file of the earlier dataset, and give it its names in this one."""
+        assert self.before is not None
+        size, sha256 = self.before.files[source]
+        found = regular_file(self.before.root, source)
+        if found is None or found.st_size != size or file_sha256(self.before.root / source) != sha256:
+            raise ValueError(f"{source} is not what the manifest says")
+        row: list[int | str] = [size, sha256]
+        if work is not None:
+            work.take(self.before.root / source, paths[0])
+            for path in paths[1:]:
+                work.link(paths[0], path)
+            row.append(work.stamp(paths[0]))
+            now = regular_file(self.before.root, source)  # links change the stamp, and not this time
+            if now is None or (now.st_ino, now.st_mtime_ns) != (found.st_ino, found.st_mtime_ns):
+                raise ValueError(f"{source} was changed while it was taken over")
+        return dict.fromkeys(paths, row)
+
+    def _digest(self, variant: str, sensor: SensorPlan, modality: str, frame: int) -> str:
+        assert self.before is not None
+        row: VariantRow = self.before.lock.variants[variant]
+        return self.before.lock.frames[row.frame_key(modality), sensor.name, modality, frame]
+
+    def _lines(self, view: View) -> list[bytes]:
+        """What is seen in each frame of a view, as it was written."""
+        assert self.before is not None
+        if view.key not in self._seen:
+            old, sensor = self._labels[view.key]
+            path = layout.labels_file(old.variant, sensor.name)
+            whole = regular_file(self.before.root, path) is not None
+            body = (self.before.root / path).read_bytes() if whole else b""
+            self._seen = {view.key: body.splitlines(keepends=True)}
+        return self._seen[view.key]
+
+
+def reasons(reuse: Reuse, simulated: Sequence[str], taken: Mapping[int, Taken]) -> Iterator[str]:
+    """Why each stage runs, or does not, a line each. `simulated` names the scenes that are not in the cache."""
+    plan = reuse.plan
+    scenes = len({v.scene.digest for v in plan.variants})
+    if simulated:
+        yield f"simulate {len(simulated)} of {count(scenes, 'scene')}: their motion is not in the cache"
+    else:
+        yield f"simulate nothing: the motion of {count(scenes, 'scene')} is in the cache"
+    for number, view in enumerate(views(plan)):
+        covered, there = reuse.covered(view), taken.get(number, Taken((), frozenset()))
+        names = [plan.variants[n].variant for n in view.variants if n not in covered]
+        where = f"{view.sensor.name}, {count(view.scene.clock.frames, 'frame')}"
+        if covered:
+            which, lost = (
+                _some([plan.variants[n].variant for n in covered]),
+                view.scene.clock.frames - len(there.frames),
+            )
+            if there.frames:
+                whole = count(len(there.frames), "frame")
+                yield f"take over {view.sensor.name}, {whole} of {which}: nothing of them changed"
+            if lost:
+                damaged = count(lost, "frame")
+                yield f"make {view.sensor.name}, {damaged} of {which} again: files of them are damaged or missing"
+        if names and reuse.knows(view):
+            yield f"shade {where} of {_some(names)}: an appearance that the earlier dataset has not"
+        elif names:
+            yield f"observe, label and shade {where} of {_some(names)}: {_why(reuse)}"
+
+
+def _why(reuse: Reuse) -> str:
+    if reuse.before is None:
+        return "there is no earlier dataset that this program built"
+    if _forms(reuse.plan) != _forms(reuse.before.plan):
+        return "the earlier dataset has other outputs"
+    return "a scene or sensor that the earlier dataset has not"
+
+
+def _forms(plan: DatasetPlan) -> tuple[str, bool]:
+    """What the files of a frame depend on besides its pixels."""
+    return plan.depth, "mots_png" in plan.annotations
+
+
+def _some(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{count(len(names), 'variant')} ({names[0]}, ...)"
+
+
+def proven(
+    plan: DatasetPlan, before: Dataset, traces: Mapping[str, str], progress: Progress
+) -> list[tuple[Shard, list[FrameRecord]]]:
+    """The frames of a plan that a dataset built by this program proves: their records, by view.
+
+    The manifest, remembered by its digest, holds the digests that were made of the pixels before they were encoded.
+    A frame counts if all of its files, hashed now, are still the ones that were written then, and if its scene's motion
+    is the given one (`traces`: scene digest -> trace digest). The others are left out.
+    """
+    found, reuse, seen = [], Reuse(plan, before), views(plan)
+    for number, view in enumerate(seen):
+        progress("take over", number, len(seen))
+        variants = reuse.covered(view)
+        scene = view.scene.digest
+        if not variants or scene not in traces or before.lock.traces.get(scene) != traces[scene]:
+            continue
+        records = reuse.take(None, view, variants)
+        if records:
+            found.append((Shard(number, tuple(record["frame"] for record in records), variants), records))
+    progress("take over", len(seen), len(seen))
+    return found
+
+
+def known_frames(plan: DatasetPlan, cache: Path | None = None) -> Known:
+    """The frames that `lock` takes over: those of the dataset that this host built last, and of a stopped lock."""
+    store = Store(cache)
+    before = built(store, plan)
+    if before is None:
+        return Known(store.root)
+    return Known(store.root, lambda traces, progress: proven(plan, before, traces, progress))

@@ -1,0 +1,188 @@
+"""What is done with a shard: observe, label, shade, encode, hash, write. The same code in any process.
+
+Files go into place one by one, each whole; pixels never leave the worker, digests and records do.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.errors import RecipeError, RunError
+from recipe_compiler.plan import DatasetPlan
+
+from recipe_runtime.annotate.mots import mots_picture
+from recipe_runtime.annotate.records import FrameRecord, label_digest
+from recipe_runtime.build import host_errors
+from recipe_runtime.cache.store import Store
+from recipe_runtime.core import codecs, layout
+from recipe_runtime.core.files import link_or_copy, stamp_of, write_atomic
+from recipe_runtime.core.interfaces import Observed
+from recipe_runtime.core.modalities import LABEL_MODALITIES, label_array, pixel_digest
+from recipe_runtime.core.timings import Stopwatch
+from recipe_runtime.dataset.schedule import Shard, View, views
+from recipe_runtime.frames.engines import Engines, SceneRenderer
+from recipe_runtime.frames.source import Made, SceneSource
+
+
+@dataclass(frozen=True)
+class Job:
+    """What every worker knows. `root` is the folder to write in; None: digests only. Workers share out the `devices`.
+
+    `resumes`: a build, which takes up what was done before it failed.
+    """
+
+    dataset: DatasetPlan
+    engines: Engines
+    devices: tuple[str, ...]
+    cache: Path
+    root: Path | None
+    resumes: bool = False
+
+    @property
+    def again(self) -> str:
+        """What to do after a failure."""
+        return "build again: what is done is kept" if self.resumes else "try again"
+
+
+class Worker:
+    """Does shards, one after the other, and keeps the renderer of the scene that it is at."""
+
+    def __init__(self, job: Job, number: int = 0) -> None:
+        self._job = job
+        self._device = job.devices[number % len(job.devices)]
+        self._views = views(job.dataset)
+        self._source: SceneSource | None = None
+        self._ready: tuple[str, SceneRenderer | None] = "", None  # a scene by its digest, loaded before its time
+        self.watch = Stopwatch()
+
+    def do(self, shard: Shard, tick: Callable[[int], None]) -> list[FrameRecord]:
+        """The records of a shard's frames; `tick` is told of every frame done, as a count of pictures."""
+        view, records = self._views[shard.view], []
+        groups = self._groups(view, shard.variants)
+        plans = [self._job.dataset.variants[group[0]].appearance for group in groups]
+        with self._naming(view, shard, shard.frames[0]):
+            made = self._at(view).make(view.sensor, plans, shard.frames, self.watch)
+        for frame in shard.frames:
+            with self._naming(view, shard, frame):
+                task = _FrameTask(self._job, view, shard.variants, self._at(view), self.watch)
+                records.append(task.do(next(made), groups))
+            tick(len(shard.variants))
+        return records
+
+    def _groups(self, view: View, variants: tuple[int, ...]) -> list[tuple[int, ...]]:
+        """The variants by appearance; none where no picture is asked for."""
+        if "rgb" not in view.sensor.capture:
+            return []
+        sharing: dict[str, list[int]] = {}
+        for index in variants:
+            sharing.setdefault(self._job.dataset.variants[index].appearance.digest, []).append(index)
+        return [tuple(group) for group in sharing.values()]
+
+    @contextmanager
+    def _naming(self, view: View, shard: Shard, frame: int) -> Iterator[None]:
+        """Whatever fails inside is told with the variant, the sensor and the frame."""
+        try:
+            yield
+        except RecipeError:
+            raise
+        except Exception as error:
+            where = f"{self._job.dataset.variants[shard.variants[0]].variant}, {view.sensor.name}, frame {frame}"
+            raise RunError(f"{where}: {host_errors.told(error, self._job.again)}") from error
+
+    def load(self, view: int) -> None:
+        """Make the renderer of a view's scene, which need not have been simulated yet."""
+        scene = self._views[view].scene
+        with self.watch("load"):
+            self._ready = scene.digest, self._job.engines.renderer(scene, self._device)
+
+    def _at(self, view: View) -> SceneSource:
+        if self._source is None or self._source.scene.digest != view.scene.digest:
+            job, scene = self._job, view.scene
+            self._source = None  # let go of one renderer before the next is made
+            (known, renderer), self._ready = self._ready, ("", None)
+            if known != scene.digest:
+                renderer = None
+            with self.watch("load"):
+                trace = Store(job.cache).trace(scene, lambda: job.engines.simulate(scene))
+                renderer = renderer or job.engines.renderer(scene, self._device)
+                self._source = SceneSource(scene, trace, device=self._device, engines=job.engines, renderer=renderer)
+                _ = self._source.annotator
+        return self._source
+
+
+@dataclass
+class _FrameTask:
+    """One frame of one view, for some variants."""
+
+    job: Job
+    view: View
+    variants: tuple[int, ...]
+    source: SceneSource
+    watch: Stopwatch
+
+    def do(self, made: Made, groups: Sequence[tuple[int, ...]]) -> FrameRecord:
+        """Label and write what was made; a picture for each group of variants, which share their appearance."""
+        sensor, watch, frame, seen = self.view.sensor, self.watch, made.number, made.seen
+        with watch("annotate"):
+            objects = self.source.labels(seen, sensor, frame)
+            digests = {"labels": label_digest(objects)}
+        files: dict[str, list[Any]] = {}
+        for modality in LABEL_MODALITIES:
+            if modality in sensor.capture:
+                array = label_array(seen, modality)
+                with watch("hash"):
+                    digests[modality] = pixel_digest(modality, array)
+                self._write(files, modality, frame, array, self.variants)
+        if "mots_png" in self.job.dataset.annotations:
+            self._write_mots(files, frame, seen, self.variants)
+        rgb: dict[str, str] = {}
+        for group, picture in zip(groups, made.pictures, strict=True):
+            with watch("hash"):
+                value = pixel_digest("rgb", picture)
+            rgb.update({self.job.dataset.variants[index].variant: value for index in group})
+            self._write(files, "rgb", frame, picture, group)
+        return {"frame": frame, "objects": objects, "digests": digests, "rgb": rgb, "files": files}
+
+    def _write(
+        self, files: dict[str, list[Any]], modality: str, frame: int, array: NDArray[Any], variants: tuple[int, ...]
+    ) -> None:
+        depth, names = self.job.dataset.depth, [self.job.dataset.variants[i].variant for i in variants]
+        paths = [layout.frame_file(name, self.view.sensor.name, modality, frame, depth) for name in names]
+        self._put(files, paths, lambda: _encoded(modality, array, depth))
+
+    def _write_mots(self, files: dict[str, list[Any]], frame: int, seen: Observed, variants: tuple[int, ...]) -> None:
+        names = [self.job.dataset.variants[i].variant for i in variants]
+        paths = [layout.mots_png_file(name, self.view.sensor.name, frame) for name in names]
+        self._put(files, paths, lambda: codecs.png(mots_picture(seen.instance)))
+
+    def _put(self, files: dict[str, list[Any]], paths: list[str], body: Callable[[], bytes]) -> None:
+        """Write one file under all its names."""
+        root = self.job.root
+        if root is None:
+            return
+        with self.watch("encode"):
+            data = body()
+        with self.watch("hash"):
+            row: list[Any] = [len(data), hashlib.sha256(data).hexdigest()]
+        with self.watch("write"):
+            write_atomic(root / paths[0], data)
+            for path in paths[1:]:
+                link_or_copy(root / paths[0], root / path)
+            row.append(stamp_of((root / paths[0]).lstat()))
+        files.update(dict.fromkeys(paths, row))
+
+
+def _encoded(modality: str, array: NDArray[Any], depth: str) -> bytes:
+    if modality == "rgb":
+        return codecs.photograph(array)
+    if modality != "depth":
+        return codecs.png(array)
+    metres = array.astype(np.float32)
+    return codecs.npy(metres) if depth == "npy" else codecs.png(codecs.carla_depth(metres))

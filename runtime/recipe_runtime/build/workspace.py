@@ -1,0 +1,298 @@
+"""Where a build works until its dataset is whole: a sibling folder, from which one rename publishes.
+
+    .<name>.partial/
+        job.json      which plan this is the work of, and of which tools and code
+        shards/       a record for every finished shard, written when its files are in place; its name ends in a count
+        dataset/      the files so far
+        old/          a dataset that is being replaced, for the instant between two renames
+
+A build that was stopped, whatever stopped it, is taken up here by the next one of the same plan. One build at a time
+holds the folder, by a lock that ends with its process.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from recipe_compiler.canonical import pretty
+from recipe_compiler.errors import Code, InputError, RunError
+
+from recipe_runtime.annotate.records import FrameRecord
+from recipe_runtime.build.journal import FolderJournal
+from recipe_runtime.core import layout
+from recipe_runtime.core.files import (
+    atomic_file,
+    file_sha256,
+    host_errors,
+    link_or_copy,
+    regular_file,
+    stamp_of,
+    write_atomic,
+)
+from recipe_runtime.dataset import manifest_reader
+from recipe_runtime.dataset.manifest import DAMAGE, FileRows, listed_files
+from recipe_runtime.dataset.schedule import Shard, View
+
+_REMEDY = "free some space or allow writing, then build again: what is done is kept"
+
+
+class Workspace:
+    """The work on one dataset folder; a context manager that holds the lock."""
+
+    def __init__(self, out: Path, job: dict[str, Any], *, replace: bool = False) -> None:
+        self.out = out
+        self._recipe, self._replace = job.get("recipe"), replace
+        self._job = pretty({"format": "recipe/partial/1", **job})
+        self._partial = out.parent / f".{out.name}.partial"
+        self._shards = FolderJournal(self._partial / "shards")
+        self.dataset = self._partial / "dataset"
+        self._lock = -1
+
+    def __enter__(self) -> Workspace:
+        with host_errors(str(self._partial), _REMEDY):
+            self._take()
+            try:
+                self._recover()
+                if not self._is_mine():
+                    self._clear()
+                self.dataset.mkdir(exist_ok=True)
+                self._shards.folder.mkdir(exist_ok=True)
+            except BaseException:
+                os.close(self._lock)
+                raise
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        os.close(self._lock)
+
+    def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:
+        """The records of a shard that an earlier build finished and whose files have all their bytes; else None."""
+        records = self._shards.read(shard, view)
+        if records is None:
+            return None
+        try:
+            rows = [(path, row) for record in records for path, row in record["files"].items()]
+            whole = all(self._holds(path, row[0], row[1]) for path, row in rows)
+        except (OSError, *DAMAGE):
+            return None
+        return records if whole else None
+
+    def noted(self, shard: Shard, view: View) -> bool:
+        """Whether an earlier build noted a shard as finished; its files are for `finished` to read."""
+        return (shard, view) in self._shards
+
+    def _holds(self, path: str, size: int, sha256: str) -> bool:
+        return (self.dataset / path).lstat().st_size == size and file_sha256(self.dataset / path) == sha256
+
+    def kept(self) -> int:
+        """How many frames are finished, by the names of the shards' records; may be asked of another's work."""
+        try:
+            return self._shards.frames() if self._is_mine() else 0
+        except OSError:
+            return 0
+
+    def keep(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
+        """Note that a shard's files are in place."""
+        with host_errors(str(self._partial), _REMEDY):
+            self._shards.write(shard, view, records)
+
+    def write(self, path: str, body: bytes) -> None:
+        """Write one of the dataset's files."""
+        with host_errors(f"{self._partial}: {path}", _REMEDY):
+            write_atomic(self.dataset / path, body)
+
+    def write_pieces(self, path: str, pieces: Iterable[bytes]) -> list[Any]:
+        """Write one of the dataset's files as it is made. Returns its size and SHA-256."""
+        size, hasher = 0, hashlib.sha256()
+        with host_errors(f"{self._partial}: {path}", _REMEDY), atomic_file(self.dataset / path) as file:
+            for piece in pieces:
+                file.write(piece)
+                hasher.update(piece)
+                size += len(piece)
+        return [size, hasher.hexdigest()]
+
+    def link(self, path: str, other: str) -> None:
+        """Give one of the dataset's files a second name."""
+        with host_errors(f"{self._partial}: {other}", _REMEDY):
+            link_or_copy(self.dataset / path, self.dataset / other)
+
+    def take(self, source: Path, path: str) -> None:
+        """Give a file from elsewhere a name among the dataset's."""
+        with host_errors(f"{self._partial}: {path}", _REMEDY):
+            link_or_copy(source, self.dataset / path)
+
+    def stamp(self, path: str) -> str:
+        """The stamp of one of the dataset's files as it is now."""
+        with host_errors(f"{self._partial}: {path}", _REMEDY):
+            return stamp_of((self.dataset / path).lstat())
+
+    @classmethod
+    def settle(cls, out: Path) -> None:
+        """Finish what a build that ended within `publish` left: put the old dataset back, or clear it away."""
+        work = cls(out, {})
+        ended = work._partial.is_dir() and out.exists() and not work.dataset.exists()
+        if not ended and not (work._partial / "old").is_dir():
+            return
+        with host_errors(str(work._partial), _REMEDY):
+            work._take()
+            try:
+                work._recover()
+                if out.exists() and not work.dataset.exists() and (work._partial / "job.json").is_file():
+                    work._remove()
+            finally:
+                os.close(work._lock)
+
+    def publish(self, files: FileRows) -> None:
+        """Put the dataset of these files into place, in place of the one that was there.
+
+        RunError, with nothing published, if another program changed or removed one of them since it was written.
+        """
+        with host_errors(str(self.out), _REMEDY):
+            changed = next((path for path, row in files.items() if not self._as_written(path, row)), None)
+            if changed is not None:
+                raise RunError(
+                    f"{self.dataset / changed} was changed or removed by another program during the build; nothing was"
+                    " published. Find out what writes there, then build again: the file is made again, the rest is kept"
+                )
+            self._sweep(files)
+            if self.out.exists():
+                self.out.rename(self._partial / "old")
+            self.dataset.rename(self.out)
+            self._remove()
+
+    def abandon(self) -> None:
+        """Clear the work away: there is nothing in it to go on from."""
+        with host_errors(str(self._partial), _REMEDY):
+            self._remove()
+
+    def _remove(self) -> None:
+        """Clear the folder away; what tells whose work it is goes last, so that the next build can go on from here."""
+        for child in sorted(self._partial.iterdir()):
+            if child.is_dir():
+                shutil.rmtree(child)
+        shutil.rmtree(self._partial)
+
+    def _as_written(self, path: str, row: Sequence[Any]) -> bool:
+        """Whether a file has the bytes that the build wrote: `row` is size, SHA-256, and the written file's stamp.
+
+        A file with the same inode, size and time of last change was not written to, so it is not read again.
+        """
+        found = regular_file(self.dataset, path)
+        if found is None or found.st_size != row[0]:
+            return False
+        return [stamp_of(found)] == list(row[2:]) or file_sha256(self.dataset / path) == row[1]
+
+    def _sweep(self, files: Collection[str]) -> None:
+        """Remove what is none of the dataset's: halves of files that a killed build left."""
+        for path in sorted(p for p in self.dataset.rglob("*") if not p.is_dir()):
+            if path.relative_to(self.dataset).as_posix() not in files:
+                path.unlink()
+
+    def _take(self) -> None:
+        """Make the folder and lock it; a lock on a folder that was published meanwhile is no lock."""
+        self.out.parent.mkdir(parents=True, exist_ok=True)
+        while True:
+            self._partial.mkdir(exist_ok=True)
+            self._lock = os.open(self._partial, os.O_RDONLY)
+            try:
+                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                os.close(self._lock)
+                raise RunError(
+                    f"another build is writing {self.out}",
+                    help="wait for it, or choose another folder",
+                    code=Code.OUTPUT_IN_THE_WAY,
+                ) from None
+            except OSError:
+                return  # a file system without locks
+            if self._still_there():
+                return
+            os.close(self._lock)
+
+    def _still_there(self) -> bool:
+        try:
+            here, held = self._partial.stat(), os.fstat(self._lock)
+        except FileNotFoundError:
+            return False
+        return (here.st_dev, here.st_ino) == (held.st_dev, held.st_ino)
+
+    def _recover(self) -> None:
+        """A build that ended between the two renames of `publish` left the old dataset here: put it back."""
+        old = self._partial / "old"
+        if old.is_dir() and not self.out.exists():
+            old.rename(self.out)
+        elif old.is_dir():
+            shutil.rmtree(old)
+
+    def _is_mine(self) -> bool:
+        path = self._partial / "job.json"
+        return path.is_file() and path.read_text() == self._job
+
+    def _other_recipe(self) -> str | None:
+        """The name of the recipe whose unfinished frames are here, if it is another."""
+        try:
+            name = json.loads((self._partial / "job.json").read_text())["recipe"]
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            return None
+        return str(name)[:100] if name != self._recipe and self._shards.frames() else None
+
+    def _clear(self) -> None:
+        """Begin afresh. What is not a build's work is left alone, and another recipe's without `replace`."""
+        if any(self._partial.iterdir()) and not (self._partial / "job.json").is_file():
+            raise InputError(f"{self._partial} is in the way and is not a build's work; move it away")
+        other = self._other_recipe()
+        if other is not None and not self._replace:
+            raise InputError(
+                f"{self._partial} holds the unfinished build of another recipe, {other!r}, and this is"
+                f" {self._recipe!r}",
+                help="discard that work (--replace), or choose another folder (--out)",
+                code=Code.OUTPUT_IN_THE_WAY,
+            )
+        for child in sorted(self._partial.iterdir()):
+            if child.is_dir() and child.name in ("dataset", "shards"):
+                shutil.rmtree(child)
+        write_atomic(self._partial / "job.json", self._job.encode())
+
+
+def check_out(out: Path) -> None:
+    """InputError if anything but a dataset of ours, and it alone, stands where one is to be put."""
+    if out.is_symlink() or (out.exists() and not out.is_dir()):
+        raise InputError(f"{out} is not a folder", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
+    if out.is_mount():  # one rename publishes, and none can put a folder there
+        remedy = f"choose a folder in it, such as {out / 'dataset'}"
+        raise InputError(f"{out} is where a disk is mounted", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
+    if not out.is_dir() or not any(out.iterdir()):
+        return
+    manifest = read_manifest(out)
+    if manifest is None:
+        raise InputError(
+            f"{out} holds files but no {layout.MANIFEST} of a dataset",
+            help="move it away, or choose another folder",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+    try:
+        known = {layout.MANIFEST, *listed_files(manifest)}
+    except ValueError:
+        known = {layout.MANIFEST}  # damaged: then nothing else here is known to be ours
+    found = (p.relative_to(out).as_posix() for p in sorted(out.rglob("*")) if p.is_symlink() or not p.is_dir())
+    foreign = [path for path in found if path not in known]
+    if foreign:
+        raise InputError(
+            f"{out} holds a file that is not the dataset's, {foreign[0]}; move it away before it is replaced"
+        )
+
+
+def read_manifest(out: Path) -> dict[str, Any] | None:
+    """The manifest in a folder; None if there is none that this project wrote, or it is damaged."""
+    try:
+        return manifest_reader.read(out)
+    except (OSError, ValueError):
+        return None

@@ -1,0 +1,171 @@
+"""Files written whole or not at all, and a store of traces addressed by what they come from.
+
+The store lives in the user's cache folder, or where RECIPE_CACHE says. An entry is verified when read: a damaged one
+counts as absent, and is made again. Two builds at once may write the same entry; they write the same bytes, and
+each puts it in place by one rename.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import os
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+import platformdirs
+from recipe_compiler.canonical import digest
+from recipe_compiler.errors import RunError
+from recipe_compiler.plan import ScenePlan
+
+from recipe_runtime.core.files import atomic_file, host_errors
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.versions import simulation_maker
+
+FORMAT = "recipe/store/2"
+KINDS = ("built", "pixels", "shards", "traces")
+"""All kinds of entries; what lies elsewhere in a cache folder is not this project's."""
+_LONGEST_HEADER = 400
+
+
+def default_cache() -> Path:
+    """The folder that RECIPE_CACHE names, else the user's cache folder."""
+    return Path(os.environ.get("RECIPE_CACHE") or platformdirs.user_cache_dir("dataset-recipe"))
+
+
+def kernel_cache() -> Path:
+    """The folder that holds compiled kernels: RECIPE_KERNEL_CACHE, else where traces are kept."""
+    named = os.environ.get("RECIPE_KERNEL_CACHE")
+    return Path(named) if named else default_cache()
+
+
+class Store:
+    """Content by kind and key, in a folder that is made when first written.
+
+    An entry is a file: the line `recipe/store/2 KIND KEY SHA-256`, then the body that the digest is of.
+    """
+
+    def __init__(self, root: Path | None = None) -> None:
+        self.root = root or default_cache()
+
+    def path(self, kind: str, key: str) -> Path:
+        """Where an entry lies."""
+        return self.root / kind / key[:2] / key
+
+    def get(self, kind: str, key: str) -> bytes | None:
+        """An entry's bytes; None if it is absent, damaged, or another key's."""
+        file = self.open(kind, key)
+        if file is None:
+            return None
+        with file:
+            return file.read()
+
+    def open(self, kind: str, key: str) -> BinaryIO | None:
+        """An entry's file, at the first byte of its body, which was compared with its digest piece by piece.
+
+        None if it is absent, damaged, or another key's.
+        """
+        path = self.path(kind, key)
+        try:
+            with ExitStack() as stack:
+                file = stack.enter_context(path.open("rb"))
+                head, hasher = file.readline(_LONGEST_HEADER), hashlib.sha256()
+                while piece := file.read(1 << 20):
+                    hasher.update(piece)
+                if head != header(kind, key, hasher.hexdigest()):
+                    return None
+                file.seek(len(head))
+                with suppress(OSError):
+                    os.utime(path)  # in use: pruning takes what was not used for longest
+                stack.pop_all()
+                return file
+        except OSError:
+            return None
+
+    def put(self, kind: str, key: str, body: bytes | Iterable[bytes]) -> None:
+        """Keep an entry, whole or in pieces.
+
+        Raises:
+            RunError: the folder cannot be written.
+            InputError: the folder is not a cache.
+        """
+        from recipe_runtime.cache.cache_folder import claim
+
+        if kind not in KINDS:
+            raise ValueError(f"the store has no kind {kind!r}")
+        ours = self.root == default_cache()
+        remedy = (
+            "free some space, or set RECIPE_CACHE to another folder" if ours else "free some space or allow writing"
+        )
+        hasher = hashlib.sha256()
+        with host_errors(f"the {'cache' if ours else 'folder'} {self.root}", remedy):
+            claim(self.root)
+            with atomic_file(self.path(kind, key)) as file:
+                file.write(header(kind, key, hasher.hexdigest()))  # as long as the one that takes its place
+                for piece in [body] if isinstance(body, bytes) else body:
+                    hasher.update(piece)
+                    file.write(piece)
+                file.seek(0)
+                file.write(header(kind, key, hasher.hexdigest()))
+
+    def trace(self, scene: ScenePlan, simulate: Callable[[], Trace]) -> Trace:
+        """The Trace of a scene: from the store if it is there and whole, else simulated, and kept."""
+        return self._trace(scene) or self.keep_trace(scene, simulate())
+
+    def has_trace(self, scene: ScenePlan) -> bool:
+        """Whether a scene's Trace is there and whole."""
+        return self._trace(scene) is not None
+
+    def keep_trace(self, scene: ScenePlan, trace: Trace) -> Trace:
+        """Keep a scene's Trace, in place of any that is there. Returns it as it is read from the store."""
+        self.put("traces", _trace_key(scene), trace.pieces())
+        return self._trace(scene) or trace
+
+    def _trace(self, scene: ScenePlan) -> Trace | None:
+        """A scene's Trace, mapped from its file and not read into memory; None if it is absent or damaged."""
+        file = self.open("traces", _trace_key(scene))
+        if file is None:
+            return None
+        with file:
+            try:
+                trace = Trace.from_file(file, checked=True)
+            except (ValueError, KeyError):
+                return None  # written in an older form
+        return trace if is_motion_of(trace, scene) else None
+
+    def replace_bad_trace(self, scene: ScenePlan, trace: Trace) -> None:
+        """Replace a scene's kept Trace if it is not this one, which was simulated anew.
+
+        Nothing is done where none is kept, or where the folder cannot be written.
+        """
+        kept = self._trace(scene)
+        if kept is not None and all(a == b for a, b in itertools.zip_longest(kept.pieces(), trace.pieces())):
+            return
+        if self.path("traces", _trace_key(scene)).is_file():
+            with suppress(RunError):
+                self.keep_trace(scene, trace)
+
+
+def header(kind: str, key: str, sha256: str) -> bytes:
+    """The first line of an entry, which binds its body to its kind and key."""
+    return f"{FORMAT} {kind} {key} {sha256}\n".encode()
+
+
+def is_motion_of(trace: Trace, scene: ScenePlan) -> bool:
+    """Whether a Trace has the frames, the actors and the parts of a scene, in the plan's order."""
+    from recipe_runtime.body.skeleton import part_names
+
+    if trace.frames != scene.clock.frames or trace.actors != tuple(actor.name for actor in scene.actors):
+        return False
+    parts = {name: tuple(group) for name, group in itertools.groupby(trace.parts, lambda part: part.rpartition("/")[0])}
+    return tuple(parts) == trace.actors and all(
+        parts[actor.name]
+        in ((f"{actor.name}/base",), tuple(f"{actor.name}/{part}" for part in part_names(actor.shape)))
+        for actor in scene.actors  # (an engine may take an actor for one rigid part, `base`)
+    )
+
+
+def _trace_key(scene: ScenePlan) -> str:
+    return digest("store/trace/1", [scene.digest, simulation_maker()])

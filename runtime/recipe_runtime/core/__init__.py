@@ -1,0 +1,1 @@
+"""What every other package uses: Traces, transforms, files, codecs and versions."""

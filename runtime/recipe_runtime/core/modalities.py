@@ -1,0 +1,23 @@
+"""The modalities of a frame, as arrays with a digest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+from recipe_compiler.canonical import digest_array
+
+from recipe_runtime.core.interfaces import Observed
+
+LABEL_MODALITIES = ("depth", "instance", "semantic")  # follow from scene and rig alone
+
+
+def pixel_digest(modality: str, array: NDArray[Any]) -> str:
+    """Identity of a frame's pixels; depth is hashed as float32 metres, whatever form it has on disk."""
+    return digest_array(f"pixels/{modality}/1", array)
+
+
+def label_array(seen: Observed, modality: str) -> NDArray[Any]:
+    """A label modality of an observation."""
+    array: NDArray[Any] = getattr(seen, modality)
+    return array

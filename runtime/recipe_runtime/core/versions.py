@@ -1,0 +1,96 @@
+"""What bytes depend on: the version of each stage, raised when its bytes change on purpose, and the tools."""
+
+from __future__ import annotations
+
+import platform
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from recipe_compiler.canonical import digest, digest_bytes
+
+# In the order in which things are made; a difference is reported at the first stage where it shows.
+STAGES: dict[str, int] = {"plan": 1, "simulate": 1, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
+
+# Of the compiler, what the runtime may import: values, readers of assets, arithmetic. Never the language.
+SHARED = {
+    "assets",
+    "canonical",
+    "errors",
+    "exact",
+    "files",
+    "lockfile",
+    "optics",
+    "plan",
+    "plan_bounds",
+    "streams",
+    "wording",
+}
+
+# Packages whose code decides a Trace, and those whose code decides a frame's record: each stage's and those below it.
+SIMULATION_PACKAGES = frozenset({"core", "body", "meshes", "simulation"})
+FRAME_PACKAGES = SIMULATION_PACKAGES | {"cache", "annotate", "render", "dataset", "frames", "build"}
+
+_TOOLS = ("dataset-recipe", "astral", "numpy", "pybullet", "pycocotools", "rfc8785", "warp-lang", "zlib-ng")
+
+
+def tool_versions() -> dict[str, str]:
+    """The installed version of every package that bytes depend on."""
+    versions = {}
+    for tool in _TOOLS:
+        try:
+            versions[tool] = version(tool)
+        except PackageNotFoundError:
+            versions[tool] = "none"
+    return versions
+
+
+@cache
+def simulation_maker() -> str:
+    """Identity of what simulates here: stage version, packages, and the code of simulation and of what it imports.
+
+    A kept Trace is used again only by what would make it again; a lockfile goes by the stage's version alone.
+    """
+    code = code_of(SIMULATION_PACKAGES)
+    return digest("maker/1", {"stage": STAGES["simulate"], "tools": host_versions(), "code": code})
+
+
+@cache
+def builder() -> str:
+    """Identity of what builds here: packages, interpreter, and all the code that a frame's record may come from.
+
+    What an earlier build left half done is taken up again only by what would do the same.
+    """
+    return digest("builder/1", {"tools": host_versions(), "renderer": renderer()})
+
+
+@cache
+def renderer() -> str:
+    """Identity of what makes frames here, once motion is given: packages and code. Hosts that share it agree."""
+    tools = {**tool_versions(), "pillow": version("pillow")}  # which decodes what a recipe brings, to the same pixels
+    return digest("renderer/1", {"stages": STAGES, "tools": tools, "code": code_of(FRAME_PACKAGES)})
+
+
+def code_of(packages: frozenset[str], runtime: Path = Path(__file__).parents[1]) -> list[list[str]]:
+    """Every module of these packages of the runtime, and of what the runtime imports of the compiler, with its digest.
+
+    Args:
+        packages: Names of packages, such as `simulation`.
+        runtime: The folder of `recipe_runtime`.
+    """
+    import recipe_compiler
+
+    compiler = Path(recipe_compiler.__file__).parent
+    sources = [("runtime", runtime, packages), ("compiler", compiler, frozenset(SHARED))]
+    return [
+        [f"{name}/{path.relative_to(folder).as_posix()}", digest_bytes("source/1", path.read_bytes())]
+        for name, folder, parts in sources
+        for path in sorted(folder.rglob("*.py"))
+        if path.relative_to(folder).parts[0].removesuffix(".py") in parts
+    ]
+
+
+def host_versions() -> dict[str, str]:
+    """The same, with the interpreter and the C library, on which simulation may depend."""
+    python, glibc = ".".join(platform.python_version_tuple()[:2]), platform.libc_ver()[1] or "none"
+    return {**tool_versions(), "python": python, "glibc": glibc}

@@ -1,0 +1,100 @@
+"""The dataset card: a README that says what is in the folder, and how to get the very same again."""
+
+from __future__ import annotations
+
+import shlex
+from collections import Counter
+from collections.abc import Sequence
+
+from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.wording import count
+
+from recipe_runtime.annotate.categories import CATEGORIES
+from recipe_runtime.annotate.records import Video
+from recipe_runtime.core import layout
+from recipe_runtime.dataset.markdown import one_line, paragraphs
+
+_DEPTH = {
+    "carla": "PNG in CARLA's 24-bit form: metres = 1000 * (R + 256 G + 65536 B) / 16777215; 1000 m and more, sky "
+    "included, are 1000 m. Within 0.03 mm of the float32 metres that are hashed.",
+    "npy": "`.npy`, float32 metres: the very numbers that are hashed; the camera's far limit for the sky.",
+}
+
+
+def card(dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_file: str | None = None) -> str:
+    """The text of README.md; `recipe_file` is the recipe's place in the dataset, if it lies there."""
+    parts = [
+        f"# {one_line(dataset.recipe)}",
+        paragraphs(dataset.description),
+        f"    {identity}",
+        f"![every variant]({layout.CONTACT_SHEET})",
+        _counts(videos),
+        _objects(videos),
+        _layout(dataset),
+        *_again(dataset, recipe_file),
+        f"`{layout.MANIFEST}` holds the SHA-256 of every file and a digest of every frame's pixels; "
+        "`plans/` holds each variant with nothing left to decide.",
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _again(dataset: DatasetPlan, recipe_file: str | None) -> list[str]:
+    """How to make the dataset again; what a shell reads is quoted."""
+    recipe = shlex.quote(recipe_file or f"{dataset.recipe}.yaml")
+    return [
+        "## The same again",
+        "This dataset is made by a recipe, and can be made again, byte for byte, from the recipe alone, with "
+        "Dataset Recipe (`manifest.json` names the version):",
+        f"    recipe build {recipe}\n    recipe verify {'.' if recipe_file else recipe}",
+        *([f"`{layout.RECIPE}/` holds the recipe and every file that it uses."] if recipe_file else []),
+    ]
+
+
+def _counts(videos: Sequence[Video]) -> str:
+    rows = ["| variant | sensor | frames | size | captured |", "|---|---|---|---|---|"]
+    for video in videos:
+        camera, captured = video.sensor.camera, ", ".join(video.sensor.capture)
+        size = f"{camera.width}x{camera.height}"
+        names = f"{one_line(video.variant)} | {one_line(video.sensor.name)}"
+        rows.append(f"| {names} | {len(video.frames)} | {size} | {captured} |")
+    frames = sum(len(v.frames) for v in videos)
+    pictures = sum(len(v.frames) * len(v.sensor.capture) for v in videos)
+    variants = len({v.variant for v in videos})
+    words = f"{count(variants, 'variant')}, {count(frames, 'frame')}, {count(pictures, 'picture')}."
+    return f"## What is in it\n\n{words}\n\n" + "\n".join(rows)
+
+
+def _objects(videos: Sequence[Video]) -> str:
+    seen: Counter[int] = Counter()
+    actors: dict[int, set[int]] = {}
+    for video in videos:
+        for record in video.frames:
+            for item in record["objects"]:
+                tag = item["instance"] // 1000
+                seen[tag] += 1
+                actors.setdefault(tag, set()).add(item["instance"])
+    rows = [f"| {CATEGORIES[tag]} | {tag} | {len(actors[tag])} | {seen[tag]} |" for tag in sorted(seen)]
+    return "\n".join(["| class | CARLA tag | actors | annotations |", "|---|---|---|---|", *rows])
+
+
+def _layout(dataset: DatasetPlan) -> str:
+    lines = [
+        "## Where it lies",
+        "",
+        "- `<variant>/<sensor>/<modality>/000000.png`, frames from 0; labels that variants share are hard links.",
+        f"- depth: {_DEPTH[dataset.depth]}",
+        "- instance: 16-bit PNG, CARLA tag * 1000 + number; the same actor in every sensor, frame, variant and file; "
+        "0 for town and sky.",
+        "- semantic: 8-bit PNG of CARLA 0.9.14+ tags.",
+        "- `<variant>/<sensor>/labels.jsonl`: a line a frame, the records that every annotation file is made from.",
+        "- `<variant>/tracks.csv`: pose and velocity of every actor at every frame, in the world: x, y on the ground, "
+        "z up, metres and seconds.",
+    ]
+    described = {
+        "kwcoco": f"- `{layout.KWCOCO}`: videos, tracks, boxes, masks, amodal boxes, 3-D boxes, distances.",
+        "coco": "- `annotations/coco/rgb.json`: flat COCO; its file names count from this folder.",
+        "mots_txt": f"- `{layout.MOTS_SEQUENCES}/`: MOTSChallenge text; `mots/` is TrackEval's GT_FOLDER.",
+        "mots_png": "- `mots/instances/`: MOTS PNG, frames from 1; pedestrian 2, car 1, other vehicles to be ignored.",
+    }
+    lines += [described[name] for name in sorted(set(dataset.annotations))]
+    return "\n".join(lines)

@@ -1,0 +1,188 @@
+"""What a plan must be before anything is made of it.
+
+A plan read from a dataset's folder may be anyone's, so no name may lead out of a folder and no number ask for more than
+a machine has. The models of `recipe_compiler.plan` bound each number by itself, and `recipe_compiler.plan_bounds` the
+shapes of bodies. Here are the sums, and what the parts of a plan must have in common. A plan that is compiled here is
+held to the same bounds before it is built, so that every dataset can be read again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from recipe_compiler import optics, plan_bounds
+from recipe_compiler.errors import InputError, Problem
+from recipe_compiler.plan import (
+    MAX_ACTORS,
+    MAX_ELEMENTS,
+    MAX_FILE_BYTES,
+    MAX_PIXELS_A_SIDE,
+    MAX_POINTS,
+    MAX_PROPS,
+    DatasetPlan,
+    RigPlan,
+    ScenarioPlan,
+    ScenePlan,
+    SensorPlan,
+)
+from recipe_compiler.wording import count
+
+from recipe_runtime.annotate.categories import CATEGORIES
+from recipe_runtime.core import layout
+
+MOST_PICTURES = 1_000_000  # frames, over all sensors and variants
+MAX_ROWS = 600_000  # digests of frames: a frame's labels, and each of its modalities
+MAX_FILES = 600_000  # of a dataset; of each, a manifest has a row
+MAX_POSES = 300_000  # over all rigs that differ
+MOST_STEPS = 100_000_000  # of physics, over all scenes
+MOST_METRES = 100_000.0
+MOST_SETTING = 1e6  # of a camera
+
+
+def check_plan(dataset: DatasetPlan) -> None:
+    """InputError for a plan whose dataset could not be written or annotated."""
+    layout.check_names(dataset)
+    for scene in {v.scene.digest: v.scene for v in dataset.variants}.values():
+        for actor in scene.actors:
+            if actor.tag not in CATEGORIES:
+                raise InputError(
+                    f"actor {actor.name!r}: tag {actor.tag} is none that is annotated: {sorted(CATEGORIES)}"
+                )
+
+
+def check_bounds(dataset: DatasetPlan) -> None:
+    """InputError for a plan that no recipe compiles to, or that is larger than any that this project builds."""
+    if not dataset.variants:
+        raise InputError("the plan has no variants")
+    if len({v.variant for v in dataset.variants}) < len(dataset.variants):
+        raise InputError("two variants have one name")
+    scenes_of = {v.scene.digest: v.scene for v in dataset.variants}
+    towns_of = {scene.town.digest: scene.town for scene in scenes_of.values()}
+    found = [p for town in towns_of.values() for p in plan_bounds.town_faults(town.elements)]
+    found += [p for scene in scenes_of.values() for p in [*_clock(scene), *_cast(scene)]]
+    found += [p for v in dataset.variants for p in [*_props(v), *_rig(v.rig, v)]]
+    found += _sums(dataset)
+    if not found:
+        scenes = {v.scene.digest: v.scene.clock for v in dataset.variants}.values()
+        steps = sum(clock.frames * clock.steps_per_frame for clock in scenes)
+        found += [f"{steps} steps of simulation are over {MOST_STEPS}"] if steps > MOST_STEPS else []
+    if found:
+        raise InputError(Problem(message) for message in dict.fromkeys(found))
+
+
+def _sums(dataset: DatasetPlan) -> Iterator[str]:
+    """Frames, digests, files and poses of the whole dataset."""
+    frames = [(v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors]
+    rigs = {v.rig.digest: v.rig for v in dataset.variants}
+    numbers = (
+        (sum(number for number, _ in frames), MOST_PICTURES, "frames"),
+        (row_count(dataset), MAX_ROWS, "digests of frames"),
+        (file_count(dataset), MAX_FILES, "files"),
+        (sum(len(sensor.poses) for rig in rigs.values() for sensor in rig.sensors), MAX_POSES, "poses of sensors"),
+    )
+    for number, most, what in numbers:
+        if number > most:
+            yield f"{number} {what} are over {most}; split the recipe into several"
+
+
+def row_count(dataset: DatasetPlan) -> int:
+    """How many digests of frames the plan's dataset has."""
+    videos = ((v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors)
+    return sum(frames * (len(sensor.capture) + 1) for frames, sensor in videos)
+
+
+def file_count(dataset: DatasetPlan) -> int:
+    """How many files the plan's dataset has, without listing them; up to a dozen more."""
+    masks = "mots_png" in dataset.annotations
+    total = 12
+    for variant in dataset.variants:
+        total += 2  # plan and tracks
+        for sensor in variant.rig.sensors:
+            total += 3 + variant.scene.clock.frames * (len(sensor.capture) + masks)  # labels, and two texts of MOTS
+    return total
+
+
+def _clock(scene: ScenePlan) -> Iterator[str]:
+    clock = scene.clock
+    if not (0 < clock.fps <= 1000 and clock.frames > 0 and 0 < clock.physics <= 1000 and not clock.physics % clock.fps):
+        yield f"a clock of {clock.fps} fps, {clock.frames} frames and {clock.physics} steps a second is none"
+
+
+def _cast(scene: ScenePlan) -> Iterator[str]:
+    if len(scene.actors) > MAX_ACTORS or len(scene.town.elements) > MAX_ELEMENTS:
+        cast, things = count(len(scene.actors), "actor"), count(len(scene.town.elements), "thing")
+        yield f"{cast} and {things} of the town are over the limit"
+    if len({a.name for a in scene.actors}) < len(scene.actors):
+        yield "two actors have one name"
+    if len({(a.tag, a.instance) for a in scene.actors}) < len(scene.actors):
+        yield "two actors have one instance number"
+    for actor in scene.actors:
+        points = [actor.start.x, actor.start.y, actor.start.z, *(v for p in actor.route for v in (p.x, p.y))]
+        if len(actor.route) > MAX_POINTS or _beyond([*points, actor.speed]):
+            yield f"actor {actor.name!r}: its start, route or speed is out of bounds"
+        wrong = plan_bounds.actor_fault(actor)
+        if wrong is not None:
+            yield f"actor {actor.name!r}: {wrong}"
+
+
+def _props(variant: ScenarioPlan) -> Iterator[str]:
+    props = variant.scene.props
+    if len(props) > MAX_PROPS:
+        yield f"{len(props)} props are over {MAX_PROPS}"
+    for prop in props:
+        pose = prop.pose
+        if _beyond([pose.x, pose.y, pose.z, *prop.low, *prop.high, prop.scale]) or prop.scale <= 0.0:
+            yield f"{prop.name!r} is out of bounds"
+        if prop.mesh is None and any(a >= b for a, b in zip(prop.low, prop.high, strict=True)):
+            yield f"{prop.name!r} is a board without a size"
+    for file in variant.files.values():
+        if not 0 <= file.bytes <= MAX_FILE_BYTES:
+            yield f"the file sha256:{file.sha256} of {file.bytes} bytes is over {MAX_FILE_BYTES}"
+
+
+def _rig(rig: RigPlan, variant: ScenarioPlan) -> Iterator[str]:
+    actors, frames = {a.name for a in variant.scene.actors}, variant.scene.clock.frames
+    if not rig.sensors:
+        yield f"{variant.variant} has no sensor"
+    for sensor in rig.sensors:
+        yield from (f"sensor {sensor.name}: {what}" for what in _sensor(sensor, actors, frames))
+        if sensor.name not in variant.appearance.responses:
+            yield f"sensor {sensor.name}: no camera response in {variant.variant}"
+            continue
+        yield from (f"sensor {sensor.name}: {what}" for what in _response(sensor, variant))
+
+
+def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
+    camera = sensor.camera
+    if not (0 < camera.width <= MAX_PIXELS_A_SIDE and 0 < camera.height <= MAX_PIXELS_A_SIDE):
+        yield f"a picture of {camera.width}x{camera.height} is over {MAX_PIXELS_A_SIDE}x{MAX_PIXELS_A_SIDE} or empty"
+    if not (0.0 < camera.fov < 180.0 and 0.0 < camera.near < camera.far <= MOST_METRES):
+        yield f"a camera of {camera.fov} degrees from {camera.near} to {camera.far} m is none"
+    if sensor.on is not None and sensor.on not in actors:
+        yield f"it is on {sensor.on!r}, which is no actor"
+    if len(sensor.poses) not in (1, frames) or any(_beyond([p.x, p.y, p.z]) for p in sensor.poses):
+        yield "its poses are neither one nor one a frame, or out of bounds"
+    if not sensor.capture or len(set(sensor.capture)) < len(sensor.capture):
+        yield "it captures nothing, or something twice"
+
+
+def _response(sensor: SensorPlan, variant: ScenarioPlan) -> Iterator[str]:
+    """Bounds within which a picture can be made; the language's own are narrower."""
+    response, camera = variant.appearance.responses[sensor.name], sensor.camera
+    numbers = [v for v in response.model_dump().values() if isinstance(v, float)]
+    positive = response.shutter_speed, response.iso, response.fstop, response.gamma, response.temp
+    bounded = max(map(abs, numbers)) <= MOST_SETTING and min(positive) >= 0.01
+    offset = 0.0 <= response.chromatic_aberration_offset < 1.0
+    if not (bounded and offset and 1 <= response.supersample <= 4 and abs(response.exposure_compensation) <= 30.0):
+        yield "its camera response is none"
+    elif abs(camera.lens_k) > 1.0 or abs(camera.lens_kcube) > 1.0:
+        yield "its lens is none"
+    else:
+        sound = camera.width > 0 and camera.height > 0 and 0.0 < camera.fov < 180.0
+        wrong = optics.fault(camera, response.supersample) if sound else None
+        if wrong is not None:
+            yield f"its lens {wrong}"
+
+
+def _beyond(metres: list[float]) -> bool:
+    return any(abs(value) > MOST_METRES for value in metres)

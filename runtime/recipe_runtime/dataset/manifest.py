@@ -1,0 +1,168 @@
+"""`manifest.json`: what a dataset is made of, digest by digest and file by file.
+
+    identity   what a paper prints: NAME@sha256:DIGEST, the lockfile's too; over plans, traces, pixels and labels
+    outputs    what the recipe asks to be written
+    tools      versions of the packages that bytes depend on
+    variants   digests of plan, scene, rig, appearance and trace; per sensor and modality a digest for every frame
+               (`labels`: the records of what is seen)
+    files      size and SHA-256 of every file, apart from this one and the pictures
+    recipe_file  the recipe's path in the dataset, if the recipe and what it uses lie there
+    pictures   the same of what is under preview/: drawn for people, and not part of any digest, because fonts and
+               scaling may change with Pillow
+
+Pixels and files are told apart, so that another encoder shows as that.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from recipe_compiler.canonical import pretty
+from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
+from recipe_compiler.plan import DatasetPlan
+
+from recipe_runtime.core import layout
+from recipe_runtime.core.versions import STAGES, tool_versions
+from recipe_runtime.dataset.assembly import Harvest
+
+FORMAT = "recipe/manifest/1"
+_PICTURES = "preview/"
+
+# What reading a manifest that anyone may have written can raise.
+DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RecursionError)
+
+FileRows = Mapping[str, list[Any]]  # path: [size, SHA-256, ...]; what follows these two is not for the manifest
+
+
+def head(dataset: DatasetPlan) -> dict[str, Any]:
+    """What a manifest says of the plan: two builds with equal heads make the same dataset."""
+    return {
+        "format": FORMAT,
+        "recipe": dataset.recipe,
+        "description": dataset.description,
+        "plan": dataset.digest,
+        "outputs": {"annotations": list(dataset.annotations), "depth": dataset.depth},
+        "stages": dict(STAGES),
+    }
+
+
+def manifest_text(dataset: DatasetPlan, harvest: Harvest, files: FileRows, recipe_file: str | None) -> str:
+    """The manifest of a finished dataset. `recipe_file`: where the recipe lies in it, if it does."""
+    sensors: dict[str, dict[str, Any]] = {}
+    for video in harvest.videos():
+        pixels = {m: [v for _, v in sorted(frames.items())] for m, frames in harvest.pixels(video).items()}
+        sensors.setdefault(video.variant, {})[video.sensor.name] = pixels
+    variants = {
+        v.variant: {
+            "plan": v.digest,
+            "scene": v.scene.digest,
+            "rig": v.rig.digest,
+            "appearance": v.appearance.digest,
+            "trace": harvest.traces[v.scene.digest],
+            "folder": layout.folder(v.variant),
+            "frames": sensors[v.variant],
+        }
+        for v in dataset.variants
+    }
+    rows = {path: {"size": row[0], "sha256": row[1]} for path, row in sorted(files.items())}
+    return pretty(
+        {
+            **head(dataset),
+            "identity": harvest.identity(),
+            "tools": tool_versions(),
+            "order": [v.variant for v in dataset.variants],
+            "variants": variants,
+            "files": {p: row for p, row in rows.items() if not p.startswith(_PICTURES)},
+            "pictures": {p: row for p, row in rows.items() if p.startswith(_PICTURES)},
+            **({} if recipe_file is None else {"recipe_file": recipe_file}),
+        }
+    )
+
+
+def file_row(body: bytes) -> list[Any]:
+    """Size and SHA-256 of a file."""
+    return [len(body), hashlib.sha256(body).hexdigest()]
+
+
+def listed_files(manifest: Mapping[str, Any]) -> dict[str, tuple[int, str]]:
+    """Size and SHA-256 of every file that a manifest lists. ValueError if a row is none, or leads out of the folder."""
+    rows: dict[str, tuple[int, str]] = {}
+    for table in ("files", "pictures"):
+        if not isinstance(manifest.get(table), dict):
+            raise ValueError(f"{table} is not a table")
+        for path, row in manifest[table].items():
+            if not stays_inside(path):
+                raise ValueError(f"{path!r} is not a path within a dataset")
+            if not isinstance(row, dict) or not isinstance(row.get("size"), int) or isinstance(row["size"], bool):
+                raise ValueError(f"{path} has no size")
+            rows[path] = row["size"], str(row.get("sha256"))
+    return rows
+
+
+def stays_inside(path: str) -> bool:
+    """Whether a path names something within the folder that it counts from."""
+    parts = path.split("/")
+    return path.isprintable() and "\\" not in path and not any(part in ("", ".", "..") for part in parts)
+
+
+def lock_of(manifest: Mapping[str, Any], source: str = "", files: dict[str, str] | None = None) -> Lockfile:
+    """A manifest's digests as lockfile rows; sealed if they add up to its identity.
+
+    KeyError, TypeError, AttributeError or ValueError if it is damaged.
+    """
+    variants, traces, frames = {}, {}, dict[FrameKey, str]()
+    for name in manifest["order"]:
+        row = manifest["variants"][name]
+        variants[name] = VariantRow(row["scene"], row["rig"], row["appearance"])
+        traces[row["scene"]] = row["trace"]
+        for sensor, modalities in row["frames"].items():
+            for modality, values in modalities.items():
+                key = variants[name].frame_key(modality)
+                frames.update({(key, sensor, modality, number): value for number, value in enumerate(values)})
+    lock = Lockfile(
+        recipe=manifest["recipe"],
+        source=source,
+        plan=manifest["plan"],
+        files=files or {},
+        tools=dict(manifest["tools"]),
+        stages={key: int(value) for key, value in manifest["stages"].items()},
+        variants=variants,
+        traces=traces,
+        frames=frames,
+        sealed=False,
+    )
+    return replace(lock, sealed=lock.identity == manifest["identity"])
+
+
+def is_whole(manifest: Mapping[str, Any], dataset: DatasetPlan, root: Path) -> bool:
+    """Whether a folder holds this very dataset, by its manifest and its files' sizes; bytes are not read here.
+
+    `recipe verify` reads the bytes, and `recipe build --repair` mends them.
+    """
+    try:
+        rows = listed_files(manifest)
+        whole = bool(rows) and all(_is_file_of(f"{root}/{path}", size) for path, (size, _) in rows.items())
+        return whole and is_of(manifest, dataset)
+    except (OSError, *DAMAGE):
+        return False
+
+
+def is_of(manifest: Mapping[str, Any], dataset: DatasetPlan) -> bool:
+    """Whether a manifest is of this plan and these tools, and its identity what its digests add up to."""
+    if {key: manifest.get(key) for key in head(dataset)} != head(dataset) or manifest.get("tools") != tool_versions():
+        return False
+    try:
+        return lock_of(manifest).sealed
+    except DAMAGE:
+        return False
+
+
+def _is_file_of(path: str, size: int) -> bool:
+    found = os.lstat(path)
+    return stat.S_ISREG(found.st_mode) and found.st_size == size

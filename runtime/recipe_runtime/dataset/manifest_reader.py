@@ -1,0 +1,175 @@
+"""A dataset's `manifest.json` read from a file that anyone may have written: row by row, each of them checked.
+
+Memory is bounded by the number of rows, which is at most what a plan within the bounds of `admission` may have; a
+document that has more, or anything that a manifest has not, is refused at that place.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, BinaryIO, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from recipe_compiler.plan import MAX_DESCRIPTION, MAX_VARIANT_NAME, MAX_VARIANTS, Name, Sha256
+
+from recipe_runtime.core import layout
+from recipe_runtime.core.files import regular_file
+from recipe_runtime.dataset.json_stream import JsonStream
+from recipe_runtime.dataset.limits import MAX_FILES, MAX_ROWS
+from recipe_runtime.dataset.manifest import FORMAT, stays_inside
+
+MAX_BYTES = 1 << 28
+_MAX_PATH, _MAX_PART = 2_000, 255  # bytes of a path, and of a name in it
+_MAX_SIZE = 1 << 40  # bytes of a file
+_DIGEST = re.compile(r"[0-9a-f]{64}")
+_LIST = 1 << 23  # characters of the order of variants
+_ROW = ("appearance", "folder", "plan", "rig", "scene", "trace")  # of a variant, besides its frames
+
+
+class NotAManifestError(ValueError):
+    """The document is no manifest of this project, rather than a damaged one."""
+
+
+class _Outputs(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+    annotations: Annotated[list[Literal["kwcoco", "coco", "mots_txt", "mots_png"]], Field(max_length=4)]
+    depth: Literal["carla", "npy"]
+
+
+class _Head(BaseModel):
+    """All of a manifest but its tables."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+    format: Literal["recipe/manifest/1"]
+    recipe: Name
+    description: Annotated[str, Field(max_length=MAX_DESCRIPTION)]
+    identity: Annotated[str, Field(max_length=400)]
+    order: Annotated[
+        list[Annotated[str, Field(max_length=MAX_VARIANT_NAME)]], Field(min_length=1, max_length=MAX_VARIANTS)
+    ]
+    outputs: _Outputs
+    plan: Sha256
+    recipe_file: Annotated[str, Field(max_length=_MAX_PATH)] | None = None
+    stages: Annotated[dict[Name, Annotated[int, Field(ge=0, le=10**6)]], Field(max_length=100)]
+    tools: Annotated[dict[Name, Annotated[str, Field(max_length=100)]], Field(max_length=100)]
+
+
+def read(root: Path) -> dict[str, Any]:
+    """The manifest of the dataset in a folder, as `manifest.manifest_text` wrote it.
+
+    NotAManifestError if there is none of this project, another ValueError if it is damaged, OSError if it cannot be
+    read.
+    """
+    there = regular_file(root, layout.MANIFEST)
+    if there is None:
+        raise NotAManifestError(f"it holds no {layout.MANIFEST}")
+    if there.st_size > MAX_BYTES:
+        raise ValueError(f"its {layout.MANIFEST} has {there.st_size:,} bytes, and at most {MAX_BYTES:,} are read")
+    with (root / layout.MANIFEST).open("rb") as file:
+        return parse(file)
+
+
+def parse(file: BinaryIO) -> dict[str, Any]:
+    """A manifest from its text."""
+    stream, found = JsonStream(file, MAX_BYTES), dict[str, Any]()
+    tables: dict[str, Callable[[], Any]] = {
+        "files": lambda: _files(stream, MAX_FILES),
+        "pictures": lambda: _files(stream, 1000),
+        "variants": lambda: _variants(stream),
+        "order": lambda: stream.value(_LIST),
+    }
+    for key in stream.members():
+        if key not in _Head.model_fields and key not in tables:
+            raise NotAManifestError(f"{key[:40]!r} is no key of a manifest")
+        if key in found:
+            raise ValueError(f"{key} is given twice")
+        found[key] = tables[key]() if key in tables else stream.value()
+    stream.end()
+    if not str(found.get("format", "")).startswith(FORMAT.rpartition("/")[0]):
+        raise NotAManifestError("it does not say that it is a manifest of this project")
+    try:
+        _Head.model_validate({key: value for key, value in found.items() if key in _Head.model_fields})
+    except ValidationError as error:
+        raise ValueError(first_error(error)) from None
+    missing = [key for key in tables if key not in found]
+    if missing or set(found["order"]) != set(found["variants"]):
+        raise ValueError(f"it lacks {missing[0]}" if missing else "order and variants name different variants")
+    if len(set(found["order"])) < len(found["order"]):
+        raise ValueError("order names a variant twice")
+    return found
+
+
+def first_error(error: ValidationError) -> str:
+    """The first thing that is wrong with a document, with its place, on one line."""
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    place = ".".join(str(step)[:60] for step in first["loc"][:8])
+    return f"{place}: {first['msg']}"[:300]
+
+
+def _files(stream: JsonStream, most: int) -> dict[str, dict[str, Any]]:
+    """Size and SHA-256 of files, by path."""
+    rows: dict[str, dict[str, Any]] = {}
+    for path in stream.members():
+        if not stays_inside(path):
+            raise ValueError(f"{path[:200]!r} is not a path within a dataset")
+        if len(path.encode()) > _MAX_PATH or any(len(part.encode()) > _MAX_PART for part in path.split("/")):
+            raise ValueError(f"{path[:40]}... is too long")
+        row = stream.value()
+        if not isinstance(row, dict) or set(row) != {"size", "sha256"}:
+            raise ValueError(f"{path} has no size and digest, or more")
+        if type(row["size"]) is not int or not 0 <= row["size"] <= _MAX_SIZE:
+            raise ValueError(f"{path} has no size")
+        _check_digest(row["sha256"], path)
+        if path in rows or len(rows) >= most:
+            raise ValueError(f"{path} is given twice" if path in rows else f"it lists more than {most:,} files")
+        rows[path] = row
+    return rows
+
+
+def _variants(stream: JsonStream) -> dict[str, dict[str, Any]]:
+    """Each variant's digests, and those of its frames."""
+    rows: dict[str, dict[str, Any]] = {}
+    left = [MAX_ROWS]
+    for name in stream.members():
+        if name in rows or len(rows) >= MAX_VARIANTS or len(name) > MAX_VARIANT_NAME:
+            raise ValueError(f"the variant {name[:40]!r} is given twice, too long, or one too many")
+        row: dict[str, Any] = {}
+        for key in stream.members():
+            if key in row or (key != "frames" and key not in _ROW):
+                raise ValueError(f"the variant {name!r} has {key[:40]!r} twice, or should have none")
+            row[key] = _frames(stream, left) if key == "frames" else stream.value()
+            if key not in ("frames", "folder"):
+                _check_digest(row[key], f"{key} of {name!r}")
+        if set(row) != {"frames", *_ROW} or row["folder"] != layout.folder(name):
+            raise ValueError(f"the variant {name!r} lacks something, or has another folder than its name says")
+        rows[name] = row
+    return rows
+
+
+def _frames(stream: JsonStream, left: list[int]) -> dict[str, dict[str, list[str]]]:
+    """Digests by sensor and modality. `left` holds how many more there may be."""
+    sensors: dict[str, dict[str, list[str]]] = {}
+    for sensor in stream.members():
+        modalities = sensors.setdefault(sensor, {})
+        if modalities or len(sensor) > 100:
+            raise ValueError(f"the sensor {sensor[:40]!r} is given twice, or too long")
+        for modality in stream.members():
+            if modality in modalities or modality not in ("rgb", "depth", "instance", "semantic", "labels"):
+                raise ValueError(f"the modality {modality[:40]!r} is given twice, or is none")
+            digests = modalities[modality] = []
+            for digest in stream.items(80):
+                _check_digest(digest, f"a frame of {sensor}")
+                digests.append(digest)
+                left[0] -= 1
+                if left[0] < 0:
+                    raise ValueError(f"it lists more than {MAX_ROWS:,} frames' digests")
+    return sensors
+
+
+def _check_digest(value: Any, what: str) -> None:
+    if not isinstance(value, str) or not _DIGEST.fullmatch(value):
+        raise ValueError(f"{what} has no SHA-256 digest")

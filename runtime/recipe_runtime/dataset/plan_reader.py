@@ -1,0 +1,129 @@
+"""Expanded plans read from files that anyone may have written: bounded before they are taken into memory.
+
+Parts that are equal in several variants become one object, as when they are compiled: it is checked once, and its
+digest is made once.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+from recipe_compiler.plan import (
+    MAX_BODIES,
+    MAX_ELEMENTS,
+    AppearancePlan,
+    Looks,
+    Name,
+    RigPlan,
+    ScenarioPlan,
+    ScenePlan,
+    Slots,
+    TownPlan,
+)
+
+from recipe_runtime.dataset.json_stream import loads
+from recipe_runtime.dataset.limits import MAX_POSES
+from recipe_runtime.dataset.manifest_reader import first_error
+
+T = TypeVar("T")
+
+MAX_BYTES = 1 << 28  # of all plans of a dataset together
+MAX_PLAN_BYTES = 1 << 26  # of one
+_MAX_VALUES = 2_600_000  # of one: 300,000 poses, and a town
+_MOST = {"poses of sensors": MAX_POSES, "points of routes": 300_000, "elements of towns": 20 * MAX_ELEMENTS,
+         "colours of bodies": 40 * MAX_BODIES}  # fmt: skip
+_SLOTS, _NAME = TypeAdapter(Slots), TypeAdapter(Name)
+
+
+class PlanReader:
+    """Reads the plans of one dataset, one after the other."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, bytes], Any] = {}
+        self._slots: dict[tuple[tuple[Any, Any], ...], dict[str, str]] = {}
+        self._numbers = dict.fromkeys(_MOST, 0)
+        self._bytes = 0
+
+    def read(self, body: bytes) -> ScenarioPlan:
+        """The plan in a file's bytes; ValueError, on one line, if it is none, or larger than any that compiles."""
+        self._bytes += len(body)
+        if len(body) > MAX_PLAN_BYTES or self._bytes > MAX_BYTES:
+            raise ValueError(f"plans of more than {min(MAX_PLAN_BYTES, MAX_BYTES - self._bytes):,} bytes are not read")
+        try:
+            return self._scenario(loads(body, _MAX_VALUES))
+        except ValidationError as error:
+            raise ValueError(first_error(error)) from None
+        except (OverflowError, RecursionError) as error:
+            raise ValueError(f"a number or a list is out of range: {error}") from None
+
+    def _scenario(self, raw: Any) -> ScenarioPlan:
+        raw = dict(_object(raw, "a plan"))
+        for key, read in (("scene", self._scene), ("rig", self._rig), ("appearance", self._appearance)):
+            raw[key] = self._once(key, _object(raw.get(key), key), read)
+        return ScenarioPlan.model_validate(raw)
+
+    def _scene(self, raw: dict[str, Any]) -> ScenePlan:
+        actors = [actor for actor in _list(raw.get("actors")) if isinstance(actor, dict)]
+        self._count("points of routes", sum(len(_list(actor.get("route"))) for actor in actors))
+        return ScenePlan.model_validate(
+            {**raw, "town": self._once("town", _object(raw.get("town"), "town"), self._town)}
+        )
+
+    def _town(self, raw: dict[str, Any]) -> TownPlan:
+        self._count("elements of towns", len(_list(raw.get("elements"))))
+        return TownPlan.model_validate(raw)
+
+    def _rig(self, raw: dict[str, Any]) -> RigPlan:
+        sensors = [sensor for sensor in _list(raw.get("sensors")) if isinstance(sensor, dict)]
+        self._count("poses of sensors", sum(len(_list(sensor.get("poses"))) for sensor in sensors))
+        return RigPlan.model_validate(raw)
+
+    def _appearance(self, raw: dict[str, Any]) -> AppearancePlan:
+        return AppearancePlan.model_validate(
+            {**raw, "looks": self._once("looks", _object(raw.get("looks"), "looks"), self._looks)}
+        )
+
+    def _looks(self, raw: dict[str, Any]) -> Looks:
+        """Colours; those of bodies that have the same are one object."""
+        self._count("colours of bodies", len(raw))
+        if len(raw) > MAX_BODIES:
+            raise ValueError(f"looks has more than {MAX_BODIES:,} bodies")
+        return Looks.model_construct(root={_NAME.validate_python(name): self._colours(raw[name]) for name in raw})
+
+    def _colours(self, raw: Any) -> dict[str, str]:
+        slots = _object(raw, "a look")
+        key = tuple(slots.items())
+        try:
+            found = self._slots.get(key)
+        except TypeError:  # a list or an object where a colour must be
+            found = None
+        if found is None:
+            found = self._slots[key] = _SLOTS.validate_python(slots)
+        return found
+
+    def _once(self, part: str, raw: dict[str, Any], make: Callable[[dict[str, Any]], T]) -> T:
+        """What `make` gives for a part of a plan; the same object for the same part."""
+        key = part, hashlib.sha256(json.dumps(raw, sort_keys=True).encode()).digest()
+        if key not in self._known:
+            self._known[key] = make(raw)
+        found: T = self._known[key]
+        return found
+
+    def _count(self, what: str, number: int) -> None:
+        self._numbers[what] += number
+        if self._numbers[what] > _MOST[what]:
+            raise ValueError(f"{self._numbers[what]:,} {what} are over {_MOST[what]:,}")
+
+
+def _object(value: Any, what: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f"{what} is not an object")
+    return value
+
+
+def _list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []

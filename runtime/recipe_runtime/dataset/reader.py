@@ -1,0 +1,299 @@
+"""A dataset folder, read back: its plan, its digests as a lockfile, and whether its files are what they must be.
+
+A folder may be anyone's. What it says is held to the bounds of `admission` before any of it is used; nothing in it
+is followed out of it. Which files there must be is the plan's to say, and what is in the texts follows from plan,
+labels and traces: a manifest that was rewritten to match another file convinces nobody.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from recipe_compiler.errors import Code, InputError
+from recipe_compiler.lockfile import Lockfile, VariantRow
+from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
+from recipe_compiler.wording import count
+
+from recipe_runtime.annotate.records import Video
+from recipe_runtime.core import layout
+from recipe_runtime.core.files import file_sha256
+from recipe_runtime.core.files import regular_file as regular_file
+from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.dataset import digests, manifest_reader
+from recipe_runtime.dataset.limits import check_bounds, check_plan, file_count, row_count
+from recipe_runtime.dataset.manifest import DAMAGE, listed_files
+from recipe_runtime.dataset.manifest import lock_of as lock_of
+from recipe_runtime.dataset.plan_reader import MAX_PLAN_BYTES, PlanReader
+from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, labels_of
+from recipe_runtime.dataset.tracks import tracks_csv
+
+_MOST_LINE = 16 * 2**20  # bytes of one frame's labels
+
+Fault = tuple[str, str]  # the path of a file, and a line that names it and says what is wrong
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """What a folder says that it holds."""
+
+    root: Path
+    plan: DatasetPlan
+    lock: Lockfile
+    files: dict[str, tuple[int, str]]  # path -> size, SHA-256
+    name: str  # what people call the folder
+    recipe_file: str | None = None  # where the recipe lies in it
+
+
+def read(root: Path, name: str = "") -> Dataset:
+    """Read a dataset's manifest and plans; InputError if the folder holds none, or a damaged one.
+
+    It is told of by `name` where that is given: a URL, of which the folder is a copy.
+    """
+    name = name or str(root)
+    try:
+        manifest = manifest_reader.read(root)
+        files = listed_files(manifest)
+        plan = _plan(root, manifest, files)
+        check_plan(plan)
+        check_bounds(plan)
+        _check_rows(manifest, files, plan)
+        lock = lock_of(manifest)
+        recipe_file = recipe_file_of(manifest, files)
+    except manifest_reader.NotAManifestError:
+        raise InputError(
+            f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project", code=Code.INVALID_DATASET
+        ) from None
+    except InputError as error:
+        raise InputError(
+            f"{name}: {str(error).splitlines()[0]}; no dataset of this project says so", code=Code.INVALID_DATASET
+        ) from None
+    except (OSError, *DAMAGE) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            f"{name}: its manifest or a plan is damaged ({reason}); build the dataset again", code=Code.INVALID_DATASET
+        ) from None
+    return Dataset(root, plan, lock, files, name, recipe_file)
+
+
+def _check_rows(manifest: Mapping[str, Any], files: Collection[str], plan: DatasetPlan) -> None:
+    """ValueError for a manifest that has many more rows than its plan stands for; a few are told one by one."""
+    rows = [row["frames"] for row in manifest["variants"].values()]
+    frames = sum(len(values) for sensors in rows for sensor in sensors.values() for values in sensor.values())
+    for number, most, what in (
+        (len(files), file_count(plan), "files"),
+        (frames, row_count(plan), "digests of frames"),
+    ):
+        if number > 4 * most + 10_000:
+            raise ValueError(f"it lists {number:,} {what}, and its plan stands for {most:,}")
+
+
+def plan_alone(path: Path) -> DatasetPlan:
+    """One expanded plan from its file, as a dataset of one variant; InputError if it is none."""
+    try:
+        found = path.lstat()
+        if not stat.S_ISREG(found.st_mode) or found.st_size > MAX_PLAN_BYTES:
+            raise ValueError("it is no plain file, or too large")
+        variant = PlanReader().read(path.read_bytes())
+        alone = DatasetPlan(recipe=path.stem[:100], description="", variants=(variant,), annotations=(), depth="carla")
+        check_bounds(alone)
+    except InputError as error:
+        raise InputError(
+            f"{path}: {str(error).splitlines()[0]}; no plan of this project says so", code=Code.INVALID_DATASET
+        ) from None
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file", code=Code.FILE_NOT_FOUND) from None
+    except (OSError, *DAMAGE) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{path}: cannot be read as a plan: {reason}", code=Code.INVALID_DATASET) from None
+    return alone
+
+
+def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
+    """Files that are missing, surplus, no plain files, or whose bytes are not the manifest's; one fault each.
+
+    Every file is read once, in pieces; links are told, and not followed.
+    """
+    expected, listed = layout.expected_files(dataset.plan), {*dataset.files, layout.MANIFEST}
+    if dataset.recipe_file is not None:  # which files these must be, the recipe says
+        expected |= {path for path in listed if layout.is_recipe_file(path)}
+    folders = {parent.as_posix() for path in expected | listed for parent in PurePosixPath(path).parents}
+    kinds = dict(_entries(dataset.root, folders))
+    found = _frames_without_digest(dataset)
+    found += [(path, f"{path} is missing, and the manifest does not list it") for path in sorted(expected - listed)]
+    found += [(path, f"{path} is in the manifest, and no file of this plan") for path in sorted(listed - expected)]
+    known: dict[tuple[int, int], str] = {}  # by device and inode: labels that variants share are read once
+    for number, (path, (size, sha256)) in enumerate(dataset.files.items(), start=1):
+        damage = _file_damage(dataset.root, path, kinds.get(path), size, sha256, known)
+        found += [(path, damage)] if damage else []
+        progress("files", number, len(dataset.files))
+    for path, kind in sorted(kinds.items()):
+        shown = path if path.isprintable() else ascii(path)  # a name may hold what a terminal obeys
+        if kind == "folder" and path not in folders:
+            found.append((path, f"{shown}/ is a folder of no file of this plan"))
+        elif kind != "folder" and path not in listed:
+            found.append((path, f"{shown} is not in the manifest" + ("" if kind == "file" else f", and is a {kind}")))
+    return found
+
+
+def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Fault]:
+    """What the dataset's texts say otherwise than its plan, its labels and the given traces (by scene digest) do.
+
+    Labels are read line by line and held against the manifest's digests; annotation files, sequence lists, plans and
+    card are made again from them, and `tracks.csv` from its scene's trace where there is one; then bytes are compared.
+    """
+    videos: list[Video] = []
+    found: list[Fault] = []
+    for variant in dataset.plan.variants:
+        for sensor in variant.rig.sensors:
+            video = Video(variant.variant, sensor, variant.scene.clock.fps, ())
+            try:
+                videos.append(replace(video, frames=tuple(labels(dataset, variant, sensor))))
+            except (OSError, *DAMAGE) as error:
+                reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+                path = layout.labels_file(variant.variant, sensor.name)
+                found.append((path, f"{path}: {reason}"))
+        if variant.scene.digest in traces:
+            path, trace = layout.tracks_file(variant.variant), traces[variant.scene.digest]
+            found += _pieces_difference(dataset.root, path, tracks_csv(variant.scene, trace))
+    if found and len(videos) < len({(v.variant, s.name) for v in dataset.plan.variants for s in v.rig.sensors}):
+        return found  # without all labels nothing can be made from them
+    known = dataset.plan, dataset.lock.identity, videos
+    for path, make in (*annotation_texts(*known), *closing_texts(*known, dataset.recipe_file)):
+        found += _text_difference(dataset.root, path, make)
+    return found
+
+
+def _entries(root: Path, folders: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Every entry of the given folders below a root, and its kind; a link is one, and not followed."""
+    waiting = ["."]
+    while waiting:
+        folder = waiting.pop()
+        try:
+            rows = sorted(os.scandir(root / folder), key=lambda entry: entry.name)
+        except OSError:
+            yield folder, "folder that cannot be read"
+            continue
+        for entry in rows:
+            path = entry.name if folder == "." else f"{folder}/{entry.name}"
+            if entry.is_dir(follow_symlinks=False):
+                yield path, "folder"
+                waiting += [path] if path in folders else []
+            else:
+                yield path, "link" if entry.is_symlink() else "file" if entry.is_file() else "device"
+
+
+def _file_damage(
+    root: Path, path: str, kind: str | None, size: int, sha256: str, known: dict[tuple[int, int], str]
+) -> str | None:
+    if kind != "file":
+        return f"{path} is missing or cannot be read" if kind is None else f"{path} is a {kind}, not a file"
+    there = (root / path).lstat()
+    if there.st_size != size:
+        return f"{path} has {count(there.st_size, 'byte')}, and the manifest says {size:,}"
+    key = there.st_dev, there.st_ino
+    try:
+        known[key] = known.get(key) or file_sha256(root / path)
+    except OSError:
+        return f"{path} is missing or cannot be read"
+    return None if known[key] == sha256 else f"{path} has other bytes than the manifest says"
+
+
+def _frames_without_digest(dataset: Dataset) -> list[Fault]:
+    """What the manifest's frames lack or have beyond the plan's."""
+    rows, expected = digests.bare(dataset.plan, "", {}).variants, set()
+    for variant in dataset.plan.variants:
+        key, frames = rows[variant.variant], range(variant.scene.clock.frames)
+        for sensor in variant.rig.sensors:
+            expected |= {(key.frame_key(m), sensor.name, m, k) for m in ("labels", *sensor.capture) for k in frames}
+    there = set(dataset.lock.frames)
+    found: list[Fault] = []
+    for rest, what in (
+        (expected - there, ("frame of the plan has no digest", "frames of the plan have no digest")),
+        (there - expected, ("digest is of no frame of the plan", "digests are of no frame of the plan")),
+    ):
+        if rest:
+            _, name, modality, frame = min(rest)
+            told = f"{count(len(rest), *what)}, the first: {name}, {modality}, frame {frame}"
+            found.append((layout.MANIFEST, f"{layout.MANIFEST}: {told}"))
+    return found
+
+
+def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Iterator[dict[str, Any]]:
+    """The frame records of a video, as far as labels go; ValueError for the first line that is not the manifest's."""
+    path = layout.labels_file(variant.variant, sensor.name)
+    if regular_file(dataset.root, path) is None:
+        raise ValueError("missing, or no plain file")
+    row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
+    with (dataset.root / path).open("rb") as lines:
+        for frame in range(variant.scene.clock.frames):
+            value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
+            try:
+                yield {"frame": frame, "objects": labels_of(lines.readline(_MOST_LINE), value, sensor)}
+            except DAMAGE as error:
+                raise ValueError(f"line {frame + 1}: {error}") from None
+        if lines.read(1):
+            raise ValueError("it has more lines than frames")
+
+
+def _text_difference(root: Path, path: str, make: Callable[[], str]) -> list[Fault]:
+    try:
+        text = make().encode()
+    except DAMAGE as error:
+        return [(path, f"{path} cannot be made from the labels: {type(error).__name__}")]
+    return _pieces_difference(root, path, [text])
+
+
+def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[Fault]:
+    """What is wrong with a file that is to consist of these pieces."""
+    if regular_file(root, path) is None:
+        return [(path, f"{path} is missing or cannot be read")]
+    with (root / path).open("rb") as file:
+        same = all(file.read(len(piece)) == piece for piece in pieces) and not file.read(1)
+    return [] if same else [(path, f"{path} is not what plan, labels and traces make it")]
+
+
+def recipe_file_of(manifest: Mapping[str, Any], files: Collection[str]) -> str | None:
+    """Where a manifest says that the recipe lies; ValueError if that is no file of the recipe that it lists."""
+    path = manifest.get("recipe_file")
+    if path is not None and (path not in files or not layout.is_recipe_file(path)):
+        raise ValueError("recipe_file is no file of the recipe")
+    return path
+
+
+def _plan(root: Path, manifest: Mapping[str, Any], files: Mapping[str, Any]) -> DatasetPlan:
+    order = manifest["order"]
+    if not isinstance(order, list) or not order or not all(isinstance(name, str) for name in order):
+        raise ValueError("order is no list of variants' names")
+    variants, reader = [], PlanReader()
+    for name in order:
+        path = layout.plan_file(name)
+        if path not in files:  # its own list holds no path that leads out of the folder
+            raise ValueError(f"the plan of {name!r} is not among its files")
+        try:
+            variant = reader.read(_bytes_of(root, path))
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+        if variant.variant != name:
+            raise ValueError(f"{path} is the plan of {variant.variant!r}")
+        variants.append(variant)
+    outputs = manifest["outputs"]
+    return DatasetPlan(
+        recipe=manifest["recipe"],
+        description=manifest["description"],
+        variants=tuple(variants),
+        annotations=tuple(outputs["annotations"]),
+        depth=outputs["depth"],
+    )
+
+
+def _bytes_of(root: Path, path: str) -> bytes:
+    found = regular_file(root, path)
+    if found is None or found.st_size > MAX_PLAN_BYTES:
+        raise ValueError(f"{path} is missing, not a plain file, or too large")
+    return (root / path).read_bytes()

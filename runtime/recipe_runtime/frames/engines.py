@@ -1,0 +1,107 @@
+"""What the dataset asks of a renderer: the shape of an observation and of the two calls that make pictures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.errors import Code, InputError, RunError
+from recipe_compiler.plan import AppearancePlan, CameraPlan, ScenePlan
+
+from recipe_runtime.core import host
+from recipe_runtime.core.asset_files import Assets
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.transforms import Array
+from recipe_runtime.meshes.mesh import Body
+
+
+class SceneRenderer(Protocol):
+    """Draws one scene: what is where, and then, as often as there are appearances, what colour it has."""
+
+    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Any:
+        """The observation of one frame."""
+
+    def shade(
+        self, obs: Any, appearance: AppearancePlan, sensor_name: str, frame: int, time: float, *, moment: Any = None
+    ) -> NDArray[np.uint8]:
+        """Its picture, 8-bit sRGB [H, W, 3]; `moment` is a neighbouring frame, for motion blur."""
+
+    def reel(self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
+        """What draws many frames of one camera without a stop, on a GPU."""
+
+
+@dataclass(frozen=True)
+class Engines:
+    """The three doors to what is heavy, so that a test can put something light behind them. Picklable."""
+
+    simulate: Callable[[ScenePlan], Trace]
+    actors: Callable[[ScenePlan], list[Body]]  # in plan order
+    renderer: Callable[[ScenePlan, str], SceneRenderer]  # scene, device
+    assets: Assets = field(default_factory=Assets)  # where the files lie that a recipe brings
+
+
+def real_engines(assets: Assets | None = None, simulated: Callable[[int, int], None] | None = None) -> Engines:
+    """PyBullet's simulation, the library's meshes, and the Warp renderer; each imported when first used.
+
+    `simulated` is called with (steps done, steps in all) of each simulation; with it, engines cannot be pickled.
+    """
+    assets = assets or Assets()
+    simulate = partial(_simulate, progress=simulated) if simulated else _simulate
+    return Engines(simulate=simulate, actors=_actors, renderer=partial(_renderer, assets=assets), assets=assets)
+
+
+def devices(name: str) -> tuple[str, ...]:
+    """The devices that a name stands for: `cpu`; `cuda`, all of this host's; `cuda:1`, that one.
+
+    InputError for any other name, and for what this host has not.
+    """
+    if name == "cpu":
+        return ("cpu",)
+    if re.fullmatch(r"cuda(:\d{1,3})?", name) is None:
+        remedy = "write cpu, cuda (every GPU here), or cuda:N for one of them"
+        raise InputError(f"there is no device {name!r}", help=remedy, code=Code.UNKNOWN_DEVICE)
+    reason = host.cannot_render()
+    if reason:
+        raise RunError(reason)
+    from recipe_runtime.render.device.setup import cuda_devices
+
+    there = cuda_devices()
+    if not there:
+        raise InputError(
+            f"device {name}: there is no CUDA GPU here, or no driver for it",
+            help="write cpu, which gives equal bytes",
+            code=Code.UNKNOWN_DEVICE,
+        )
+    if name != "cuda" and name not in there:
+        raise InputError(
+            f"there is no device {name}", help=f"write one of {', '.join(there)}", code=Code.UNKNOWN_DEVICE
+        )
+    return tuple(there) if name == "cuda" else (name,)
+
+
+def _simulate(scene: ScenePlan, progress: Callable[[int, int], None] | None = None) -> Trace:
+    from recipe_runtime.simulation.process import simulate
+
+    return simulate(scene, progress)
+
+
+def _actors(scene: ScenePlan) -> list[Body]:
+    from recipe_runtime.meshes import actor_body
+
+    return [actor_body(actor) for actor in scene.actors]
+
+
+def _renderer(scene: ScenePlan, device: str, assets: Assets) -> SceneRenderer:
+    reason = host.cannot_render()
+    if reason:
+        raise RunError(reason)
+    from recipe_runtime.meshes import scene_bodies
+    from recipe_runtime.render.renderer import Renderer
+
+    renderer: SceneRenderer = Renderer(scene_bodies(scene, assets), device=device, images=assets.image)
+    return renderer

@@ -1,0 +1,117 @@
+"""Portraits: one body on plain ground in soft sun, by the renderer itself.
+
+A portrait is a pure function of the actor, its colours and the view, so it has the same bytes everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler import exact
+from recipe_compiler.plan import ActorPlan, AppearancePlan, CameraPlan, CameraResponse, Looks, Pose, Sun, Weather
+
+from recipe_runtime.body import riding, walk_cycle
+from recipe_runtime.body.kinematics import STILL, Placed, place, turned
+from recipe_runtime.body.skeleton import Bike, Figure, has_rider, is_person, joints_of
+from recipe_runtime.core.transforms import Array, from_pose
+from recipe_runtime.meshes.actors import actor_body
+from recipe_runtime.meshes.builder import Builder
+from recipe_runtime.meshes.mesh import Body, Pattern, Surface
+from recipe_runtime.meshes.tags import Tag
+
+_FIELD = 24.0  # degrees: a long lens, so that near and far keep their proportions
+_MARGIN = 1.1
+_PHASE = 0.1  # of the stride in which a walker is shown: one foot flat, one about to leave
+
+
+@dataclass(frozen=True)
+class View:
+    """Where a portrait is taken from: degrees to the left of the body's front, and above the ground."""
+
+    side: float = 38.0
+    above: float = 11.0
+    width: int = 480
+    height: int = 360
+    sun_altitude: float = 42.0
+
+
+def portrait(actor: ActorPlan, look: Mapping[str, str], view: View | None = None) -> NDArray[np.uint8]:
+    """A picture of an actor as it walks, drives or rides, 8-bit sRGB [H, W, 3]; `look` is a colour for each slot."""
+    from recipe_runtime.render.renderer import Renderer
+
+    view = view or View()
+    body, parts = actor_body(actor), matrices(stance(actor))
+    camera = CameraPlan(width=view.width, height=view.height, fov=_FIELD)
+    eye = from_pose(_standpoint(_points(body, parts), camera, view))
+    renderer = Renderer([_floor(), body])
+    seen = renderer.observe(camera, eye, parts)
+    looks = {actor.name: dict(look), "floor": {"floor": "#a7a59f"}}
+    return renderer.shade(seen, _daylight(looks, view), "studio", 0, 0.0)
+
+
+def stance(actor: ActorPlan) -> list[Placed]:
+    """Where an actor's parts are while it stands at the origin, in the middle of what it does."""
+    shape, joints = actor.shape, joints_of(actor.shape)
+    if is_person(shape):
+        figure = Figure.of(shape)
+        turns = walk_cycle.pose(figure, _PHASE, actor.speed)
+        return place(((0.0, 0.0, -walk_cycle.tread(figure, turns)), STILL), joints, turns)
+    if has_rider(shape):
+        return place(((0.0, 0.0, 0.0), STILL), joints, riding.pose(Bike.of(shape), steer=0.0, gone=0.7))
+    return place(((0.0, 0.0, 0.0), STILL), joints, [STILL] * len(joints))
+
+
+def matrices(parts: Sequence[Placed]) -> Array:
+    """World-from-part of every part, [P, 3, 4]."""
+    rows = []
+    for origin, turn in parts:
+        axes = [turned(turn, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+        rows.append([[axes[0][k], axes[1][k], axes[2][k], origin[k]] for k in range(3)])
+    return np.array(rows)
+
+
+def _points(body: Body, parts: Array) -> Array:
+    found = []
+    for (_, mesh), t in zip(body.parts, parts, strict=True):
+        v = mesh.vertices.astype(np.float64)
+        found.append(v[:, 0:1] * t[:, 0] + v[:, 1:2] * t[:, 1] + v[:, 2:3] * t[:, 2] + t[:, 3])
+    return np.concatenate(found)
+
+
+def _standpoint(points: Array, camera: CameraPlan, view: View) -> Pose:
+    """The nearest place in the view's direction from which all points are within the picture, with a margin."""
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    turn = from_pose(Pose(yaw=view.side + 180.0, pitch=view.above))
+    forward, left, up = turn[:, 0], turn[:, 1], turn[:, 2]
+    p = points - middle
+    along, aside, above = (p[:, 0] * a[0] + p[:, 1] * a[1] + p[:, 2] * a[2] for a in (forward, left, up))
+    s, c = exact.sin_cos_deg(_FIELD / 2.0)
+    wide = s / c / _MARGIN
+    away = float(
+        np.maximum(np.abs(aside) / wide - along, np.abs(above) / (wide * camera.height / camera.width) - along).max()
+    )
+    x, y, z = (float(m - away * f) for m, f in zip(middle, forward, strict=True))
+    return Pose(x=x, y=y, z=z, yaw=view.side + 180.0, pitch=view.above)
+
+
+def _floor() -> Body:
+    builder = Builder()
+    size = 200.0
+    corners = [(-size, -size, 0.0), (size, -size, 0.0), (size, size, 0.0), (-size, size, 0.0)]
+    builder.quads(Surface("floor", Pattern.PLAIN, Tag.GROUND), [corners])
+    return Body("floor", 0, (("static", builder.mesh()),))
+
+
+def _daylight(looks: dict[str, dict[str, str]], view: View) -> AppearancePlan:
+    clear = dict.fromkeys(Weather.model_fields, 0.0) | {"scattering_intensity": 1.0, "mie_scattering_scale": 0.03}
+    weather = Weather.model_validate(clear | {"cloudiness": 30.0, "rayleigh_scattering_scale": 0.0331})
+    return AppearancePlan(
+        seed=0,
+        weather=weather,
+        sun=Sun(azimuth=view.side + 50.0, altitude=view.sun_altitude),
+        looks=Looks(looks),
+        responses={"studio": CameraResponse(exposure_compensation=-0.7, noise=0.0)},
+    )

@@ -1,0 +1,122 @@
+"""One frame of one variant, rendered alone: the very pixels of the full build, and a picture of them for people."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.errors import Code, InputError
+from recipe_compiler.plan import ScenarioPlan, ScenePlan, SensorPlan
+
+from recipe_runtime.cache.pruning import leased
+from recipe_runtime.cache.store import Store
+from recipe_runtime.core import codecs
+from recipe_runtime.core.files import host_errors
+from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.core.modalities import label_array, pixel_digest
+from recipe_runtime.core.outputs import write_output
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.frames.colormaps import depth_picture, instance_picture, semantic_picture
+from recipe_runtime.frames.engines import Engines, devices, real_engines
+from recipe_runtime.frames.source import SceneSource
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A frame's pixels, with where they are from."""
+
+    sensor: str
+    frame: int
+    modality: str
+    pixels: NDArray[Any]
+
+    @property
+    def digest(self) -> str:
+        """Identity of the pixels, as in a lockfile."""
+        return pixel_digest(self.modality, self.pixels)
+
+    def picture(self) -> NDArray[np.uint8]:
+        """The frame as uint8 [H, W, 3]; colour as it is, depth and labels made visible."""
+        if self.modality == "rgb":
+            return self.pixels
+        paint = {"depth": depth_picture, "instance": instance_picture, "semantic": semantic_picture}
+        return paint[self.modality](self.pixels)
+
+    def encoded(self) -> bytes:
+        """The picture as a PNG file; of a colour frame, the bytes that a build writes."""
+        return (codecs.photograph if self.modality == "rgb" else codecs.png)(self.picture())
+
+    def write(self, path: Path, *, replace: bool = False) -> None:
+        """Write the picture as a PNG, whole or not at all. InputError if a file is there, and not `replace`."""
+        with host_errors(str(path), "choose another file"):
+            write_output(path, self.encoded(), replace=replace)
+
+
+def shot(
+    scenario: ScenarioPlan,
+    sensor: str | None = None,
+    frame: int | None = None,
+    modality: str | None = None,
+    *,
+    engines: Engines | None = None,
+    store: Store | None = None,
+    device: str = "cpu",
+    progress: Progress | None = None,
+) -> Shot:
+    """Render one frame; by default the first sensor's, the middle one, in colour.
+
+    The scene is simulated no further than the frame, while its renderer is loaded. A Trace of the whole scene is used
+    if the store has one; one that ends at the frame is kept as that of a scene which does.
+
+    Raises:
+        InputError: the sensor, the frame or the modality does not exist.
+    """
+    engines, store, progress = engines or real_engines(), store or Store(), progress or _silence
+    rig, scene = {s.name: s for s in scenario.rig.sensors}, scenario.scene
+    plan = _pick(rig, sensor)
+    frames = scene.clock.frames
+    frame = frames // 2 if frame is None else frame
+    if frame >= frames:
+        raise InputError(
+            f"frame {frame} is not there: {scenario.variant} has frames 0 to {frames - 1}", code=Code.OUT_OF_RANGE
+        )
+    modality = modality or ("rgb" if "rgb" in plan.capture else plan.capture[0])
+    if modality not in plan.capture:
+        raise InputError(
+            f"the sensor {plan.name} captures {', '.join(plan.capture)}, not {modality!r}", code=Code.UNKNOWN_NAME
+        )
+    place = devices(device)[0]
+    with leased(store.root), ThreadPoolExecutor(max_workers=1) as background:
+        loading = background.submit(engines.renderer, scene, place)
+        trace = _trace(store, engines, scene, frame)
+        progress("render", 0, 1)
+        source = SceneSource(scene, trace, device=place, engines=engines, renderer=loading.result())
+        seen = source.observe(plan, frame)
+        if modality == "rgb":
+            pixels = source.shade(seen, scenario.appearance, plan, frame)
+        else:
+            pixels = label_array(seen, modality)
+        progress("render", 1, 1)
+    return Shot(plan.name, frame, modality, pixels)
+
+
+def _trace(store: Store, engines: Engines, scene: ScenePlan, frame: int) -> Trace:
+    """A Trace that reaches the frame, and the one after it where that is frame 0: motion blur looks there."""
+    part = scene if store.has_trace(scene) else scene.first(max(frame, 1) + 1)
+    return store.trace(part, lambda: engines.simulate(part))
+
+
+def _silence(stage: str, done: int, total: int) -> None:
+    """Report no progress."""
+
+
+def _pick(rig: dict[str, SensorPlan], name: str | None) -> SensorPlan:
+    if name is None:
+        return next(iter(rig.values()))
+    if name not in rig:
+        raise InputError(f"the rig has no sensor {name!r}; it has {', '.join(rig)}", code=Code.UNKNOWN_NAME)
+    return rig[name]

@@ -1,0 +1,184 @@
+"""Contact sheets: pictures for people. Every variant beside the others, and what is annotated drawn over the picture.
+
+Drawn with Pillow, whose fonts and scaling may change; so sheets are in no digest.
+"""
+
+from __future__ import annotations
+
+import struct
+import warnings
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pycocotools.mask
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+from recipe_compiler.errors import RunError
+
+from recipe_runtime.annotate.categories import CATEGORIES
+from recipe_runtime.annotate.objects import Record
+from recipe_runtime.annotate.records import Video
+from recipe_runtime.core import codecs
+
+_GROUND = (24, 26, 31)
+_EMPTY = (33, 36, 42)
+_INK = (236, 238, 241)
+_CAPTION_INK = (196, 200, 207)
+_MARGIN, _GAP, _CAPTION, _TITLE = 24, 14, 26, 58
+_MOST = 96  # cells on one sheet
+# Colours that stay apart for colour-blind eyes (Okabe and Ito, 2008), by track.
+_HUES = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (213, 94, 0), (204, 121, 167))
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One picture and its caption; `row` and `column` place it on the sheet."""
+
+    caption: str
+    row: int
+    column: int
+    video: Video
+    frame: int
+
+
+Size = tuple[int, int]  # width, height
+Picture = Callable[[Video, int], Path]  # the file of a video's RGB picture at a frame
+
+
+def contact_sheet(title: str, videos: Sequence[Video], picture: Picture) -> bytes:
+    """A PNG with the middle frame of every variant, as its first colour camera sees it, laid out by the axes."""
+    firsts = {v.variant: v for v in reversed(videos) if "rgb" in v.sensor.capture and v.frames}
+    shown = _thin([v for v in videos if firsts.get(v.variant) is v])
+    cells = [
+        Cell(video.variant, row, column, video, _middle(video))
+        for video, (row, column) in zip(shown, _places([v.variant for v in shown]), strict=True)
+    ]
+    return _sheet(title, cells, lambda cell, size: _scaled(_read(picture(cell.video, cell.frame)), size))
+
+
+def overlay_sheet(title: str, videos: Sequence[Video], picture: Picture) -> bytes:
+    """A PNG with boxes, masks and names drawn over the middle frame of every video whose labels differ."""
+    seen: dict[str, Video] = {}
+    for video in videos:
+        if "rgb" in video.sensor.capture and video.frames:
+            seen.setdefault(_label_of(video), video)
+    shown = _thin(list(seen.values()))
+    cells = [Cell(v.name, n // 3, n % 3, v, _middle(v)) for n, v in enumerate(shown)]
+    return _sheet(title, cells, lambda cell, size: _overlay(_read(picture(cell.video, cell.frame)), cell, size))
+
+
+def _label_of(video: Video) -> str:
+    return "\n".join(str(record["digests"]["labels"]) for record in video.frames) + video.sensor.name
+
+
+def _thin(videos: list[Video]) -> list[Video]:
+    step = -(-len(videos) // _MOST) or 1
+    return videos[::step]
+
+
+def _middle(video: Video) -> int:
+    """The frame nearest the middle at which most objects are seen."""
+    half = len(video.frames) // 2
+    best = max(range(len(video.frames)), key=lambda n: (len(video.frames[n]["objects"]), -abs(n - half), -n))
+    return int(video.frames[best]["frame"])
+
+
+def _places(names: Sequence[str]) -> list[tuple[int, int]]:
+    """Rows and columns: by axes where names are all of the form a=b,c=d, split where the sheet is nearest to 8:5."""
+    axes = [dict(pair.split("=", 1) for pair in name.split(",") if "=" in pair) for name in names]
+    keys = list(axes[0]) if axes else []
+    if len(keys) < 2 or any(list(a) != keys for a in axes) or len({tuple(a.values()) for a in axes}) < len(names):
+        columns = next(c for c in range(1, len(names) + 2) if c * c * 4 >= len(names) * 5)
+        return [(n // columns, n % columns) for n in range(len(names))]
+    layouts = []
+    for split in range(1, len(keys)):
+        rows = list(dict.fromkeys(tuple(a[k] for k in keys[:split]) for a in axes))
+        columns_ = list(dict.fromkeys(tuple(a[k] for k in keys[split:]) for a in axes))
+        rank = abs(len(columns_) * 4 * 5 - len(rows) * 3 * 8)
+        layouts.append((rank, split, rows, columns_))
+    _, split, rows, columns_ = min(layouts)
+    return [
+        (rows.index(tuple(a[k] for k in keys[:split])), columns_.index(tuple(a[k] for k in keys[split:]))) for a in axes
+    ]
+
+
+def _sheet(title: str, cells: Sequence[Cell], draw: Callable[[Cell, Size], Image.Image]) -> bytes:
+    columns = max((c.column for c in cells), default=0) + 1
+    rows = max((c.row for c in cells), default=0) + 1
+    width = 640 if columns <= 2 else 480 if columns == 3 else 360 if columns <= 6 else 240
+    camera = cells[0].video.sensor.camera if cells else None
+    height = round(width * camera.height / camera.width) if camera else width
+    step = width + _GAP, height + _CAPTION + _GAP
+    size = 2 * _MARGIN + columns * step[0] - _GAP, _TITLE + _MARGIN + rows * step[1] - _GAP
+    sheet = Image.new("RGB", size, _GROUND)
+    pen = ImageDraw.Draw(sheet)
+    pen.text((_MARGIN, 20), title, fill=_INK, font=ImageFont.load_default(22))
+    for row in range(rows):
+        for column in range(columns):
+            corner = _MARGIN + column * step[0], _TITLE + row * step[1]
+            pen.rectangle((*corner, corner[0] + width - 1, corner[1] + height - 1), fill=_EMPTY)
+    for cell in cells:
+        corner = _MARGIN + cell.column * step[0], _TITLE + cell.row * step[1]
+        sheet.paste(draw(cell, (width, height)), corner)
+        _caption(pen, cell.caption, (corner[0], corner[1] + height + 5), width)
+    return codecs.png(np.asarray(sheet), level=6)
+
+
+def _caption(pen: ImageDraw.ImageDraw, text: str, corner: tuple[int, int], width: int) -> None:
+    """The text in the largest size that fits; a text too long for the smallest loses its middle."""
+    for size in (15, 13, 11):
+        font = ImageFont.load_default(size)
+        if pen.textlength(text, font=font) <= width:
+            break
+    half = len(text) // 2
+    shown = text
+    while half > 1 and pen.textlength(shown, font=font) > width:
+        half -= 1
+        shown = f"{text[:half]}…{text[-half:]}"
+    pen.text(corner, shown, fill=_CAPTION_INK, font=font)
+
+
+def _read(path: Path) -> Image.Image:
+    try:
+        with Image.open(path) as picture:
+            colour: Image.Image = picture.convert("RGB")
+    except (OSError, SyntaxError, ValueError, EOFError, zlib.error, struct.error) as error:
+        raise RunError(f"{path} was written and cannot be read back ({error}); build again") from error
+    return colour
+
+
+def _scaled(picture: Image.Image, size: Size) -> Image.Image:
+    small: Image.Image = picture.resize(size, Image.Resampling.BOX)
+    return small
+
+
+def _overlay(picture: Image.Image, cell: Cell, size: Size) -> Image.Image:
+    """The picture with each object's mask tinted, then scaled, then its box and name drawn at the sheet's scale."""
+    pixels = np.asarray(picture).astype(np.int32)
+    height, width = pixels.shape[:2]
+    objects: list[Record] = next(r["objects"] for r in cell.video.frames if r["frame"] == cell.frame)
+    hues = [_HUES[n % len(_HUES)] for n in range(len(objects))]
+    for item, hue in zip(objects, hues, strict=True):
+        inside = _mask(item, height, width)
+        pixels[inside] = (pixels[inside] + np.array(hue)) // 2
+    drawn = _scaled(Image.fromarray(pixels.astype(np.uint8)), size)
+    pen, font = ImageDraw.Draw(drawn), ImageFont.load_default(12)
+    for item, hue in zip(objects, hues, strict=True):
+        x, y, w, h = item["bbox"]
+        box = (x * size[0] // width, y * size[1] // height, (x + w) * size[0] // width, (y + h) * size[1] // height)
+        pen.rectangle(box, outline=hue)
+        if box[3] - box[1] >= 16:
+            text = f"{CATEGORIES[item['instance'] // 1000]} {item['instance'] % 1000}"
+            pen.text((box[0], box[1] - 3), text, fill=hue, font=font, anchor="ls", stroke_width=1, stroke_fill=_GROUND)
+    return drawn
+
+
+def _mask(item: Record, height: int, width: int) -> NDArray[np.bool_]:
+    with warnings.catch_warnings():  # pycocotools has not learnt NumPy 2's copy keyword
+        warnings.simplefilter("ignore", DeprecationWarning)
+        decoded = pycocotools.mask.decode({"size": [height, width], "counts": item["counts"].encode()})
+    mask: NDArray[np.bool_] = decoded.astype(bool)
+    return mask

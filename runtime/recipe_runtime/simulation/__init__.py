@@ -1,0 +1,1 @@
+"""ScenePlan to Trace: PyBullet in a child process, and the agents that move."""

@@ -1,0 +1,178 @@
+"""A dataset read from where fsspec leads: copied into a folder of its own for as long as it is used.
+
+What lies there may be anyone's. Nothing is asked for but the files that its manifest lists, each no longer than that
+says, and none is written outside of the folder. What else lies among them is noted by its name, so that whoever
+verifies the folder tells of it; a file of another size is noted by that size. A `file://` URL is read where it is.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager, suppress
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from recipe_compiler.errors import Code, InputError, RunError
+
+from recipe_runtime.core import layout, urls
+from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.dataset import manifest_reader
+from recipe_runtime.dataset.limits import MAX_FILES
+from recipe_runtime.dataset.manifest import listed_files, stays_inside
+from recipe_runtime.dataset.manifest_reader import MAX_BYTES
+from recipe_runtime.transfer.upload import located, scheme_of, told
+
+MOST_LISTED_BEYOND = 100_000  # entries of a dataset's folders, beyond the files that a manifest may list
+MOST_SURPLUS = 1_000  # names of files that no manifest lists; of more, the first are noted
+_AT_ONCE = 8  # files on their way
+_PIECE = 1 << 20
+_UNKNOWN = -1  # the size of a file whose store does not tell
+_LARGEST = 1 << 40  # bytes of a file that is not fetched
+_LISTLESS = ("http", "https")
+
+
+@contextmanager
+def fetched(url: str, progress: Progress) -> Iterator[Path]:
+    """A folder that holds what the dataset at a URL holds.
+
+    InputError if there is none, or its manifest is damaged; RunError if the store or this host fails.
+    """
+    shown = urls.shown(url)
+    if scheme_of(url) in _LISTLESS:
+        raise InputError(
+            f"{shown}: a web server does not say which files it holds; download the dataset, name its folder"
+        )
+    with told(url, "try again"):
+        fs, prefix = located(url)
+    if "file" in fs.protocol:
+        yield Path(prefix)
+        return
+    with tempfile.TemporaryDirectory(prefix="recipe-fetch-") as folder:
+        root = Path(folder) / "dataset"
+        root.mkdir()
+        with told(url, "try again"):
+            _Fetch(shown, fs, prefix.rstrip("/"), root).all(progress)
+        yield root
+
+
+class _Fetch:
+    def __init__(self, url: str, fs: Any, prefix: str, root: Path) -> None:
+        self._url, self._fs, self._prefix, self._root = url, fs, prefix, root
+
+    def all(self, progress: Progress) -> None:
+        rows = self._manifest()
+        folders = {parent.as_posix() for path in rows for parent in PurePosixPath(path).parents}
+        for path in sorted(folders & {*rows, layout.MANIFEST}):
+            raise InputError(f"{self._url}: {path} cannot be a file and a folder; its manifest is damaged")
+        sizes = dict(self._entries(folders))
+        self._check_room(sum(size for path, (size, _) in rows.items() if sizes.get(path) in (size, _UNKNOWN)))
+        wanted = [path for path in rows if sizes.get(path) is not None and path != layout.MANIFEST]
+        progress("fetch", 0, len(wanted))
+        with ThreadPoolExecutor(_AT_ONCE) as threads:
+            tasks = [threads.submit(self._bring, path, rows[path][0], sizes[path] or 0) for path in wanted]
+            try:
+                for done, task in enumerate(as_completed(tasks), start=1):
+                    task.result()
+                    progress("fetch", done, len(wanted))
+            except BaseException:
+                threads.shutdown(wait=True, cancel_futures=True)
+                raise
+        self._note_surplus(sizes, {*rows, layout.MANIFEST})
+
+    def _manifest(self) -> dict[str, tuple[int, str]]:
+        """The files that the manifest lists, which is in the folder then."""
+        there = None
+        with suppress(FileNotFoundError, NotImplementedError):  # a store need not tell
+            there = self._fs.size(f"{self._prefix}/{layout.MANIFEST}")
+        if there is not None and there > MAX_BYTES:
+            raise InputError(
+                f"{self._url}: its {layout.MANIFEST} has {there:,} bytes, and at most {MAX_BYTES:,} are fetched"
+            )
+        try:
+            self._copy(layout.MANIFEST, MAX_BYTES)
+        except FileNotFoundError:
+            raise InputError(
+                f"{self._url} is not a dataset: it holds no {layout.MANIFEST}", code=Code.INVALID_DATASET
+            ) from None
+        try:
+            return listed_files(manifest_reader.read(self._root))
+        except manifest_reader.NotAManifestError:
+            raise InputError(
+                f"{self._url} is not a dataset: its {layout.MANIFEST} is none of this project",
+                code=Code.INVALID_DATASET,
+            ) from None
+        except ValueError as error:
+            raise InputError(
+                f"{self._url}: its {layout.MANIFEST} is damaged ({error})", code=Code.INVALID_DATASET
+            ) from None
+
+    def _entries(self, folders: set[str]) -> Iterator[tuple[str, int | None]]:
+        """Every entry of the manifest's folders, with the size of a file, and None for another folder."""
+        waiting, left = ["."], MAX_FILES + MOST_LISTED_BEYOND
+        while waiting:
+            folder = waiting.pop()
+            head = f"{self._prefix}/" if folder == "." else f"{self._prefix}/{folder}/"
+            try:
+                rows = self._fs.ls(head.rstrip("/"), detail=True)
+            except (FileNotFoundError, NotADirectoryError):
+                continue
+            left -= len(rows)
+            if left < 0:
+                raise InputError(f"{self._url} holds far more than any dataset does; remove what is not its own there")
+            for row in rows:
+                name = str(row["name"]).rstrip("/")
+                if name == head.rstrip("/"):  # some stores keep an empty object for a folder
+                    continue
+                path = ("" if folder == "." else f"{folder}/") + name.removeprefix(head)
+                if not name.startswith(head) or "/" in name[len(head) :] or not stays_inside(path):
+                    raise InputError(f"{self._url} holds {ascii(name)[:200]}, which no dataset does; remove it there")
+                if row["type"] == "directory":
+                    waiting += [path] if path in folders else []
+                    yield path, None
+                else:
+                    yield path, _UNKNOWN if row["size"] is None else min(max(int(row["size"]), 0), _LARGEST)
+
+    def _check_room(self, total: int) -> None:
+        free = shutil.disk_usage(self._root).free
+        if total > free:
+            raise RunError(
+                f"{self._url}: its files take {total / 2**20:,.1f} MiB, and {tempfile.gettempdir()} has"
+                f" {free / 2**20:,.1f} MiB left; set TMPDIR to a folder with more room"
+            )
+
+    def _bring(self, path: str, listed: int, size: int) -> None:
+        """Copy a file; of one that has another size than is listed, that size alone; of one that is gone, nothing."""
+        if size in (listed, _UNKNOWN):
+            try:
+                self._copy(path, max(listed, 0))
+            except FileNotFoundError:  # since it was listed; whoever verifies the folder tells that it is missing
+                (self._root / path).unlink(missing_ok=True)
+        else:
+            self._make(path).close()
+            os.truncate(self._root / path, size)  # a hole, which takes no room
+
+    def _copy(self, path: str, most: int) -> None:
+        """Copy a file, and a byte more at the most than it may have."""
+        with self._fs.open(f"{self._prefix}/{path}", "rb", block_size=_PIECE) as source, self._make(path) as target:
+            left = most + 1
+            while left and (piece := source.read(min(left, _PIECE))):
+                target.write(piece)
+                left -= len(piece)
+
+    def _make(self, path: str) -> Any:
+        place = self._root / path
+        place.parent.mkdir(parents=True, exist_ok=True)
+        return place.open("xb")
+
+    def _note_surplus(self, sizes: dict[str, int | None], known: set[str]) -> None:
+        """An empty file or folder for each that no manifest lists."""
+        surplus = [path for path in sorted(sizes) if path not in known and not (self._root / path).exists()]
+        for path in surplus[:MOST_SURPLUS]:
+            if sizes[path] is None:
+                (self._root / path).mkdir(parents=True, exist_ok=True)
+            else:
+                self._make(path).close()

@@ -1,0 +1,1 @@
+"""Lockfiles, verification, differences and the self-test."""

@@ -1,0 +1,129 @@
+"""Digests against digests: a recipe's files, plans and frames against a lockfile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from recipe_compiler.lockfile import Lockfile
+from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.wording import count
+
+from recipe_runtime.core.versions import STAGES
+from recipe_runtime.dataset import digests
+from recipe_runtime.verify.excuses import excuse_of
+from recipe_runtime.verify.verdict import ORDER, Difference
+
+Excuse = Callable[[str, Lockfile], str | None]  # why a stage may differ from a lockfile, as `excuses` says
+
+_STAGE_OF = {"rgb": "shading", "labels": "labels", "depth": "observation"}
+
+
+def stage_of(modality: str) -> str:
+    """The stage that makes a modality."""
+    return _STAGE_OF.get(modality, "observation")
+
+
+def compare_files(plan: DatasetPlan, lock: Lockfile, files: dict[str, str]) -> list[Difference]:
+    """The recipe's files, by their bytes, where the plan is another than the locked one.
+
+    Text is not identity: a comment or another file name changes no plan. `text_note` says that the text changed.
+    """
+    if plan.digest == lock.plan:
+        return []
+    found = []
+    for path in sorted({*lock.files, *files}):
+        if lock.files.get(path) != files.get(path):
+            how = "is new" if path not in lock.files else "is gone" if path not in files else "has changed"
+            found.append(Difference("recipe", f"{path} {how} since it was locked; `recipe lock --update` accepts it"))
+    return found
+
+
+def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None:
+    """One line on files whose text changed since they were locked, though the plan did not; None if there are none.
+
+    Args:
+        lock: the lockfile.
+        plan: the digest of the plan that the files compile to now.
+        files: SHA-256 of the recipe's files, by path.
+    """
+    locked = set(lock.files.values())
+    changed = sorted(path for path, value in files.items() if value not in locked)
+    if lock.plan != plan or not (lock.files and changed):
+        return None
+    rest = f" and {count(len(changed) - 1, 'more file')}" if len(changed) > 1 else ""
+    return f"the text of {changed[0]}{rest} has changed since it was locked; the plan has not"
+
+
+def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse_of) -> list[Difference]:
+    """Every variant's three plans, by their digests."""
+    found, excuse = [], excuse_for("plan", lock)
+    ours = digests.bare(plan, lock.source, {}).variants
+    for name in [*lock.variants, *(name for name in ours if name not in lock.variants)]:
+        if name not in ours or name not in lock.variants:
+            where = "the recipe" if name not in ours else "the lockfile"
+            found.append(Difference("plan", f"{where} has no variant {name}", excuse, name))
+            continue
+        a, b = lock.variants[name], ours[name]
+        parts = [part for part in ("scene", "rig", "appearance") if getattr(a, part) != getattr(b, part)]
+        if parts:
+            found.append(Difference("plan", f"{name}: another {' and '.join(parts)} plan", excuse, name))
+    if not found and plan.digest != lock.plan:
+        found.append(
+            Difference("plan", "the variants are equal, their order or the outputs asked for are not", excuse=excuse)
+        )
+    return found
+
+
+def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
+    """Whether a lockfile is whole, and holds a row for just the motion and the frames that the plan stands for."""
+    found = []
+    if not lock.sealed:
+        found.append("it was damaged or edited: its digests do not add up")
+    if lock.recipe != plan.recipe:
+        found.append(f"it is of the recipe {lock.recipe!r}, and this is {plan.recipe!r}")
+    agreed = {name: row for name, row in digests.bare(plan, "", {}).variants.items() if lock.variants.get(name) == row}
+    if len(agreed) == len(plan.variants) == len(lock.variants):
+        kinds = (
+            ("stage", set(STAGES), set(lock.stages)),
+            ("trace", {v.scene.digest for v in plan.variants}, set(lock.traces)),
+            ("frame", set(digests.frame_keys(plan)), set(lock.frames)),
+        )
+        for kind, ours, theirs in kinds:
+            found += _uneven(kind, sorted(map(str, ours - theirs)), sorted(map(str, theirs - ours)))
+    return [Difference("lockfile", message) for message in found]
+
+
+def _uneven(kind: str, missing: list[str], surplus: list[str]) -> list[str]:
+    rows = ((missing, "lacks"), (surplus, "has, of nothing in the recipe,"))
+    return [f"it {word} {count(len(keys), f'{kind} row')}, {keys[0]} the first" for keys, word in rows if keys]
+
+
+def compare_locks(
+    plan: DatasetPlan, lock: Lockfile, made: Lockfile, excuse_for: Excuse = excuse_of
+) -> list[Difference]:
+    """What a finished build differs in from a lockfile, stage by stage."""
+    found = compare_rows(plan, lock) + compare_files(plan, lock, made.files) + compare_plans(plan, lock, excuse_for)
+    return sorted(found + _digests(lock, made, excuse_for), key=lambda difference: ORDER.index(difference.stage))
+
+
+def compare_datasets(plan: DatasetPlan, lock: Lockfile, held: Lockfile, name: str) -> list[Difference]:
+    """What a dataset of that name says otherwise than a recipe's plan and its lockfile, whoever made it."""
+    found = compare_plans(plan, held) + _digests(lock, held)
+    return [replace(difference, message=f"{name}: {difference.message}") for difference in found]
+
+
+def _digests(lock: Lockfile, made: Lockfile, excuse_for: Excuse = excuse_of) -> list[Difference]:
+    """Motion and frames that both tell of, and that differ."""
+    found = []
+    for scene, trace in made.traces.items():
+        if scene in lock.traces and lock.traces[scene] != trace:
+            found.append(Difference("trace", f"scene {scene[:16]} moves otherwise", excuse_for("trace", lock)))
+    names = {v.frame_key(m): n for n, v in reversed(made.variants.items()) for m in ("rgb", "labels")}
+    for row, value in made.frames.items():
+        if row in lock.frames and lock.frames[row] != value:
+            key, sensor, modality, frame = row
+            stage, name = stage_of(modality), names[key]
+            message = f"{name}, {sensor}, frame {frame}: {modality} differs"
+            found.append(Difference(stage, message, excuse_for(stage, lock), name, sensor, frame, modality))
+    return found

@@ -1,0 +1,277 @@
+"""Two recipes, plans, lockfiles or datasets side by side: what differs, the first cause first, in words.
+
+Things are compared in the order in which they are made, as far as both sides say: files, stages and tools, plans down
+to the field, motion body by body, pixels frame by frame, and of two datasets the files that their manifests list. What
+one side does not hold is not compared, and said. No file of a dataset but its manifest and plans is read.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from recipe_compiler.lockfile import Lockfile
+from recipe_compiler.plan import DatasetPlan, ScenarioPlan
+from recipe_compiler.wording import count, form
+
+from recipe_runtime.core import layout
+from recipe_runtime.dataset.digests import first_parting, parting_words
+from recipe_runtime.verify.compare import stage_of
+
+MOST_FIELDS = 12  # of one plan; the rest is counted
+_PARTS = ("scene", "rig", "appearance")
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of the two: its name, and what it says.
+
+    `lock` of a recipe without a lockfile, and of a plan, ends where compiling ends. `listed` are the SHA-256 of a
+    dataset's files, by its manifest. `note` is what a reader must know of this side.
+    """
+
+    name: str
+    lock: Lockfile
+    plan: DatasetPlan | None
+    listed: Mapping[str, str] | None = None
+    note: str | None = None
+
+    @property
+    def locked(self) -> bool:
+        """Whether it tells of motion and pixels."""
+        return bool(self.lock.frames or self.lock.traces)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that differs, and the stage at which it does."""
+
+    stage: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.stage}: {self.message}"
+
+
+def differences(a: Side, b: Side) -> list[Finding]:
+    """All that differs, in the order of the stages: recipe, tools, plan, trace, observation, labels, shading, file."""
+    found = [*_files(a, b), *_versions(a, b), *_variants(a, b)]
+    if a.locked and b.locked:
+        found += [*_traces(a, b), *_frames(a, b)]
+    return found + _listed(a, b, told=bool(found))
+
+
+def left_out(a: Side, b: Side) -> list[str]:
+    """What was not compared, and why; nothing if all was."""
+    notes = [side.note for side in (a, b) if side.note]
+    if a.lock.files and b.lock.files and a.lock.plan == b.lock.plan:
+        others = _alone(a.lock.files, b.lock.files), _alone(b.lock.files, a.lock.files)
+        if any(others):
+            notes.append(f"the text of {a.name} and {b.name} differs; the plan does not")
+    silent = [side.name for side in (a, b) if not side.locked]
+    if silent:
+        told = f"{' and '.join(silent)} {form(len(silent), 'holds', 'hold')} none"
+        notes.append(f"motion and pixels were not compared: {told}; `recipe lock` makes a lockfile")
+    folders = [side.name for side in (a, b) if side.listed is not None]
+    if folders:
+        whose = form(len(folders), "its manifest", "their manifests")
+        what = f"{' and '.join(folders)} {form(len(folders), 'was', 'were')} compared by {whose}"
+        notes.append(f"{what}; `recipe verify --integrity` checks that the files are those")
+    return notes
+
+
+def _files(a: Side, b: Side) -> Iterator[Finding]:
+    ours, theirs = a.lock.files, b.lock.files
+    if not ours or not theirs or a.lock.plan == b.lock.plan:
+        return  # a dataset or a plan, of no file; or other text of one plan
+    first, second = _alone(ours, theirs), _alone(theirs, ours)
+    for path in [path for path in first if path in second]:
+        yield Finding("recipe", f"{path} differs")
+    only_first, only_second = ([p for p in x if p not in y] for x, y in ((first, second), (second, first)))
+    if len(only_first) == len(only_second) == 1:  # the recipe itself, under two names
+        yield Finding("recipe", f"{only_first[0]} and {only_second[0]} differ")
+        return
+    for side, paths in ((a, only_first), (b, only_second)):
+        yield from (Finding("recipe", f"{path} is in {side.name} only") for path in paths)
+
+
+def _alone(files: Mapping[str, str], others: Mapping[str, str]) -> list[str]:
+    """The files whose bytes the others do not hold, under any name."""
+    return [path for path, value in sorted(files.items()) if value not in others.values()]
+
+
+def _versions(a: Side, b: Side) -> Iterator[Finding]:
+    """Stages and tools that both tell of; a dataset, unlike a lockfile, does not name its interpreter."""
+    for what, ours, theirs in (
+        ("stage ", a.lock.stages, b.lock.stages),
+        ("", a.lock.tools, b.lock.tools),
+    ):
+        for name in sorted(ours):
+            if name in theirs and ours[name] != theirs[name]:
+                yield Finding("tools", f"{what}{name}: {ours[name]} and {theirs[name]}")
+
+
+def _variants(a: Side, b: Side) -> Iterator[Finding]:
+    ours, theirs = a.lock.variants, b.lock.variants
+    for side, other in ((a, b), (b, a)):
+        only = [name for name in side.lock.variants if name not in other.lock.variants]
+        if only:
+            yield Finding("plan", f"{_some(only, 'variant')}, {form(len(only), 'is', 'are')} in {side.name} only")
+    shared = [name for name in ours if name in theirs]
+    if a.plan and b.plan:
+        yield from _fields(shared, a.plan, b.plan)
+    else:
+        for name in shared:
+            parts = [part for part in _PARTS if getattr(ours[name], part) != getattr(theirs[name], part)]
+            if parts:
+                yield Finding("plan", f"{name}: another {' and '.join(parts)} plan")
+    if [n for n in theirs if n in ours] != shared:
+        yield Finding("plan", "the variants are in another order")
+    if a.plan and b.plan:
+        for what, first, second in (
+            ("output.annotations", ", ".join(a.plan.annotations), ", ".join(b.plan.annotations)),
+            ("output.depth", a.plan.depth, b.plan.depth),
+        ):
+            if first != second:
+                yield Finding("plan", f"{what}: {first or 'none'} in {a.name}, {second or 'none'} in {b.name}")
+
+
+def _fields(shared: list[str], a: DatasetPlan, b: DatasetPlan) -> Iterator[Finding]:
+    """What differs field by field; what differs alike in many variants is told once."""
+    seen: dict[str, list[str]] = {}
+    for name in shared:
+        for message in _plan_fields(a.named(name), b.named(name)):
+            seen.setdefault(message, []).append(name)
+    for message, names in seen.items():
+        yield Finding("plan", f"{names[0] if len(names) == 1 else _some(names, 'variant')}: {message}")
+
+
+def _plan_fields(a: ScenarioPlan, b: ScenarioPlan) -> list[str]:
+    found: list[str] = []
+    for part in _PARTS:
+        ours, theirs = getattr(a, part), getattr(b, part)
+        if ours.digest != theirs.digest:
+            messages = list(walk(ours.document(), theirs.document(), part))
+            found += messages[:MOST_FIELDS]
+            if len(messages) > MOST_FIELDS:
+                rest = count(len(messages) - MOST_FIELDS, "more field", "more fields")
+                found.append(f"and {rest} of the {part} plan")
+    return found
+
+
+def walk(ours: Any, theirs: Any, path: str) -> Iterator[str]:
+    """The fields in which two documents differ, each with both values. Things in lists go by their names."""
+    if isinstance(ours, Mapping) and isinstance(theirs, Mapping):
+        for key in [*ours, *(key for key in theirs if key not in ours)]:
+            yield from _pair(ours, theirs, key, f"{path}.{key}")
+    elif isinstance(ours, list) and isinstance(theirs, list):
+        if all(isinstance(item, Mapping) and "name" in item for item in (*ours, *theirs)):
+            named = ({item["name"]: item for item in side} for side in (ours, theirs))
+            first, second = named
+            for key in [*first, *(key for key in second if key not in first)]:
+                yield from _pair(first, second, key, f"{path}[{key}]")
+        elif len(ours) != len(theirs):
+            yield f"{path} has {count(len(ours), 'entry', 'entries')} and {len(theirs):,}"
+        else:
+            for number, pair in enumerate(zip(ours, theirs, strict=True)):
+                yield from walk(*pair, f"{path}[{number}]")
+    elif ours != theirs:
+        yield f"{path}: {_short(ours)} and {_short(theirs)}"
+
+
+def _pair(ours: Mapping[str, Any], theirs: Mapping[str, Any], key: str, path: str) -> Iterator[str]:
+    if key not in ours or key not in theirs:
+        yield f"{path} is in the {'first' if key in ours else 'second'} only"
+    else:
+        yield from walk(ours[key], theirs[key], path)
+
+
+def _traces(a: Side, b: Side) -> Iterator[Finding]:
+    """Scenes that are planned alike and move otherwise: which body parts first, and when."""
+    for scene, value in a.lock.traces.items():
+        if b.lock.traces.get(scene, value) == value:
+            continue
+        partings = []
+        for (of, actor), motion in a.lock.bodies.items():
+            other = b.lock.bodies.get((of, actor))
+            at = first_parting(motion, other) if of == scene and other else None
+            if at:
+                partings.append((at[0], actor, at[1]))
+        if not partings:
+            yield Finding("trace", f"scene {scene[:16]} moves otherwise")
+            continue
+        first, actor, last = min(partings)
+        differ = f"{count(len(partings), 'body', 'bodies')} {form(len(partings), 'differs', 'differ')}"
+        yield Finding("trace", f"body {actor} parts {parting_words(first, last)}; {differ}")
+
+
+def _frames(a: Side, b: Side) -> Iterator[Finding]:
+    """Frames that are planned and move alike and look otherwise, a line for each modality of a sensor of a variant."""
+    names = {row.frame_key(m): name for name, row in reversed(a.lock.variants.items()) for m in ("rgb", "labels")}
+    cases: dict[tuple[str, str, str], list[int]] = {}
+    totals: dict[tuple[str, str, str], int] = {}
+    for (key, sensor, modality, frame), value in a.lock.frames.items():
+        other = b.lock.frames.get((key, sensor, modality, frame))
+        if other is None:
+            continue
+        place = (key, sensor, modality)
+        totals[place] = totals.get(place, 0) + 1
+        if other != value:
+            cases.setdefault(place, []).append(frame)
+    for key, sensor, modality in sorted(cases, key=_order):
+        frames, place = cases[key, sensor, modality], (key, sensor, modality)
+        where = f"{names.get(key, key)}, {sensor}"
+        what = f"{modality} of {len(frames)} of {count(totals[place], 'frame')} differs, frame {min(frames)} the first"
+        yield Finding(stage_of(modality), f"{where}: {what}")
+
+
+def _listed(a: Side, b: Side, told: bool) -> list[Finding]:
+    """Files of two datasets whose bytes differ: each, in the order in which a build makes them, unless a cause is told.
+
+    Then they are counted: every file that depends on the cause is among them.
+    """
+    if a.listed is None or b.listed is None:
+        return []
+    found = []
+    for path in sorted({*a.listed, *b.listed}, key=_made):
+        if path not in a.listed or path not in b.listed:
+            found.append(f"{path} is in {a.name if path in a.listed else b.name} only")
+        elif a.listed[path] != b.listed[path]:
+            found.append(f"{path} has other bytes")
+    if not told or not found:
+        return [Finding("file", message) for message in found]
+    total = count(len({*a.listed, *b.listed}), "file")
+    return [
+        Finding("file", f"{len(found):,} of {total} {form(len(found), 'differs', 'differ')}, the first: {found[0]}")
+    ]
+
+
+def _made(path: str) -> tuple[int, str]:
+    """Where a file stands in the order of making: plans, tracks, pictures, labels, annotations, sheets, card."""
+    order = (
+        path.startswith("plans/"),
+        path.endswith("/tracks.csv"),
+        path.count("/") == 3 and not path.startswith("mots/"),
+        path.endswith("/labels.jsonl"),
+        path.startswith(("annotations/", "mots/")),
+        path in (layout.CONTACT_SHEET, layout.OVERLAY_SHEET),
+    )
+    return (order.index(True) if True in order else len(order)), path
+
+
+def _order(place: tuple[str, str, str]) -> tuple[int, str, str]:
+    modalities = ("depth", "instance", "semantic", "labels", "rgb")
+    return (modalities.index(place[2]) if place[2] in modalities else len(modalities), place[1], place[0])
+
+
+def _some(names: Iterable[str], what: str) -> str:
+    known = list(names)
+    return f"{what} {known[0]}" if len(known) == 1 else f"{count(len(known), what)}, {known[0]} the first"
+
+
+def _short(value: Any) -> str:
+    """A value as a recipe would write it."""
+    text = value if isinstance(value, str) else "nothing" if value is None else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else f"{text[:57]}..."

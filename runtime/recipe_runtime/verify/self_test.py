@@ -1,0 +1,172 @@
+"""What this host is, and whether it makes the bytes that it should: a golden recipe, built and compared stage by stage.
+
+The digests lie beside the recipe, in `golden/`; they were made where this release was. A stage that differs is told
+with the reason that this host need not agree, if there is one; what comes after a stage that differs proves nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from recipe_compiler import lockfile
+from recipe_compiler.errors import RecipeError
+from recipe_compiler.plan import DatasetPlan
+
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core import host, layout
+from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.core.versions import host_versions
+from recipe_runtime.dataset.manifest import lock_of
+from recipe_runtime.frames.engines import Engines
+from recipe_runtime.loading import compiled
+from recipe_runtime.verify.compare import compare_locks
+from recipe_runtime.verify.excuses import own_excuse_of
+from recipe_runtime.verify.verdict import Difference
+
+GOLDEN = Path(__file__).parent / "golden"
+RECIPE, LOCK, FILES = (GOLDEN / f"self_test.{kind}" for kind in ("yaml", "lock", "files"))
+
+# In the order in which things are made, with what is compared.
+STAGES = {
+    "plan": "plans compiled",
+    "trace": "motion simulated",
+    "observation": "depth, instances and classes",
+    "labels": "boxes, masks and the rest",
+    "shading": "colours",
+    "encoding": "picture files",
+    "annotate": "annotation files",
+}
+State = Literal["equal", "differs", "may differ", "not reached"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One stage of the self-test. `reason`: what differs, and why it may."""
+
+    stage: str
+    state: State
+    reason: str = ""
+
+
+@dataclass
+class Examination:
+    """What was found."""
+
+    fingerprint: dict[str, Any]
+    checks: list[Check] = field(default_factory=list)
+    gpu: list[Check] = field(default_factory=list)  # of the pixels, on the first GPU; empty where there is none
+
+    @property
+    def tiers(self) -> dict[str, str]:
+        """Which promises this host keeps: yes, no, or why neither was seen."""
+        told = {"A": "yes" if all(c.state == "equal" for c in self.checks) else "no"}
+        if any(c.state == "may differ" for c in self.checks) and all(c.state != "differs" for c in self.checks):
+            told["A"] = "not promised here: " + next(c.reason for c in self.checks if c.state == "may differ")
+        seen = [c.state for c in self.gpu if c.stage in ("observation", "labels", "shading")]
+        told["B"] = "no CUDA GPU here" if not seen else "yes" if set(seen) == {"equal"} else "no"
+        return told
+
+    @property
+    def healthy(self) -> bool:
+        """Whether nothing differs that must not, and tier A is not denied."""
+        return self.tiers["A"] != "no" and all(check.state != "differs" for check in (*self.checks, *self.gpu))
+
+
+def examine(progress: Progress, engines: Engines | None = None, gpus: list[str] | None = None) -> Examination:
+    """Look at this host, and run the self-test on its processor and on its first GPU, if it has one."""
+    gpus = _gpus() if gpus is None else gpus
+    plan = compiled(RECIPE)
+    found = Examination(fingerprint(gpus))
+    found.checks = self_test(plan, progress, engines=engines)
+    if gpus:
+        found.gpu = self_test(plan, progress, engines=engines, device=gpus[0])
+    return found
+
+
+def fingerprint(gpus: list[str]) -> dict[str, Any]:
+    """What bytes may depend on, and what speed does. No name of host, user or place."""
+    return {
+        "processor": _processor(),
+        "features": host.features(),
+        "cores": len(os.sched_getaffinity(0)),
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "gpus": gpus,
+        "versions": host_versions(),
+    }
+
+
+def self_test(
+    plan: DatasetPlan, progress: Progress, *, engines: Engines | None = None, device: str = "cpu"
+) -> list[Check]:
+    """Build the golden recipe and compare it, stage by stage."""
+    golden = lockfile.read(LOCK)
+    with tempfile.TemporaryDirectory(prefix="recipe-doctor-") as folder:
+        root = Path(folder)
+        try:
+            made = build(
+                plan, root / "made", workers=0, cache=root / "cache", device=device, engines=engines, progress=progress
+            )
+        except RecipeError as error:
+            return [Check(stage, "not reached", str(error).splitlines()[0]) for stage in STAGES]
+        lock = lock_of(made.manifest, golden.source, golden.files)
+        differences = [d for d in compare_locks(plan, golden, lock, own_excuse_of) if d.stage != "recipe"]
+        differences += [
+            Difference(stage, f"{path} differs", own_excuse_of("texts" if stage == "annotate" else stage, golden))
+            for stage, path in _other_files(made.manifest["files"])
+        ]
+    return _told(differences)
+
+
+def file_rows(files: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """SHA-256 of every file that the self-test compares; card and manifest say versions, so they are left out."""
+    return {path: row["sha256"] for path, row in sorted(files.items()) if path not in (layout.CARD, layout.MANIFEST)}
+
+
+def _other_files(files: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, str]]:
+    """The stage and path of every file that differs from the golden one."""
+    rows = (line.split("  ", 1) for line in FILES.read_text().splitlines())
+    golden, made = {path: value for value, path in rows}, file_rows(files)
+    other = [path for path in sorted({*golden, *made}) if golden.get(path) != made.get(path)]
+    return [("encoding" if path.endswith((".png", ".npy")) else "annotate", path) for path in other]
+
+
+def _told(differences: list[Difference]) -> list[Check]:
+    """A check for every stage: after the first that differs, the later ones follow from it."""
+    by_stage: dict[str, list[Difference]] = {}
+    for difference in differences:
+        by_stage.setdefault("plan" if difference.stage == "lockfile" else difference.stage, []).append(difference)
+    checks: list[Check] = []
+    for stage in STAGES:
+        found = by_stage.get(stage, [])
+        if checks and checks[-1].state != "equal":
+            checks.append(Check(stage, "not reached", "it follows from the stage before"))
+        elif not found:
+            checks.append(Check(stage, "equal"))
+        else:
+            excuse = next((d.excuse for d in found if d.excuse), None)
+            more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+            state: State = "may differ" if excuse else "differs"
+            checks.append(Check(stage, state, f"{found[0].message}{more}" + (f"; {excuse}" if excuse else "")))
+    return checks
+
+
+def _gpus() -> list[str]:
+    if host.cannot_render():
+        return []
+    from recipe_runtime.render.device.setup import cuda_devices
+
+    return cuda_devices()
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or "unknown"
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown")

@@ -1,0 +1,95 @@
+"""What a comparison found: differences, each at a stage, and the verdict that follows from them.
+
+A difference is FAIL if this host promises equal bytes; it is INCONCLUSIVE, with the reason, if a stage's version or a
+tool that the stage depends on is another than the lockfile's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from recipe_compiler.wording import count, form
+
+from recipe_runtime.verify.sampling import Bound
+
+Verdict = Literal["PASS", "FAIL", "INCONCLUSIVE"]
+
+# In the order in which things are made: the first that parts is the verdict's.
+ORDER = ("lockfile", "recipe", "plan", "trace", "observation", "labels", "shading", "encoding", "file")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One thing that is not as the lockfile or the dataset says."""
+
+    stage: str
+    message: str
+    excuse: str | None = None  # why this host need not agree; None: it must
+    variant: str | None = None
+    sensor: str | None = None
+    frame: int | None = None
+    modality: str | None = None
+    path: str | None = None  # of the dataset's file that differs
+    recorded: str | None = None  # a digest, or a pixel's value, as lockfile or dataset has it
+    rendered: str | None = None  # the same, as this host makes it
+
+    def __str__(self) -> str:
+        return f"{self.stage}: {self.message}" + (f" ({self.excuse})" if self.excuse else "")
+
+
+@dataclass
+class Report:
+    """What was compared, what differs, and the verdict."""
+
+    name: str
+    identity: str
+    nonce: int
+    bound: Bound
+    differences: list[Difference] = field(default_factory=list)
+    pictures: list[str] = field(default_factory=list)
+    files: int | None = None  # hashed, where nothing was rendered
+    notes: list[str] = field(default_factory=list)  # what a reader should know and no verdict depends on
+    resumed: int = 0  # of the frames compared, those that a run that was stopped had rendered
+
+    @property
+    def stage(self) -> str | None:
+        """The first stage at which things part."""
+        return min((d.stage for d in self.differences), key=ORDER.index, default=None)
+
+    @property
+    def verdict(self) -> Verdict:
+        """FAIL if anything differs that must not; INCONCLUSIVE if something differs that may."""
+        if any(d.excuse is None for d in self.differences):
+            return "FAIL"
+        return "INCONCLUSIVE" if self.differences else "PASS"
+
+    @property
+    def extent(self) -> str:
+        """How much was compared, and what that shows; a bound is shown only where nothing differs."""
+        if self.files is not None:
+            return f"{count(self.files, 'file')} hashed, no frame rendered"
+        resumed = f"; {self.resumed:,} were rendered by the run that was stopped" if self.resumed else ""
+        if self.verdict == "PASS":
+            return f"{self.bound}{resumed}"
+        frames = {(d.variant, d.sensor, d.frame) for d in self.differences if d.frame is not None}
+        told = f"{len(frames)} of them {form(len(frames), 'differs', 'differ')}"
+        return f"{self.bound.checked} of {count(self.bound.total, 'frame')} compared, {told}{resumed}"
+
+    def document(self) -> dict[str, Any]:
+        """The report as plain JSON values."""
+        bound = {"checked": self.bound.checked, "total": self.bound.total, "confidence": self.bound.confidence}
+        below = round(self.bound.differing, 6) if self.verdict == "PASS" and self.files is None else None
+        return {
+            "name": self.name,
+            "identity": self.identity,
+            "verdict": self.verdict,
+            "stage": self.stage,
+            "nonce": self.nonce,
+            **bound,
+            "differing_below": below,
+            "differences": [asdict(difference) for difference in self.differences],
+            "pictures": self.pictures,
+            "notes": self.notes,
+            "resumed_frames": self.resumed,
+        }

@@ -1,0 +1,372 @@
+"""Re-render sample frames and compare them, byte for byte, with a lockfile, and with a dataset if there is one.
+
+The stages are compared in the order in which things are made, and the first one that parts is the verdict's:
+
+    lockfile, recipe, plan, trace, observation, labels, shading, encoding, file
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from recipe_compiler import canonical
+from recipe_compiler.errors import RunError
+from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
+from recipe_compiler.plan import DatasetPlan, ScenePlan
+from recipe_compiler.wording import count, form
+
+from recipe_runtime.annotate.records import FrameRecord
+from recipe_runtime.build.journal import CacheJournal
+from recipe_runtime.build.recipe_files import asset_places
+from recipe_runtime.build.worker import Job
+from recipe_runtime.cache.pruning import leased
+from recipe_runtime.cache.store import Store
+from recipe_runtime.core import host, layout
+from recipe_runtime.core.asset_files import Assets
+from recipe_runtime.core.files import file_sha256
+from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.versions import builder
+from recipe_runtime.dataset import digests
+from recipe_runtime.dataset.reader import Dataset, Fault, damaged_files, regular_file, text_differences
+from recipe_runtime.dataset.schedule import chosen_shards
+from recipe_runtime.frames.engines import Engines, devices, real_engines
+from recipe_runtime.frames.shot import shot
+from recipe_runtime.report.difference import first_difference, write_difference
+from recipe_runtime.verify import locking
+from recipe_runtime.verify.compare import (
+    compare_datasets,
+    compare_files,
+    compare_plans,
+    compare_rows,
+    stage_of,
+    text_note,
+)
+from recipe_runtime.verify.excuses import excuse_of
+from recipe_runtime.verify.recipe_comparison import recipe_differences
+from recipe_runtime.verify.sampling import Bound, draw, sample_size
+from recipe_runtime.verify.verdict import Difference, Report
+
+Choice = tuple[str, str, int]  # variant, sensor, frame
+
+MOST_PICTURES = 8
+
+
+@dataclass(frozen=True)
+class Options:
+    """How much to check. `count` frames, or as many as `confidence` and `bound` ask for; `everything` takes all."""
+
+    nonce: int
+    confidence: float = 0.95
+    bound: float = 0.05
+    count: int | None = None
+    everything: bool = False
+    workers: int = 1
+    device: str = "cpu"
+    pictures: Path | None = None  # a folder for pictures of frames that differ
+    allow_large: bool = False  # also for the recipe in a dataset's folder
+
+
+def verify(
+    plan: DatasetPlan,
+    lock: Lockfile,
+    options: Options,
+    progress: Progress,
+    *,
+    files: dict[str, str] | None = None,
+    dataset: Dataset | None = None,
+    traces: Mapping[str, Trace] | None = None,
+    engines: Engines | None = None,
+    cache: Path | None = None,
+) -> Report:
+    """Compare what a plan makes on this host with a lockfile, and with a dataset's files, as far as the options ask.
+
+    `files` are the digests of the recipe's files as they are now; None where there is only a dataset's plan. `traces`
+    by scene are the locked motion, for hosts whose own simulation need not agree. `cache` is where a run over
+    everything keeps a journal of the frames that it has rendered, and takes up that of one that was stopped.
+    """
+    engines = engines or real_engines(Assets(asset_places(dataset) if dataset is not None else {}))
+    choices = all_choices(plan)
+    differences = compare_rows(plan, lock)
+    if files is not None:
+        differences += compare_files(plan, lock, files)
+    differences += compare_plans(plan, lock)
+    if dataset is not None and dataset.lock is not lock:
+        differences += compare_datasets(plan, lock, dataset.lock, dataset.name)
+    other = {d.variant for d in differences if d.stage == "plan"}
+    chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
+    pictures: list[str] = []
+    with leased(), tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
+        check = _Check(plan, lock, engines, options, progress, Path(folder), dataset, traces or {})
+        check.cache = cache if options.everything else None
+        compared, found = check.run(chosen)
+        differences += found
+        if dataset is not None:
+            differences += recipe_differences(dataset, options.allow_large)
+            differences += _untold(differences, damaged_files(dataset, progress))
+            excuses = {layout.CARD: excuse_of("card", lock)}
+            faults = text_differences(dataset, check.traces)
+            differences += _untold(differences, faults, excuse_of("texts", lock), excuses)
+        if options.pictures is not None:
+            pictures = check.draw(differences, options.pictures)
+        check.close()
+    bound = Bound(compared, len(choices), options.confidence)
+    note = text_note(lock, plan.digest, files or {})
+    return Report(
+        plan.recipe,
+        lock.identity,
+        options.nonce,
+        bound,
+        differences,
+        pictures,
+        notes=[note] if note else [],
+        resumed=check.resumed,
+    )
+
+
+def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Report:
+    """Compare a dataset's files with its manifest, and that with its plan; nothing is simulated or rendered."""
+    differences = compare_rows(dataset.plan, dataset.lock) + recipe_differences(dataset, options.allow_large)
+    differences += _untold(differences, damaged_files(dataset, progress))
+    bound = Bound(0, len(all_choices(dataset.plan)), options.confidence)
+    return Report(
+        dataset.plan.recipe, dataset.lock.identity, options.nonce, bound, differences, files=len(dataset.files)
+    )
+
+
+def _untold(
+    known: list[Difference],
+    faults: Iterable[Fault],
+    excuse: str | None = None,
+    excuses: Mapping[str, str | None] = MappingProxyType({}),
+) -> list[Difference]:
+    """The faults of files as differences, but of those that a difference without excuse has told of already.
+
+    `excuse` is that of every file, and `excuses` are further ones, by path.
+    """
+    told = {d.path for d in known if d.stage == "file" and d.excuse is None}
+    return [
+        Difference("file", line, excuse or excuses.get(path), path=path) for path, line in faults if path not in told
+    ]
+
+
+def all_choices(plan: DatasetPlan) -> list[Choice]:
+    """Every frame of every sensor of every variant, in the dataset's order."""
+    return [
+        (variant.variant, sensor.name, frame)
+        for variant in plan.variants
+        for sensor in variant.rig.sensors
+        for frame in range(variant.scene.clock.frames)
+    ]
+
+
+def choose(choices: list[Choice], options: Options) -> list[Choice]:
+    """The sample that the options ask for."""
+    if options.everything:
+        return choices
+    count = options.count or sample_size(len(choices), options.confidence, options.bound)
+    return draw(choices, min(count, len(choices)), options.nonce)
+
+
+@dataclass
+class _Check:
+    """The frames of one verification: made anew in a folder of their own, and compared."""
+
+    plan: DatasetPlan
+    lock: Lockfile
+    engines: Engines
+    options: Options
+    progress: Progress
+    folder: Path
+    dataset: Dataset | None
+    locked_traces: Mapping[str, Trace]
+    traces: dict[str, Trace] = field(default_factory=dict)  # by scene, those that are the locked ones
+    cache: Path | None = None  # where the journal is kept
+    resumed: int = 0  # frames taken up from the journal of a run that was stopped
+    _journal: CacheJournal | None = None
+
+    def run(self, chosen: list[Choice]) -> tuple[int, list[Difference]]:
+        """Simulate the scenes of the chosen frames and render the frames alone: how many were, and what differs."""
+        by_name = {v.variant: v for v in self.plan.variants}
+        scenes = {by_name[name].scene.digest: by_name[name].scene for name, _, _ in chosen}
+        whole, found = self._motions(scenes)
+        reason = host.cannot_render() or self.engines.assets.missing(by_name[name] for name, _, _ in chosen)
+        if reason:
+            return 0, [*found, Difference("observation", "no frame was rendered", reason)]
+        chosen = [c for c in chosen if by_name[c[0]].scene.digest in whole]
+        return len(chosen), found + self._frames(chosen)
+
+    def _motions(self, scenes: dict[str, ScenePlan]) -> tuple[set[str], list[Difference]]:
+        """Simulate the scenes: those whose locked motion is at hand, and what differs.
+
+        Where this host need not agree, and the locked Trace lies beside the lockfile, frames are made from that.
+        """
+        store, excuse = Store(self.folder), excuse_of("trace", self.lock)
+        whole, found = set(), []
+        for number, (digest, scene) in enumerate(scenes.items()):
+            self.progress("simulate", number, len(scenes))
+            kept = self.locked_traces.get(digest)
+            try:
+                trace = store.keep_trace(scene, self.engines.simulate(scene))
+                Store().replace_bad_trace(scene, trace)
+            except RunError as error:
+                if kept is None:
+                    raise
+                message, reason = "it was not simulated here", str(error).splitlines()[0]
+            else:
+                reason = excuse or ""
+                if self.lock.traces.get(digest) == trace.digest:
+                    self.traces[digest] = trace
+                    whole.add(digest)
+                    continue
+                message = _parting(self.lock, scene, digests.body_motions(trace))
+            if kept is not None and reason:
+                self.traces[digest] = store.keep_trace(scene, kept)
+                whole.add(digest)
+                message += "; frames are compared from the locked motion on"
+            found.append(Difference("trace", message, reason or None))
+        self.progress("simulate", len(scenes), len(scenes))
+        return whole, found
+
+    def _frames(self, chosen: list[Choice]) -> list[Difference]:
+        root = self.folder / "made" if self.dataset else None
+        shards, options = chosen_shards(self.plan, chosen), self.options
+        job = Job(self.plan, self.engines, devices(options.device), self.folder, root)
+        resumption = self._resumption(job)
+        rows = locking.render_rows(job, shards, options.workers, self.progress, resumption)
+        self.resumed = resumption.frames if resumption else 0
+        keys = digests.bare(self.plan, "", {}).variants
+        found = [self._frame(choice, keys[choice[0]], rows) for choice in chosen]
+        differences = [difference for difference in found if difference is not None]
+        if self.dataset is None or root is None:
+            return differences
+        made = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
+        return differences + [d for path in made if (d := self._file(root, path, self.dataset)) is not None]
+
+    def _resumption(self, job: Job) -> locking.Resumption | None:
+        """The journal of a run of the same plan and motion by the same code, on this very host and device."""
+        if self.cache is None:
+            return None
+        traces = {scene: trace.digest for scene, trace in self.traces.items()}
+        parts = [self.plan.digest, builder(), traces, host.name(), list(job.devices)]
+        self._journal = CacheJournal(self.cache, canonical.digest("journal/verify/1", parts), self.plan)
+        return locking.Resumption(self._journal, self._are_the_datasets)
+
+    def _are_the_datasets(self, records: list[FrameRecord]) -> bool:
+        """Whether the files made of these frames were those that the dataset has; they themselves were not kept."""
+        if self.dataset is None:
+            return True
+        root, rows = self.dataset.root, [row for record in records for row in record["files"].items()]
+        return bool(rows) and all(_has_bytes(root, path, row[0], row[1]) for path, row in rows)
+
+    def close(self) -> None:
+        """Delete the journal: the run is finished."""
+        if self._journal is not None:
+            self._journal.remove()
+
+    def _frame(self, choice: Choice, key: VariantRow, rows: dict[FrameKey, str]) -> Difference | None:
+        """The first of a frame's modalities that differs from the lockfile; what comes later follows from it."""
+        name, sensor, frame = choice
+        for modality in self._modalities(choice, ("depth", "instance", "semantic", "labels", "rgb")):
+            row = (key.frame_key(modality), sensor, modality, frame)
+            if self.lock.frames.get(row) != rows[row]:
+                stage = stage_of(modality)
+                what = "differs" if row in self.lock.frames else "has no digest there"
+                message = f"{name}, {sensor}, frame {frame}: {modality} {what}"
+                return Difference(
+                    stage,
+                    message,
+                    excuse_of(stage, self.lock),
+                    *(name, sensor, frame, modality),
+                    recorded=self.lock.frames.get(row),
+                    rendered=rows[row],
+                )
+        return None
+
+    def _file(self, root: Path, path: str, dataset: Dataset) -> Difference | None:
+        """How a file of the dataset differs from the one made here; equal pixels are a matter of encoding."""
+        made, there = root / path, dataset.root / path
+        if regular_file(dataset.root, path) is None:
+            return Difference("file", f"{path} is missing", path=path)
+        if made.stat().st_size == there.stat().st_size and made.read_bytes() == there.read_bytes():
+            return None
+        at = self._origin(path)
+        parting = first_difference(there, made)
+        if parting is not None and not parting.count:
+            message = f"{path}: equal pixels, encoded otherwise"
+            found = Difference("encoding", message, excuse_of("encoding", self.lock), *at)
+        elif parting is None:
+            found = Difference("file", f"{path} is another picture, or none", None, *at)
+        else:
+            found = Difference("file", f"{path}: {parting}", None, *at)
+            found = replace(found, recorded=parting.recorded, rendered=parting.rendered)
+        return replace(found, path=path)
+
+    def _origin(self, path: str) -> tuple[str, str, int, str] | tuple[()]:
+        """Variant, sensor, frame and modality of a picture's path; nothing for other files."""
+        for variant in self.plan.variants:
+            for sensor in variant.rig.sensors:
+                for modality in sensor.capture:
+                    head = layout.frame_file(variant.variant, sensor.name, modality, 0, self.plan.depth)
+                    folder, _, name = head.rpartition("/")
+                    if path.rpartition("/")[0] == folder and path.endswith(name.partition(".")[2]):
+                        return variant.variant, sensor.name, int(Path(path).stem), modality
+        return ()
+
+    def _modalities(self, choice: Choice, order: Iterable[str]) -> list[str]:
+        rig = next(v.rig for v in self.plan.variants if v.variant == choice[0])
+        capture = next(s.capture for s in rig.sensors if s.name == choice[1])
+        return [m for m in order if m == "labels" or m in capture]
+
+    def draw(self, differences: list[Difference], out: Path) -> list[str]:
+        """Pictures of the first frames that differ: as recorded in the dataset, as rendered here, and where."""
+        pictures: list[str] = []
+        cases = [d for d in differences if d.modality not in (None, "labels")]
+        for case in cases[:MOST_PICTURES]:
+            assert case.variant is not None and case.sensor is not None
+            scenario = next(v for v in self.plan.variants if v.variant == case.variant)
+            made = shot(
+                scenario,
+                case.sensor,
+                case.frame,
+                case.modality,
+                engines=self.engines,
+                store=Store(self.folder),
+                device=self.options.device,
+            )
+            there = None
+            if self.dataset:
+                path = layout.frame_file(case.variant, case.sensor, made.modality, made.frame, self.plan.depth)
+                there = self.dataset.root / path
+            stem = f"{layout.folder(case.variant)}-{layout.folder(case.sensor)}-{made.modality}-{made.frame:06d}"
+            try:
+                pictures += [str(path) for path in write_difference(out / stem, made, there)]
+            except (RunError, OSError) as error:
+                return [*pictures, f"no picture could be written to {out}: {error}"]
+        return pictures
+
+
+def _has_bytes(root: Path, path: str, size: int, sha256: str) -> bool:
+    there = regular_file(root, path)
+    return there is not None and there.st_size == size and file_sha256(root / path) == sha256
+
+
+def _parting(lock: Lockfile, scene: ScenePlan, ours: dict[str, Any]) -> str:
+    """Which body parts first, and about when."""
+    partings = []
+    for actor, motion in ours.items():
+        locked = lock.bodies.get((scene.digest, actor))
+        at = digests.first_parting(locked, motion) if locked else None
+        if at:
+            partings.append((at[0], actor, at[1]))
+    if not partings:
+        return "the motion differs from the one that was locked"
+    first, actor, last = min(partings)
+    where = f"{digests.parting_words(first, last)} (from step {first * scene.clock.steps_per_frame})"
+    bodies = f"{len(partings)} of {count(len(ours), 'body', 'bodies')} {form(len(partings), 'differs', 'differ')}"
+    return f"body {actor} parts {where}; {bodies}"
