@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from recipe_compiler.plan import DatasetPlan, ScenarioPlan
+from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array, part_transforms, sensor_transform
 from recipe_runtime.meshes import actor_body, town_bodies

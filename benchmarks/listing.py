@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.plan import DatasetPlan, ScenarioPlan
+from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.frames.engines import real_engines
 from recipe_runtime.frames.source import FrameSource

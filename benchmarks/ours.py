@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.build import local
 from recipe_runtime.build.pipeline import Runner, build
 

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.plan import ScenarioPlan
+from recipe_compiler.ir.plan import ScenarioPlan
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.frames.engines import real_engines
 from recipe_runtime.frames.source import SceneSource

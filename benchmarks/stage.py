@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.plan import ScenarioPlan
+from recipe_compiler.ir.plan import ScenarioPlan
 from recipe_runtime.core.trace import METRE, UNIT, Trace
 from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.meshes import actor_body, town_bodies

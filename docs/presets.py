@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.plan import ScenarioPlan
+from recipe_compiler.ir.plan import ScenarioPlan
 from recipe_runtime.frames.engines import real_engines
 from recipe_runtime.frames.source import SceneSource
 

@@ -21,14 +21,15 @@ ALLOWED_IMPORTS = {
     ("recipe_runtime/build/ray.py", "time"): "how long a door that says nothing is waited at",
     ("recipe_runtime/render/device/compiled.py", "time"): "how long another process's compiling is waited for",
     ("recipe_runtime/render/device/timings.py", "time"): "a stopwatch, for the benchmark",
-    ("recipe_compiler/sun.py", "datetime"): "dates and hours that a recipe names; never the clock",
-    ("recipe_compiler/references.py", "datetime"): "whether a recipe's date is one; never the clock",
+    ("recipe_compiler/lowering/sun.py", "datetime"): "dates and hours that a recipe names; never the clock",
+    ("recipe_compiler/checks/references.py", "datetime"): "whether a recipe's date is one; never the clock",
 }
 ALLOWED_ADDRESSES = {
-    "recipe_compiler/check.py": "the key of a section that was checked before, and is held",
+    "recipe_compiler/checks/check.py": "the key of a section that was checked before, and is held",
+    "recipe_compiler/checks/findings.py": "the key of a problem that was found before, and is held",
     "recipe_compiler/compile.py": "the key of parts that were weighed before, and are held",
-    "recipe_compiler/compose.py": "the key of values that were merged before, and are held",
-    "recipe_compiler/lower.py": "the key of a scene or rig that was lowered before, and is held",
+    "recipe_compiler/source/merge.py": "the key of values that were merged before, and are held",
+    "recipe_compiler/lowering/lower.py": "the key of a scene or rig that was lowered before, and is held",
     "recipe_runtime/meshes/smoothing.py": "the key of a surface that was numbered before, and is held",
 }
 LIBM = {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log2", "log10", "pow", "cbrt", "sinh",
@@ -36,7 +37,7 @@ LIBM = {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log
         "arcsin", "arccos", "deg2rad", "rad2deg", "power", "float_power"}  # fmt: skip
 BLAS = {"dot", "matmul", "inner", "outer", "tensordot", "einsum", "vdot", "linalg", "geomspace", "logspace", "cross"}
 # Pictures for people only; no digest covers them.
-FOR_EYES = ("recipe_runtime/report/",)
+FOR_EYES = ("recipe_runtime/report/", "recipe_runtime/frames/colormaps.py")
 EXACT_PI = {"pi"}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from recipe_compiler.errors import Code, Problem
+from recipe_compiler.ir.errors import Code, Problem
 
 from tests.sources import ROOT
 

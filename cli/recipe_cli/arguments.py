@@ -154,7 +154,7 @@ def writing(path: Path) -> Iterator[None]:
 
     InputError at once if its folder is not there, before any work; RunError if the host will not have it.
     """
-    from recipe_compiler.errors import InputError, RunError
+    from recipe_compiler.ir.errors import InputError, RunError
 
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}; make it first")

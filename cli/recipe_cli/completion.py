@@ -10,7 +10,7 @@ import click
 from click.shell_completion import CompletionItem
 
 if TYPE_CHECKING:
-    from recipe_compiler.outline import Outline
+    from recipe_compiler.checks.outline import Outline
 
 Completer = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 _MODALITIES = ("rgb", "depth", "instance", "semantic")
@@ -61,7 +61,7 @@ def _items(names: Iterable[str], incomplete: str) -> list[CompletionItem]:
 
 def _outline(context: click.Context) -> Outline:
     """The names in the recipe on the command line; none if it cannot be read: a shell is told nothing of it."""
-    from recipe_compiler.outline import Outline, outline
+    from recipe_compiler.checks.outline import Outline, outline
 
     from recipe_cli.arguments import opened
 

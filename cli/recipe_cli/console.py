@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 if TYPE_CHECKING:
-    from recipe_compiler.errors import Problem
+    from recipe_compiler.ir.errors import Problem
 
 COLOURS = {"error": "red", "warning": "yellow", "PASS": "green", "FAIL": "red", "INCONCLUSIVE": "yellow"}
 _INDENT = "    "
@@ -53,7 +53,7 @@ def state() -> State:
 
 def safe(text: str) -> str:
     """Text from outside as the terminal may have it: escaped, on one line, without secrets of URLs."""
-    from recipe_compiler.errors import printable
+    from recipe_compiler.ir.errors import printable
 
     if "://" in text:
         from recipe_runtime.core.urls import without_secrets

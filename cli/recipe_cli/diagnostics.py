@@ -14,13 +14,13 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from recipe_compiler.wording import count
+from recipe_compiler.ir.plurals import count
 
 from recipe_cli.console import COLOURS, Styled, safe, say, width
 from recipe_cli.words import option_help
 
 if TYPE_CHECKING:
-    from recipe_compiler.errors import Problem
+    from recipe_compiler.ir.errors import Problem
 
 _BEFORE, _AFTER = 50, 60  # characters of a long source line that are shown around the place
 _TOKEN = re.compile(r""""(?:[^"\\]|\\.)*"|'[^']*'|[^\s,:{}\[\]#]+|.""")
@@ -28,7 +28,7 @@ _TOKEN = re.compile(r""""(?:[^"\\]|\\.)*"|'[^']*'|[^\s,:{}\[\]#]+|.""")
 
 def print_problems(severity: str, problems: Sequence[Problem]) -> None:
     """Print problems on standard error, at most MAX_SHOWN of them, and how many more there are."""
-    from recipe_compiler.errors import MAX_SHOWN
+    from recipe_compiler.ir.errors import MAX_SHOWN
 
     for number, problem in enumerate(problems[:MAX_SHOWN]):
         if number:

@@ -15,7 +15,7 @@ import click
 from recipe_cli.console import State, fail, say
 
 if TYPE_CHECKING:
-    from recipe_compiler.errors import Problem
+    from recipe_compiler.ir.errors import Problem
 
 # name -> what `recipe --help` says of it; the module of that name holds the command.
 COMMANDS = {
@@ -89,7 +89,7 @@ def main() -> None:
         fail(problems, run)
         sys.exit(code)
     except KeyboardInterrupt:
-        from recipe_compiler.errors import Code, Problem
+        from recipe_compiler.ir.errors import Code, Problem
 
         fail([Problem("interrupted", code=Code.INTERRUPTED)], run)
         sys.exit(130)
@@ -100,7 +100,7 @@ def _explained(error: Exception) -> tuple[Sequence[Problem], int]:
     import errno
     import traceback
 
-    from recipe_compiler.errors import Code, InputError, Problem, RecipeError
+    from recipe_compiler.ir.errors import Code, InputError, Problem, RecipeError
 
     if isinstance(error, RecipeError):
         return error.problems, 2 if isinstance(error, InputError) else 1
@@ -124,7 +124,7 @@ def _explained(error: Exception) -> tuple[Sequence[Problem], int]:
 
 def _usage(error: click.ClickException) -> Problem:
     """What is wrong with a command line, and where to read how it is used."""
-    from recipe_compiler.errors import Code, Problem
+    from recipe_compiler.ir.errors import Code, Problem
 
     message = error.format_message().rstrip(".")
     message = message[:1].lower() + message[1:]

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
+    from recipe_compiler.ir.lockfile import Lockfile
+    from recipe_compiler.ir.plan import DatasetPlan
     from recipe_compiler.limits import Memory
-    from recipe_compiler.lockfile import Lockfile
-    from recipe_compiler.plan import DatasetPlan
 
 FOLDER = "lockfiles"
 _MARKERS = ("pyproject.toml", ".git", FOLDER)  # a folder that holds one of these is a project's root
@@ -36,7 +36,7 @@ def read_lockfile(recipe: Path, plan: DatasetPlan) -> tuple[Path, Lockfile] | No
     Raises:
         InputError: it cannot be read, or another recipe of the same name has that lockfile.
     """
-    from recipe_compiler import lockfile
+    from recipe_compiler.ir import lockfile
 
     path = lockfile_path(recipe, plan.recipe)
     if not path.exists():
@@ -48,7 +48,7 @@ def read_lockfile(recipe: Path, plan: DatasetPlan) -> tuple[Path, Lockfile] | No
 
 def check_lockfile_is_of(recipe: Path, plan: DatasetPlan, path: Path, lock: Lockfile) -> None:
     """InputError if a lockfile belongs to another recipe of the same name, naming both and the remedy."""
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir.errors import InputError
 
     other = lock.other_recipe(path, recipe, plan.digest)
     if other is not None:
@@ -96,7 +96,7 @@ def recipe_of(lockfile: Path, lock: Lockfile) -> Path:
 
     The project is the folder that holds `lockfiles/`; of a lockfile elsewhere, its own folder.
     """
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir.errors import InputError
 
     folder = lockfile.resolve().parent
     project = folder.parent if folder.name == FOLDER else folder
@@ -115,7 +115,7 @@ def recipe_files(recipe: Path, compiled: Compiled) -> dict[str, bytes]:
     """The recipe and all that it includes, the very bytes that were compiled."""
     import hashlib
 
-    from recipe_compiler.errors import RunError
+    from recipe_compiler.ir.errors import RunError
 
     found = {}
     for path, value in compiled.files.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from recipe_compiler.errors import Problem
+    from recipe_compiler.ir.errors import Problem
 
 _WORDS = {  # code -> the remedy, with the library's own where `{help}` stands
     "size-limit": "{help}, or give --allow-large",

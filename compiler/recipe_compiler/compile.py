@@ -16,18 +16,22 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
-from recipe_compiler import brought, compose, expand, limits, optics, placing, towns
-from recipe_compiler.check import Checker, check_deltas, check_removals
-from recipe_compiler.errors import Code, InputError, Place, Problem, with_source
+from recipe_compiler import expand, limits
+from recipe_compiler.checks.check import Checker, check_deltas, check_removals
+from recipe_compiler.checks.findings import Findings
 from recipe_compiler.expand import Axes, Variant
-from recipe_compiler.findings import Findings
+from recipe_compiler.ir import optics
+from recipe_compiler.ir.errors import Code, InputError, Place, Problem, with_source
+from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
+from recipe_compiler.library import towns
+from recipe_compiler.library.towns import Town
 from recipe_compiler.limits import TooLargeError as TooLargeError
-from recipe_compiler.lower import MAX_ROUTE, Lowering
-from recipe_compiler.plan import DatasetPlan, ScenarioPlan
+from recipe_compiler.lowering import asset_files, placement
+from recipe_compiler.lowering.lower import MAX_ROUTE, Lowering
 from recipe_compiler.schema.messages import nearest, translate
 from recipe_compiler.schema.models import Base, Motion, Recipe
-from recipe_compiler.source import Value, show
-from recipe_compiler.towns import Town
+from recipe_compiler.source import merge
+from recipe_compiler.source.yaml_reader import Value, show
 
 _CHECKED_APART = {"base", "deltas"}
 _LOOKS = {100, 300, 1000, 3000}  # numbers of variants after which to look whether they are too much already
@@ -42,7 +46,7 @@ class Compiled:
     warnings: tuple[Problem, ...]
     files: dict[str, str]  # path relative to the recipe's folder -> SHA-256 of its bytes
     cost: limits.Cost
-    assets: tuple[brought.Brought, ...] = ()
+    assets: tuple[asset_files.Brought, ...] = ()
     folder: Path = Path()  # the recipe's
     towns: Mapping[str, Town] = field(default_factory=dict)  # by their plans' digests
 
@@ -61,7 +65,7 @@ def compile_recipe(
     it. InputError with all problems; TooLargeError, which is one, before any plan is made if the recipe is over the
     limits and `allow_large` is not set.
     """
-    sources = compose.read(path)
+    sources = merge.read(path)
     try:
         compiled = _compile(path, sources, allow_large, free_disk, memory)
     except InputError as error:
@@ -71,7 +75,7 @@ def compile_recipe(
 
 
 def _compile(
-    path: Path, sources: compose.Sources, allow_large: bool, free_disk: int | None, memory: limits.Memory | None
+    path: Path, sources: merge.Sources, allow_large: bool, free_disk: int | None, memory: limits.Memory | None
 ) -> Compiled:
     problems = list(sources.problems)
     root = sources.root
@@ -79,7 +83,7 @@ def _compile(
     if root is None:
         raise InputError(_sorted(problems))
     recipe = _check_recipe(root, problems)
-    assets, unfit = brought.read(root, recipe.assets, path.parent, sources) if recipe else ({}, [])
+    assets, unfit = asset_files.read(root, recipe.assets, path.parent, sources) if recipe else ({}, [])
     axes = _check_sweep(root, recipe, problems)
     if recipe is None or root.get("base") is None or _fatal(problems, sources.problems):
         problems += [*unfit, *_check_base_alone(root, _kinds(recipe))]
@@ -130,11 +134,11 @@ def _compile(
 
 def named_files(path: Path) -> tuple[str, set[str]] | None:
     """A recipe's name and the files that it names, itself among them, without compiling it; None if it is broken."""
-    sources = compose.read(path)
+    sources = merge.read(path)
     if sources.root is None or sources.problems:
         return None
     name = sources.root.get("recipe")
-    return str(name.data if name else ""), {*sources.files, *brought.named(sources.root, path.parent, sources)}
+    return str(name.data if name else ""), {*sources.files, *asset_files.named(sources.root, path.parent, sources)}
 
 
 def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tuple[list[ScenarioPlan], list[Problem]]:
@@ -230,7 +234,7 @@ def _check_base_alone(root: Value, kinds: dict[str, str]) -> list[Problem]:
     problems: list[Problem] = []
     base = root.get("base")
     if base is not None and isinstance(base.data, dict):
-        base = compose.expand_shorthands(base)
+        base = merge.expand_shorthands(base)
         Checker(base, kinds).base(base, problems)
     return problems
 
@@ -282,7 +286,7 @@ def _instances(root: Value, problems: list[Problem]) -> dict[str, int]:
             actors = delta.get("actors")
             others.update(dict.fromkeys(name for name in (actors.map if actors else ()) if name not in own))
     try:
-        return placing.instance_numbers(own, list(others))
+        return placement.instance_numbers(own, list(others))
     except ValueError as error:
         problems.append(Problem(f"actors: {error}", root.place_of("base", "actors"), code=Code.INPUT_LIMIT))
         raise InputError(_sorted(problems)) from None

@@ -12,13 +12,13 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from recipe_compiler.compose import Merger, expand_shorthands
-from recipe_compiler.errors import Code, Place, Problem
-from recipe_compiler.plan import fixed
+from recipe_compiler.ir.errors import Code, Place, Problem
+from recipe_compiler.ir.plan import fixed
+from recipe_compiler.ir.streams import Stream
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.models import MAX_DRAWS, MAX_SEED, MAX_VARIANTS, Distribution, Sweep
-from recipe_compiler.source import Value, show
-from recipe_compiler.streams import Stream
+from recipe_compiler.source.merge import Merger, expand_shorthands
+from recipe_compiler.source.yaml_reader import Value, show
 
 MAX_NAME = 200  # a variant's name is a folder's, and file systems end at 255 bytes
 PLAIN_NAME = "base"  # of the variant of a recipe without axes

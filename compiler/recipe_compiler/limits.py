@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from recipe_compiler.errors import Code, InputError, Place, Problem
-from recipe_compiler.wording import count
+from recipe_compiler.ir.errors import Code, InputError, Place, Problem
+from recipe_compiler.ir.plurals import count
 
 FRAME_LIMIT = 100_000
 BYTE_LIMIT = 20 * 2**30

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler import exact
+from recipe_compiler.ir import exact
 from recipe_runtime.core.codecs import png
 
 HERE = Path(__file__).parent

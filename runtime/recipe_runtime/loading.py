@@ -7,8 +7,8 @@ from pathlib import Path
 
 from recipe_compiler.compile import TooLargeError as TooLargeError
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.errors import InputError
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.dataset.limits import check_plan

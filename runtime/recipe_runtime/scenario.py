@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.canonical import digest
-from recipe_compiler.errors import Code, InputError
-from recipe_compiler.plan import ScenarioPlan, ScenePlan, SensorPlan
-from recipe_compiler.wording import count
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.plan import ScenarioPlan, ScenePlan, SensorPlan
+from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.objects import Record
 from recipe_runtime.cache.pruning import leased

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from recipe_compiler.errors import InputError
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import DatasetPlan
 from torch.utils.data import Dataset
 
 from recipe_runtime.annotate.objects import Record

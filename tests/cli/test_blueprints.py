@@ -12,9 +12,9 @@ from click.testing import CliRunner, Result
 from numpy.typing import NDArray
 from PIL import Image
 from recipe_cli.commands.blueprints import command
-from recipe_compiler.blueprints import LIBRARY, Blueprint, specimen
-from recipe_compiler.errors import InputError, RunError
-from recipe_compiler.plan import CameraPlan
+from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.plan import CameraPlan
+from recipe_compiler.library.blueprints import LIBRARY, Blueprint, specimen
 from recipe_runtime.frames.portrait import matrices, stance
 from recipe_runtime.meshes import actor_body
 

@@ -146,7 +146,7 @@ def test_verify_fails_on_a_flipped_digit_of_the_lockfile(folder: Path, tmp_path:
 
 
 def test_verify_is_inconclusive_on_another_stage_version(folder: Path, tmp_path: Path) -> None:
-    from recipe_compiler import lockfile
+    from recipe_compiler.ir import lockfile
 
     (tmp_path / "small.yaml").write_text(RECIPE)
     lock = lockfile.read(folder / "lockfiles" / "small.lock")
@@ -284,7 +284,7 @@ def test_nothing_but_its_own_words_reaches_the_terminal(folder: Path, tmp_path: 
 def test_a_strangers_lockfile_reads_nothing_outside_its_folder(folder: Path, tmp_path: Path, source: str) -> None:
     from dataclasses import replace
 
-    from recipe_compiler import lockfile
+    from recipe_compiler.ir import lockfile
 
     lock = replace(lockfile.read(folder / "lockfiles" / "small.lock"), source=source.replace("%00", "\0"))
     lock.write(tmp_path / "lockfiles" / "evil.lock")

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from recipe_cli import console, diagnostics
 from recipe_cli.commands import check, plan, verify
 from recipe_cli.console import Styled, in_colour, safe, say
-from recipe_compiler.errors import Code, Place, Problem, printable, split_remedy
+from recipe_compiler.ir.errors import Code, Place, Problem, printable, split_remedy
 
 from tests.cli.test_small_files import on_a_terminal
 from tests.sources import ROOT

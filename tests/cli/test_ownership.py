@@ -11,8 +11,8 @@ import pytest
 from click.testing import CliRunner, Result
 from recipe_cli import places
 from recipe_cli.commands import blueprints, build, diff, lock, pack, schema, shot, verify
-from recipe_compiler import lockfile
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir import lockfile
+from recipe_compiler.ir.errors import InputError
 from recipe_runtime.build import provenance
 from recipe_runtime.cache import pruning
 

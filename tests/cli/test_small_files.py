@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 from recipe_cli.commands import check, init, schema, shot
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.ir.errors import InputError, RunError
 
 from tests.compiler.kitchen import small
 

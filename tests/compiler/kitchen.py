@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from recipe_compiler.compile import Compiled, compile_recipe
-from recipe_compiler.plan import ScenarioPlan
+from recipe_compiler.ir.plan import ScenarioPlan
 
 SMALL: dict[str, Any] = {
     "recipe": "small",

@@ -18,7 +18,7 @@ import trimesh
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from PIL import Image
-from recipe_compiler.assets import AssetError, MeshData, image, mesh
+from recipe_compiler.ir.assets import AssetError, MeshData, image, mesh
 
 from tests.compiler import modelling
 from tests.compiler.modelling import FACES, TETRAHEDRON, document, glb, obj, picture, png, stl, stl_text

@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from recipe_compiler.blueprints import BICYCLE, BUS, CAR, LIBRARY, MOTORCYCLE, PEDESTRIAN, TRUCK, match
+from recipe_compiler.library.blueprints import BICYCLE, BUS, CAR, LIBRARY, MOTORCYCLE, PEDESTRIAN, TRUCK, match
 
 
 def test_the_library_is_sorted_and_unique() -> None:

@@ -6,7 +6,7 @@ import copy
 from typing import Any
 
 import pytest
-from recipe_compiler.plan import CameraPlan, CameraResponse, ScenarioPlan
+from recipe_compiler.ir.plan import CameraPlan, CameraResponse, ScenarioPlan
 from recipe_compiler.schema.models import Camera
 
 from tests.compiler.kitchen import compiled, only, small

@@ -5,7 +5,7 @@ import pytest
 import rfc8785
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_compiler.canonical import canonical_bytes, digest, digest_array, pretty
+from recipe_compiler.ir.canonical import canonical_bytes, digest, digest_array, pretty
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**53) + 1, 2**53 - 1) | st.text(max_size=6),

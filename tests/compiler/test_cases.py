@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir.errors import InputError
 
 CASES = Path(__file__).parents[1] / "cases"
 FAILING = sorted(path.parent for path in CASES.glob("failing/*/error.txt"))

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from recipe_compiler import enclosures, towns
-from recipe_compiler.plan import ActorPlan
-from recipe_compiler.source import parse
+from recipe_compiler.ir.plan import ActorPlan
+from recipe_compiler.library import towns
+from recipe_compiler.lowering import enclosures
+from recipe_compiler.source.yaml_reader import parse
 
 from tests.compiler.kitchen import compiled, small
 

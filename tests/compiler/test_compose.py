@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_compiler.compose import Merger, read
-from recipe_compiler.source import Value, parse
+from recipe_compiler.source.merge import Merger, read
+from recipe_compiler.source.yaml_reader import Value, parse
 
 
 def value(data: Any, file: str = "a.yaml") -> Value:

@@ -7,7 +7,7 @@ import struct
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_compiler import exact
+from recipe_compiler.ir import exact
 
 ANGLES = st.floats(-1e4, 1e4)
 

@@ -42,7 +42,7 @@ def test_a_draw_over_a_preset_is_warned_of() -> None:
 def test_meetings_of_thousands_of_paths_are_found_quickly() -> None:
     from recipe_compiler.expand import clashes
     from recipe_compiler.schema.models import Sweep
-    from recipe_compiler.source import parse
+    from recipe_compiler.source.yaml_reader import parse
 
     text = "".join(
         f"a{n}: {{v: {{actors: {{{', '.join(f'x{n}_{m}: {{speed: 1}}' for m in range(300))}}}}}}}\n" for n in range(20)

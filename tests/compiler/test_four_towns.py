@@ -6,12 +6,13 @@ from __future__ import annotations
 import math
 
 import pytest
-from recipe_compiler import exact, towns
-from recipe_compiler.canonical import digest
-from recipe_compiler.plan import Element, Pose
-from recipe_compiler.streams import Stream
-from recipe_compiler.towns import Town
-from recipe_compiler.towns.streets import KERB, LANE, StreetGrid
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.plan import Element, Pose
+from recipe_compiler.ir.streams import Stream
+from recipe_compiler.library import towns
+from recipe_compiler.library.towns import Town
+from recipe_compiler.library.towns.streets import KERB, LANE, StreetGrid
 
 CASES: list[tuple[str, dict[str, object]]] = [
     ("downtown", {}),

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.errors import InputError
-from recipe_compiler.source import MAX_BYTES, parse
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.source.yaml_reader import MAX_BYTES, parse
 
 from tests.compiler.kitchen import SMALL, compiled
 

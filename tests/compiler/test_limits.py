@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recipe_compiler import towns
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.expand import count
+from recipe_compiler.library import towns
 from recipe_compiler.limits import Load, Memory, TooLargeError, View, size, total
 from recipe_compiler.schema.models import Sweep
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from recipe_compiler import lockfile
-from recipe_compiler.errors import InputError
-from recipe_compiler.lockfile import BodyMotion, Lockfile, VariantRow
+from recipe_compiler.ir import lockfile
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.lockfile import BodyMotion, Lockfile, VariantRow
 
 A, B, C, D = ("a" * 64, "b" * 64, "c" * 64, "d" * 64)
 LOCK = Lockfile(

@@ -6,12 +6,12 @@ import json
 from pathlib import Path
 
 import pytest
-from recipe_compiler.blueprints import names
+from recipe_compiler.checks.findings import Findings
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.errors import MAX_SHOWN, Code, InputError, Problem
-from recipe_compiler.findings import Findings
+from recipe_compiler.ir.errors import MAX_SHOWN, Code, InputError, Problem
+from recipe_compiler.library.blueprints import names
 from recipe_compiler.schema.messages import near
-from recipe_compiler.source import MAX_BYTES, parse
+from recipe_compiler.source.yaml_reader import MAX_BYTES, parse
 
 from tests.compiler.kitchen import small
 
@@ -136,7 +136,7 @@ def test_the_text_of_many_errors_ends_with_their_number() -> None:
 
 def test_the_same_problem_of_thousands_of_variants_is_kept_once() -> None:
     from recipe_compiler.expand import Variant
-    from recipe_compiler.source import Place, Value
+    from recipe_compiler.source.yaml_reader import Place, Value
 
     base, problem, found = Value({}, Place("f", 1, 1)), Problem("wrong"), Findings()
     for number in range(3000):

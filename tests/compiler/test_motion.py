@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from recipe_compiler import exact
-from recipe_compiler.motion import poses
+from recipe_compiler.ir import exact
+from recipe_compiler.lowering.camera_motion import poses
 from recipe_compiler.schema.models import Sensor
 
 JITTER = {

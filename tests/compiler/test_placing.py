@@ -5,8 +5,8 @@ from __future__ import annotations
 import copy
 
 import pytest
-from recipe_compiler.errors import InputError
-from recipe_compiler.placing import instance_numbers
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.lowering.placement import instance_numbers
 
 from tests.compiler.kitchen import compiled, only, small
 

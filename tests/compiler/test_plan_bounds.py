@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recipe_compiler import blueprints, plan_bounds, towns
-from recipe_compiler.plan import MAX_ELEMENTS, Element, Pose
-from recipe_compiler.plan_bounds import KINDS
-from recipe_compiler.towns import palettes
+from recipe_compiler.ir import plan_bounds
+from recipe_compiler.ir.plan import MAX_ELEMENTS, Element, Pose
+from recipe_compiler.ir.plan_bounds import KINDS
+from recipe_compiler.library import blueprints, towns
+from recipe_compiler.library.towns import palettes
 
 LARGEST = [
     ("downtown", {"blocks": (9, 9), "storeys": (2, 16)}),

@@ -13,9 +13,9 @@ from typing import Any
 
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
-from recipe_compiler import weather
-from recipe_compiler.canonical import canonical_bytes, digest
-from recipe_compiler.plan import ActorPlan, Looks, ScenarioPlan
+from recipe_compiler.ir.canonical import canonical_bytes, digest
+from recipe_compiler.ir.plan import ActorPlan, Looks, ScenarioPlan
+from recipe_compiler.library import weather
 
 from tests.compiler.kitchen import compiled, only, small
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recipe_compiler import brought
 from recipe_compiler.compile import Compiled, compile_recipe
-from recipe_compiler.errors import InputError
-from recipe_compiler.plan import PropPlan, ScenarioPlan
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import PropPlan, ScenarioPlan
+from recipe_compiler.lowering import asset_files
 
 from tests.compiler.kitchen import small
 from tests.compiler.modelling import TETRAHEDRON, glb, obj, picture, png, stl
@@ -144,7 +144,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
 
 
 def test_a_file_over_the_limit_is_not_looked_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(brought, "MESH_BYTES", 100)
+    monkeypatch.setattr(asset_files, "MESH_BYTES", 100)
     with pytest.raises(InputError, match="is larger than 100 bytes, the limit for a mesh"):
         compiled(tmp_path, {})
 
@@ -153,6 +153,6 @@ def test_a_file_over_the_limit_is_not_looked_into(tmp_path: Path, monkeypatch: p
 def test_all_assets_together_are_bounded(
     limit: str, what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(brought, limit, 11)
+    monkeypatch.setattr(asset_files, limit, 11)
     with pytest.raises(InputError, match=rf"assets: \d+ {what}\w* up to here are more than the most allowed together"):
         compiled(tmp_path, {})

@@ -11,9 +11,9 @@ import jsonschema
 import pytest
 import yaml
 from recipe_compiler import compile as compiler
-from recipe_compiler import towns, weather
+from recipe_compiler.library import towns, weather
 from recipe_compiler.schema import json_schema, models, template
-from recipe_compiler.source import parse
+from recipe_compiler.source.yaml_reader import parse
 
 ROOT = Path(__file__).parents[2]
 TEMPLATE = Path(compiler.__file__).parent / "schema/template.yaml"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from recipe_compiler import sun, weather
+from recipe_compiler.library import weather
+from recipe_compiler.lowering import sun
 
 from tests.compiler.kitchen import only, small
 

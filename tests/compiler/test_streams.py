@@ -5,8 +5,8 @@ from itertools import pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_compiler.canonical import canonical_bytes
-from recipe_compiler.streams import Stream
+from recipe_compiler.ir.canonical import canonical_bytes
+from recipe_compiler.ir.streams import Stream
 
 NAMES = st.lists(st.text(max_size=8), max_size=3)
 
@@ -51,7 +51,7 @@ def test_distributions_have_their_moments() -> None:
 
 
 def testnormal_quantile_is_monotonic_over_its_three_ranges() -> None:
-    from recipe_compiler.streams import normal_quantile
+    from recipe_compiler.ir.streams import normal_quantile
 
     points = [10.0**-k for k in range(15, 1, -1)] + [0.02 * k for k in range(1, 50)]
     values = [normal_quantile(p) for p in points]

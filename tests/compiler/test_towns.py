@@ -7,12 +7,12 @@ from itertools import pairwise
 from typing import cast
 
 import pytest
-from recipe_compiler import towns
-from recipe_compiler.canonical import digest
-from recipe_compiler.plan import Point, Pose
-from recipe_compiler.streams import Stream
-from recipe_compiler.towns import Town
-from recipe_compiler.towns.streets import StreetGrid
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.plan import Point, Pose
+from recipe_compiler.ir.streams import Stream
+from recipe_compiler.library import towns
+from recipe_compiler.library.towns import Town
+from recipe_compiler.library.towns.streets import StreetGrid
 
 TOWN = towns.build("downtown", 7, {})
 GRID = cast(StreetGrid, TOWN.streets)

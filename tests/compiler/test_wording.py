@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from recipe_compiler.wording import count, form
+from recipe_compiler.ir.plurals import count, form
 
 from tests.sources import ROOT
 

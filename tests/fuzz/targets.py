@@ -18,13 +18,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler import assets, lockfile, towns
-from recipe_compiler.assets.png import SIGNATURE
-from recipe_compiler.canonical import canonical_bytes
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.errors import InputError
-from recipe_compiler.lockfile import VariantRow
-from recipe_compiler.plan import TownPlan
+from recipe_compiler.ir import assets, lockfile
+from recipe_compiler.ir.assets.png import SIGNATURE
+from recipe_compiler.ir.canonical import canonical_bytes
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.lockfile import VariantRow
+from recipe_compiler.ir.plan import TownPlan
+from recipe_compiler.library import towns
 from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from recipe_compiler.blueprints import match
-from recipe_compiler.plan import (
+from recipe_compiler.ir.plan import (
     ActorPlan,
     AppearancePlan,
     CameraPlan,
@@ -27,6 +26,7 @@ from recipe_compiler.plan import (
     TownPlan,
     Weather,
 )
+from recipe_compiler.library.blueprints import match
 from recipe_runtime.core.trace import METRE, UNIT, Trace
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.meshes.mesh import Body, Mesh

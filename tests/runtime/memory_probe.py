@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from recipe_compiler.plan import ScenePlan
+from recipe_compiler.ir.plan import ScenePlan
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.trace import METRE, UNIT, Trace, TraceWriter, frame_bytes
 from recipe_runtime.dataset.digests import body_motions

@@ -15,7 +15,7 @@ from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.plan import AppearancePlan, CameraPlan, ScenePlan
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, ScenePlan
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array, part_transforms
 

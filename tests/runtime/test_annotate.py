@@ -5,7 +5,7 @@ import pycocotools.mask
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_compiler.plan import CameraPlan, Pose, fixed
+from recipe_compiler.ir.plan import CameraPlan, Pose, fixed
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.objects import quaternion, truncation
 from recipe_runtime.annotate.records import label_digest

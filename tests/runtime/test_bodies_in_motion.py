@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recipe_compiler import blueprints, towns
-from recipe_compiler.plan import ActorPlan, Clock, Point, Pose, ScenePlan
+from recipe_compiler.ir.plan import ActorPlan, Clock, Point, Pose, ScenePlan
+from recipe_compiler.library import blueprints, towns
 from recipe_runtime.body import riding, walk_cycle
 from recipe_runtime.body.kinematics import STILL, about, limb, place, turned
 from recipe_runtime.body.skeleton import Bike, Figure

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from recipe_compiler.errors import InputError, RunError
-from recipe_compiler.plan import DatasetPlan, RigPlan
+from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.plan import DatasetPlan, RigPlan
 from recipe_runtime.build import pipeline as build_module
 from recipe_runtime.build import worker
 from recipe_runtime.build.pipeline import BuildResult, build

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir.errors import InputError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.cache import cache_folder, pruning
 from recipe_runtime.cache.cache_folder import claim, contents, is_marked, recognised

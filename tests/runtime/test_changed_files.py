@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from recipe_compiler.errors import RunError
+from recipe_compiler.ir.errors import RunError
 from recipe_runtime.build import workspace
 from recipe_runtime.build.pipeline import BuildResult, build
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.build.ray import Hand, Luggage

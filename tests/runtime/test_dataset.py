@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.errors import InputError
-from recipe_compiler.plan import SensorPlan
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import SensorPlan
 from recipe_runtime.annotate.mots import runs_fill
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core.layout import expected_files

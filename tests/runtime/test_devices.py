@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from recipe_compiler.errors import InputError
-from recipe_compiler.lockfile import read
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.lockfile import read
 from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.build.worker import Job, Worker
 from recipe_runtime.cache.store import Store

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recipe_compiler.lockfile import Lockfile, read
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.lockfile import Lockfile, read
+from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.dataset.digests import bare
 from recipe_runtime.verify.diff import Finding, Side, differences, left_out, walk
 from recipe_runtime.verify.locking import lock

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from recipe_compiler.errors import RunError
+from recipe_compiler.ir.errors import RunError
 from recipe_runtime.annotate.records import Video
 from recipe_runtime.core import codecs
 from recipe_runtime.frames.shot import Shot

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 from recipe_cli.commands.doctor import command
-from recipe_compiler import lockfile
-from recipe_compiler.errors import RunError
-from recipe_compiler.lockfile import Lockfile
+from recipe_compiler.ir import lockfile
+from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.lockfile import Lockfile
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.verify import self_test
 from recipe_runtime.verify.locking import lock

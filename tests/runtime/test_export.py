@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import webdataset
 from PIL import Image
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import Dataset, read

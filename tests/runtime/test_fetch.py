@@ -14,7 +14,7 @@ import fsspec
 import pytest
 import recipe_runtime
 from fsspec.spec import AbstractFileSystem
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core.urls import without_secrets
 from recipe_runtime.dataset import manifest_reader

@@ -16,9 +16,10 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recipe_compiler import lockfile, towns
-from recipe_compiler.errors import InputError
-from recipe_compiler.plan import ScenarioPlan, TownPlan
+from recipe_compiler.ir import lockfile
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import ScenarioPlan, TownPlan
+from recipe_compiler.library import towns
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.plan_reader import PlanReader

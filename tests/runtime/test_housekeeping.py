@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir.errors import InputError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.cache import pruning
 from recipe_runtime.cache.cache_folder import claim

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recipe_compiler.plan import Element, Pose, TownPlan
-from recipe_compiler.towns.palettes import PALETTES
+from recipe_compiler.ir.plan import Element, Pose, TownPlan
+from recipe_compiler.library.towns.palettes import PALETTES
 from recipe_runtime.meshes import town_bodies
 from recipe_runtime.meshes.mesh import Mesh, Pattern
 

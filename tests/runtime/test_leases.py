@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.cache import pruning
 from recipe_runtime.cache.store import default_cache
 from recipe_runtime.frames.engines import Engines

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from recipe_compiler import towns
-from recipe_compiler.blueprints import LIBRARY, Blueprint
-from recipe_compiler.plan import ActorPlan, Pose
+from recipe_compiler.ir.plan import ActorPlan, Pose
+from recipe_compiler.library import towns
+from recipe_compiler.library.blueprints import LIBRARY, Blueprint
 from recipe_runtime.body.skeleton import part_names
 from recipe_runtime.frames.portrait import matrices, stance
 from recipe_runtime.meshes import actor_body, town_bodies

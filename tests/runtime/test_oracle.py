@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.plan import ScenarioPlan
+from recipe_compiler.ir.plan import ScenarioPlan
 from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.colormaps import instance_picture
 from recipe_runtime.frames.source import SceneSource

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from recipe_compiler.errors import InputError, Place, Problem
+from recipe_compiler.ir.errors import InputError, Place, Problem
 from recipe_runtime.transfer.bundle import Pack, identity, read, unpacked
 
 FILES = {"street.yaml": b"recipe: street\n", "common/base.yaml": b"town: downtown\n", "lockfiles/street.lock": b"x\n"}

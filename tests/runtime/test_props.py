@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import recipe_runtime
 import trimesh
-from recipe_compiler import towns
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.errors import InputError, RunError
-from recipe_compiler.plan import Clock, Pose, PropPlan, ScenePlan
+from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.plan import Clock, Pose, PropPlan, ScenePlan
+from recipe_compiler.library import towns
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.trace import METRE

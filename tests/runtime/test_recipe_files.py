@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from recipe_compiler import lockfile
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir import lockfile
+from recipe_compiler.ir.errors import InputError
 from recipe_runtime.build.pipeline import BuildResult, build
 from recipe_runtime.build.recipe_files import RecipeFiles, asset_places
 from recipe_runtime.core.asset_files import Assets

@@ -13,7 +13,7 @@ from typing import Any
 
 import fsspec
 import pytest
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.dataset.reader import read
 from recipe_runtime.transfer.upload import NOTE, Copied, Target

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import BuildResult, build
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import read

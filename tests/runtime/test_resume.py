@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recipe_compiler.errors import RunError
-from recipe_compiler.lockfile import Lockfile
+from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.lockfile import Lockfile
 from recipe_runtime.build import reuse
 from recipe_runtime.build.known_frames import Known
 from recipe_runtime.build.pipeline import build

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recipe_compiler.plan import DatasetPlan, RigPlan
+from recipe_compiler.ir.plan import DatasetPlan, RigPlan
 from recipe_runtime.build import reuse as reuse_module
 from recipe_runtime.build.pipeline import BuildResult, build
 from recipe_runtime.frames.engines import Engines

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import recipe_runtime
 from PIL import Image
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir.errors import InputError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import codecs, layout
 from recipe_runtime.frames.engines import Engines

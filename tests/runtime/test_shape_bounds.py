@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recipe_compiler import blueprints, plan_bounds
-from recipe_compiler.plan import Element, Pose, TownPlan
-from recipe_compiler.plan_bounds import KINDS
+from recipe_compiler.ir import plan_bounds
+from recipe_compiler.ir.plan import Element, Pose, TownPlan
+from recipe_compiler.ir.plan_bounds import KINDS
+from recipe_compiler.library import blueprints
 from recipe_runtime.meshes import actor_body, town_bodies
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recipe_compiler.plan import ActorPlan, Pose, ScenePlan
+from recipe_compiler.ir.plan import ActorPlan, Pose, ScenePlan
 from recipe_runtime import meshes
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.trace import Trace
@@ -121,7 +121,7 @@ def test_a_failure_to_load_is_that_of_the_shot(tmp_path: Path) -> None:
 
 def test_actors_meshes_are_built_once_a_shape(monkeypatch: pytest.MonkeyPatch) -> None:
     """A renderer and an annotator each built the meshes of all actors, alike ones too: 62 times for 31 actors."""
-    from recipe_compiler.blueprints import match
+    from recipe_compiler.library.blueprints import match
     from recipe_runtime.core.asset_files import Assets
 
     built: list[str] = []

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from recipe_compiler import blueprints, towns
-from recipe_compiler.errors import RunError
-from recipe_compiler.plan import ActorPlan, Clock, Point, Pose, ScenePlan
-from recipe_compiler.streams import Stream
+from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.plan import ActorPlan, Clock, Point, Pose, ScenePlan
+from recipe_compiler.ir.streams import Stream
+from recipe_compiler.library import blueprints, towns
 from recipe_runtime.core.trace import METRE, UNIT, Trace, TraceWriter
 from recipe_runtime.core.transforms import part_transforms
 from recipe_runtime.simulation.process import PINNED, _snap, simulate
@@ -60,7 +60,7 @@ def base(trace: Trace, name: str) -> NDArray[np.float64]:
 @pytest.mark.parametrize("tunables", [None, "glibc.malloc.check=0", PINNED["GLIBC_TUNABLES"]])
 def test_bits_do_not_depend_on_the_parents_environment(tunables: str | None) -> None:
     code = (
-        "import sys; from recipe_compiler.plan import ScenePlan;"
+        "import sys; from recipe_compiler.ir.plan import ScenePlan;"
         "from recipe_runtime.simulation.process import simulate;"
         "print(simulate(ScenePlan.model_validate_json(sys.stdin.read())).digest)"
     )

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recipe_compiler import lockfile
-from recipe_compiler.errors import RunError
-from recipe_compiler.plan import DatasetPlan, ScenePlan
+from recipe_compiler.ir import lockfile
+from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_runtime.body.skeleton import part_names
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.cache import store as store_module

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recipe_compiler.blueprints import match, specimen
-from recipe_compiler.plan import CameraPlan, Pose
+from recipe_compiler.ir.plan import CameraPlan, Pose
+from recipe_compiler.library.blueprints import match, specimen
 from recipe_runtime.annotate.mots import mots_id
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.frames.portrait import View, _floor, matrices, portrait, stance

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import recipe_runtime
-from recipe_compiler.blueprints import match
+from recipe_compiler.library.blueprints import match
 from recipe_compiler.schema import template
 
 

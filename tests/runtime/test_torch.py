@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import recipe_runtime
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir.errors import InputError
 from recipe_runtime.loading import compiled
 
 from tests.sources import ROOT

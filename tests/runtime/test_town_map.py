@@ -12,10 +12,11 @@ import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 from recipe_cli.commands.shot import command
-from recipe_compiler import exact, towns
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.errors import InputError
-from recipe_compiler.plan import Pose
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import Pose
+from recipe_compiler.library import towns
 from recipe_compiler.schema import template
 from recipe_runtime.report import town_map
 from recipe_runtime.report.canvas import Canvas

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recipe_compiler.canonical import canonical_bytes, digest_array, digest_bytes
+from recipe_compiler.ir.canonical import canonical_bytes, digest_array, digest_bytes
 from recipe_runtime.annotate import objects
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import trace as trace_module

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir.errors import InputError
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.verify import trace_bundle
 

@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_compiler.plan import Pose
+from recipe_compiler.ir.plan import Pose
 from recipe_runtime.core.transforms import compose, from_pose, invert, part_transforms
 
 from tests.runtime.test_trace import make_trace

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.core import urls
 from recipe_runtime.transfer.upload import told
 

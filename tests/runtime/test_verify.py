@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from recipe_compiler.canonical import pretty
-from recipe_compiler.errors import InputError, RunError
-from recipe_compiler.lockfile import Lockfile
-from recipe_compiler.plan import DatasetPlan, ScenePlan
+from recipe_compiler.ir.canonical import pretty
+from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.lockfile import Lockfile
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import host_versions

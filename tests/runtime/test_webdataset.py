@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import webdataset
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import codecs
 from recipe_runtime.dataset.reader import Dataset, read

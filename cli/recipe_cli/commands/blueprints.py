@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from recipe_compiler.wording import count
+from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import JSON, REPLACE, LocalPath, writing
 from recipe_cli.console import print_json, say
 
 if TYPE_CHECKING:
-    from recipe_compiler.blueprints import Blueprint
+    from recipe_compiler.library.blueprints import Blueprint
 
 
 @click.command("blueprints")
@@ -40,10 +40,10 @@ def command(pattern: str, pictures: Path | None, replace: bool, as_json: bool) -
 
 
 def _matching(pattern: str) -> tuple[Blueprint, ...]:
-    from recipe_compiler import blueprints
-    from recipe_compiler.errors import Code, InputError
-    from recipe_compiler.references import blueprint_remedy
-    from recipe_compiler.source import show
+    from recipe_compiler.checks.references import blueprint_remedy
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.library import blueprints
+    from recipe_compiler.source.yaml_reader import show
 
     found = blueprints.match(pattern) if len(pattern) <= 64 else ()
     if not found:
@@ -53,7 +53,7 @@ def _matching(pattern: str) -> tuple[Blueprint, ...]:
 
 
 def _row(blueprint: Blueprint) -> dict[str, object]:
-    from recipe_compiler.blueprints import TAG_NAMES
+    from recipe_compiler.library.blueprints import TAG_NAMES
     from recipe_runtime.meshes.dashcam import dashcam_mount
 
     shape, mount = blueprint.shape, dashcam_mount(blueprint.shape)
@@ -71,7 +71,7 @@ def _row(blueprint: Blueprint) -> dict[str, object]:
 
 
 def _print_table(found: tuple[Blueprint, ...]) -> None:
-    from recipe_compiler.blueprints import TAG_NAMES
+    from recipe_compiler.library.blueprints import TAG_NAMES
     from recipe_runtime.meshes.dashcam import dashcam_mount
 
     rows = [("blueprint", "kind", "size, m", "tag", "m/s", "dashcam", "colours")]
@@ -89,7 +89,7 @@ def _print_table(found: tuple[Blueprint, ...]) -> None:
 
 
 def _draw(found: tuple[Blueprint, ...], folder: Path, replace: bool) -> None:
-    from recipe_compiler.blueprints import specimen
+    from recipe_compiler.library.blueprints import specimen
     from recipe_runtime.core import codecs
     from recipe_runtime.core.outputs import check_output, write_output
     from recipe_runtime.frames.portrait import portrait

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from recipe_compiler.wording import count
+from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import (
     ALLOW_LARGE,
@@ -33,8 +33,8 @@ from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
-    from recipe_compiler.lockfile import Lockfile
-    from recipe_compiler.plan import DatasetPlan
+    from recipe_compiler.ir.lockfile import Lockfile
+    from recipe_compiler.ir.plan import DatasetPlan
     from recipe_runtime.build.pipeline import BuildResult, Runner
     from recipe_runtime.transfer.upload import Target
 
@@ -99,7 +99,7 @@ def command(
     as_json: bool,
 ) -> None:
     """Build RECIPE's dataset, and check it against its lockfile if there is one."""
-    from recipe_compiler.errors import Code, InputError, Problem
+    from recipe_compiler.ir.errors import Code, InputError, Problem
 
     if ray and device not in ("cpu", "cuda"):
         raise InputError(f"--device {device}: on a cluster, every worker has a GPU of its own; write cuda")
@@ -203,8 +203,8 @@ def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None
 
     Unless `frozen`, the whole plan must be the lockfile's.
     """
-    from recipe_compiler.errors import Code, InputError, Problem
-    from recipe_compiler.plan import DatasetPlan
+    from recipe_compiler.ir.errors import Code, InputError, Problem
+    from recipe_compiler.ir.plan import DatasetPlan
     from recipe_runtime.verify.compare import compare_files, compare_plans
 
     if lock is None:
@@ -230,7 +230,7 @@ def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None
 
 def _warn_if_outdated(compiled: Compiled, path: Path, known: Lockfile) -> None:
     """Say before the work that its end will differ from the lockfile."""
-    from recipe_compiler.errors import Code, Problem
+    from recipe_compiler.ir.errors import Code, Problem
     from recipe_runtime.verify.compare import compare_files, compare_plans
 
     found = compare_files(compiled.plan, known, compiled.files) or compare_plans(compiled.plan, known)

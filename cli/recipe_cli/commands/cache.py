@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import click
-from recipe_compiler.wording import count
+from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import JSON
 from recipe_cli.console import print_json, say
@@ -22,7 +22,7 @@ def command(prune: bool, size: str | None, as_json: bool) -> None:
 
     A build that made something prunes it to RECIPE_CACHE_LIMIT (10G unless that is set; `none`: never).
     """
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir.errors import InputError
     from recipe_compiler.limits import size as told_size
     from recipe_runtime.cache import pruning
 

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from recipe_compiler.wording import count
+from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import JSON, RECIPES, LocalPath, opened, worker_count
 from recipe_cli.console import print_json, row, say, warn
 from recipe_cli.places import memory
 
 if TYPE_CHECKING:
-    from recipe_compiler.errors import Problem
+    from recipe_compiler.ir.errors import Problem
 
 
 @click.command("check")
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @JSON
 def command(recipes: tuple[Path, ...], as_json: bool) -> None:
     """Read RECIPES and report every mistake in them, each with its place, its line of text and a remedy."""
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir.errors import InputError
 
     problems: list[tuple[Path, Problem]] = []
     warnings: list[tuple[Path, Problem]] = []

@@ -53,7 +53,7 @@ def _side(path: Path, allow_large: bool) -> Side:
     """What a path stands for, by what it is."""
     from dataclasses import replace
 
-    from recipe_compiler import lockfile
+    from recipe_compiler.ir import lockfile
     from recipe_runtime.dataset import reader
     from recipe_runtime.dataset.digests import bare
     from recipe_runtime.verify.diff import Side

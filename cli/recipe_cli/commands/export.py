@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from recipe_compiler.wording import count
+from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import JSON, REPLACE, LocalPath
 from recipe_cli.console import print_json, say

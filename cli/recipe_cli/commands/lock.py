@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from recipe_compiler.wording import count as counted
+from recipe_compiler.ir.plurals import count as counted
 
 from recipe_cli.arguments import (
     ALLOW_LARGE,
@@ -26,7 +26,7 @@ from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
-    from recipe_compiler.lockfile import Lockfile
+    from recipe_compiler.ir.lockfile import Lockfile
     from recipe_runtime.build.known_frames import Known
     from recipe_runtime.core.trace import Trace
 
@@ -59,8 +59,8 @@ def command(
     Frames are rendered, and not kept; those of the dataset that `recipe build` made of the same plan here are taken
     over, once its files have been hashed. A lock that was stopped goes on where it was.
     """
-    from recipe_compiler import lockfile
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir import lockfile
+    from recipe_compiler.ir.errors import InputError
     from recipe_runtime.build.reuse import known_frames
     from recipe_runtime.verify import trace_bundle
     from recipe_runtime.verify.locking import lock
@@ -128,7 +128,7 @@ def _note(there: Lockfile | None, made: Lockfile) -> str:
 
 def _check_apart(recipes: tuple[Path, ...], places: list[Path]) -> None:
     """InputError if two recipes would write one lockfile."""
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir.errors import InputError
 
     for number, place in enumerate(places):
         first = places.index(place)
@@ -148,7 +148,7 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, re
     """What can be known before anything is rendered: that the file can be written, and would not say otherwise."""
     import os
 
-    from recipe_compiler.errors import InputError, RunError
+    from recipe_compiler.ir.errors import InputError, RunError
 
     try:
         str(recipe).encode()
@@ -166,8 +166,8 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, re
 
 def _check_ours(recipe: Path, compiled: Compiled, path: Path, update: bool) -> None:
     """InputError unless the file that is there is this recipe's lockfile; without `update`, of this very plan."""
-    from recipe_compiler import lockfile
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir import lockfile
+    from recipe_compiler.ir.errors import InputError
 
     if update and not lockfile.is_lockfile(path):
         raise InputError(f"{path} is there already and is not a lockfile; move it away, or add --replace")

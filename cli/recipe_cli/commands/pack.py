@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from recipe_compiler.wording import count
+from recipe_compiler.ir.plurals import count
 
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, REPLACE, LocalPath, compile_quietly, writing
 from recipe_cli.console import print_json, say
@@ -32,7 +32,7 @@ def command(
 
     `plan`, `check`, `shot`, `build`, `verify` and `diff` take such a file in place of a recipe.
     """
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir.errors import InputError
     from recipe_runtime.core.outputs import check_output, write_output
     from recipe_runtime.transfer import bundle
 
@@ -58,8 +58,8 @@ def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, by
     """The lockfile and the traces beside it, as they lie in a pack; none if the recipe has no lockfile."""
     from dataclasses import replace
 
-    from recipe_compiler import lockfile
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir import lockfile
+    from recipe_compiler.ir.errors import InputError
     from recipe_runtime.verify import trace_bundle
 
     path = lockfile_path(recipe, compiled.plan.recipe)

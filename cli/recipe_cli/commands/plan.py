@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from recipe_compiler.wording import count
+from recipe_compiler.ir.plurals import count
 
 from recipe_cli import completion
 from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, compile_quietly, unpacks, worker_count
@@ -33,7 +33,7 @@ def command(recipe: Path, allow_large: bool, variant: str | None, as_json: bool)
     """Show RECIPE's variants, what they share, and the frames, bytes, minutes and memory of building it."""
     compiled = compile_quietly(recipe, allow_large=allow_large, workers=worker_count(None))
     if variant is not None:
-        from recipe_compiler.canonical import pretty
+        from recipe_compiler.ir.canonical import pretty
 
         print_document(pretty(compiled.plan.named(variant).document()))
     elif as_json:

@@ -61,7 +61,7 @@ def command(
     With --map draw its town from above: lanes, sidewalks, crossings, parking places, spawn points, and the recipe's
     actors and sensors, with coordinates in metres.
     """
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir.errors import InputError
 
     if output is not None and output.suffix.lower() != ".png":
         raise InputError(f"{output}: a shot is a PNG; give --output a name that ends in .png")
@@ -102,7 +102,7 @@ def _draw_map(
     recipe: Path, variant: str | None, output: Path | None, replace: bool, allow_large: bool, as_json: bool
 ) -> None:
     """Write a map of a recipe's town, or of the town of that name where there is no such file."""
-    from recipe_compiler import towns
+    from recipe_compiler.library import towns
 
     if str(recipe) in towns.NAMES and not recipe.exists():
         town, scenario, name = towns.build(str(recipe), 0, {}), None, str(recipe)

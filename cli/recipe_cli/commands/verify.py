@@ -92,7 +92,7 @@ def command(
     (s3://bucket/name); without any, all lockfiles. With --against, the dataset is held against the recipe and its
     lockfile (its own digests, without one). Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE.
     """
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir.errors import InputError
     from recipe_runtime.core.nonce import fresh_nonce
     from recipe_runtime.verify.verify import Options
 
@@ -127,7 +127,7 @@ def command(
 
 
 def _all_lockfiles() -> list[Path]:
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir.errors import InputError
 
     found = sorted(Path(FOLDER).glob("*.lock"))
     if not found:
@@ -142,7 +142,7 @@ def _is_dataset(target: Path | str) -> bool:
 
 def _integrity(target: Path | str, options: Options) -> Report:
     """Whether a dataset's files are those that its manifest lists."""
-    from recipe_compiler.errors import InputError
+    from recipe_compiler.ir.errors import InputError
     from recipe_runtime.dataset import reader
     from recipe_runtime.verify.verify import verify_files
 
@@ -153,7 +153,7 @@ def _integrity(target: Path | str, options: Options) -> Report:
 
 
 def _verify(target: Path | str, options: Options, allow_large: bool, against: Path | str | None) -> Report:
-    from recipe_compiler import lockfile
+    from recipe_compiler.ir import lockfile
     from recipe_runtime.cache.store import default_cache
     from recipe_runtime.dataset import reader
     from recipe_runtime.verify import trace_bundle

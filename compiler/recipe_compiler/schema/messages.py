@@ -10,8 +10,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from recipe_compiler.errors import Code, Problem, split_remedy
-from recipe_compiler.source import Value, show
+from recipe_compiler.ir.errors import Code, Problem, split_remedy
+from recipe_compiler.source.yaml_reader import Value, show
 
 Path = tuple[str | int, ...]
 

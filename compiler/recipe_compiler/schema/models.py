@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 from pydantic_core import PydanticCustomError
 
-from recipe_compiler import optics
+from recipe_compiler.ir import optics
 
 MAX_FRAMES = 100_000
 MAX_VARIANTS = 10_000

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.categories import CATEGORY_IDS, category_rows
 from recipe_runtime.annotate.objects import Record

@@ -25,8 +25,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from recipe_compiler import exact
-from recipe_compiler.plan import CameraPlan, ScenePlan, fixed
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import CameraPlan, ScenePlan, fixed
 
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.body.kinematics import of_rotation

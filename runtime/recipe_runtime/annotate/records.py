@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from recipe_compiler.canonical import digest
-from recipe_compiler.plan import SensorPlan
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.plan import SensorPlan
 
 from recipe_runtime.annotate.objects import Record
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from recipe_compiler import exact
+from recipe_compiler.ir import exact
 
 from recipe_runtime.body.skeleton import Joint
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from recipe_compiler import exact
+from recipe_compiler.ir import exact
 
 from recipe_runtime.body.kinematics import Quaternion, Vector, about, back, limb, then, turned
 from recipe_runtime.body.skeleton import SIDES, Bike

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from recipe_compiler.plan import ActorPlan
+from recipe_compiler.ir.plan import ActorPlan
 
 Offset = tuple[float, float, float]
 SIDES = (("left", 1.0), ("right", -1.0))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from recipe_compiler import exact
+from recipe_compiler.ir import exact
 
 from recipe_runtime.body.kinematics import STILL, Quaternion, about, place, then, turned
 from recipe_runtime.body.skeleton import Figure

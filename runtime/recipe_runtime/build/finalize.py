@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler.errors import RunError
-from recipe_compiler.plan import DatasetPlan, ScenePlan
+from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime.annotate.records import Video
 from recipe_runtime.annotate.validate import problems

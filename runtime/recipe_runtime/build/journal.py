@@ -14,8 +14,8 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from recipe_compiler.canonical import digest
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.cache.store import Store

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from recipe_compiler.canonical import digest
-from recipe_compiler.lockfile import FrameKey
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.lockfile import FrameKey
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.journal import CacheJournal

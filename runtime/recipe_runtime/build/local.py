@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, Pipe, wait
 from typing import Any, TypeAlias
 
-from recipe_compiler.errors import RecipeError, RunError
+from recipe_compiler.ir.errors import RecipeError, RunError
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.worker import Job, Worker

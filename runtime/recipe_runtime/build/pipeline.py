@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler.plan import DatasetPlan, ScenePlan
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime.build import local, provenance
 from recipe_runtime.build.finalize import Finisher

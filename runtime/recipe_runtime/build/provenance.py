@@ -15,10 +15,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler.canonical import pretty
-from recipe_compiler.errors import InputError
-from recipe_compiler.files import read_regular
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.bounded_reads import read_regular
+from recipe_compiler.ir.canonical import pretty
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core.files import host_errors, write_atomic
 

@@ -20,7 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler.errors import Code, InputError, RunError
+from recipe_compiler.ir.errors import Code, InputError, RunError
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.local import PINNED, Done, Seconds

@@ -15,8 +15,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from recipe_compiler.errors import InputError
-from recipe_compiler.lockfile import Lockfile
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.lockfile import Lockfile
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import regular_file

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from recipe_compiler.errors import RunError
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.build.workspace import Workspace, read_manifest
 from recipe_runtime.core.interfaces import Progress

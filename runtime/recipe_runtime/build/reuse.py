@@ -14,11 +14,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from recipe_compiler.canonical import digest
-from recipe_compiler.errors import InputError, RunError
-from recipe_compiler.lockfile import VariantRow
-from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
-from recipe_compiler.wording import count
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.lockfile import VariantRow
+from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, SensorPlan
+from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.known_frames import Known

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.errors import RecipeError, RunError
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.errors import RecipeError, RunError
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.mots import mots_picture
 from recipe_runtime.annotate.records import FrameRecord, label_digest

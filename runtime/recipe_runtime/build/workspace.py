@@ -22,8 +22,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from recipe_compiler.canonical import pretty
-from recipe_compiler.errors import Code, InputError, RunError
+from recipe_compiler.ir.canonical import pretty
+from recipe_compiler.ir.errors import Code, InputError, RunError
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.journal import FolderJournal

@@ -21,7 +21,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir.errors import InputError
 
 from recipe_runtime.cache.store import KINDS, default_cache
 from recipe_runtime.core.files import write_atomic

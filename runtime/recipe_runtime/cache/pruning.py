@@ -15,7 +15,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir.errors import InputError
 
 from recipe_runtime.cache.cache_folder import claim, contents, remove
 from recipe_runtime.cache.leases import in_use_since, lease

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 import platformdirs
-from recipe_compiler.canonical import digest
-from recipe_compiler.errors import RunError
-from recipe_compiler.plan import ScenePlan
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.core.files import atomic_file, host_errors
 from recipe_runtime.core.trace import Trace

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler import assets as files
-from recipe_compiler.errors import RunError
-from recipe_compiler.files import read_regular
-from recipe_compiler.plan import FilePlan, PropPlan, ScenarioPlan, TexturePlan
+from recipe_compiler.ir import assets as files
+from recipe_compiler.ir.bounded_reads import read_regular
+from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.plan import FilePlan, PropPlan, ScenarioPlan, TexturePlan
 
 
 @dataclass(frozen=True)

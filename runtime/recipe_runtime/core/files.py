@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from recipe_compiler.errors import RunError
+from recipe_compiler.ir.errors import RunError
 
 
 def regular_file(root: Path, path: str) -> os.stat_result | None:
@@ -101,6 +101,8 @@ def _fresh(path: Path) -> tuple[Path, int]:
         except FileExistsError:
             continue
         except FileNotFoundError:
+            if path.parent.is_dir():  # one that takes no files, as /proc
+                raise
             path.parent.mkdir(parents=True, exist_ok=True)
     raise AssertionError("a count has no end")
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from recipe_compiler.errors import InputError
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import DatasetPlan
 
 MANIFEST = "manifest.json"
 CARD = "README.md"

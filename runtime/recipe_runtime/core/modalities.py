@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from numpy.typing import NDArray
-from recipe_compiler.canonical import digest_array
+from recipe_compiler.ir.canonical import digest_array
 
 from recipe_runtime.core.interfaces import Observed
 

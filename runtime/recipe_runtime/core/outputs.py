@@ -8,7 +8,7 @@ import stat
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir.errors import InputError
 
 from recipe_runtime.core.files import write_atomic
 

@@ -20,7 +20,7 @@ from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.canonical import array_hasher, canonical_bytes, digest_bytes
+from recipe_compiler.ir.canonical import array_hasher, canonical_bytes, digest_bytes
 
 METRE = 1 << 20
 UNIT = 1 << 24

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler import exact
-from recipe_compiler.plan import Pose, SensorPlan
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import Pose, SensorPlan
 
 from recipe_runtime.core.trace import METRE, UNIT, Trace
 

@@ -7,25 +7,10 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from recipe_compiler.canonical import digest, digest_bytes
+from recipe_compiler.ir.canonical import digest, digest_bytes
 
 # In the order in which things are made; a difference is reported at the first stage where it shows.
 STAGES: dict[str, int] = {"plan": 1, "simulate": 1, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
-
-# Of the compiler, what the runtime may import: values, readers of assets, arithmetic. Never the language.
-SHARED = {
-    "assets",
-    "canonical",
-    "errors",
-    "exact",
-    "files",
-    "lockfile",
-    "optics",
-    "plan",
-    "plan_bounds",
-    "streams",
-    "wording",
-}
 
 # Packages whose code decides a Trace, and those whose code decides a frame's record: each stage's and those below it.
 SIMULATION_PACKAGES = frozenset({"core", "body", "meshes", "simulation"})
@@ -72,7 +57,7 @@ def renderer() -> str:
 
 
 def code_of(packages: frozenset[str], runtime: Path = Path(__file__).parents[1]) -> list[list[str]]:
-    """Every module of these packages of the runtime, and of what the runtime imports of the compiler, with its digest.
+    """Every module of these packages of the runtime, and of `recipe_compiler.ir`, with its digest.
 
     Args:
         packages: Names of packages, such as `simulation`.
@@ -81,7 +66,7 @@ def code_of(packages: frozenset[str], runtime: Path = Path(__file__).parents[1])
     import recipe_compiler
 
     compiler = Path(recipe_compiler.__file__).parent
-    sources = [("runtime", runtime, packages), ("compiler", compiler, frozenset(SHARED))]
+    sources = [("runtime", runtime, packages), ("compiler", compiler, frozenset({"ir"}))]
     return [
         [f"{name}/{path.relative_to(folder).as_posix()}", digest_bytes("source/1", path.read_bytes())]
         for name, folder, parts in sources

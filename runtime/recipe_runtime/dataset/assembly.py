@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.records import FrameRecord, Video
 from recipe_runtime.dataset import digests

@@ -6,8 +6,8 @@ import shlex
 from collections import Counter
 from collections.abc import Sequence
 
-from recipe_compiler.plan import DatasetPlan
-from recipe_compiler.wording import count
+from recipe_compiler.ir.plan import DatasetPlan
+from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.annotate.records import Video

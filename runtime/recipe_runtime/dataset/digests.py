@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from recipe_compiler.lockfile import BodyMotion, FrameKey, Lockfile, VariantRow, skeleton
-from recipe_compiler.plan import DatasetPlan, ScenePlan
+from recipe_compiler.ir.lockfile import BodyMotion, FrameKey, Lockfile, VariantRow, skeleton
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.core.trace import Trace

@@ -1,18 +1,19 @@
 """What a plan must be before anything is made of it.
 
 A plan read from a dataset's folder may be anyone's, so no name may lead out of a folder and no number ask for more than
-a machine has. The models of `recipe_compiler.plan` bound each number by itself, and `recipe_compiler.plan_bounds` the
-shapes of bodies. Here are the sums, and what the parts of a plan must have in common. A plan that is compiled here is
-held to the same bounds before it is built, so that every dataset can be read again.
+a machine has. The models of `recipe_compiler.ir.plan` bound each number by itself, and
+`recipe_compiler.ir.plan_bounds` the shapes of bodies. Here are the sums, and what the parts of a plan must have in
+common. A plan that is compiled here is held to the same bounds before it is built, so that every dataset can be read
+again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from recipe_compiler import optics, plan_bounds
-from recipe_compiler.errors import InputError, Problem
-from recipe_compiler.plan import (
+from recipe_compiler.ir import optics, plan_bounds
+from recipe_compiler.ir.errors import InputError, Problem
+from recipe_compiler.ir.plan import (
     MAX_ACTORS,
     MAX_ELEMENTS,
     MAX_FILE_BYTES,
@@ -25,7 +26,7 @@ from recipe_compiler.plan import (
     ScenePlan,
     SensorPlan,
 )
-from recipe_compiler.wording import count
+from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.core import layout

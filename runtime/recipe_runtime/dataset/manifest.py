@@ -23,9 +23,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler.canonical import pretty
-from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir.canonical import pretty
+from recipe_compiler.ir.lockfile import FrameKey, Lockfile, VariantRow
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.versions import STAGES, tool_versions

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, BinaryIO, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from recipe_compiler.plan import MAX_DESCRIPTION, MAX_VARIANT_NAME, MAX_VARIANTS, Name, Sha256
+from recipe_compiler.ir.plan import MAX_DESCRIPTION, MAX_VARIANT_NAME, MAX_VARIANTS, Name, Sha256
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import regular_file

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
-from recipe_compiler.plan import (
+from recipe_compiler.ir.plan import (
     MAX_BODIES,
     MAX_ELEMENTS,
     AppearancePlan,

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from recipe_compiler.errors import Code, InputError
-from recipe_compiler.lockfile import Lockfile, VariantRow
-from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
-from recipe_compiler.wording import count
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.lockfile import Lockfile, VariantRow
+from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, SensorPlan
+from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.records import Video
 from recipe_runtime.core import layout

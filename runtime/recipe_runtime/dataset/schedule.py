@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from recipe_compiler.canonical import digest
-from recipe_compiler.plan import DatasetPlan, ScenePlan, SensorPlan
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan, SensorPlan
 
 SHARD_FRAMES = 5
 

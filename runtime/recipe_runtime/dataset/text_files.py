@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from recipe_compiler.canonical import canonical_bytes, pretty
-from recipe_compiler.plan import DatasetPlan, SensorPlan
+from recipe_compiler.ir.canonical import canonical_bytes, pretty
+from recipe_compiler.ir.plan import DatasetPlan, SensorPlan
 
 from recipe_runtime.annotate.coco import flat_coco, kwcoco
 from recipe_runtime.annotate.mots import mots_lines, runs_fill, seqinfo, seqmap

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from recipe_compiler import exact
-from recipe_compiler.plan import ScenePlan, fixed
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import ScenePlan, fixed
 
 from recipe_runtime.core.trace import METRE, UNIT, Trace
 

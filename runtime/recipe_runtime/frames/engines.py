@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.errors import Code, InputError, RunError
-from recipe_compiler.plan import AppearancePlan, CameraPlan, ScenePlan
+from recipe_compiler.ir.errors import Code, InputError, RunError
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, ScenePlan
 
 from recipe_runtime.core import host
 from recipe_runtime.core.asset_files import Assets

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler import exact
-from recipe_compiler.plan import ActorPlan, AppearancePlan, CameraPlan, CameraResponse, Looks, Pose, Sun, Weather
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import ActorPlan, AppearancePlan, CameraPlan, CameraResponse, Looks, Pose, Sun, Weather
 
 from recipe_runtime.body import riding, walk_cycle
 from recipe_runtime.body.kinematics import STILL, Placed, place, turned

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.errors import Code, InputError
-from recipe_compiler.plan import ScenarioPlan, ScenePlan, SensorPlan
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.plan import ScenarioPlan, ScenePlan, SensorPlan
 
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.canonical import digest
-from recipe_compiler.plan import AppearancePlan, ScenarioPlan, ScenePlan, SensorPlan
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.plan import AppearancePlan, ScenarioPlan, ScenePlan, SensorPlan
 
 from recipe_runtime.annotate.objects import Annotator, Record
 from recipe_runtime.core.interfaces import Observed

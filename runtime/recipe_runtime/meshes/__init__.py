@@ -1,6 +1,6 @@
 """Geometry: the triangles of towns, props, vehicles and pedestrians."""
 
-from recipe_compiler.plan import ScenePlan
+from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.meshes.actors import actor_body

@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 
-from recipe_compiler.plan import ActorPlan
+from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.body.skeleton import has_rider, is_parked, is_person
 from recipe_runtime.meshes.mesh import Body, Mesh

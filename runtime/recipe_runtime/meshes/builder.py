@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler import exact
+from recipe_compiler.ir import exact
 
 from recipe_runtime.meshes.mesh import Light, Mesh, Surface
 from recipe_runtime.meshes.smoothing import Sheet, flatten

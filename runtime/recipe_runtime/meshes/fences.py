@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from recipe_compiler.plan import Element
+from recipe_compiler.ir.plan import Element
 
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.mesh import Pattern, Surface

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from recipe_compiler import exact
-from recipe_compiler.plan import Element
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import Element
 
 from recipe_runtime.meshes.builder import Builder, Vec, noise, tube
 from recipe_runtime.meshes.facades import Facade

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from recipe_compiler import exact
+from recipe_compiler.ir import exact
 
 from recipe_runtime.body.skeleton import Figure
 from recipe_runtime.meshes.builder import Builder, circle

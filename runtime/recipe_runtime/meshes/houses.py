@@ -6,7 +6,7 @@ eaves and porch reach beyond them.
 
 from __future__ import annotations
 
-from recipe_compiler.plan import Element
+from recipe_compiler.ir.plan import Element
 
 from recipe_runtime.meshes.builder import Builder, noise
 from recipe_runtime.meshes.facades import Facade, Hole, Quad, around, niches, pane_uv, pierced

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from recipe_compiler.plan import Element
+from recipe_compiler.ir.plan import Element
 
 from recipe_runtime.meshes.builder import Builder, icosphere, noise, tube
 from recipe_runtime.meshes.furniture import upright

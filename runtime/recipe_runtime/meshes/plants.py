@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-from recipe_compiler import exact
-from recipe_compiler.plan import Element
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import Element
 
 from recipe_runtime.meshes.builder import Builder, icosphere, noise, noises, tube
 from recipe_runtime.meshes.mesh import Pattern, Surface

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.assets import Part
-from recipe_compiler.plan import PropPlan
+from recipe_compiler.ir.assets import Part
+from recipe_compiler.ir.plan import PropPlan
 
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.transforms import Array, from_pose

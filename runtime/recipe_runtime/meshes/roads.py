@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from recipe_compiler import exact
-from recipe_compiler.plan import Element
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import Element
 
 from recipe_runtime.meshes.builder import Builder, Vec, circle, noise
 from recipe_runtime.meshes.mesh import Pattern, Surface

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from recipe_compiler.plan import Element
+from recipe_compiler.ir.plan import Element
 
 from recipe_runtime.meshes.builder import Builder, noise
 from recipe_runtime.meshes.facades import Facade, Hole, Quad, niches, pane_uv, pierced

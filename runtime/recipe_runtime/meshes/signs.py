@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from recipe_compiler.plan import Element
+from recipe_compiler.ir.plan import Element
 
 from recipe_runtime.meshes.builder import Builder, circle, tube
 from recipe_runtime.meshes.glyphs import Point, arrow, stroke, width, write

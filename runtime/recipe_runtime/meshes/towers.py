@@ -6,7 +6,7 @@ A tower stands over its base centre and fills its size; the key chooses slab, st
 from __future__ import annotations
 
 import numpy as np
-from recipe_compiler.plan import Element
+from recipe_compiler.ir.plan import Element
 
 from recipe_runtime.meshes.builder import Builder, Vec, noise
 from recipe_runtime.meshes.mesh import Pattern, Surface

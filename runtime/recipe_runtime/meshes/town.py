@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache
 
-from recipe_compiler.plan import Element, Pose, TownPlan
+from recipe_compiler.ir.plan import Element, Pose, TownPlan
 
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.builder import Builder

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.plan import AppearancePlan, CameraPlan
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan
 
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.meshes.mesh import Body

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
-from recipe_compiler import exact
-from recipe_compiler.plan import Pose
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import Pose
 
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1

@@ -16,7 +16,7 @@ import numpy as np
 import pycocotools.mask
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
-from recipe_compiler.errors import RunError
+from recipe_compiler.ir.errors import RunError
 
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.annotate.objects import Record

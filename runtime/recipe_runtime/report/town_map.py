@@ -11,8 +11,8 @@ from math import ceil, floor
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
-from recipe_compiler import exact
-from recipe_compiler.plan import ActorPlan, Element, Pose, ScenarioPlan, SensorPlan, TownPlan
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import ActorPlan, Element, Pose, ScenarioPlan, SensorPlan, TownPlan
 
 from recipe_runtime.core import codecs
 from recipe_runtime.report.canvas import Box, Canvas, Point, placed, rectangle

@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
-from recipe_compiler.plan import ActorPlan
+from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.body.kinematics import Placed, Quaternion, place
 from recipe_runtime.body.skeleton import is_person, joints_of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from recipe_compiler.plan import ScenePlan
+from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.simulation.agent import Mover
 from recipe_runtime.simulation.bullet import World

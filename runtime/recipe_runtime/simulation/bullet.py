@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import pybullet
-from recipe_compiler import exact
-from recipe_compiler.plan import ActorPlan, Element, Pose, PropPlan, TownPlan
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import ActorPlan, Element, Pose, PropPlan, TownPlan
 
 from recipe_runtime.body.kinematics import Quaternion, Vector
 from recipe_runtime.body.skeleton import wheel_joints

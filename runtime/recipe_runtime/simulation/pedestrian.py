@@ -6,7 +6,7 @@ import math
 import zlib
 from collections.abc import Sequence
 
-from recipe_compiler.plan import ActorPlan
+from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.body import walk_cycle
 from recipe_runtime.body.kinematics import Placed, Quaternion

@@ -22,8 +22,8 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.errors import RunError
-from recipe_compiler.plan import ScenePlan
+from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.body.skeleton import part_names
 from recipe_runtime.core import subprocesses

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from recipe_compiler.plan import TownPlan
+from recipe_compiler.ir.plan import TownPlan
 
 
 class Ground:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from recipe_compiler import exact
-from recipe_compiler.plan import ActorPlan, TownPlan
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import ActorPlan, TownPlan
 
 from recipe_runtime.body import riding
 from recipe_runtime.body.kinematics import Placed, Quaternion, about, then

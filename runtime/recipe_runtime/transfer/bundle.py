@@ -22,9 +22,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
-from recipe_compiler.canonical import canonical_bytes
-from recipe_compiler.errors import Code, InputError, Place, Problem
-from recipe_compiler.files import read_regular
+from recipe_compiler.ir.bounded_reads import read_regular
+from recipe_compiler.ir.canonical import canonical_bytes
+from recipe_compiler.ir.errors import Code, InputError, Place, Problem
 
 from recipe_runtime.core.files import host_errors
 

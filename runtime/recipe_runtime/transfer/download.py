@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from recipe_compiler.errors import Code, InputError, RunError
+from recipe_compiler.ir.errors import Code, InputError, RunError
 
 from recipe_runtime.core import layout, urls
 from recipe_runtime.core.interfaces import Progress

@@ -25,9 +25,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler.canonical import canonical_bytes
-from recipe_compiler.errors import InputError, RunError
-from recipe_compiler.wording import count
+from recipe_compiler.ir.canonical import canonical_bytes
+from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256, host_errors, regular_file
@@ -191,7 +191,7 @@ def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:
 
 def _strangers(out: Path, index: dict[str, Any]) -> bool:
     """Whether a folder holds anything but the export that its index lists."""
-    return {path.name for path in out.iterdir()} != {INDEX, *(row["file"] for row in index["shards"])}
+    return {path.name for path in sorted(out.iterdir())} != {INDEX, *(row["file"] for row in index["shards"])}
 
 
 def _index_of(out: Path) -> dict[str, Any] | None:

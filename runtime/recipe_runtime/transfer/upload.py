@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import fsspec
-from recipe_compiler.canonical import canonical_bytes
-from recipe_compiler.errors import Code, InputError, RecipeError, RunError
+from recipe_compiler.ir.canonical import canonical_bytes
+from recipe_compiler.ir.errors import Code, InputError, RecipeError, RunError
 
 from recipe_runtime.core import layout, urls
 from recipe_runtime.core.files import file_sha256, host_errors

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from recipe_compiler.lockfile import Lockfile
-from recipe_compiler.plan import DatasetPlan
-from recipe_compiler.wording import count
+from recipe_compiler.ir.lockfile import Lockfile
+from recipe_compiler.ir.plan import DatasetPlan
+from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core.versions import STAGES
 from recipe_runtime.dataset import digests

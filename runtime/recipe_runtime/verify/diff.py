@@ -12,9 +12,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from recipe_compiler.lockfile import Lockfile
-from recipe_compiler.plan import DatasetPlan, ScenarioPlan
-from recipe_compiler.wording import count, form
+from recipe_compiler.ir.lockfile import Lockfile
+from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
+from recipe_compiler.ir.plurals import count, form
 
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.digests import first_parting, parting_words

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import re
 
-from recipe_compiler.lockfile import Lockfile
+from recipe_compiler.ir.lockfile import Lockfile
 
 from recipe_runtime.core import host
 from recipe_runtime.core.versions import STAGES, host_versions

@@ -8,9 +8,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from recipe_compiler.errors import RecipeError
-from recipe_compiler.lockfile import FrameKey, Lockfile
-from recipe_compiler.plan import DatasetPlan, ScenePlan
+from recipe_compiler.ir.errors import RecipeError
+from recipe_compiler.ir.lockfile import FrameKey, Lockfile
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build import local

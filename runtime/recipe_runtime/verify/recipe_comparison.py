@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from recipe_compiler import lockfile
-from recipe_compiler.errors import InputError
+from recipe_compiler.ir import lockfile
+from recipe_compiler.ir.errors import InputError
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import regular_file

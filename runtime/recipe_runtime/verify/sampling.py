@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from recipe_compiler import exact
-from recipe_compiler.streams import Stream
-from recipe_compiler.wording import count
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plurals import count
+from recipe_compiler.ir.streams import Stream
 
 T = TypeVar("T")
 

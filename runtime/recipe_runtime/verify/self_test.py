@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from recipe_compiler import lockfile
-from recipe_compiler.errors import RecipeError
-from recipe_compiler.plan import DatasetPlan
+from recipe_compiler.ir import lockfile
+from recipe_compiler.ir.errors import RecipeError
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import host, layout

@@ -16,8 +16,8 @@ import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from recipe_compiler.errors import InputError
-from recipe_compiler.files import read_regular
+from recipe_compiler.ir.bounded_reads import read_regular
+from recipe_compiler.ir.errors import InputError
 
 from recipe_runtime.core.files import host_errors, write_atomic
 from recipe_runtime.core.trace import Trace

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from recipe_compiler.wording import count, form
+from recipe_compiler.ir.plurals import count, form
 
 from recipe_runtime.verify.sampling import Bound
 

@@ -14,11 +14,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from recipe_compiler import canonical
-from recipe_compiler.errors import RunError
-from recipe_compiler.lockfile import FrameKey, Lockfile, VariantRow
-from recipe_compiler.plan import DatasetPlan, ScenePlan
-from recipe_compiler.wording import count, form
+from recipe_compiler.ir import canonical
+from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.lockfile import FrameKey, Lockfile, VariantRow
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
+from recipe_compiler.ir.plurals import count, form
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.journal import CacheJournal

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from recipe_compiler import exact
-from recipe_compiler.canonical import digest_array
-from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, Pose, Sun, Weather
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.canonical import digest_array
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, Pose, Sun, Weather
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern, Surface
 from recipe_runtime.render.renderer import Renderer

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recipe_compiler.plan import AppearancePlan, CameraResponse
+from recipe_compiler.ir.plan import AppearancePlan, CameraResponse
 from recipe_runtime.render.camera import exposure
 from recipe_runtime.render.camera.develop_kernels import LEVELS
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recipe_compiler.errors import RunError
+from recipe_compiler.ir.errors import RunError
 from recipe_runtime.cache import cache_folder
 from recipe_runtime.cache.cache_folder import claim, contents
 from recipe_runtime.render.device import compiled

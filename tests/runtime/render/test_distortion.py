@@ -9,9 +9,9 @@ import numpy as np
 import pycocotools.mask
 import pytest
 from numpy.typing import NDArray
-from recipe_compiler import optics
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.plan import CameraPlan, CameraResponse, Pose
+from recipe_compiler.ir import optics
+from recipe_compiler.ir.plan import CameraPlan, CameraResponse, Pose
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.validate import problems
 from recipe_runtime.build.pipeline import build

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recipe_compiler.plan import DatasetPlan, ScenarioPlan, SensorPlan
+from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, SensorPlan
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import part_transforms, sensor_transform

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recipe_compiler.plan import CameraPlan, CameraResponse, Pose
+from recipe_compiler.ir.plan import CameraPlan, CameraResponse, Pose
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render.device.reuse import ALL_REUSE, NO_REUSE, TemporalReuse

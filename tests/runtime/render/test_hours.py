@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recipe_compiler import blueprints
-from recipe_compiler.plan import CameraPlan, CameraResponse, Pose, Sun
+from recipe_compiler.ir.plan import CameraPlan, CameraResponse, Pose, Sun
+from recipe_compiler.library import blueprints
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.loading import compiled
 from recipe_runtime.meshes import actor_body, town_bodies

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recipe_compiler.plan import AppearancePlan, CameraPlan, FilePlan, Looks, Pose, TexturePlan
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, FilePlan, Looks, Pose, TexturePlan
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.render.gpu.frame_stream import FrameBatch

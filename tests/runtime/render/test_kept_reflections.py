@@ -10,7 +10,7 @@ import random
 
 import numpy as np
 import pytest
-from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, Looks, Pose
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, Looks, Pose
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.render.device.reuse import NO_REUSE, TemporalReuse

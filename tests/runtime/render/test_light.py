@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recipe_compiler import exact
-from recipe_compiler.plan import CameraPlan, Pose
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import CameraPlan, Pose
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Pattern, Surface
 from recipe_runtime.render.lighting.weather_light import extinction, light_of

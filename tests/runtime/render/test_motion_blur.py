@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recipe_compiler.plan import CameraPlan, CameraResponse, Pose
+from recipe_compiler.ir.plan import CameraPlan, CameraResponse, Pose
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recipe_compiler.plan import CameraPlan, Pose
+from recipe_compiler.ir.plan import CameraPlan, Pose
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.render.device.reuse import NO_REUSE

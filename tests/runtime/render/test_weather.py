@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recipe_compiler import exact
-from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, Pose
-from recipe_compiler.weather import PARAMETERS
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, Pose
+from recipe_compiler.library.weather import PARAMETERS
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Pattern, Surface
 from recipe_runtime.render.renderer import Renderer

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler import exact
-from recipe_compiler.plan import CameraPlan
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.render.camera.bloom_kernels import blur_rows, downsample
 from recipe_runtime.render.device.launch import launch

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.plan import AppearancePlan, CameraResponse
+from recipe_compiler.ir.plan import AppearancePlan, CameraResponse
 
 from recipe_runtime.render.camera import develop_kernels, post_process, rain_kernels
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler import exact
-from recipe_compiler.plan import CameraResponse
-from recipe_compiler.streams import normal_quantile
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import CameraResponse
+from recipe_compiler.ir.streams import normal_quantile
 
 _NOON = 1.0 / (100.0 * 16.0 * 16.0)  # the sunny sixteen: 1/100 s at f/16 and ISO 100 ...
 _NOON_GAIN = 0.26  # ... exposes clear noon as the automatic exposure does

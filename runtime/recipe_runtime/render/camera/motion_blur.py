@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from recipe_compiler.plan import CameraPlan, CameraResponse
+from recipe_compiler.ir.plan import CameraPlan, CameraResponse
 
 from recipe_runtime.core.transforms import Array, compose, invert
 from recipe_runtime.render.camera.motion_blur_kernels import (

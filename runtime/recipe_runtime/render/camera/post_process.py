@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from recipe_compiler import optics
-from recipe_compiler.plan import CameraPlan, CameraResponse
+from recipe_compiler.ir import optics
+from recipe_compiler.ir.plan import CameraPlan, CameraResponse
 
 from recipe_runtime.render.camera import bloom, develop_kernels, exposure, motion_blur, post_process_kernels
 from recipe_runtime.render.device.arrays import record

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from recipe_compiler.errors import RunError, printable
+from recipe_compiler.ir.errors import RunError, printable
 
 from recipe_runtime.cache import cache_folder
 from recipe_runtime.core.files import file_sha256, write_atomic

@@ -20,7 +20,7 @@ from typing import Any
 
 import platformdirs
 import warp
-from recipe_compiler.errors import InputError, RunError
+from recipe_compiler.ir.errors import InputError, RunError
 
 from recipe_runtime.cache.cache_folder import claim
 from recipe_runtime.cache.store import kernel_cache

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse, SensorPlan
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, SensorPlan
 
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.camera import develop_kernels, post_process, rain_kernels

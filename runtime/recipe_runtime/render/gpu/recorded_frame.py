@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.plan import AppearancePlan, CameraPlan, CameraResponse
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse
 
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.camera import develop_kernels, rain_kernels

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from recipe_compiler.plan import AppearancePlan, CameraPlan
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan
 
 from recipe_runtime.render.device.arrays import record, records
 from recipe_runtime.render.device.launch import launch

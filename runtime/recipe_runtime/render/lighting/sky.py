@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler import exact
+from recipe_compiler.ir import exact
 
 from recipe_runtime.render.lighting.air import HALO_ROWS, SKY_ROWS
 

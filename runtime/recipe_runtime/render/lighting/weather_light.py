@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler import exact
-from recipe_compiler.plan import AppearancePlan, Weather, fixed
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import AppearancePlan, Weather, fixed
 
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import sky

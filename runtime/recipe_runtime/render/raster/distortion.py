@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from recipe_compiler import exact, optics
-from recipe_compiler.plan import CameraPlan
+from recipe_compiler.ir import exact, optics
+from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.plan import CameraPlan
+from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.setup import wp

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.optics import bends
-from recipe_compiler.plan import CameraPlan
+from recipe_compiler.ir.optics import bends
+from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.launch import launch

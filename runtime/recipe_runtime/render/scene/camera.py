@@ -6,8 +6,8 @@
 from typing import Any
 
 import numpy as np
-from recipe_compiler import exact
-from recipe_compiler.plan import CameraPlan
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.core.transforms import Array, compose, invert
 from recipe_runtime.render.device.setup import OPTIONS, wp

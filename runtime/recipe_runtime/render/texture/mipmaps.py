@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.plan import AppearancePlan, TexturePlan
+from recipe_compiler.ir.plan import AppearancePlan, TexturePlan
 
 from recipe_runtime.render.device.arrays import record
 from recipe_runtime.render.device.setup import wp

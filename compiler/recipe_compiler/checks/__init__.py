@@ -1,0 +1,1 @@
+"""Every mistake of a recipe, found in one run."""

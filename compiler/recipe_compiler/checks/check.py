@@ -1,0 +1,154 @@
+"""Checks a variant's merged base against the language, each section once however many variants share it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel, ValidationError, create_model
+
+from recipe_compiler.checks import references
+from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.schema.messages import details, nearest, translate
+from recipe_compiler.schema.models import NAME, NAME_LENGTH, Base, Model
+from recipe_compiler.source.yaml_reader import Value, show
+
+_NAMED = {"actors": "actor", "props": "prop", "sensors": "sensor"}  # the maps whose entries deltas address by name
+_NEEDS = {"actors": "blueprint", "props": "at, and asset or size", "sensors": "mount and capture"}
+
+
+def _section_models() -> dict[str, type[BaseModel]]:
+    fields: dict[str, Any] = {name: (info.annotation, info) for name, info in Base.model_fields.items()}
+    return {name: create_model("Base", __base__=Model, **{name: field}) for name, field in fields.items()}
+
+
+_SECTIONS = _section_models()
+
+
+class Checker:
+    """Turns merged bases into models, section by section, and remembers what it has seen by identity."""
+
+    def __init__(self, base: Value, assets: Mapping[str, str] | None = None) -> None:
+        """`base` is the recipe's own, before any delta: what deltas may name. `assets`: name -> mesh or image."""
+        self._checks = (*references.CHECKS, references.unknown_asset(assets or {}))
+        self._names = {kind: set(value.map) if (value := base.get(kind)) else set() for kind in _NAMED}
+        self._looked_up: dict[tuple[object, ...], tuple[Any, list[Problem]]] = {}
+        self._seen: dict[tuple[str, int], tuple[Value | None, Any, list[Problem]]] = {}
+
+    def base(self, merged: Value, problems: list[Problem]) -> Base | None:
+        """The model of a merged base, its sections shared with other variants'; None if there are problems."""
+        sections: dict[str, Any] = {}
+        found: list[Problem] = []
+        for name in _SECTIONS:
+            section, wrong = self._section(name, merged)
+            sections[name] = section
+            found += wrong
+        for key in merged.map:
+            if key not in _SECTIONS:
+                message = f"unknown key {show(key)} in base"
+                found.append(Problem(message, merged.key_place(key), nearest(key, _SECTIONS), Code.UNKNOWN_KEY))
+        for check, looked_at in self._checks:
+            parts = tuple(merged.get(section) for section in looked_at)
+            identity = (check.__name__, *map(id, parts))
+            if identity not in self._looked_up:
+                self._looked_up[identity] = (parts, list(check(merged)))
+            found += self._looked_up[identity][1]
+        problems += found
+        return None if found else Base.model_construct(**sections)
+
+    def _section(self, name: str, merged: Value) -> tuple[Any, list[Problem]]:
+        value = merged.get(name)
+        key = (name, id(value))
+        if key not in self._seen:
+            self._seen[key] = (value, *self._validate(name, value, merged))
+        return self._seen[key][1:]
+
+    def _validate(self, name: str, value: Value | None, merged: Value) -> tuple[Any, list[Problem]]:
+        try:
+            model = _SECTIONS[name].model_validate({} if value is None else {name: value.plain})
+        except ValidationError as error:
+            return None, self._translate(error, merged)
+        return getattr(model, name), []
+
+    def _translate(self, error: ValidationError, merged: Value) -> list[Problem]:
+        unknown: dict[tuple[str, str], Problem] = {}
+        for detail in details(error):
+            kind, name = (*map(str, detail["loc"]), "", "")[:2]
+            if detail["type"] == "missing" and kind in _NAMED and name and name not in self._names[kind]:
+                remedy = f"{nearest(name, sorted(self._names[kind]))} (a new one needs {_NEEDS[kind]})"
+                message = f"the base has no {_NAMED[kind]} {show(name)} to change"
+                place = (merged.get(kind) or merged).key_place(name)
+                unknown[kind, name] = Problem(message, place, remedy, Code.UNKNOWN_NAME)
+        missing = {(kind, name) for kind, name in unknown}
+        others = [
+            problem
+            for detail, problem in zip(details(error), translate(error, Base, merged), strict=True)
+            if not (detail["type"] == "missing" and tuple(map(str, detail["loc"][:2])) in missing)
+        ]
+        return [*unknown.values(), *others]
+
+
+def check_deltas(root: Value) -> list[Problem]:
+    """Problems of the shape of `deltas`: axis -> value -> a map, every name fit to be a folder's."""
+    deltas = root.get("deltas")
+    if deltas is None or deltas.data is None:
+        return []
+    if not isinstance(deltas.data, dict):
+        message, remedy = (
+            f"deltas: must be a map of axes, not {show(deltas.plain)}",
+            "write `deltas: {axis: {value: {}}}`",
+        )
+        return [Problem(message, deltas.place, remedy, Code.INVALID_VALUE)]
+    problems: list[Problem] = []
+    for axis, values in deltas.map.items():
+        problems += _check_name(deltas, axis, "the axis")
+        if not isinstance(values.data, dict) or not values.data:
+            message = f"deltas.{axis}: an axis is a map of at least one value, not {_given(values)}"
+            remedy = "write a name and its changes, such as `still: {}`"
+            problems.append(Problem(message, deltas.key_place(axis), remedy, Code.INVALID_VALUE))
+        problems += references.alike(values, f"deltas.{axis}")
+        for name, delta in values.map.items():
+            problems += _check_name(values, name, f"axis {axis}, value")
+            if not isinstance(delta.data, dict):
+                message = f"deltas.{axis}.{name}: must be a map of changes, not {_given(delta)}"
+                problems.append(Problem(message, values.key_place(name), "write {} for none", Code.INVALID_VALUE))
+    return problems
+
+
+def _given(value: Value) -> str:
+    if value.data is None:
+        return "nothing"
+    return "an empty map" if value.data == {} else show(value.plain)
+
+
+def _check_name(parent: Value, name: str, what: str) -> list[Problem]:
+    if re.match(NAME.replace("$", r"\Z"), name) and len(name) <= NAME_LENGTH:
+        return []
+    rule = f"use letters, digits, _ and - only, a letter or digit first, at most {NAME_LENGTH}: names become folders"
+    return [Problem(f"{what} {show(name)} is not a name", parent.key_place(name), rule, Code.INVALID_NAME)]
+
+
+def check_removals(root: Value) -> list[Problem]:
+    """Problems of deltas that remove an actor or a sensor that is nowhere."""
+    deltas, base = root.get("deltas"), root.get("base")
+    everything = (
+        [base, *(delta for values in deltas.map.values() for delta in values.map.values())] if deltas and base else []
+    )
+    known: dict[str, set[str]] = {kind: set() for kind in _NAMED}
+    for layer in everything:
+        for kind in _NAMED:
+            named = layer.get(kind) if layer else None
+            known[kind] |= {n for n, v in named.map.items() if v.data is not None} if named else set()
+    return [problem for layer in everything[1:] if layer for problem in _removals(layer, known)]
+
+
+def _removals(delta: Value, known: Mapping[str, set[str]]) -> list[Problem]:
+    problems = []
+    for kind, word in _NAMED.items():
+        named = delta.get(kind)
+        for name, value in named.map.items() if named else ():
+            if value.data is None and name not in known[kind] and named:
+                message, remedy = f"there is no {word} {show(name)} to remove", nearest(name, sorted(known[kind]))
+                problems.append(Problem(message, named.key_place(name), remedy, Code.UNKNOWN_NAME))
+    return problems

@@ -1,0 +1,73 @@
+"""Problems of many variants: each mistake once, with the variant and the town of those that only some variants have."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from recipe_compiler.ir.errors import Place, Problem, printable
+from recipe_compiler.ir.plurals import count
+
+if TYPE_CHECKING:
+    from recipe_compiler.expand import Variant
+
+_NOWHERE = Place("", 0, 0)
+
+
+@dataclass
+class _Finding:
+    """A problem, the first variant that has it, the last, and how many have it."""
+
+    problem: Problem
+    first: Variant | None
+    last: Variant | None
+    variants: int = 1
+
+
+class Findings:
+    """Problems, the same one of several variants once. Two that differ in numbers only are the same: random draws."""
+
+    def __init__(self) -> None:
+        self.total = 0  # problems added, counted in each variant
+        self._variants = 0
+        self._last: Variant | None = None
+        self._found: dict[tuple[Place | None, str], _Finding] = {}
+        self._known: dict[int, tuple[Problem, _Finding]] = {}  # variants that share a section share its problems
+
+    def add(self, problems: Iterable[Problem], variant: Variant | None = None) -> None:
+        """Add what was found, if anything, in a variant or in the recipe as a whole."""
+        if variant is not None and variant is not self._last:
+            self._variants, self._last = self._variants + 1, variant
+        for problem in problems:
+            self.total += 1
+            known = self._known.get(id(problem))
+            if known is None:
+                key = (problem.place, re.sub(r"[0-9.]+", "0", problem.message))
+                fresh = _Finding(problem, variant, variant)
+                known = problem, self._found.setdefault(key, fresh)
+                self._known[id(problem)] = known
+                if known[1] is fresh:
+                    continue
+            finding = known[1]
+            finding.variants += finding.last is not variant
+            finding.last = variant
+
+    def problems(self) -> list[Problem]:
+        """All problems, by place, with a note where fewer than all variants have one."""
+        shown = [_noted(finding, self._variants) for finding in self._found.values()]
+        return sorted(shown, key=lambda problem: problem.place or _NOWHERE)
+
+
+def _noted(finding: _Finding, variants: int) -> Problem:
+    problem, variant = finding.problem, finding.first
+    note = problem.note
+    if variant is not None and finding.variants < variants:
+        town = variant.base.get("town", "name")
+        where = f", town {printable(town.data)[:64]}" if town is not None and isinstance(town.data, str) else ""
+        others = finding.variants - 1
+        more = f", and in {count(others, 'other variant')}" if others else ""
+        note = f"in variant {printable(variant.name)[:200]}{where}{more}"
+    help = None if problem.help is None else printable(problem.help)
+    return replace(problem, message=printable(problem.message), help=help or "", note=note)

@@ -1,0 +1,169 @@
+"""Names in a recipe that must be found elsewhere: presets, towns and their parameters, blueprints, actors, days.
+
+They are looked up in the merged values, whether or not the rest of a section is right, so that one run shows every
+mistake.
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+
+from recipe_compiler.ir.errors import Code, Place, Problem
+from recipe_compiler.library import blueprints, towns, weather
+from recipe_compiler.schema.messages import near, nearest
+from recipe_compiler.schema.models import BLUEPRINT, Town
+from recipe_compiler.source.yaml_reader import Value, show
+
+Check = tuple[Callable[[Value], Iterator[Problem]], tuple[str, ...]]
+"""A check, and the sections that it looks at."""
+
+
+def unknown_preset(base: Value) -> Iterator[Problem]:
+    """A weather preset that CARLA does not have."""
+    name = _text(base, "weather", "preset")
+    if name is not None and name not in weather.PRESETS:
+        message, place = f"weather: unknown preset {show(name)}", base.place_of("weather", "preset")
+        yield Problem(message, place, nearest(name, weather.PRESETS), Code.UNKNOWN_NAME)
+
+
+def unknown_town(base: Value) -> Iterator[Problem]:
+    """A town that there is not, or a parameter that it does not have or refuses."""
+    name, spec = _text(base, "town", "name"), base.get("town")
+    if name is None or spec is None:
+        return
+    if name not in towns.NAMES:
+        message, place = f"town: unknown town {show(name)}", base.place_of("town", "name")
+        yield Problem(message, place, nearest(name, towns.NAMES), Code.UNKNOWN_NAME)
+        return
+    declared = towns.PARAMETERS[name]
+    for key, value in spec.map.items():
+        if key in Town.model_fields:
+            continue
+        if key not in declared:
+            remedy = nearest(key, [*Town.model_fields, *declared])
+            yield Problem(f"unknown key {show(key)} in town", spec.key_place(key), remedy, Code.UNKNOWN_KEY)
+            continue
+        try:
+            declared[key].check(key, value.plain)
+        except ValueError:
+            limit = declared[key]
+            plain = value.plain
+            given = json.dumps(plain) if isinstance(plain, list) and len(json.dumps(plain)) <= 60 else show(plain)
+            wanted = f"{limit.wanted} ({limit.description}), not {'nothing' if plain is None else given}"
+            remedy = f"write {json.dumps(limit.default)}, the default, or remove the key"
+            yield Problem(f"town.{key}: must be {wanted}", base.place_of("town", key), remedy, Code.OUT_OF_RANGE)
+
+
+def unknown_blueprint(base: Value) -> Iterator[Problem]:
+    """A blueprint or glob that matches nothing in the library."""
+    actors = base.get("actors")
+    for name in actors.map if actors else ():
+        glob = _text(base, "actors", name, "blueprint")
+        if glob is not None and re.search(BLUEPRINT, glob) and len(glob) <= 64 and not blueprints.match(glob):
+            message = f"actors.{name}.blueprint: {show(glob)} matches no blueprint"
+            place = base.place_of("actors", name, "blueprint")
+            yield Problem(message, place, blueprint_remedy(glob), Code.UNKNOWN_NAME)
+
+
+def blueprint_remedy(glob: str) -> str:
+    """What to write instead of a blueprint that is not there: the nearest one, or the families that there are."""
+    close = near(glob, blueprints.names())
+    if close is not None:
+        return f"did you mean {show(close)}?"
+    families = [name for name in blueprints.names() if name.endswith(".*")]
+    return f"valid are {', '.join(families)}, and the ids that `recipe blueprints` lists"
+
+
+def unknown_carrier(base: Value) -> Iterator[Problem]:
+    """A sensor mounted on an actor that the variant does not have."""
+    actors, sensors = base.get("actors"), base.get("sensors")
+    names = list(actors.map) if actors else []
+    for kind, key in (("vehicle", "vehicles"), ("pedestrian", "pedestrians"), ("parked", "parked")):
+        number = base.get("traffic", key)
+        if number is not None and isinstance(number.data, int):
+            names += [f"traffic.{kind}.{index}" for index in range(min(number.data, 1000))]
+    for name in sensors.map if sensors else ():
+        on = _text(base, "sensors", name, "mount", "on")
+        if on is not None and on not in names and (removed := _removal(base, "actors", on)) is not None:
+            message = f"the actor {show(on)} is removed here, but sensors.{name} is mounted on it"
+            yield Problem(message, removed, "remove or remount the sensor too", Code.CONFLICT)
+        elif on is not None and on not in names:
+            message = f"sensors.{name}.mount.on: there is no actor {show(on)}"
+            place = base.place_of("sensors", name, "mount", "on")
+            yield Problem(message, place, nearest(on, names), Code.UNKNOWN_NAME)
+
+
+def _removal(base: Value, section: str, name: str) -> Place | None:
+    """Where a delta removes an entry of a section, or the section whole."""
+    entries = base.get(section)
+    if entries is None:
+        return base.keys.get(section)
+    return entries.keys.get(name) if name not in entries.map else None
+
+
+def names_alike(base: Value) -> Iterator[Problem]:
+    """Actors or sensors whose names differ in case only: they become folders, and some disks take them for one."""
+    for section in ("actors", "props", "sensors"):
+        entries = base.get(section)
+        if entries is not None:
+            yield from alike(entries, section)
+
+
+def alike(entries: Value, where: str) -> Iterator[Problem]:
+    """Problems of the keys of a map that differ in case only, each at the later one."""
+    seen: dict[str, str] = {}
+    for name in entries.map:
+        first = seen.setdefault(name.lower(), name)
+        if first != name:
+            message = f"{where}: {show(name)} and {show(first)} differ in case only, which some disks take for one name"
+            yield Problem(message, entries.key_place(name), "rename one", Code.INVALID_NAME)
+
+
+def unknown_day(base: Value) -> Iterator[Problem]:
+    """A date that no calendar has."""
+    date = _text(base, "place", "date")
+    if date is None or not re.match(r"[0-9]{4}-[0-9]{2}-[0-9]{2}\Z", date):
+        return
+    try:
+        datetime.date.fromisoformat(date)
+    except ValueError:
+        message, place = f"place.date: {show(date)} is not a day of the calendar", base.place_of("place", "date")
+        yield Problem(message, place, "write a day that the month has", Code.INVALID_VALUE)
+
+
+def unknown_asset(assets: Mapping[str, str]) -> Check:
+    """The check that props name assets that there are, of the right kind; `assets`: name -> mesh or image."""
+
+    def wrong_asset(base: Value) -> Iterator[Problem]:
+        props = base.get("props")
+        for name in props.map if props else ():
+            for key, kind in (("asset", "mesh"), ("image", "image")):
+                asset = _text(base, "props", name, key)
+                if asset is None or assets.get(asset) == kind:
+                    continue
+                fitting = [n for n, k in assets.items() if k == kind]
+                article = "an" if kind == "image" else "a"
+                known = f"is of kind {assets.get(asset)}, not {article} {kind}" if asset in assets else "is no asset"
+                message, place = f"props.{name}.{key}: {show(asset)} {known}", base.place_of("props", name, key)
+                yield Problem(message, place, nearest(asset, fitting), Code.UNKNOWN_NAME)
+
+    return wrong_asset, ("props",)
+
+
+CHECKS: tuple[Check, ...] = (
+    (unknown_preset, ("weather",)),
+    (unknown_town, ("town",)),
+    (unknown_blueprint, ("actors",)),
+    (unknown_carrier, ("actors", "traffic", "sensors")),
+    (unknown_day, ("place",)),
+    (names_alike, ("actors", "props", "sensors")),
+)
+"""Each check with the sections that it looks at."""
+
+
+def _text(base: Value, *path: str) -> str | None:
+    value = base.get(*path)
+    return value.data if value is not None and isinstance(value.data, str) else None

@@ -1,0 +1,364 @@
+"""glTF 2.0, binary (.glb) and text (.gltf): meshes, placed by their nodes, with base colours and pictures.
+
+All data must be within the file. What would change what is seen and is not read here (skins, morph targets,
+compression, see-through materials) is refused; cameras, lights, animations and vertex colours are left aside.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.assets import png
+from recipe_compiler.ir.assets.geometry import (
+    GREY,
+    MAX_TRIANGLES,
+    MAX_VERTICES,
+    AssetError,
+    Floats,
+    Raw,
+    check_count,
+    cross,
+)
+from recipe_compiler.ir.assets.names import slot_names
+
+MAX_JSON = 8 << 20
+MAX_NODES = 10_000
+MAX_PARTS = 20_000  # of all nodes' meshes together; each costs time, however small it is
+_KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_READ = {"KHR_materials_unlit", "KHR_materials_specular", "KHR_materials_ior"}  # nothing of geometry or base colour
+_CLAMP, _REPEAT = 33071, 10497
+
+Json = Mapping[str, Any]
+Matrix = tuple[tuple[float, ...], ...]  # 3 x 4
+
+
+@dataclass(frozen=True)
+class _Material:
+    slot: str
+    colour: str
+    picture: int | None
+    channel: int
+    repeat: bool
+    both_sides: bool
+
+
+def read(content: bytes) -> list[Raw]:
+    """A part for each primitive of each node that the file's scene shows, in the scene's frame (y up, z forward)."""
+    document = _Document(*_open(content))
+    placed = list(document.placed())
+    limits = ("triangles", MAX_TRIANGLES), ("vertices", MAX_VERTICES), ("parts", MAX_PARTS)
+    for column, (what, most) in enumerate(limits):
+        check_count(sum(document.counts(mesh)[column] for mesh, _ in placed), what, most)
+    return [raw for mesh, matrix in placed for raw in document.parts(mesh, matrix)]
+
+
+def picture(content: bytes, number: int) -> png.Pixels:
+    """One of the file's images."""
+    return png.decode(_Document(*_open(content)).image(number), opaque=False)
+
+
+def _open(content: bytes) -> tuple[Json, bytes | None]:
+    """The document, and the bytes beside it."""
+    if content[:4] != b"glTF":
+        return _parsed(content), None
+    if len(content) < 20 or int.from_bytes(content[8:12], "little") != len(content):
+        told = int.from_bytes(content[8:12], "little")
+        raise AssetError(f"its header tells of {told} bytes, but it has {len(content)}; export it again: it is cut")
+    if int.from_bytes(content[4:8], "little") != 2:
+        raise AssetError("is not glTF version 2; export it as glTF 2.0")
+    chunks: dict[bytes, bytes] = {}
+    at = 12
+    while at + 8 <= len(content):
+        length, kind = int.from_bytes(content[at : at + 4], "little"), content[at + 4 : at + 8]
+        if at + 8 + length > len(content):
+            raise AssetError(f"is cut: a chunk of {length} bytes goes beyond its end; export it again")
+        chunks.setdefault(kind, content[at + 8 : at + 8 + length])
+        at += 8 + length
+    return _parsed(chunks.get(b"JSON", b"")), chunks.get(b"BIN\0")
+
+
+def _parsed(text: bytes) -> Json:
+    if len(text) > MAX_JSON:
+        raise AssetError(f"its description is larger than {MAX_JSON >> 20} MiB; put the data into a .glb file")
+    try:
+        found = json.loads(text.decode("utf-8-sig"), parse_constant=_no_number)
+    except (ValueError, RecursionError):
+        raise AssetError("is not glTF: its description is no JSON; export it again") from None
+    if not isinstance(found, dict) or not str(found.get("asset", {}).get("version", "")).startswith("2."):
+        raise AssetError("is not glTF version 2; export it as glTF 2.0")
+    needed = sorted(set(map(str, found.get("extensionsRequired", []))) - _READ)
+    if needed:
+        raise AssetError(f"needs the extension {needed[0][:40]!r}, which is not read here; export it without")
+    return found
+
+
+def _no_number(word: str) -> NoReturn:
+    raise ValueError(word)
+
+
+class _Document:
+    """A glTF document. Its methods raise AssetError, or KeyError and the like for what is not there."""
+
+    def __init__(self, document: Json, beside: bytes | None) -> None:
+        self._json, self._beside = document, beside
+        self._buffers: dict[int, bytes] = {}
+        self._counts: dict[int, tuple[int, int, int]] = {}
+
+    def _item(self, kind: str, index: Any) -> Json:
+        items = self._json.get(kind, [])
+        if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(items):
+            raise AssetError(f"names {kind} {str(index)[:20]} of {len(items)}, which is not there; export it again")
+        found = items[index]
+        if not isinstance(found, dict):
+            raise AssetError(f"{kind} {index} is damaged; export it again")
+        return found
+
+    # Nodes
+
+    def placed(self) -> Iterator[tuple[int, Matrix]]:
+        """The meshes that the scene shows, each with where it is."""
+        nodes = self._json.get("nodes", [])
+        check_count(len(nodes), "nodes", MAX_NODES)
+        waiting = [(index, _IDENTITY) for index in reversed(self._roots(len(nodes)))]
+        seen: set[int] = set()
+        while waiting:
+            index, above = waiting.pop()
+            node = self._item("nodes", index)
+            if index in seen:
+                raise AssetError(f"node {index} is below itself or below two others; export it again")
+            seen.add(index)
+            if "skin" in node:
+                raise AssetError("is moved by a skeleton (skin), which is not read here; apply its pose, then export")
+            matrix = _composed(above, _local(node))
+            if "mesh" in node:
+                yield node["mesh"], matrix
+            waiting += [(child, matrix) for child in reversed(node.get("children", []))]
+
+    def _roots(self, count: int) -> list[int]:
+        if self._json.get("scenes"):
+            return list(self._item("scenes", self._json.get("scene", 0)).get("nodes", []))
+        children = {child for node in self._json.get("nodes", []) for child in node.get("children", [])}
+        return [index for index in range(count) if index not in children]
+
+    # Meshes
+
+    def counts(self, mesh: Any) -> tuple[int, int, int]:
+        """How many triangles, vertices and parts a mesh has, from its descriptions alone.
+
+        So what many nodes show again and again is counted before any of it is made.
+        """
+        if mesh not in self._counts:
+            triangles = vertices = 0
+            primitives = self._item("meshes", mesh)["primitives"]
+            for primitive in primitives:
+                points = _whole(self._item("accessors", primitive["attributes"]["POSITION"])["count"])
+                corners = points
+                if "indices" in primitive:
+                    corners = _whole(self._item("accessors", primitive["indices"])["count"])
+                triangles += corners // 3 * (1 + self._material(primitive).both_sides)
+                vertices += points
+            self._counts[mesh] = triangles, vertices, len(primitives)
+        return self._counts[mesh]
+
+    def parts(self, mesh: int, matrix: Matrix) -> Iterator[Raw]:
+        """The parts of a mesh, moved by a node's matrix."""
+        for primitive in self._item("meshes", mesh)["primitives"]:
+            if primitive.get("mode", 4) != 4 or "targets" in primitive:
+                raise AssetError("holds lines, points, strips or morph targets; export it as plain triangles")
+            attributes, material = primitive["attributes"], self._material(primitive)
+            points = self._floats(attributes["POSITION"], 3)
+            normals = self._floats(attributes["NORMAL"], 3) if "NORMAL" in attributes else None
+            uv = f"TEXCOORD_{material.channel}"
+            uvs = self._floats(attributes[uv], 2) if uv in attributes else None
+            if any(column is not None and len(column) != len(points) for column in (normals, uvs)):
+                raise AssetError("has columns of different length; export it again")
+            rows = self._array(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(len(points))
+            if len(rows) % 3:
+                raise AssetError(f"{len(rows)} corners make no whole triangles; export it again")
+            triangles = rows.astype(np.int64).reshape(-1, 3)
+            yield Raw(
+                material.slot,
+                _moved(points, matrix),
+                triangles[:, ::-1] if _mirrors(matrix) else triangles,
+                None if normals is None else _turned(normals, matrix),
+                uvs,
+                material.colour,
+                material.picture if uvs is not None else None,
+                material.repeat,
+                material.both_sides,
+            )
+
+    def _floats(self, accessor: Any, width: int) -> Floats:
+        """A column of numbers; whole ones that stand for shares of 1 become that."""
+        found = self._array(accessor)
+        if found.shape[1] != width:
+            raise AssetError(f"has {found.shape[1]} numbers where there should be {width}; export it again")
+        if self._item("accessors", accessor).get("normalized") and found.dtype.kind in "iu":
+            return np.maximum(found.astype(np.float64) / np.iinfo(found.dtype).max, -1.0)
+        return found.astype(np.float64)
+
+    def _array(self, accessor: Any) -> NDArray[Any]:
+        """What an accessor describes, [count, width]; AssetError if it reaches beyond its data."""
+        told = self._item("accessors", accessor)
+        if "sparse" in told or "bufferView" not in told:
+            raise AssetError("holds sparse or absent data, which is not read here; export it plainly")
+        kind, width, count = np.dtype(_KINDS[told["componentType"]]), _WIDTHS[told["type"]], _whole(told["count"])
+        check_count(count, "vertices or corners", 3 * MAX_VERTICES)
+        view = self._view(told["bufferView"])
+        row = width * kind.itemsize
+        stride = _whole(self._item("bufferViews", told["bufferView"]).get("byteStride", row))
+        start = _whole(told.get("byteOffset", 0))
+        if count == 0 or stride < row or start + (count - 1) * stride + row > len(view):
+            raise AssetError("a column reaches beyond its data, or is empty; export it again")
+        rows: NDArray[Any] = np.ndarray((count, width), kind, view, start, (stride, kind.itemsize))
+        return rows.copy()
+
+    def _view(self, index: Any) -> memoryview:
+        told = self._item("bufferViews", index)
+        start, length = _whole(told.get("byteOffset", 0)), _whole(told["byteLength"])
+        buffer = self._buffer(told["buffer"])
+        if start + length > len(buffer):
+            raise AssetError("a view reaches beyond its buffer; export it again")
+        return memoryview(buffer)[start : start + length]
+
+    def _buffer(self, index: Any) -> bytes:
+        told = self._item("buffers", index)
+        if index not in self._buffers:
+            if "uri" in told:
+                self._buffers[index] = _embedded(told["uri"], f"buffer {index}")
+            elif index == 0 and self._beside is not None:
+                self._buffers[index] = self._beside
+            else:
+                raise AssetError(f"buffer {index} is not in the file; export it as one .glb file")
+        return self._buffers[index]
+
+    # Materials
+
+    @cached_property
+    def _slots(self) -> list[str]:
+        return slot_names([material.get("name") for material in self._json.get("materials", [])])
+
+    def _material(self, primitive: Json) -> _Material:
+        if "material" not in primitive:
+            return _Material("body", GREY, None, 0, True, False)
+        index = primitive["material"]
+        told = self._item("materials", index)
+        if told.get("alphaMode", "OPAQUE") != "OPAQUE":
+            raise AssetError(f"material {self._slots[index]!r} is see-through (alphaMode); make it opaque")
+        base = told.get("pbrMetallicRoughness", {})
+        image, channel, repeat = None, 0, True
+        if "baseColorTexture" in base:
+            used = base["baseColorTexture"]
+            texture = self._item("textures", used["index"])
+            if "source" not in texture or "KHR_texture_transform" in used.get("extensions", {}):
+                raise AssetError("has a texture that is moved or in no plain format; export it with a PNG image")
+            image, channel = _whole(texture["source"]), _whole(used.get("texCoord", 0))
+            self._item("images", image)
+            sampler = self._item("samplers", texture["sampler"]) if "sampler" in texture else {}
+            repeat = self._repeats(sampler)
+        colour = _colour(base.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]))
+        return _Material(self._slots[index], colour, image, channel, repeat, bool(told.get("doubleSided", False)))
+
+    def _repeats(self, sampler: Json) -> bool:
+        modes = {sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)}
+        if not modes <= {_CLAMP, _REPEAT}:
+            raise AssetError("has a texture that repeats mirrored, which is not read here; let it repeat plainly")
+        return _REPEAT in modes
+
+    def image(self, number: int) -> bytes:
+        """The bytes of an image."""
+        told = self._item("images", number)
+        if "bufferView" in told:
+            return bytes(self._view(told["bufferView"]))
+        return _embedded(told.get("uri"), f"image {number}")
+
+
+def _embedded(uri: Any, what: str) -> bytes:
+    """The bytes of a data URI; AssetError for any other."""
+    head, comma, body = uri.partition(",") if isinstance(uri, str) else ("", "", "")
+    if not head.startswith("data:") or not head.endswith(";base64") or not comma:
+        shown = str(uri)[:40].encode("ascii", "replace").decode()
+        raise AssetError(f"{what} is in another file, {shown!r}; export it as one .glb file")
+    try:
+        return base64.b64decode(body, validate=True)
+    except (binascii.Error, ValueError):
+        raise AssetError(f"{what} is damaged: its text is no base64; export it again") from None
+
+
+def _colour(factor: Any) -> str:
+    """Linear RGBA as sRGB text."""
+    rgb = [float(value) for value in factor[:3]]
+    if len(rgb) != 3 or not all(0.0 <= value <= 1.0 for value in rgb):
+        raise AssetError("a base colour is none: its numbers are not between 0 and 1; export it again")
+    curve = [12.92 * v if v <= 0.0031308 else 1.055 * exact.power(v, 1 / 2.4) - 0.055 for v in rgb]
+    return "#" + "".join(f"{int(v * 255.0 + 0.5):02x}" for v in curve)
+
+
+def _whole(value: Any) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 1 << 40:
+        raise AssetError("a count or an offset is none; export it again")
+    return value
+
+
+# Matrices, by products and sums in an order that is ours
+
+_IDENTITY: Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+
+
+def _local(node: Json) -> Matrix:
+    if "matrix" in node:
+        m = _numbers(node["matrix"], 16)
+        return tuple(tuple(m[4 * column + row] for column in range(4)) for row in range(3))
+    t, s = _numbers(node.get("translation", [0, 0, 0]), 3), _numbers(node.get("scale", [1, 1, 1]), 3)
+    x, y, z, w = _numbers(node.get("rotation", [0, 0, 0, 1]), 4)
+    length = x * x + y * y + z * z + w * w
+    if length < 1e-12:
+        raise AssetError("a node is turned by nothing (a quaternion of zeros); export it again")
+    d = 2.0 / length
+    turn = (
+        (1.0 - d * (y * y + z * z), d * (x * y - z * w), d * (x * z + y * w)),
+        (d * (x * y + z * w), 1.0 - d * (x * x + z * z), d * (y * z - x * w)),
+        (d * (x * z - y * w), d * (y * z + x * w), 1.0 - d * (x * x + y * y)),
+    )
+    return tuple((row[0] * s[0], row[1] * s[1], row[2] * s[2], t[k]) for k, row in enumerate(turn))
+
+
+def _numbers(values: Any, count: int) -> list[float]:
+    found = [float(value) for value in values]
+    if len(found) != count or not all(abs(value) <= 1e6 for value in found):
+        raise AssetError(f"a node's place is not {count} numbers of a sensible size; export it again")
+    return found
+
+
+def _composed(a: Matrix, b: Matrix) -> Matrix:
+    return tuple(
+        tuple(r[0] * b[0][c] + r[1] * b[1][c] + r[2] * b[2][c] + (r[3] if c == 3 else 0.0) for c in range(4)) for r in a
+    )
+
+
+def _moved(points: Floats, m: Matrix) -> Floats:
+    return np.stack([points[:, 0] * r[0] + points[:, 1] * r[1] + points[:, 2] * r[2] + r[3] for r in m], axis=-1)
+
+
+def _turned(normals: Floats, m: Matrix) -> Floats:
+    """Normals go by the cofactors, so that they stay upright on what is stretched, whichever way it is mirrored."""
+    rows = np.array([r[:3] for r in m])
+    c = cross(rows[[1, 2, 0]], rows[[2, 0, 1]]) * (-1.0 if _mirrors(m) else 1.0)
+    return np.stack([normals[:, 0] * r[0] + normals[:, 1] * r[1] + normals[:, 2] * r[2] for r in c], axis=-1)
+
+
+def _mirrors(m: Matrix) -> bool:
+    a, b, c = m
+    first = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
+    return a[0] * first[0] + a[1] * first[1] + a[2] * first[2] < 0.0

@@ -1,0 +1,137 @@
+"""Wavefront OBJ: vertices, texture coordinates, normals and faces. Nothing that names another file, or a command."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from recipe_compiler.ir.assets.geometry import (
+    MAX_SLOTS,
+    MAX_TRIANGLES,
+    MAX_VERTICES,
+    AssetError,
+    Floats,
+    Indices,
+    Raw,
+    check_count,
+)
+from recipe_compiler.ir.assets.names import slot
+from recipe_compiler.ir.assets.stl import SLOT, number
+
+_IGNORED = {b"o", b"g", b"s", b"mg", b"l", b"p", b"vp", b"lod", b"shadow_obj", b"trace_obj", b"bevel", b"c_interp"}
+
+_MAX_LINE = 1 << 20  # bytes; a polygon's corners are on one
+
+Corner = tuple[int, int, int]  # vertex, texture coordinate, normal; -1: none
+
+
+@dataclass
+class _Group:
+    """The faces of one material, and which corners they use."""
+
+    corners: dict[Corner, int] = field(default_factory=dict)
+    triangles: list[tuple[int, int, int]] = field(default_factory=list)
+
+
+@dataclass
+class _Reader:
+    points: list[list[float]] = field(default_factory=list)
+    uvs: list[list[float]] = field(default_factory=list)
+    normals: list[list[float]] = field(default_factory=list)
+    groups: dict[str, _Group] = field(default_factory=dict)
+    slot: str = SLOT
+    count: int = 0
+
+    def line(self, words: Sequence[bytes]) -> None:
+        """Take one line."""
+        word = words[0]
+        if word == b"v":
+            self._numbers(self.points, words, 3)
+        elif word == b"vt":
+            self._numbers(self.uvs, words, 2)
+        elif word == b"vn":
+            self._numbers(self.normals, words, 3)
+        elif word == b"f":
+            self._face(words[1:])
+        elif word == b"usemtl":
+            self.slot = slot(b" ".join(words[1:]).decode("ascii", "replace"), SLOT)
+        elif word == b"mtllib":
+            raise AssetError("`mtllib` names another file; remove the line, colours come from `look` and `image`")
+        elif word not in _IGNORED:
+            shown = word[:20].decode("ascii", "replace")
+            raise AssetError(f"{shown!r} is nothing that a mesh of triangles needs; export it as plain faces")
+
+    def _numbers(self, column: list[list[float]], words: Sequence[bytes], least: int) -> None:
+        if len(words) - 1 < least:
+            raise AssetError(f"{len(words) - 1} numbers where there should be {least}; export it again")
+        if len(column) >= MAX_VERTICES:
+            check_count(len(column) + 1, "vertices", MAX_VERTICES)
+        column.append([number(w) for w in words[1 : 1 + least]])
+
+    def _corner(self, word: bytes) -> Corner:
+        cells = word.split(b"/")
+        columns = (self.points, self.uvs, self.normals)
+        found = [-1, -1, -1]
+        for place, (cell, column) in enumerate(zip(cells, columns, strict=False)):
+            if cell:
+                found[place] = _index(cell, len(column))
+        if len(cells) > 3 or found[0] < 0:
+            raise AssetError("a corner of a face names no vertex; export it again")
+        return found[0], found[1], found[2]
+
+    def _face(self, words: Sequence[bytes]) -> None:
+        if len(words) < 3:
+            raise AssetError("a face has fewer than three corners; export it again")
+        self.count += len(words) - 2
+        check_count(self.count, "triangles", MAX_TRIANGLES)
+        group = self.groups.setdefault(self.slot, _Group())
+        check_count(len(self.groups), "materials", MAX_SLOTS)
+        numbers = [group.corners.setdefault(self._corner(word), len(group.corners)) for word in words]
+        group.triangles += [(numbers[0], numbers[k], numbers[k + 1]) for k in range(1, len(numbers) - 1)]
+
+
+def read(content: bytes) -> list[Raw]:
+    """A part for each material that faces name; a polygon becomes a fan. AssetError with the line that is wrong."""
+    if b"\0" in content:
+        raise AssetError("is not an OBJ file: it holds a zero byte; OBJ is text")
+    reader = _Reader()
+    joined = content.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+    for at, line in enumerate(io.BytesIO(joined), start=1):
+        if len(line) > _MAX_LINE:
+            raise AssetError(f"line {at} is longer than {_MAX_LINE >> 20} MiB; export it with smaller faces")
+        words = line.split(b"#", 1)[0].split()
+        if words:
+            try:
+                reader.line(words)
+            except AssetError as error:
+                raise AssetError(f"line {at}: {error}") from None
+    columns = [np.array(c, np.float64) for c in (reader.points, reader.uvs, reader.normals)]
+    return [_raw(columns, slot, group) for slot, group in reader.groups.items()]
+
+
+def _raw(columns: Sequence[Floats], slot: str, group: _Group) -> Raw:
+    corners: Indices = np.array(list(group.corners), np.int64).reshape(-1, 3)
+    points, uvs, normals = columns
+    uv = None
+    if len(uvs) and (corners[:, 1] >= 0).all():
+        uv = uvs[corners[:, 1]]
+        uv = np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=-1)  # OBJ counts v from the bottom
+    normal = normals[corners[:, 2]] if len(normals) and (corners[:, 2] >= 0).all() else None
+    triangles: Indices = np.array(group.triangles, np.int64).reshape(-1, 3)
+    return Raw(slot, points[corners[:, 0]], triangles, normal, uv, both_sides=True)
+
+
+def _index(cell: bytes, count: int) -> int:
+    """From 1, or from -1 backwards, to from 0."""
+    shown = cell[:20].decode("ascii", "replace")
+    if not re.match(rb"-?[0-9]{1,9}\Z", cell):
+        raise AssetError(f"{shown!r} stands where a face's corner should; export it again")
+    value = int(cell)
+    value = value - 1 if value > 0 else count + value
+    if not 0 <= value < count or cell.strip(b"-0") == b"":
+        raise AssetError(f"a face names number {shown} of {count}, which is not there; export it again")
+    return value

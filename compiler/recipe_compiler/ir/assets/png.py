@@ -1,0 +1,113 @@
+"""PNG images to 8-bit sRGB. Sizes are read from the header and bounded before anything is decoded.
+
+PNG alone, because it has one meaning: a JPEG's pixels are each decoder's own. All chunks but those that hold pixels
+are dropped before the decoder sees them, so that no text, profile or animation costs anything.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import warnings
+import zlib
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recipe_compiler.ir.assets.geometry import AssetError
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+MAX_PIXELS = 16 << 20
+MAX_SIDE = 8192
+_KEPT = {b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"}
+_ALIEN = {b"\xff\xd8\xff": "a JPEG", b"GIF8": "a GIF", b"RIFF": "a WebP", b"BM": "a BMP", b"<": "text or XML"}
+
+Pixels = NDArray[np.uint8]  # [H, W, 3] sRGB
+
+
+def size(content: bytes) -> tuple[int, int]:
+    """Width and height, from the header alone; AssetError for no PNG, or one too large."""
+    if not content.startswith(SIGNATURE):
+        kind = next((name for head, name in _ALIEN.items() if content.startswith(head)), "something else")
+        raise AssetError(f"is not a PNG image but {kind}; save it as an 8-bit PNG, which decodes the same everywhere")
+    if len(content) < 33 or content[8:16] != b"\0\0\0\rIHDR":
+        raise AssetError("is cut or damaged: it has no header; save it again")
+    width, height, depth = struct.unpack(">IIB", content[16:25])
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= MAX_PIXELS):
+        most = f"{MAX_SIDE} a side and {MAX_PIXELS >> 20} Mpx"
+        raise AssetError(f"its header tells of {width} x {height} pixels, more than {most}, or none; make it smaller")
+    if depth > 8:
+        raise AssetError(f"has {depth} bits a channel; save it with 8")
+    return width, height
+
+
+def decode(content: bytes, *, opaque: bool = True) -> Pixels:
+    """The pixels [H, W, 3]. With `opaque`, AssetError for one that is see-through; else alpha is left out."""
+    from PIL import Image, PngImagePlugin
+
+    width, height = size(content)
+    chunks = list(_chunks(content))
+    _check_length(content, b"".join(chunk[8:-4] for chunk in chunks if chunk[4:8] == b"IDAT"))
+    plain = SIGNATURE + b"".join(chunks)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            with PngImagePlugin.PngImageFile(io.BytesIO(plain)) as file:
+                clear = file.mode in ("RGBA", "LA", "PA") or "transparency" in file.info
+                pixels = np.asarray(file.convert("RGBA" if clear else "RGB"), np.uint8)
+    except (OSError, ValueError, SyntaxError, EOFError, zlib.error, struct.error, Warning) as error:
+        reason = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
+        raise AssetError(f"is cut or damaged: {reason}; save it again") from None
+    except Image.DecompressionBombError:
+        raise AssetError("its pixels are more than its header tells; save it again") from None
+    if pixels.shape[:2] != (height, width):
+        raise AssetError("is damaged: its pixels are not those that its header tells of; save it again")
+    if clear and opaque and int(pixels[..., 3].min()) < 255:
+        raise AssetError("is partly see-through; flatten it on a background")
+    return np.ascontiguousarray(pixels[..., :3])
+
+
+# Adam7: where each pass of an interlaced image starts, and its stride, across and down.
+_PASSES = ((0, 8, 0, 8), (4, 8, 0, 8), (0, 4, 4, 8), (2, 4, 0, 4), (0, 2, 2, 4), (1, 2, 0, 2), (0, 1, 1, 2))
+_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+
+
+def _check_length(content: bytes, packed: bytes) -> None:
+    """AssetError unless the data unpack to just as many bytes as the header's pixels take.
+
+    The decoder leaves rows that are missing as they happen to be, and this unpacks no more than it has to.
+    """
+    width, height, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", content[16:29])
+    if colour not in _CHANNELS:
+        raise AssetError("is damaged: its header names no kind of colour; save it again")
+    passes = _PASSES if interlaced else ((0, 1, 0, 1),)
+    told = 0
+    for x, across, y, down in passes:
+        columns, rows = max(0, -(-(width - x) // across)), max(0, -(-(height - y) // down))
+        told += rows * (1 + (columns * depth * _CHANNELS[colour] + 7) // 8) if columns else 0
+    try:
+        found = len(zlib.decompressobj().decompress(packed, told + 1))
+    except zlib.error:
+        found = -1
+    if found != told:
+        raise AssetError(f"is cut or damaged: its data are not the {told} bytes that its pixels take; save it again")
+
+
+def _chunks(content: bytes) -> Iterator[bytes]:
+    """The chunks that hold pixels, whole."""
+    at, kind = len(SIGNATURE), b""
+    while kind != b"IEND":
+        if at + 12 > len(content):
+            raise AssetError("is cut: its last chunk is missing; save it again")
+        length, kind = struct.unpack(">I4s", content[at : at + 8])
+        end = at + 12 + length
+        if end > len(content):
+            raise AssetError(f"is cut: a chunk of {length} bytes goes beyond its end; save it again")
+        if kind == b"IHDR" and at != len(SIGNATURE):
+            raise AssetError("is damaged: it has two headers; save it again")
+        if kind in _KEPT:
+            if zlib.crc32(content[at + 4 : end - 4]) != struct.unpack(">I", content[end - 4 : end])[0]:
+                raise AssetError("is damaged: a chunk's checksum does not fit; save it again")
+            yield content[at:end]
+        at = end

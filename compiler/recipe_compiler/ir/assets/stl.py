@@ -1,0 +1,52 @@
+"""STL, binary and text: triangles without material, each with its own corners."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from recipe_compiler.ir.assets.geometry import MAX_TRIANGLES, AssetError, Floats, Raw, check_count
+
+_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_VERTEX = re.compile(rb"vertex[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)")
+SLOT = "body"
+
+
+def read(content: bytes) -> list[Raw]:
+    """The triangles; an STL's normals follow from its corners, and are seen from both sides."""
+    count = int.from_bytes(content[80:84], "little")
+    if len(content) >= 84 and len(content) == 84 + _FACET.itemsize * count:
+        check_count(count, "triangles", MAX_TRIANGLES)
+        corners: Floats = np.frombuffer(content, _FACET, count, 84)["corners"].astype(np.float64).reshape(-1, 3)
+    elif content.lstrip()[:5].lower() == b"solid" and b"\0" not in content:
+        corners = _text(content)
+    elif len(content) < 84:
+        raise AssetError("is not an STL file: it is shorter than a header of 84 bytes; export it again")
+    else:
+        told = 84 + _FACET.itemsize * count
+        raise AssetError(
+            f"its header tells of {count} triangles, {told} bytes, but it has {len(content)}; export it again"
+        )
+    triangles = np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
+    return [Raw(SLOT, corners, triangles, both_sides=True)]
+
+
+def _text(content: bytes) -> Floats:
+    lower = content.lower()
+    count = lower.count(b"endfacet")
+    check_count(count, "triangles", MAX_TRIANGLES)
+    rows = _VERTEX.findall(lower)
+    if len(rows) != 3 * count or b"endsolid" not in lower:
+        raise AssetError(f"is cut or damaged: {len(rows)} corners for {count} triangles; export it again")
+    return np.array([number(word) for row in rows for word in row], np.float64).reshape(-1, 3)
+
+
+def number(word: bytes) -> float:
+    """The number that a word is, correctly rounded; AssetError if it is none."""
+    try:
+        if b"_" not in word:
+            return float(word)
+    except ValueError:
+        pass
+    raise AssetError(f"{word[:20].decode('ascii', 'replace')!r} stands where a number should; export it again")

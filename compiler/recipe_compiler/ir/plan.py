@@ -1,0 +1,378 @@
+"""The plans: all that the runtime knows of a recipe.
+
+A `ScenarioPlan` is three plans, each with a digest of its own. `ScenePlan` decides where every body is at every
+frame, `RigPlan` what every pixel hits, `AppearancePlan` what colour it has. Nothing in them is left to decide: no
+preset, no glob, no draw. They are frozen, hold integers and fixed decimals only, and are plain JSON.
+
+Frames of reference: right-handed, z up, metres, seconds; yaw counter-clockwise; vehicles and sensors x forward,
+y left, z up (REP-103). Plans are documents, so angles are in degrees here; rotations apply roll, then pitch, then
+yaw about fixed axes (R = Rz(yaw) Ry(pitch) Rx(roll)); positive pitch looks down, as REP-103 has it.
+"""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel
+
+from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.errors import Code, InputError
+
+# The most of each that a plan may hold, whether it is compiled here or read from a file. `plan_bounds` has the ranges
+# of bodies' shapes, and how many things a town may have of each kind.
+MAX_VARIANTS, MAX_SENSORS, MAX_FRAMES = 10_000, 1_000, 1_000_000
+MAX_ELEMENTS, MAX_ACTORS, MAX_PROPS, MAX_POINTS = 10_000, 1_000, 1_000, 10_000
+MAX_BODIES = MAX_ELEMENTS + MAX_ACTORS + MAX_PROPS
+MAX_SLOTS = 64
+MAX_FILE_BYTES = 32 << 20
+MAX_PIXELS_A_SIDE = 4096
+MAX_VARIANT_NAME, MAX_DESCRIPTION = 240, 2000  # characters
+
+
+def fixed(value: float) -> float:
+    """The value as a fixed decimal of six places; -0 becomes 0."""
+    return round(value, 6) + 0.0
+
+
+Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(fixed)]
+Metres = Annotated[Number, Field(ge=-100_000, le=100_000)]
+Degrees = Annotated[Number, Field(ge=-10_000, le=10_000)]
+Percent = Annotated[Number, Field(ge=0, le=100)]
+Colour = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]  # sRGB
+Name = Annotated[str, Field(min_length=1, max_length=100)]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Share = Annotated[Number, Field(ge=0, le=1)]
+Ten = Annotated[Number, Field(ge=0, le=10)]
+Tag = Annotated[int, Field(ge=0, le=255)]  # CARLA 0.9.14+ semantic tag
+Slot = Annotated[str, Field(max_length=1000)]
+Shape = Annotated[dict[Name, Number], Field(max_length=32)]
+Slots = Annotated[dict[Slot, Colour], Field(max_length=MAX_SLOTS)]
+
+
+class Plan(BaseModel):
+    """A frozen value with a canonical form."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", ignored_types=(cached_property,))
+
+    def document(self) -> dict[str, Any]:
+        """This plan as plain JSON values."""
+        return self.model_dump(mode="json")
+
+
+class Pose(Plan):
+    """A position in metres and an orientation in degrees."""
+
+    x: Metres = 0.0
+    y: Metres = 0.0
+    z: Metres = 0.0
+    yaw: Degrees = 0.0
+    pitch: Degrees = 0.0
+    roll: Degrees = 0.0
+
+
+class Point(Plan):
+    """A point on the ground plan, in metres."""
+
+    x: Metres
+    y: Metres
+
+
+class Clock(Plan):
+    """When frames are taken: frame k at physics step k * (physics / fps), frame 0 before the first step."""
+
+    fps: Annotated[int, Field(ge=1, le=1000)]
+    frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)]
+    physics: Annotated[int, Field(ge=1, le=1000)]  # steps a second
+
+    @property
+    def steps_per_frame(self) -> int:
+        """Physics steps between two frames."""
+        return self.physics // self.fps
+
+
+class Element(Plan):
+    """One thing of the town: a road, a building, a lamp. `shape` holds what its kind's mesh needs, as numbers."""
+
+    name: Name
+    kind: Name
+    pose: Pose
+    size: tuple[Metres, Metres, Metres]  # metres along its own x, y, z
+    shape: Shape = {}
+
+
+class TownPlan(Plan):
+    """A town's layout. Meshes and collision shapes follow from it alone."""
+
+    name: Name
+    elements: Annotated[tuple[Element, ...], Field(max_length=MAX_ELEMENTS)]
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the layout."""
+        return digest("plan/town/1", self.document())
+
+
+class ActorPlan(Plan):
+    """One moving body: what it is, where it starts and the way it goes."""
+
+    name: Name
+    blueprint: Name  # an id of the library, such as walker.pedestrian.0003
+    category: Literal["pedestrian", "vehicle"]
+    tag: Tag
+    instance: Annotated[int, Field(ge=1, le=999)]  # unique within the tag, the same in every variant
+    shape: Shape  # what its mesh and joints need
+    start: Pose
+    route: Annotated[
+        tuple[Point, ...], Field(max_length=MAX_POINTS)
+    ]  # after the start, the goal last; empty: it stands
+    speed: Annotated[Number, Field(ge=0, le=1000)]  # m/s
+
+
+class FilePlan(Plan):
+    """A file that a recipe brings, by its content; where it lies is no part of a plan."""
+
+    sha256: Sha256
+    bytes: Annotated[int, Field(ge=0, le=MAX_FILE_BYTES)]
+    kind: Literal["glb", "gltf", "obj", "png", "stl"]
+
+
+class PropPlan(Plan):
+    """A body that stands where it is: a mesh from a file, or a flat board whose front is its +x side."""
+
+    name: Name
+    mesh: FilePlan | None  # None: a board
+    up: Literal["y", "z"] = "z"  # the file's axis that points up; y: its z is our x
+    scale: Annotated[Number, Field(gt=0, le=100_000)] = 1.0  # metres of one unit of the file
+    pose: Pose
+    tag: Tag
+    low: tuple[Metres, Metres, Metres]  # its box in its own frame, in metres; what collides
+    high: tuple[Metres, Metres, Metres]
+
+
+class ScenePlan(Plan):
+    """Where every body is at every frame."""
+
+    version: Literal[1] = 1
+    clock: Clock
+    town: TownPlan
+    actors: Annotated[tuple[ActorPlan, ...], Field(max_length=MAX_ACTORS)]
+    props: Annotated[tuple[PropPlan, ...], Field(max_length=MAX_PROPS)] = ()
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the scene; equal for every weather of it. What a recipe has none of does not tell in it."""
+        own = self.model_dump(mode="json", exclude={"town"} if self.props else {"town", "props"})
+        return digest("plan/scene/1", {**own, "town": self.town.digest})
+
+    def first(self, frames: int) -> ScenePlan:
+        """The same scene, `frames` (at least 1) long or as long as it is, whichever is less.
+
+        A simulation decides nothing by how long it lasts, so the Trace of this scene is a prefix of the whole one's.
+        """
+        if frames >= self.clock.frames:
+            return self
+        clock = self.clock.model_copy(update={"frames": frames})
+        return ScenePlan(clock=clock, town=self.town, actors=self.actors, props=self.props)
+
+
+class CameraPlan(Plan):
+    """A camera's intrinsics. `fov` is horizontal, in degrees, and a pinhole's; pixel (0, 0) is the top-left corner."""
+
+    width: Annotated[int, Field(ge=1, le=MAX_PIXELS_A_SIDE)]
+    height: Annotated[int, Field(ge=1, le=MAX_PIXELS_A_SIDE)]
+    fov: Annotated[Number, Field(gt=0, lt=180)]
+    near: Annotated[Number, Field(gt=0, le=100_000)] = 0.1  # metres along the optical axis
+    far: Annotated[Number, Field(gt=0, le=100_000)] = 1000.0
+    lens_k: Annotated[Number, Field(ge=-1, le=1)] = 0.0  # distortion, as `optics` has it
+    lens_kcube: Annotated[Number, Field(ge=-1, le=1)] = 0.0
+
+
+class SensorPlan(Plan):
+    """One rig pose with all its modalities: they agree to the pixel."""
+
+    name: Name
+    on: Name | None = None  # an actor; None: the world
+    camera: CameraPlan
+    capture: Annotated[tuple[Literal["rgb", "depth", "instance", "semantic"], ...], Field(max_length=4)]
+    poses: Annotated[
+        tuple[Pose, ...], Field(max_length=MAX_FRAMES)
+    ]  # one if it never moves, else one a frame; in the frame of `on`
+
+    def pose(self, frame: int) -> Pose:
+        """Pose at a frame, jitter and all."""
+        return self.poses[frame if len(self.poses) > 1 else 0]
+
+
+class RigPlan(Plan):
+    """What every pixel hits."""
+
+    version: Literal[1] = 1
+    sensors: Annotated[tuple[SensorPlan, ...], Field(max_length=MAX_SENSORS)]
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the rig."""
+        return digest("plan/rig/1", self.document())
+
+
+class Weather(Plan):
+    """CARLA's weather parameters, with their names and units; the sun is in `Sun`."""
+
+    cloudiness: Percent
+    precipitation: Percent
+    precipitation_deposits: Percent
+    wind_intensity: Percent
+    fog_density: Percent
+    fog_distance: Annotated[Number, Field(ge=0, le=10_000)]  # metres
+    fog_falloff: Annotated[Number, Field(ge=0, le=1000)]
+    wetness: Percent
+    scattering_intensity: Percent
+    mie_scattering_scale: Annotated[Number, Field(ge=0, le=5)]
+    rayleigh_scattering_scale: Annotated[Number, Field(ge=0, le=2)]
+    dust_storm: Percent
+
+
+class Sun(Plan):
+    """Where the sun stands. `azimuth` counter-clockwise from world +x, `altitude` above the horizon, in degrees."""
+
+    azimuth: Degrees
+    altitude: Annotated[Number, Field(ge=-90, le=90)]
+
+
+class CameraResponse(Plan):
+    """How a sensor turns light into 8-bit sRGB. Names are CARLA's where it has one."""
+
+    exposure_mode: Literal["auto", "manual"] = "auto"
+    exposure_compensation: Annotated[Number, Field(ge=-15, le=15)] = 0.0  # stops
+    shutter_speed: Annotated[Number, Field(ge=1, le=10_000)] = 200.0  # 1 / seconds
+    iso: Annotated[Number, Field(ge=25, le=102_400)] = 100.0
+    fstop: Annotated[Number, Field(ge=0.7, le=32)] = 1.4
+    gamma: Annotated[Number, Field(ge=0.5, le=5)] = 2.2
+    temp: Annotated[Number, Field(ge=1500, le=15_000)] = 6500.0  # kelvin
+    tint: Annotated[Number, Field(ge=-1, le=1)] = 0.0
+    noise: Ten = 1.0  # read and shot noise, 0 off, 1 a good street camera at ISO 100
+    vignette_intensity: Share = 0.4
+    lens_circle_multiplier: Ten = 0.0
+    lens_circle_falloff: Ten = 5.0
+    chromatic_aberration_intensity: Ten = 0.0
+    chromatic_aberration_offset: Annotated[Number, Field(ge=0, le=0.99)] = 0.0
+    bloom_intensity: Annotated[Number, Field(ge=0, le=5)] = 0.0
+    motion_blur_intensity: Ten = 0.0
+    motion_blur_max_distortion: Share = 0.35  # of the picture's width
+    antialias: bool = True
+    supersample: Annotated[int, Field(ge=1, le=4)] = 1  # samples along a pixel's side
+
+
+class Looks(RootModel[Annotated[dict[Name, Slots], Field(max_length=MAX_BODIES)]]):
+    """Colours: body or town element -> slot (skin, shirt, paint, wall ...) -> colour. A value that variants share."""
+
+    model_config = ConfigDict(frozen=True, ignored_types=(cached_property,))
+
+    def __getitem__(self, name: str) -> dict[str, Colour]:
+        return self.root[name]
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the colours."""
+        return digest("plan/looks/1", self.root)
+
+
+class TexturePlan(Plan):
+    """An image on a slot of a body, by the texture coordinates of its mesh; the slot's colour is multiplied by it."""
+
+    file: FilePlan
+    number: Annotated[int, Field(ge=0, le=100_000)] | None = (
+        None  # which of a glTF file's images; None: the file is the image
+    )
+    repeat: bool = False  # beyond its edges it starts again, else its edge goes on
+
+
+Textures = Annotated[dict[Slot, TexturePlan], Field(max_length=MAX_SLOTS)]  # by slot
+
+
+class AppearancePlan(Plan):
+    """What colour everything has."""
+
+    version: Literal[1] = 1
+    seed: Annotated[int, Field(ge=0, lt=1 << 64)]  # for rain, sensor noise and lit windows
+    weather: Weather
+    sun: Sun
+    looks: Looks
+    textures: Annotated[dict[Name, Textures], Field(max_length=MAX_PROPS)] = {}  # body -> slot -> image
+    responses: Annotated[dict[Name, CameraResponse], Field(max_length=MAX_SENSORS)]  # by sensor
+
+    @cached_property
+    def colours(self) -> str:
+        """Identity of what surfaces look like in white light."""
+        textures = self.model_dump(mode="json", include={"textures"})
+        return digest("plan/colours/1", {**textures, "looks": self.looks.digest})
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the appearance. What a recipe has none of does not tell in it."""
+        own = self.model_dump(mode="json", exclude={"looks"} if self.textures else {"looks", "textures"})
+        return digest("plan/appearance/1", {**own, "looks": self.looks.digest})
+
+
+class ScenarioPlan(Plan):
+    """One variant of a recipe, nothing left to decide."""
+
+    variant: Annotated[str, Field(max_length=MAX_VARIANT_NAME)]
+    scene: ScenePlan
+    rig: RigPlan
+    appearance: AppearancePlan
+
+    @property
+    def files(self) -> dict[str, FilePlan]:
+        """The files that it is made from, by digest."""
+        meshes = [prop.mesh for prop in self.scene.props if prop.mesh is not None]
+        images = [texture.file for slots in self.appearance.textures.values() for texture in slots.values()]
+        return {file.sha256: file for file in [*meshes, *images]}
+
+    @cached_property
+    def observation(self) -> str:
+        """Identity of what is seen where: scene and rig; labels follow from it alone."""
+        return digest("plan/observation/1", [self.scene.digest, self.rig.digest])
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the variant's content; its name is not part of it."""
+        return digest("plan/scenario/1", [self.scene.digest, self.rig.digest, self.appearance.digest])
+
+
+class DatasetPlan(Plan):
+    """All variants of a recipe, in file order, and what to write."""
+
+    recipe: Name
+    description: Annotated[str, Field(max_length=MAX_DESCRIPTION)]
+    variants: Annotated[tuple[ScenarioPlan, ...], Field(max_length=MAX_VARIANTS)]
+    annotations: Annotated[tuple[Literal["kwcoco", "coco", "mots_txt", "mots_png"], ...], Field(max_length=4)]
+    depth: Literal["carla", "npy"]  # depth on disk: CARLA's 24-bit PNG, or float32 metres
+
+    def named(self, name: str | None) -> ScenarioPlan:
+        """The variant of that name, the first for None; InputError with the nearest name."""
+        by_name = {v.variant: v for v in self.variants}
+        if name is None:
+            return self.variants[0]
+        if name not in by_name:
+            near = get_close_matches(name, by_name, 1, 0.3) or list(by_name)[:1]
+            raise InputError(
+                f"{self.recipe} has no variant {name!r}",
+                help=f"the nearest is {near[0]!r}, and `recipe plan` lists all",
+                code=Code.UNKNOWN_NAME,
+            )
+        return by_name[name]
+
+    @cached_property
+    def digest(self) -> str:
+        """Identity of the recipe's meaning: every variant's name and digest, and the outputs asked for."""
+        return digest(
+            "plan/dataset/1",
+            {
+                "variants": [[v.variant, v.digest] for v in self.variants],
+                "annotations": list(self.annotations),
+                "depth": self.depth,
+            },
+        )

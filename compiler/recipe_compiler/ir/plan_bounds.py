@@ -1,0 +1,210 @@
+"""The shapes that bodies of a plan may have: for each kind of town element and of actor, its keys and their ranges.
+
+The town generators and the library of blueprints stay within these tables, which the tests assert over seeds and
+parameters. A plan read from a file is held to them before anything is made of it, since a body's shape decides how many
+triangles it has. A range of two integers takes whole numbers alone.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from recipe_compiler.ir.plan import ActorPlan, Element
+from recipe_compiler.ir.plurals import count
+
+Range = tuple[float, float]
+
+MAX_TRIANGLES = 10_000_000  # of a town, if each of its elements has as many as its kind may have
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a town may have of one kind of element.
+
+    `most`: how many elements. `size`: metres along its own x, y and z. `shape`: the range of each key, all of which are
+    required. `triangles`: the most that the mesh of one element has, as the tests measure.
+    """
+
+    most: int
+    size: tuple[Range, Range, Range]
+    triangles: int
+    shape: Mapping[str, Range] = field(default_factory=dict)
+
+
+_KEY, _FLAG = {"key": (0, 63)}, (0, 1)
+
+
+def _fixed(most: int, size: tuple[float, float, float], triangles: int, **shape: Range) -> Kind:
+    """A kind whose elements are all of one size."""
+    x, y, z = size
+    return Kind(most, ((x, x), (y, y), (z, z)), triangles, shape)
+
+
+KINDS: dict[str, Kind] = {
+    "bench": _fixed(700, (0.5, 1.6, 0.85), 140),
+    "billboard": _fixed(20, (0.5, 6.0, 6.0), 300, **_KEY),
+    "bin": _fixed(700, (0.42, 0.42, 0.95), 120),
+    "bollard": _fixed(250, (0.2, 0.2, 0.9), 200),
+    "building": Kind(
+        1200,
+        ((12.0, 12.0), (7.0, 22.0), (6.0, 60.0)),
+        7500,
+        {
+            "floors": (2, 16), "storey": (2.9, 3.4), "ground": (3.7, 4.6), "bays": (3, 8), "style": (0, 5),
+            "shop": _FLAG, "awning": _FLAG, "left": _FLAG, "right": _FLAG, "roof": _FLAG, **_KEY,
+        },
+    ),
+    "bus_stop": _fixed(200, (1.6, 4.0, 2.6), 200),
+    "bush": Kind(1200, ((0.8, 2.1), (0.8, 2.1), (0.6, 1.7)), 300, _KEY),
+    "carriageway": Kind(
+        150,
+        ((48.0, 48.0), (8.0, 24.0), (0.0, 0.0)),
+        400,
+        {"lanes": (2, 5), "lane": (3.0, 4.0), "shoulder": (2.0, 3.0), **_KEY},
+    ),
+    "fence": Kind(1500, ((0.08, 0.08), (0.8, 36.0), (1.0, 1.7)), 3000, {"style": (0, 2)}),
+    "fountain": _fixed(2, (7.0, 7.0, 2.6), 4000),
+    "gantry": Kind(
+        60,
+        ((0.9, 0.9), (10.0, 25.0), (7.4, 7.4)),
+        1500,
+        {"lanes": (2, 5), "lane": (3.0, 4.0), "first": (-10.0, 0.0), "exit": _FLAG, **_KEY},
+    ),
+    "ground": _fixed(2, (2400.0, 2400.0, 0.05), 400),
+    "guardrail": Kind(300, ((0.3, 0.5), (5.0, 48.0), (0.75, 0.8)), 500, {"double": _FLAG}),
+    "hedge": Kind(1000, ((0.6, 0.8), (0.8, 36.0), (1.0, 1.7)), 1300, _KEY),
+    "house": Kind(
+        600,
+        ((7.9, 10.1), (9.4, 13.1), (2.8, 6.2)),
+        1500,
+        {
+            "floors": (1, 2), "storey": (2.6, 2.9), "roof": (0, 2), "pitch": (0.5, 0.9), "style": (0, 2),
+            "garage": _FLAG, "porch": _FLAG, **_KEY,
+        },
+    ),
+    "hydrant": _fixed(400, (0.3, 0.3, 0.8), 300),
+    "junction": Kind(
+        120,
+        ((12.0, 17.0), (12.0, 17.0), (0.0, 0.0)),
+        140,
+        {"over_x": (6.0, 9.0), "over_y": (6.0, 9.0), "wide_x": (3.0, 5.5), "wide_y": (3.0, 5.5), **_KEY},
+    ),
+    "kiosk": _fixed(30, (2.5, 3.0, 2.8), 500, **_KEY),
+    "lamp": Kind(1500, ((0.16, 0.2), (0.16, 0.2), (4.0, 10.0)), 140, {"arm": (0.5, 2.5)}),
+    "path": Kind(600, ((10.0, 48.0), (2.5, 3.0), (0.0, 0.01)), 10, {"drive": _FLAG}),
+    "planter": _fixed(400, (1.2, 1.2, 0.9), 300, **_KEY),
+    "road": Kind(
+        300,
+        ((18.0, 120.0), (6.0, 10.6), (0.0, 0.0)),
+        500,
+        {
+            "stop_a": (0.0, 3.5), "stop_b": (0.0, 3.5), "bay": (0.0, 2.3), "bay_from": (-55.0, 0.0), "bays": (0, 18),
+            "bay_length": (6.2, 6.2), **_KEY,
+        },
+    ),
+    "sidewalk": Kind(
+        150,
+        ((20.0, 125.0), (20.0, 125.0), (0.15, 0.15)),
+        2000,
+        {"radius": (3.0, 3.0), "walk": (2.0, 6.0), "verge": (0.0, 2.5), "paved": _FLAG},
+    ),
+    "sign": Kind(1500, ((0.1, 0.1), (0.5, 1.0), (2.5, 3.1)), 250, {"face": (0, 6), "value": (0, 120)}),
+    "statue": _fixed(80, (2.0, 2.0, 4.5), 1500, **_KEY),
+    "tower": Kind(70, ((15.0, 31.0), (19.0, 45.0), (8.0, 61.0)), 100, _KEY),
+    "traffic_light": Kind(80, ((0.26, 0.26), (0.26, 0.26), (5.6, 5.6)), 260, {"arm": (1.0, 5.0), "go": _FLAG}),
+    "tree": Kind(
+        1800,
+        ((1.0, 9.0), (1.0, 9.0), (3.0, 15.0)),
+        900,
+        {"trunk": (0.1, 0.26), "key": (0, 1 << 20), "species": (0, 2)},
+    ),
+    "wall": _fixed(250, (0.25, 9.0, 2.6), 60),
+}  # fmt: skip
+
+_PERSON: dict[str, Range] = {
+    "shoulder": (0.85, 1.15), "girth": (0.8, 1.35), "hair": (0, 7), "sleeves": (0, 1), "legs": (0, 2),
+    "coat": (0.0, 0.35), "head": (0.95, 1.5), "limb": (0.85, 1.1), "bag": (0, 2),
+}  # fmt: skip
+_WALKER: dict[str, Range] = {"height": (0.95, 2.05), **_PERSON}
+_CAR: dict[str, Range] = {
+    "body": (0, 6), "length": (3.2, 9.0), "width": (1.5, 2.5), "height": (1.3, 3.3), "wheelbase": (2.2, 4.3),
+    "wheel": (0.28, 0.48), "clearance": (0.14, 0.32), "spokes": (3, 16), "blind": (0, 1), "sign": (0.0, 0.15),
+}  # fmt: skip
+_TWO_WHEELER: dict[str, Range] = {
+    "body": (7, 8), "length": (1.3, 2.4), "width": (0.5, 1.0), "height": (1.3, 2.0), "wheelbase": (0.8, 1.6),
+    "wheel": (0.24, 0.38), "clearance": (0.1, 0.2), "rider": (1.2, 2.0), **_PERSON,
+}  # fmt: skip
+
+_BODIES = {
+    "sedan": 0, "hatchback": 1, "suv": 2, "van": 3, "pickup": 4, "bus": 5, "truck": 6, "motorcycle": 7, "bicycle": 8,
+}  # fmt: skip
+_TAGS = {"bus": 16, "truck": 15, "motorcycle": 18, "bicycle": 19}  # CARLA's semantic tags; other vehicles are cars, 14
+
+
+def town_faults(elements: Iterable[Element]) -> Iterator[str]:
+    """What is wrong with the elements of a town, in words: each one's shape and size, and how many there are."""
+    numbers: Counter[str] = Counter()
+    for element in elements:
+        numbers[element.kind] += 1
+        wrong = _element_fault(element)
+        if wrong is not None:
+            yield f"{element.name!r} of the town: {wrong}"
+    known = {kind: number for kind, number in numbers.items() if kind in KINDS}
+    for kind, number in sorted(known.items()):
+        if number > KINDS[kind].most:
+            yield f"the town has {count(number, kind)}; at most {KINDS[kind].most:,} are allowed"
+    triangles = sum(KINDS[kind].triangles * number for kind, number in known.items())
+    if triangles > MAX_TRIANGLES:
+        yield f"the town may have {triangles:,} triangles; at most {MAX_TRIANGLES:,} are allowed"
+
+
+def _element_fault(element: Element) -> str | None:
+    kind = KINDS.get(element.kind)
+    if kind is None:
+        return f"there is no kind of element {element.kind!r}"
+    for axis, value, span in zip("xyz", element.size, kind.size, strict=True):
+        if not span[0] <= value <= span[1]:
+            return f"its size along {axis} is {value:g} m; a {element.kind} has {_shown(span)}"
+    return _shape_fault(element.kind, element.shape, kind.shape)
+
+
+def actor_fault(actor: ActorPlan) -> str | None:
+    """What is wrong with an actor's blueprint, tag or shape, in words; None if nothing is."""
+    ranges = shape_of(actor.blueprint)
+    if not ranges:
+        return f"there is no blueprint {actor.blueprint!r}"
+    family, kind = actor.blueprint.split(".")[:2]
+    category, tag = ("pedestrian", 12) if family == "walker" else ("vehicle", _TAGS.get(kind, 14))
+    if (actor.category, actor.tag) != (category, tag):
+        return f"a {actor.blueprint} is no {actor.category} of tag {actor.tag}"
+    return _shape_fault(actor.blueprint, actor.shape, ranges)
+
+
+def shape_of(blueprint: str) -> Mapping[str, Range]:
+    """The keys and ranges that the shape of an actor of that blueprint has; none for an unknown one."""
+    if blueprint.startswith("walker.pedestrian."):
+        return _WALKER
+    family, _, rest = blueprint.partition(".")
+    body = rest.partition(".")[0]
+    if family == "vehicle" and body in _BODIES:
+        number = _BODIES[body]
+        return {**(_TWO_WHEELER if number >= _BODIES["motorcycle"] else _CAR), "body": (number, number)}
+    return {}
+
+
+def _shape_fault(what: str, shape: Mapping[str, float], ranges: Mapping[str, Range]) -> str | None:
+    """The first key of a shape that is missing, unknown or out of its range."""
+    for key in sorted({*shape} ^ {*ranges}):
+        return f"its shape has {key!r}, which no {what} has" if key in shape else f"its shape lacks {key!r}"
+    for key, span in ranges.items():
+        value = shape[key]
+        whole = isinstance(span[0], int) and isinstance(span[1], int)
+        if not span[0] <= value <= span[1] or (whole and value != int(value)):
+            return f"its {key} is {value:g}; a {what} has {'a whole number of ' if whole else ''}{_shown(span)}"
+    return None
+
+
+def _shown(span: Range) -> str:
+    return f"{span[0]:g} to {span[1]:g}"

@@ -1,0 +1,1 @@
+"""What recipes may name: towns, blueprints, weather presets."""

@@ -1,0 +1,302 @@
+"""The library of actors: pedestrians, cars and two-wheelers with their riders, as numbers and palettes."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Literal
+
+from recipe_compiler.ir.plan import ActorPlan, Pose
+from recipe_compiler.ir.streams import Stream
+
+PEDESTRIAN, CAR, TRUCK, BUS, MOTORCYCLE, BICYCLE = 12, 14, 15, 16, 18, 19  # CARLA 0.9.14+ semantic tags
+Palette = dict[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class Blueprint:
+    """What an actor may be. `shape` is for its mesh and joints; `palette` holds the colours each slot may have.
+
+    `attributes` tell what it is, under CARLA's names: `generation` of a pedestrian; `base_type` and
+    `number_of_wheels` of a vehicle.
+    """
+
+    id: str
+    category: Literal["pedestrian", "vehicle"]
+    tag: int
+    shape: dict[str, float]
+    palette: Palette
+    default_speed: float  # m/s
+    attributes: dict[str, str]
+
+
+_SKIN = ("#f1c7a5", "#e0ac86", "#c98f67", "#a86f4b", "#7d4f35", "#5a3826")
+_YOUNG_HAIR = ("#1e1814", "#2e221b", "#4a3222", "#6d4a2e", "#a57c4a", "#5b2f1d")
+_HAIR = (*_YOUNG_HAIR, "#8e8a86")
+_GROWN = 1.55  # metres; who is shorter is a child
+_SHIRTS = (
+    "#b43a35", "#2f5e8c", "#e3ded3", "#37704f", "#d9a63a", "#3b3f4a", "#7a4c7e", "#c96f3c",
+    "#5f8fa8", "#8c8f94", "#d7c3a1", "#22334d",
+)  # fmt: skip
+_BRIGHT = ("#d8443c", "#2f7fc1", "#f0b429", "#4aa564", "#e87ea1", "#7c5cbf", "#f2efe6", "#27496d")  # children's
+_TROUSERS = ("#2c3446", "#3b3b40", "#5a5346", "#24262b", "#6f6a5e", "#41536e", "#4a3d34")
+_SHOES = ("#1d1b1a", "#4b3524", "#d8d6d0", "#6a3b2a", "#2b3442")
+_BAGS = ("#2a2d33", "#7a3b2e", "#3d5a44", "#4a5a78", "#c2853c", "#5b4636")
+_HATS = ("#2a2d33", "#8f2f2a", "#35507a", "#d8d4c8", "#4a5f43", "#c98a2e")
+_HELMETS = ("#f0efe9", "#1b1c1f", "#b3272d", "#2c5a9a", "#d8d23a", "#e8762c")
+_PAINT = (
+    "#d9dadb", "#1f2124", "#8b9095", "#a3232a", "#1f3f70", "#4d5a60", "#e8e4da", "#2c4a3a",
+    "#b9702c", "#5e1f2c", "#6f8fa8",
+)  # fmt: skip
+
+CROPPED, SHORT, LONG, TIED, CAP, BEANIE, CYCLIST, FULL = range(8)  # hair and hats
+BACKPACK, SATCHEL = 1, 2
+_BODIES = ("sedan", "hatchback", "suv", "van", "pickup", "bus", "truck", "motorcycle", "bicycle")  # shape's `body`
+
+
+def _person(
+    *,
+    shoulder: float = 1.0,
+    girth: float = 1.0,
+    hair: int = SHORT,
+    sleeves: int = 1,
+    legs: int = 1,
+    coat: float = 0.0,
+    head: float = 1.0,
+    limb: float = 1.0,
+    bag: int = 0,
+) -> dict[str, float]:
+    """What people differ in. `shoulder` and `girth` scale an average build of a height, `head` and `limb` an adult's
+    head and legs; `coat` lowers the hem, in metres. sleeves: 0 short, 1 long. legs: 0 shorts, 1 trousers, 2 a skirt.
+    """
+    shape = {"shoulder": shoulder, "girth": girth, "hair": hair, "sleeves": sleeves, "legs": legs, "coat": coat}
+    return {key: float(value) for key, value in (shape | {"head": head, "limb": limb, "bag": bag}).items()}
+
+
+def _clothing(child: bool, hats: tuple[str, ...], person: Mapping[str, float]) -> Palette:
+    worn: Palette = {"bag": _BAGS} if person["bag"] else {}
+    if person["hair"] >= CAP:
+        worn["hat"] = hats
+    return worn | {
+        "skin": _SKIN,
+        "hair": _YOUNG_HAIR if child else _HAIR,
+        "shirt": _BRIGHT if child else _SHIRTS,
+        "trousers": _TROUSERS,
+        "shoes": _SHOES,
+        "lips": ("#a8625a", "#8f4f48"),
+        "eye": ("#e9e5df",),
+        "pupil": ("#2a1d16", "#1c1512", "#33414d"),
+    }
+
+
+def _walker(number: int, height: float, speed: float = 1.4, **person: float) -> Blueprint:
+    """A pedestrian of that height; shorter than `_GROWN`, a child."""
+    child = height < _GROWN
+    shape = _person(**person)  # type: ignore[arg-type]
+    return Blueprint(
+        f"walker.pedestrian.{number:04d}",
+        "pedestrian",
+        PEDESTRIAN,
+        {"height": height} | shape,
+        _clothing(child, _HATS, shape),
+        speed,
+        {"generation": "child" if child else "adult"},
+    )
+
+
+def _coloured(paint: tuple[str, ...]) -> Palette:
+    return {
+        "paint": paint,
+        "glass": ("#1c2328", "#20282c"),
+        "trim": ("#17181a", "#232427"),
+        "rubber": ("#1a1a1b",),
+        "rim": ("#9a9da1", "#75787c", "#b9bcc0"),
+        "headlight": ("#a9b3ba",),
+        "taillight": ("#7d0d12",),
+        "plate": ("#d9d7cf",),
+    }
+
+
+def _vehicle(
+    name: str,
+    size: tuple[float, float, float],
+    *,
+    wheelbase: float,
+    wheel: float,
+    clearance: float,
+    tag: int = CAR,
+    speed: float = 9.0,
+    paint: tuple[str, ...] = _PAINT,
+    spokes: int = 5,
+    blind: bool = False,
+    sign: float = 0.0,
+) -> Blueprint:
+    """A vehicle of that length, width and height; `wheel` is a radius, a `blind` van has no windows in its rear, and a
+    taxi's lit `sign` is so many of its metres high.
+    """
+    kind, _, _ = name.partition(".")
+    shape = {"body": _BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
+    shape |= {
+        "wheelbase": wheelbase,
+        "wheel": wheel,
+        "clearance": clearance,
+        "spokes": spokes,
+        "blind": blind,
+        "sign": sign,
+    }
+    numbers = {key: float(value) for key, value in shape.items()}
+    base = kind if kind in ("van", "truck", "bus") else "car"
+    attributes = {"base_type": base, "number_of_wheels": "4"}
+    return Blueprint(f"vehicle.{name}", "vehicle", tag, numbers, _coloured(paint), speed, attributes)
+
+
+def _twowheeler(
+    name: str,
+    size: tuple[float, float, float],
+    *,
+    wheelbase: float,
+    wheel: float,
+    rider: float,
+    speed: float,
+    paint: tuple[str, ...],
+    **person: float,
+) -> Blueprint:
+    """A two-wheeler with somebody `rider` metres tall on it; the size is of both together."""
+    kind, _, _ = name.partition(".")
+    tag = MOTORCYCLE if kind == "motorcycle" else BICYCLE
+    shape = {"body": _BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
+    shape |= {"wheelbase": wheelbase, "wheel": wheel, "clearance": 0.15, "rider": rider}
+    numbers = {key: float(value) for key, value in shape.items()} | _person(**person)  # type: ignore[arg-type]
+    palette = _clothing(rider < _GROWN, _HELMETS, numbers) | _coloured(paint)
+    for absent in ("glass",) if tag == MOTORCYCLE else ("glass", "plate"):
+        del palette[absent]
+    attributes = {"base_type": kind, "number_of_wheels": "2"}
+    return Blueprint(f"vehicle.{name}", "vehicle", tag, numbers, palette, speed, attributes)
+
+
+_PEOPLE = (
+    _walker(1, 1.78),
+    _walker(2, 1.66, shoulder=0.92, girth=0.92, hair=LONG),
+    _walker(3, 1.84, shoulder=1.06, girth=1.04, hair=CROPPED, sleeves=0, bag=BACKPACK),
+    _walker(4, 1.71, shoulder=0.93, girth=0.95, hair=TIED, coat=0.22),
+    _walker(5, 1.75, shoulder=1.05, girth=1.2, coat=0.06),
+    _walker(6, 1.62, shoulder=0.95, girth=1.12, hair=LONG, legs=2),
+    _walker(7, 1.80, shoulder=1.02, girth=0.94, hair=CAP, legs=0, sleeves=0),
+    _walker(8, 1.69, shoulder=0.92, girth=0.88, hair=TIED, sleeves=0, bag=SATCHEL),
+    _walker(9, 1.88, shoulder=1.04, coat=0.3),
+    _walker(10, 1.58, shoulder=0.93, hair=LONG, coat=0.1),
+    _walker(11, 1.28, 1.2, shoulder=0.92, girth=0.95, sleeves=0, legs=0, head=1.2, limb=0.95),
+    _walker(12, 1.40, 1.3, shoulder=0.9, girth=0.9, hair=TIED, legs=2, head=1.14, limb=0.98),
+    _walker(13, 1.05, 1.0, shoulder=0.9, girth=1.05, hair=CROPPED, head=1.42, limb=0.88),
+    _walker(14, 1.18, 1.1, shoulder=0.9, hair=LONG, legs=2, sleeves=0, head=1.29, limb=0.92),
+    _walker(15, 1.34, 1.25, shoulder=0.92, hair=CAP, head=1.17, limb=0.96, bag=BACKPACK),
+    _walker(16, 1.52, 1.35, shoulder=0.94, girth=0.92, hair=TIED, head=1.07, limb=1.0, bag=BACKPACK),
+    _walker(17, 1.82, shoulder=1.06, girth=1.28, hair=CROPPED, sleeves=0),
+    _walker(18, 1.73, shoulder=1.0, hair=BEANIE, coat=0.08),
+    _walker(19, 1.64, shoulder=0.92, girth=0.96, hair=LONG, coat=0.26, bag=SATCHEL),
+    _walker(20, 1.70, 1.1, shoulder=0.98, girth=1.08, hair=CAP, coat=0.12),
+)
+
+_CARS = (
+    _vehicle("sedan.a", (4.68, 1.82, 1.45), wheelbase=2.75, wheel=0.325, clearance=0.17),
+    _vehicle("sedan.b", (4.92, 1.87, 1.47), wheelbase=2.92, wheel=0.34, clearance=0.16, spokes=10),
+    _vehicle("sedan.taxi", (4.80, 1.84, 1.62), wheelbase=2.82, wheel=0.33, clearance=0.17,
+             sign=0.12, paint=("#e0b11f", "#d9d6c8")),
+    _vehicle("hatchback.a", (4.08, 1.76, 1.49), wheelbase=2.55, wheel=0.315, clearance=0.17),
+    _vehicle("hatchback.b", (3.62, 1.66, 1.52), wheelbase=2.36, wheel=0.295, clearance=0.16, spokes=7),
+    _vehicle("suv.a", (4.62, 1.88, 1.68), wheelbase=2.70, wheel=0.365, clearance=0.22),
+    _vehicle("suv.b", (4.95, 1.96, 1.80), wheelbase=2.90, wheel=0.395, clearance=0.24, spokes=6),
+    _vehicle("van.a", (5.15, 1.98, 2.05), wheelbase=3.10, wheel=0.34, clearance=0.2, speed=8.0),
+    _vehicle(
+        "van.cargo", (5.45, 2.02, 2.38), wheelbase=3.30, wheel=0.345, clearance=0.2, speed=8.0, blind=True,
+        paint=("#e4e2da", "#d8d9da", "#3a5f8c", "#e0a92e", "#5b6166"),
+    ),
+    _vehicle("pickup.a", (5.25, 1.92, 1.80), wheelbase=3.22, wheel=0.385, clearance=0.25),
+    _vehicle(
+        "bus.city", (8.3, 2.35, 2.95), wheelbase=3.95, wheel=0.46, clearance=0.26, tag=BUS, speed=7.0,
+        paint=("#b5382f", "#2f6fa3", "#d8a531", "#e4e2da", "#3f7d55"),
+    ),
+    _vehicle(
+        "bus.school", (7.6, 2.3, 2.85), wheelbase=3.9, wheel=0.43, clearance=0.28, tag=BUS, speed=7.0,
+        paint=("#e0a21c", "#e8b53a"),
+    ),
+    _vehicle(
+        "truck.box", (7.2, 2.3, 3.1), wheelbase=4.1, wheel=0.45, clearance=0.3, tag=TRUCK, speed=7.0,
+        paint=("#e4e2da", "#2f5e8c", "#c0c4c6", "#8a2f2c", "#d8a531"),
+    ),
+    _vehicle(
+        "truck.small", (6.0, 2.12, 2.75), wheelbase=3.35, wheel=0.39, clearance=0.27, tag=TRUCK, speed=7.5,
+        paint=("#e4e2da", "#c0c4c6", "#37704f", "#b5382f"),
+    ),
+)  # fmt: skip
+_RIDDEN = (
+    _twowheeler(
+        "motorcycle.a", (2.12, 0.86, 1.66), wheelbase=1.40, wheel=0.31, rider=1.78, speed=9.0, hair=FULL,
+        paint=("#a3232a", "#1f3f70", "#1f2124", "#d07a22", "#3d6b4a"),
+    ),
+    _twowheeler(
+        "motorcycle.b", (2.18, 0.86, 1.60), wheelbase=1.46, wheel=0.32, rider=1.68, speed=8.5, hair=FULL,
+        shoulder=0.94, girth=0.95, paint=("#1f2124", "#d9dadb", "#5e1f2c", "#6f8fa8"),
+    ),
+    _twowheeler(
+        "bicycle.a", (1.76, 0.62, 1.84), wheelbase=1.06, wheel=0.345, rider=1.78, speed=4.6, hair=CYCLIST,
+        bag=BACKPACK, paint=("#a3232a", "#1f3f70", "#2c4a3a", "#1f2124", "#d8a531"),
+    ),
+    _twowheeler(
+        "bicycle.b", (1.74, 0.62, 1.72), wheelbase=1.04, wheel=0.345, rider=1.66, speed=4.0, hair=LONG, sleeves=0,
+        shoulder=0.93, girth=0.94, paint=("#6f8fa8", "#e8e4da", "#b9702c", "#4d5a60"),
+    ),
+    _twowheeler(
+        "bicycle.child", (1.42, 0.60, 1.45), wheelbase=0.86, wheel=0.255, rider=1.36, speed=3.2, hair=CYCLIST,
+        sleeves=0, legs=0, shoulder=0.92, head=1.16, limb=0.97, paint=("#d8443c", "#2f7fc1", "#f0b429", "#7c5cbf"),
+    ),
+)  # fmt: skip
+
+LIBRARY: tuple[Blueprint, ...] = tuple(sorted((*_PEOPLE, *_CARS, *_RIDDEN), key=lambda blueprint: blueprint.id))
+"""All blueprints, sorted by id."""
+
+
+TAG_NAMES = {
+    PEDESTRIAN: "Pedestrian",
+    CAR: "Car",
+    TRUCK: "Truck",
+    BUS: "Bus",
+    MOTORCYCLE: "Motorcycle",
+    BICYCLE: "Bicycle",
+}
+
+
+def specimen(blueprint: Blueprint) -> tuple[ActorPlan, dict[str, str]]:
+    """One actor of a blueprint, at the origin and bound nowhere, and colours drawn for it by the blueprint's id."""
+    actor = ActorPlan(
+        name=blueprint.id,
+        blueprint=blueprint.id,
+        category=blueprint.category,
+        tag=blueprint.tag,
+        instance=1,
+        shape=blueprint.shape,
+        start=Pose(),
+        route=(),
+        speed=blueprint.default_speed,
+    )
+    colours = {slot: Stream(0, "specimen", blueprint.id, slot).choice(c) for slot, c in blueprint.palette.items()}
+    return actor, colours
+
+
+def names() -> list[str]:
+    """What a recipe may write as a blueprint: a glob for each family, then every id."""
+    ids = [blueprint.id for blueprint in LIBRARY]
+    return [*sorted({f"{name.rsplit('.', 1)[0]}.*" for name in ids}), *ids]
+
+
+def parks(blueprint: Blueprint) -> bool:
+    """Whether such a vehicle fits into a parking bay, and can be left there."""
+    return blueprint.attributes.get("number_of_wheels") == "4" and blueprint.shape["length"] <= 5.6
+
+
+@functools.lru_cache(maxsize=256)
+def match(glob: str) -> tuple[Blueprint, ...]:
+    """The blueprints whose id matches a case-sensitive glob such as `walker.pedestrian.*`, sorted by id."""
+    return tuple(blueprint for blueprint in LIBRARY if fnmatchcase(blueprint.id, glob))

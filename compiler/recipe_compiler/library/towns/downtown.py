@@ -1,0 +1,91 @@
+"""Downtown: blocks of buildings on a grid of two-lane streets.
+
+The main street runs along y, centred on x = 0, and has no parking; the others have bays along both kerbs. Of the
+streets that cross it the nearest two are centred on y = -36 and y = 36, so for |y| < 25 its sidewalks, 3 < |x| < 9,
+run without a break.
+"""
+
+from __future__ import annotations
+
+from recipe_compiler.ir.plan import Pose
+from recipe_compiler.library.towns import network
+from recipe_compiler.library.towns.network import WALK, Block
+from recipe_compiler.library.towns.rows import Manner, close_yards, row
+from recipe_compiler.library.towns.site import Site, beside, ground, skyline
+from recipe_compiler.library.towns.streets import BAY, CORNER, KERB, StreetGrid
+from recipe_compiler.library.towns.town import Parameter, Town
+
+PITCH = 72.0  # from street to street
+EDGE = 29.3  # of the blocks beyond the outermost streets, from their centres
+
+PARAMETERS: dict[str, Parameter] = {
+    "blocks": Parameter(1, 9, (3, 3), "blocks along x and along y", 2),
+    "storeys": Parameter(2, 16, (4, 9), "storeys of the lowest and of the highest buildings", 2, rising=True),
+}
+
+
+def elements(*, blocks: tuple[int, int], storeys: tuple[int, int]) -> int:
+    """About how many elements such a town has."""
+    nx, ny = blocks
+    return 78 + 32 * (nx + ny) + 55 * nx * ny
+
+
+def build(seed: int, *, blocks: tuple[int, int], storeys: tuple[int, int]) -> Town:
+    """The town with that many blocks along x and along y."""
+    nx, ny = blocks
+    xs = tuple(PITCH * (i - nx // 2) for i in range(nx + 1))
+    ys = tuple(PITCH * (j - (ny + 1) // 2) + PITCH / 2 for j in range(ny + 1))
+    main = nx // 2
+    streets = StreetGrid(xs, ys, tuple(0.0 if i == main else BAY for i in range(nx + 1)), (BAY,) * (ny + 1), EDGE)
+    site, manner = Site("downtown", seed), Manner(storeys)
+    middle = ((xs[0] + xs[-1]) / 2, (ys[0] + ys[-1]) / 2)
+    ground(site, middle)
+    network.roads(site, streets)
+    yards = []
+    for block in network.blocks(streets):
+        size = (block.x[1] - block.x[0], block.y[1] - block.y[0], KERB)
+        flat = Pose(x=block.middle.x, y=block.middle.y)
+        site.add(f"sidewalk.{block.name}", "sidewalk", flat, size, radius=CORNER, walk=WALK, verge=0.0, paved=0)
+        for yaw in block.sides:
+            yard = row(site, block, yaw, manner)
+            yards += [yard] if yard else []
+            _furniture(site, block, yaw)
+    close_yards(site, yards)
+    network.signals(site, streets, main, 30)
+    skyline(site, middle, ((xs[-1] - xs[0]) / 2 + EDGE + 42, (ys[-1] - ys[0]) / 2 + EDGE + 42))
+    points = tuple(network.spawn_points(streets))
+    return Town(site.plan(), site.looks, points, streets, tuple(site.parking))
+
+
+# Along a sidewalk, measured from the middle of the block's side: what stands there. The middle is left free.
+_LAMPS = (-15.5, 15.5)
+_TREES = (-22.0, -11.5, 11.5, 20.0)
+_BENCHES = (-17.5, 18.0)
+_BINS = (-13.5, 14.0)
+
+
+def _furniture(site: Site, block: Block, yaw: int) -> None:
+    """What stands along one side of a block, all within two metres of the kerb."""
+    name = f"{block.name}.{yaw}"
+    kerb, _ = block.side(yaw, 0.0)
+
+    def place(at: float, from_kerb: float, turn: float = 0.0) -> Pose:
+        return beside(kerb, -from_kerb, at, turn)
+
+    for n, at in enumerate(_LAMPS):
+        site.add(f"lamp.{name}.{n}", "lamp", place(at, 0.45), (0.16, 0.16, 6.5), arm=1.6)
+    for n, at in enumerate(_TREES):
+        if (yaw in (0, 180) and len(block.sides) > 1 and n != 3) or n == 1:
+            site.tree(f"tree.{name}.{n}", place(at, 0.7), 7.0)
+    for n, at in enumerate(_BENCHES):
+        if site.chance(0.5, "bench", name, str(n)):
+            site.add(f"bench.{name}.{n}", "bench", place(at, 0.9, 180), (0.5, 1.6, 0.85))
+    for n, at in enumerate(_BINS):
+        if site.chance(0.45, "bin", name, str(n)):
+            site.add(f"bin.{name}.{n}", "bin", place(at, 0.6), (0.42, 0.42, 0.95))
+    if site.chance(0.5, "hydrant", name):
+        site.add(f"hydrant.{name}", "hydrant", place(-19.6, 0.6), (0.3, 0.3, 0.8))
+    if yaw in (0, 180) and site.chance(0.3, "bus_stop", name):
+        site.add(f"bus_stop.{name}", "bus_stop", place(22.4, 1.4), (1.6, 4.0, 2.6))
+    elif site.chance(0.4, "planter", name):
+        site.keyed(f"planter.{name}", "planter", place(22.0, 1.0), (1.2, 1.2, 0.9))

@@ -1,0 +1,179 @@
+"""A street grid's roads, junctions, blocks, signals and signs, its parking, and where its traffic may appear."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import Pose
+from recipe_compiler.library.towns.site import Site, beside
+from recipe_compiler.library.towns.streets import BAY, CORNER, KERB, LANE, SIDE, STOP, StreetGrid
+from recipe_compiler.library.towns.town import SpawnPoint
+
+WALK = 6.0  # from the kerb to the building fronts
+BAY_LENGTH = 6.2
+FACES = {"stop": 0, "speed": 1, "crossing": 2, "give_way": 3, "parking": 4, "ahead": 5, "dead_end": 6}
+_STAND = BAY - 0.15 - 1.0  # from the lane's edge to the middle of a parked car
+
+
+@dataclass(frozen=True)
+class Block:
+    """A rectangle between streets, and those of its sides (a yaw each) that face one."""
+
+    name: str
+    x: tuple[float, float]
+    y: tuple[float, float]
+    sides: tuple[int, ...]
+
+    @property
+    def middle(self) -> Pose:
+        """Its middle, on the ground of its sidewalk."""
+        return Pose(x=(self.x[0] + self.x[1]) / 2, y=(self.y[0] + self.y[1]) / 2, z=KERB)
+
+    def side(self, yaw: int, inset: float = WALK) -> tuple[Pose, float]:
+        """Middle of a line `inset` metres behind a side's kerb, facing the street, and that line's length."""
+        s, c = exact.sin_cos_deg(yaw)
+        half_x, half_y = (self.x[1] - self.x[0]) / 2, (self.y[1] - self.y[0]) / 2
+        x, y = self.middle.x + c * (half_x - inset), self.middle.y + s * (half_y - inset)
+        return Pose(x=x, y=y, z=KERB, yaw=yaw), 2 * ((half_y if c else half_x) - inset)
+
+
+def blocks(streets: StreetGrid) -> Iterator[Block]:
+    """All blocks: those between streets, and the shallow ones beyond the outermost."""
+
+    def spans(lines: tuple[float, ...], bays: tuple[float, ...]) -> list[tuple[float, float]]:
+        kerbs = [LANE + bay for bay in bays]
+        inner = [(a + p, b - q) for (a, b), (p, q) in zip(pairwise(lines), pairwise(kerbs), strict=True)]
+        first, last = (lines[0] - streets.edge, lines[0] - kerbs[0]), (lines[-1] + kerbs[-1], lines[-1] + streets.edge)
+        return [first, *inner, last]
+
+    across, along = spans(streets.xs, streets.bays_x), spans(streets.ys, streets.bays_y)
+    for i, x in enumerate(across):
+        for j, y in enumerate(along):
+            east, west = i < len(across) - 1, i > 0
+            north, south = j < len(along) - 1, j > 0
+            inner_x, inner_y = east and west, north and south
+            sides = [
+                yaw
+                for yaw, there in ((0, east and inner_y), (180, west and inner_y), (90, north), (270, south))
+                if there and (inner_x or yaw in (0, 180))
+            ]
+            yield Block(f"{i - 1}.{j - 1}", x, y, tuple(sides))
+
+
+def roads(site: Site, streets: StreetGrid) -> None:
+    """Carriageways between junctions, dead ends beyond the outermost, and the junctions."""
+    for i in range(len(streets.xs)):
+        _street(site, streets, i, True)
+    for j in range(len(streets.ys)):
+        _street(site, streets, j, False)
+    for i, x in enumerate(streets.xs):
+        for j, y in enumerate(streets.ys):
+            (rx, ry), name = streets.reach((i, j)), f"junction.{i}.{j}"
+            site.keyed(
+                name, "junction", Pose(x=x, y=y), (2 * rx, 2 * ry, 0.0),
+                over_x=streets.kerb_x(i) + SIDE, wide_x=streets.kerb_y(j),
+                over_y=streets.kerb_y(j) + SIDE, wide_y=streets.kerb_x(i),
+            )  # fmt: skip
+
+
+def _street(site: Site, streets: StreetGrid, n: int, along_y: bool) -> None:
+    """All stretches of one street, the two dead ends with a rail across and a sign before it."""
+    lines, across = (streets.ys, streets.xs[n]) if along_y else (streets.xs, streets.ys[n])
+    bays = (streets.bays_x if along_y else streets.bays_y)[n]
+    kerb = streets.kerb_y if along_y else streets.kerb_x
+    axis = "y" if along_y else "x"
+    spans = [(a + kerb(k) + CORNER, b - kerb(k + 1) - CORNER, STOP - CORNER, STOP - CORNER, str(k))
+             for k, (a, b) in enumerate(pairwise(lines))]  # fmt: skip
+    last = len(lines) - 1
+    spans.append((lines[0] - streets.edge, lines[0] - kerb(0) - CORNER, 0.0, STOP - CORNER, "start"))
+    spans.append((lines[last] + kerb(last) + CORNER, lines[last] + streets.edge, STOP - CORNER, 0.0, "end"))
+    for a, b, stop_a, stop_b, part in spans:
+        at, name = (a + b) / 2, f"road.{axis}.{n}.{part}"
+        pose = Pose(x=across, y=at, yaw=90) if along_y else Pose(x=at, y=across)
+        first, count = _bays(b - a, stop_a, stop_b) if bays and part not in ("start", "end") else (0.0, 0)
+        site.keyed(
+            name, "road", pose, (b - a, 2 * (LANE + bays), 0.0),
+            stop_a=stop_a, stop_b=stop_b, bay=bays, bay_from=first, bays=count, bay_length=BAY_LENGTH,
+        )  # fmt: skip
+        for k in range(count):
+            for sign in (1, -1):  # -1 is on the right of who goes along the street's own x
+                u = first + BAY_LENGTH * (k + 0.5)
+                site.parking.append(beside(pose, u, sign * (LANE + _STAND), 180.0 if sign > 0 else 0.0))
+        if count:
+            for n_sign, sign in enumerate((1, -1)):
+                post = beside(pose, -sign * (first + 0.4), sign * (LANE + bays + 0.4), 0.0 if sign > 0 else 180.0)
+                _post(site, f"sign.parking.{axis}.{n}.{part}.{n_sign}", post, "parking")
+        if part in ("start", "end"):
+            end = (b - a) / 2 * (1 if part == "end" else -1)
+            rail = beside(pose, end - (0.4 if end > 0 else -0.4), 0.0, 180.0 if end > 0 else 0.0)
+            site.add(f"guardrail.{axis}.{n}.{part}", "guardrail", rail, (0.3, 2 * (LANE + bays) - 0.2, 0.75), double=0)
+
+
+def _bays(length: float, stop_a: float, stop_b: float) -> tuple[float, int]:
+    """Where a road's parking bays begin, along its own x, and how many there are: clear of stop lines and arrows."""
+    start, end = -length / 2 + stop_a + 5.0, length / 2 - stop_b - 5.0
+    count = max(0, int((end - start) / BAY_LENGTH))
+    return (start + end) / 2 - count * BAY_LENGTH / 2, count
+
+
+def _post(site: Site, name: str, pose: Pose, face: str, value: int = 0) -> None:
+    """A road sign on the sidewalk, facing along the pose's yaw."""
+    raised = Pose(x=pose.x, y=pose.y, z=KERB, yaw=pose.yaw)
+    across, height = (0.75, 2.75) if face == "stop" else (0.6, 2.6)
+    site.add(name, "sign", raised, (0.1, across, height), face=FACES[face], value=value)
+
+
+def signals(site: Site, streets: StreetGrid, main: int | None, speed: int) -> None:
+    """Traffic lights where the main street (along y, the one of that index) is crossed: green along it, red across.
+
+    Elsewhere those along x stop and those along y go first. Behind each junction stands the speed limit.
+    """
+    for i, x in enumerate(streets.xs):
+        for j, y in enumerate(streets.ys):
+            for yaw in (0, 90, 180, 270):  # of who comes
+                along_y = yaw in (90, 270)
+                ahead, aside = (streets.kerb_y(j), streets.kerb_x(i)) if along_y else (
+                    streets.kerb_x(i), streets.kerb_y(j))  # fmt: skip
+                step = {0: (-1, 0), 180: (1, 0), 90: (0, -1), 270: (0, 1)}[yaw]
+                if not streets.exists((i + step[0], j + step[1])):
+                    continue  # nobody comes from a dead end
+                heading, name = Pose(x=x, y=y, z=KERB, yaw=yaw), f"{i}.{j}.{yaw}"
+                corner = beside(heading, -(ahead + SIDE + 2.0), -(aside + 0.45), 180.0)
+                if i == main:
+                    arm = aside - LANE / 2 + 0.45
+                    size = (0.26, 0.26, 5.6)
+                    site.add(f"traffic_light.{name}", "traffic_light", corner, size, arm=arm, go=int(along_y))
+                elif not along_y:
+                    _post(site, f"sign.stop.{name}", corner, "stop")
+                elif site.chance(0.5, "sign", name):
+                    _post(site, f"sign.crossing.{name}", beside(corner, 1.6, 0.0), "crossing")
+                past = beside(heading, -(ahead + SIDE + 6.4), aside + 0.4)
+                if site.chance(0.45, "limit", name):
+                    _post(site, f"sign.speed.{name}", past, "speed", speed)
+
+
+def spawn_points(streets: StreetGrid) -> Iterator[SpawnPoint]:
+    """Vehicles in mid-lane, pedestrians in mid-sidewalk, along every stretch between two junctions."""
+    for lines, others, bays, is_y in (
+        (streets.xs, streets.ys, streets.bays_x, True),
+        (streets.ys, streets.xs, streets.bays_y, False),
+    ):
+        for line, bay in zip(lines, bays, strict=True):
+            for a, b in pairwise(others):
+                for sign in (1, -1):  # +1 goes towards greater coordinates, on the right
+                    yaw = (90 if sign > 0 else 270) if is_y else (0 if sign > 0 else 180)
+                    middle = Pose(x=line, y=(a + b) / 2, yaw=yaw) if is_y else Pose(x=(a + b) / 2, y=line, yaw=yaw)
+                    yield from _along(middle, b - a, LANE + bay + SIDE)
+
+
+def _along(middle: Pose, pitch: float, aside: float) -> Iterator[SpawnPoint]:
+    """One direction of one stretch: its lane and its sidewalk are on the right."""
+    for k in range(int((pitch - 32.0) / 12.0) + 1):
+        yield SpawnPoint("vehicle", beside(middle, -(pitch - 32.0) / 2 + 12.0 * k, -LANE / 2))
+    count = 2 * int((pitch / 2 - 15.0) / 7.0) + 1
+    for n in range(count):
+        walker = beside(middle, 7.0 * (n - count // 2), -aside, 180.0 * (n % 2))
+        yield SpawnPoint("pedestrian", Pose(x=walker.x, y=walker.y, z=KERB, yaw=walker.yaw))

@@ -1,0 +1,155 @@
+"""Plaza: a paved square with a fountain in its middle, trees and benches round it, and stone facades on all sides.
+
+The square's middle is (0, 0). Four streets with parking run round it; people walk over it between what stands there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+from recipe_compiler.ir.plan import Pose
+from recipe_compiler.library.towns import network
+from recipe_compiler.library.towns.network import WALK, Block
+from recipe_compiler.library.towns.rows import Manner, row
+from recipe_compiler.library.towns.site import Site, beside, ground, skyline
+from recipe_compiler.library.towns.square import SquareGrid, lines
+from recipe_compiler.library.towns.streets import BAY, CORNER, KERB, LANE
+from recipe_compiler.library.towns.town import Parameter, SpawnPoint, Town
+
+EDGE = 29.3
+
+PARAMETERS: dict[str, Parameter] = {
+    "size": Parameter(40, 120, (64, 52), "metres that the square measures along x and along y", 2),
+    "storeys": Parameter(2, 8, 4, "storeys of the buildings round it"),
+    "trees": Parameter(0, 100, 80, "of a hundred places for a tree, how many have one"),
+}
+
+
+def elements(*, size: tuple[int, int], storeys: int, trees: int) -> int:
+    """About how many elements such a town has."""
+    return 140 + int((size[0] + size[1]) * 1.0 + size[0] * size[1] / 60.0)
+
+
+def build(seed: int, *, size: tuple[int, int], storeys: int, trees: int) -> Town:
+    """The square of that size, and what is round it."""
+    kerb = LANE + BAY
+    half = (size[0] / 2, size[1] / 2)
+    xs, ys = (-half[0] - kerb, half[0] + kerb), (-half[1] - kerb, half[1] + kerb)
+    streets = SquareGrid(xs, ys, (BAY, BAY), (BAY, BAY), EDGE, half)
+    site = Site("plaza", seed)
+    ground(site, (0.0, 0.0))
+    network.roads(site, streets)
+    manner = Manner((storeys, storeys), (5, 5, 1), 0.6, 1.0, 0.15, alike=True, yards=False)
+    for block in network.blocks(streets):
+        inner = block.name == "0.0"
+        flat = Pose(x=block.middle.x, y=block.middle.y)
+        block_size = (block.x[1] - block.x[0], block.y[1] - block.y[0], KERB)
+        walk = 2.0 if inner else WALK
+        site.add(
+            f"sidewalk.{block.name}",
+            "sidewalk",
+            flat,
+            block_size,
+            radius=CORNER,
+            walk=walk,
+            verge=0.0,
+            paved=int(inner),
+        )
+        if not inner:
+            for yaw in block.sides:
+                row(site, block, yaw, manner)
+                _sidewalk(site, block, yaw)
+            if not block.sides:
+                _corner(site, block, trees)
+    _square(site, half, trees)
+    network.signals(site, streets, None, 20)
+    skyline(site, (0.0, 0.0), (xs[1] + EDGE + 42, ys[1] + EDGE + 42))
+    points = (*_on_square(half), *network.spawn_points(streets))
+    return Town(site.plan(), site.looks, points, streets, tuple(site.parking))
+
+
+def _sidewalk(site: Site, block: Block, yaw: int) -> None:
+    """Lamps and bins before the facades."""
+    kerb, length = block.side(yaw, 0.0)
+    name, count = f"{block.name}.{yaw}", max(2, int(length / 18.0))
+    for n in range(count):
+        at = length * ((n + 0.5) / count - 0.5)
+        site.add(f"lamp.{name}.{n}", "lamp", beside(kerb, -0.45, at), (0.16, 0.16, 5.6), arm=1.3)
+    site.add(f"bin.{name}", "bin", beside(kerb, -0.6, 3.0), (0.42, 0.42, 0.95))
+
+
+def _corner(site: Site, block: Block, trees: int) -> None:
+    """A corner block: a small green."""
+    for n in range(4):
+        if site.chance(trees / 100, "green", block.name, str(n)):
+            at = Pose(x=block.middle.x + 9.0 * (n % 2) - 4.5, y=block.middle.y + 9.0 * (n // 2) - 4.5, z=KERB)
+            site.tree(f"tree.{block.name}.{n}", at, 9.0, (0, 2))
+
+
+def _square(site: Site, half: tuple[float, float], trees: int) -> None:
+    """What stands on the square: along its rim, in the lattice's cells, and the fountain in its heart."""
+    site.add("fountain", "fountain", Pose(z=KERB), (7.0, 7.0, 2.6))
+    for yaw, reach, length in (
+        (0, half[0], half[1]),
+        (180, half[0], half[1]),
+        (90, half[1], half[0]),
+        (270, half[1], half[0]),
+    ):
+        _rim(site, yaw, reach, 2 * length, trees)
+    columns, lanes = lines(half[0]), lines(half[1])
+    for i, (x0, x1) in enumerate(pairwise(columns)):
+        for j, (y0, y1) in enumerate(pairwise(lanes)):
+            x, y = (x0 + x1) / 2, (y0 + y1) / 2
+            if min(x1 - x0, y1 - y0) < 4.4 or (abs(x) < 1.0 and abs(y) < 1.0):
+                continue
+            ring = min(i, j, len(columns) - 2 - i, len(lanes) - 2 - j)
+            _cell(site, f"{i}.{j}", Pose(x=x, y=y, z=KERB), ring, trees)
+
+
+def _rim(site: Site, yaw: int, reach: float, length: float, trees: int) -> None:
+    """Bollards, lamps and trees along one edge of the square, within a metre and a half of its kerb."""
+    edge = beside(Pose(z=KERB, yaw=yaw), reach, 0.0)
+    count = int((length - 16.0) / 3.0)
+    for n in range(count + 1):
+        at = (length - 16.0) * (n / count - 0.5)
+        if n % 4 == 2:
+            site.add(f"lamp.square.{yaw}.{n}", "lamp", beside(edge, -1.1, at, 180.0), (0.16, 0.16, 4.6), arm=0.9)
+        elif n % 4 == 0 and site.chance(trees / 100, "rim", str(yaw), str(n)):
+            site.tree(f"tree.square.{yaw}.{n}", beside(edge, -1.1, at), 7.5)
+        else:
+            site.add(f"bollard.square.{yaw}.{n}", "bollard", beside(edge, -0.5, at), (0.2, 0.2, 0.9))
+
+
+def _cell(site: Site, name: str, middle: Pose, ring: int, trees: int) -> None:
+    """What stands in one cell of the lattice; nothing within 1.4 metres of its lines."""
+    stream = site.stream("cell", name)
+    toward = Pose(x=middle.x, y=middle.y, z=KERB, yaw=90.0 * stream.integer(0, 3))
+    draw = stream.unit()
+    if draw < (0.55 if ring == 0 else 0.3) * trees / 100:
+        site.tree(f"tree.cell.{name}", toward, 7.0, (0, 0, 2))
+        site.add(f"bench.cell.{name}", "bench", beside(toward, 1.1, 0.0), (0.5, 1.6, 0.85))
+    elif draw < 0.62:
+        site.keyed(f"planter.cell.{name}", "planter", toward, (1.2, 1.2, 0.9))
+        for n, out in enumerate((1.15, -1.15)):
+            if stream.unit() < 0.7:
+                bench = beside(toward, out, 0.0, 0.0 if out > 0 else 180.0)
+                site.add(f"bench.cell.{name}.{n}", "bench", bench, (0.5, 1.6, 0.85))
+    elif draw < 0.68 and ring == 0:
+        site.keyed(f"kiosk.cell.{name}", "kiosk", toward, (2.5, 3.0, 2.8))
+    elif draw < 0.74:
+        site.keyed(f"statue.cell.{name}", "statue", toward, (2.0, 2.0, 4.5))
+    elif draw < 0.85:
+        site.add(f"bench.cell.{name}", "bench", toward, (0.5, 1.6, 0.85))
+        site.add(f"bin.cell.{name}", "bin", beside(toward, 0.0, 1.25), (0.42, 0.42, 0.95))
+
+
+def _on_square(half: tuple[float, float]) -> Iterator[SpawnPoint]:
+    """Pedestrians in the middle between two nodes of the lattice, all over the square."""
+    columns, lanes = lines(half[0]), lines(half[1])
+    for i, x in enumerate(columns):
+        for j, (a, b) in enumerate(pairwise(lanes)):
+            yield SpawnPoint("pedestrian", Pose(x=x, y=(a + b) / 2, z=KERB, yaw=90 if (i + j) % 2 else 270))
+    for j, y in enumerate(lanes):
+        for i, (a, b) in enumerate(pairwise(columns)):
+            yield SpawnPoint("pedestrian", Pose(x=(a + b) / 2, y=y, z=KERB, yaw=0 if (i + j) % 2 else 180))

@@ -1,0 +1,105 @@
+"""Rows of town buildings along the sides of a block, and the yards between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+from recipe_compiler.ir.plan import Pose
+from recipe_compiler.ir.streams import Stream
+from recipe_compiler.library.towns.network import WALK, Block
+from recipe_compiler.library.towns.site import Site, beside
+
+DEPTH = 12.0  # of a building
+GAP = 9.0  # width of the yard between two buildings
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How a town builds: its storeys, its styles (each as often as it is listed), its roofs, its shops' share."""
+
+    storeys: tuple[int, int]
+    styles: tuple[int, ...] = (0, 0, 1, 1, 2, 3, 4, 5)
+    pitched: float = 0.25
+    shops: float = 0.65
+    awnings: float = 0.6
+    alike: bool = False  # as many storeys, as high, on all
+    yards: bool = True  # whether rows along y have a gap in their middle
+
+
+def row(site: Site, block: Block, yaw: int, manner: Manner) -> Pose | None:
+    """The buildings along one side of a block, and where a wall may close the gap in their middle.
+
+    Sides along y reach the corners; those along x fit between.
+    """
+    name = f"{block.name}.{yaw}"
+    front, length = block.side(yaw)
+    corners = yaw in (0, 180)
+    if not corners:
+        length -= 2 * DEPTH * (len(block.sides) > 1)
+    stream = site.stream("row", name)
+    gap = GAP if manner.yards and corners and length > 40 else 0.0
+    shift = stream.uniform(-3.0, 3.0)
+    runs = [(-length / 2, shift - gap / 2), (shift + gap / 2, length / 2)] if gap else [(-length / 2, length / 2)]
+    lots = []
+    for k, (start, end) in enumerate(runs):
+        for width in _widths(site.stream("row", name, str(k)), end - start):
+            lots.append((start + width / 2, width))
+            start += width
+    for n, (at, width) in enumerate(lots):
+        ends = (n == 0, n == len(lots) - 1)
+        pose = beside(front, 0.0, at)
+        _building(site, f"building.{name}.{n}", pose, width, manner, (corners and ends[1], corners and ends[0]))
+    if not gap:
+        return None
+    yard = beside(front, 0.0, shift)
+    site.tree(f"tree.{name}.yard", beside(yard, -4.0, site.stream("yard", name).uniform(-2.5, 2.5)), 8.0)
+    return yard
+
+
+def _widths(stream: Stream, length: float) -> list[float]:
+    """Widths of the buildings in a row, between 10 and 18 metres, on a grid of half metres."""
+    count = max(1, int(length / 13.5 + 0.5))
+    weights = [stream.uniform(0.8, 1.2) for _ in range(count)]
+    total = sum(weights)
+    cuts = [0.0]
+    for weight in weights[:-1]:
+        cuts.append(cuts[-1] + length * weight / total)
+    cuts = [int(2 * cut + 0.5) / 2 for cut in cuts] + [length]
+    return [b - a for a, b in pairwise(cuts)]
+
+
+def _building(site: Site, name: str, pose: Pose, width: float, manner: Manner, free: tuple[bool, bool]) -> None:
+    stream = site.stream(name)
+    low, high = manner.storeys
+    draw = stream.unit()
+    floors = (low + high) // 2 if manner.alike else low + int((high - low + 1) * draw * (0.4 + 0.6 * draw))
+    style = stream.choice(manner.styles)
+    storey, ground = stream.uniform(2.9, 3.3), stream.uniform(3.7, 4.3)
+    if manner.alike:
+        storey, ground = 3.4, 4.6
+    shop = 1 if stream.unit() < manner.shops else 0
+    site.add(
+        name,
+        "building",
+        pose,
+        (DEPTH, width, ground + floors * storey - storey),
+        floors=floors,
+        storey=storey,
+        ground=ground,
+        bays=max(3, int(width / stream.uniform(2.6, 3.3))),
+        style=style,
+        shop=shop,
+        awning=1 if shop and stream.unit() < manner.awnings else 0,
+        left=int(free[0]),
+        right=int(free[1]),
+        roof=1 if floors < 7 and style != 4 and stream.unit() < manner.pitched else 0,
+        key=stream.integer(0, 63),
+    )
+
+
+def close_yards(site: Site, yards: list[Pose]) -> None:
+    """Walls across the yards, counted outwards from wall.0, which is east of the middle of the main street."""
+    front = 3.0 + WALK
+    for n, pose in enumerate(sorted(yards, key=lambda p: (abs(p.x - front) + abs(p.y), p.x, p.y))):
+        site.add(f"wall.{n}", "wall", pose, (0.25, GAP, 2.6))

@@ -1,0 +1,212 @@
+"""A grid of streets: where its sidewalks lie, and ways through it.
+
+Streets along y stand at `xs`, streets along x at `ys`; where two meet is a junction. A street has two lanes and
+right-hand traffic, and may have parking bays along both kerbs. Sidewalks turn round every junction's four corners
+with the kerb's radius.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.plan import Point, Pose, fixed
+from recipe_compiler.ir.streams import Stream
+from recipe_compiler.library.towns.town import Span
+
+LANE = 3.0  # width; a street's carriageway is two of them
+BAY = 2.3  # width of the parking bays along a kerb
+KERB = 0.15  # height
+CORNER = 3.0  # radius of the kerb at a junction
+SIDE = 3.5  # from the kerb to the middle of the sidewalk, where people walk, and of the crossings
+STOP = SIDE + 2.5  # from the crossing street's kerb to the stop line
+
+Cell = tuple[int, int]  # a direction (one of the four), or a junction's indices
+XY = tuple[float, float]
+
+
+def _direction(yaw: float) -> Cell:
+    """The grid direction nearest to a yaw in degrees."""
+    s, c = exact.sin_cos_deg(yaw)
+    if abs(c) >= abs(s):
+        return (1 if c > 0 else -1, 0)
+    return (0, 1 if s > 0 else -1)
+
+
+def _right(d: Cell) -> Cell:
+    return d[1], -d[0]
+
+
+def _left(d: Cell) -> Cell:
+    return -d[1], d[0]
+
+
+def _arc(centre: XY, start: XY, end: XY, steps: int = 6) -> list[XY]:
+    """A quarter circle from `start` to `end`, whose radii are perpendicular; `start` left out."""
+    ax, ay = start[0] - centre[0], start[1] - centre[1]
+    bx, by = end[0] - centre[0], end[1] - centre[1]
+    points = []
+    for k in range(1, steps + 1):
+        s, c = exact.sin_cos_deg(90.0 * k / steps)
+        points.append((centre[0] + c * ax + s * bx, centre[1] + c * ay + s * by))
+    return points
+
+
+def cut(start: XY, points: list[XY], length: float) -> tuple[Point, ...]:
+    """The way from `start` through `points`, ended at that length."""
+    route: list[Point] = []
+    at, left = start, length
+    for point in points:
+        dx, dy = point[0] - at[0], point[1] - at[1]
+        step = math.sqrt(dx * dx + dy * dy)
+        if step < 1e-6:
+            continue
+        if step >= left:
+            route.append(Point(x=at[0] + dx * left / step, y=at[1] + dy * left / step))
+            return tuple(route)
+        route.append(Point(x=point[0], y=point[1]))
+        at, left = point, left - step
+    return tuple(route)
+
+
+class _Way:
+    """A way as it grows, and its length in metres."""
+
+    def __init__(self, start: Pose) -> None:
+        self.points: list[XY] = []
+        self.length = 0.0
+        self._at = (start.x, start.y)
+
+    def extend(self, points: list[XY]) -> None:
+        """Go on to these points."""
+        for point in points:
+            dx, dy = point[0] - self._at[0], point[1] - self._at[1]
+            self.length += math.sqrt(dx * dx + dy * dy)
+            self._at = point
+        self.points += points
+
+
+@dataclass(frozen=True)
+class StreetGrid:
+    """Streets along y at `xs` and along x at `ys`, ascending, in metres; `bays` are the widths of their parking."""
+
+    xs: tuple[float, ...]
+    ys: tuple[float, ...]
+    bays_x: tuple[float, ...]  # of the streets at xs
+    bays_y: tuple[float, ...]
+    edge: float  # how far the sidewalks beyond the outermost streets reach from their centres
+
+    @property
+    def bounds(self) -> tuple[Span, Span]:
+        """What the town spans along x and along y."""
+        return (
+            (self.xs[0] - self.edge, self.xs[-1] + self.edge),
+            (self.ys[0] - self.edge, self.ys[-1] + self.edge),
+        )
+
+    def kerb_x(self, i: int) -> float:
+        """From the centre of a street along y to its kerbs."""
+        return LANE + self.bays_x[i]
+
+    def kerb_y(self, j: int) -> float:
+        """From the centre of a street along x to its kerbs."""
+        return LANE + self.bays_y[j]
+
+    def reach(self, junction: Cell) -> XY:
+        """From a junction's centre to where its streets become straight, along x and along y."""
+        return self.kerb_x(junction[0]) + CORNER, self.kerb_y(junction[1]) + CORNER
+
+    def ground(self, x: float, y: float) -> float:
+        """Height of the ground in metres."""
+        (x0, x1), (y0, y1) = self.bounds
+        if not (x0 < x < x1 and y0 < y < y1):
+            return 0.0
+        in_x = min(abs(x - s) - self.kerb_x(i) for i, s in enumerate(self.xs))
+        in_y = min(abs(y - s) - self.kerb_y(j) for j, s in enumerate(self.ys))
+        if in_x <= 0.0 or in_y <= 0.0:
+            return 0.0
+        ax, ay = CORNER - in_x, CORNER - in_y
+        if ax > 0.0 and ay > 0.0 and ax * ax + ay * ay > CORNER * CORNER:
+            return 0.0
+        return KERB
+
+    def exists(self, junction: Cell) -> bool:
+        """Whether the grid has that junction."""
+        return 0 <= junction[0] < len(self.xs) and 0 <= junction[1] < len(self.ys)
+
+    def centre(self, junction: Cell) -> XY:
+        """A junction's centre."""
+        return self.xs[junction[0]], self.ys[junction[1]]
+
+    def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
+        """A way along the lanes: straight on, right or left at each junction, as drawn."""
+        d, junction = self._lane_ahead(start)
+        way = _Way(start)
+        while self.exists(junction) and len(way.points) < 10_000:
+            turns = [t for t in (d, _right(d), _left(d)) if self.exists((junction[0] + t[0], junction[1] + t[1]))]
+            new = stream.choice(turns) if turns else d
+            way.extend(self._through(junction, d, new))
+            d, junction = new, (junction[0] + new[0], junction[1] + new[1])
+            if not turns or way.length >= length_m:
+                break
+        return cut((start.x, start.y), way.points, length_m)
+
+    def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
+        """A way along the sidewalks: at each corner over a crossing or round the corner, as drawn."""
+        d, junction = self._lane_ahead(start)
+        offset = stream.uniform(-0.9, 0.9)
+        cx, cy = self.centre(junction)
+        corner = (-d[0] or (1 if start.x > cx else -1), -d[1] or (1 if start.y > cy else -1))
+        way = _Way(start)
+        way.extend([self._corner(junction, corner, offset)])
+        while way.length < length_m and len(way.points) < 1_000:
+            steps = self._steps(junction, corner)
+            back = (-d[0], -d[1])
+            d = stream.choice([s for s in steps if s != back] or steps)
+            if (corner[0] * d[0] + corner[1] * d[1]) < 0:  # the street lies that way: cross it
+                corner = (corner[0] + 2 * d[0], corner[1] + 2 * d[1])
+            else:
+                junction = (junction[0] + d[0], junction[1] + d[1])
+                corner = (corner[0] - 2 * d[0], corner[1] - 2 * d[1])
+            way.extend([self._corner(junction, corner, offset)])
+        return cut((start.x, start.y), way.points, length_m)
+
+    def _lane_ahead(self, start: Pose) -> tuple[Cell, Cell]:
+        """The direction of travel along the nearest street, and the junction ahead."""
+        i = min(range(len(self.xs)), key=lambda k: abs(start.x - self.xs[k]))
+        j = min(range(len(self.ys)), key=lambda k: abs(start.y - self.ys[k]))
+        along_y = abs(start.x - self.xs[i]) <= abs(start.y - self.ys[j])
+        d = _direction(start.yaw)
+        if along_y:
+            d = (0, d[1] or (1 if exact.sin_deg(start.yaw) >= 0 else -1))
+            ahead = [k for k in range(len(self.ys)) if (self.ys[k] - start.y) * d[1] > self.kerb_y(k) + CORNER]
+            return (d, (i, ahead[0] if d[1] > 0 else ahead[-1])) if ahead else ((0, -d[1]), (i, j))
+        d = (d[0] or (1 if exact.cos_deg(start.yaw) >= 0 else -1), 0)
+        ahead = [k for k in range(len(self.xs)) if (self.xs[k] - start.x) * d[0] > self.kerb_x(k) + CORNER]
+        return (d, (ahead[0] if d[0] > 0 else ahead[-1], j)) if ahead else ((-d[0], 0), (i, j))
+
+    def _through(self, junction: Cell, d: Cell, new: Cell) -> list[XY]:
+        """Waypoints through a junction, from heading `d` to heading `new`."""
+        (cx, cy), (tx, ty) = self.centre(junction), self.reach(junction)
+
+        def lane(heading: Cell, sign: int) -> XY:
+            r, along = _right(heading), sign * (tx if heading[0] else ty)
+            return cx + along * heading[0] + 0.5 * LANE * r[0], cy + along * heading[1] + 0.5 * LANE * r[1]
+
+        first, last = lane(d, -1), lane(new, 1)
+        if new == d:
+            return [first, last]
+        pivot = (cx + tx * (new[0] - d[0]), cy + ty * (new[1] - d[1]))
+        return [first, *_arc(pivot, first, last)]
+
+    def _corner(self, junction: Cell, corner: Cell, offset: float) -> XY:
+        cx, cy = self.centre(junction)
+        x, y = self.kerb_x(junction[0]) + SIDE + offset, self.kerb_y(junction[1]) + SIDE + offset
+        return fixed(cx + corner[0] * x), fixed(cy + corner[1] * y)
+
+    def _steps(self, junction: Cell, corner: Cell) -> list[Cell]:
+        """Directions in which one can leave a corner: over either street, or along to the next junction."""
+        crossings = [(-corner[0], 0), (0, -corner[1])]
+        along = [(corner[0], 0), (0, corner[1])]
+        return crossings + [a for a in along if self.exists((junction[0] + a[0], junction[1] + a[1]))]

@@ -1,0 +1,126 @@
+"""Starts from which an actor gets nowhere: inside a building, or in a yard with buildings and walls all round."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.ir.plan import ActorPlan, Element
+from recipe_compiler.library.towns import Town
+from recipe_compiler.source.yaml_reader import Value
+
+_BUILDINGS = ("building", "house", "tower")
+_BEHIND = ("building", "house", "wall")  # elements whose pose is the middle of their front
+_AROUND = ("fence", "guardrail", "hedge", "tower")  # elements whose pose is their middle
+_CELL = 0.5  # metres
+_REACH = 40.0  # metres; who gets so far is not enclosed
+_REMEDY = "move it to a lane or a sidewalk, as a map of the town shows them"
+
+Cell = tuple[int, int]
+
+
+def of_enclosed_starts(
+    base: Value, actors: Sequence[ActorPlan], routed: Collection[str], town: Town
+) -> Iterator[Problem]:
+    """Warnings of starts inside a building, and of starts in a yard that the actor cannot leave.
+
+    Args:
+        base: The recipe's base, for the places of its values.
+        actors: Those whose start the recipe gives.
+        routed: Names of those whose way the recipe gives too; they may stay within a yard.
+        town: Where they are.
+    """
+    ground = _Ground(town) if actors else None
+    for actor in actors:
+        assert ground is not None
+        x, y = actor.start.x, actor.start.y
+        house = ground.building(x, y)
+        if house is not None:
+            what = f"it is inside {house}"
+        else:
+            yard = ground.yard(x, y)
+            if not yard or (actor.name in routed and all(_cell(p.x, p.y) in yard for p in actor.route)):
+                continue
+            what = "it is in a yard that it cannot leave, with buildings and walls all round"
+        place = base.place_of("actors", actor.name, "start")
+        yield Problem(f"actors.{actor.name}.start: {what}", place, _REMEDY, Code.PLACEMENT)
+
+
+@dataclass(frozen=True)
+class _Obstacle:
+    """The ground plan of what nobody walks through: a rectangle about its middle, in metres."""
+
+    name: str
+    building: bool
+    x: float
+    y: float
+    cos: float
+    sin: float
+    depth: float  # half of it
+    width: float  # half of it
+
+    @classmethod
+    def of(cls, element: Element) -> _Obstacle:
+        """The ground plan of an element."""
+        s, c = exact.sin_cos_deg(element.pose.yaw)
+        depth, width = element.size[0] / 2, element.size[1] / 2
+        back = depth if element.kind in _BEHIND else 0.0
+        x, y = element.pose.x - c * back, element.pose.y - s * back
+        return cls(element.name, element.kind in _BUILDINGS, x, y, c, s, depth, width)
+
+    def covers(self, x: float, y: float, margin: float = 0.0) -> bool:
+        """Whether the ground plan, wider by a margin on all sides, holds a point."""
+        dx, dy, reach = x - self.x, y - self.y, self.depth + self.width + margin
+        if abs(dx) > reach or abs(dy) > reach:
+            return False
+        along, aside = self.cos * dx + self.sin * dy, self.cos * dy - self.sin * dx
+        return abs(along) < self.depth + margin and abs(aside) < self.width + margin
+
+
+class _Ground:
+    """A town's ground, in square cells, and what stands on it."""
+
+    def __init__(self, town: Town) -> None:
+        kinds = (*_BEHIND, *_AROUND)
+        self._obstacles = [_Obstacle.of(e) for e in town.plan.elements if e.kind in kinds]
+        self._spots = {_cell(point.pose.x, point.pose.y) for point in town.spawn_points}
+        self._yards: list[set[Cell]] = []  # found so far
+        self._open: set[Cell] = set()  # cells that are known to lead out
+
+    def building(self, x: float, y: float) -> str | None:
+        """The name of the building over a point."""
+        return next((o.name for o in self._obstacles if o.building and o.covers(x, y)), None)
+
+    def yard(self, x: float, y: float) -> set[Cell]:
+        """All cells that can be reached from a point; empty if one of them is a lane's, a sidewalk's or far away."""
+        start = _cell(x, y)
+        for yard in self._yards:
+            if start in yard:
+                return yard
+        near = [o for o in self._obstacles if max(abs(o.x - x), abs(o.y - y)) < 2 * _REACH]
+        most, seen, edge = int(_REACH / _CELL), {start}, deque([start])
+        while edge:
+            i, j = edge.popleft()
+            if (i, j) in self._spots or (i, j) in self._open or max(abs(i - start[0]), abs(j - start[1])) > most:
+                self._open |= seen
+                return set()
+            for cell in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+                if cell not in seen and not _blocked(near, cell):
+                    seen.add(cell)
+                    edge.append(cell)
+        self._yards.append(seen)
+        return seen
+
+
+def _cell(x: float, y: float) -> Cell:
+    return math.floor(x / _CELL), math.floor(y / _CELL)
+
+
+def _blocked(obstacles: Sequence[_Obstacle], cell: Cell) -> bool:
+    """Whether an obstacle is over a cell's middle, or so near that nobody passes."""
+    x, y = (cell[0] + 0.5) * _CELL, (cell[1] + 0.5) * _CELL
+    return any(o.covers(x, y, _CELL / 2) for o in obstacles)

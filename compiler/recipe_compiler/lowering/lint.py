@@ -1,0 +1,109 @@
+"""What a recipe may mean, but hardly does: bodies in one another or far from the town, cameras in ground or walls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.ir.plan import ActorPlan, Element, Pose, RigPlan
+from recipe_compiler.library.towns import Town
+from recipe_compiler.source.yaml_reader import Value
+
+FAR = 100.0  # metres beyond the town's outermost sidewalks
+_SHOULDER = 0.25  # metres, half a pedestrian's width
+
+Disc = tuple[float, float, float]  # x, y, radius
+
+
+def of_starts(base: Value, actors: Sequence[ActorPlan], town: Town) -> Iterator[Problem]:
+    """Warnings of starts that the recipe gives: one that overlaps an earlier one, one far from the town."""
+    (x0, x1), (y0, y1) = town.streets.bounds
+    before: list[tuple[str, list[Disc]]] = []
+    for actor in actors:
+        place = base.place_of("actors", actor.name, "start")
+        x, y = actor.start.x, actor.start.y
+        if max(x0 - x, x - x1, y0 - y, y - y1) > FAR:
+            spans = f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g}"
+            message = f"actors.{actor.name}.start: far outside the town, which spans {spans}"
+            yield Problem(message, place, "move it into the town", Code.PLACEMENT)
+        discs = _discs(actor)
+        other = next((name for name, theirs in before if _touch(discs, theirs)), None)
+        if other is not None:
+            message = f"actors.{actor.name}.start: its body is in that of {other}"
+            yield Problem(message, place, "move one of the two", Code.PLACEMENT)
+        before.append((actor.name, discs))
+
+
+def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
+    """Warnings of cameras that are, at any frame, at or below the ground (on an actor: its feet or wheels).
+
+    Or that see a house from within: nobody lives there, and its walls are all that is seen.
+    """
+    houses = [element for element in town.plan.elements if element.kind in ("building", "house")]
+    for sensor in rig.sensors:
+        poses = [] if sensor.on is not None else sensor.poses
+        near = _about(houses, poses)
+        inside = ((n, house) for n, pose in enumerate(poses) for house in near if _within(house, pose))
+        frame, house = next(inside, (0, None))
+        if house is not None:
+            when = f" at frame {frame}" if frame else ""
+            message = f"sensors.{sensor.name}: it is inside {house.name}{when}, and sees its walls from within"
+            place = base.place_of("sensors", sensor.name, "mount")
+            yield Problem(message, place, "move the mount", Code.PLACEMENT)
+        for frame, pose in enumerate(sensor.poses):
+            ground = town.ground(pose.x, pose.y) if sensor.on is None else 0.0
+            if pose.z <= ground:
+                when = f" at frame {frame}" if frame else ""
+                what = "the ground" if sensor.on is None else f"{sensor.on}'s feet"
+                message = f"sensors.{sensor.name}: z is {pose.z:g}{when}, not above {what}, which is at {ground:g}"
+                place = base.place_of("sensors", sensor.name, "mount", "z")
+                yield Problem(message, place, "raise the mount", Code.PLACEMENT)
+                break
+
+
+def _about(houses: Sequence[Element], poses: Sequence[Pose]) -> list[Element]:
+    """The houses that a way may lead into: those whose surroundings meet the box about all of it."""
+    if not poses:
+        return []
+    west, east = min(pose.x for pose in poses), max(pose.x for pose in poses)
+    south, north = min(pose.y for pose in poses), max(pose.y for pose in poses)
+
+    def meets(house: Element) -> bool:
+        reach = house.size[0] + house.size[1]
+        x, y = house.pose.x, house.pose.y
+        return west - reach < x < east + reach and south - reach < y < north + reach
+
+    return [house for house in houses if meets(house)]
+
+
+def _within(house: Element, pose: Pose) -> bool:
+    """Whether a pose is inside a building, which stands behind the middle of its front, below the eaves."""
+    depth, width, height = house.size
+    dx, dy, up = pose.x - house.pose.x, pose.y - house.pose.y, pose.z - house.pose.z
+    if abs(dx) + abs(dy) > depth + width or not 0.0 < up < height:
+        return False
+    s, c = exact.sin_cos_deg(house.pose.yaw)
+    x, y = c * dx + s * dy, c * dy - s * dx
+    return -depth < x < 0.0 and abs(y) < width / 2
+
+
+def _discs(actor: ActorPlan) -> list[Disc]:
+    """The ground that a body covers, as discs in a row along it."""
+    x, y = actor.start.x, actor.start.y
+    if actor.category == "pedestrian":
+        return [(x, y, _SHOULDER)]
+    radius, length = actor.shape["width"] / 2, actor.shape["length"]
+    count = max(2, math.ceil(length / (2 * radius)))
+    s, c = exact.sin_cos_deg(actor.start.yaw)
+    at = [(length / 2 - radius) * (2 * k / (count - 1) - 1) for k in range(count)]
+    return [(x + c * a, y + s * a, radius) for a in at]
+
+
+def _touch(one: Sequence[Disc], other: Sequence[Disc]) -> bool:
+    ax, ay, _ = one[0]
+    bx, by, _ = other[0]
+    if abs(ax - bx) > 25.0 or abs(ay - by) > 25.0:  # longer than two buses
+        return False
+    return any((x - u) * (x - u) + (y - v) * (y - v) < (r + q) * (r + q) for x, y, r in one for u, v, q in other)

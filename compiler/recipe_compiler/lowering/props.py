@@ -1,0 +1,142 @@
+"""Props: from what a recipe says of them to bodies that stand in the scene, their colours and their images."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.ir.plan import Pose, PropPlan, TexturePlan
+from recipe_compiler.library.towns import Town
+from recipe_compiler.lowering.asset_files import Brought
+from recipe_compiler.schema.messages import nearest
+from recipe_compiler.schema.models import Prop
+from recipe_compiler.source.yaml_reader import Value, show
+
+PREFIX = "prop."  # so that no prop is taken for an actor or a thing of the town
+BOARD_THICKNESS = 0.02  # metres
+_BOARD_LOOK = {"face": "#909090", "back": "#b8b0a0"}
+_WHITE = "#ffffff"
+_SIZES = (0.001, 1000.0)  # metres; the smallest and the largest that a prop may be
+_TRIANGLES = 4_000_000  # of all props of a scene
+_TAGS = {
+    "Buildings": 3, "Walls": 4, "Fences": 5, "Poles": 6, "TrafficLight": 7, "TrafficSigns": 8, "Vegetation": 9,
+    "Static": 20, "Dynamic": 21, "Other": 22, "Bridge": 26, "GuardRail": 28,
+}  # fmt: skip
+
+Corner = tuple[float, float, float]
+
+
+@dataclass
+class Stage:
+    """The props of a scene, with their colours and images by body and slot, and what is wrong with them."""
+
+    plans: tuple[PropPlan, ...] = ()
+    looks: dict[str, dict[str, str]] = field(default_factory=dict)
+    textures: dict[str, dict[str, TexturePlan]] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+
+
+def lower(props: Mapping[str, Prop], assets: Mapping[str, Brought], base: Value, town: Town) -> Stage:
+    """All props, in file order. `base` is the variant's, for the places of what is wrong."""
+    stage, triangles = Stage(), 0
+    for name, prop in props.items():
+        mesh = assets[prop.asset] if prop.asset is not None else None
+        triangles += mesh.triangles if mesh else 4
+        if triangles > _TRIANGLES:
+            message = f"props: {triangles} triangles up to here are more than the most allowed, {_TRIANGLES}"
+            remedy, place = "bring fewer or simpler meshes", base.place_of("props", name)
+            stage.problems.append(Problem(message, place, remedy, Code.INPUT_LIMIT))
+            break
+        wrong = [*_wrong_size(name, prop, mesh, base), *_wrong_slots(name, prop, mesh, base)]
+        stage.problems += wrong
+        if not wrong:
+            stage.plans += (_plan(name, prop, mesh, town),)
+            stage.looks[PREFIX + name] = _look(prop, mesh)
+            textures = _textures(prop, mesh, assets)
+            if textures:
+                stage.textures[PREFIX + name] = textures
+    return stage
+
+
+def _plan(name: str, prop: Prop, mesh: Brought | None, town: Town) -> PropPlan:
+    low, high = _box(prop, mesh)
+    at = prop.at
+    z = town.ground(at.x, at.y) - _lowest(low, high, at.pitch, at.roll) if at.z is None else at.z
+    return PropPlan(
+        name=PREFIX + name,
+        mesh=mesh.file if mesh else None,
+        up="y" if mesh and mesh.up == "y" else "z",
+        scale=prop.scale if mesh else 1.0,
+        pose=Pose(x=at.x, y=at.y, z=z, yaw=at.yaw, pitch=at.pitch, roll=at.roll),
+        tag=_TAGS[prop.tag],
+        low=low,
+        high=high,
+    )
+
+
+def _box(prop: Prop, mesh: Brought | None) -> tuple[Corner, Corner]:
+    """A prop's box in its own frame, in metres."""
+    if mesh is None:
+        assert prop.size is not None
+        half, depth = prop.size.width / 2, BOARD_THICKNESS / 2
+        return (-depth, -half, 0.0), (depth, half, prop.size.height)
+    s = prop.scale
+    return (mesh.low[0] * s, mesh.low[1] * s, mesh.low[2] * s), (mesh.high[0] * s, mesh.high[1] * s, mesh.high[2] * s)
+
+
+def _lowest(low: Corner, high: Corner, pitch: float, roll: float) -> float:
+    """The height of a box's lowest corner over its origin, tilted."""
+    sp, cp = exact.sin_cos_deg(pitch)
+    sr, cr = exact.sin_cos_deg(roll)
+    corners = itertools.product(*zip(low, high, strict=True))
+    return min(-sp * x + cp * sr * y + cp * cr * z for x, y, z in corners)
+
+
+def _look(prop: Prop, mesh: Brought | None) -> dict[str, str]:
+    own = {slot: material.colour for slot, material in mesh.materials.items()} if mesh else dict(_BOARD_LOOK)
+    if prop.image is not None:  # seen as it is, unless `look` says otherwise
+        own |= dict.fromkeys(_imaged(mesh), _WHITE)
+    own |= {slot: colour.lower() for slot, colour in prop.look.items()}
+    return dict(sorted(own.items()))
+
+
+def _textures(prop: Prop, mesh: Brought | None, assets: Mapping[str, Brought]) -> dict[str, TexturePlan]:
+    if prop.image is not None:
+        texture = TexturePlan(file=assets[prop.image].file, repeat=mesh is not None)
+        return dict.fromkeys(sorted(_imaged(mesh)), texture)
+    return {
+        slot: TexturePlan(file=mesh.file, number=material.picture, repeat=material.repeat)
+        for slot, material in sorted(mesh.materials.items() if mesh else ())
+        if mesh is not None and material.picture is not None
+    }
+
+
+def _imaged(mesh: Brought | None) -> list[str]:
+    """The slots that an image is laid on."""
+    return ["face"] if mesh is None else [slot for slot, material in mesh.materials.items() if material.mapped]
+
+
+def _wrong_size(name: str, prop: Prop, mesh: Brought | None, base: Value) -> Iterator[Problem]:
+    low, high = _box(prop, mesh)
+    largest = max(b - a for a, b in zip(low, high, strict=True))
+    if not _SIZES[0] <= largest <= _SIZES[1]:
+        message = f"props.{name}: is {largest:.4g} m large, not between {_SIZES[0]:g} and {_SIZES[1]:g} m"
+        yield Problem(message, base.place_of("props", name, "scale"), "set `scale`", Code.OUT_OF_RANGE)
+    elif max(abs(v) for v in (*low, *high)) > 10 * _SIZES[1]:
+        message = f"props.{name}: lies {max(map(abs, (*low, *high))):.3g} m from its origin"
+        yield Problem(message, base.place_of("props", name, "asset"), "centre it in its file", Code.INVALID_ASSET)
+
+
+def _wrong_slots(name: str, prop: Prop, mesh: Brought | None, base: Value) -> Iterator[Problem]:
+    slots = list(mesh.materials) if mesh else list(_BOARD_LOOK)
+    parent = base.get("props", name, "look")
+    for slot in prop.look:
+        if slot not in slots and parent:
+            message = f"props.{name}.look: {prop.asset or 'a board'} has no {show(slot)}"
+            yield Problem(message, parent.key_place(slot), nearest(slot, slots), Code.UNKNOWN_NAME)
+    if prop.image is not None and not _imaged(mesh):
+        message = f"props.{name}.image: the mesh {show(prop.asset)} has no texture coordinates"
+        yield Problem(message, base.place_of("props", name, "image"), "export it with them", Code.INVALID_ASSET)

@@ -1,0 +1,80 @@
+"""The language as a JSON Schema, for editors: completion, descriptions and ranges while a recipe is written."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+from recipe_compiler.library import weather
+from recipe_compiler.schema.models import NAME, Base, Recipe
+from recipe_compiler.source.yaml_reader import parse
+
+_SHORTHANDS = {"Town": "name", "Weather": "preset"}
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema (2020-12) of a recipe file. Deltas take any part of a base, and null to remove it."""
+    schema = Recipe.model_json_schema(ref_template="#/$defs/{model}")
+    base = Base.model_json_schema(ref_template="#/$defs/{model}")
+    definitions = {**schema.pop("$defs", {}), **base.pop("$defs", {}), "Base": base}
+    definitions["Weather"]["properties"]["preset"]["enum"] = list(weather.PRESETS)
+    definitions |= {f"Partial{name}": _partial(definition) for name, definition in definitions.items()}
+    for name, key in _SHORTHANDS.items():
+        for kind in (name, f"Partial{name}"):
+            whole = definitions[kind]
+            definitions[kind] = {"anyOf": [whole, whole["properties"][key]], "description": whole["description"]}
+    axis = {
+        "type": "object",
+        "propertyNames": {"pattern": NAME},
+        "additionalProperties": {"$ref": "#/$defs/PartialBase"},
+        "minProperties": 1,
+    }
+    schema["properties"] |= {
+        "base": {"$ref": "#/$defs/Base"},
+        "deltas": {
+            "type": "object",
+            "description": "Axis -> value -> what it changes in the base; null removes.",
+            "propertyNames": {"pattern": NAME},
+            "additionalProperties": axis,
+        },
+    }
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "A recipe of a dataset"
+    schema["description"] = "What a recipe file may hold. A file that others extend may leave anything out."
+    schema["$defs"] = dict(sorted(definitions.items()))
+    return schema
+
+
+def _partial(definition: dict[str, Any]) -> dict[str, Any]:
+    """The same with nothing required, every value removable by null, and every map below it partial too."""
+    partial = copy.deepcopy(definition)
+    partial.pop("required", None)
+    for key, value in partial.get("properties", {}).items():
+        value.pop("default", None)
+        partial["properties"][key] = {"anyOf": [_redirected(value), {"type": "null"}], **_description(value)}
+    return partial
+
+
+def _description(value: dict[str, Any]) -> dict[str, Any]:
+    return {"description": value["description"]} if "description" in value else {}
+
+
+def _redirected(value: Any) -> Any:
+    if isinstance(value, dict):
+        changed = {k: _redirected(v) for k, v in value.items() if k not in {"minProperties"}}
+        if "$ref" in changed:
+            changed["$ref"] = changed["$ref"].replace("#/$defs/", "#/$defs/Partial")
+        for pattern, named in changed.get("patternProperties", {}).items():  # null removes a named thing
+            changed["patternProperties"][pattern] = {"anyOf": [named, {"type": "null"}]}
+        return changed
+    return [_redirected(item) for item in value] if isinstance(value, list) else value
+
+
+def template(name: str) -> str:
+    """The text of a new recipe of that name: commented, complete, good to edit."""
+    text = (Path(__file__).parent / "template.yaml").read_text(encoding="utf-8")
+    plain, problems = parse(f"recipe: {name}\n".encode(), "")
+    bare = plain is not None and not problems and plain.plain == {"recipe": name}  # not so `no`, or `12`
+    return text.replace("recipe: my_dataset  ", f"recipe: {name if bare else json.dumps(name)} ".ljust(20))

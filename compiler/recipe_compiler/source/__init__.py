@@ -1,0 +1,1 @@
+"""Recipe text to values with positions: YAML, `extends` and deltas."""

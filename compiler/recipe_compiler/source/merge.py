@@ -1,0 +1,238 @@
+"""`extends` and deltas: JSON merge patches (RFC 7386) over values that keep their places.
+
+A map is merged into what is there, anything else replaces it whole, `null` removes. So a merged value's place is
+that of the file and line that set it. Files are read from the root recipe's own folder and below it, nowhere else.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+
+from recipe_compiler.ir.bounded_reads import read_regular
+from recipe_compiler.ir.errors import Code, Place, Problem
+from recipe_compiler.source import yaml_reader
+from recipe_compiler.source.yaml_reader import Value, show
+
+MAX_CHAIN = 16
+_MAX_NAMES = 2000  # of a folder's files, those that a misspelt name is compared with
+
+# A bare word here stands for a map with one entry: `weather: ClearNoon` for `{preset: ClearNoon}`.
+SHORTHANDS = {"weather": "preset", "town": "name"}
+
+
+class Merger:
+    """Merges patches, and gives the same object for the same two objects, so that sharing shows by identity."""
+
+    def __init__(self) -> None:
+        self._merged: dict[tuple[int, int], tuple[Value, Value, Value]] = {}
+
+    def merge(self, target: Value, patch: Value) -> Value:
+        """The target with the patch laid over it; the very target if the patch changes nothing."""
+        if not isinstance(patch.data, dict):
+            return patch
+        if not isinstance(target.data, dict):
+            target = Value({}, patch.place)
+        known = self._merged.get((id(target), id(patch)))
+        if known:
+            return known[2]
+        result = self._merge_maps(target, patch)
+        self._merged[id(target), id(patch)] = (target, patch, result)  # holding them keeps their ids theirs
+        return result
+
+    def _merge_maps(self, target: Value, patch: Value) -> Value:
+        entries, keys, changed = dict(target.map), dict(target.keys), False
+        for key, value in patch.map.items():
+            if value.data is None:
+                changed |= entries.pop(key, None) is not None
+                keys[key] = patch.key_place(key)  # so that an error of its absence points here
+                continue
+            before = entries.get(key)
+            after = self.merge(before if before is not None else Value({}, value.place), value)
+            if before is None or after is not before:
+                entries[key], changed = after, True
+                keys.setdefault(key, patch.key_place(key))
+                if before is not None and not isinstance(value.data, dict):
+                    keys[key] = patch.key_place(key)
+        return Value(entries, target.place, keys) if changed else target
+
+
+def expand_shorthands(base: Value) -> Value:
+    """A base with its shorthands written out; the very same if it has none."""
+    entries = dict(base.map)
+    for key, name in SHORTHANDS.items():
+        value = entries.get(key)
+        if value is not None and isinstance(value.data, str):
+            entries[key] = Value({name: value}, value.place, {name: value.place})
+    return base if all(entries[k] is base.map[k] for k in entries) else Value(entries, base.place, base.keys)
+
+
+@dataclass
+class Sources:
+    """The files of a recipe: merged root value, digest of each file's bytes, and what was wrong in reading them."""
+
+    root: Value | None = None
+    files: dict[str, str] = field(default_factory=dict)
+    lines: dict[str, list[str]] = field(default_factory=dict)  # of each file by its path in messages
+    problems: list[Problem] = field(default_factory=list)
+
+
+def read(path: Path) -> Sources:
+    """A recipe file and all that it extends, merged, each file read once and hashed as read."""
+    sources, merger, folder = Sources(), Merger(), path.parent
+    layers: list[Value] = []
+    name: str | None = path.name
+    place: Place | None = None
+    seen: list[str] = []
+    while name is not None:
+        if len(seen) >= MAX_CHAIN:
+            message, remedy = (
+                f"extends: {len(seen) + 1} files in the chain, the limit is {MAX_CHAIN}",
+                "join some of the files",
+            )
+            _report(sources, message, place, remedy, Code.INPUT_LIMIT)
+            return sources
+        value = _read_one(folder, name, place, sources)
+        if value is None:
+            return sources
+        seen.append(name)
+        layers.append(
+            value if len(seen) == 1 else _without(value, "recipe", "extends")
+        )  # a name is the root file's own
+        name, place = _next(folder, name, value, seen, sources)
+    merged = layers.pop()
+    while layers:
+        merged = _lay_over(merged, layers.pop(), merger)
+    sources.root = merged
+    return sources
+
+
+def _lay_over(below: Value, above: Value, merger: Merger) -> Value:
+    base = below.get("base")
+    if base is not None:
+        below = Value({**below.map, "base": expand_shorthands(base)}, below.place, below.keys)
+    merged = merger.merge(below, above)
+    entries = dict(merged.map)
+    patches = below.get("deltas"), above.get("deltas")
+    if patches[1] is not None and patches[1].data is not None:
+        entries["deltas"] = _joined(patches[0], patches[1])
+    return Value(entries, above.place, {**merged.keys, **above.keys})
+
+
+def _joined(below: Value | None, above: Value, depth: int = 0) -> Value:
+    """Deltas laid over deltas. They are patches themselves: a null in one is kept, for it removes from the base.
+
+    A null for a whole axis, or for one of its values, removes that.
+    """
+    if not isinstance(above.data, dict):
+        return above
+    entries, keys = (dict(below.map), dict(below.keys)) if below is not None else ({}, {})
+    for key, value in above.map.items():
+        keys[key] = above.key_place(key)
+        if depth < 2 and value.data is None:
+            entries.pop(key, None)
+        else:
+            entries[key] = _joined(entries.get(key), value, depth + 1)
+    return Value(entries, above.place, keys)
+
+
+def _without(value: Value, *keys: str) -> Value:
+    return Value({key: item for key, item in value.map.items() if key not in keys}, value.place, value.keys)
+
+
+def _report(
+    sources: Sources, message: str, place: Place | None, help: str | None = None, code: Code = Code.UNREADABLE_FILE
+) -> None:
+    sources.problems.append(Problem(message, place, help, code))
+
+
+def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) -> Value | None:
+    path = folder / name
+    try:
+        content = read_regular(path, yaml_reader.MAX_BYTES)
+    except FileNotFoundError:
+        where = _label(name, place) if place else f"{path}: "
+        remedy = "paths are relative to this file" if place else "`recipe init` writes a recipe"
+        _report(sources, f"{where}there is no such file", place, nearest_file(path) or remedy, Code.FILE_NOT_FOUND)
+        return None
+    except (OSError, ValueError) as error:
+        cause = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        _report(
+            sources,
+            f"{_label(name, place) if place else f'{path}: '}cannot be read: {cause}",
+            place,
+            "name a recipe file that you may read",
+        )
+        return None
+    sources.files[name] = hashlib.sha256(content).hexdigest()
+    shown = yaml_reader.printable(str(path))
+    sources.lines[shown] = yaml_reader.lines(content)
+    value, problems = yaml_reader.parse(content, shown)
+    sources.problems += problems
+    if value is not None and not isinstance(value.data, dict):
+        message = f"a recipe is a map, and this is {_kind(value)}"
+        _report(sources, message, value.place, "start with the line `recipe: its_name`", Code.INVALID_VALUE)
+        return None
+    return value
+
+
+def nearest_file(path: Path) -> str | None:
+    """A remedy for a path that leads to no file: the file beside it whose name is nearest, if one is near."""
+    try:
+        names = [entry.name for entry in sorted(path.parent.iterdir())[:_MAX_NAMES] if entry.is_file()]
+    except (OSError, ValueError):
+        return None
+    alike = [name for name in names if Path(name).suffix == path.suffix or Path(name).stem == path.stem]
+    close = difflib.get_close_matches(path.name[:100], alike, n=1, cutoff=0.75)
+    return f"did you mean {show(close[0])}?" if close else None
+
+
+def _label(name: str, place: Place | None) -> str:
+    return f"extends: {show(name)}: " if place else ""
+
+
+def _kind(value: Value) -> str:
+    return "a list" if isinstance(value.data, tuple) else f"the value {show(value.plain)}"
+
+
+def _next(folder: Path, name: str, value: Value, seen: list[str], sources: Sources) -> tuple[str | None, Place | None]:
+    """The file that this one extends, relative to the root recipe's folder, and where it says so."""
+    extends = value.get("extends")
+    if extends is None or extends.data is None:
+        return None, None
+    if not isinstance(extends.data, str) or not extends.data:
+        message = f"extends: must be the path of a recipe file, not {show(extends.plain)}"
+        _report(sources, message, extends.place, "write such as `extends: street.yaml`", Code.INVALID_VALUE)
+        return None, None
+    problem, code = forbidden(extends.data), Code.PATH_REFUSED
+    target = str(PurePosixPath(name).parent / extends.data) if not problem else ""
+    if not problem and not stays_below(folder, target):
+        problem = "it leads out of the recipe's folder through a symbolic link; put the file itself there"
+    if not problem and target in seen:
+        circle = " -> ".join([*seen[seen.index(target) :], target])
+        problem, code = f"the files extend each other in a circle: {circle}; remove one `extends`", Code.EXTENDS_CYCLE
+    if problem:
+        _report(sources, f"extends: {show(extends.data)}: {problem}", extends.place, code=code)
+        return None, None
+    return target, extends.place
+
+
+def forbidden(target: str) -> str:
+    """What is wrong with a path that a recipe names, before it is looked for; nothing if it may be read."""
+    if target.startswith(("/", "~")) or "\\" in target or ":" in target or "\0" in target:
+        return "an absolute or foreign path is refused; write it relative to this file, with `/`"
+    if ".." in target.split("/"):
+        return "`..` is refused: a recipe reads only its own folder and what is below it; put the file there"
+    if len(target) > 200:
+        return f"the path has {len(target)} characters, the limit is 200; shorten it"
+    return ""
+
+
+def stays_below(folder: Path, target: str) -> bool:
+    """Whether a path leads to a place within a folder, links and all."""
+    try:
+        return (folder / target).resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):
+        return False

@@ -1,0 +1,144 @@
+"""Errors of YAML in words for people who do not know YAML: where it is, what a reader makes of it, what to write."""
+
+from __future__ import annotations
+
+import re
+
+from recipe_compiler.ir.errors import Code, Place, Problem
+
+LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
+
+# What YAML 1.1 or 1.2 makes of a plain scalar that the other reads differently.
+_YES_NO = re.compile(r"(?i:(yes|on|y)|(no|off|n))\Z")
+_BASE_60 = re.compile(r"[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?\Z")
+_UNDERSCORED = re.compile(r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?\Z")
+_OCTAL = re.compile(r"[-+]?0o?[0-7]+\Z")
+_LEADING_ZERO = re.compile(r"[-+]?0[0-9]+\Z")
+_BINARY = re.compile(r"[-+]?0b[01_]+\Z")
+_EXPONENT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)[eE][-+]?[0-9]+\Z")
+_DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}([Tt ].*)?\Z")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+][0-9]+)?\Z")
+
+
+def explain(problem: str, context: str, opened: int | None, text: str, place: Place) -> Problem:
+    """The problem of a text that is not YAML.
+
+    Args:
+        problem: what the reader of YAML says.
+        context: in what it found it.
+        opened: the line at which that starts, counted from 1.
+        text: the whole text.
+        place: where reading stopped.
+    """
+    lines = LINE_BREAK.split(text)
+    line = lines[place.line - 1] if place.line <= len(lines) else ""
+    if "\t" in line[: len(line) - len(line.lstrip())]:
+        return Problem("a tab cannot indent YAML", place, "use spaces", Code.YAML_SYNTAX)
+    wrong = _indentation(lines, place)
+    if wrong is not None:
+        start = Place(place.file, place.line, len(line) - len(line.lstrip(" ")) + 1)
+        return Problem(wrong[0], start, wrong[1], Code.YAML_SYNTAX)
+    known = _known(problem, context, opened)
+    if known is not None:
+        return Problem(known[0], place, known[1], Code.YAML_SYNTAX)
+    problem = (problem or "it cannot be read").replace("\n", " ")
+    context = f", {context}".replace("\n", " ") if context else ""
+    remedy = "look at the line above, too: a quote, a bracket or a `:` may be missing"
+    return Problem(f"this is not valid YAML: {problem}{context}", place, remedy, Code.YAML_SYNTAX)
+
+
+def _known(problem: str, context: str, line: int | None) -> tuple[str, str] | None:
+    """What is wrong and the remedy, for the errors that people meet."""
+    opened = f"line {line}" if line else "a line above"
+    if "mapping values are not allowed" in problem:
+        return "there is a second `: ` in this line", "quote a text that holds `: `, or start a new line"
+    for kind, brackets in (("flow mapping", "{}"), ("flow sequence", "[]")):
+        if kind in context and "<stream end>" in problem:
+            return f"the `{brackets[0]}` of {opened} is not closed", f"add the `{brackets[1]}`"
+        if kind in context and problem.startswith("expected ','"):
+            what = f"a `,` is missing before this, or the `{brackets[0]}` of {opened} is not closed"
+            return what, f"put `,` between entries, and `{brackets[1]}` after the last"
+    if "quoted scalar" in context and "end of stream" in problem:
+        return f"the quote of {opened} is not closed", "add the closing quote"
+    if "escape" in problem:
+        return f"a backslash in double quotes starts an escape, and this is none ({problem})", "use single quotes"
+    if "simple key" in context and "could not find expected ':'" in problem:
+        return f"{opened} has no `: ` after its key", "write `key: value`, with a space after the colon"
+    if problem.endswith("but found '-'"):
+        return (
+            "an item of a list, with `-`, stands among the keys of a map",
+            "indent it below the key that it belongs to",
+        )
+    if problem.endswith(("but found '}'", "but found ']'")):
+        return "this closes a bracket that is not open", "remove it"
+    if "cannot start any token" in problem:
+        return f"a value cannot start so ({problem})", "quote the text"
+    return None
+
+
+def _indentation(lines: list[str], place: Place) -> tuple[str, str] | None:
+    """What is wrong with a line that starts in a column where no map or list above it does."""
+    own = lines[place.line - 1] if place.line <= len(lines) else ""
+    indent = len(own) - len(own.lstrip(" "))
+    open_columns: dict[int, int] = {}  # column -> line of the last entry there, of what is open
+    last = ""
+    for number, line in enumerate(lines[: place.line - 1], 1):
+        stripped = line.strip()
+        if not stripped or stripped.startswith("#"):
+            continue
+        column = len(line) - len(line.lstrip(" "))
+        open_columns = {c: n for c, n in open_columns.items() if c < column} | {column: number}
+        last = stripped.split(" #")[0].rstrip()
+    deeper = not open_columns or indent > max(open_columns)
+    if not open_columns or indent in open_columns or (deeper and re.search(r"[:|>,{\[]\Z|\A-", last)):
+        return None
+    if not re.match(r"-( |\Z)|[^\s#]+.*:( |\Z)", own.strip()):
+        return None
+    near = min(open_columns, key=lambda column: (abs(column - indent), -column))
+    beside = open_columns[near]
+    what = f"wrong indentation: this line starts with {_spaces(indent)}, line {beside} above it with {_spaces(near)}"
+    return what, f"start it with {_spaces(near)}, as line {beside}: the keys of one map start in the same column"
+
+
+def _spaces(number: int) -> str:
+    return f"{number} space{'' if number == 1 else 's'}"
+
+
+def ambiguity(text: str) -> tuple[str, str] | None:
+    """What YAML makes of a plain scalar if its versions disagree about it, and how to write it instead."""
+    if len(text) > 100:  # no number, and some of these patterns take their time over long text
+        return None
+    short = text[:40]
+    if match := _YES_NO.match(text):
+        truth = "true" if match[1] else "false"
+        return f"YAML turns the bare word {short} into {truth}", f'write {truth}, or quote it: "{short}"'
+    if _BASE_60.match(text):
+        return f"YAML turns the bare {short} into a number in base 60{_base_60(text)}", f'quote it: "{short}"'
+    if _DATE.match(text):
+        return f"YAML turns the bare {short} into a date", f'quote it: "{short}"'
+    if _UNDERSCORED.match(text):
+        digits = short.replace("_", "")
+        return f"YAML turns the bare {short} into the number {digits}", f'write {digits}, or quote it: "{short}"'
+    if _OCTAL.match(text) and text not in {"0", "-0", "+0"}:
+        number = int(text.replace("0o", "0").replace("o", "")[-20:], 8)
+        return f"YAML turns the bare {short} into the octal number {number}", f'write {number}, or quote it: "{short}"'
+    if _LEADING_ZERO.match(text):
+        return f"YAML reads the bare {short} as a number or as text", f'drop the leading zero, or quote it: "{short}"'
+    if _BINARY.match(text):
+        return f"YAML turns the bare {short} into a binary number", f'write it in decimal, or quote it: "{short}"'
+    if _EXPONENT.match(text) and not _FLOAT.match(text):
+        return (
+            f"YAML reads the bare {short} as a number or as text",
+            f'write it without exponent, or quote it: "{short}"',
+        )
+    return None
+
+
+def _base_60(text: str) -> str:
+    parts = text.lstrip("+-").split(":")
+    if len(text) > 12 or not all(part.isdigit() for part in parts):
+        return ""
+    total = 0
+    for part in parts:
+        total = total * 60 + int(part)
+    return f", {total}"

@@ -1,0 +1,287 @@
+"""YAML with positions: every value of a recipe knows the file, line and column that set it.
+
+A recipe may come from a stranger, so reading it is bounded in bytes, nodes and depth, tags are refused, and nothing
+is constructed but numbers, text, lists and maps. A plain scalar on which YAML 1.1 and YAML 1.2 disagree (`no`,
+`12:30`, `1_000`, `017`, `1e3`, a date) is refused with what a reader would make of it: whatever it was meant to be,
+quoting or rewriting it says so. Keys are text, always, so `on:` is a key like any other.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import yaml
+
+from recipe_compiler.ir.errors import Code, Place, Problem
+from recipe_compiler.ir.errors import printable as printable
+from recipe_compiler.source.yaml_help import LINE_BREAK, ambiguity, explain
+
+MAX_BYTES = 1 << 20
+MAX_NODES = 50_000  # after aliases are expanded
+MAX_DEPTH = 32
+MAX_INTEGER = 2**53 - 1  # beyond it, JSON readers disagree
+
+_INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)\Z|0x[0-9a-fA-F]+\Z")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+][0-9]+)?\Z")
+_NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)\Z|\.(nan|NaN|NAN)\Z")
+_WORDS = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
+_TRUTHS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
+
+Plain = Any  # None, bool, int, float, str, and lists and maps of them
+
+
+@dataclass(frozen=True, eq=False)
+class Value:
+    """A value of a recipe: a scalar, a tuple of values, or a map of them, with the place that set it."""
+
+    data: bool | int | float | str | tuple[Value, ...] | dict[str, Value] | None
+    place: Place
+    keys: dict[str, Place] = field(default_factory=dict)  # of a map: where each key stands
+
+    @cached_property
+    def plain(self) -> Plain:
+        """The same without places."""
+        if isinstance(self.data, dict):
+            return {key: value.plain for key, value in self.data.items()}
+        if isinstance(self.data, tuple):
+            return [value.plain for value in self.data]
+        return self.data
+
+    @property
+    def map(self) -> dict[str, Value]:
+        """Its entries; none for what is not a map."""
+        return self.data if isinstance(self.data, dict) else {}
+
+    def get(self, *path: str | int) -> Value | None:
+        """What lies at a path of keys and indices below it, if anything."""
+        here: Value = self
+        for step in path:
+            if isinstance(here.data, dict) and step in here.data:
+                here = here.data[str(step)]
+            elif isinstance(here.data, tuple) and isinstance(step, int) and step < len(here.data):
+                here = here.data[step]
+            else:
+                return None
+        return here
+
+    def place_of(self, *path: str | int) -> Place:
+        """Where the value at a path stands; if there is none, the key of the nearest map around it."""
+        here, place = self, self.place
+        for step in path:
+            child = here.get(step)
+            if child is None:
+                return here.keys.get(str(step), place)
+            place = here.key_place(step) if isinstance(child.data, dict) else child.place
+            here = child
+        return place
+
+    def key_place(self, key: str | int) -> Place:
+        """Where a key of this map stands; for an item of a list, the item's own place."""
+        if isinstance(key, str) and key in self.keys:
+            return self.keys[key]
+        child = self.get(key)
+        return child.place if child else self.place
+
+
+def show(value: Plain) -> str:
+    """A value as a message shows it: JSON, ASCII only so that no terminal obeys it, and short."""
+    if isinstance(value, dict):
+        return "a map"
+    if isinstance(value, list | tuple):
+        return "a list"
+    text = json.dumps(value[:60] if isinstance(value, str) else value)
+    return text if len(text) <= 60 and not (isinstance(value, str) and len(value) > 60) else text[:56] + '..."'
+
+
+def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:
+    """The document in a file's bytes, and all that is wrong with its YAML; None if there is nothing to go on with."""
+    start = Place(file, 1, 1)
+    if len(content) > MAX_BYTES:
+        message = f"the file is larger than {MAX_BYTES:,} bytes, the limit for a recipe"
+        return None, [Problem(message, start, "is this a recipe? if so, split it with `extends`", Code.INPUT_LIMIT)]
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = content[: error.start].decode("utf-8-sig", errors="replace")
+        message = f"not a text file in UTF-8: byte 0x{content[error.start]:02x} at offset {error.start}"
+        return None, [Problem(message, _place_after(before, file), "save the file as UTF-8 text", Code.NOT_TEXT)]
+    reader = _Reader(file)
+    try:
+        root = reader.document(yaml.parse(text, Loader=yaml.SafeLoader))
+    except yaml.reader.ReaderError as error:
+        message = f"the character U+{int(error.character):04X} cannot stand in YAML"
+        place = _place_after(text[: error.position], file)
+        return None, [*reader.problems, Problem(message, place, "remove it; is this a text file?", Code.NOT_TEXT)]
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = Place(file, mark.line + 1, mark.column + 1) if mark else start
+        opened = error.context_mark.line + 1 if error.context_mark else None
+        return None, [*reader.problems, explain(error.problem or "", error.context or "", opened, text, place)]
+    except _StopError as stop:
+        return None, [*reader.problems, stop.problem]
+    if root is None and not reader.problems:
+        remedy = "a recipe starts with the line `recipe: its_name`; `recipe init` writes one"
+        return None, [Problem("the file is empty", start, remedy, Code.EMPTY_FILE)]
+    return root, reader.problems
+
+
+def lines(content: bytes) -> list[str]:
+    """The lines of a file, to show where a problem is; none of a file that is too large."""
+    if len(content) > MAX_BYTES:
+        return []
+    return LINE_BREAK.split(content.decode("utf-8-sig", errors="replace"))
+
+
+def _place_after(text: str, file: str) -> Place:
+    """The place that follows a text from the start of a file."""
+    before = LINE_BREAK.split(text)
+    return Place(file, len(before), len(before[-1]) + 1)
+
+
+class _StopError(Exception):
+    """Reading cannot go on."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+
+
+class _Reader:
+    """Builds values from YAML events and gathers what is wrong with them."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.problems: list[Problem] = []
+        self._anchors: dict[str, tuple[Value | None, int]] = {}  # value (None: still open) and its nodes
+        self._nodes = 0
+
+    def document(self, events: Iterator[yaml.Event]) -> Value | None:
+        root: Value | None = None
+        for event in events:
+            if isinstance(event, yaml.DocumentStartEvent) and root is not None:
+                raise self._stop(event, "a second document starts here", "a recipe is one document: remove the `---`")
+            if isinstance(event, yaml.NodeEvent):
+                root = self._value(event, events, 0)
+        return None if root is None or root.data is None else root
+
+    def _place(self, event: yaml.Event) -> Place:
+        mark = event.start_mark
+        return Place(self.file, mark.line + 1, mark.column + 1) if mark else Place(self.file, 1, 1)
+
+    def _stop(self, event: yaml.Event, message: str, help: str, code: Code = Code.UNSUPPORTED_YAML) -> _StopError:
+        return _StopError(Problem(message, self._place(event), help, code))
+
+    def _report(self, event: yaml.Event, message: str, help: str, code: Code = Code.UNSUPPORTED_YAML) -> None:
+        self.problems.append(Problem(message, self._place(event), help, code))
+
+    def _count(self, event: yaml.Event, nodes: int) -> None:
+        self._nodes += nodes
+        if self._nodes > MAX_NODES:
+            message = f"{self._nodes:,} values up to here, counting what aliases repeat; the limit is {MAX_NODES:,}"
+            raise self._stop(event, message, "repeat less with aliases (`*name`)", Code.INPUT_LIMIT)
+
+    def _value(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Value:
+        if isinstance(event, yaml.AliasEvent):
+            return self._alias(event)
+        assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
+        if depth > MAX_DEPTH:
+            message = f"{depth} maps or lists inside each other, the limit is {MAX_DEPTH}"
+            raise self._stop(
+                event, message, "a recipe needs no more than eight: close brackets that are open", Code.INPUT_LIMIT
+            )
+        before = self._nodes
+        self._count(event, 1)
+        if event.tag:
+            self._report(event, f"the tag {show(event.tag)} is refused: recipes hold plain data only", "remove it")
+        if event.anchor:
+            self._anchors[event.anchor] = (None, 0)
+        if isinstance(event, yaml.ScalarEvent):
+            value = Value(self._scalar(event), self._place(event))
+        elif isinstance(event, yaml.SequenceStartEvent):
+            value = self._list(event, events, depth)
+        else:
+            value = self._map(event, events, depth)
+        if event.anchor:
+            self._anchors[event.anchor] = (value, self._nodes - before)
+        return value
+
+    def _alias(self, event: yaml.AliasEvent) -> Value:
+        name = event.anchor or ""
+        value, nodes = self._anchors.get(name, (None, -1))
+        if value is None:
+            cause = "is not defined above" if nodes < 0 else "stands inside the value that it names"
+            remedy = f"define it above with `&{name[:40]}`, or quote a text that starts with `*`"
+            if nodes >= 0:
+                remedy = "write the value out instead: it would hold itself"
+            raise self._stop(event, f"the alias *{name[:40]} {cause}", remedy)
+        self._count(event, nodes)
+        return value
+
+    def _list(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Value:
+        items: list[Value] = []
+        for inner in events:
+            if isinstance(inner, yaml.SequenceEndEvent):
+                break
+            items.append(self._value(inner, events, depth + 1))
+        return Value(tuple(items), self._place(event))
+
+    def _map(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Value:
+        entries: dict[str, Value] = {}
+        keys: dict[str, Place] = {}
+        for inner in events:
+            if isinstance(inner, yaml.MappingEndEvent):
+                break
+            if not isinstance(inner, yaml.ScalarEvent):
+                raise self._stop(
+                    inner, "a key must be plain text, not a list, a map or an alias", "write a name before the `:`"
+                )
+            self._count(inner, 1)
+            key = inner.value
+            if key == "<<" and inner.implicit[0]:
+                self._report(inner, "merge keys `<<` are not part of the language", "use `extends` or a delta")
+            elif key in entries:
+                message = f"the key {show(key)} stands here twice, first on line {keys[key].line}"
+                self._report(inner, message, "remove one", Code.DUPLICATE_KEY)
+            value = self._value(next(events), events, depth + 1)
+            if key not in entries and key != "<<":
+                entries[key], keys[key] = value, self._place(inner)
+        return Value(entries, self._place(event), keys)
+
+    def _scalar(self, event: yaml.ScalarEvent) -> bool | int | float | str | None:
+        text = str(event.value)
+        if not event.implicit[0]:
+            return text  # quoted, or a block
+        if text in _WORDS:
+            return None
+        if text in _TRUTHS:
+            return _TRUTHS[text]
+        if _NOT_FINITE.match(text):
+            self._report(event, f"{text} is not a finite number", "write a finite one", Code.INVALID_VALUE)
+            return text
+        trap = ambiguity(text)
+        if trap:
+            self._report(event, *trap, Code.AMBIGUOUS_YAML)
+            return text
+        return self._number(event, text)
+
+    def _number(self, event: yaml.ScalarEvent, text: str) -> int | float | str:
+        if _INTEGER.match(text):
+            if len(text) > 20 or abs(int(text, 0)) > MAX_INTEGER:
+                shown = text if len(text) <= 20 else f"{text[:20]}... of {len(text)} digits"
+                message = f"the number {shown} is too large"
+                self._report(event, message, f"write one within {MAX_INTEGER}", Code.OUT_OF_RANGE)
+                return text
+            return int(text, 0)
+        if _FLOAT.match(text) and len(text) <= 400:
+            number = float(text)
+            if not math.isfinite(number):
+                message = f"the number {text[:20]} is too large for a float"
+                self._report(event, message, "write a smaller one", Code.OUT_OF_RANGE)
+                return text
+            return number + 0.0  # -0.0 is 0
+        return text

@@ -1,0 +1,98 @@
+"""Packages form layers: a module imports from its own package and from lower layers, never upward or sideways."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+
+import pytest
+
+from tests.sources import imports, modules
+
+# From the lowest layer to the highest. A name that is not a package stands for the module of that name in the root.
+LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "recipe_compiler": (
+        ("ir",),
+        ("source", "library"),
+        ("schema",),
+        ("expand", "limits"),
+        ("checks",),
+        ("lowering",),
+        ("compile",),
+        ("__init__",),
+    ),
+    "recipe_runtime": (
+        ("core", "body"),
+        ("cache", "meshes"),
+        ("annotate", "render", "simulation"),
+        ("dataset", "frames"),
+        ("scenario",),
+        ("loading",),
+        ("torch", "webdataset", "__init__"),
+        ("report", "transfer"),
+        ("build",),
+        ("verify",),
+    ),
+}
+MAX_ROOT_MODULES = 6
+MAX_PACKAGE_MODULES = 15
+LARGE_PACKAGES = {"recipe_runtime/meshes"}
+
+
+def layer_of(top: str, part: str) -> int:
+    """The number of the layer that holds a package or root module, from 0 at the bottom."""
+    found = [number for number, layer in enumerate(LAYERS[top]) if part in layer]
+    assert found, f"{top}: {part} has no layer; add it to LAYERS in {__file__}"
+    return found[0]
+
+
+def part_of(path: str) -> str:
+    """The package, or the root module, of a file such as `recipe_runtime/core/trace.py`."""
+    return path.split("/")[1].removesuffix(".py")
+
+
+def upward(top: str, path: str, tree: ast.Module) -> list[str]:
+    """The imports of a module that lead upward, or sideways into another package of its layer."""
+    here = part_of(path)
+    wrong = []
+    for name in imports(tree):
+        head, _, rest = name.partition(".")
+        there = rest.split(".")[0]
+        if head == top and there not in ("", here) and layer_of(top, there) >= layer_of(top, here):
+            wrong.append(name)
+    return wrong
+
+
+@pytest.mark.parametrize("top", LAYERS)
+def test_no_import_leads_upward(top: str) -> None:
+    seen = set()
+    for path, tree in modules(top):
+        seen.add(part_of(path))
+        assert not upward(top, path, tree), f"{path} imports {upward(top, path, tree)}"
+    assert seen - {"__init__"} == {part for layer in LAYERS[top] for part in layer} - {"__init__"}
+
+
+def test_an_upward_import_is_found() -> None:
+    tree = ast.parse("from recipe_runtime.build import pipeline")
+    assert "recipe_runtime.build.pipeline" in upward("recipe_runtime", "recipe_runtime/core/trace.py", tree)
+    assert upward("recipe_runtime", "recipe_runtime/verify/lock.py", tree) == []
+
+
+@pytest.mark.parametrize("top", LAYERS)
+def test_packages_stay_small(top: str) -> None:
+    count: dict[str, int] = {}
+    for path, _ in modules(top):
+        folder, _, name = path.rpartition("/")
+        count[folder] = count.get(folder, 0) + (name != "__init__.py")
+    assert count[top] <= MAX_ROOT_MODULES
+    too_large = {folder for folder, number in count.items() if number > MAX_PACKAGE_MODULES}
+    assert too_large <= LARGE_PACKAGES, {folder: count[folder] for folder in too_large}
+
+
+def test_reading_a_dataset_loads_no_builder_verifier_or_transfer() -> None:
+    code = "import sys, recipe_runtime.dataset.reader; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    packages = {name.split(".")[1] for name in loaded if name.startswith("recipe_runtime.")}
+    assert not packages & {"build", "verify", "transfer"}
+    assert "dataset" in packages
