@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.runtime.test_encode import PINNED
+from tests.runtime.core.test_codecs import PINNED
 from tests.sources import ROOT
 
 pytestmark = [
@@ -63,7 +63,7 @@ def test_the_tiny_recipe_verifies_whole(cpu: str, tmp_path: Path) -> None:
 def test_files_are_encoded_alike(cpu: str, tmp_path: Path) -> None:
     """The encoder chooses its code by the CPU, and must find the same repeats and codes in each."""
     python = _emulated(cpu, tmp_path)
-    done = _run([python, "-c", "from tests.runtime.test_encode import digests; print(digests())"])
+    done = _run([python, "-c", "from tests.runtime.core.test_codecs import digests; print(digests())"])
     assert done.stdout.strip() == str(PINNED), done.stderr
 
 

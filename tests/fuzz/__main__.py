@@ -1,6 +1,6 @@
 """`python -m tests.fuzz TARGET [libFuzzer's options]`: feed one target with atheris, guided by what code it reaches.
 
-A case may take 60 s and 1 GiB. `tests/runtime/test_hostile_documents.py` holds the largest documents to the same.
+A case may take 60 s and 1 GiB; `tests/runtime/dataset/test_hostile_documents.py` tests the largest documents so.
 
 A finding is written to the current folder as `crash-...`; put it into tests/fuzz/findings/ as `TARGET-WHAT`, mend it,
 and the quick tests hold it from then on. Without a target, their names.

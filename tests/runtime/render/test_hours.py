@@ -17,8 +17,8 @@ from recipe_runtime.render.lighting.lights import lamplight
 from recipe_runtime.render.lighting.weather_light import light_of
 from recipe_runtime.render.renderer import Renderer
 
+from tests.runtime.meshes.test_meshes import plan
 from tests.runtime.render.street import PANES, appearance, box
-from tests.runtime.test_meshes import plan
 from tests.sources import ROOT
 
 NOBODY = np.zeros((0, 3, 4))

@@ -19,8 +19,8 @@ from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.render.texture.mipmaps import mip_levels
 from recipe_runtime.render.texture.surface_colours import srgb_to_linear
 
+from tests.runtime.frames.test_devices import needs_gpu
 from tests.runtime.render.street import appearance, quad
-from tests.runtime.test_devices import needs_gpu
 
 NOBODY = np.zeros((0, 3, 4))
 FACE = Surface("face", Pattern.IMAGE, 20)

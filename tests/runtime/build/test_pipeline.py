@@ -32,7 +32,7 @@ from recipe_runtime.verify import locking
 
 from tests.runtime.fakes import BROKEN, DYING, ENGINES, NOTED, UNLOADABLE, dataset_plan, sensor_plan, simulate, tree
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")

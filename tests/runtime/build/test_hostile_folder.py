@@ -35,7 +35,7 @@ def test_nothing_of_the_current_folder_is_run(tmp_path: Path, inherited: str) ->
     environment = {**os.environ, "RECIPE_CACHE": str(tmp_path / "cache")}
     environment.pop("PYTHONPATH", None)
     if inherited:
-        environment["PYTHONPATH"] = str(Path(__file__).parents[2])
+        environment["PYTHONPATH"] = str(Path(__file__).parents[3])
     for command in (
         ["shot", "small.yaml", "--frame", "0"],
         ["build", "small.yaml", "--workers", "2"],

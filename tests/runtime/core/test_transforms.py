@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from recipe_compiler.ir.plan import Pose
 from recipe_runtime.core.transforms import compose, from_pose, invert, part_transforms
 
-from tests.runtime.test_trace import make_trace
+from tests.runtime.core.test_trace import make_trace
 
 POSES = st.builds(
     Pose,

@@ -23,7 +23,7 @@ from recipe_compiler.ir.assets import AssetError, MeshData, image, mesh
 from tests.compiler import modelling
 from tests.compiler.modelling import FACES, TETRAHEDRON, document, glb, obj, picture, png, stl, stl_text
 
-SHIPPED = Path(__file__).parents[2] / "recipes/assets"
+SHIPPED = Path(__file__).parents[3] / "recipes/assets"
 VALID = {"obj": obj(), "stl": stl(), "glb": glb()}
 
 

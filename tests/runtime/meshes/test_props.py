@@ -31,10 +31,10 @@ from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime import fakes
-from tests.runtime.test_simulate import HERO1, TOWN
+from tests.runtime.simulation.test_simulation import HERO1, TOWN
 
-GOOD = Path(__file__).parents[1] / "cases/good/assets/recipe.yaml"
-SHIPPED = Path(__file__).parents[2] / "recipes/assets/props.yaml"
+GOOD = Path(__file__).parents[2] / "cases/good/assets/recipe.yaml"
+SHIPPED = Path(__file__).parents[3] / "recipes/assets/props.yaml"
 
 
 def quiet(stage: str, done: int, total: int) -> None:

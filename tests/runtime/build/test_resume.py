@@ -181,7 +181,7 @@ verify(dataset_plan(), read(Path({lock!r})), Options(1, everything=True), lambda
 
 def stop(code: str, cache: Path, how: signal.Signals) -> None:
     """Run that, and end it when it has finished a shard."""
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
     with (cache.parent / "stderr").open("wb") as errors:
         process = subprocess.Popen([sys.executable, "-c", code], cwd=cache.parent, stderr=errors, env=environment)
     deadline = time.monotonic() + 60

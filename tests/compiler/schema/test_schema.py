@@ -15,7 +15,7 @@ from recipe_compiler.library import towns, weather
 from recipe_compiler.schema import json_schema, models, template
 from recipe_compiler.source.yaml_reader import parse
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 TEMPLATE = Path(compiler.__file__).parent / "schema/template.yaml"
 PAGE = ROOT / "docs/recipe-language.md"
 ACCEPTED = [TEMPLATE, *sorted(ROOT.glob("recipes/**/*.yaml")), *sorted(ROOT.glob("tests/cases/good/*/recipe.yaml"))]

@@ -24,7 +24,7 @@ from recipe_runtime.verify.verify import Options, verify, verify_files
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
 
-CASE = Path(__file__).parents[1] / "cases" / "good" / "assets"
+CASE = Path(__file__).parents[2] / "cases" / "good" / "assets"
 COMPILED = compile_recipe(CASE / "recipe.yaml")
 FILES = {path: (CASE / path).read_bytes() for path in COMPILED.files}
 

@@ -26,7 +26,7 @@ from tests.runtime.fakes import actor_bodies, scene_plan, simulate
 
 def _peak(folder: Path, frames: int) -> int:
     command = [sys.executable, "-m", "tests.runtime.memory_probe", str(folder), str(frames)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[3])
     return int(done.stdout)
 
 

@@ -17,7 +17,7 @@ from recipe_compiler.lowering import asset_files
 from tests.compiler.kitchen import small
 from tests.compiler.modelling import TETRAHEDRON, glb, obj, picture, png, stl
 
-GOOD = Path(__file__).parents[1] / "cases/good/assets/recipe.yaml"
+GOOD = Path(__file__).parents[2] / "cases/good/assets/recipe.yaml"
 AT = {"x": 1, "y": 2}
 
 

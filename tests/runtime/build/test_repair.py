@@ -13,8 +13,8 @@ from recipe_runtime.core import layout
 from recipe_runtime.dataset.reader import read
 from recipe_runtime.verify.verify import Options, verify_files
 
+from tests.runtime.build.test_reuse import Calls, counting
 from tests.runtime.fakes import dataset_plan, tree
-from tests.runtime.test_reuse import Calls, counting
 
 PLAN = dataset_plan(frames=6, weathers=2)
 STREET = "weather=w0,jitter=still/street"

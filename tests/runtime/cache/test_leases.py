@@ -135,7 +135,7 @@ def test_a_fork_neither_ends_its_parents_hold_nor_goes_without() -> None:
 
 @pytest.mark.parametrize("end", ["pass", "import os; os._exit(0)", "raise SystemExit(3)"])
 def test_the_end_of_the_process_gives_it_back(end: str) -> None:
-    code = "from tests.runtime.test_leases import held, scenario\n"
+    code = "from tests.runtime.cache.test_leases import held, scenario\n"
     code += f"street = scenario()\nstreet.render(0)\nassert held()\n{end}\n"
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
