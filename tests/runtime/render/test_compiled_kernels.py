@@ -37,7 +37,7 @@ def drawn() -> list[int]:
     count_up.module.unload()
     launch_module._loaded.clear()
     out = zeros(4, wp.int32, "cpu")
-    launch(count_up, 4, [out], "cpu")
+    launch(count_up, 4, "cpu", out=out)
     return list(map(int, out.numpy()))
 
 

@@ -13,7 +13,7 @@ from recipe_runtime.loading import compiled
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.render.device.reuse import NO_REUSE
 from recipe_runtime.render.device.setup import cuda_devices
-from recipe_runtime.render.gpu import frame_stream, recorded_frame
+from recipe_runtime.render.gpu import frame_buffers, frame_stream
 from recipe_runtime.render.gpu.frame_stream import FrameBatch
 from recipe_runtime.render.renderer import Renderer
 
@@ -60,7 +60,7 @@ def test_a_reel_has_the_renderers_bytes(plan: DatasetPlan, sensor: int, monkeypa
 
 
 def test_a_full_list_of_bands_loses_no_triangle(plan: DatasetPlan, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recorded_frame, "_BIN_CAPACITY", 40)
+    monkeypatch.setattr(frame_buffers, "_BIN_CAPACITY", 40)
     hold_to_renderer(plan, 0, "cpu")
 
 

@@ -10,7 +10,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import CameraPlan, Pose
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Pattern, Surface
-from recipe_runtime.render.lighting.weather_light import extinction, light_of
+from recipe_runtime.render.lighting.weather_light import extinction, light_at, light_of
 from recipe_runtime.render.renderer import Renderer
 
 from tests.runtime.render.street import appearance, box, ground
@@ -108,3 +108,14 @@ def test_night_is_lit_by_lamps_alone_and_noon_is_not() -> None:
     assert (noon.night, night.night) == (0.0, 1.0)
     assert night.sunlight.max() == 0.0
     assert night.exposure() > 50 * noon.exposure()
+
+
+def test_the_light_at_a_time_leaves_the_light_before_as_it_was() -> None:
+    """Frames under way hold on to theirs, and any order of times gives the same."""
+    start = light_of(appearance(45.0, wind_intensity=60, precipitation=50), "cpu")
+    first, then = start.moved, light_at(start, 1.5)
+    assert light_at(light_at(start, 0.4), 1.5).moved == then.moved != first
+    assert (float(start.air.drift[0]), int(start.air.stirs), int(start.air.moment)) == (0.0, 0, 0)
+    assert (float(then.air.drift[0]), int(then.air.stirs), int(then.air.moment)) == pytest.approx((0.0036, 45, 18))
+    assert float(then.air.sunlight[0]) == float(start.air.sunlight[0])
+    assert light_at(then, 1.5) is then

@@ -26,6 +26,7 @@ def test_kernels_call_the_renderers_own_vector_functions() -> None:
     """A null vector is normalised to "up" here and to null by Warp; the sums keep this order of operations."""
     a, b = np.array([[0.1, 3.3e7, -0.7], [1.7, 1.1, 5.1e7]], np.float32)
     out = wp.zeros(5, dtype=wp.float32, device="cpu")
-    launch(_evaluate, 1, [wp.vec3f(*map(float, a)), wp.vec3f(*map(float, b)), -1.5, out], "cpu")
+    u, v = (wp.vec3f(*map(float, vector)) for vector in (a, b))
+    launch(_evaluate, 1, "cpu", a=u, b=v, x=-1.5, out=out)
     expected = [np.float32(1), (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2], a[1] * b[2] - a[2] * b[1], -2, 0]
     np.testing.assert_array_equal(out.numpy(), np.array(expected, np.float32))

@@ -49,7 +49,8 @@ def details(pattern: Pattern, y: np.ndarray, z: np.ndarray, foot: float) -> np.n
     places = np.stack([np.zeros_like(y), y, z], axis=-1).reshape(-1, 3).astype(np.float32)
     found = wp.zeros(len(places), dtype=wp.vec3f, device="cpu")
     points = wp.array(places, dtype=wp.vec3f, device="cpu")
-    launch(look, len(places), [int(pattern), points, UNITS.get(pattern, 1.0), foot, found], "cpu")
+    unit = UNITS.get(pattern, 1.0)
+    launch(look, len(places), "cpu", pattern=int(pattern), places=points, unit=unit, foot=foot, found=found)
     return found.numpy().reshape(*y.shape, 3).astype(np.float64)
 
 

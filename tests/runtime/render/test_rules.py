@@ -89,3 +89,14 @@ def test_every_kernel_module_sets_the_options() -> None:
     assert OPTIONS["fuse_fp"] is False and OPTIONS["fast_math"] is False
     flags = wp.config.cpu_compiler_flags.split()
     assert flags and all(flag.startswith("-mllvm=-inline-") for flag in flags), "no flag may name a CPU or change sums"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(FOLDER).as_posix())
+def test_only_kernels_are_hidden_from_mypy(path: Path) -> None:
+    """A module that mypy ignores defines nothing but kernels, their functions and their structs."""
+    source = path.read_text()
+    if "mypy: ignore-errors" in source:
+        for node in ast.parse(source).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                kinds = {ast.unparse(d) for d in node.decorator_list}
+                assert kinds & {"wp.func", "wp.kernel", "wp.struct"}, f"{path.name}: {node.name} runs on the host"

@@ -7,7 +7,7 @@ import pytest
 from recipe_runtime.render.device.arrays import record, records
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting import reflection_reuse_kernels, shadow_kernels, temporal_kernels
+from recipe_runtime.render.lighting import passes, shadow_kernels, temporal_kernels
 from recipe_runtime.render.lighting.air import Air
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, contact_occlusion
 from recipe_runtime.render.sampling.sample_kernels import Samples
@@ -33,9 +33,9 @@ class Camera:
         air.stirs, before.stirs, before.sky = now, then, sky
         before.tiles = wp.array(np.full(self.tiles, bits, np.int32), dtype=wp.int32, device="cpu")
         count, listed = (wp.zeros(n, dtype=wp.int32, device="cpu") for n in (1, self.known.size))
-        told: list[Any] = [record(v, "cpu") for v in (air, before)]
-        inputs = [self.firsts, *told, self.known, self.quiet, count, listed]
-        launch(temporal_kernels.collect_dirty, self.tiles, inputs, "cpu")
+        passes.collect_dirty(
+            self.firsts, record(air, "cpu"), record(before, "cpu"), self.known, self.quiet, count, listed, "cpu"
+        )
         return set(listed.numpy()[: count.numpy()[0]].tolist())
 
 
@@ -90,7 +90,8 @@ def calm_at(x: float, y: float, fine: tuple[int, int] | None, coarse: tuple[int,
     beams = records([beam(0.02, None), beam(0.2, None), beam(0.02, fine), beam(0.2, coarse)], "cpu")
     corners = [wp.array([[x + d, y + d, d]], dtype=wp.vec3f, device="cpu") for d in (-0.25, 0.25)]
     same = wp.array([1], dtype=wp.int32, device="cpu")
-    launch(shadow_kernels.mark_unshadowed, 1, [*corners, beams, 1, same], "cpu")
+    lows, highs = corners
+    launch(shadow_kernels.mark_unshadowed, 1, "cpu", lows=lows, highs=highs, beams=beams, needed_bits=1, out_bits=same)
     return bool(same.numpy()[0] & CALM)
 
 
@@ -115,9 +116,7 @@ class Puddle:
         self.data.pixels = wp.array(np.arange(count, dtype=np.int32), dtype=wp.int32, device="cpu")
         gleam = wp.array([[g, 0.9] for g in gleams], dtype=wp.vec2f, device="cpu")
         found, listed = self._list(count)
-        launch(
-            reflection_reuse_kernels.collect_reflective, count, [record(self.data, "cpu"), gleam, found, listed], "cpu"
-        )
+        passes.collect_reflective(record(self.data, "cpu"), gleam, count, found, listed, "cpu")
         self.mirrors = wp.clone(listed[: int(found.numpy()[0])])
         pairs = np.stack([sources, others or [-1] * count], axis=-1).astype(np.int32)
         self.sources = wp.array(pairs, dtype=wp.vec2i, device="cpu")
@@ -132,9 +131,8 @@ class Puddle:
         spoilt[list(stale)] = 1
         air.moment, before.stale = now, wp.array(spoilt, dtype=wp.uint8, device="cpu")
         count, listed = self._list(self.sources.size)
-        told = [record(v, "cpu") for v in (self.data, air, before)]
-        inputs = [*told, self.mirrors, then, self.sources, count, listed]
-        launch(reflection_reuse_kernels.stale_reflections, self.mirrors.size, inputs, "cpu")
+        told = (record(v, "cpu") for v in (self.data, air, before))
+        passes.stale_reflections(*told, self.mirrors, then, self.sources, count, listed, "cpu")
         return set(listed.numpy()[: count.numpy()[0]].tolist())
 
 
@@ -188,5 +186,5 @@ def _sky_beside(x: float, spread: float) -> float:
     bodies.spread, bodies.strength = (wp.array([v], dtype=wp.float32, device="cpu") for v in (spread, 0.7))
     bodies.count = 1
     lists, out = wp.array([[1, 0]], dtype=wp.int32, device="cpu"), wp.zeros(1, dtype=wp.float32, device="cpu")
-    launch(_ask, 1, [record(bodies, "cpu"), lists, x, out], "cpu")
+    launch(_ask, 1, "cpu", bodies=record(bodies, "cpu"), lists=lists, x=x, out=out)
     return float(out.numpy()[0])

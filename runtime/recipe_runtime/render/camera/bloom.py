@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.render.camera.bloom_kernels import blur_rows, downsample
+from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 
@@ -24,15 +24,26 @@ def side_of(camera: CameraPlan) -> int:
     return max(1, camera.width // _ACROSS)
 
 
-def spread(plate: Any, camera: CameraPlan, device: str) -> Any:
+def spread(plate: DeviceArray, camera: CameraPlan, device: str) -> DeviceArray:
     """The coarse, softened plate; its size is the plate's over `side_of`, rounded up."""
     side = side_of(camera)
     wide, high = -(-camera.width // side), -(-camera.height // side)
     first, second = (wp.empty(wide * high, dtype=wp.vec3f, device=device) for _ in range(2))
-    weights = wp.array(_bell(), dtype=wp.float32, device=device)
-    launch(downsample, wide * high, [plate, camera.width, camera.height, side, wide, first], device)
-    launch(blur_rows, wide * high, [first, weights, wide, high, 1, second], device)
-    launch(blur_rows, wide * high, [second, weights, wide, high, 0, first], device)
+    weights: wp.array[wp.float32] = wp.array(_bell(), dtype=wp.float32, device=device)
+    launch(
+        downsample,
+        wide * high,
+        device,
+        plate=plate,
+        wide=camera.width,
+        high=camera.height,
+        side=side,
+        columns=wide,
+        out_light=first,
+    )
+    for across, source, target in ((1, first, second), (0, second, first)):
+        shared = {"light": source, "weights": weights, "wide": wide, "high": high}
+        launch(blur_rows, wide * high, device, across=across, out_light=target, **shared)
     return first
 
 

@@ -11,7 +11,7 @@ The exposure is centred on the frame's time.
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.raster.label_kernels import depth_of, triangle_of
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

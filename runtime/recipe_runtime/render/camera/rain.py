@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.camera import rain_kernels
+from recipe_runtime.render.camera.rain_kernels import Rain
+from recipe_runtime.render.device.arrays import filled
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.weather_light import Light
+from recipe_runtime.render.numeric.seeds import noise_key
 from recipe_runtime.render.scene.camera import world_from_view
 
 _EXPOSURE_TIME = 1.0 / 45.0  # seconds during which a drop leaves its streak
@@ -16,20 +16,34 @@ _RAIN_CUBE = 26.0  # metres along its side
 _RAIN_DEPTH = 15.0  # metres from the camera within which drops are drawn
 
 
-def rain_at(world_from_sensor: Array, light: Light, time: float) -> Any:
+def rain_at(world_from_sensor: Array, light: Light, time: float, seed: int) -> Rain:
     """The rain about a camera: drops fall at 7 m/s, and the wind carries them along the world's x and y."""
     eye, ahead = world_from_sensor[:, 3], world_from_sensor[:, 0]
     fall = [3.0 * light.wind, 5.0 * light.wind, -7.0]
     rows = world_from_view(world_from_sensor)
     streak = [sum(float(rows[r, c]) * fall[r] for r in range(3)) * _EXPOSURE_TIME for c in range(3)]
-    shower = rain_kernels.Rain()
-    shower.count, shower.cube, shower.depth = int(_DROPS * light.rain), _RAIN_CUBE, _RAIN_DEPTH
-    shower.low = wp.vec3d(*(float(e + (0.36 * a - 0.5) * _RAIN_CUBE) for e, a in zip(eye, ahead, strict=True)))
-    shower.eye, shower.fall, shower.streak = wp.vec3d(*map(float, eye)), wp.vec3d(*fall), wp.vec3f(*streak)
-    shower.time, shower.cover = time, 0.85
-    return shower
+    low = [float(e + (0.36 * a - 0.5) * _RAIN_CUBE) for e, a in zip(eye, ahead, strict=True)]
+    return filled(
+        Rain(),
+        key=noise_key(seed, "rain", 0),
+        count=drop_count(light),
+        cube=_RAIN_CUBE,
+        low=wp.vec3d(*low),
+        eye=wp.vec3d(*map(float, eye)),
+        time=time,
+        fall=wp.vec3d(*fall),
+        streak=wp.vec3f(*streak),
+        depth=_RAIN_DEPTH,
+        cover=0.85,
+    )
 
 
-def streak_radiance(light: Light) -> Any:
+def drop_count(light: Light) -> int:
+    """How many drops the cube holds."""
+    return int(_DROPS * light.rain)
+
+
+def streak_radiance(light: Light) -> wp.vec3f:
     """The radiance of a drop's streak."""
-    return light.air.fog_colour * 1.15 + light.air.overhead * (0.25 + 0.8 * light.night)
+    radiance: wp.vec3f = light.air.fog_colour * 1.15 + light.air.overhead * (0.25 + 0.8 * light.night)
+    return radiance

@@ -11,7 +11,7 @@ before what is seen there; covers are whole numbers, so their sum does not depen
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.noise import floor, scramble, unit
 from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

@@ -1,4 +1,4 @@
-"""Start kernels."""
+"""Launch kernels, their arguments by name."""
 
 from __future__ import annotations
 
@@ -9,11 +9,29 @@ from recipe_runtime.render.device.setup import wp
 
 _BLOCK_SIZE = 128  # threads that a GPU starts together: in larger blocks too many wait for one that has much to do
 _loaded: set[tuple[Any, str]] = set()  # modules, with the devices they were loaded for
+_parameters: dict[Any, tuple[str, ...]] = {}  # by kernel, in the order of its declaration
 
 
-def launch(kernel: Any, dim: int | tuple[int, ...], inputs: list[Any], device: str) -> None:
-    """Run a kernel over a grid; arrays among the inputs are read and written in place."""
+def launch(kernel: Any, threads: int, device: str, /, **arguments: Any) -> None:
+    """Run a kernel over so many threads; arrays among its arguments are read and written in place.
+
+    Args:
+        kernel: The kernel.
+        threads: Their count; a kernel reads its own number from `wp.tid()`.
+        device: `cpu` or `cuda:N`.
+        **arguments: Every argument of the kernel, by the kernel's own names.
+
+    Raises:
+        TypeError: An argument is missing, or one is given that the kernel does not have.
+    """
+    names = _parameters.get(kernel)
+    if names is None:
+        names = _parameters[kernel] = tuple(argument.label for argument in kernel.adj.args)
+    if len(arguments) != len(names) or not arguments.keys() <= set(names):
+        missing, extra = sorted(set(names) - set(arguments)), sorted(set(arguments) - set(names))
+        raise TypeError(f"kernel {kernel.key}: missing arguments {missing}, unknown arguments {extra}")
     if (kernel.module, device) not in _loaded:
         compiled.load(wp, kernel.module, device, _BLOCK_SIZE)
         _loaded.add((kernel.module, device))
-    wp.launch(kernel, dim=dim, inputs=inputs, device=device, block_dim=_BLOCK_SIZE)
+    inputs = [arguments[name] for name in names]
+    wp.launch(kernel, dim=threads, inputs=inputs, device=device, block_dim=_BLOCK_SIZE)

@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import platformdirs
 import warp
@@ -25,8 +24,7 @@ from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.cache.cache_folder import claim
 from recipe_runtime.cache.store import kernel_cache
 
-# Warp makes its types when it runs; to mypy they are all one.
-wp: Any = warp
+wp = warp
 OPTIONS = {"enable_backward": False, "fuse_fp": False, "fast_math": False, "max_unroll": 4}
 
 
@@ -83,8 +81,6 @@ def _is_mine(folder: Path) -> bool:
 
 
 def _configure() -> None:
-    wp.config.quiet = True
-    wp.config.verbose = False
     wp.config.verbose_warnings = False
     wp.config.log_level = wp.LOG_ERROR
     wp.config.enable_backward = False

@@ -1,157 +1,106 @@
-"""A lane: room for one frame of a reel, and the kernels that fill it, one after the other.
+"""A frame whose passes are recorded once, as a CUDA graph, and replayed for frame after frame.
 
-What `observe` and `picture` do step by step, with sizes that are read back on the way, a lane does in one recorded
-piece: every array has its place beforehand, every number that changes from frame to frame stands in one block of
-memory, and on a GPU a CUDA graph replays the kernels. On the CPU it runs the same kernels one by one, which is how
-tests hold it to the bytes of `Renderer`.
+Observer, Sampler, ShadingPass and CameraPass read sizes back between their passes. Here every array has its size
+beforehand (`FrameBuffers`), and every number that changes from frame to frame lies in one piece of memory. The passes
+are the same functions; only three choices differ: large triangles are shared out (`raster_binned`), samples take slots
+(`assign_slots`), and nothing of an earlier frame is used. On a CPU the passes run one by one, which is how tests
+compare the bytes with Renderer's.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse
 
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.camera import develop_kernels, rain_kernels
-from recipe_runtime.render.camera.rain import rain_at, streak_radiance
-from recipe_runtime.render.device.arrays import record
-from recipe_runtime.render.device.launch import launch
-from recipe_runtime.render.device.memory_layout import MemoryLayout, span_of
+from recipe_runtime.render.camera import passes as camera_passes
+from recipe_runtime.render.camera.passes import Exposed
+from recipe_runtime.render.camera.rain import drop_count, streak_radiance
+from recipe_runtime.render.device.arrays import DeviceArray, record
+from recipe_runtime.render.device.memory_layout import span_of
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.lighting import (
-    fog_glow_kernels,
-    lights,
-    reflection_kernels,
-    shading_kernels,
-    shadow_kernels,
-    temporal_kernels,
-    tile_list_kernels,
-)
-from recipe_runtime.render.lighting.shadow_maps import ShadowMap, moving_beams
+from recipe_runtime.render.gpu.frame_buffers import FrameBuffers
+from recipe_runtime.render.gpu.stream_setup import ShadedAppearance, StreamSetup, result_layout
+from recipe_runtime.render.lighting import lights
+from recipe_runtime.render.lighting import passes as light_passes
+from recipe_runtime.render.lighting.shadow_kernels import Sunbeam
 from recipe_runtime.render.lighting.temporal import all_samples
-from recipe_runtime.render.lighting.weather_light import Light
-from recipe_runtime.render.raster import bin_kernels, label_kernels, visibility_kernels
-from recipe_runtime.render.raster.distortion import distortion_of
-from recipe_runtime.render.raster.observation import Observation, objects_of
-from recipe_runtime.render.sampling import sample_kernels, slot_kernels
+from recipe_runtime.render.lighting.temporal_kernels import PreviousFrame
+from recipe_runtime.render.raster import passes as raster_passes
+from recipe_runtime.render.raster.observation import FrameLabels, objects_of
+from recipe_runtime.render.raster.passes import Labels
+from recipe_runtime.render.sampling import passes as sample_passes
+from recipe_runtime.render.sampling.buffers import samples_of, scene_arrays
+from recipe_runtime.render.sampling.sample_kernels import Samples, StaticSamples
 from recipe_runtime.render.scene.camera import pinhole_of
-from recipe_runtime.render.scene.geometry import CHUNK, Geometry
-
-_BIN_CAPACITY = 1 << 17  # of large triangles that a list holds
-
-
-@dataclass(frozen=True)
-class ShadedAppearance:
-    """An appearance, made ready for a camera."""
-
-    plan: AppearancePlan
-    light: Light
-    looks: Any
-    response: CameraResponse
-    tables: tuple[Any, Any, Any]  # the lens's gains, the levels and the deviates
-    sun: int  # place among the reel's suns; -1: none shines
-
-    @property
-    def lit(self) -> bool:
-        """Whether lamps are seen to burn."""
-        return float(self.light.air.night) > 0.0 or float(self.light.air.glow) > 0.0
-
-    @property
-    def wet(self) -> bool:
-        """Whether ground mirrors anything."""
-        return float(self.light.air.wet) > 0.0
-
-
-@dataclass
-class StreamSetup:
-    """What all lanes of a reel share."""
-
-    g: Geometry
-    device: str
-    camera: CameraPlan
-    side: int  # samples along a pixel's side
-    suns: list[NDArray[np.float64]]
-    looks: list[ShadedAppearance]
-    tiles: Any  # as kernels take them
-    dark: Any  # shadow maps for where no sun shines
-    block: MemoryLayout  # what changes from frame to frame
-    room: int  # samples that a lane has room for; more, once a frame wanted more
-
-    @property
-    def pixels(self) -> int:
-        """Of the picture."""
-        return self.camera.width * self.camera.height
 
 
 @dataclass(frozen=True)
 class RenderedFrame:
-    """A frame of a reel: its observation, and a picture [H, W, 3] for every appearance.
+    """A frame of a stream: its observation, and a picture [H, W, 3] for every appearance.
 
-    The arrays are the lane's: they hold until the next frame is asked for.
+    The arrays are the recorded frame's: they hold until the next frame is asked for.
     """
 
     number: int
-    observation: Observation
+    observation: FrameLabels
     pictures: tuple[NDArray[np.uint8], ...]
 
 
 class RecordedFrame:
-    """Room for one frame, and the kernels that fill it."""
+    """Memory for one frame, and the passes that fill it."""
 
-    def __init__(self, stage: StreamSetup) -> None:
-        self.stage, self.device, self.room = stage, stage.device, stage.room
-        self._cuda = stage.device != "cpu"
-        self._stream = wp.Stream(stage.device) if self._cuda else None
-        self._done = wp.Event(stage.device) if self._cuda else None
+    def __init__(self, setup: StreamSetup) -> None:
+        self.setup, self.device = setup, setup.device
+        self._cuda = setup.device != "cpu"
+        self._stream = wp.Stream(setup.device) if self._cuda else None
+        self._done = wp.Event(setup.device) if self._cuda else None
         self._allocate()
 
     @property
+    def capacity(self) -> int:
+        """Samples that there is room for."""
+        return self._buffers.capacity
+
+    @property
     def wanted(self) -> int:
-        """Slots that the last frame would have filled."""
-        return self.stage.pixels + int(self._host["cursor"][0])
+        """Samples that the last frame would have filled."""
+        return self.setup.pixels + int(self._host["cursor"][0])
 
     def start(self, row: NDArray[np.uint8]) -> None:
-        """Draw the frame of a block."""
-        if self.room < self.stage.room:
+        """Begin to draw the frame of a row of `setup.layout`."""
+        if self.capacity < self.setup.capacity:
             self._allocate()
         self._row = row
         self._run()
 
     def rebuild(self) -> None:
-        """Draw the frame once more, with the room that the reel has now."""
+        """Draw the frame once more, with the capacity that the stream has now."""
         self._allocate()
         self._run()
 
     def wait(self) -> None:
-        """Until the frame is in the host's memory."""
-        if self._cuda:
+        """Wait until the frame is in the host's memory."""
+        if self._done is not None:
             wp.synchronize_event(self._done)
 
-    def print(self, number: int, pose: Array, parts: Array) -> RenderedFrame:
-        """The frame that is done."""
-        h, shape = self._host, (self.stage.camera.height, self.stage.camera.width)
-        depth, instance, semantic = (h[name].reshape(shape) for name in ("depth", "instance", "semantic"))
+    def result(self, number: int, pose: Array, parts: Array) -> RenderedFrame:
+        """The frame that is done: its number, its sensor's pose [3, 4] and its parts' transforms [P, 3, 4]."""
+        h, camera = self._host, self.setup.camera
+        shape = camera.height, camera.width
         visible, amodal, projected = h["extents"][:3]
-        objects = objects_of(self.stage.g, visible, amodal, projected)
-        seen = Observation(
-            depth,
-            instance,
-            semantic,
-            objects,
-            self.stage.camera,
-            pose,
-            parts,
-            None,
-            None,
-            None,
-            b"",
-            np.zeros(0, np.int32),
+        seen = FrameLabels(
+            depth=h["depth"].reshape(shape),
+            instance=h["instance"].reshape(shape),
+            semantic=h["semantic"].reshape(shape),
+            objects=objects_of(self.setup.g, visible, amodal, projected),
+            camera=camera,
+            world_from_sensor=pose,
+            parts=parts,
         )
-        pictures = tuple(h[f"rgb {v}"].reshape(*shape, 3) for v in range(len(self.stage.looks)))
+        pictures = tuple(h[f"rgb {v}"].reshape(*shape, 3) for v in range(len(self.setup.appearances)))
         return RenderedFrame(number, seen, pictures)
 
     def _run(self) -> None:
@@ -166,26 +115,24 @@ class RecordedFrame:
 
     def _allocate(self) -> None:
         """All arrays, and on a GPU the recording."""
-        stage, device = self.stage, self.device
+        setup, device = self.setup, self.device
         if self._cuda:
             wp.synchronize_stream(self._stream)
-        self.room, actors = stage.room, max(len(stage.g.actors), 1)
-        self._pinned = wp.zeros(stage.block.size, dtype=wp.uint8, device="cpu", pinned=self._cuda)
+        self._pinned = wp.zeros(setup.layout.size, dtype=wp.uint8, device="cpu", pinned=self._cuda)
         self._numbers: NDArray[np.uint8] = self._pinned.numpy()
-        self._block = wp.zeros(stage.block.size, dtype=wp.uint8, device=device)
-        self._out_layout = MemoryLayout()
-        for name, kind, shape in _results(stage, actors):
-            self._out_layout.add(name, kind, shape)
-        self._out = wp.zeros(self._out_layout.size, dtype=wp.uint8, device=device)
-        self._out_host = wp.zeros(self._out_layout.size, dtype=wp.uint8, device="cpu", pinned=self._cuda)
-        self._r = self._out_layout.arrays(self._out)
-        self._host = self._out_layout.views(self._out_host.numpy())
-        self._b = stage.block.arrays(self._block)
-        self._room()
-        self._records()
-        extents = np.zeros((4, actors, 5), np.int32)
-        extents[..., 1:3], extents[..., 3:5] = 1 << 30, -(1 << 30)
-        self._no_extents = wp.array(extents, dtype=wp.int32, device=device)
+        self._block = wp.zeros(setup.layout.size, dtype=wp.uint8, device=device)
+        self._b = setup.layout.arrays(self._block)
+        results = result_layout(setup)
+        self._out = wp.zeros(results.size, dtype=wp.uint8, device=device)
+        self._out_host = wp.zeros(results.size, dtype=wp.uint8, device="cpu", pinned=self._cuda)
+        self._r, self._host = results.arrays(self._out), results.views(self._out_host.numpy())
+        self._labels = Labels(self._r["depth"], self._r["instance"], self._r["semantic"])
+        self._no_extents: wp.array[wp.int32] = wp.array(
+            raster_passes.empty_extents(setup.g, 4), dtype=wp.int32, device=device
+        )
+        self._buffers = FrameBuffers(setup)
+        self._make_records()
+        self._make_own()
         if self._cuda:
             self._record_graph()
 
@@ -198,213 +145,117 @@ class RecordedFrame:
                 self._graph = wp.capture_end(self.device, stream=self._stream)
         wp.synchronize_stream(self._stream)
 
-    def _room(self) -> None:
-        stage, size, device = self.stage, self.stage.tiles.size * int(label_kernels.TILE_PIXELS), self.device
-
-        def zeros(count: int, kind: Any) -> Any:
-            return wp.zeros(count, dtype=kind, device=device)
-
-        self._vertices, self._world = zeros(stage.g.vertex_count, wp.vec3f), zeros(stage.g.vertex_count, wp.vec3f)
-        self._coarse = zeros(stage.pixels, wp.uint64)
-        self._fine = zeros(stage.pixels * 4, wp.uint64) if stage.side == 2 else self._coarse
-        self._bits, self._bands, self._taken = (
-            zeros(stage.pixels, wp.uint64),
-            zeros(_BIN_CAPACITY, wp.uint64),
-            zeros(1, wp.int32),
-        )
-        self._counts, self._firsts = zeros(size, wp.int32), zeros(size, wp.int32)
-        self._wanted, self._stretches = zeros(stage.tiles.size, wp.int32), zeros(stage.tiles.size, wp.int32)
-        self._groups, self._starts = zeros(stage.pixels, wp.int32), zeros(stage.pixels, wp.int32)
-        room = self.room + 4
-        self._keys, self._of_pixel, self._places = zeros(room, wp.uint64), zeros(room, wp.int32), zeros(room, wp.int32)
-        self._weights, self._of_tile = zeros(room, wp.float32), zeros(room, wp.int32)
-        self._surfaces, self._codes = zeros(room, wp.int32), zeros(room, wp.uint32)
-        self._positions, self._normals = zeros(room, wp.vec3f), zeros(room, wp.vec3f)
-        self._details = zeros(room, wp.vec4f)
-        self._light, self._shown = zeros(room, wp.vec3f), zeros(room, wp.vec3f)
-        self._gleam, self._known = zeros(room, wp.vec2f), zeros(room, wp.uint8)
-        blocks = -(-stage.camera.width // 2) * -(-stage.camera.height // 2)
-        self._reach, self._asked, self._ways = (zeros(blocks, kind) for kind in (wp.float32, wp.int32, wp.uint32))
-        self._sources = zeros(1, wp.vec2i)
-        self._nothing_moved = wp.zeros((1, 1), dtype=wp.int32, device=device)
-        self._no_levels = 0, zeros(1, wp.uint8), zeros(1, wp.vec3f)
-        self._cover, self._dry = zeros(stage.pixels, wp.int32), zeros(1, wp.int32)
-        lists = (stage.tiles.size, int(tile_list_kernels.MAX_PER_TILE) + 1)
-        kinds = {look.lit for look in stage.looks}
-        self._lists = {lit: [wp.zeros(lists, dtype=wp.int32, device=device) for _ in range(3)] for lit in kinds}
-        self._seen = zeros(max(stage.g.chunk_count, 1), wp.int32)
-        here, ahead = np.zeros(3), np.array([1.0, 0.0, 0.0])
-        self._maps = [
-            [
-                ShadowMap(beam, stage.g, device, zeros(beam.size * beam.size, wp.uint64))
-                for beam in moving_beams(sun, here, ahead)
-            ]
-            for sun in stage.suns
-        ]
-
-    def _records(self) -> None:
-        """What of the block and the records is this lane's own: addresses."""
-        stage, b, g, device = self.stage, self._b, self.stage.g, self.device
-        scene = sample_kernels.SceneArrays()
-        scene.view, scene.normals, scene.uvs = self._vertices, g.normals, g.uvs
-        scene.vertex_part, scene.triangles, scene.face_normals = g.vertex_part, g.triangles, g.face_normals
-        scene.triangle_surface, scene.surface_pattern = g.triangle_surface, g.surface_pattern
-        scene.world_from_part, scene.world_from_view = b["world"], b["back"]
-        self._scene = record(scene, device)
-        self._nothing_still, self._nothing_before = (
-            record(sample_kernels.StaticSamples(), device),
-            record(temporal_kernels.PreviousFrame(), device),
-        )
-        self._all = record(all_samples(), device)
-        lit = lights.lamps_of(g, [b[f"lamps {name}"] for name in lights.LAMP_NAMES], device)
-        self._lamps = {True: record(lit, device), False: record(lights.no_lamps(device), device)}
+    def _make_records(self) -> None:
+        """Records that stay the same from frame to frame; what they point to does not."""
+        g, b, device = self.setup.g, self._b, self.device
+        scene = scene_arrays(g, self._buffers.vertices, b["world_from_part"], b["world_from_view"])
+        self._scene, self._all = record(scene, device), record(all_samples(), device)
+        self._no_static, self._no_previous = record(StaticSamples(), device), record(PreviousFrame(), device)
+        burning = lights.lamps_of(g, [b[f"lamps {name}"] for name in lights.LAMP_NAMES], device)
+        self._lamps = {True: record(burning, device), False: record(lights.no_lamps(device), device)}
         columns = [b[f"bodies {name}"] for name in lights.BODY_NAMES]
         self._bodies = record(lights.bodies_of(columns, columns[0].size), device)
-        data = sample_kernels.Samples()
-        data.surfaces, data.positions, data.normals = self._surfaces, self._positions, self._normals
-        data.details, data.codes, data.pixels = self._details, self._codes, self._of_pixel
-        data.tiles = self._of_tile
-        self._own, self._is_own = stage.block.rows(1)[0], np.zeros(stage.block.size, bool)
-        stage.block.put_records(self._own, "samples", [data])
-        stage.block.mark(self._is_own, "samples", 0, span_of(sample_kernels.Samples, "eye")[0])
-        for n, maps in enumerate(self._maps):
-            for k, room in enumerate(maps, start=2):
-                stage.block.put_records(self._own, f"beams {n}", [room.beam], at=k)
+
+    def _make_own(self) -> None:
+        """The bytes of a row that are this frame's own, the addresses of its arrays, and which bytes those are."""
+        layout = self.setup.layout
+        self._own, self._is_own = layout.rows(1)[0], np.zeros(layout.size, bool)
+        layout.put_records(self._own, "samples", [samples_of(self._buffers.columns)])
+        layout.mark(self._is_own, "samples", 0, span_of(Samples, "eye")[0])
+        for n, maps in enumerate(self._buffers.maps):
+            for k, shadow_map in enumerate(maps, start=2):
+                layout.put_records(self._own, f"beams {n}", [shadow_map.beam], at=k)
                 for name in ("depths", "bounds"):
-                    stage.block.mark(self._is_own, f"beams {n}", *span_of(shadow_kernels.Sunbeam, name), at=k)
+                    layout.mark(self._is_own, f"beams {n}", *span_of(Sunbeam, name), at=k)
 
     def _draw(self) -> None:
-        """All kernels of a frame, in order."""
+        """All passes of a frame, in order."""
         wp.copy(self._block, self._pinned)
         self._observe()
-        if self.stage.looks:
-            self._place()
-            self._shadow()
-            self._near()
-            for v, look in enumerate(self.stage.looks):
+        if self.setup.appearances:
+            self._sample()
+            self._draw_shadows()
+            self._list_lights()
+            for v, look in enumerate(self.setup.appearances):
                 self._shade(v, look)
+                self._develop(v, look)
         wp.copy(self._out_host, self._out)
 
     def _observe(self) -> None:
-        stage, g, r, lens = self.stage, self.stage.g, self._r, pinhole_of(self.stage.camera, 1)
-        inputs = [g.vertices, g.vertex_part, self._b["view"], 0, self._vertices]
-        launch(visibility_kernels.transform_vertices, g.vertex_count, inputs, self.device)
-        boxes = [g.chunks, g.chunk_centres, g.chunk_halves]
-        launch(visibility_kernels.cull_chunks, g.chunk_count, [*boxes, self._b["view"], lens, self._seen], self.device)
-        self._raster(self._coarse, 1)
+        setup, g, r, n = self.setup, self.setup.g, self._r, self._buffers
+        view, camera, device = self._b["view_from_part"], self.setup.camera, self.device
+        raster_passes.transform_vertices(g, view, 0, n.vertices, device)
+        raster_passes.cull_chunks(g, view, camera, n.chunk_visible, device)
+        self._raster(n.coarse, 1)
         wp.copy(r["extents"].flatten(), self._no_extents.flatten())
-        tables = [g.triangle_surface, g.surface_actor, g.surface_instance, g.surface_tag]
-        out = [r["depth"], r["instance"], r["semantic"], r["extents"][0]]
-        size = stage.tiles.size * int(label_kernels.TILE_PIXELS)
-        launch(label_kernels.label_pixels, size, [stage.tiles, self._coarse, *tables, lens, *out], self.device)
-        first = g.static_triangles
-        for start in range(0, len(g.actors), 64):
-            self._raster(self._bits, 1, g.static_chunks, start)
-            actors = min(64, len(g.actors) - start)
-            inputs = [stage.tiles, self._bits, lens, start, actors, r["extents"][1]]
-            launch(label_kernels.count_amodal, size, inputs, self.device)
-        if g.triangle_count > first:
-            tables = [self._vertices, g.triangles, g.triangle_surface, g.surface_actor, first, lens]
-            inputs = [*tables, distortion_of(stage.camera), r["extents"][2], r["extents"][3]]
-            launch(label_kernels.project_boxes, g.triangle_count - first, inputs, self.device)
+        raster_passes.label_pixels(g, setup.tiles, n.coarse, camera, self._labels, r["extents"][0], device)
+        for first in range(0, len(g.actors), raster_passes.ACTORS_PER_WORD):
+            self._raster(n.actor_bits, 1, g.static_chunks, first)
+            raster_passes.count_amodal(g, setup.tiles, n.actor_bits, first, camera, r["extents"][1], device)
+        raster_passes.project_boxes(g, n.vertices, camera, r["extents"][2], r["extents"][3], device)
 
-    def _raster(self, keys: Any, side: int, first: int = 0, actor: int = -1) -> None:
-        g, lens = self.stage.g, pinhole_of(self.stage.camera, side)
-        keys.zero_()
-        self._taken.zero_()
-        tables, lists = [g.triangle_surface, g.surface_actor, actor], [lens, keys, self._bands, self._taken]
-        inputs = [self._vertices, g.triangles, g.chunks, self._seen, first, *tables, *lists]
-        launch(bin_kernels.bin_triangles, (g.chunk_count - first) * CHUNK, inputs, self.device)
-        threads = int(bin_kernels.BIN_GROUPS) * int(bin_kernels.BIN_THREADS)
-        launch(bin_kernels.raster_bins, threads, [self._vertices, g.triangles, *tables, *lists], self.device)
+    def _raster(self, keys: DeviceArray, side: int, first_chunk: int = 0, first_actor: int = -1) -> None:
+        n, pinhole = self._buffers, pinhole_of(self.setup.camera, side)
+        place = first_chunk, first_actor, pinhole, n.bins
+        raster_passes.raster_binned(self.setup.g, n.vertices, n.chunk_visible, *place, keys, self.device)
 
-    def _place(self) -> None:
-        """Samples, as `points` places and surveys them, but in slots."""
-        stage, size = self.stage, self.stage.tiles.size * int(label_kernels.TILE_PIXELS)
-        lens, cursor = pinhole_of(stage.camera, stage.side), self._r["cursor"]
-        if stage.side == 2:
-            self._raster(self._fine, 2)
-        keys = [self._coarse, self._fine]
-        grouped = [lens, self._scene, self._nothing_still, self._groups, self._starts, self._counts]
-        launch(sample_kernels.count_samples, size, [stage.tiles, *keys, *grouped], self.device)
-        self._wanted.zero_()
-        cursor.zero_()
-        launch(slot_kernels.rank_in_tile, size, [self._counts, self._firsts, self._wanted], self.device)
-        launch(slot_kernels.reserve_slots, stage.tiles.size, [self._wanted, self._stretches, cursor], self.device)
-        inputs = [stage.tiles, lens, self._stretches, self.room, self._counts, self._firsts]
-        launch(slot_kernels.assign_slots, size, inputs, self.device)
-        self._of_pixel.fill_(-1)
-        self._of_tile.fill_(-1)
-        places = [lens, self._scene, self._groups, self._starts]
-        out = [self._keys, self._of_pixel, self._places, self._weights, self._of_tile]
-        launch(
-            sample_kernels.emit_samples,
-            size,
-            [stage.tiles, *keys, self._counts, self._firsts, *places, *out],
-            self.device,
+    def _sample(self) -> None:
+        setup, n, device = self.setup, self._buffers, self.device
+        camera, side = setup.camera, setup.side
+        if side == 2:
+            self._raster(n.fine, 2)
+        keys = setup.tiles, n.coarse, n.fine
+        pixels = n.groups, n.starts
+        sample_passes.count_samples(*keys, camera, side, self._scene, self._no_static, *pixels, n.counts, device)
+        slots = n.counts, n.wanted, n.stretches, self._r["cursor"], n.firsts
+        sample_passes.assign_slots(setup.tiles, camera, side, self.capacity, *slots, device)
+        n.columns.pixels.fill_(-1)
+        n.columns.tiles.fill_(-1)
+        sample_passes.emit_samples(
+            *keys, n.counts, n.firsts, camera, side, self._scene, n.groups, n.starts, n.columns, device
         )
-        lens = pinhole_of(stage.camera, 1)
-        inputs = [0, self._keys, self._of_pixel, self._places, lens, self._scene]
-        out = [self._surfaces, self._positions, self._normals, self._details, self._codes]
-        launch(sample_kernels.evaluate_samples, self.room, [*inputs, *out], self.device)
+        sample_passes.evaluate_samples(0, self.capacity, camera, self._scene, n.columns, device)
 
-    def _shadow(self) -> None:
-        g = self.stage.g
-        count = g.vertex_count - g.static_vertices
-        if not self.stage.suns:
+    def _draw_shadows(self) -> None:
+        g, n, world, device = self.setup.g, self._buffers, self._b["world_from_part"], self.device
+        if not self.setup.suns:
             return
-        inputs = [g.vertices, g.vertex_part, self._b["world"], g.static_vertices, self._world]
-        launch(visibility_kernels.transform_vertices, count, inputs, self.device)
-        for n, maps in enumerate(self._maps):
-            for k, sheet in enumerate(maps, start=2):
-                beam, first = self._b[f"beams {n}"][k : k + 1], g.static_chunks
-                sheet.clear()
-                sheet.draw(beam, self._world, self._b["world"], first, g.chunk_count - first)
+        raster_passes.transform_vertices(g, world, g.static_vertices, n.world_vertices, device)
+        for sun, maps in enumerate(n.maps):
+            for k, shadow_map in enumerate(maps, start=2):
+                beam, first = self._b[f"beams {sun}"][k : k + 1], g.static_chunks
+                shadow_map.clear()
+                shadow_map.draw(beam, n.world_vertices, world, first, g.chunk_count - first)
 
-    def _near(self) -> None:
-        stage, lens = self.stage, pinhole_of(self.stage.camera, 1)
-        for lit, lists in self._lists.items():
-            inputs = [self._coarse, lens, self._b["back"], self._lamps[lit], self._bodies, *lists[:2]]
-            launch(tile_list_kernels.cull_lights, stage.tiles.size, inputs, self.device)
-            inputs = [lens, self._b["view"], self._lamps[lit], lists[2]]
-            launch(fog_glow_kernels.cull_glows, stage.tiles.size, inputs, self.device)
+    def _list_lights(self) -> None:
+        b, n = self._b, self._buffers
+        for burn, lists in n.lists.items():
+            place = self.setup.camera, b["world_from_view"], b["view_from_part"]
+            light_passes.list_lights(n.coarse, *place, self._lamps[burn], self._bodies, lists, self.device)
 
     def _shade(self, v: int, look: ShadedAppearance) -> None:
-        stage, b, lens = self.stage, self._b, pinhole_of(self.stage.camera, 1)
-        data, air = b["samples"], b[f"air {v}"]
-        beams = b[f"beams {look.sun}"] if look.sun >= 0 else stage.dark
-        inputs = [data, look.looks, air, beams, self._lamps[look.lit], self._bodies, *self._lists[look.lit]]
-        shown = self._shown if look.wet else self._light
-        out = [self._light, self._gleam, self._known, shown]
-        launch(shading_kernels.shade_samples, self.room, [*inputs, self._nothing_before, self._all, *out], self.device)
-        if look.wet:
-            inputs = [data, self._gleam, self._r["depth"], self._starts, b["view"], lens, self._nothing_before]
-            inputs += [self._nothing_moved, 1, self._reach, self._asked, self._ways]
-            launch(reflection_kernels.trace_rays, self._reach.size, inputs, self.device)
-            inputs = [data, air, self._gleam, self._reach, self._r["depth"], self._starts, b["view"], lens]
-            inputs += [self._nothing_before, self._all, self._light, self._sources, shown]
-            launch(reflection_kernels.reflect, self.room, inputs, self.device)
-        cover = self._dry
+        """The light of all samples in an appearance."""
+        b, n, device, burn = self._b, self._buffers, self.device, look.light.lamps_burn
+        samples, air, light = b["samples"], b[f"air {v}"], n.light(look.light.wet)
+        beams = b[f"beams {look.sun}"] if look.sun >= 0 else self.setup.no_shadows
+        sources = light_passes.Lights(look.colours, air, beams, self._lamps[burn], self._bodies, n.lists[burn])
+        earlier = self._no_previous, self._all
+        light_passes.shade_samples(self.capacity, samples, sources, *earlier, light, device)
+        if look.light.wet:
+            view = light_passes.View(self.setup.camera, self._labels.depth, n.starts, b["view_from_part"])
+            light_passes.trace_rays(samples, light.gleam, view, self._no_previous, n.no_motion, n.rays, device)
+            frame = samples, air, view, n.rays
+            light_passes.reflect(self.capacity, *frame, *earlier, light, n.no_sources, device)
+
+    def _develop(self, v: int, look: ShadedAppearance) -> None:
+        """The picture of an appearance."""
+        b, n, camera, cover = self._b, self._buffers, self.setup.camera, self._buffers.no_cover
         if look.light.rain > 0.0:
-            cover = self._cover
+            cover = n.cover
             cover.zero_()
-            count = int(rain_at(np.zeros((3, 4)), look.light, 0.0).count)
-            inputs = [b[f"shower {v}"], self._r["depth"], b["view"], lens, cover]
-            launch(rain_kernels.draw_streaks, count, inputs, self.device)
-        streak = streak_radiance(look.light)
-        inputs = [shown, self._starts, self._groups, self._weights, cover, streak, b[f"response {v}"]]
-        inputs += self._no_levels
-        launch(
-            develop_kernels.develop_pixels, stage.pixels, [*inputs, *look.tables, 1, self._r[f"rgb {v}"]], self.device
-        )
-
-
-def _results(stage: StreamSetup, actors: int) -> list[tuple[str, Any, tuple[int, ...]]]:
-    """What a frame leaves behind."""
-    labels = [("depth", wp.float32), ("instance", wp.uint16), ("semantic", wp.uint8)]
-    return [
-        *((name, kind, (stage.pixels,)) for name, kind in labels),
-        ("extents", wp.int32, (4, actors, 5)),
-        ("cursor", wp.int32, (1,)),
-        *((f"rgb {v}", wp.uint8, (stage.pixels * 3,)) for v in range(len(stage.looks))),
-    ]
+            drops, view = drop_count(look.light), b["view_from_part"]
+            camera_passes.draw_rain(drops, b[f"rain {v}"], self._labels.depth, view, camera, cover, self.device)
+        by_pixel = n.starts, n.groups, n.columns.weights
+        exposed = Exposed(n.light(look.light.wet).shown, *by_pixel, cover, streak_radiance(look.light))
+        told, levels, out = b[f"response {v}"], n.no_levels, self._r[f"rgb {v}"]
+        camera_passes.develop_pixels(exposed, camera, told, look.tables, 0, levels, out, self.device)

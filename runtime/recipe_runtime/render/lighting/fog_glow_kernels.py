@@ -14,7 +14,7 @@ from recipe_runtime.render.numeric.noise import smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum
 from recipe_runtime.render.numeric.vectors import dot
 from recipe_runtime.render.raster.label_kernels import TILE
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

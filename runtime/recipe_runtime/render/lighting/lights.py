@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.core.transforms import Array
+from recipe_runtime.render.device.arrays import filled
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps
 from recipe_runtime.render.scene.geometry import Geometry
@@ -41,21 +42,22 @@ def lamplight(geometry: Geometry, eye: Array) -> float:
     return min(max(total / _LIT_STREET, _UNLIT), 2.0)
 
 
-def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: str) -> Any:
+def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: str) -> Lamps:
     """The lamps nearest to the eye, in the geometry's order."""
     columns = lamp_columns(geometry, world_from_parts, eye)
     return lamps_of(geometry, [_upload(c, kind, device) for c, kind in zip(columns, LAMP_KINDS, strict=True)], device)
 
 
-def lamps_of(geometry: Geometry, columns: Sequence[Any], device: str) -> Any:
-    """The record of lamps whose columns are on the device."""
-    lamps = Lamps()
-    lamps.position, lamps.direction, lamps.power, lamps.cone, lamps.reach = columns
+def lamps_of(geometry: Geometry, columns: Sequence[Any], device: str) -> Lamps:
+    """The struct of lamps whose columns are on the device."""
     crowded = len(geometry.lights) > _MAX_LAMPS  # then which lamps are here may change from frame to frame
     moves = [int(crowded or mounted.part != 0) for mounted in geometry.lights[:_MAX_LAMPS]] or [1]
-    lamps.moves = wp.array(np.array(moves, np.int32), dtype=wp.int32, device=device)
-    lamps.count = min(len(geometry.lights), _MAX_LAMPS)
-    return lamps
+    return filled(
+        Lamps(),
+        **dict(zip(LAMP_NAMES, columns, strict=True)),
+        moves=wp.array(np.array(moves, np.int32), dtype=wp.int32, device=device),
+        count=min(len(geometry.lights), _MAX_LAMPS),
+    )
 
 
 def lamp_columns(geometry: Geometry, world: Array, eye: Array) -> tuple[Array, ...]:
@@ -81,16 +83,13 @@ def lamp_columns(geometry: Geometry, world: Array, eye: Array) -> tuple[Array, .
     return rows[..., 0:3], rows[..., 3:6], rows[..., 6:9], rows[..., 9:11], rows[..., 11]
 
 
-def no_lamps(device: str) -> Any:
-    """What burns by day."""
-    lamps = Lamps()
-    lamps.position, lamps.direction, lamps.power = (_upload(np.zeros((1, 3)), wp.vec3f, device) for _ in range(3))
-    lamps.cone, lamps.reach = _upload(np.zeros((1, 2)), wp.vec2f, device), _upload(np.zeros(1), wp.float32, device)
-    lamps.moves, lamps.count = wp.zeros(1, dtype=wp.int32, device=device), 0
-    return lamps
+def no_lamps(device: str) -> Lamps:
+    """The lamps that burn by day: none."""
+    columns = {name: wp.zeros(1, dtype=kind, device=device) for name, kind in zip(LAMP_NAMES, LAMP_KINDS, strict=True)}
+    return filled(Lamps(), **columns, moves=wp.zeros(1, dtype=wp.int32, device=device), count=0)
 
 
-def bodies_at(geometry: Geometry, parts: Array, device: str) -> Any:
+def bodies_at(geometry: Geometry, parts: Array, device: str) -> Bodies:
     """The moving parts that come within half a metre of their actor's foot."""
     columns = body_columns(geometry, parts)
     near = columns[0][:, 2] < _NOWHERE
@@ -98,12 +97,9 @@ def bodies_at(geometry: Geometry, parts: Array, device: str) -> Any:
     return bodies_of(uploaded, int(near.sum()))
 
 
-def bodies_of(columns: Sequence[Any], count: int) -> Any:
-    """The record of bodies whose columns are on the device."""
-    bodies = Bodies()
-    bodies.centre, bodies.axis, bodies.half, bodies.spread, bodies.strength = columns
-    bodies.count = count
-    return bodies
+def bodies_of(columns: Sequence[Any], count: int) -> Bodies:
+    """The struct of bodies whose columns are on the device."""
+    return filled(Bodies(), **dict(zip(BODY_NAMES, columns, strict=True)), count=count)
 
 
 def body_columns(geometry: Geometry, parts: Array) -> tuple[Array, ...]:

@@ -24,7 +24,7 @@ from recipe_runtime.render.numeric.noise import noise2, smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot, mix
 from recipe_runtime.render.sampling.sample_kernels import Samples
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

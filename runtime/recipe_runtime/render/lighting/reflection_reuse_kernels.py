@@ -10,7 +10,7 @@ from recipe_runtime.render.numeric.noise import floor, hash2
 from recipe_runtime.render.numeric.scalars import nonnegative
 from recipe_runtime.render.raster.label_kernels import TILE
 from recipe_runtime.render.sampling.sample_kernels import Samples
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

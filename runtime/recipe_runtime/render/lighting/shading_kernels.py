@@ -40,8 +40,7 @@ from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, non
 from recipe_runtime.render.numeric.vectors import dot, multiply, normalize
 from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.texture import patterns
-from recipe_runtime.render.texture.images import IMAGE, image_at
-from recipe_runtime.render.texture.surface_colours import SurfaceColours
+from recipe_runtime.render.texture.images import IMAGE, SurfaceColours, image_at
 
 wp.set_module_options(OPTIONS)
 

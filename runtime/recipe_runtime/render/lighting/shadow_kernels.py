@@ -13,7 +13,7 @@ from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import box_extent, transform_point
 from recipe_runtime.render.raster.triangles import Corner, edge_function, snap
 from recipe_runtime.render.raster.visibility_kernels import fill_triangle
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

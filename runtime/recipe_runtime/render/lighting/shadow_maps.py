@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.device.arrays import record, zeros
+from recipe_runtime.render.device.arrays import DeviceArray, filled, record, zeros
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import shadow_kernels
 from recipe_runtime.render.lighting.shadow_kernels import TILE, Sunbeam
-from recipe_runtime.render.raster import visibility_kernels
-from recipe_runtime.render.scene.camera import Pinhole, upload_transforms, world_from_parts
+from recipe_runtime.render.raster.passes import transform_vertices
+from recipe_runtime.render.scene.camera import upload_transforms, world_from_parts
 from recipe_runtime.render.scene.geometry import CHUNK, Geometry
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 _STATIC_MAPS = ((3072, 0.03, 32.0), (2048, 0.2, 128.0))  # texels, metres a texel, metres between centres
 _MOVING_SIZE = 1024
@@ -31,11 +32,11 @@ class ShadowMaps:
 
     def __init__(self, geometry: Geometry, device: str) -> None:
         self._g, self._device = geometry, device
-        self._keys: dict[int, Any] = {}  # by a map's size
-        self._static: list[OrderedDict[tuple[bytes, int, int], Any]] = [OrderedDict() for _ in _STATIC_MAPS]
+        self._keys: dict[int, DeviceArray] = {}  # by a map's size
+        self._static: list[OrderedDict[tuple[bytes, int, int], Sunbeam]] = [OrderedDict() for _ in _STATIC_MAPS]
         self._spare: list[ShadowMap] = []  # of maps that nobody looks into any more
 
-    def static(self, sun: NDArray[np.float64], eye: Array) -> tuple[Any, Any]:
+    def static(self, sun: NDArray[np.float64], eye: Array) -> tuple[Sunbeam, Sunbeam]:
         """The fine and the coarse map of what stands still, about the eye; for a sun above the horizon.
 
         Their centres lie on a grid of the world, so that a camera that moves seldom needs another one.
@@ -43,7 +44,7 @@ class ShadowMaps:
         fine, coarse = (self._held(kind, sun, eye) for kind in range(len(_STATIC_MAPS)))
         return fine, coarse
 
-    def _held(self, kind: int, sun: NDArray[np.float64], eye: Array) -> Any:
+    def _held(self, kind: int, sun: NDArray[np.float64], eye: Array) -> Sunbeam:
         size, texel, grid = _STATIC_MAPS[kind]
         cell = int(np.floor(eye[0] / grid + 0.5)), int(np.floor(eye[1] / grid + 0.5))
         held, name = self._static[kind], (sun.tobytes(), *cell)
@@ -57,15 +58,15 @@ class ShadowMaps:
         held.move_to_end(name)
         return held[name]
 
-    def none(self) -> Any:
+    def none(self) -> Sunbeam:
         """A map that shadows nothing."""
-        beam = Sunbeam()
-        beam.size, beam.depth = 0, 1.0
-        beam.depths = wp.zeros(1, dtype=wp.float32, device=self._device)
-        beam.bounds = wp.zeros(1, dtype=wp.vec2f, device=self._device)
-        return beam
+        depths = wp.zeros(1, dtype=wp.float32, device=self._device)
+        bounds = wp.zeros(1, dtype=wp.vec2f, device=self._device)
+        return filled(Sunbeam(), size=0, depth=1.0, depths=depths, bounds=bounds)
 
-    def moving(self, sun: NDArray[np.float64], vertices: Any, world: Any, eye: Array, ahead: Array) -> list[ShadowMap]:
+    def moving(
+        self, sun: NDArray[np.float64], vertices: DeviceArray, world: DeviceArray, eye: Array, ahead: Array
+    ) -> list[ShadowMap]:
         """The fine and the coarse map of the moving parts, from their vertices in the world, moved there by `world`."""
         first = self._g.static_chunks
         count = self._g.chunk_count - first
@@ -80,22 +81,22 @@ class ShadowMaps:
             if len(self._spare) < _MAP_POOL_SIZE:
                 self._spare.append(sheet)
 
-    def _sheet(self, beam: Any) -> ShadowMap:
+    def _sheet(self, beam: Sunbeam) -> ShadowMap:
         """Room for a moving map."""
         if not self._spare:
-            return ShadowMap(beam, self._g, self._device, self._cleared(beam.size))
+            return ShadowMap(beam, self._g, self._device, self._cleared(int(beam.size)))
         sheet = self._spare.pop()
         sheet.turn(beam)
         return sheet
 
-    def _cleared(self, size: int) -> Any:
+    def _cleared(self, size: int) -> DeviceArray:
         """A map of keys, all 0, as `shadow.nearness` leaves it."""
         if size not in self._keys:
             self._keys[size] = zeros(size * size, wp.uint64, self._device)
         return self._keys[size]
 
-    def _draw(self, beam: Any, vertices: Any, world: Any, first: int, count: int) -> Any:
-        ShadowMap(beam, self._g, self._device, self._cleared(beam.size)).draw(
+    def _draw(self, beam: Sunbeam, vertices: DeviceArray, world: DeviceArray, first: int, count: int) -> Sunbeam:
+        ShadowMap(beam, self._g, self._device, self._cleared(int(beam.size))).draw(
             record(beam, self._device), vertices, world, first, count
         )
         return beam
@@ -104,16 +105,17 @@ class ShadowMaps:
 class ShadowMap:
     """A map's memory; `beam` is given its place there."""
 
-    def __init__(self, beam: Any, geometry: Geometry, device: str, keys: Any) -> None:
+    def __init__(self, beam: Sunbeam, geometry: Geometry, device: str, keys: DeviceArray) -> None:
         self.beam, self._g, self._device = beam, geometry, device
-        tiles = (beam.size // TILE) * (beam.size // TILE)
+        size = int(beam.size)
+        tiles = (size // int(TILE)) * (size // int(TILE))
         self._keys = keys  # all 0, as `shadow.nearness` leaves them
         self._used, self._before = (wp.zeros(tiles, dtype=wp.int32, device=device) for _ in range(2))
         self._seen = wp.empty(max(geometry.chunk_count, 1), dtype=wp.int32, device=device)
-        beam.depths = zeros(beam.size * beam.size, wp.float32, device)
+        beam.depths = zeros(size * size, wp.float32, device)
         beam.bounds = wp.empty(tiles, dtype=wp.vec2f, device=device)
 
-    def turn(self, beam: Any) -> None:
+    def turn(self, beam: Sunbeam) -> None:
         """Serve another beam, as large; what was drawn goes with the next drawing."""
         beam.depths, beam.bounds = self.beam.depths, self.beam.bounds
         self.beam, self._used, self._before = beam, self._before, self._used
@@ -121,29 +123,62 @@ class ShadowMap:
 
     def clear(self) -> None:
         """Make it empty again."""
-        for array in (self._used, self._before, self.beam.depths):
+        arrays: tuple[DeviceArray, ...] = self._used, self._before, self.beam.depths
+        for array in arrays:
             array.zero_()
 
-    def draw(self, told: Any, vertices: Any, world: Any, first: int, count: int) -> None:
+    def draw(self, told: DeviceArray, vertices: DeviceArray, world: DeviceArray, first: int, count: int) -> None:
         """Draw chunks into an empty map, or over what was there before a `turn`; its frame is the record `told`."""
         g, size = self._g, int(self.beam.size)
-        lens = Pinhole()
-        lens.near, lens.far, lens.width, lens.height, lens.side = 1.0, 1.0e9, size, size, 1
+        pinhole = filled(Pinhole(), near=1.0, far=1.0e9, width=size, height=size, side=1)
         if count:
-            inputs = [g.chunks, g.chunk_centres, g.chunk_halves, world, told, first, self._seen]
-            launch(shadow_kernels.cull_casters, count, inputs, self._device)
-            tables = [vertices, g.triangles, g.chunks, self._seen, g.casts, first]
+            chunks = {"chunks": g.chunks, "beams": told, "first_chunk": first}
+            launch(
+                shadow_kernels.cull_casters,
+                count,
+                self._device,
+                chunk_centres=g.chunk_centres,
+                chunk_halves=g.chunk_halves,
+                transforms=world,
+                out_visible=self._seen,
+                **chunks,
+            )
             launch(
                 shadow_kernels.raster_casters,
                 count * CHUNK,
-                [*tables, told, lens, self._keys, self._used],
                 self._device,
+                vertices=vertices,
+                triangles=g.triangles,
+                chunk_visible=self._seen,
+                casts=g.casts,
+                pinhole=pinhole,
+                out_keys=self._keys,
+                out_used=self._used,
+                **chunks,
             )
         tiles, depths = self._used.size, self.beam.depths
         rows = int(TILE) if self._device == "cpu" else 1  # a GPU has threads to spare
-        inputs = [self._keys, self._used, self._before, size, rows, depths]
-        launch(shadow_kernels.resolve_depths, tiles * (int(TILE) // rows), inputs, self._device)
-        launch(shadow_kernels.bound_depths, tiles, [depths, self._used, size, self.beam.bounds], self._device)
+        launch(
+            shadow_kernels.resolve_depths,
+            tiles * (int(TILE) // rows),
+            self._device,
+            keys=self._keys,
+            used=self._used,
+            used_before=self._before,
+            size=size,
+            rows_per_thread=rows,
+            out_depths=depths,
+        )
+        bounds = self.beam.bounds
+        launch(
+            shadow_kernels.bound_depths,
+            tiles,
+            self._device,
+            depths=depths,
+            used=self._used,
+            size=size,
+            out_bounds=bounds,
+        )
 
 
 def moving_beams(sun: NDArray[np.float64], eye: Array, ahead: Array) -> list[Any]:
@@ -152,13 +187,10 @@ def moving_beams(sun: NDArray[np.float64], eye: Array, ahead: Array) -> list[Any
     return [_beam_about(sun, centre, texel, _MOVING_SIZE) for texel, centre in places]
 
 
-def world_vertices(geometry: Geometry, world_from_part: Any, device: str) -> Any:
+def world_vertices(geometry: Geometry, world_from_part: DeviceArray, device: str) -> DeviceArray:
     """All vertices in the world; what stands still is there already and is left out."""
     out = wp.empty(geometry.vertex_count, dtype=wp.vec3f, device=device)
-    count = geometry.vertex_count - geometry.static_vertices
-    if count:
-        inputs = [geometry.vertices, geometry.vertex_part, world_from_part, geometry.static_vertices, out]
-        launch(visibility_kernels.transform_vertices, count, inputs, device)
+    transform_vertices(geometry, world_from_part, geometry.static_vertices, out, device)
     return out
 
 
@@ -175,16 +207,12 @@ def _along(axis: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np
     return product
 
 
-def _beam_about(sun: NDArray[np.float64], centre: Array, texel: float, size: int) -> Any:
+def _beam_about(sun: NDArray[np.float64], centre: Array, texel: float, size: int) -> Sunbeam:
     """The frame of a map about a point; whole texels, so that its grid stays in place as the camera moves."""
     axes = _axes(sun)
     at = [float(_along(axis, centre[None])[0]) for axis in axes]
     scale = (1.0 / texel, 1.0 / texel, 1.0 / _DEPTH)
     offset = (size / 2.0 - float(np.floor(at[0] / texel)), size / 2.0 - float(np.floor(at[1] / texel)))
-    beam = Sunbeam()
-    beam.u, beam.v, beam.q = (
-        wp.vec4f(*(float(c) * s for c in axis), o)
-        for axis, s, o in zip(axes, scale, (*offset, 0.5 - at[2] / _DEPTH), strict=True)
-    )
-    beam.size, beam.texel, beam.depth = size, texel, _DEPTH
-    return beam
+    rows = zip(axes, scale, (*offset, 0.5 - at[2] / _DEPTH), strict=True)
+    u, v, q = (wp.vec4f(float(a[0]) * s, float(a[1]) * s, float(a[2]) * s, o) for a, s, o in rows)
+    return filled(Sunbeam(), u=u, v=v, q=q, size=size, texel=texel, depth=_DEPTH)

@@ -1,26 +1,37 @@
-"""Which samples a kernel's threads are for."""
+"""Which samples a kernel's threads are for: all of them, or those of a list that a kernel before has made."""
 
 from __future__ import annotations
 
-from typing import Any
-
-from recipe_runtime.render.lighting import temporal_kernels
-
-
-def all_samples() -> Any:
-    """No list: a kernel's threads are for all samples."""
-    asked = temporal_kernels.DirtySamples()
-    asked.listed, asked.fresh = -1, 0
-    return asked
+from recipe_runtime.render.device.arrays import DeviceArray, filled
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.lighting.temporal_kernels import DirtySamples
 
 
-def listed_samples(count: Any, listed: Any, fresh: int) -> Any:
-    """The samples of a list, and all from `fresh` on."""
-    asked = temporal_kernels.DirtySamples()
-    asked.listed, asked.fresh, asked.samples = int(count.numpy()[0]), fresh, listed
-    return asked
+class SampleList:
+    """Memory for a list of samples. One list at a time: it lasts until the next is begun."""
+
+    def __init__(self, device: str) -> None:
+        self._device = device
+        self._samples = wp.empty(1, dtype=wp.int32, device=device)
+
+    def begin(self, capacity: int) -> tuple[DeviceArray, DeviceArray]:
+        """An empty list: its count int32 [1], and room for so many samples, int32 [capacity or more]."""
+        if self._samples.size < capacity:
+            self._samples = wp.empty(capacity, dtype=wp.int32, device=self._device)
+        return wp.zeros(1, dtype=wp.int32, device=self._device), self._samples
 
 
-def thread_count(asked: Any, samples: int) -> int:
-    """How many threads a kernel needs for what is asked of so many samples."""
-    return samples if asked.listed < 0 else int(asked.listed) + samples - int(asked.fresh)
+def all_samples() -> DirtySamples:
+    """The struct `DirtySamples` of no list: every sample is dirty."""
+    return filled(DirtySamples(), listed=-1, fresh=0)
+
+
+def listed_samples(count: DeviceArray, samples: DeviceArray, fresh: int) -> DirtySamples:
+    """The struct `DirtySamples` of a list, and of all samples from `fresh` on."""
+    return filled(DirtySamples(), listed=int(count.numpy()[0]), fresh=fresh, samples=samples)
+
+
+def thread_count(dirty: DirtySamples, samples: int) -> int:
+    """How many threads a kernel needs for the dirty ones of so many samples."""
+    listed = int(dirty.listed)
+    return samples if listed < 0 else listed + samples - int(dirty.fresh)

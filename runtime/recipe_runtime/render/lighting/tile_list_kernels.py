@@ -12,7 +12,7 @@ from recipe_runtime.render.numeric.noise import smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

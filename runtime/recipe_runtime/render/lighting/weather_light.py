@@ -7,7 +7,7 @@ street lamps about a camera: never from a picture, never from the frame before.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import AppearancePlan, Weather, fixed
 
+from recipe_runtime.render.device.arrays import copied, filled
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import sky
 from recipe_runtime.render.lighting.air import DECAY_STEPS, SWING_STIRS, Air
@@ -49,6 +50,22 @@ class Light:
     night: float
     rain: float  # 0 to 1
     wind: float  # 0 to 1
+    moved: tuple[float, float, int, int] = (0.0, 0.0, 0, 0)  # clouds, rings and leaves, as in `air`
+
+    @property
+    def sun_shines(self) -> bool:
+        """Whether the sun casts shadows."""
+        return bool(self.sun[2] > 0.0 and float(self.sunlight.max()) > 0.0)
+
+    @property
+    def lamps_burn(self) -> bool:
+        """Whether lamps light anything, or are seen to glow in fog."""
+        return bool(self.air.night > 0.0 or self.air.glow > 0.0)
+
+    @property
+    def wet(self) -> bool:
+        """Whether the ground mirrors anything."""
+        return bool(self.air.wet > 0.0)
 
     def exposure(self, lamps: float = 1.0) -> float:
         """The gain that a camera chooses for a street in this light, which `lamps` times a common street's light."""
@@ -99,51 +116,62 @@ def light_of(appearance: AppearancePlan, device: str) -> Light:
     clear_sun = 5.6 * transmittance(s.altitude, w.mie_scattering_scale, w.rayleigh_scattering_scale)
     sunlight = clear_sun * s.shine
     falling = _falling(s, clear_sun)
-    air = Air()
-    air.sun, air.sunlight, air.disc = _vector(s.sun), _vector(sunlight), _vector(sunlight * 60.0)
-    air.overhead, air.sideways, air.below = map(_vector, (falling.overhead, falling.sideways, falling.below))
-    warm = sky.warmth(s.altitude, s.haze)
+    air, warm = Air(), sky.warmth(s.altitude, s.haze)
     bright = 0.82 * falling.overcast + 0.12 * sunlight + 0.7 * warm
-    air.cloud_bright = _vector(_mix(bright, falling.overcast * 0.80 + 0.4 * warm, s.grey))
-    air.cloud_dark = _vector(falling.overcast * (0.42 - 0.04 * s.rain))
-    air.cover = fixed(s.cover)
-    air.stars = fixed(_smoothstep(-6.0, -14.0, s.altitude) * (1.0 - s.cover)) * 2.0e-3
-    air.warm = _vector(warm * (1.0 - 0.9 * s.grey))
+    filled(
+        air,
+        sun=_vector(s.sun),
+        sunlight=_vector(sunlight),
+        disc=_vector(sunlight * 60.0),
+        overhead=_vector(falling.overhead),
+        sideways=_vector(falling.sideways),
+        below=_vector(falling.below),
+        cloud_bright=_vector(_mix(bright, falling.overcast * 0.80 + 0.4 * warm, s.grey)),
+        cloud_dark=_vector(falling.overcast * (0.42 - 0.04 * s.rain)),
+        cover=fixed(s.cover),
+        stars=fixed(_smoothstep(-6.0, -14.0, s.altitude) * (1.0 - s.cover)) * 2.0e-3,
+        warm=_vector(warm * (1.0 - 0.9 * s.grey)),
+        wet=fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.9 * w.precipitation_deposits / 100.0)),
+        puddles=fixed(w.precipitation_deposits / 100.0),
+        night=fixed(s.night),
+        pelting=fixed(0.06 * s.rain),
+        flutter=fixed(min(1.0, w.wind_intensity / 60.0)),
+        breeze=fixed(_GUSTS / _STIRS * w.wind_intensity / 100.0),
+        seed=appearance.seed & 0xFFFFFFFF,
+    )
     _fill_fog(air, s, falling, sunlight)
-    air.wet = fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.9 * w.precipitation_deposits / 100.0))
-    air.puddles = fixed(w.precipitation_deposits / 100.0)
-    air.night = fixed(s.night)
-    air.pelting = fixed(0.06 * s.rain)
-    air.flutter = fixed(min(1.0, w.wind_intensity / 60.0))
-    air.breeze = fixed(_GUSTS / _STIRS * w.wind_intensity / 100.0)
-    air.seed = appearance.seed & 0xFFFFFFFF
     _fill_tables(air, s, device)
     daylight, response = _daylight(s, sunlight, falling.overhead), _response(s)
     lamplight = _STREET_LIGHT * s.night
     light = Light(air, s.sun, sunlight, daylight, lamplight, response, s.night, s.rain, w.wind_intensity / 100.0)
     # A picture holds far fewer steps of light than an eye: what shines itself keeps its place in it as all else dims.
     gain = light.exposure()
-    air.lit = fixed(exact.power(_NIGHT_GAIN / gain, 0.8))
-    air.signal = fixed(min(_SIGNAL, _SIGNAL_SHOWN / gain))
+    filled(air, lit=fixed(exact.power(_NIGHT_GAIN / gain, 0.8)), signal=fixed(min(_SIGNAL, _SIGNAL_SHOWN / gain)))
     return light
 
 
-def drift(light: Light, time: float) -> None:
-    """Move clouds and leaves to where the wind has them at a time in seconds, and let other drops strike the water."""
-    wind = light.wind
-    moved = wind * int(2.0 * time) / 2.0  # in steps too small to see: between them, a camera at rest keeps its sky
-    light.air.drift = wp.vec2f(fixed(0.004 * moved), fixed(0.002 * moved))
-    light.air.moment = int(_RINGS * time) if light.rain > 0.0 else 0
-    light.air.stirs = int(_STIRS * time + 1e-6) if light.air.flutter > 0.0 else 0
+def light_at(light: Light, time: float) -> Light:
+    """The light with clouds and leaves where the wind has them at a time in seconds, and other drops on the water.
+
+    It is the same object where nothing of that differs.
+    """
+    # Clouds move in steps too small to see: between them, a camera at rest keeps its sky.
+    moved = light.wind * int(2.0 * time) / 2.0
+    drift = fixed(0.004 * moved), fixed(0.002 * moved)
+    moment = int(_RINGS * time) if light.rain > 0.0 else 0
+    stirs = int(_STIRS * time + 1e-6) if light.air.flutter > 0.0 else 0
+    if light.moved == (*drift, moment, stirs):
+        return light
+    air = filled(copied(light.air), drift=wp.vec2f(*drift), moment=moment, stirs=stirs)
+    return replace(light, air=air, moved=(*drift, moment, stirs))
 
 
 def transmittance(altitude: float, mie: float = MIE, rayleigh: float = RAYLEIGH) -> Colour:
     """The share of sunlight that reaches the ground, by colour; fades to 0 as the disc sets."""
     haze = haze_of(mie, rayleigh)
     white = np.array([1.0, 1.03, 1.1])
-    golden = _mix(
-        np.ones(3), np.array([1.08, 0.86, 0.58]), _smoothstep(28.0, 8.0, altitude)
-    )  # evening air is full of dust
+    # Evening air is full of dust.
+    golden = _mix(np.ones(3), np.array([1.08, 0.86, 0.58]), _smoothstep(28.0, 8.0, altitude))
     left: Colour = golden * white * _past(altitude, _MOLECULES * haze.rayleigh + haze.mie * _AEROSOL)
     return left * _smoothstep(-1.2, 0.8, altitude)
 

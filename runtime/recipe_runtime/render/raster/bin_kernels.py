@@ -17,7 +17,7 @@ from recipe_runtime.render.raster.triangles import (
     top_left_bias,
 )
 from recipe_runtime.render.raster.visibility_kernels import depth_test, fill_triangle
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from recipe_compiler.ir import exact, optics
 from recipe_compiler.ir.plan import CameraPlan
 
+from recipe_runtime.render.device.arrays import DeviceArray, filled
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster.distortion_kernels import Distortion, resample_words
@@ -25,20 +24,28 @@ def plate_of(camera: CameraPlan, supersample: int = 1) -> CameraPlan:
     return camera.model_copy(update=update)
 
 
-def distortion_of(camera: CameraPlan, supersample: int = 1) -> Any:
-    """The camera's Curve."""
-    curve = Distortion()
-    curve.k, curve.kcube, curve.limit = camera.lens_k, camera.lens_kcube, optics.corner(camera)
-    curve.width, curve.height, curve.bends = camera.width, camera.height, int(optics.bends(camera))
-    curve.wide, curve.high, curve.fine = optics.plate_size(camera, supersample)
-    return curve
+def distortion_of(camera: CameraPlan, supersample: int = 1) -> Distortion:
+    """The way from a camera's picture to its plate."""
+    wide, high, fine = optics.plate_size(camera, supersample)
+    return filled(
+        Distortion(),
+        k=camera.lens_k,
+        kcube=camera.lens_kcube,
+        limit=optics.corner(camera),
+        width=camera.width,
+        height=camera.height,
+        wide=wide,
+        high=high,
+        fine=fine,
+        bends=int(optics.bends(camera)),
+    )
 
 
-def apply_distortion(plate: Any, camera: CameraPlan, device: str) -> Any:
+def apply_distortion(plate: DeviceArray, camera: CameraPlan, device: str) -> DeviceArray:
     """The 64-bit words (keys or bits) of a picture's pixels, from those of its plate."""
     if not optics.bends(camera):
         return plate
     pixels = camera.width * camera.height
     out = wp.empty(pixels, dtype=wp.uint64, device=device)
-    launch(resample_words, pixels, [plate, distortion_of(camera), out], device)
+    launch(resample_words, pixels, device, plate=plate, distortion=distortion_of(camera), out_words=out)
     return out

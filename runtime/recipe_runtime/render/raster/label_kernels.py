@@ -6,7 +6,7 @@
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.raster.distortion_kernels import Distortion, distort
 from recipe_runtime.render.raster.triangles import NEARNESS, cut_at_near_plane, snap
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.core.transforms import Array
+from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.geometry import Geometry
 
@@ -33,9 +34,9 @@ class ObjectView:
     projected: tuple[float, float, float, float]
 
 
-@dataclass(frozen=True)
-class Observation:
-    """All labels of one frame of one sensor, from one visibility buffer, and what shading starts from."""
+@dataclass(frozen=True, eq=False)
+class FrameLabels:
+    """All labels of one frame of one sensor, from one visibility buffer."""
 
     depth: NDArray[np.float32]  # [H, W] metres along the optical axis; the far limit for the sky
     instance: NDArray[np.uint16]  # [H, W] class * 1000 + instance, 0 for town and sky
@@ -44,14 +45,24 @@ class Observation:
     camera: CameraPlan
     world_from_sensor: Array  # [3, 4]
     parts: Array  # [P, 3, 4]
-    keys: Any = field(repr=False)  # uint64 [H * W] visibility at pixel centres
-    vertices: Any = field(repr=False)  # vec3f [V] in the camera's frame; static ones at least where `seen`
-    seen: Any = field(repr=False)  # int32 [C], 1 for every chunk of triangles that may be in the view
+
+
+@dataclass(frozen=True, eq=False)
+class Observation(FrameLabels):
+    """The labels, and what sampling and shading start from."""
+
+    keys: DeviceArray = field(repr=False)  # uint64 [H * W] visibility at pixel centres
+    vertices: DeviceArray = field(repr=False)  # vec3f [V] in the camera's frame; static ones at least where `seen`
+    seen: DeviceArray = field(repr=False)  # int32 [C], 1 for every chunk of triangles that may be in the view
     pose: bytes = field(repr=False)  # equal for one camera in one place
     touched: NDArray[np.int32] = field(
         repr=False
     )  # tiles outside of which nothing moving is seen, as kernels take them
-    derived: dict[str, Any] = field(default_factory=dict, repr=False)  # what appearances share, made when first asked
+
+    @cached_property
+    def device_depth(self) -> DeviceArray:
+        """The depth on the device, float32 [H * W], row by row."""
+        return wp.array(self.depth.reshape(-1), dtype=wp.float32, device=self.keys.device, copy=False)
 
 
 def objects_of(
@@ -81,10 +92,3 @@ def _box(row: NDArray[np.int32]) -> Box:
 
 def _fractions(row: NDArray[np.int32]) -> tuple[float, float, float, float]:
     return int(row[1]) / 256.0, int(row[2]) / 256.0, int(row[3]) / 256.0, int(row[4]) / 256.0
-
-
-def depth_on(obs: Observation, device: str) -> Any:
-    """An observation's depth on the device, float32 [H * W], row by row."""
-    if "depth" not in obs.derived:
-        obs.derived["depth"] = wp.array(obs.depth.reshape(-1), dtype=wp.float32, device=device, copy=False)
-    return obs.derived["depth"]

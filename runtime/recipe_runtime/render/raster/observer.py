@@ -18,17 +18,17 @@ from recipe_compiler.ir.optics import bends
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.device.timings import Timings
-from recipe_runtime.render.raster import label_kernels, visibility_kernels
-from recipe_runtime.render.raster.distortion import apply_distortion, distortion_of, plate_of
+from recipe_runtime.render.raster import label_kernels, passes
+from recipe_runtime.render.raster.distortion import apply_distortion, plate_of
 from recipe_runtime.render.raster.observation import Observation, objects_of
+from recipe_runtime.render.raster.passes import Labels
 from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, view_from_parts
-from recipe_runtime.render.scene.geometry import CHUNK, Geometry
+from recipe_runtime.render.scene.geometry import Geometry
 
-_ACTORS_PER_WORD = 64  # actors whose lone silhouettes fit a 64-bit word
 _POSE_CACHE_SIZE = 4  # 10 MB each at 800 x 600
 _VERTEX_POOL_SIZE = 3  # arrays of vertices kept for a pose
 
@@ -37,12 +37,12 @@ _VERTEX_POOL_SIZE = 3  # arrays of vertices kept for a pose
 class _StaticView:
     """What stands still, seen from one pose as if nothing else were there."""
 
-    vertices: Any
-    keys: Any
-    labels: tuple[Any, Any, Any]  # depth, instance, semantic, row by row
+    vertices: DeviceArray
+    keys: DeviceArray
+    labels: Labels
     spare: list[Any] = field(default_factory=list)  # vertices of observations that are gone; what stands still is right
 
-    def give_back(self, vertices: Any) -> None:
+    def give_back(self, vertices: DeviceArray) -> None:
         """Keep an observation's vertices for the next."""
         if len(self.spare) < _VERTEX_POOL_SIZE:
             self.spare.append(vertices)
@@ -79,14 +79,15 @@ class Observer:
             touched = all_tiles(camera) if bends(camera) else _tiles_within(camera, projected, reach)
         if still is None:
             straight = self.visibility(plate_of(camera), vertices, chunks, side=1)
-            keys, labels = apply_distortion(straight, camera, self._device), self._no_labels(camera)
+            keys, labels = apply_distortion(straight, camera, self._device), Labels.empty(camera, self._device)
         else:
-            keys, labels = wp.clone(still.keys), tuple(wp.clone(a) for a in still.labels)
+            keys, labels = wp.clone(still.keys), still.labels.clone()
             self.draw_moving(camera, vertices, chunks, 1, keys)
         with self._timings("label"):
             visible = self._label(camera, keys, all_tiles(camera) if still is None else touched, labels)
             shape = camera.height, camera.width
-            depth, instance, semantic = (a.numpy().reshape(shape) for a in labels)
+            arrays = labels.depth, labels.instance, labels.semantic
+            depth, instance, semantic = (a.numpy().reshape(shape) for a in arrays)
         with self._timings("amodal"):
             amodal = self._amodal(camera, vertices, chunks, touched)
         objects = objects_of(self._g, visible, amodal, projected)
@@ -96,19 +97,23 @@ class Observer:
             weakref.finalize(made, still.give_back, vertices).atexit = False
         return made
 
-    def visibility(self, camera: CameraPlan, vertices: Any, seen: Any, *, side: int, still: bool = False) -> Any:
+    def visibility(
+        self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, *, side: int, still: bool = False
+    ) -> DeviceArray:
         """Keys of side x side samples a pixel, row by row; of what stands still alone, if `still`."""
         with self._timings(f"visibility x{side}"):
             keys = wp.zeros(camera.width * camera.height * side * side, dtype=wp.uint64, device=self._device)
             count = self._g.static_chunks if still else self._g.chunk_count
-            self._raster(vertices, seen, 0, count, pinhole_of(camera, side), keys)
+            passes.raster_keys(self._g, vertices, seen, range(count), pinhole_of(camera, side), keys, self._device)
             return keys
 
-    def draw_moving(self, camera: CameraPlan, vertices: Any, seen: Any, side: int, keys: Any) -> None:
+    def draw_moving(
+        self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, side: int, keys: DeviceArray
+    ) -> None:
         """Draw what moves into the keys of what stands still."""
         with self._timings(f"visibility x{side}"):
-            first = self._g.static_chunks
-            self._raster(vertices, seen, first, self._g.chunk_count - first, pinhole_of(camera, side), keys)
+            moving = range(self._g.static_chunks, self._g.chunk_count)
+            passes.raster_keys(self._g, vertices, seen, moving, pinhole_of(camera, side), keys, self._device)
 
     def _still(self, pose: bytes, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> _StaticView | None:
         """What stands still from a pose; None for a pose not seen before, which may not come again."""
@@ -118,7 +123,7 @@ class Observer:
         still = self._poses.pop(pose, None)
         if known and still is None:
             matrices = upload_transforms(view_from_parts(world_from_sensor, parts), self._device)
-            chunks, labels = self._chunks(plate_of(camera), matrices), self._no_labels(camera)
+            chunks, labels = self._chunks(plate_of(camera), matrices), Labels.empty(camera, self._device)
             vertices = self._transform(matrices, chunks, None)
             keys = self.visibility(camera, vertices, chunks, side=1, still=True)
             with self._timings("label"):
@@ -129,25 +134,19 @@ class Observer:
             self._poses.popitem(last=False)
         return still
 
-    def _chunks(self, camera: CameraPlan, matrices: Any) -> Any:
-        """Which chunks of triangles may be in the view."""
-        g, seen = self._g, wp.empty(max(self._g.chunk_count, 1), dtype=wp.int32, device=self._device)
-        if g.chunk_count:
-            boxes = [g.chunks, g.chunk_centres, g.chunk_halves]
-            launch(
-                visibility_kernels.cull_chunks,
-                g.chunk_count,
-                [*boxes, matrices, pinhole_of(camera, 1), seen],
-                self._device,
-            )
-        return seen
+    def _chunks(self, camera: CameraPlan, transforms: DeviceArray) -> DeviceArray:
+        """Which chunks of triangles may be in the view, int32 [C]."""
+        visible = wp.empty(max(self._g.chunk_count, 1), dtype=wp.int32, device=self._device)
+        passes.cull_chunks(self._g, transforms, camera, visible, self._device)
+        return visible
 
-    def _transform(self, matrices: Any, chunks: Any, still: _StaticView | None) -> Any:
-        """All vertices in the camera's frame; of what stands still, on a CPU, only those in chunks that may be seen.
+    def _transform(self, transforms: DeviceArray, chunks: DeviceArray, still: _StaticView | None) -> DeviceArray:
+        """All vertices in the camera's frame; on a CPU only those static ones whose chunks may be seen.
 
-        From a pose that is known they are those of before, and an observation's that is gone, if there is one.
+        From a known pose the static ones are copied, or already in an array that an earlier observation gave back.
         """
         g = self._g
+        out: DeviceArray
         if still is not None and still.spare:
             out, first = still.spare.pop(), g.static_vertices
         elif still is not None:
@@ -156,70 +155,42 @@ class Observer:
             out, first = wp.empty(g.vertex_count, dtype=wp.vec3f, device=self._device), 0
         if still is None and self._device == "cpu" and g.static_vertices:
             first = g.static_vertices
-            inputs = [g.vertices, g.chunks, g.chunk_vertices, chunks, matrices, out]
-            launch(visibility_kernels.transform_visible_vertices, g.static_chunks, inputs, self._device)
-        if g.vertex_count > first:
-            inputs = [g.vertices, g.vertex_part, matrices, first, out]
-            launch(visibility_kernels.transform_vertices, g.vertex_count - first, inputs, self._device)
+            passes.transform_visible_vertices(g, transforms, chunks, out, self._device)
+        passes.transform_vertices(g, transforms, first, out, self._device)
         return out
 
-    def _raster(self, vertices: Any, seen: Any, first: int, count: int, lens: Any, keys: Any) -> None:
-        if count:
-            inputs = [vertices, self._g.triangles, self._g.chunks, seen, first, lens, keys]
-            launch(visibility_kernels.raster_keys, count * CHUNK, inputs, self._device)
-
-    def _extents(self) -> Any:
-        rows = np.zeros((max(len(self._g.actors), 1), 5), np.int32)
-        rows[:, 1:3], rows[:, 3:5] = 1 << 30, -(1 << 30)
-        return wp.array(rows, dtype=wp.int32, device=self._device)
-
-    def _no_labels(self, camera: CameraPlan) -> tuple[Any, ...]:
-        """Room for depth, instance and semantic."""
-        kinds = (wp.float32, wp.uint16, wp.uint8)
-        return tuple(wp.empty(camera.width * camera.height, dtype=kind, device=self._device) for kind in kinds)
-
     def _label(
-        self, camera: CameraPlan, keys: Any, tiles: NDArray[np.int32], labels: tuple[Any, ...]
+        self, camera: CameraPlan, keys: DeviceArray, tiles: NDArray[np.int32], labels: Labels
     ) -> NDArray[np.int32]:
-        """Label the tiles' pixels; the actors' visible extents within them."""
-        g, extents = self._g, self._extents()
-        if len(tiles):
-            tables = [g.triangle_surface, g.surface_actor, g.surface_instance, g.surface_tag]
-            inputs = [self._tiles(tiles), keys, *tables, pinhole_of(camera, 1), *labels, extents]
-            launch(label_kernels.label_pixels, len(tiles) * int(label_kernels.TILE_PIXELS), inputs, self._device)
+        """Label the tiles' pixels; the actors' visible extents within them, [A, 5]."""
+        extents = self._extents()
+        passes.label_pixels(self._g, self._tiles(tiles), keys, camera, labels, extents, self._device)
         rows: NDArray[np.int32] = extents.numpy()
         return rows
 
-    def _amodal(self, camera: CameraPlan, vertices: Any, seen: Any, tiles: NDArray[np.int32]) -> NDArray[np.int32]:
-        g, plate, lens = self._g, plate_of(camera), pinhole_of(camera, 1)
-        extents, first = self._extents(), g.static_chunks
-        for start in range(0, len(g.actors) if len(tiles) else 0, _ACTORS_PER_WORD):
+    def _amodal(
+        self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, tiles: NDArray[np.int32]
+    ) -> NDArray[np.int32]:
+        """The extents of the actors within the tiles, each as if it were alone, [A, 5]."""
+        g, plate, extents = self._g, plate_of(camera), self._extents()
+        for first in range(0, len(g.actors) if len(tiles) else 0, passes.ACTORS_PER_WORD):
             bits = wp.zeros(plate.width * plate.height, dtype=wp.uint64, device=self._device)
-            tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor, g.chunks, seen]
-            count = (g.chunk_count - first) * CHUNK
-            launch(
-                visibility_kernels.raster_actor_bits,
-                count,
-                [*tables, first, start, pinhole_of(plate, 1), bits],
-                self._device,
-            )
+            passes.raster_actor_bits(g, vertices, seen, first, pinhole_of(plate, 1), bits, self._device)
             bits = apply_distortion(bits, camera, self._device)
-            inputs = [self._tiles(tiles), bits, lens, start, min(_ACTORS_PER_WORD, len(g.actors) - start), extents]
-            launch(label_kernels.count_amodal, len(tiles) * int(label_kernels.TILE_PIXELS), inputs, self._device)
+            passes.count_amodal(g, self._tiles(tiles), bits, first, camera, extents, self._device)
         rows: NDArray[np.int32] = extents.numpy()
         return rows
 
-    def _projected(self, camera: CameraPlan, vertices: Any) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """The actors' unclipped boxes, and those of the points where the near plane cuts them."""
-        g, extents, reach = self._g, self._extents(), self._extents()
-        first = g.static_triangles
-        if g.triangle_count > first:
-            tables = [vertices, g.triangles, g.triangle_surface, g.surface_actor, first, pinhole_of(camera, 1)]
-            tables += [distortion_of(camera), extents, reach]
-            launch(label_kernels.project_boxes, g.triangle_count - first, tables, self._device)
+    def _projected(self, camera: CameraPlan, vertices: DeviceArray) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """The actors' unclipped boxes, and those of the points where the near plane cuts them, each [A, 5]."""
+        extents, reach = self._extents(), self._extents()
+        passes.project_boxes(self._g, vertices, camera, extents, reach, self._device)
         return extents.numpy(), reach.numpy()
 
-    def _tiles(self, tiles: NDArray[np.int32]) -> Any:
+    def _extents(self) -> DeviceArray:
+        return wp.array(passes.empty_extents(self._g), dtype=wp.int32, device=self._device)
+
+    def _tiles(self, tiles: NDArray[np.int32]) -> DeviceArray:
         return wp.array(tiles, dtype=wp.int32, device=self._device)
 
 

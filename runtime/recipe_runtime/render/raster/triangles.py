@@ -4,7 +4,7 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

@@ -19,7 +19,7 @@ from recipe_runtime.render.raster.triangles import (
     project_vertex,
     top_left_bias,
 )
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

@@ -12,7 +12,7 @@ from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import cross, dot, normalize, rotate
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of, pixel_at, triangle_of
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 from recipe_runtime.render.texture.images import IMAGE, order_steps, second_step, steps_between_pixels
 from recipe_runtime.render.texture.patterns import detail_of
 

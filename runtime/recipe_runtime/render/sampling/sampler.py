@@ -10,20 +10,22 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recipe_runtime.render.device.arrays import record
-from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.arrays import DeviceArray, filled, record
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.raster import label_kernels
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer, all_tiles
-from recipe_runtime.render.sampling import sample_kernels
-from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, world_from_parts, world_from_view
+from recipe_runtime.render.sampling import passes
+from recipe_runtime.render.sampling.buffers import SampleColumns, samples_of, scene_arrays
+from recipe_runtime.render.sampling.sample_kernels import Samples, StaticSamples
+from recipe_runtime.render.scene.camera import upload_transforms, world_from_parts, world_from_view
 from recipe_runtime.render.scene.geometry import Geometry
 
 _POSE_CACHE_SIZE = 4  # 90 MB each at 800 x 600
@@ -35,10 +37,10 @@ _MIN_CAPACITY = 1 << 16  # samples
 class FrameSamples:
     """The samples of a frame: what each sees, and which pixel it belongs to."""
 
-    data: Any  # shade.Samples
-    groups: Any  # int32 [H * W], count in the low bits
-    starts: Any  # int32 [H * W]
-    weights: Any  # float32 [N]
+    data: Samples
+    groups: DeviceArray  # int32 [H * W], count in the low bits
+    starts: DeviceArray  # int32 [H * W]
+    weights: DeviceArray  # float32 [N]
     count: int
     base: StaticBase | None  # that keeps the first of them; None for a pose that was not seen before
 
@@ -47,31 +49,19 @@ class FrameSamples:
 class StaticBase:
     """What a pose's frames share. Its arrays are worked on in place: they serve one frame, the tenant, at a time."""
 
-    still: Any  # samples.Still
-    fine: Any  # uint64 [4 H * W], the tenant's
-    groups: Any
-    starts: Any
+    still: StaticSamples
+    fine: DeviceArray  # uint64 [4 H * W], the tenant's
+    groups: DeviceArray
+    starts: DeviceArray
     columns: SampleColumns
     count: int  # samples of what stands still
-    firsts: Any  # int32, each tile's first sample, and at last their count
-    boxes: tuple[Any, Any]  # vec3f by tile, the low and the high corners of the world's boxes about them
+    firsts: DeviceArray  # int32, each tile's first sample, and at last their count
+    boxes: tuple[
+        DeviceArray, DeviceArray
+    ]  # vec3f by tile, the low and the high corners of the world's boxes about them
     tenant: FrameSamples | None = None
     touched: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))  # the tenant's tiles
     lights: dict[str, Any] = field(default_factory=dict)  # the picture's, by appearance
-
-
-class SampleColumns:
-    """Room for samples."""
-
-    def __init__(self, room: int, device: str) -> None:
-        def empty(kind: Any) -> Any:
-            return wp.empty(room, dtype=kind, device=device)
-
-        self.room = room
-        self.keys, self.pixels, self.places = empty(wp.uint64), empty(wp.int32), empty(wp.int32)
-        self.weights, self.tiles = empty(wp.float32), empty(wp.int32)
-        self.surfaces, self.codes = empty(wp.int32), empty(wp.uint32)
-        self.positions, self.normals, self.details = empty(wp.vec3f), empty(wp.vec3f), empty(wp.vec4f)
 
 
 class Sampler:
@@ -82,17 +72,16 @@ class Sampler:
     ) -> None:
         self._g, self._observer, self._device, self._timings = geometry, observer, device, timings
         self._reuse = reuse.samples
+        self._samples: WeakKeyDictionary[Observation, dict[bool, FrameSamples]] = WeakKeyDictionary()
         self._bases: OrderedDict[tuple[bytes, bool], StaticBase | None] = OrderedDict()  # None: seen once
 
     def points(self, obs: Observation, antialias: bool) -> FrameSamples:
         """A frame's samples; they hold until another frame's are asked for."""
-        name = "smooth" if antialias else "plain"
-        found: FrameSamples | None = obs.derived.get(name)
+        known = self._samples.setdefault(obs, {})
+        found = known.get(antialias)
         if found is None or (found.base is not None and found.base.tenant is not found):
             base = self._base(obs, antialias)
-            found = obs.derived[name] = (
-                self._fresh(obs, antialias) if base is None else self._upon(base, obs, antialias)
-            )
+            found = known[antialias] = self._fresh(obs, antialias) if base is None else self._upon(base, obs, antialias)
         return found
 
     def _base(self, obs: Observation, antialias: bool) -> StaticBase | None:
@@ -109,19 +98,19 @@ class Sampler:
         return base
 
     def _kept(self) -> int:
-        return sum(base.columns.room for base in self._bases.values() if base is not None)
+        return sum(base.columns.capacity for base in self._bases.values() if base is not None)
 
     def _fresh(self, obs: Observation, antialias: bool) -> FrameSamples:
         fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2) if antialias else obs.keys
-        groups, starts = self._pixels(obs), self._pixels(obs)
-        inputs = obs.keys, fine, record(sample_kernels.StaticSamples(), self._device), groups, starts
-        columns, count = self._placed(obs, antialias, all_tiles(obs.camera), *inputs)
-        self._survey(obs, columns, 0, count)
+        scene, groups, starts = self._scene(obs), self._pixels(obs), self._pixels(obs)
+        inputs = obs.keys, fine, record(StaticSamples(), self._device), groups, starts
+        columns, count = self._placed(obs, scene, antialias, all_tiles(obs.camera), *inputs)
+        self._survey(obs, scene, columns, 0, count)
         return FrameSamples(_data(obs, columns), groups, starts, columns.weights, count, None)
 
     def _still(self, obs: Observation, antialias: bool, room: int) -> StaticBase:
         """The samples of what stands still."""
-        still = sample_kernels.StaticSamples()
+        scene, still = self._scene(obs), StaticSamples()
         still.coarse = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=1, still=True)
         still.fine = still.coarse
         if antialias:
@@ -130,48 +119,40 @@ class Sampler:
         inputs = (
             still.coarse,
             still.fine,
-            record(sample_kernels.StaticSamples(), self._device),
+            record(StaticSamples(), self._device),
             still.groups,
             still.starts,
         )
-        columns, count = self._placed(obs, antialias, all_tiles(obs.camera), *inputs, room=room)
-        self._survey(obs, columns, 0, count)
-        still.known = 1
+        columns, count = self._placed(obs, scene, antialias, all_tiles(obs.camera), *inputs, room=room)
+        self._survey(obs, scene, columns, 0, count)
+        filled(still, known=1)
         fine, groups, starts = (wp.clone(a) for a in (still.fine, still.groups, still.starts))
         tiles = columns.tiles.numpy()[:count]
         firsts = self._tiles(np.searchsorted(tiles, np.arange(len(all_tiles(obs.camera)) + 1)).astype(np.int32))
         boxes = self._boxes(obs, still.starts, columns, count)
         return StaticBase(still, fine, groups, starts, columns, count, firsts, boxes)
 
-    def _boxes(self, obs: Observation, starts: Any, columns: SampleColumns, count: int) -> tuple[Any, Any]:
+    def _boxes(
+        self, obs: Observation, starts: DeviceArray, columns: SampleColumns, count: int
+    ) -> tuple[DeviceArray, DeviceArray]:
         """The world's boxes about the samples of every tile."""
-        corners = all_tiles(obs.camera)
-        lows, highs = (wp.empty(len(corners), dtype=wp.vec3f, device=self._device) for _ in range(2))
-        inputs = [self._tiles(corners), pinhole_of(obs.camera, 1), starts, count]
-        launch(
-            sample_kernels.bound_tiles,
-            len(corners),
-            [*inputs, columns.surfaces, columns.positions, lows, highs],
-            self._device,
-        )
+        tiles = self._tiles(all_tiles(obs.camera))
+        lows, highs = (wp.empty(tiles.size, dtype=wp.vec3f, device=self._device) for _ in range(2))
+        passes.bound_tiles(tiles, obs.camera, starts, count, columns, lows, highs, self._device)
         return lows, highs
 
     def _upon(self, base: StaticBase, obs: Observation, antialias: bool) -> FrameSamples:
         """A frame's samples: those of the base, and its own where something moving is seen."""
-        lens, before = pinhole_of(obs.camera, 1), base.touched
+        scene, before = self._scene(obs), base.touched
         if antialias:
             with self._timings("restore"):
-                if len(before):
-                    inputs = [self._tiles(before), base.still.fine, lens, base.fine]
-                    launch(
-                        sample_kernels.restore_keys, len(before) * int(label_kernels.TILE_PIXELS), inputs, self._device
-                    )
+                passes.restore_keys(self._tiles(before), base.still.fine, obs.camera, base.fine, self._device)
             self._observer.draw_moving(obs.camera, obs.vertices, obs.seen, 2, base.fine)
         fine = base.fine if antialias else obs.keys
         tiles = np.union1d(before, obs.touched).astype(np.int32)
         arrays = obs.keys, fine, record(base.still, self._device), base.groups, base.starts
-        columns, count = self._placed(obs, antialias, tiles, *arrays, base=base)
-        self._survey(obs, columns, base.count, count - base.count)
+        columns, count = self._placed(obs, scene, antialias, tiles, *arrays, base=base)
+        self._survey(obs, scene, columns, base.count, count - base.count)
         points = FrameSamples(_data(obs, columns), base.groups, base.starts, columns.weights, count, base)
         base.tenant, base.touched = points, obs.touched
         return points
@@ -179,77 +160,63 @@ class Sampler:
     def _placed(
         self,
         obs: Observation,
+        scene: DeviceArray,
         antialias: bool,
         tiles: NDArray[np.int32],
-        coarse: Any,
-        fine: Any,
-        still: Any,
-        groups: Any,
-        starts: Any,
+        coarse: DeviceArray,
+        fine: DeviceArray,
+        still: DeviceArray,
+        groups: DeviceArray,
+        starts: DeviceArray,
         room: int = 0,
         base: StaticBase | None = None,
     ) -> tuple[SampleColumns, int]:
         """Where the samples of the tiles are, with some room to spare; and the count of all samples."""
-        lens, corners, size = pinhole_of(obs.camera, 1), self._tiles(tiles), len(tiles) * int(label_kernels.TILE_PIXELS)
-        lens.side = 2 if antialias else 1
-        first, scene = 0 if base is None else base.count, record(self._scene(obs), self._device)
+        corners, side, camera = self._tiles(tiles), 2 if antialias else 1, obs.camera
+        size = len(tiles) * int(label_kernels.TILE_PIXELS)
+        first = 0 if base is None else base.count
         counts = wp.empty(size, dtype=wp.int32, device=self._device)
         with self._timings("group"):
-            if size:
-                inputs = [corners, coarse, fine, lens, scene, still, groups, starts, counts]
-                launch(sample_kernels.count_samples, size, inputs, self._device)
+            outputs = groups, starts, counts
+            passes.count_samples(corners, coarse, fine, camera, side, scene, still, *outputs, self._device)
             found = counts.numpy()
             ends = np.cumsum(found, dtype=np.int32) + np.int32(first)
             count = int(ends[-1]) if size else first
         with self._timings("place"):
             columns = SampleColumns(count + room, self._device) if base is None else self._roomy(base, count)
             if count > first:
-                firsts = wp.array(ends - found, dtype=wp.int32, device=self._device)
-                out = [columns.keys, columns.pixels, columns.places, columns.weights, columns.tiles]
-                inputs = [corners, coarse, fine, counts, firsts, lens, scene, groups, starts, *out]
-                launch(sample_kernels.emit_samples, size, inputs, self._device)
+                firsts: wp.array[wp.int32] = wp.array(ends - found, dtype=wp.int32, device=self._device)
+                keys, pixels = (corners, coarse, fine), (groups, starts)
+                passes.emit_samples(*keys, counts, firsts, camera, side, scene, *pixels, columns, self._device)
         return columns, count
 
     def _roomy(self, base: StaticBase, count: int) -> SampleColumns:
         """The base's columns, after they have grown, if need be, to hold so many samples."""
-        if base.columns.room < count:
-            wider = SampleColumns(count + (count - base.count), self._device)
-            for name, column in vars(base.columns).items():
-                if name != "room":
-                    wp.copy(vars(wider)[name], column, count=base.count)
-            base.columns, base.lights = wider, {}
+        if base.columns.capacity < count:
+            capacity = count + (count - base.count)
+            base.columns, base.lights = base.columns.grown(capacity, base.count, self._device), {}
         return base.columns
 
-    def _survey(self, obs: Observation, columns: SampleColumns, first: int, count: int) -> None:
+    def _survey(self, obs: Observation, scene: DeviceArray, columns: SampleColumns, first: int, count: int) -> None:
         """What the samples first.. see."""
         with self._timings("survey"):
-            if count:
-                c, lens = columns, pinhole_of(obs.camera, 1)
-                inputs = [first, c.keys, c.pixels, c.places, lens, record(self._scene(obs), self._device)]
-                out = [c.surfaces, c.positions, c.normals, c.details, c.codes]
-                launch(sample_kernels.evaluate_samples, count, [*inputs, *out], self._device)
+            passes.evaluate_samples(first, count, obs.camera, scene, columns, self._device)
 
-    def _scene(self, obs: Observation) -> Any:
-        """The geometry as a frame has it, for samples to look into."""
-        g, scene = self._g, sample_kernels.SceneArrays()
-        scene.view, scene.normals, scene.uvs = obs.vertices, g.normals, g.uvs
-        scene.vertex_part, scene.triangles, scene.face_normals = g.vertex_part, g.triangles, g.face_normals
-        scene.triangle_surface, scene.surface_pattern = g.triangle_surface, g.surface_pattern
-        scene.world_from_part = upload_transforms(world_from_parts(obs.parts), self._device)
-        scene.world_from_view = upload_transforms(world_from_view(obs.world_from_sensor), self._device)
-        return scene
+    def _scene(self, obs: Observation) -> DeviceArray:
+        """The geometry as a frame has it, a record of SceneArrays."""
+        world_from_part = upload_transforms(world_from_parts(obs.parts), self._device)
+        here = upload_transforms(world_from_view(obs.world_from_sensor), self._device)
+        return record(scene_arrays(self._g, obs.vertices, world_from_part, here), self._device)
 
-    def _pixels(self, obs: Observation) -> Any:
+    def _pixels(self, obs: Observation) -> DeviceArray:
         return wp.empty(obs.camera.width * obs.camera.height, dtype=wp.int32, device=self._device)
 
-    def _tiles(self, tiles: NDArray[np.int32]) -> Any:
+    def _tiles(self, tiles: NDArray[np.int32]) -> DeviceArray:
         return wp.array(tiles, dtype=wp.int32, device=self._device)
 
 
-def _data(obs: Observation, columns: SampleColumns) -> Any:
+def _data(obs: Observation, columns: SampleColumns) -> Samples:
     """What a frame's samples see, as shading wants it."""
-    data, c = sample_kernels.Samples(), columns
-    data.surfaces, data.positions, data.normals = c.surfaces, c.positions, c.normals
-    data.details, data.codes, data.pixels, data.tiles = c.details, c.codes, c.pixels, c.tiles
+    data = samples_of(columns)
     data.eye = wp.vec3f(*(float(v) for v in obs.world_from_sensor[:, 3]))
     return data

@@ -9,7 +9,7 @@ each tile takes a stretch there, and which one is chance, but a sample's place t
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.raster.label_kernels import pixel_at
-from recipe_runtime.render.scene.camera import Pinhole
+from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern
+from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.setup import wp
 
 # Flat ground never shadows anything; left out of the shadow maps it can neither shadow itself by rounding.
@@ -56,22 +57,24 @@ class Actor:
 class Geometry:
     """V vertices in their part's frame, T triangles, S surfaces. Part 0 is the world, part 1 + p the Trace's p."""
 
-    vertices: Any  # vec3f [V], metres
-    normals: Any  # vec3f [V]
-    uvs: Any  # vec2f [V]
-    vertex_part: Any  # int32 [V]
-    triangles: Any  # vec3i [T]
-    face_normals: Any  # vec3f [T], in the part's frame
-    triangle_surface: Any  # int32 [T]
-    casts: Any  # int32 [T], 1 if it throws a shadow
-    chunks: Any  # vec3i [C], first triangle, count up to CHUNK, part
-    chunk_centres: Any  # vec3f [C], of the chunk's box in the part's frame
-    chunk_halves: Any  # vec3f [C], half its size
-    chunk_vertices: Any  # vec2i [C], the first of its vertices and the one after the last, others' maybe between them
-    surface_actor: Any  # int32 [S]
-    surface_instance: Any  # int32 [S]
-    surface_tag: Any  # int32 [S]
-    surface_pattern: Any  # int32 [S]
+    vertices: DeviceArray  # vec3f [V], metres
+    normals: DeviceArray  # vec3f [V]
+    uvs: DeviceArray  # vec2f [V]
+    vertex_part: DeviceArray  # int32 [V]
+    triangles: DeviceArray  # vec3i [T]
+    face_normals: DeviceArray  # vec3f [T], in the part's frame
+    triangle_surface: DeviceArray  # int32 [T]
+    casts: DeviceArray  # int32 [T], 1 if it throws a shadow
+    chunks: DeviceArray  # vec3i [C], first triangle, count up to CHUNK, part
+    chunk_centres: DeviceArray  # vec3f [C], of the chunk's box in the part's frame
+    chunk_halves: DeviceArray  # vec3f [C], half its size
+    chunk_vertices: (
+        DeviceArray  # vec2i [C], the first of its vertices and the one after the last, others' maybe between them
+    )
+    surface_actor: DeviceArray  # int32 [S]
+    surface_instance: DeviceArray  # int32 [S]
+    surface_tag: DeviceArray  # int32 [S]
+    surface_pattern: DeviceArray  # int32 [S]
     surfaces: tuple[SurfaceKey, ...]
     actors: tuple[Actor, ...]
     part_bounds: NDArray[np.float64]  # [P, 2, 3], each moving part's box in its own frame
@@ -164,10 +167,12 @@ class _Packer:
         kinds = {"vertices": wp.vec3f, "normals": wp.vec3f, "face_normals": wp.vec3f, "uvs": wp.vec2f}
         kinds |= {"triangles": wp.vec3i, "chunks": wp.vec3i, "chunk_centres": wp.vec3f, "chunk_halves": wp.vec3f}
         kinds["chunk_vertices"] = wp.vec2i
-        arrays = {k: wp.array(v, dtype=kinds.get(k, wp.int32), device=device) for k, v in columns.items()}
+        arrays: dict[str, Any] = {
+            k: wp.array(v, dtype=kinds.get(k, wp.int32), device=device) for k, v in columns.items()
+        }
         keys = tuple(self._surfaces)
 
-        def table(values: list[int]) -> Any:
+        def table(values: list[int]) -> DeviceArray:
             return wp.array(np.array(values, np.int32), dtype=wp.int32, device=device)
 
         return Geometry(

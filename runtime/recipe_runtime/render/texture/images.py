@@ -35,6 +35,17 @@ class ImageAtlas:
     linear: wp.array[wp.float32]  # [256]
 
 
+@wp.struct
+class SurfaceColours:
+    """Colours and kinds of the surfaces."""
+
+    first: wp.array[wp.vec3f]  # linear albedo
+    second: wp.array[wp.vec3f]
+    pattern: wp.array[wp.int32]
+    awake: wp.array[wp.float32]  # share of the windows that are lit at night
+    album: wp.array[ImageAtlas]
+
+
 @wp.func
 def bounded(v: wp.float32) -> wp.float32:
     """A step of sensible length."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, TexturePlan
 
-from recipe_runtime.render.device.arrays import record
+from recipe_runtime.render.device.arrays import DeviceArray, filled, record
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.texture.images import ImageAtlas
@@ -25,20 +24,20 @@ _ROWS = 256  # of an image that are summed at a time
 
 
 class ImageAtlases:
-    """The albums of a geometry's appearances, the last few kept."""
+    """The image atlases of a geometry's appearances, the last few kept."""
 
     def __init__(self, geometry: Geometry, images: Images | None, device: str) -> None:
         self._geometry, self._images, self._device = geometry, images or _no_images, device
-        self._kept: dict[str, Any] = {}
+        self._kept: dict[str, DeviceArray] = {}
 
-    def of(self, appearance: AppearancePlan) -> Any:
-        """An appearance's album, as a record."""
+    def of(self, appearance: AppearancePlan) -> DeviceArray:
+        """An appearance's atlas, a record of `ImageAtlas`."""
         name = appearance.colours if appearance.textures else ""
         if name not in self._kept:
             if len(self._kept) >= _ATLAS_CACHE_SIZE:
                 self._kept.pop(next(iter(self._kept)))
-            album = atlas_of(self._geometry, appearance.textures, self._images, self._device)
-            self._kept[name] = record(album, self._device)
+            atlas = atlas_of(self._geometry, appearance.textures, self._images, self._device)
+            self._kept[name] = record(atlas, self._device)
         return self._kept[name]
 
 
@@ -46,29 +45,30 @@ def _no_images(texture: TexturePlan) -> NDArray[np.uint8]:
     raise ValueError(f"nobody told where image sha256:{texture.file.sha256} is")
 
 
-def atlas_of(geometry: Geometry, textures: Textures, images: Images, device: str) -> Any:
+def atlas_of(geometry: Geometry, textures: Textures, images: Images, device: str) -> ImageAtlas:
     """The images of a geometry's surfaces; an image that several surfaces show is there once."""
     wanted = [textures.get(key.body, {}).get(key.slot) for key in geometry.surfaces]
     known = list(dict.fromkeys(texture for texture in wanted if texture is not None))
     ladders = [mip_levels(images(texture)) for texture in known]
     levels = [level for ladder in ladders for level in ladder]
     sizes = np.array([level.size for level in levels], np.int64)
-    album = ImageAtlas()
-
-    def column(values: Any) -> Any:
-        return wp.array(np.array(values, np.int32).reshape(-1), dtype=wp.int32, device=device)
-
-    album.of_surface = column([-1 if texture is None else known.index(texture) for texture in wanted])
-    album.first = column(np.cumsum([0, *(len(ladder) for ladder in ladders)]))
-    album.repeats = column([texture.repeat for texture in known])
-    album.starts = column(np.cumsum(sizes) - sizes)
-    album.widths, album.heights = (column([level.shape[axis] for level in levels]) for axis in (1, 0))
     texels = np.concatenate([level.reshape(-1) for level in levels]) if levels else np.zeros(1, np.uint32)
-    album.texels = wp.array(texels, dtype=wp.uint32, device=device)
-    album.linear = wp.array(
-        np.array([srgb_to_linear(v) for v in range(256)], np.float32), dtype=wp.float32, device=device
+    linear = np.array([srgb_to_linear(v) for v in range(256)], np.float32)
+    columns = {
+        "of_surface": [-1 if texture is None else known.index(texture) for texture in wanted],
+        "first": np.cumsum([0, *(len(ladder) for ladder in ladders)]),
+        "repeats": [texture.repeat for texture in known],
+        "starts": np.cumsum(sizes) - sizes,
+        "widths": [level.shape[1] for level in levels],
+        "heights": [level.shape[0] for level in levels],
+    }
+    arrays = {name: np.array(values, np.int32).reshape(-1) for name, values in columns.items()}
+    return filled(
+        ImageAtlas(),
+        **{name: wp.array(values, dtype=wp.int32, device=device) for name, values in arrays.items()},
+        texels=wp.array(texels, dtype=wp.uint32, device=device),
+        linear=wp.array(linear, dtype=wp.float32, device=device),
     )
-    return album
 
 
 def mip_levels(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint32]]:

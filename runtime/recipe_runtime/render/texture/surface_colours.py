@@ -1,7 +1,6 @@
 """Colours: from sRGB text to linear albedo, by exact arithmetic."""
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
-# mypy: ignore-errors
+from __future__ import annotations
 
 from functools import cache
 from typing import Any
@@ -11,11 +10,10 @@ from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 
 from recipe_runtime.meshes.mesh import Pattern
-from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.geometry import Geometry, SurfaceKey
-from recipe_runtime.render.texture.images import ImageAtlas
-
-wp.set_module_options(OPTIONS)
+from recipe_runtime.render.texture.images import SurfaceColours
 
 # Slots that a look leaves out.
 _FALLBACK = {
@@ -34,7 +32,9 @@ _AROUND = {**dict.fromkeys(_PANES, "frame"), Pattern.FACADE: "wall"}  # the slot
 _SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at night
 
 
-def surface_colours(geometry: Geometry, looks: dict[str, dict[str, str]], album: Any, device: str) -> Any:
+def surface_colours(
+    geometry: Geometry, looks: dict[str, dict[str, str]], album: DeviceArray, device: str
+) -> SurfaceColours:
     """Every surface's colours in one appearance; `album` holds its images, as a record."""
     firsts, seconds = [], []
     for key in geometry.surfaces:
@@ -80,14 +80,3 @@ def srgb_to_linear(value: int) -> float:
     """The light of an 8-bit sRGB value, 0 to 1."""
     v = value / 255.0
     return v / 12.92 if v <= 0.04045 else exact.power((v + 0.055) / 1.055, 2.4)
-
-
-@wp.struct
-class SurfaceColours:
-    """Colours and kinds of the surfaces."""
-
-    first: wp.array[wp.vec3f]  # linear albedo
-    second: wp.array[wp.vec3f]
-    pattern: wp.array[wp.int32]
-    awake: wp.array[wp.float32]  # share of the windows that are lit at night
-    album: wp.array[ImageAtlas]

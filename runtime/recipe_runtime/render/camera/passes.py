@@ -1,0 +1,126 @@
+"""The passes from light to pixels, each a launch of one kernel. CameraPass and RecordedFrame both run these.
+
+`starts` and `groups` int32 [H * W] say of each pixel where its samples begin and how many they are; `weights` float32
+is each sample's share of its pixel; `cover` int32 [H * W] is what `draw_rain` writes, or has one element if it does
+not rain; `response` is the struct `Response`, in `develop_pixels` a record of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from recipe_compiler.ir.plan import CameraPlan
+
+from recipe_runtime.render.camera import develop_kernels, rain_kernels
+from recipe_runtime.render.camera.develop_kernels import Response
+from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.lighting.buffers import PixelLevels
+from recipe_runtime.render.scene.camera import pinhole_of
+
+
+@dataclass(frozen=True)
+class Exposed:
+    """What a picture is made of: light by sample, the samples by pixel, and rain before them."""
+
+    radiance: DeviceArray  # vec3f by sample
+    starts: DeviceArray
+    groups: DeviceArray
+    weights: DeviceArray
+    cover: DeviceArray
+    streak: wp.vec3f  # , the radiance of a streak
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The tables of a response, on the device."""
+
+    gains: DeviceArray  # float32, of the lens: by pixel, or by the squared distance from the centre
+    tone: DeviceArray  # uint8 by linear level
+    deviates: DeviceArray  # float32, normal deviates of the noise
+
+
+def draw_rain(
+    count: int,
+    shower: DeviceArray,
+    depth: DeviceArray,
+    view_from_world: DeviceArray,
+    camera: CameraPlan,
+    out_cover: DeviceArray,
+    device: str,
+) -> None:
+    """Add the streaks of so many drops to the cover of the pixels that they cross; `shower` is a record of `Rain`."""
+    launch(
+        rain_kernels.draw_streaks,
+        count,
+        device,
+        shower=shower,
+        depth=depth,
+        view_from_world=view_from_world,
+        pinhole=pinhole_of(camera, 1),
+        out_cover=out_cover,
+    )
+
+
+def develop_pixels(
+    exposed: Exposed,
+    camera: CameraPlan,
+    response: DeviceArray,
+    tables: Tables,
+    kept: int,
+    pixels: PixelLevels,
+    out_rgb: DeviceArray,
+    device: str,
+) -> None:
+    """Write the bytes of a picture, uint8 [H * W * 3]; pixels whose samples lie below `kept` may keep their levels."""
+    span = camera.width if device == "cpu" else 1  # a GPU has threads to spare
+    launch(
+        develop_kernels.develop_pixels,
+        camera.width * camera.height // span,
+        device,
+        radiance=exposed.radiance,
+        starts=exposed.starts,
+        groups=exposed.groups,
+        weights=exposed.weights,
+        rain_cover=exposed.cover,
+        streak=exposed.streak,
+        responses=response,
+        kept_samples=kept,
+        out_stale=pixels.stale,
+        out_levels=pixels.levels,
+        gains=tables.gains,
+        tone_table=tables.tone,
+        deviates=tables.deviates,
+        pixels_per_thread=span,
+        out_rgb=out_rgb,
+    )
+
+
+def expose_samples(exposed: Exposed, response: Response, out_plate: DeviceArray, device: str) -> None:
+    """Write each pixel's light, exposed and balanced, vec3f [H * W]."""
+    launch(
+        develop_kernels.expose_samples,
+        out_plate.size,
+        device,
+        radiance=exposed.radiance,
+        starts=exposed.starts,
+        groups=exposed.groups,
+        weights=exposed.weights,
+        rain_cover=exposed.cover,
+        streak=exposed.streak,
+        response=response,
+        out_plate=out_plate,
+    )
+
+
+def vignette_gains(response: DeviceArray, lens_circle: DeviceArray, out_gains: DeviceArray, device: str) -> None:
+    """Write the share of light that the lens lets through to each pixel; `response` is a record."""
+    launch(
+        develop_kernels.vignette_gains,
+        out_gains.size,
+        device,
+        responses=response,
+        lens_circle=lens_circle,
+        out_gains=out_gains,
+    )

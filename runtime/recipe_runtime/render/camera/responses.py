@@ -1,0 +1,62 @@
+"""Camera responses as numbers and tables on a device: exposure, white balance, vignette, tone curve, noise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from recipe_compiler.ir.plan import CameraPlan, CameraResponse
+
+from recipe_runtime.render.camera import exposure, passes
+from recipe_runtime.render.camera.develop_kernels import LEVELS, Response
+from recipe_runtime.render.camera.passes import Tables
+from recipe_runtime.render.device.arrays import filled, record
+from recipe_runtime.render.device.setup import wp
+
+
+class ResponseTables:
+    """The tables of the responses met so far."""
+
+    def __init__(self, device: str) -> None:
+        self._device = device
+        self._held: dict[tuple[float, ...], Tables] = {}
+        self._gains: dict[tuple[float, ...], Any] = {}
+        self._deviates: wp.array[wp.float32] = wp.array(exposure.deviates(), dtype=wp.float32, device=device)
+
+    def by_distance(self, response: CameraResponse) -> Tables:
+        """Tables whose gains are the lens circle's, float32 [RIM_STEPS + 1] by the squared distance from the centre."""
+        key = response.lens_circle_multiplier, response.lens_circle_falloff, response.gamma
+        if key not in self._held:
+            levels = exposure.tone_table(int(LEVELS), response.gamma)
+            self._held[key] = Tables(
+                wp.array(exposure.lens_circle(response), dtype=wp.float32, device=self._device),
+                wp.array(levels, dtype=wp.uint8, device=self._device),
+                self._deviates,
+            )
+        return self._held[key]
+
+    def by_pixel(self, response: CameraResponse, camera: CameraPlan) -> Tables:
+        """Tables whose gains are the lens's, by pixel, float32 [H * W]."""
+        tables = self.by_distance(response)
+        dark = response.lens_circle_multiplier, response.lens_circle_falloff, response.vignette_intensity
+        key = (*dark, camera.width, camera.height)
+        if key not in self._gains:
+            gains = wp.empty(camera.width * camera.height, dtype=wp.float32, device=self._device)
+            told = record(response_of(response, 1.0, 0, camera), self._device)
+            passes.vignette_gains(told, tables.gains, gains, self._device)
+            self._gains[key] = gains
+        return Tables(self._gains[key], tables.tone, tables.deviates)
+
+
+def response_of(response: CameraResponse, automatic: float, key: int, camera: CameraPlan) -> Response:
+    """The struct `Response`; `automatic` is the exposure for sun, weather and lamps, `key` the noise's."""
+    return filled(
+        Response(),
+        exposure=exposure.gain(response, automatic),
+        white=wp.vec3f(*exposure.white(response)),
+        noise=exposure.noise_strength(response),
+        vignette=0.8 * response.vignette_intensity,
+        rim=int(response.lens_circle_multiplier > 0.0),
+        key=key,
+        width=camera.width,
+        height=camera.height,
+    )

@@ -1,0 +1,100 @@
+"""What all frames of a stream share, and the layouts of the memory that goes to a device and comes back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse
+
+from recipe_runtime.render.camera.develop_kernels import Response
+from recipe_runtime.render.camera.passes import Tables
+from recipe_runtime.render.camera.rain_kernels import Rain
+from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.device.memory_layout import MemoryLayout
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.lighting import lights
+from recipe_runtime.render.lighting.air import Air
+from recipe_runtime.render.lighting.shadow_kernels import Sunbeam
+from recipe_runtime.render.lighting.weather_light import Light
+from recipe_runtime.render.sampling.sample_kernels import Samples
+from recipe_runtime.render.scene.geometry import Geometry
+
+
+@dataclass(frozen=True)
+class ShadedAppearance:
+    """An appearance, made ready for a camera."""
+
+    plan: AppearancePlan
+    light: Light  # at time 0
+    colours: DeviceArray  # a record of SurfaceColours
+    response: CameraResponse
+    tables: Tables
+    sun: int  # its place among the stream's suns; -1: none shines
+
+
+@dataclass
+class StreamSetup:
+    """What all recorded frames of a stream share."""
+
+    g: Geometry
+    device: str
+    camera: CameraPlan
+    side: int  # samples along a pixel's side
+    suns: list[NDArray[np.float64]]
+    appearances: list[ShadedAppearance]
+    tiles: DeviceArray  # int32, every tile of the picture
+    no_shadows: DeviceArray  # a record of four shadow maps, for where no sun shines
+    layout: MemoryLayout  # of what changes from frame to frame
+    capacity: int  # samples that a frame has room for; it grows once a frame wanted more
+
+    @property
+    def pixels(self) -> int:
+        """Count of the picture's pixels."""
+        return self.camera.width * self.camera.height
+
+
+def frame_layout(g: Geometry, suns: int, appearances: int) -> MemoryLayout:
+    """The layout of what changes from frame to frame, in so many appearances under so many suns."""
+    parts, eye, none = 1 + g.parts, np.zeros((1, 3)), np.zeros((1, g.parts, 3, 4))
+    layout = MemoryLayout()
+    layout.add("view_from_part", wp.float32, (parts, 12))
+    layout.add("world_from_part", wp.float32, (parts, 12))
+    layout.add("world_from_view", wp.float32, (1, 12))
+    columns = lights.lamp_columns(g, np.zeros((1, parts, 3, 4)), eye)
+    for name, kind, column in zip(lights.LAMP_NAMES, lights.LAMP_KINDS, columns, strict=True):
+        layout.add(f"lamps {name}", kind, (column.shape[1],))
+    columns = lights.body_columns(g, none)
+    for name, kind, column in zip(lights.BODY_NAMES, lights.BODY_KINDS, columns, strict=True):
+        layout.add(f"bodies {name}", kind, (column.shape[1],))
+    layout.add("samples", Samples, (1,))
+    for n in range(suns):
+        layout.add(f"beams {n}", Sunbeam, (4,))
+    for v in range(appearances):
+        layout.add(f"air {v}", Air, (1,))
+        layout.add(f"rain {v}", Rain, (1,))
+        layout.add(f"response {v}", Response, (1,))
+    return layout
+
+
+def result_layout(setup: StreamSetup) -> MemoryLayout:
+    """The layout of what a frame leaves behind."""
+    layout, labels = MemoryLayout(), (("depth", wp.float32), ("instance", wp.uint16), ("semantic", wp.uint8))
+    for name, kind in labels:
+        layout.add(name, kind, (setup.pixels,))
+    layout.add("extents", wp.int32, (4, max(len(setup.g.actors), 1), 5))
+    layout.add("cursor", wp.int32, (1,))
+    for v in range(len(setup.appearances)):
+        layout.add(f"rgb {v}", wp.uint8, (setup.pixels * 3,))
+    return layout
+
+
+def suns_of(lit: Sequence[Light]) -> list[NDArray[np.float64]]:
+    """The directions of the suns that shine in some lights, each once, in order."""
+    suns: list[NDArray[np.float64]] = []
+    for light in lit:
+        if light.sun_shines and not any(bool((light.sun == sun).all()) for sun in suns):
+            suns.append(light.sun)
+    return suns

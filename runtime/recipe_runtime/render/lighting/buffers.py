@@ -1,0 +1,85 @@
+"""The arrays that lighting writes, by sample, by tile and by block of 2 x 2 pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from recipe_compiler.ir.plan import CameraPlan
+
+from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.lighting.tile_list_kernels import MAX_PER_TILE
+
+
+@dataclass(frozen=True)
+class LightBuffers:
+    """Light by sample, for `capacity` samples."""
+
+    radiance: DeviceArray  # vec3f, without what wet ground mirrors
+    gleam: DeviceArray  # vec2f, share and gloss of what a sample mirrors
+    known: DeviceArray  # uint8, see `temporal_kernels`
+    shown: DeviceArray  # vec3f, with what wet ground mirrors; `radiance` itself where nothing is wet
+
+    @staticmethod
+    def empty(capacity: int, wet: bool, device: str) -> LightBuffers:
+        """Buffers yet to be written."""
+        radiance = wp.empty(capacity, dtype=wp.vec3f, device=device)
+        return LightBuffers(
+            radiance,
+            wp.empty(capacity, dtype=wp.vec2f, device=device),
+            wp.empty(capacity, dtype=wp.uint8, device=device),
+            wp.empty(capacity, dtype=wp.vec3f, device=device) if wet else radiance,
+        )
+
+
+@dataclass(frozen=True)
+class RayBuffers:
+    """Mirrored rays, one for each block of 2 x 2 pixels."""
+
+    reach: DeviceArray  # float32, metres to what the ray meets, -1 for nothing
+    origins: DeviceArray  # int32, the sample whose ray is kept, -1: none, -2: the block mirrors nothing
+    ways: DeviceArray  # uint32, the tiles that the ray crosses
+
+    @staticmethod
+    def empty(camera: CameraPlan, device: str) -> RayBuffers:
+        """Buffers with no ray kept."""
+        blocks = -(-camera.width // 2) * -(-camera.height // 2)
+        return RayBuffers(
+            wp.empty(blocks, dtype=wp.float32, device=device),
+            wp.full(blocks, -1, dtype=wp.int32, device=device),
+            wp.empty(blocks, dtype=wp.uint32, device=device),
+        )
+
+
+@dataclass(frozen=True)
+class TileLists:
+    """What reaches each tile, int32 [tiles, 1 + MAX_PER_TILE]; the first entry of a row is the count."""
+
+    lamps: DeviceArray
+    bodies: DeviceArray
+    glows: DeviceArray
+
+    @staticmethod
+    def empty(tiles: int, device: str) -> TileLists:
+        """Lists that hold nothing."""
+        shape = (tiles, int(MAX_PER_TILE) + 1)
+        return TileLists(*(wp.zeros(shape, dtype=wp.int32, device=device) for _ in range(3)))
+
+    @property
+    def tiles(self) -> int:
+        """Count of tiles."""
+        return int(self.lamps.shape[0])
+
+
+@dataclass(frozen=True)
+class PixelLevels:
+    """Developed pixels that later frames may use again."""
+
+    stale: DeviceArray  # uint8 [H * W], not 0 where the light has changed since the pixel was developed
+    levels: DeviceArray  # vec3f [H * W], before the noise
+
+    @staticmethod
+    def empty(pixels: int, device: str) -> PixelLevels:
+        """No pixel is developed yet."""
+        stale = wp.full(pixels, 1, dtype=wp.uint8, device=device)
+        return PixelLevels(stale, wp.empty(pixels, dtype=wp.vec3f, device=device))

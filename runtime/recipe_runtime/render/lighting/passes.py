@@ -1,0 +1,281 @@
+"""The passes from samples to light, each a launch of one kernel. ShadingPass and RecordedFrame both run these.
+
+Arguments: `samples`, `air`, `beams`, `lamps`, `bodies`, `previous` and `dirty` are records of the structs `Samples`,
+`Air`, `Sunbeam` (four), `Lamps`, `Bodies`, `PreviousFrame` and `DirtySamples`; `view_from_world` and `world_from_view`
+are float32 [1, 12]. `threads` is how many samples a pass is for. Outputs come last.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from recipe_compiler.ir.plan import CameraPlan
+
+from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.lighting import (
+    fog_glow_kernels,
+    reflection_kernels,
+    reflection_reuse_kernels,
+    shading_kernels,
+    shadow_kernels,
+    temporal_kernels,
+    tile_list_kernels,
+)
+from recipe_runtime.render.lighting.buffers import LightBuffers, RayBuffers, TileLists
+from recipe_runtime.render.scene.camera import pinhole_of
+
+
+@dataclass(frozen=True)
+class Lights:
+    """What shades the samples of one appearance, each a record on the device."""
+
+    colours: DeviceArray  # SurfaceColours
+    air: DeviceArray
+    beams: DeviceArray
+    lamps: DeviceArray
+    bodies: DeviceArray
+    lists: TileLists
+
+
+@dataclass(frozen=True)
+class View:
+    """What reflection looks into: depth float32 [H * W], each pixel's first sample int32 [H * W], the camera."""
+
+    camera: CameraPlan
+    depth: DeviceArray
+    starts: DeviceArray
+    view_from_world: DeviceArray
+
+
+def list_lights(
+    keys: DeviceArray,
+    camera: CameraPlan,
+    world_from_view: DeviceArray,
+    view_from_world: DeviceArray,
+    lamps: DeviceArray,
+    bodies: DeviceArray,
+    out_lists: TileLists,
+    device: str,
+) -> None:
+    """List the lamps, the bodies and the glows that reach each tile."""
+    launch(
+        tile_list_kernels.cull_lights,
+        out_lists.tiles,
+        device,
+        keys=keys,
+        pinhole=pinhole_of(camera, 1),
+        world_from_view=world_from_view,
+        lamps=lamps,
+        bodies=bodies,
+        out_lamp_lists=out_lists.lamps,
+        out_body_lists=out_lists.bodies,
+    )
+    launch(
+        fog_glow_kernels.cull_glows,
+        out_lists.tiles,
+        device,
+        pinhole=pinhole_of(camera, 1),
+        view_from_world=view_from_world,
+        lamps=lamps,
+        out_lists=out_lists.glows,
+    )
+
+
+def compare_tiles(
+    lamps: DeviceArray,
+    lists_before: TileLists,
+    lists: TileLists,
+    boxes: tuple[DeviceArray, DeviceArray],
+    beams: DeviceArray,
+    needed: int,
+    out_bits: DeviceArray,
+    device: str,
+) -> None:
+    """Find the tiles whose static light cannot have changed: see `compare_lists` and `mark_unshadowed` for the bits."""
+    launch(
+        tile_list_kernels.compare_lists,
+        lists.tiles,
+        device,
+        lamps=lamps,
+        lamps_before=lists_before.lamps,
+        bodies_before=lists_before.bodies,
+        glows_before=lists_before.glows,
+        lamp_lists=lists.lamps,
+        body_lists=lists.bodies,
+        glow_lists=lists.glows,
+        out_bits=out_bits,
+    )
+    launch(
+        shadow_kernels.mark_unshadowed,
+        lists.tiles,
+        device,
+        lows=boxes[0],
+        highs=boxes[1],
+        beams=beams,
+        needed_bits=needed,
+        out_bits=out_bits,
+    )
+
+
+def collect_dirty(
+    firsts: DeviceArray,
+    air: DeviceArray,
+    previous: DeviceArray,
+    known: DeviceArray,
+    out_quiet: DeviceArray,
+    out_count: DeviceArray,
+    out_samples: DeviceArray,
+    device: str,
+) -> None:
+    """List the static samples whose light may have changed."""
+    launch(
+        temporal_kernels.collect_dirty,
+        firsts.size - 1,
+        device,
+        firsts=firsts,
+        air=air,
+        previous=previous,
+        known=known,
+        out_quiet=out_quiet,
+        out_count=out_count,
+        out_samples=out_samples,
+    )
+
+
+def shade_samples(
+    threads: int,
+    samples: DeviceArray,
+    lights: Lights,
+    previous: DeviceArray,
+    dirty: DeviceArray,
+    out_light: LightBuffers,
+    device: str,
+) -> None:
+    """Shade the dirty samples."""
+    launch(
+        shading_kernels.shade_samples,
+        threads,
+        device,
+        samples=samples,
+        colours=lights.colours,
+        air=lights.air,
+        beams=lights.beams,
+        lamps=lights.lamps,
+        bodies=lights.bodies,
+        lamp_lists=lights.lists.lamps,
+        body_lists=lights.lists.bodies,
+        glow_lists=lights.lists.glows,
+        previous=previous,
+        dirty=dirty,
+        out_radiance=out_light.radiance,
+        out_gleam=out_light.gleam,
+        out_known=out_light.known,
+        out_shown=out_light.shown,
+    )
+
+
+def trace_rays(
+    samples: DeviceArray,
+    gleam: DeviceArray,
+    view: View,
+    previous: DeviceArray,
+    motion_sums: DeviceArray,
+    out_rays: RayBuffers,
+    device: str,
+) -> None:
+    """Follow the mirrored ray of each block of 2 x 2 pixels."""
+    rows, columns = -(-view.camera.height // 2), -(-view.camera.width // 2)
+    blocks_per_thread = columns if device == "cpu" else 1  # a GPU has threads to spare
+    launch(
+        reflection_kernels.trace_rays,
+        rows * -(-columns // blocks_per_thread),
+        device,
+        samples=samples,
+        gleam=gleam,
+        depth=view.depth,
+        starts=view.starts,
+        view_from_world=view.view_from_world,
+        pinhole=pinhole_of(view.camera, 1),
+        previous=previous,
+        motion_sums=motion_sums,
+        blocks_per_thread=blocks_per_thread,
+        out_reach=out_rays.reach,
+        out_origins=out_rays.origins,
+        out_ways=out_rays.ways,
+    )
+
+
+def collect_reflective(
+    samples: DeviceArray, gleam: DeviceArray, count: int, out_count: DeviceArray, out_samples: DeviceArray, device: str
+) -> None:
+    """List those of the first `count` samples that mirror anything."""
+    launch(
+        reflection_reuse_kernels.collect_reflective,
+        count,
+        device,
+        samples=samples,
+        gleam=gleam,
+        out_count=out_count,
+        out_samples=out_samples,
+    )
+
+
+def stale_reflections(
+    samples: DeviceArray,
+    air: DeviceArray,
+    previous: DeviceArray,
+    reflective: DeviceArray,
+    previous_moment: int,
+    sources: DeviceArray,
+    out_count: DeviceArray,
+    out_samples: DeviceArray,
+    device: str,
+) -> None:
+    """List those of the reflective samples whose mirrored light may have changed."""
+    launch(
+        reflection_reuse_kernels.stale_reflections,
+        reflective.size,
+        device,
+        samples=samples,
+        air=air,
+        previous=previous,
+        reflective=reflective,
+        previous_moment=previous_moment,
+        sources=sources,
+        out_count=out_count,
+        out_samples=out_samples,
+    )
+
+
+def reflect(
+    threads: int,
+    samples: DeviceArray,
+    air: DeviceArray,
+    view: View,
+    rays: RayBuffers,
+    previous: DeviceArray,
+    dirty: DeviceArray,
+    light: LightBuffers,
+    out_sources: DeviceArray,
+    device: str,
+) -> None:
+    """Add what wet ground mirrors to `light.shown`."""
+    launch(
+        reflection_kernels.reflect,
+        threads,
+        device,
+        samples=samples,
+        air=air,
+        gleam=light.gleam,
+        reach=rays.reach,
+        depth=view.depth,
+        starts=view.starts,
+        view_from_world=view.view_from_world,
+        pinhole=pinhole_of(view.camera, 1),
+        previous=previous,
+        dirty=dirty,
+        radiance=light.radiance,
+        out_sources=out_sources,
+        out_shown=light.shown,
+    )

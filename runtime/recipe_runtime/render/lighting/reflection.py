@@ -1,0 +1,79 @@
+"""Reflection on wet ground, the host's side: which rays are followed anew, and which samples mirror something else."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from recipe_runtime.render.device.arrays import DeviceArray, record
+from recipe_runtime.render.device.reuse import TemporalReuse
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.lighting import passes
+from recipe_runtime.render.lighting.sample_light import SampleLight
+from recipe_runtime.render.lighting.temporal import SampleList, all_samples, listed_samples, thread_count
+from recipe_runtime.render.lighting.temporal_kernels import DirtySamples, PreviousFrame
+from recipe_runtime.render.raster.label_kernels import TILE
+from recipe_runtime.render.raster.observation import Observation
+from recipe_runtime.render.sampling.sampler import FrameSamples
+from recipe_runtime.render.scene.camera import upload_transforms, view_from_parts
+
+
+class ReflectionPass:
+    """Adds what wet ground mirrors to the light of a frame's samples."""
+
+    def __init__(self, device: str, reuse: TemporalReuse, sample_list: SampleList) -> None:
+        self._device, self._reuse, self._list = device, reuse.reflections, sample_list
+        self._motion_sums: WeakKeyDictionary[Observation, DeviceArray] = WeakKeyDictionary()
+
+    def reflect(
+        self,
+        obs: Observation,
+        points: FrameSamples,
+        samples: DeviceArray,
+        air: DeviceArray,
+        previous: DeviceArray,
+        known: int,
+        found: SampleLight,
+    ) -> None:
+        """Write `found.light.shown`.
+
+        Args:
+            obs: The frame's observation.
+            points: Its samples.
+            samples: They, as a record of the struct `Samples`.
+            air: The light and weather, a record of the struct `Air`.
+            previous: What is known of the frame before, a record of `PreviousFrame`.
+            known: How many samples it knows.
+            found: The light of the samples.
+        """
+        view_from_world = upload_transforms(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
+        view = passes.View(obs.camera, obs.device_depth, points.starts, view_from_world)
+        rays_known = previous if self._reuse else record(PreviousFrame(), self._device)
+        sums = self._sums(obs)
+        passes.trace_rays(samples, found.light.gleam, view, rays_known, sums, found.rays, self._device)
+        dirty = self._stale(samples, air, previous, found) if known and self._reuse else all_samples()
+        threads, told = thread_count(dirty, points.count), record(dirty, self._device)
+        place = found.rays, previous, told, found.light, found.sources
+        passes.reflect(threads, samples, air, view, *place, self._device)
+
+    def _stale(self, samples: DeviceArray, air: DeviceArray, previous: DeviceArray, found: SampleLight) -> DirtySamples:
+        """The samples that mirror something else than in the frame before, a struct `DirtySamples`."""
+        if found.reflective is None:
+            count, listed = self._list.begin(found.kept)
+            passes.collect_reflective(samples, found.light.gleam, found.kept, count, listed, self._device)
+            found.reflective = wp.clone(listed[: int(count.numpy()[0])])
+        count, listed = self._list.begin(found.kept)
+        frame = samples, air, previous, found.reflective, found.ring_step, found.sources
+        passes.stale_reflections(*frame, count, listed, self._device)
+        return listed_samples(count, listed, found.kept)
+
+    def _sums(self, obs: Observation) -> DeviceArray:
+        """How many tiles that something moving may touch lie above and to the left of each tile's corner, int32."""
+        if obs not in self._motion_sums:
+            tile = int(TILE)
+            counts = np.zeros((-(-obs.camera.height // tile) + 1, -(-obs.camera.width // tile) + 1), np.int32)
+            counts[(obs.touched >> 16) // tile + 1, (obs.touched & 65535) // tile + 1] = 1
+            sums = counts.cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
+            self._motion_sums[obs] = wp.array(sums, dtype=wp.int32, device=self._device)
+        return self._motion_sums[obs]

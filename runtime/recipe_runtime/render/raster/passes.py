@@ -1,0 +1,280 @@
+"""The passes from vertices to labels, each a launch of one kernel. Observer and RecordedFrame both run these.
+
+Arguments: `g` is the scene's geometry, `transforms` float32 [1 + P, 12] leads from each part to the camera's frame,
+`tiles` int32 [N] names tiles as `label_kernels.pixel_at` reads them, `keys` uint64 [H * W * side^2] holds what each
+sample sees. Outputs come last.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from recipe_compiler.ir.plan import CameraPlan
+
+from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.raster import bin_kernels, label_kernels, visibility_kernels
+from recipe_runtime.render.raster.distortion import distortion_of
+from recipe_runtime.render.scene.camera import pinhole_of
+from recipe_runtime.render.scene.geometry import CHUNK, Geometry
+from recipe_runtime.render.scene.pinhole import Pinhole
+
+ACTORS_PER_WORD = 64  # whose silhouettes fit a 64-bit word
+_FAR_AWAY = 1 << 30  # 1/256 pixels: the bounds of a box that holds nothing
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Labels of a picture's pixels on the device, row by row."""
+
+    depth: DeviceArray  # float32 [H * W], metres along the optical axis
+    instance: DeviceArray  # uint16 [H * W]
+    semantic: DeviceArray  # uint8 [H * W]
+
+    @staticmethod
+    def empty(camera: CameraPlan, device: str) -> Labels:
+        """Labels yet to be written."""
+        kinds = (wp.float32, wp.uint16, wp.uint8)
+        return Labels(*(wp.empty(camera.width * camera.height, dtype=kind, device=device) for kind in kinds))
+
+    def clone(self) -> Labels:
+        """A copy."""
+        return Labels(wp.clone(self.depth), wp.clone(self.instance), wp.clone(self.semantic))
+
+
+@dataclass(frozen=True)
+class BinBuffers:
+    """The list of large triangles' rows; see `bin_kernels`."""
+
+    bins: DeviceArray  # uint64 [capacity]
+    count: DeviceArray  # int32 [1]
+
+
+def empty_extents(g: Geometry, *shape: int) -> np.ndarray[Any, np.dtype[np.int32]]:
+    """Extents of actors that were not seen, int32 [*shape, A, 5]: pixel count, and a box x0, y0, x1, y1."""
+    rows = np.zeros((*shape, max(len(g.actors), 1), 5), np.int32)
+    rows[..., 1:3], rows[..., 3:5] = _FAR_AWAY, -_FAR_AWAY
+    return rows
+
+
+def transform_vertices(
+    g: Geometry, transforms: DeviceArray, first_vertex: int, out_vertices: DeviceArray, device: str
+) -> None:
+    """Transform the vertices from the first one on."""
+    if g.vertex_count > first_vertex:
+        launch(
+            visibility_kernels.transform_vertices,
+            g.vertex_count - first_vertex,
+            device,
+            vertices=g.vertices,
+            vertex_part=g.vertex_part,
+            transforms=transforms,
+            first_vertex=first_vertex,
+            out_vertices=out_vertices,
+        )
+
+
+def transform_visible_vertices(
+    g: Geometry, transforms: DeviceArray, chunk_visible: DeviceArray, out_vertices: DeviceArray, device: str
+) -> None:
+    """Transform the static vertices of visible chunks."""
+    launch(
+        visibility_kernels.transform_visible_vertices,
+        g.static_chunks,
+        device,
+        vertices=g.vertices,
+        chunks=g.chunks,
+        chunk_vertices=g.chunk_vertices,
+        chunk_visible=chunk_visible,
+        transforms=transforms,
+        out_vertices=out_vertices,
+    )
+
+
+def cull_chunks(
+    g: Geometry, transforms: DeviceArray, camera: CameraPlan, out_visible: DeviceArray, device: str
+) -> None:
+    """Find the chunks that may be in the view."""
+    if g.chunk_count:
+        launch(
+            visibility_kernels.cull_chunks,
+            g.chunk_count,
+            device,
+            chunks=g.chunks,
+            chunk_centres=g.chunk_centres,
+            chunk_halves=g.chunk_halves,
+            transforms=transforms,
+            pinhole=pinhole_of(camera, 1),
+            out_visible=out_visible,
+        )
+
+
+def raster_keys(
+    g: Geometry,
+    vertices: DeviceArray,
+    chunk_visible: DeviceArray,
+    chunks: range,
+    pinhole: Pinhole,
+    out_keys: DeviceArray,
+    device: str,
+) -> None:
+    """Draw a range of chunks into the keys."""
+    if len(chunks):
+        launch(
+            visibility_kernels.raster_keys,
+            len(chunks) * CHUNK,
+            device,
+            vertices=vertices,
+            triangles=g.triangles,
+            chunks=g.chunks,
+            chunk_visible=chunk_visible,
+            first_chunk=chunks.start,
+            pinhole=pinhole,
+            out_keys=out_keys,
+        )
+
+
+def raster_actor_bits(
+    g: Geometry,
+    vertices: DeviceArray,
+    chunk_visible: DeviceArray,
+    first_actor: int,
+    pinhole: Pinhole,
+    out_bits: DeviceArray,
+    device: str,
+) -> None:
+    """Set the bits of up to 64 actors where each would be seen alone."""
+    launch(
+        visibility_kernels.raster_actor_bits,
+        (g.chunk_count - g.static_chunks) * CHUNK,
+        device,
+        vertices=vertices,
+        triangles=g.triangles,
+        triangle_surface=g.triangle_surface,
+        surface_actor=g.surface_actor,
+        chunks=g.chunks,
+        chunk_visible=chunk_visible,
+        first_chunk=g.static_chunks,
+        first_actor=first_actor,
+        pinhole=pinhole,
+        out_bits=out_bits,
+    )
+
+
+def raster_binned(
+    g: Geometry,
+    vertices: DeviceArray,
+    chunk_visible: DeviceArray,
+    first_chunk: int,
+    first_actor: int,
+    pinhole: Pinhole,
+    buffers: BinBuffers,
+    out_keys: DeviceArray,
+    device: str,
+) -> None:
+    """Clear and draw keys (`first_actor` -1) or the bits of actors, large triangles shared out among many threads."""
+    out_keys.zero_()
+    buffers.count.zero_()
+    shared = {
+        "vertices": vertices,
+        "triangles": g.triangles,
+        "triangle_surface": g.triangle_surface,
+        "surface_actor": g.surface_actor,
+        "first_actor": first_actor,
+        "pinhole": pinhole,
+        "out_keys": out_keys,
+    }
+    launch(
+        bin_kernels.bin_triangles,
+        (g.chunk_count - first_chunk) * CHUNK,
+        device,
+        chunks=g.chunks,
+        chunk_visible=chunk_visible,
+        first_chunk=first_chunk,
+        out_bins=buffers.bins,
+        out_bin_count=buffers.count,
+        **shared,
+    )
+    threads = int(bin_kernels.BIN_GROUPS) * int(bin_kernels.BIN_THREADS)
+    launch(bin_kernels.raster_bins, threads, device, bins=buffers.bins, bin_count=buffers.count, **shared)
+
+
+def label_pixels(
+    g: Geometry,
+    tiles: DeviceArray,
+    keys: DeviceArray,
+    camera: CameraPlan,
+    out_labels: Labels,
+    out_extents: DeviceArray,
+    device: str,
+) -> None:
+    """Label the tiles' pixels, and widen the actors' visible extents by them."""
+    if tiles.size:
+        launch(
+            label_kernels.label_pixels,
+            tiles.size * int(label_kernels.TILE_PIXELS),
+            device,
+            tile_corners=tiles,
+            keys=keys,
+            triangle_surface=g.triangle_surface,
+            surface_actor=g.surface_actor,
+            surface_instance=g.surface_instance,
+            surface_tag=g.surface_tag,
+            pinhole=pinhole_of(camera, 1),
+            out_depth=out_labels.depth,
+            out_instance=out_labels.instance,
+            out_semantic=out_labels.semantic,
+            out_extents=out_extents,
+        )
+
+
+def count_amodal(
+    g: Geometry,
+    tiles: DeviceArray,
+    bits: DeviceArray,
+    first_actor: int,
+    camera: CameraPlan,
+    out_extents: DeviceArray,
+    device: str,
+) -> None:
+    """Widen the amodal extents of up to 64 actors by the tiles' pixels that carry their bits."""
+    launch(
+        label_kernels.count_amodal,
+        tiles.size * int(label_kernels.TILE_PIXELS),
+        device,
+        tile_corners=tiles,
+        bits=bits,
+        pinhole=pinhole_of(camera, 1),
+        first_actor=first_actor,
+        actor_count=min(ACTORS_PER_WORD, len(g.actors) - first_actor),
+        out_extents=out_extents,
+    )
+
+
+def project_boxes(
+    g: Geometry,
+    vertices: DeviceArray,
+    camera: CameraPlan,
+    out_extents: DeviceArray,
+    out_reach: DeviceArray,
+    device: str,
+) -> None:
+    """Widen the actors' unclipped boxes, and those of the points where the near plane cuts them (1/256 pixels)."""
+    if g.triangle_count > g.static_triangles:
+        launch(
+            label_kernels.project_boxes,
+            g.triangle_count - g.static_triangles,
+            device,
+            vertices=vertices,
+            triangles=g.triangles,
+            triangle_surface=g.triangle_surface,
+            surface_actor=g.surface_actor,
+            first_triangle=g.static_triangles,
+            pinhole=pinhole_of(camera, 1),
+            distortion=distortion_of(camera),
+            out_extents=out_extents,
+            out_reach=out_reach,
+        )

@@ -1,0 +1,73 @@
+"""The arrays of a frame's samples."""
+
+from __future__ import annotations
+
+from recipe_runtime.render.device.arrays import DeviceArray, filled
+from recipe_runtime.render.device.setup import wp
+from recipe_runtime.render.sampling.sample_kernels import Samples, SceneArrays
+from recipe_runtime.render.scene.geometry import Geometry
+
+_KINDS = {
+    "keys": wp.uint64,
+    "pixels": wp.int32,
+    "places": wp.int32,
+    "weights": wp.float32,
+    "tiles": wp.int32,
+    "surfaces": wp.int32,
+    "codes": wp.uint32,
+    "positions": wp.vec3f,
+    "normals": wp.vec3f,
+    "details": wp.vec4f,
+}
+
+
+class SampleColumns:
+    """Arrays with an element a sample, for `capacity` samples."""
+
+    keys: DeviceArray  # uint64, what the sample sees
+    pixels: DeviceArray  # int32, the pixel that it belongs to
+    places: DeviceArray  # int32, its quarter of the pixel, or 4 for the centre
+    weights: DeviceArray  # float32, its share of the pixel
+    tiles: DeviceArray  # int32
+    surfaces: DeviceArray  # int32, -1 for the sky
+    codes: DeviceArray  # uint32
+    positions: DeviceArray  # vec3f, metres in the world; for the sky a direction
+    normals: DeviceArray  # vec3f
+    details: DeviceArray  # vec4f
+
+    def __init__(self, capacity: int, device: str) -> None:
+        self.capacity = capacity
+        for name, kind in _KINDS.items():
+            setattr(self, name, wp.empty(capacity, dtype=kind, device=device))
+
+    def grown(self, capacity: int, count: int, device: str) -> SampleColumns:
+        """Columns of another capacity, with the first `count` samples of these."""
+        wider = SampleColumns(capacity, device)
+        for name in _KINDS:
+            wp.copy(getattr(wider, name), getattr(self, name), count=count)
+        return wider
+
+
+def samples_of(columns: SampleColumns) -> Samples:
+    """The struct `Samples` of the columns, as shading reads them; its eye is not set."""
+    names = ("surfaces", "positions", "normals", "details", "codes", "pixels", "tiles")
+    return filled(Samples(), **{name: getattr(columns, name) for name in names})
+
+
+def scene_arrays(
+    g: Geometry, vertices: DeviceArray, world_from_part: DeviceArray, world_from_view: DeviceArray
+) -> SceneArrays:
+    """The struct `SceneArrays` of a frame: `vertices` vec3f [V] in the camera's frame, transforms float32 [N, 12]."""
+    return filled(
+        SceneArrays(),
+        view=vertices,
+        normals=g.normals,
+        uvs=g.uvs,
+        vertex_part=g.vertex_part,
+        triangles=g.triangles,
+        face_normals=g.face_normals,
+        triangle_surface=g.triangle_surface,
+        surface_pattern=g.surface_pattern,
+        world_from_part=world_from_part,
+        world_from_view=world_from_view,
+    )

@@ -1,0 +1,191 @@
+"""The passes from keys to samples, each a launch of one kernel. Sampler and RecordedFrame both run these.
+
+Arguments: `tiles` int32 [N] names tiles, `coarse` and `fine` are the keys of pixels and of their quarters, `scene` is a
+record of `SceneArrays`; `groups` and `starts` int32 [H * W] say of each pixel how its quarters group and where its
+samples begin. `side` is 2 with antialiasing and 1 without. Outputs come last.
+"""
+
+from __future__ import annotations
+
+from recipe_compiler.ir.plan import CameraPlan
+
+from recipe_runtime.render.device.arrays import DeviceArray
+from recipe_runtime.render.device.launch import launch
+from recipe_runtime.render.raster.label_kernels import TILE_PIXELS
+from recipe_runtime.render.sampling import sample_kernels, slot_kernels
+from recipe_runtime.render.sampling.buffers import SampleColumns
+from recipe_runtime.render.scene.camera import pinhole_of
+
+
+def restore_keys(
+    tiles: DeviceArray, static_keys: DeviceArray, camera: CameraPlan, out_fine: DeviceArray, device: str
+) -> None:
+    """Make the tiles' quarters see the static scene again."""
+    if tiles.size:
+        launch(
+            sample_kernels.restore_keys,
+            tiles.size * int(TILE_PIXELS),
+            device,
+            tile_corners=tiles,
+            static_keys=static_keys,
+            pinhole=pinhole_of(camera, 1),
+            out_fine=out_fine,
+        )
+
+
+def count_samples(
+    tiles: DeviceArray,
+    coarse: DeviceArray,
+    fine: DeviceArray,
+    camera: CameraPlan,
+    side: int,
+    scene: DeviceArray,
+    static_samples: DeviceArray,
+    out_groups: DeviceArray,
+    out_starts: DeviceArray,
+    out_counts: DeviceArray,
+    device: str,
+) -> None:
+    """Count the new samples of each of the tiles' pixels, and group its quarters."""
+    if tiles.size:
+        launch(
+            sample_kernels.count_samples,
+            tiles.size * int(TILE_PIXELS),
+            device,
+            tile_corners=tiles,
+            coarse=coarse,
+            fine=fine,
+            pinhole=pinhole_of(camera, side),
+            scene=scene,
+            static_samples=static_samples,
+            out_groups=out_groups,
+            out_starts=out_starts,
+            out_counts=out_counts,
+        )
+
+
+def assign_slots(
+    tiles: DeviceArray,
+    camera: CameraPlan,
+    side: int,
+    capacity: int,
+    counts: DeviceArray,
+    wanted: DeviceArray,
+    stretches: DeviceArray,
+    out_cursor: DeviceArray,
+    out_firsts: DeviceArray,
+    device: str,
+) -> None:
+    """Give every pixel the slots of its samples without reading a count back; see `slot_kernels`.
+
+    `wanted` and `stretches` int32 by tile are work space. `out_cursor` counts the slots at edges that were wanted; a
+    pixel for which there is no room loses its samples (`counts` becomes 0), and the frame has to be drawn again.
+    """
+    size = tiles.size * int(TILE_PIXELS)
+    wanted.zero_()
+    out_cursor.zero_()
+    launch(slot_kernels.rank_in_tile, size, device, counts=counts, out_firsts=out_firsts, out_wanted=wanted)
+    launch(
+        slot_kernels.reserve_slots,
+        tiles.size,
+        device,
+        wanted=wanted,
+        out_stretches=stretches,
+        out_cursor=out_cursor,
+    )
+    launch(
+        slot_kernels.assign_slots,
+        size,
+        device,
+        tile_corners=tiles,
+        pinhole=pinhole_of(camera, side),
+        stretches=stretches,
+        capacity=capacity,
+        out_counts=counts,
+        out_firsts=out_firsts,
+    )
+
+
+def emit_samples(
+    tiles: DeviceArray,
+    coarse: DeviceArray,
+    fine: DeviceArray,
+    counts: DeviceArray,
+    firsts: DeviceArray,
+    camera: CameraPlan,
+    side: int,
+    scene: DeviceArray,
+    groups: DeviceArray,
+    out_starts: DeviceArray,
+    out_columns: SampleColumns,
+    device: str,
+) -> None:
+    """Write key, pixel, place, weight and tile of every new sample."""
+    launch(
+        sample_kernels.emit_samples,
+        tiles.size * int(TILE_PIXELS),
+        device,
+        tile_corners=tiles,
+        coarse=coarse,
+        fine=fine,
+        counts=counts,
+        firsts=firsts,
+        pinhole=pinhole_of(camera, side),
+        scene=scene,
+        groups=groups,
+        out_starts=out_starts,
+        out_keys=out_columns.keys,
+        out_pixels=out_columns.pixels,
+        out_places=out_columns.places,
+        out_weights=out_columns.weights,
+        out_tiles=out_columns.tiles,
+    )
+
+
+def evaluate_samples(
+    first_sample: int, count: int, camera: CameraPlan, scene: DeviceArray, columns: SampleColumns, device: str
+) -> None:
+    """Evaluate surface, position, normal and pattern of so many samples from the first one on."""
+    if count:
+        launch(
+            sample_kernels.evaluate_samples,
+            count,
+            device,
+            first_sample=first_sample,
+            keys=columns.keys,
+            pixels=columns.pixels,
+            places=columns.places,
+            pinhole=pinhole_of(camera, 1),
+            scene=scene,
+            out_surfaces=columns.surfaces,
+            out_positions=columns.positions,
+            out_normals=columns.normals,
+            out_details=columns.details,
+            out_codes=columns.codes,
+        )
+
+
+def bound_tiles(
+    tiles: DeviceArray,
+    camera: CameraPlan,
+    starts: DeviceArray,
+    count: int,
+    columns: SampleColumns,
+    out_lows: DeviceArray,
+    out_highs: DeviceArray,
+    device: str,
+) -> None:
+    """Bound each tile's samples, the sky's left out, by a box in the world; `out_lows`, `out_highs` vec3f by tile."""
+    launch(
+        sample_kernels.bound_tiles,
+        tiles.size,
+        device,
+        tile_corners=tiles,
+        pinhole=pinhole_of(camera, 1),
+        starts=starts,
+        sample_count=count,
+        surfaces=columns.surfaces,
+        positions=columns.positions,
+        out_lows=out_lows,
+        out_highs=out_highs,
+    )

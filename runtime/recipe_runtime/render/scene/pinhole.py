@@ -1,0 +1,22 @@
+"""The pinhole camera as kernels take it."""
+
+# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# mypy: ignore-errors
+
+from recipe_runtime.render.device.setup import OPTIONS, wp
+
+wp.set_module_options(OPTIONS)
+
+
+@wp.struct
+class Pinhole:
+    """A pinhole camera: focal length and centre in pixels, depth limits in metres, samples a pixel (1 or 2 a side)."""
+
+    focal: wp.float64
+    cx: wp.float64
+    cy: wp.float64
+    near: wp.float64
+    far: wp.float64
+    width: wp.int32  # pixels
+    height: wp.int32
+    side: wp.int32  # samples along a pixel's side
