@@ -1,6 +1,6 @@
 """The renderer: one scene's bodies, observed from poses and shaded in appearances.
 
-The folder's door. It holds what frames may share (geometry, still views, shadow maps), none of which tells in a byte.
+It keeps what frames may share (geometry, static views, shadow maps); none of that changes a byte.
 """
 
 from __future__ import annotations
@@ -74,6 +74,6 @@ class Renderer:
     def reel(
         self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 16
     ) -> FrameStream:
-        """What draws many frames of a plain camera (`reel.takes`) fast on a GPU, with the bytes of the calls above."""
+        """A stream of frames of a plain camera (`can_stream`), fast on a GPU, with the bytes of the calls above."""
         shadows = ShadowMaps(self._geometry, self._device)
         return FrameStream(self._geometry, shadows, self._albums, self._device, camera, sensor_name, appearances, lanes)

@@ -1,7 +1,7 @@
-"""A reel: many frames of one camera, drawn without a stop for the host to look at one.
+"""A stream of frames of one camera, drawn without waiting for one before the next is begun.
 
-The numbers that change from frame to frame are made for a few frames at once, and several lanes, each with a frame of
-its own, keep a GPU busy meanwhile.
+The numbers that change from frame to frame are computed for a few frames at once, while several recorded frames keep a
+GPU busy.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _EDGE_SAMPLES = 0.5  # samples at edges that there is room for at first, a pixel
 
 @dataclass(frozen=True)
 class FrameBatch:
-    """What a reel is to show: frames by number, each with its time, the sensor's pose and the parts' transforms."""
+    """Frames to draw, by number, each with its time, the sensor's pose and the parts' transforms."""
 
     numbers: Sequence[int]
     times: Sequence[float]  # seconds
@@ -84,7 +84,7 @@ class FrameStream:
             layout=frame_layout(geometry, len(suns), len(looks)),
             capacity=pixels + (int(_EDGE_SAMPLES * pixels) if side == 2 else 0),
         )
-        self._beams: list[Any] = []  # static shadow maps that frames under way may look into
+        self._beams: list[Any] = []  # static shadow maps that frames under way may read
         self._lanes = [RecordedFrame(self._setup) for _ in range(lanes)]
 
     def frames(self, batch: FrameBatch) -> Iterator[RenderedFrame]:
@@ -103,7 +103,7 @@ class FrameStream:
             yield self._ready(batch, lane, index)
 
     def _ready(self, batch: FrameBatch, lane: RecordedFrame, index: int) -> RenderedFrame:
-        """A lane's frame, once it is done; with more room, if it had too little."""
+        """A recorded frame, once it is done; drawn again with more capacity, if it had too little."""
         lane.wait()
         if lane.wanted > lane.capacity:
             self._setup.capacity = max(self._setup.capacity, lane.wanted + lane.wanted // 8)
@@ -119,7 +119,7 @@ class FrameStream:
         return ShadedAppearance(plan, light, record(colours, self._device), response, tables, sun)
 
     def _rows(self, batch: FrameBatch, start: int, stop: int) -> NDArray[np.uint8]:
-        """The blocks of some frames, but for what is a lane's own."""
+        """Rows of the layout for some frames, but for the bytes that are a recorded frame's own."""
         span, layout = slice(start, stop), self._setup.layout
         poses, parts = batch.poses[span], batch.parts[span]
         rows, put = layout.rows(stop - start), layout.put
@@ -166,7 +166,7 @@ class FrameStream:
 
 
 def can_stream(sensor: SensorPlan, appearances: Sequence[AppearancePlan]) -> bool:
-    """Whether a reel can draw a sensor in these: its camera a plain one, which makes bytes of samples in one kernel."""
+    """Whether a stream can draw a sensor in these appearances: its camera must need no post-processing."""
     responses = [plan.responses.get(sensor.name) or CameraResponse() for plan in appearances]
     plain = all(not needs_post_process(sensor.camera, r, None) and r.motion_blur_intensity == 0.0 for r in responses)
     return plain and len({r.antialias for r in responses}) <= 1

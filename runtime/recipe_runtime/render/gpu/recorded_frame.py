@@ -41,7 +41,7 @@ from recipe_runtime.render.scene.camera import pinhole_of
 class RenderedFrame:
     """A frame of a stream: its observation, and a picture [H, W, 3] for every appearance.
 
-    The arrays are the recorded frame's: they hold until the next frame is asked for.
+    The arrays are the recorded frame's: they are valid until the next frame is requested.
     """
 
     number: int

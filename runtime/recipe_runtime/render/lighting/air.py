@@ -4,6 +4,7 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash3, noise2, smoothstep, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot, mix
@@ -47,7 +48,7 @@ class Air:
     wet: wp.float32  # 0 dry, 1 streaming
     puddles: wp.float32  # 0 none, 1 all that is flat
     pelting: wp.float32  # how far drops tilt the water that they fall on
-    moment: wp.int32  # tells the rings on it apart in time
+    moment: wp.int32  # time step of the rings on it
     night: wp.float32  # 0 by day, 1 with all lamps on
     lit: wp.float32  # how brightly those that burn, and windows, shine themselves: 1 in a clear night
     signal: wp.float32  # radiance of a traffic light
@@ -107,20 +108,20 @@ def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
     s = 1.0 / (d[2] + 0.12)
     x = d[0] * s * 0.9 + air[0].drift[0]
     y = d[1] * s * 0.9 + air[0].drift[1]
-    big = noise2(x, y, air[0].seed ^ wp.uint32(101))
+    big = noise2(x, y, air[0].seed ^ seeds.CLOUD_LARGE)
     n = big * 0.52
     edge = 0.86 - 0.76 * air[0].cover
     if n + 0.48 <= edge:
         return wp.vec2f(0.0, 1.0)  # however thick the small clouds, together they stay below the edge
-    middle = noise2(x * 2.3 + 7.0, y * 2.3, air[0].seed ^ wp.uint32(102))
+    middle = noise2(x * 2.3 + 7.0, y * 2.3, air[0].seed ^ seeds.CLOUD_MIDDLE)
     n = n + middle * 0.27
-    n = n + noise2(x * 5.1 + middle, y * 5.1 + 3.0, air[0].seed ^ wp.uint32(103)) * 0.14
-    n = n + noise2(x * 11.0, y * 11.0 + middle, air[0].seed ^ wp.uint32(104)) * 0.07
+    n = n + noise2(x * 5.1 + middle, y * 5.1 + 3.0, air[0].seed ^ seeds.CLOUD_SMALL) * 0.14
+    n = n + noise2(x * 11.0, y * 11.0 + middle, air[0].seed ^ seeds.CLOUD_FINE) * 0.07
     thick = smoothstep(edge, edge + 0.22, n)
     # The side towards the sun, where there is less cloud before the light, is the bright one.
-    sunward = noise2(x + air[0].sun[0] * 0.2, y + air[0].sun[1] * 0.2, air[0].seed ^ wp.uint32(101)) * 0.52
+    sunward = noise2(x + air[0].sun[0] * 0.2, y + air[0].sun[1] * 0.2, air[0].seed ^ seeds.CLOUD_LARGE) * 0.52
     sunward = sunward + 0.27 * noise2(
-        (x + air[0].sun[0] * 0.2) * 2.3 + 7.0, (y + air[0].sun[1] * 0.2) * 2.3, air[0].seed ^ wp.uint32(102)
+        (x + air[0].sun[0] * 0.2) * 2.3 + 7.0, (y + air[0].sun[1] * 0.2) * 2.3, air[0].seed ^ seeds.CLOUD_MIDDLE
     )
     return wp.vec2f(thick, clamp01(0.45 + 2.4 * (big * 0.52 + middle * 0.27 - sunward) - 0.5 * (n - edge - 0.2)))
 

@@ -1,7 +1,7 @@
 """Glow: the lamps' light that fog, rain and dust scatter towards the eye, so that each lamp has a halo and a cone.
 
-Along a sight that passes a lamp at h metres, light that falls off with the square of distance adds up to the angle
-under which the lamp sees the way, over h. That closed form takes one sum a lamp, and no steps through the air.
+Along a line of sight that passes a lamp at h metres, light that falls off with the square of distance integrates to the
+angle that the line subtends at the lamp, over h. That closed form needs one sum a lamp, and no steps through the air.
 """
 
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
@@ -99,7 +99,7 @@ def lamp_glow(
     sight: wp.vec3f,
     distance: wp.float32,
 ) -> wp.vec3f:
-    """The light of a tile's lamps that the air before `distance` metres scatters into a sight."""
+    """The light of a tile's lamps that the air before `distance` metres scatters into a line of sight."""
     total = wp.vec3f(0.0, 0.0, 0.0)
     for k in range(lists[tile, 0]):
         i = lists[tile, k + 1]

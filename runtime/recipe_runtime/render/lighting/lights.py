@@ -31,9 +31,9 @@ BODY_KINDS = (wp.vec3f, wp.vec2f, wp.vec2f, wp.float32, wp.float32)
 
 
 def lamplight(geometry: Geometry, eye: Array) -> float:
-    """How much light the lamps that stand still give the street about an eye [3], of what is common; it changes slowly.
+    """The light of the static lamps on the street about an eye [3], as a multiple of a common street's.
 
-    Whoever drives by a lamp comes nearer to it by little, for its light counts as if it hung 10 m away at the least.
+    A lamp counts as if it hung at least 10 m away, so that driving by one changes little.
     """
     lights = geometry.light_rows[geometry.light_parts == 0]
     dx, dy, dz = (lights[:, axis] - float(eye[axis]) for axis in range(3))

@@ -10,21 +10,14 @@ in the hollows of flat ground. Leaves turn in the wind.
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.air import SWING_STIRS, Air
+from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, noise3, smoothstep, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import mix, multiply, normalize
-from recipe_runtime.render.texture import patterns
 from recipe_runtime.render.texture.ground import ground_height
 
 wp.set_module_options(OPTIONS)
 
-CAR_PAINT = wp.constant(int(Pattern.CAR_PAINT))
-GLASS = wp.constant(int(Pattern.GLASS))
-RUBBER = wp.constant(int(Pattern.RUBBER))
-LAMP = wp.constant(int(Pattern.LAMP))
-HEADLIGHT = wp.constant(int(Pattern.HEADLIGHT))
-TAILLIGHT = wp.constant(int(Pattern.TAILLIGHT))
-LENS = wp.constant(int(Pattern.LENS))
 MAX_SOFTNESS = wp.constant(wp.float32(0.35))  # the furthest that light wraps around anything
 LEVEL = wp.constant(wp.float32(0.95))  # what turns so far upward holds water
 MIN_DEPOSITS = wp.constant(wp.float32(0.02))  # deposits up to this make no puddle
@@ -71,12 +64,12 @@ def window_material(
     veil = wp.vec3f(0.4, 0.38, 0.34)
     warm = wp.float32(1.0)
     m.coat = 0.09
-    if pattern == patterns.CURTAIN_WALL:
+    if pattern == Pattern.CURTAIN_WALL:
         veil = first * 0.8
         inside = mix(inside, first * 0.3, 0.5)
         m.coat = 0.15 * (1.0 - 0.6 * detail[2])
         warm = 0.25
-    elif pattern == patterns.SHOP_WINDOW:
+    elif pattern == Pattern.SHOP_WINDOW:
         inside = wp.vec3f(0.11, 0.1, 0.09)
         veil = mix(wp.vec3f(0.42, 0.12, 0.08), wp.vec3f(0.5, 0.42, 0.3), clamp01(2.0 * detail[3]))
         veil = mix(veil, wp.vec3f(0.1, 0.2, 0.24), clamp01(2.0 * detail[3] - 1.0))
@@ -84,14 +77,14 @@ def window_material(
     behind = mix(inside, veil, detail[2] * 0.85) * detail[0]
     m.albedo = mix(behind, second, detail[1])
     m.coat = m.coat * glass
-    # What a sight along the wall sees mirrored goes by the gloss: it falls with the share of the glass.
+    # At grazing angles the reflection follows the gloss: it falls with the share of the glass.
     m.gloss = 0.98 * wp.sqrt(glass)
     m.street = 1.0
     lit_by = window_light_level(air, code, awake)
     bright = wp.float32(0.0)
     if lit_by >= 0.0 and lit_by < air[0].night:  # one after the other, as it gets dark
         bright = 0.6 + 0.7 * lit_by
-    if pattern != patterns.SHOP_WINDOW:
+    if pattern != Pattern.SHOP_WINDOW:
         # Where many windows share a pixel, their mean is seen.
         mean = awake * air[0].night * (0.6 + 0.35 * air[0].night)
         bright = mean + (bright - mean) * detail[3]
@@ -99,9 +92,9 @@ def window_material(
     if air[0].night > 0.0 and bright > 0.0:
         colour = mix(wp.vec3f(1.0, 0.86, 0.66), mix(wp.vec3f(1.0, 0.52, 0.19), wp.vec3f(1.0, 0.78, 0.5), lit_by), warm)
         through = glass * (1.0 - 0.45 * detail[2])
-        if pattern == patterns.CURTAIN_WALL:
+        if pattern == Pattern.CURTAIN_WALL:
             through = glass * (1.0 - detail[2])
-        elif pattern == patterns.SHOP_WINDOW:
+        elif pattern == Pattern.SHOP_WINDOW:
             colour = mix(colour, multiply(colour, veil) * 2.5, detail[2])
             through = glass * 1.2
         m.glow = colour * (air[0].lit * 0.8e-3 * detail[0] * through * bright)
@@ -124,10 +117,10 @@ def material_of(
     m.normal = n
     m.albedo = mix(first, second, detail[1]) * maximum(detail[0], 0.05)
     if (
-        pattern == patterns.WINDOW
-        or pattern == patterns.CURTAIN_WALL
-        or pattern == patterns.SHOP_WINDOW
-        or pattern == patterns.FACADE
+        pattern == Pattern.WINDOW
+        or pattern == Pattern.CURTAIN_WALL
+        or pattern == Pattern.SHOP_WINDOW
+        or pattern == Pattern.FACADE
     ):
         seen = window_material(m, pattern, air, first, second, detail, code, awake)
         m.albedo = seen.albedo
@@ -135,39 +128,39 @@ def material_of(
         m.coat = seen.coat
         m.gloss = seen.gloss
         m.street = seen.street
-    elif pattern == CAR_PAINT:
+    elif pattern == Pattern.CAR_PAINT:
         m.coat = 0.05
         m.gloss = 0.94
-    elif pattern == GLASS:
+    elif pattern == Pattern.GLASS:
         m.albedo = first * 0.35
         m.coat = 0.09
         m.gloss = 0.97
-    elif pattern == patterns.METAL:
+    elif pattern == Pattern.METAL:
         m.coat = 0.12
         m.gloss = 0.6
-    elif pattern == LAMP:
+    elif pattern == Pattern.LAMP:
         m.glow = first * (air[0].night * air[0].lit * 3.0e-2)
-    elif pattern == patterns.SIGNAL:
+    elif pattern == Pattern.SIGNAL:
         m.glow = first * air[0].signal
-    elif pattern == HEADLIGHT:
+    elif pattern == Pattern.HEADLIGHT:
         m.glow = first * (air[0].night * air[0].lit * 5.0e-2)
         m.coat = 0.2
         m.gloss = 0.9
-    elif pattern == TAILLIGHT:
+    elif pattern == Pattern.TAILLIGHT:
         m.glow = first * (air[0].night * air[0].lit * 6.0e-3)
         m.coat = 0.08
         m.gloss = 0.9
-    elif pattern == LENS:
+    elif pattern == Pattern.LENS:
         m.coat = 0.14
         m.gloss = 0.9
-    elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS:
+    elif pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS:
         m.soft = MAX_SOFTNESS
-    elif pattern == patterns.SKIN or pattern == patterns.CLOTH or pattern == patterns.HAIR:
+    elif pattern == Pattern.SKIN or pattern == Pattern.CLOTH or pattern == Pattern.HAIR:
         m.soft = 0.15
-    elif pattern == patterns.WATER:
+    elif pattern == Pattern.WATER:
         m.coat = 0.03
         m.gloss = 0.985
-    elif pattern == RUBBER:
+    elif pattern == Pattern.RUBBER:
         m.coat = 0.03
         m.gloss = 0.4
     return m
@@ -176,15 +169,15 @@ def material_of(
 @wp.func
 def is_paved(pattern: wp.int32) -> bool:
     """Whether a surface soaks, shines and holds puddles as a street does."""
-    street = pattern == patterns.ASPHALT or pattern == patterns.ROAD_PAINT
-    return street or pattern == patterns.SLABS or pattern == patterns.CONCRETE
+    street = pattern == Pattern.ASPHALT or pattern == Pattern.ROAD_PAINT
+    return street or pattern == Pattern.SLABS or pattern == Pattern.CONCRETE
 
 
 @wp.func
 def puddle_depth(pattern: wp.int32, p: wp.vec3f, foot: wp.float32) -> wp.float32:
     """How low the ground lies, as -1 less its height: below 0, as no pixel's footprint is."""
     height = ground_height(p, foot)
-    if pattern == patterns.SLABS or pattern == patterns.CONCRETE:
+    if pattern == Pattern.SLABS or pattern == Pattern.CONCRETE:
         height = height + 0.1
     return -1.0 - height
 
@@ -195,7 +188,7 @@ def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.fl
     up = m.normal[2]
     if is_paved(pattern):
         darker = 0.52
-        if pattern == patterns.ROAD_PAINT:
+        if pattern == Pattern.ROAD_PAINT:
             darker = 0.78
         m.albedo = m.albedo * (1.0 - (1.0 - darker) * air[0].wet)
         m.coat = 0.022 * air[0].wet
@@ -207,16 +200,16 @@ def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.fl
             m.coat = m.coat + (0.028 - m.coat) * pool
             m.gloss = m.gloss + (0.985 - m.gloss) * pool
     elif (
-        pattern == patterns.BRICK
-        or pattern == patterns.PLASTER
-        or pattern == patterns.BARK
-        or pattern == patterns.CLOTH
-        or pattern == patterns.STONE
-        or pattern == patterns.WOOD
-        or pattern == patterns.CLAPBOARD
+        pattern == Pattern.BRICK
+        or pattern == Pattern.PLASTER
+        or pattern == Pattern.BARK
+        or pattern == Pattern.CLOTH
+        or pattern == Pattern.STONE
+        or pattern == Pattern.WOOD
+        or pattern == Pattern.CLAPBOARD
     ):
         m.albedo = m.albedo * (1.0 - 0.28 * air[0].wet)
-    elif pattern == patterns.FOLIAGE or pattern == patterns.GRASS or pattern == patterns.ROOF:
+    elif pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS or pattern == Pattern.ROOF:
         m.albedo = m.albedo * (1.0 - 0.2 * air[0].wet)
         m.coat = 0.012 * air[0].wet
         m.gloss = 0.4
@@ -226,10 +219,10 @@ def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.fl
 @wp.func
 def apply_wind(m: Material, air: wp.array[Air], p: wp.vec3f, near: wp.float32, stir: wp.int32) -> Material:
     """Leaves and blades in the wind: their light and shade move to and fro, more so where a gust passes."""
-    gust = noise2(p[0] * 0.25 - air[0].breeze * wp.float32(stir), p[1] * 0.25 + 0.3 * p[2], wp.uint32(41))
+    gust = noise2(p[0] * 0.25 - air[0].breeze * wp.float32(stir), p[1] * 0.25 + 0.3 * p[2], seeds.WIND_GUST)
     ends = air[0].swings[nonnegative((stir + SWING_STIRS) % SWING_STIRS)]
     swing = ends[0] * (1.0 - gust) + ends[1] * gust
-    leaf = noise3(p[0] * 7.0 + swing * 7.0, p[1] * 7.0 + swing * 5.0, p[2] * 7.0 - swing * 4.0, wp.uint32(42)) - 0.5
+    leaf = noise3(p[0] * 7.0 + swing * 7.0, p[1] * 7.0 + swing * 5.0, p[2] * 7.0 - swing * 4.0, seeds.WIND_LEAF) - 0.5
     amount = air[0].flutter * (0.4 + 0.6 * gust) * minimum(2.0 * near, 1.0)
     m.albedo = m.albedo * (1.0 + 0.9 * amount * leaf)
     lean = 0.7 * amount * leaf

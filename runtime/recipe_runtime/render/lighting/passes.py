@@ -40,7 +40,7 @@ class Lights:
 
 @dataclass(frozen=True)
 class View:
-    """What reflection looks into: depth float32 [H * W], each pixel's first sample int32 [H * W], the camera."""
+    """What reflection reads: depth float32 [H * W], each pixel's first sample int32 [H * W], the camera."""
 
     camera: CameraPlan
     depth: DeviceArray

@@ -57,13 +57,13 @@ def pixel_of(q: wp.vec3f, lens: Pinhole) -> wp.vec2i:
 
 @wp.func
 def ripple_tilt(air: wp.array[Air], p: wp.vec3f, rings: wp.int32, gloss: wp.float32) -> wp.float32:
-    """How far ripples, grain and falling drops tilt wet ground at p along the sight, as on any wet road."""
+    """How far ripples, grain and falling drops tilt the normal of wet ground at p along the line of sight."""
     return (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(rings)) - 0.5) * (0.006 + 0.3 * (1.0 - gloss) + air[0].pelting)
 
 
 @wp.func
 def mirror_direction(to_point: wp.vec3f, ripple: wp.float32) -> wp.vec3f:
-    """The unit direction in which wet ground sends the sight on: upward, and a little astray."""
+    """The unit direction in which wet ground mirrors the line of sight: upward, and perturbed by ripples."""
     one = 1.0 / wp.sqrt(maximum(dot(to_point, to_point), 1.0e-8))
     sight = to_point * one
     n = wp.vec3f(sight[0] * ripple, sight[1] * ripple, 1.0)
@@ -167,10 +167,11 @@ def trace_rays(
     out_origins: wp.array[wp.int32],
     out_ways: wp.array[wp.uint32],
 ):
-    """How far the mirrored rays of blocks of 2 x 2 pixels go to what they meet; `span` blocks of a row to a thread.
+    """How far the mirrored rays of blocks of 2 x 2 pixels go to what they meet; `blocks_per_thread` in a row.
 
-    The ray of an earlier frame, from sample `asked` past the tiles `ways`, is kept where all of them are still; so is
-    the knowledge (`DRY`) that a block mirrors nothing. A block whose ray goes another way than it did is disturbed.
+    The ray of an earlier frame, from sample `out_origins` past the tiles `out_ways`, is kept where nothing moves in any
+    of them; so is the knowledge (`DRY`) that a block mirrors nothing. A block whose ray goes another way than before
+    marks its pixels, and those beside it, as dirty.
     """
     columns = (pinhole.width + 1) / 2
     spans = (columns + blocks_per_thread - 1) / blocks_per_thread
@@ -270,7 +271,7 @@ def reflect(
     out_sources: wp.array[wp.vec2i],
     out_shown: wp.array[wp.vec3f],
 ):
-    """Add to the samples that are asked what they mirror: along their own ray, as far as their block's ray went.
+    """Add to the dirty samples what they mirror: along their own ray, as far as their block's ray went.
 
     Where that ends in the air or behind something, as it may at the edge of what is mirrored, or goes nowhere, the ray
     of a block beside it may end better. `sources` is told which pixel's light it was, and which other pixel's depth had

@@ -6,6 +6,7 @@
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.air import Air
 from recipe_runtime.render.lighting.temporal_kernels import PreviousFrame, mark_dirty
+from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash2
 from recipe_runtime.render.numeric.scalars import nonnegative
 from recipe_runtime.render.raster.label_kernels import TILE
@@ -22,7 +23,7 @@ MAX_PICTURE_SIDE = wp.constant(
 @wp.func
 def ring_phase(p: wp.vec3f) -> wp.int32:
     """Which of four turns a patch of ground has."""
-    return wp.int32(hash2(floor(p[0] * 1.9), floor(p[1] * 1.9), wp.uint32(44)) >> wp.uint32(30))
+    return wp.int32(hash2(floor(p[0] * 1.9), floor(p[1] * 1.9), seeds.RING_PHASE) >> wp.uint32(30))
 
 
 @wp.func

@@ -7,6 +7,7 @@ over it. Radiance is linear and relative (see `air`).
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.air import Air, ambient, apply_fog, reflected_sky, sky, transmittance
 from recipe_runtime.render.lighting.fog_glow_kernels import lamp_glow
@@ -35,12 +36,12 @@ from recipe_runtime.render.lighting.temporal_kernels import (
     mark_dirty,
 )
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps, contact_occlusion, lamp_light
+from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot, multiply, normalize
 from recipe_runtime.render.sampling.sample_kernels import Samples
-from recipe_runtime.render.texture import patterns
-from recipe_runtime.render.texture.images import IMAGE, SurfaceColours, image_at
+from recipe_runtime.render.texture.images import SurfaceColours, image_at
 
 wp.set_module_options(OPTIONS)
 
@@ -60,7 +61,7 @@ def moving_shadow(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.floa
 def sun_share(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
     """The share of the sun that reaches a point past all, and what it would be past what moves alone.
 
-    The latter is 1 where what stands still (maps 0, 1) leaves nothing to take.
+    The latter is 1 where the static scene (maps 0, 1) already blocks the sun.
     """
     still = wp.int32(0)
     if not map_contains(beams, still, p):
@@ -84,7 +85,7 @@ def is_light_unchanged(
     p: wp.vec3f,
     n: wp.vec3f,
 ) -> bool:
-    """Whether the frame before's light on what stands still is this frame's: nothing that moves has a part in it."""
+    """Whether a static sample's light is that of the frame before: nothing that moves affects it."""
     if known == TOUCHED:
         return False
     bits = before[0].tiles[tile]
@@ -129,7 +130,7 @@ def sky_reflection(
     d = normalize(wp.vec3f(r[0], r[1], r[2] + rough * 0.6))
     seen = reflected_sky(air, d)
     if m.street > 0.0:
-        roofs = 0.2 + 0.25 * noise2(d[0] * 5.0 + p[0] * 0.04, d[1] * 5.0 + p[1] * 0.04, wp.uint32(43))
+        roofs = 0.2 + 0.25 * noise2(d[0] * 5.0 + p[0] * 0.04, d[1] * 5.0 + p[1] * 0.04, seeds.SKYLINE)
         seen = seen * (0.3 + 0.7 * smoothstep(roofs - 0.02, roofs + 0.02, d[2]))
     share = fresnel(m.coat, m.gloss, facing) * (1.0 - 0.5 * rough)
     return seen * (share * open_sky)
@@ -137,7 +138,7 @@ def sky_reflection(
 
 @wp.func
 def sky_through_fog(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f) -> wp.vec3f:
-    """The sky along a unit direction, behind the fog before it: the lower the sight, the longer its way there."""
+    """The sky along a unit direction, behind the fog before it: the lower, the longer the way through the fog."""
     far = 300.0 / (maximum(d[2], 0.0) + 0.06)
     return apply_fog(air, sky(air, d), d, transmittance(air, eye[2], eye[2] + d[2] * far, far))
 
@@ -215,10 +216,10 @@ def shade_samples(
     out_known: wp.array[wp.uint8],
     out_shown: wp.array[wp.vec3f],
 ):
-    """Linear radiance of every sample that is asked.
+    """Linear radiance of every dirty sample.
 
-    Wet ground's reflection is left to `reflect`, its share and gloss in gleam; what mirrors nothing is put into `shown`
-    as it is where anything is wet. `known` is what `enlist` asks for a frame later.
+    Wet ground's reflection is left to `reflect`, its share and gloss in `out_gleam`; what mirrors nothing is
+    written to `out_shown` unchanged where anything is wet. `collect_dirty` reads `out_known` a frame later.
     """
     i = dirty_sample(dirty, wp.tid())
     earlier = i < previous[0].known
@@ -243,14 +244,14 @@ def shade_samples(
     to_point = p - samples[0].eye
     surface = nonnegative(surface)
     pattern = colours[0].pattern[surface]
-    swaying = air[0].flutter > 0.0 and (pattern == patterns.FOLIAGE or pattern == patterns.GRASS)
+    swaying = air[0].flutter > 0.0 and (pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS)
     if swaying:
         swaying = dot(to_point, to_point) < MAX_LEAF_DISTANCE * MAX_LEAF_DISTANCE
     turn = wp.int32(0)
-    if swaying:  # (A leaf that is asked is shaded: `unchanged` does not know which way the wind has turned it.)
+    if swaying:  # (A dirty leaf is shaded: `is_light_unchanged` does not know how the wind has turned it.)
         turn = leaf_phase(p)
         earlier = False
-    # (A normal that turns away is bent first, below: too few to ask for.)
+    # (A normal that turns away is bent first, below: these are few.)
     if (
         earlier
         and dot(n, to_point) <= 0.0
@@ -268,7 +269,7 @@ def shade_samples(
         facing = wp.float32(0.0)
     first = colours[0].first[surface]
     second = colours[0].second[surface]
-    if pattern == IMAGE:
+    if pattern == Pattern.IMAGE:
         image = colours[0].album[0].of_surface[surface]
         if image >= 0:
             first = multiply(first, image_at(colours[0].album, image, detail, samples[0].codes[i]))

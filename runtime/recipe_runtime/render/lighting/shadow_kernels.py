@@ -135,7 +135,7 @@ def resolve_depths(
 ):
     """Some rows of a used tile: keys as nearness in 0..1, half as large to keep, and cleared.
 
-    `out` comes zeroed but for the tiles that were used `before`, which are cleared.
+    `out_depths` must be 0 but for the tiles of `used_before`, which are cleared.
     """
     shares = TILE / rows_per_thread
     tile = wp.tid() / shares
@@ -184,7 +184,7 @@ def map_contains(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f) -> bool:
 
 @wp.func
 def box_unshadowed(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
-    """Whether map k takes no light from any point of a box; False also where it would take long to tell."""
+    """Whether map k takes no light from any point of a box; False also where finding out would take long."""
     size = beams[k].size
     if size == 0:
         return True
@@ -250,7 +250,7 @@ def mark_unshadowed(
     high = highs[tile]
     if not box_unshadowed(beams, 2, low, high):
         return
-    # (Where the fine map holds all, nobody looks into the coarse one.)
+    # (Where the fine map holds all, the coarse one is not read.)
     untouched = map_contains_box(beams, 2, low, high)
     if not untouched:
         untouched = box_unshadowed(beams, 3, low, high)

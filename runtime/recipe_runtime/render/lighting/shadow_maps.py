@@ -34,10 +34,10 @@ class ShadowMaps:
         self._g, self._device = geometry, device
         self._keys: dict[int, DeviceArray] = {}  # by a map's size
         self._static: list[OrderedDict[tuple[bytes, int, int], Sunbeam]] = [OrderedDict() for _ in _STATIC_MAPS]
-        self._spare: list[ShadowMap] = []  # of maps that nobody looks into any more
+        self._spare: list[ShadowMap] = []  # maps that no observation uses any more
 
     def static(self, sun: NDArray[np.float64], eye: Array) -> tuple[Sunbeam, Sunbeam]:
-        """The fine and the coarse map of what stands still, about the eye; for a sun above the horizon.
+        """The fine and the coarse map of the static scene about the eye; for a sun above the horizon.
 
         Their centres lie on a grid of the world, so that a camera that moves seldom needs another one.
         """
@@ -90,7 +90,7 @@ class ShadowMaps:
         return sheet
 
     def _cleared(self, size: int) -> DeviceArray:
-        """A map of keys, all 0, as `shadow.nearness` leaves it."""
+        """A map of keys, all 0, as `resolve_depths` leaves it."""
         if size not in self._keys:
             self._keys[size] = zeros(size * size, wp.uint64, self._device)
         return self._keys[size]
@@ -109,14 +109,14 @@ class ShadowMap:
         self.beam, self._g, self._device = beam, geometry, device
         size = int(beam.size)
         tiles = (size // int(TILE)) * (size // int(TILE))
-        self._keys = keys  # all 0, as `shadow.nearness` leaves them
+        self._keys = keys  # all 0, as `resolve_depths` leaves them
         self._used, self._before = (wp.zeros(tiles, dtype=wp.int32, device=device) for _ in range(2))
         self._seen = wp.empty(max(geometry.chunk_count, 1), dtype=wp.int32, device=device)
         beam.depths = zeros(size * size, wp.float32, device)
         beam.bounds = wp.empty(tiles, dtype=wp.vec2f, device=device)
 
     def turn(self, beam: Sunbeam) -> None:
-        """Serve another beam, as large; what was drawn goes with the next drawing."""
+        """Serve another beam of the same size; the next drawing clears what was drawn."""
         beam.depths, beam.bounds = self.beam.depths, self.beam.bounds
         self.beam, self._used, self._before = beam, self._before, self._used
         self._used.zero_()
@@ -128,7 +128,7 @@ class ShadowMap:
             array.zero_()
 
     def draw(self, told: DeviceArray, vertices: DeviceArray, world: DeviceArray, first: int, count: int) -> None:
-        """Draw chunks into an empty map, or over what was there before a `turn`; its frame is the record `told`."""
+        """Draw chunks into an empty map, or over what was there before a `turn`; `told` is a record of the beam."""
         g, size = self._g, int(self.beam.size)
         pinhole = filled(Pinhole(), near=1.0, far=1.0e9, width=size, height=size, side=1)
         if count:
@@ -188,7 +188,7 @@ def moving_beams(sun: NDArray[np.float64], eye: Array, ahead: Array) -> list[Any
 
 
 def world_vertices(geometry: Geometry, world_from_part: DeviceArray, device: str) -> DeviceArray:
-    """All vertices in the world; what stands still is there already and is left out."""
+    """The moving vertices in the world; the static ones are there already, and are left unset."""
     out = wp.empty(geometry.vertex_count, dtype=wp.vec3f, device=device)
     transform_vertices(geometry, world_from_part, geometry.static_vertices, out, device)
     return out

@@ -1,7 +1,7 @@
-"""Recall: what a camera at rest knows of the frame before, and which samples it must ask again.
+"""Temporal reuse for static cameras: which cached sample radiances are still valid.
 
-The light of an earlier frame stays where it is. A sample is listed if something that moves may have a part in its
-light, or had one; all others are as they were, and nobody looks at them.
+The light of an earlier frame stays where it is. A sample is listed if something that moves may affect its light, or
+did; all others keep theirs, and no kernel reads them.
 """
 
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
@@ -10,6 +10,7 @@ light, or had one; all others are as they were, and nobody looks at them.
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.air import Air
 from recipe_runtime.render.lighting.shadow_kernels import UNTOUCHED
+from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash3
 from recipe_runtime.render.numeric.scalars import nonnegative
 
@@ -36,41 +37,41 @@ class PreviousFrame:
 
 @wp.struct
 class DirtySamples:
-    """Which samples a kernel's threads are for: those of a list, and then all from `fresh` on."""
+    """The samples that a kernel's threads work on: those of a list, and then all from `fresh` on."""
 
-    listed: wp.int32  # -1: there is no list, and every sample is asked
+    listed: wp.int32  # count of the list; -1: there is no list, and every sample is dirty
     fresh: wp.int32
     samples: wp.array[wp.int32]
 
 
 @wp.func
-def dirty_sample(asked: wp.array[DirtySamples], thread: wp.int32) -> wp.int32:
-    """The sample that a thread is for."""
+def dirty_sample(dirty: wp.array[DirtySamples], thread: wp.int32) -> wp.int32:
+    """The sample that a thread works on."""
     i = thread
-    listed = asked[0].listed
+    listed = dirty[0].listed
     if listed >= 0:
-        i = asked[0].fresh + thread - listed
+        i = dirty[0].fresh + thread - listed
         if thread < listed:
-            i = asked[0].samples[nonnegative(thread)]
+            i = dirty[0].samples[nonnegative(thread)]
     return nonnegative(i)
 
 
 @wp.func
 def mark_dirty(before: wp.array[PreviousFrame], pixel: wp.int32):
-    """The pixel's light changes: what was developed of it no longer holds."""
+    """Mark a pixel whose light changes: what was developed of it is no longer valid."""
     if before[0].kept > 0:
         before[0].stale[pixel] = wp.uint8(1)
 
 
 @wp.func
 def leaf_phase(p: wp.vec3f) -> wp.int32:
-    """Which of four turns a place has, so that not all leaves stir at a time."""
-    return wp.int32(hash3(floor(p[0] * 2.7), floor(p[1] * 2.7), floor(p[2] * 2.7), wp.uint32(45)) >> wp.uint32(30))
+    """The phase 0 to 3 of a place, so that not all leaves move at once."""
+    return wp.int32(hash3(floor(p[0] * 2.7), floor(p[1] * 2.7), floor(p[2] * 2.7), seeds.LEAF_PHASE) >> wp.uint32(30))
 
 
 @wp.func
 def leaf_step(turn: wp.int32, now: wp.int32) -> wp.int32:
-    """When leaves of a turn stirred last: every four stirs, each at their own."""
+    """The time step at which leaves of a phase last moved: every fourth, each phase at its own."""
     return ((now + turn) & ~3) - turn
 
 
@@ -101,7 +102,7 @@ def collect_dirty(
     out_count: wp.array[wp.int32],
     out_samples: wp.array[wp.int32],
 ):
-    """List a tile's samples whose light may change; `count` comes zeroed. Their order tells in no byte.
+    """List a tile's samples whose light may change; `out_count` must be 0. Their order changes no byte.
 
     A tile is `quiet` if none of them changes unless something else comes near: it need not be looked through again.
     """

@@ -34,6 +34,6 @@ def clamp01(t: wp.float32) -> wp.float32:
 def nonnegative(i: wp.int32) -> wp.int32:
     """i >= 0, in a form that shows it.
 
-    Warp lets an index count from an array's end, and so asks of every access whether it does; of this one it need not.
+    Warp lets an index count from an array's end, and so tests every access for it; this form needs no test.
     """
     return i & 0x7FFFFFFF

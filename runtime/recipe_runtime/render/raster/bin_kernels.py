@@ -1,8 +1,8 @@
-"""Bands: what `visibility` draws, for a device of many small cores.
+"""Binned rasterisation, for a device of many small cores.
 
-A thread draws a small triangle by itself. A large one would keep all the others waiting, so it is put on a list, cut
-into bands of rows; then crews of threads take the bands, as broad as the triangle is. Keys are maxima and bits are sums
-of bits, so neither the list's order nor the crews' tells in them: they are the keys that `visibility.raster` makes.
+One thread draws a small triangle. A large one would keep the others waiting, so it is split into bins of rows, which go
+onto a list; then groups of threads draw the bins, each group as wide as the triangle. Keys are maxima and bits are
+unions, so their order changes nothing: the keys are those of `visibility_kernels.raster_keys`.
 """
 
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
@@ -21,11 +21,11 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 
-BIN_ROWS = wp.constant(16)  # of a band
+BIN_ROWS = wp.constant(16)  # of a bin
 SMALL_TRIANGLE = wp.constant(wp.int64(256))  # samples in a triangle's box up to which one thread draws it
-BIN_THREADS = wp.constant(32)  # threads that share a band
+BIN_THREADS = wp.constant(32)  # threads that share a bin
 BIN_GROUPS = wp.constant(4096)
-USED_ENTRY = wp.constant(wp.uint64(0x8000000000000000))  # marks an entry that holds a band
+USED_ENTRY = wp.constant(wp.uint64(0x8000000000000000))  # marks an entry that holds a bin
 
 
 @wp.struct
@@ -40,7 +40,7 @@ class Piece:
 
 @wp.func
 def clipped_piece(lens: Pinhole, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f, which: wp.int32) -> Piece:
-    """Piece 0 or 1 of a triangle, as `visibility.clip_and_draw` cuts it."""
+    """Piece 0 or 1 of a triangle, as `clip_and_fill` cuts it."""
     a = v0
     b = v2
     c = v1
@@ -101,7 +101,7 @@ def fill_or_bin(
     bands: wp.array[wp.uint64],
     taken: wp.array[wp.int32],
 ):
-    """Draw a small triangle; put a large one's bands on the list. If that is full, draw it all the same."""
+    """Draw a small triangle; put a large one's bins on the list. If that is full, draw it here too."""
     if piece.there == 0 or edge_function(piece.a.x, piece.a.y, piece.b.x, piece.b.y, piece.c.x, piece.c.y) <= wp.int64(
         0
     ):
@@ -134,7 +134,7 @@ def fill_bin(
     first: wp.int32,
     bit: wp.uint64,
 ):
-    """Offer a triangle to one thread's share of a band: the `first` of a crew, which stands in rows over it."""
+    """Draw one thread's share of a bin; `first` is the thread's number in its group, which is laid out in rows."""
     a = piece.a
     b = piece.b
     c = piece.c
@@ -148,7 +148,7 @@ def fill_bin(
     bias0 = top_left_bias(b.x, b.y, c.x, c.y)
     bias1 = top_left_bias(c.x, c.y, a.x, a.y)
     bias2 = top_left_bias(a.x, a.y, b.x, b.y)
-    # A crew is as broad as a narrow box needs, and the deeper for it.
+    # A group is as wide as a narrow box needs, and has more rows instead.
     wide = int(right - left) + 1
     across = wp.int32(BIN_THREADS)
     while across > 4 and across >= wide * 2:
@@ -206,9 +206,9 @@ def bin_triangles(
     out_bins: wp.array[wp.uint64],
     out_bin_count: wp.array[wp.int32],
 ):
-    """Draw the small ones of the chunks first.. and list the large ones' bands; `taken` comes zeroed.
+    """Draw the small triangles of the chunks first_chunk.. and list the large ones' bins; `out_bin_count` must be 0.
 
-    Keys, as `visibility.raster` draws them, if `first_actor` is below 0; else the actors' bits, as `visibility.cover`.
+    Keys, as `raster_keys` draws them, if `first_actor` is below 0; else the actors' bits, as `raster_actor_bits`.
     """
     place = wp.tid()
     n = first_chunk + (place >> 6)
@@ -239,7 +239,7 @@ def raster_bins(
     bins: wp.array[wp.uint64],
     bin_count: wp.array[wp.int32],
 ):
-    """Draw the listed bands; CREWS x CREW threads."""
+    """Draw the listed bins; BIN_GROUPS x BIN_THREADS threads."""
     thread = wp.tid()
     for at in range(thread / BIN_THREADS, wp.min(bin_count[0], bins.shape[0]), wp.int32(BIN_GROUPS)):
         entry = bins[at]

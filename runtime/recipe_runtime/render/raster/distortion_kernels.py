@@ -1,7 +1,7 @@
 """The lens: which place of a straight picture, the plate, each place of the picture shows.
 
 `recipe_compiler.ir.optics` has the formula. Labels take the nearest sample of a plate that is at least twice as fine as
-the picture, and are never blended, so the sight that they are exact for is within 0.36 of a plate's sample of the
+the picture, and are never blended, so the ray that they are exact for is within 0.36 of a plate's sample of the
 pixel's centre. Colour is filtered. Without a bend the plate is the picture, or the same picture with more samples.
 """
 

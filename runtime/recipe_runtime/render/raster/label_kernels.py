@@ -19,7 +19,7 @@ TILE_PIXELS = wp.constant(256)
 def pixel_at(corners: wp.array[wp.int32], place: wp.int32):
     """Column and row of a place in a list of tiles, 256 places a tile; they may lie beyond the picture's right and end.
 
-    A tile is told by its first pixel's column, and its row in the bits from 16 on.
+    A tile is named by its first pixel: its column, and its row in the bits from 16 on.
     """
     corner = corners[place >> 8]
     return (corner & 65535) + (place & 15), (corner >> 16) + ((place >> 4) & 15)

@@ -1,8 +1,8 @@
-"""From a pose to an Observation: the host's side of visibility and labels, and the pipeline's first half.
+"""From a pose to an Observation: visibility and labels, the first half of the pipeline.
 
-Vertices are moved into the camera's frame, drawn into one buffer of keys, and every label is read off that. What
-stands still is drawn and labelled once for a camera that stands still, and then again only in the tiles that something
-moving may touch; no appearance has a part in any of it.
+Vertices are transformed into the camera's frame and drawn into one buffer of keys, from which every label follows. For
+a camera at rest the static scene is drawn and labelled once, and later only in the tiles that something moving may
+touch. No appearance is involved.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ _VERTEX_POOL_SIZE = 3  # arrays of vertices kept for a pose
 
 @dataclass(frozen=True)
 class _StaticView:
-    """What stands still, seen from one pose as if nothing else were there."""
+    """The static scene, seen from one pose as if nothing else were there."""
 
     vertices: DeviceArray
     keys: DeviceArray
     labels: Labels
-    spare: list[Any] = field(default_factory=list)  # vertices of observations that are gone; what stands still is right
+    spare: list[Any] = field(default_factory=list)  # vertices of observations that are gone; the static ones are valid
 
     def give_back(self, vertices: DeviceArray) -> None:
         """Keep an observation's vertices for the next."""
@@ -57,7 +57,7 @@ def all_tiles(camera: CameraPlan) -> NDArray[np.int32]:
 
 
 class Observer:
-    """Sees one scene's geometry. A camera that stands still draws what does not move once."""
+    """Observes one scene's geometry. For a camera at rest it draws the static scene once."""
 
     def __init__(self, geometry: Geometry, device: str, timings: Timings, reuse: TemporalReuse) -> None:
         self._g, self._device, self._timings = geometry, device, timings
@@ -100,7 +100,7 @@ class Observer:
     def visibility(
         self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, *, side: int, still: bool = False
     ) -> DeviceArray:
-        """Keys of side x side samples a pixel, row by row; of what stands still alone, if `still`."""
+        """Keys of side x side samples a pixel, row by row; of the static scene alone, if `still`."""
         with self._timings(f"visibility x{side}"):
             keys = wp.zeros(camera.width * camera.height * side * side, dtype=wp.uint64, device=self._device)
             count = self._g.static_chunks if still else self._g.chunk_count
@@ -110,13 +110,13 @@ class Observer:
     def draw_moving(
         self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, side: int, keys: DeviceArray
     ) -> None:
-        """Draw what moves into the keys of what stands still."""
+        """Draw the moving parts into the keys of the static scene."""
         with self._timings(f"visibility x{side}"):
             moving = range(self._g.static_chunks, self._g.chunk_count)
             passes.raster_keys(self._g, vertices, seen, moving, pinhole_of(camera, side), keys, self._device)
 
     def _still(self, pose: bytes, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> _StaticView | None:
-        """What stands still from a pose; None for a pose not seen before, which may not come again."""
+        """The static scene from a pose; None for a pose not seen before, which may not come again."""
         if not self._reuse or bends(camera):
             return None
         known = pose in self._poses

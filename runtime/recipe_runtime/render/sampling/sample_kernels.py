@@ -2,18 +2,19 @@
 
 A pixel whose four sub-samples see one smooth surface is shaded once, at its centre. At an edge every surface seen is
 shaded once, weighed by the quarters it fills. What is found here depends on no appearance, so all weathers share it.
-For a camera that stands still, so do all frames: only a pixel that something moving changed gets samples of its own.
+For a camera at rest all frames share it too: only a pixel that something moving changed gets samples of its own.
 """
 
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import cross, dot, normalize, rotate
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of, pixel_at, triangle_of
 from recipe_runtime.render.scene.pinhole import Pinhole
-from recipe_runtime.render.texture.images import IMAGE, order_steps, second_step, steps_between_pixels
+from recipe_runtime.render.texture.images import order_steps, second_step, steps_between_pixels
 from recipe_runtime.render.texture.patterns import detail_of
 
 wp.set_module_options(OPTIONS)
@@ -23,7 +24,7 @@ CENTRE = wp.constant(4)  # place of a sample at the pixel's centre; 0..3 are its
 
 @wp.struct
 class SceneArrays:
-    """The geometry's arrays that a sample looks into."""
+    """The geometry's arrays that a sample is evaluated from."""
 
     view: wp.array[wp.vec3f]
     normals: wp.array[wp.vec3f]
@@ -62,7 +63,7 @@ def same_surface(a: wp.uint64, b: wp.uint64, scene: wp.array[SceneArrays]) -> bo
 
 @wp.struct
 class StaticSamples:
-    """What stands still, seen from a pose, and its samples; `known` 0: there is no such thing."""
+    """The static scene from a pose, and its samples; `known` 0: there are none."""
 
     coarse: wp.array[wp.uint64]
     fine: wp.array[wp.uint64]
@@ -80,7 +81,7 @@ def sees_static_only(
     base: wp.int32,
     row: wp.int32,
 ) -> bool:
-    """Whether a pixel and its quarters, the first of them at `base`, see what stands still and nothing else."""
+    """Whether a pixel and its quarters, the first of them at `base`, see the static scene and nothing else."""
     if coarse[i] != still[0].coarse[i]:
         return False
     if row == 0:
@@ -130,7 +131,7 @@ def group_quarters(
 def restore_keys(
     tile_corners: wp.array[wp.int32], static_keys: wp.array[wp.uint64], pinhole: Pinhole, out_fine: wp.array[wp.uint64]
 ):
-    """Make the tiles' quarters see what stands still."""
+    """Reset the tiles' quarters to the static scene."""
     x, y = pixel_at(tile_corners, wp.tid())
     if x >= pinhole.width or y >= pinhole.height:
         return
@@ -244,7 +245,7 @@ def emit_samples(
 
 @wp.func
 def ray_of(pixel: wp.int32, spot: wp.int32, lens: Pinhole) -> wp.vec3f:
-    """The sight through a place within a pixel, in the camera's frame and one metre deep."""
+    """The ray through a place within a pixel, in the camera's frame and one metre deep."""
     dx = wp.float64(0.5)
     dy = wp.float64(0.5)
     if spot != CENTRE:
@@ -263,7 +264,7 @@ def barycentric_weights(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f)
     w2 = dot(ray, cross(v0, v1))
     # All three have the sign of their sum inside the triangle; rounding may put an edge's sample just outside.
     total = w0 + w1 + w2
-    if total * total < 1.0e-30:  # (returning from here would cost a tenth of the survey's time)
+    if total * total < 1.0e-30:  # (returning from here would take a tenth longer)
         w0 = 1.0
         total = 1.0
         w1 = 0.0
@@ -278,7 +279,7 @@ def barycentric_weights(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f)
 
 @wp.func
 def footprint_of(face: wp.vec3f, sight: wp.vec3f, across: wp.float32) -> wp.vec2f:
-    """Metres of a surface that a pixel holds, across the sight and along it: the more, the nearer to grazing."""
+    """Metres of a surface that a pixel holds, across the line of sight and along it: more at grazing angles."""
     return wp.vec2f(across, across / maximum(-dot(face, sight), 0.04))
 
 
@@ -322,7 +323,7 @@ def evaluate_samples(
     uv = scene[0].uvs[t[0]] * w[0] + scene[0].uvs[t[1]] * w[1] + scene[0].uvs[t[2]] * w[2]
     part = nonnegative(scene[0].vertex_part[t[0]])
     face = scene[0].face_normals[triangle]
-    if part != 0:  # what stands still is in the world's frame as it is
+    if part != 0:  # the static scene is in the world's frame already
         face = rotate(scene[0].world_from_part, part, face)
         local = rotate(scene[0].world_from_part, part, local)
     normal = normalize(local)
@@ -333,7 +334,7 @@ def evaluate_samples(
     out_normals[i] = detail.normal
     out_details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.last)
     out_codes[i] = detail.code
-    if pattern == IMAGE:
+    if pattern == Pattern.IMAGE:
         a = scene[0].view[t[0]]
         b = scene[0].view[t[1]]
         c = scene[0].view[t[2]]
@@ -380,7 +381,7 @@ def bound_tiles(
 
 @wp.struct
 class Samples:
-    """The points to shade, as `samples[0].survey` found them."""
+    """The points to shade, as `evaluate_samples` found them."""
 
     surfaces: wp.array[wp.int32]
     positions: wp.array[wp.vec3f]

@@ -1,8 +1,8 @@
-"""Points: the samples of a frame, placed and surveyed; the host's side of `samples`.
+"""The samples of a frame: counted, emitted and evaluated.
 
-All appearances of a frame share them. A camera that stands still keeps the samples of what stands still, and the light
-on them, from frame to frame; a frame adds samples of its own after those, where something moving is seen. What is kept
-depends on the pose alone, and so changes no byte.
+All appearances of a frame share them. A camera at rest keeps the samples of the static scene, and the light on them,
+from frame to frame; a frame adds samples of its own after those, where something moving is seen. What is kept depends
+on the pose alone, and so changes no byte.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class StaticBase:
     groups: DeviceArray
     starts: DeviceArray
     columns: SampleColumns
-    count: int  # samples of what stands still
+    count: int  # samples of the static scene
     firsts: DeviceArray  # int32, each tile's first sample, and at last their count
     boxes: tuple[
         DeviceArray, DeviceArray
@@ -65,7 +65,7 @@ class StaticBase:
 
 
 class Sampler:
-    """Places and surveys the samples of one scene's observations."""
+    """Makes the samples of one scene's observations."""
 
     def __init__(
         self, geometry: Geometry, observer: Observer, device: str, timings: Timings, reuse: TemporalReuse
@@ -76,7 +76,7 @@ class Sampler:
         self._bases: OrderedDict[tuple[bytes, bool], StaticBase | None] = OrderedDict()  # None: seen once
 
     def points(self, obs: Observation, antialias: bool) -> FrameSamples:
-        """A frame's samples; they hold until another frame's are asked for."""
+        """A frame's samples; they are valid until another frame's are requested."""
         known = self._samples.setdefault(obs, {})
         found = known.get(antialias)
         if found is None or (found.base is not None and found.base.tenant is not found):
@@ -109,7 +109,7 @@ class Sampler:
         return FrameSamples(_data(obs, columns), groups, starts, columns.weights, count, None)
 
     def _still(self, obs: Observation, antialias: bool, room: int) -> StaticBase:
-        """The samples of what stands still."""
+        """The samples of the static scene."""
         scene, still = self._scene(obs), StaticSamples()
         still.coarse = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=1, still=True)
         still.fine = still.coarse
@@ -198,7 +198,7 @@ class Sampler:
         return base.columns
 
     def _survey(self, obs: Observation, scene: DeviceArray, columns: SampleColumns, first: int, count: int) -> None:
-        """What the samples first.. see."""
+        """Evaluate the samples first.. ."""
         with self._timings("survey"):
             passes.evaluate_samples(first, count, obs.camera, scene, columns, self._device)
 

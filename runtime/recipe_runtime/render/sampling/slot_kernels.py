@@ -1,7 +1,7 @@
-"""Slots: where a frame's samples go if nobody can stop to count them.
+"""Slots for a frame's samples, assigned without reading a count back to the host.
 
 A pixel with one sample has the slot of its own number. The samples of an edge's pixel stand together behind all those;
-each tile takes a stretch there, and which one is chance, but a sample's place tells in no byte.
+each tile takes a stretch there. Which one depends on timing, but a sample's place changes no byte.
 """
 
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
@@ -39,7 +39,7 @@ def assign_slots(
     out_counts: wp.array[wp.int32],
     out_firsts: wp.array[wp.int32],
 ):
-    """Every pixel's first slot. Those for whom there is no room get none: the cursor tells, and the frame is redone."""
+    """Every pixel's first slot. Without room it gets none: the cursor shows it, and the frame is drawn again."""
     at = wp.tid()
     n = out_counts[at]
     x, y = pixel_at(tile_corners, at)

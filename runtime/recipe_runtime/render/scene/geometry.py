@@ -1,6 +1,6 @@
 """Geometry on the device: the triangles of all bodies, uploaded once, what is static before what moves.
 
-It comes before every frame: visibility, shadow maps and samples all look into these arrays by a triangle's number.
+Visibility, shadow maps and samples read these arrays by a triangle's number.
 """
 
 from __future__ import annotations

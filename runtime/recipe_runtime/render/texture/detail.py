@@ -7,6 +7,7 @@ All are analytic, and averaged over a pixel's footprint, so that nothing aliases
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash2, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum
 
@@ -51,7 +52,7 @@ def tiles(
     course = floor(v)
     u = uv[0] / width + bond * wp.float32(course & 1)
     mortar = maximum(joint_share(u, 0.5 * gap / width, foot / width), joint_share(v, 0.5 * gap / height, foot / height))
-    return wp.vec3f(mortar, unit(hash2(floor(u), course, wp.uint32(77))), fade(height, foot))
+    return wp.vec3f(mortar, unit(hash2(floor(u), course, seeds.TILE_TONE)), fade(height, foot))
 
 
 @wp.func

@@ -4,6 +4,7 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash2, noise2, scramble, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum
 from recipe_runtime.render.numeric.vectors import normalize
@@ -15,14 +16,14 @@ wp.set_module_options(OPTIONS)
 @wp.func
 def ground_height(p: wp.vec3f, foot: wp.float32) -> wp.float32:
     """Slow unevenness of the ground in the world, in [0, 1): where it is low, water stands."""
-    a = noise2(p[0] * 0.45, p[1] * 0.45, wp.uint32(11))
+    a = noise2(p[0] * 0.45, p[1] * 0.45, seeds.GROUND_HEIGHT)
     level = a * 0.7 + 0.15
     near = fade(0.6, foot)
     if near > 0.0:
-        level = level + (noise2(p[0] * 1.7 + 5.1, p[1] * 1.7, wp.uint32(12)) - 0.5) * 0.42 * near
+        level = level + (noise2(p[0] * 1.7 + 5.1, p[1] * 1.7, seeds.GROUND_HEIGHT_MIDDLE) - 0.5) * 0.42 * near
     near = fade(0.16, foot)
     if near > 0.0:
-        level = level + (noise2(p[0] * 6.1, p[1] * 6.1 + 2.0, wp.uint32(18)) - 0.5) * 0.14 * near
+        level = level + (noise2(p[0] * 6.1, p[1] * 6.1 + 2.0, seeds.GROUND_HEIGHT_FINE) - 0.5) * 0.14 * near
     return level
 
 
@@ -33,7 +34,7 @@ def repairs(p: wp.vec3f, foot: wp.float32) -> wp.float32:
     y = p[1] / 7.3
     i = floor(x)
     j = floor(y)
-    code = hash2(i, j, wp.uint32(28))
+    code = hash2(i, j, seeds.ASPHALT_REPAIR)
     tone = wp.float32(0.0)
     if unit(code) < 0.16:
         half = 0.14 + 0.24 * unit(scramble(code))
@@ -49,20 +50,20 @@ def repairs(p: wp.vec3f, foot: wp.float32) -> wp.float32:
 @wp.func
 def asphalt(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """Grains of stone in tar, patches that have aged differently, repairs, and fine cracks."""
-    age = noise2(p[0] * 0.23, p[1] * 0.23, wp.uint32(1)) - 0.5
+    age = noise2(p[0] * 0.23, p[1] * 0.23, seeds.ASPHALT_AGE) - 0.5
     d.tone = 1.0 + 0.3 * age
     near = fade(0.5, foot)
     if near > 0.0:
-        patch = noise2(p[0] * 2.1, p[1] * 2.1, wp.uint32(2)) - 0.5
+        patch = noise2(p[0] * 2.1, p[1] * 2.1, seeds.ASPHALT_PATCH) - 0.5
         d.tone = d.tone + near * (0.2 * patch + repairs(p, foot))
         crack = 1.0 - wp.abs(age + 0.09 * patch - 0.06) / (0.0035 + 0.2 * foot)
         d.tone = d.tone - 0.3 * near * clamp01(crack) * clamp01(0.012 / maximum(foot, 0.004))
     near = fade(0.06, foot)
     if near > 0.0:
-        d.tone = d.tone + 0.3 * near * (noise2(p[0] * 17.0, p[1] * 17.0, wp.uint32(4)) - 0.5)
+        d.tone = d.tone + 0.3 * near * (noise2(p[0] * 17.0, p[1] * 17.0, seeds.ASPHALT_GRAIN) - 0.5)
     near = fade(0.018, foot)
     if near > 0.0:
-        stone = unit(hash2(floor(p[0] * 55.0), floor(p[1] * 55.0), wp.uint32(3))) - 0.5
+        stone = unit(hash2(floor(p[0] * 55.0), floor(p[1] * 55.0), seeds.ASPHALT_STONE)) - 0.5
         d.tone = d.tone + 0.5 * near * stone
     d.last = foot
     return d
@@ -75,7 +76,7 @@ def road_paint(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail
     d.second = 0.13
     near = fade(0.32, foot)
     if near > 0.0:
-        worn = noise2(p[0] * 3.1, p[1] * 3.1, wp.uint32(15)) + 0.5 * (d.tone - 1.0)
+        worn = noise2(p[0] * 3.1, p[1] * 3.1, seeds.PAINT_WEAR) + 0.5 * (d.tone - 1.0)
         d.second = 0.13 + near * (clamp01((worn - 0.62) * 3.0) * 0.75 - 0.13)
     d.tone = 1.0 + 0.25 * (d.tone - 1.0)
     return d
@@ -86,11 +87,11 @@ def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """Paving stones, each of its own tone, with dark joints."""
     t = tiles(uv, 0.6, 0.4, 0.012, 0.5, foot)
     d.second = t[0] * 0.75
-    stain = noise2(p[0] * 0.7, p[1] * 0.7, wp.uint32(6)) - 0.5
+    stain = noise2(p[0] * 0.7, p[1] * 0.7, seeds.SLAB_STAIN) - 0.5
     d.tone = 1.0 + 0.16 * (t[1] - 0.5) * t[2] + 0.16 * stain
     near = fade(0.015, foot)
     if near > 0.0:
-        speck = unit(hash2(floor(uv[0] * 70.0), floor(uv[1] * 70.0), wp.uint32(5))) - 0.5
+        speck = unit(hash2(floor(uv[0] * 70.0), floor(uv[1] * 70.0), seeds.SLAB_SPECK)) - 0.5
         d.tone = d.tone + 0.14 * speck * near
     d.last = foot
     return d
@@ -99,20 +100,20 @@ def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
 @wp.func
 def blades(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
     """Grass: broad changes of colour, tufts, and blades close by."""
-    field = noise2(p[0] * 0.13, p[1] * 0.13, wp.uint32(29)) - 0.5
+    field = noise2(p[0] * 0.13, p[1] * 0.13, seeds.GRASS_FIELD) - 0.5
     d.tone = 0.95 + 0.25 * field
     d.second = clamp01(0.3 + 0.5 * field)
     near = fade(0.5, foot)
     if near > 0.0:
-        tuft = noise2(p[0] * 2.3, p[1] * 2.3, wp.uint32(8)) - 0.5
+        tuft = noise2(p[0] * 2.3, p[1] * 2.3, seeds.GRASS_TUFT) - 0.5
         d.tone = d.tone + 0.22 * tuft * near
         d.second = clamp01(d.second + 0.35 * tuft * near)
     near = fade(0.09, foot)
     if near > 0.0:
-        d.tone = d.tone + 0.45 * near * (noise2(p[0] * 13.0, p[1] * 13.0, wp.uint32(9)) - 0.5)
+        d.tone = d.tone + 0.45 * near * (noise2(p[0] * 13.0, p[1] * 13.0, seeds.GRASS_BLADE) - 0.5)
     near = fade(0.025, foot)
     if near > 0.0:
-        d.tone = d.tone + 0.8 * near * (noise2(p[0] * 70.0, p[1] * 44.0, wp.uint32(10)) - 0.5)
+        d.tone = d.tone + 0.8 * near * (noise2(p[0] * 70.0, p[1] * 44.0, seeds.GRASS_BLADE_FINE) - 0.5)
     return d
 
 
@@ -120,8 +121,8 @@ def blades(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
 def ripples(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
     """The surface of a basin, which small waves tilt to and fro."""
     near = fade(0.3, foot) * 0.09
-    a = noise2(p[0] * 4.3, p[1] * 4.3 + 7.0, wp.uint32(25)) - 0.5
-    b = noise2(p[0] * 4.3 + 11.0, p[1] * 4.3, wp.uint32(26)) - 0.5
+    a = noise2(p[0] * 4.3, p[1] * 4.3 + 7.0, seeds.RIPPLE_X) - 0.5
+    b = noise2(p[0] * 4.3 + 11.0, p[1] * 4.3, seeds.RIPPLE_Y) - 0.5
     d.normal = normalize(d.normal + wp.vec3f(a * near, b * near, 0.0))
     d.tone = 1.0 + 1.2 * near * (a + b)
     return d

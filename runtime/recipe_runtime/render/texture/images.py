@@ -1,14 +1,13 @@
 """Images on surfaces: sampled from mip levels by the footprint of a pixel, so that nothing aliases at a distance.
 
-What is seen where is the survey's: texture coordinates, and how far they go from one pixel to the next. Which image is
-there is the appearance's. So the survey keeps the two steps that coordinates take from pixel to pixel (to the right
-and down) in the sample's own numbers, the longer one as it is and the other one as a share of its length.
+Texture coordinates and how far they go from one pixel to the next are found when samples are evaluated; which image is
+there depends on the appearance. So evaluation keeps the two steps that coordinates take from pixel to pixel (to the
+right and down) in the sample's own numbers, the longer one as it is and the other one as a share of its length.
 """
 
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
-from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.noise import floor
 from recipe_runtime.render.numeric.scalars import maximum, minimum
@@ -16,7 +15,6 @@ from recipe_runtime.render.numeric.vectors import cross, dot
 
 wp.set_module_options(OPTIONS)
 
-IMAGE = wp.constant(int(Pattern.IMAGE))
 MAX_TAPS = wp.constant(8)  # along the longer side of a footprint
 _MAX_STEP = wp.constant(wp.float32(1.0e4))  # no step is longer, in images
 

@@ -4,6 +4,7 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash2, noise2, scramble, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum
 from recipe_runtime.render.texture.detail import Detail, fade, joint_share, union_share
@@ -18,7 +19,7 @@ def poster(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     fu = uv[0] - wp.float32(i)
     fv = uv[1] - wp.float32(floor(uv[1]))
     w = maximum(foot * 0.25, 0.003)
-    code = hash2(i, 3, wp.uint32(91))
+    code = hash2(i, 3, seeds.POSTER)
     cx = 0.3 + 0.4 * unit(code)
     cy = 0.52 + 0.2 * unit(scramble(code))
     r = 0.1 + 0.14 * unit(scramble(code + wp.uint32(1)))

@@ -10,6 +10,7 @@ by the pixel's footprint, so that nothing aliases at a distance.
 
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, noise3
 from recipe_runtime.render.numeric.scalars import clamp01, maximum
 from recipe_runtime.render.numeric.vectors import normalize
@@ -21,34 +22,6 @@ from recipe_runtime.render.texture.window import curtain_wall, facade, shop_wind
 
 wp.set_module_options(OPTIONS)
 
-PLAIN = wp.constant(int(Pattern.PLAIN))
-ASPHALT = wp.constant(int(Pattern.ASPHALT))
-SLABS = wp.constant(int(Pattern.SLABS))
-CONCRETE = wp.constant(int(Pattern.CONCRETE))
-BRICK = wp.constant(int(Pattern.BRICK))
-PLASTER = wp.constant(int(Pattern.PLASTER))
-ROOF = wp.constant(int(Pattern.ROOF))
-GRASS = wp.constant(int(Pattern.GRASS))
-FOLIAGE = wp.constant(int(Pattern.FOLIAGE))
-BARK = wp.constant(int(Pattern.BARK))
-METAL = wp.constant(int(Pattern.METAL))
-SKIN = wp.constant(int(Pattern.SKIN))
-CLOTH = wp.constant(int(Pattern.CLOTH))
-ROAD_PAINT = wp.constant(int(Pattern.ROAD_PAINT))
-WINDOW = wp.constant(int(Pattern.WINDOW))
-HAIR = wp.constant(int(Pattern.HAIR))
-CLAPBOARD = wp.constant(int(Pattern.CLAPBOARD))
-STONE = wp.constant(int(Pattern.STONE))
-WOOD = wp.constant(int(Pattern.WOOD))
-WATER = wp.constant(int(Pattern.WATER))
-NICHE = wp.constant(int(Pattern.NICHE))
-CURTAIN_WALL = wp.constant(int(Pattern.CURTAIN_WALL))
-SHOP_WINDOW = wp.constant(int(Pattern.SHOP_WINDOW))
-POSTER = wp.constant(int(Pattern.POSTER))
-LETTER = wp.constant(int(Pattern.LETTER))
-FACADE = wp.constant(int(Pattern.FACADE))
-SIGNAL = wp.constant(int(Pattern.SIGNAL))
-
 
 @wp.func
 def hole(t: wp.float32) -> wp.float32:
@@ -59,20 +32,20 @@ def hole(t: wp.float32) -> wp.float32:
 @wp.func
 def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """A tree's leaves: dark gaps between them, boughs of their own green, and less sky within and below."""
-    bough = (noise3(p[0] * 1.3, p[1] * 1.3, p[2] * 1.6, wp.uint32(8)) - 0.5) * fade(1.5, foot)
-    twig = noise3(p[0] * 6.3, p[1] * 6.3, p[2] * 7.1, wp.uint32(10)) - 0.5
+    bough = (noise3(p[0] * 1.3, p[1] * 1.3, p[2] * 1.6, seeds.LEAF_BOUGH) - 0.5) * fade(1.5, foot)
+    twig = noise3(p[0] * 6.3, p[1] * 6.3, p[2] * 7.1, seeds.LEAF_TWIG) - 0.5
     near = fade(0.22, foot)
     tone = 1.04 + 0.35 * bough + 0.5 * twig * near
     lean = 0.5 * near
     d.normal = normalize(d.normal + wp.vec3f(twig * lean, bough * lean, -0.5 * twig * lean))
     near = fade(0.07, foot)
     if near > 0.0:
-        leaf = noise3(p[0] * 19.0, p[1] * 19.0, p[2] * 23.0, wp.uint32(9)) - 0.5
+        leaf = noise3(p[0] * 19.0, p[1] * 19.0, p[2] * 23.0, seeds.LEAF) - 0.5
         tone = tone + (0.95 * leaf - 0.3 * hole(leaf + 0.3 * twig)) * near
         d.normal = normalize(d.normal + wp.vec3f(0.6 * leaf * near, -0.5 * leaf * near, 0.8 * leaf * near))
         close = fade(0.03, foot)
         if close > 0.0:
-            edge = noise3(p[0] * 61.0, p[1] * 61.0, p[2] * 67.0, wp.uint32(11)) - 0.5
+            edge = noise3(p[0] * 61.0, p[1] * 61.0, p[2] * 67.0, seeds.LEAF_EDGE) - 0.5
             tone = tone + (0.75 * edge - 0.35 * hole(edge + 0.4 * leaf)) * close
             d.normal = normalize(d.normal + wp.vec3f(0.7 * edge * close, 0.6 * edge * close, -0.5 * edge * close))
     d.tone = maximum(tone, 0.2) * (0.34 + 0.66 * uv[1])
@@ -109,52 +82,52 @@ def detail_of(
     d.code = surface
     # A pattern is returned as soon as it is known: what branches leave behind would be copied at the end of each.
     foot = 0.5 * (footprint[1] + wp.sqrt(footprint[0] * footprint[1]))
-    if pattern == ASPHALT:
+    if pattern == Pattern.ASPHALT:
         return asphalt(d, uv, p, foot)
-    elif pattern == SLABS:
+    elif pattern == Pattern.SLABS:
         return slabs(d, uv, p, foot)
-    elif pattern == ROAD_PAINT:
+    elif pattern == Pattern.ROAD_PAINT:
         return road_paint(d, uv, p, foot)
-    elif pattern == BRICK:
+    elif pattern == Pattern.BRICK:
         return bricks(d, uv, p, foot)
-    elif pattern == PLASTER:
+    elif pattern == Pattern.PLASTER:
         return wall(d, uv, p, foot, 0.10)
-    elif pattern == CONCRETE:
+    elif pattern == Pattern.CONCRETE:
         return concrete(d, uv, p, foot)
-    elif pattern == FOLIAGE:
+    elif pattern == Pattern.FOLIAGE:
         return crown(d, uv, p, foot)
-    elif pattern == GRASS:
+    elif pattern == Pattern.GRASS:
         return blades(d, p, foot)
-    elif pattern == WINDOW:
+    elif pattern == Pattern.WINDOW:
         return window(d, uv, sight, foot)
-    elif pattern == NICHE:
+    elif pattern == Pattern.NICHE:
         d.tone = 1.0 - 0.62 * clamp01(uv[1])
-    elif pattern == BARK:
-        rib = noise3(p[0] * 16.0, p[1] * 16.0, p[2] * 3.0, wp.uint32(17)) - 0.5
+    elif pattern == Pattern.BARK:
+        rib = noise3(p[0] * 16.0, p[1] * 16.0, p[2] * 3.0, seeds.BARK_RIB) - 0.5
         d.tone = 1.0 + 0.7 * rib * fade(0.06, foot)
-    elif pattern == CLOTH:
+    elif pattern == Pattern.CLOTH:
         fold = noise2(uv[0] * 5.0, uv[1] * 5.0, surface) - 0.5
         d.tone = 1.0 + 0.22 * fold
-    elif pattern == HAIR:
+    elif pattern == Pattern.HAIR:
         d.tone = 1.0 + 0.5 * (noise2(uv[0] * 40.0, uv[1] * 8.0, surface) - 0.5) * fade(0.02, foot)
-    elif pattern == ROOF:
+    elif pattern == Pattern.ROOF:
         return roof_tiles(d, uv, p, foot)
-    elif pattern == STONE:
+    elif pattern == Pattern.STONE:
         return stones(d, uv, foot)
-    elif pattern == CLAPBOARD:
+    elif pattern == Pattern.CLAPBOARD:
         return boards(d, uv, foot)
-    elif pattern == WOOD:
+    elif pattern == Pattern.WOOD:
         return planks(d, uv, foot)
-    elif pattern == CURTAIN_WALL:
+    elif pattern == Pattern.CURTAIN_WALL:
         return curtain_wall(d, uv, sight, foot)
-    elif pattern == SHOP_WINDOW:
+    elif pattern == Pattern.SHOP_WINDOW:
         return shop_window(d, uv, sight, foot)
-    elif pattern == FACADE:
+    elif pattern == Pattern.FACADE:
         return facade(d, uv, p, foot)
-    elif pattern == LETTER:
+    elif pattern == Pattern.LETTER:
         return letter(d, uv, foot)
-    elif pattern == POSTER:
+    elif pattern == Pattern.POSTER:
         return poster(d, uv, foot)
-    elif pattern == WATER:
+    elif pattern == Pattern.WATER:
         return ripples(d, p, foot)
     return d

@@ -4,6 +4,7 @@
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash2, noise2, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum
 from recipe_runtime.render.texture.detail import Detail, fade, joint_share, tiles
@@ -19,7 +20,7 @@ def apply_stains(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
         dirt = 0.25 * low * low
         near = fade(0.5, foot)
         if near > 0.0:
-            run = noise2(uv[0] * 2.7, uv[1] * 0.28, wp.uint32(19)) - 0.5
+            run = noise2(uv[0] * 2.7, uv[1] * 0.28, seeds.WALL_RUN) - 0.5
             dirt = dirt * (1.0 + 0.9 * run * near) + 0.11 * near * run
         d.tone = d.tone * (1.0 - dirt)
     return d
@@ -28,11 +29,11 @@ def apply_stains(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
 @wp.func
 def wall(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, grain: wp.float32) -> Detail:
     """Plaster or concrete: weather stains that run down, and a fine grain."""
-    stain = noise2((p[0] + p[1]) * 0.6, p[2] * 0.17, wp.uint32(13)) - 0.5
+    stain = noise2((p[0] + p[1]) * 0.6, p[2] * 0.17, seeds.WALL_STAIN) - 0.5
     d.tone = 1.0 + 0.16 * stain
     near = fade(0.08, foot)
     if near > 0.0:
-        fine = noise2(uv[0] * 14.0, uv[1] * 14.0, wp.uint32(14)) - 0.5
+        fine = noise2(uv[0] * 14.0, uv[1] * 14.0, seeds.WALL_GRAIN) - 0.5
         d.tone = d.tone + grain * fine * near
     return apply_stains(d, uv, foot)
 
@@ -41,7 +42,7 @@ def wall(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, grain: wp.float
 def bricks(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """Bricks in stretcher bond, some burnt darker, in light mortar."""
     t = tiles(uv, 0.25, 0.083, 0.011, 0.5, foot)
-    stain = noise2((p[0] + p[1]) * 0.5, p[2] * 0.3, wp.uint32(16)) - 0.5
+    stain = noise2((p[0] + p[1]) * 0.5, p[2] * 0.3, seeds.BRICK_STAIN) - 0.5
     d.second = t[0] * 0.7
     burnt = maximum(t[1] - 0.86, 0.0) * 3.0
     d.tone = 1.0 + (0.34 * (t[1] - 0.5) - burnt + 0.03) * t[2] + 0.16 * stain
@@ -56,7 +57,7 @@ def stones(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     d.tone = 1.0 + 0.14 * (t[1] - 0.5) * t[2]
     near = fade(0.1, foot)
     if near > 0.0:
-        d.tone = d.tone + 0.12 * near * (noise2(uv[0] * 11.0, uv[1] * 15.0, wp.uint32(20)) - 0.5)
+        d.tone = d.tone + 0.12 * near * (noise2(uv[0] * 11.0, uv[1] * 15.0, seeds.STONE_GRAIN) - 0.5)
     return apply_stains(d, uv, foot)
 
 
@@ -64,7 +65,7 @@ def stones(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
 def roof_tiles(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """Overlapping tiles: each rounded across, with a shadow under the course above; moss here and there."""
     t = tiles(uv, 0.24, 0.32, 0.0, 0.5, foot)
-    d.tone = 1.0 + 0.26 * (t[1] - 0.5) * t[2] + 0.2 * (noise2(p[0] * 0.7, p[1] * 0.7, wp.uint32(21)) - 0.5)
+    d.tone = 1.0 + 0.26 * (t[1] - 0.5) * t[2] + 0.2 * (noise2(p[0] * 0.7, p[1] * 0.7, seeds.ROOF_MOSS) - 0.5)
     d.second = 0.8 * joint_share(uv[1] / 0.32, 0.08, foot / 0.32)
     near = fade(0.24, foot)
     if near > 0.0:
@@ -82,7 +83,7 @@ def boards(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     d.second = 0.7 * joint_share(v, 0.045, foot / 0.15)
     near = fade(0.15, foot)
     if near > 0.0:
-        board = unit(hash2(floor(uv[0] * 0.28 + 0.37 * wp.float32(course & 3)), course, wp.uint32(22))) - 0.5
+        board = unit(hash2(floor(uv[0] * 0.28 + 0.37 * wp.float32(course & 3)), course, seeds.BOARD_TONE)) - 0.5
         d.tone = 1.0 + near * (0.07 * board + 0.1 * (0.5 - (v - wp.float32(course))))
     return apply_stains(d, uv, foot)
 
@@ -91,10 +92,10 @@ def boards(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
 def planks(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
     """Upright planks with their grain."""
     u = uv[0] / 0.13
-    plank = unit(hash2(floor(u), 0, wp.uint32(23))) - 0.5
+    plank = unit(hash2(floor(u), 0, seeds.PLANK_TONE)) - 0.5
     d.second = 0.8 * joint_share(u, 0.035, foot / 0.13)
     d.tone = 1.0 + 0.22 * plank * fade(0.13, foot)
     near = fade(0.03, foot)
     if near > 0.0:
-        d.tone = d.tone + 0.3 * near * (noise2(uv[0] * 60.0 + 9.0 * plank, uv[1] * 2.5, wp.uint32(24)) - 0.5)
+        d.tone = d.tone + 0.3 * near * (noise2(uv[0] * 60.0 + 9.0 * plank, uv[1] * 2.5, seeds.PLANK_GRAIN) - 0.5)
     return d

@@ -1,12 +1,13 @@
 """Patterns of glass: the rooms behind windows, curtain walls, shop windows, and the windows of distant walls.
 
-A sight that enters a pane meets the room's walls, floor or ceiling, so a window has depth without a triangle.
+A line of sight that enters a pane meets the room's walls, floor or ceiling, so a window has depth without a triangle.
 """
 
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
+from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash2, noise2, scramble, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum
 from recipe_runtime.render.numeric.vectors import dot, normalize
@@ -17,7 +18,7 @@ wp.set_module_options(OPTIONS)
 
 @wp.func
 def slope_behind(sight: wp.vec3f, normal: wp.vec3f) -> wp.vec3f:
-    """The sight's slope behind a pane: to the right and up for each unit inwards, and how fast it goes in."""
+    """The slope of a line of sight behind a pane: right and up for each unit inwards, and how fast it goes in."""
     inward = maximum(-dot(sight, normal), 0.08)
     right = sight[1] * normal[0] - sight[0] * normal[1]
     return wp.vec3f(right / inward, sight[2] / inward, inward)
@@ -25,7 +26,7 @@ def slope_behind(sight: wp.vec3f, normal: wp.vec3f) -> wp.vec3f:
 
 @wp.func
 def distance_to_wall(at: wp.float32, slope: wp.float32, low: wp.float32, high: wp.float32) -> wp.float32:
-    """How far inwards a sight goes until it leaves the interval on this axis."""
+    """How far inwards a line of sight goes until it leaves the interval on this axis."""
     far = wp.float32(99.0)
     if slope > 1.0e-4:
         far = (high - at) / slope
@@ -36,7 +37,7 @@ def distance_to_wall(at: wp.float32, slope: wp.float32, low: wp.float32, high: w
 
 @wp.func
 def room(fu: wp.float32, fv: wp.float32, ray: wp.vec3f, code: wp.uint32) -> wp.float32:
-    """How bright what one sees of a room is, by the wall, floor or ceiling that the sight meets; in parts of a pane."""
+    """The brightness of a room, by the wall, floor or ceiling that the line of sight meets; lengths in panes."""
     side = distance_to_wall(fu, ray[0], -0.75, 1.75)
     level = distance_to_wall(fv, ray[1], -0.5, 1.22)
     back = 2.0 + 1.2 * unit(code)
@@ -69,7 +70,7 @@ def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail
     fv = uv[1] - wp.float32(j)
     w = maximum(foot * 0.65, 0.003)
     d.second = union_share(joint_share(uv[0], 0.055, w), joint_share(uv[1], 0.04, w))
-    kind = hash2(i >> 4, 5, wp.uint32(71)) & wp.uint32(3)
+    kind = hash2(i >> 4, 5, seeds.WINDOW_DIVISION) & wp.uint32(3)
     if kind < wp.uint32(3):
         d.second = union_share(d.second, joint_share(uv[0] + 0.5, 0.022, w))
     if kind == wp.uint32(0):
@@ -179,7 +180,7 @@ def facade(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     i = floor(uv[0])
     j = floor(uv[1])
     w = maximum(foot * 0.33, 0.003)
-    kind = hash2(i >> 6, 6, wp.uint32(72))  # a building's key: 64 bays go by its name
+    kind = hash2(i >> 6, 6, seeds.FACADE_BUILDING)  # a building's key: 64 bays go by its name
     beside = 0.1 + 0.2 * unit(kind)
     between = 0.16 + 0.1 * unit(scramble(kind))
     if (kind & wp.uint32(3)) == wp.uint32(0):
@@ -191,6 +192,6 @@ def facade(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     d.code = hash2(i, j, d.code)
     d.last = fade(2.5, foot)
     d.wear = 0.25 + 0.5 * d.last * (unit(d.code * wp.uint32(747796405)) - 0.5)
-    stain = noise2((p[0] + p[1]) * 0.4, p[2] * 0.1, wp.uint32(27)) - 0.5
+    stain = noise2((p[0] + p[1]) * 0.4, p[2] * 0.1, seeds.FACADE_STAIN) - 0.5
     d.tone = 0.75 + 0.25 * d.second * (1.0 + 0.5 * stain)
     return d
