@@ -43,6 +43,36 @@ def wrap_coordinate(start: wp.uint32, moved: wp.float64, low: wp.float64, cube: 
     return low + (t - i) * side
 
 
+@wp.func
+def cover_pixels(
+    left: wp.float32,
+    y: wp.float32,
+    z: wp.float32,
+    broad: wp.int32,
+    cover: wp.float32,
+    depth: wp.array[wp.float32],
+    pinhole: Pinhole,
+    out_cover: wp.array[wp.int32],
+):
+    """Add a drop's cover to the pixels of one row, from `left` on, that lie behind it at depth z."""
+    px = floor(left)
+    py = floor(y)
+    past = left - wp.float32(px)
+    if py >= 0 and py < pinhole.height:
+        # Its two sides fill pixels in part, so that a slanted streak has no steps.
+        for k in range(broad + 1):
+            qx = px + k
+            part = wp.float32(1.0)
+            if k == 0:
+                part = 1.0 - past
+            if k == broad:
+                part = past
+            if qx >= 0 and qx < pinhole.width:
+                pixel = nonnegative(py * pinhole.width + qx)
+                if depth[pixel] > z:
+                    wp.atomic_add(out_cover, pixel, wp.int32(cover * part))
+
+
 @wp.kernel
 def draw_streaks(
     shower: wp.array[Rain],
@@ -90,20 +120,4 @@ def draw_streaks(
     cover = 65536.0 * shower[0].cover * share
     for s in range(steps):
         t = (wp.float32(s) + 0.5) / wp.float32(steps)
-        left = x0 + dx * t - 0.5
-        px = floor(left)
-        py = floor(y0 + dy * t)
-        past = left - wp.float32(px)
-        if py >= 0 and py < pinhole.height:
-            # Its two sides fill pixels in part, so that a slanted streak has no steps.
-            for k in range(broad + 1):
-                qx = px + k
-                part = wp.float32(1.0)
-                if k == 0:
-                    part = 1.0 - past
-                if k == broad:
-                    part = past
-                if qx >= 0 and qx < pinhole.width:
-                    pixel = nonnegative(py * pinhole.width + qx)
-                    if depth[pixel] > z:
-                        wp.atomic_add(out_cover, pixel, wp.int32(cover * part))
+        cover_pixels(x0 + dx * t - 0.5, y0 + dy * t, z, broad, cover, depth, pinhole, out_cover)

@@ -102,6 +102,13 @@ def window_material(
 
 
 @wp.func
+def is_window(pattern: wp.int32) -> bool:
+    """Whether a surface is glass with rooms behind it."""
+    glass = pattern == Pattern.WINDOW or pattern == Pattern.CURTAIN_WALL
+    return glass or pattern == Pattern.SHOP_WINDOW or pattern == Pattern.FACADE
+
+
+@wp.func
 def material_of(
     pattern: wp.int32,
     air: wp.array[Air],
@@ -116,12 +123,7 @@ def material_of(
     m = Material()
     m.normal = n
     m.albedo = mix(first, second, detail[1]) * maximum(detail[0], 0.05)
-    if (
-        pattern == Pattern.WINDOW
-        or pattern == Pattern.CURTAIN_WALL
-        or pattern == Pattern.SHOP_WINDOW
-        or pattern == Pattern.FACADE
-    ):
+    if is_window(pattern):
         seen = window_material(m, pattern, air, first, second, detail, code, awake)
         m.albedo = seen.albedo
         m.glow = seen.glow

@@ -10,10 +10,10 @@ unions, so their order changes nothing: the keys are those of `visibility_kernel
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.raster.triangles import (
-    Corner,
-    cut_at_near_plane,
+    Piece,
+    clipped_piece,
     edge_function,
-    project_vertex,
+    sample_box,
     top_left_bias,
 )
 from recipe_runtime.render.raster.visibility_kernels import depth_test, fill_triangle
@@ -26,68 +26,6 @@ SMALL_TRIANGLE = wp.constant(wp.int64(256))  # samples in a triangle's box up to
 BIN_THREADS = wp.constant(32)  # threads that share a bin
 BIN_GROUPS = wp.constant(4096)
 USED_ENTRY = wp.constant(wp.uint64(0x8000000000000000))  # marks an entry that holds a bin
-
-
-@wp.struct
-class Piece:
-    """A triangle clipped at the near plane, or one of the two that it falls into."""
-
-    a: Corner
-    b: Corner
-    c: Corner
-    there: wp.int32
-
-
-@wp.func
-def clipped_piece(lens: Pinhole, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f, which: wp.int32) -> Piece:
-    """Piece 0 or 1 of a triangle, as `clip_and_fill` cuts it."""
-    a = v0
-    b = v2
-    c = v1
-    piece = Piece()
-    near = wp.float32(lens.near)
-    inside = int(a[2] >= near) + int(b[2] >= near) + int(c[2] >= near)
-    if inside == 0 or (which == 1 and inside != 2):
-        return piece
-    for _turn in range(2):
-        if (inside == 1 and a[2] < near) or (inside == 2 and a[2] >= near):
-            t = a
-            a = b
-            b = c
-            c = t
-    piece.there = 1
-    if inside == 2:
-        piece.a = cut_at_near_plane(b, a, lens)
-        piece.b = project_vertex(b, lens)
-        piece.c = project_vertex(c, lens)
-        if which == 1:
-            piece.b = piece.c
-            piece.c = cut_at_near_plane(c, a, lens)
-    elif inside == 1:
-        piece.a = project_vertex(a, lens)
-        piece.b = cut_at_near_plane(a, b, lens)
-        piece.c = cut_at_near_plane(a, c, lens)
-    else:
-        piece.a = project_vertex(a, lens)
-        piece.b = project_vertex(b, lens)
-        piece.c = project_vertex(c, lens)
-    return piece
-
-
-@wp.func
-def sample_box(lens: Pinhole, a: Corner, b: Corner, c: Corner):
-    """The columns and rows of the samples that a triangle's box holds: left, top, right, bottom, ends inside."""
-    step = wp.int64(256) / wp.int64(lens.side)
-    half = step / wp.int64(2)
-    shift = wp.int64(8)
-    if lens.side == 2:
-        shift = wp.int64(7)
-    up = step - wp.int64(1) - half
-    left = wp.max((wp.min(a.x, wp.min(b.x, c.x)) + up) >> shift, wp.int64(0))
-    top = wp.max((wp.min(a.y, wp.min(b.y, c.y)) + up) >> shift, wp.int64(0))
-    right = wp.min((wp.max(a.x, wp.max(b.x, c.x)) - half) >> shift, wp.int64(lens.width * lens.side) - wp.int64(1))
-    bottom = wp.min((wp.max(a.y, wp.max(b.y, c.y)) - half) >> shift, wp.int64(lens.height * lens.side) - wp.int64(1))
-    return left, top, right, bottom
 
 
 @wp.func

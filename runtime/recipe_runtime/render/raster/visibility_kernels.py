@@ -14,9 +14,9 @@ from recipe_runtime.render.numeric.vectors import box_extent, transform_point
 from recipe_runtime.render.raster.triangles import (
     NEARNESS,
     Corner,
-    cut_at_near_plane,
+    clipped_piece,
     edge_function,
-    project_vertex,
+    sample_box,
     top_left_bias,
 )
 from recipe_runtime.render.scene.pinhole import Pinhole
@@ -155,19 +155,10 @@ def fill_triangle(
     area = edge_function(a.x, a.y, b.x, b.y, c.x, c.y)
     if area <= wp.int64(0):
         return
-    # The samples that its box holds.
     step = wp.int64(256) / wp.int64(lens.side)
     half = step / wp.int64(2)
     columns = wp.int64(lens.width * lens.side)
-    rows = wp.int64(lens.height * lens.side)
-    shift = wp.int64(8)
-    if lens.side == 2:
-        shift = wp.int64(7)
-    up = step - wp.int64(1) - half
-    left = wp.max((wp.min(a.x, wp.min(b.x, c.x)) + up) >> shift, wp.int64(0))
-    top = wp.max((wp.min(a.y, wp.min(b.y, c.y)) + up) >> shift, wp.int64(0))
-    right = wp.min((wp.max(a.x, wp.max(b.x, c.x)) - half) >> shift, columns - wp.int64(1))
-    bottom = wp.min((wp.max(a.y, wp.max(b.y, c.y)) - half) >> shift, rows - wp.int64(1))
+    left, top, right, bottom = sample_box(lens, a, b, c)
     if left > right or top > bottom:
         return
     # The edge functions at the first of them, and what a step to the right or down adds.
@@ -238,49 +229,11 @@ def clip_and_fill(
     triangle: wp.uint64,
     bit: wp.uint64,
 ):
-    """Clip a triangle at the near plane, giving none, one or two, and draw what is left.
-
-    It is counter-clockwise seen from outside, hence clockwise in a picture whose y points down once corners 1 and 2
-    change places; a face seen from behind has a negative area then, and is dropped.
-    """
-    a = v0
-    b = v2
-    c = v1
-    near = wp.float32(lens.near)
-    inside = int(a[2] >= near) + int(b[2] >= near) + int(c[2] >= near)
-    if inside == 0:
-        return
-    # Turn it until the odd one out is a.
-    for _turn in range(2):
-        if (inside == 1 and a[2] < near) or (inside == 2 and a[2] >= near):
-            t = a
-            a = b
-            b = c
-            c = t
-    p = Corner()
-    q = Corner()
-    r = Corner()
-    s = Corner()
-    pieces = wp.int32(1)
-    if inside == 2:
-        p = cut_at_near_plane(b, a, lens)
-        q = project_vertex(b, lens)
-        r = project_vertex(c, lens)
-        s = cut_at_near_plane(c, a, lens)
-        pieces = wp.int32(2)
-    elif inside == 1:
-        p = project_vertex(a, lens)
-        q = cut_at_near_plane(a, b, lens)
-        r = cut_at_near_plane(a, c, lens)
-    else:
-        p = project_vertex(a, lens)
-        q = project_vertex(b, lens)
-        r = project_vertex(c, lens)
-    for piece in range(pieces):
-        if piece == 1:
-            q = r
-            r = s
-        fill_triangle(keys, lens, p, q, r, triangle, bit)
+    """Clip a triangle at the near plane, giving none, one or two, and draw what is left."""
+    for which in range(2):
+        piece = clipped_piece(lens, v0, v1, v2, which)
+        if piece.there != 0:
+            fill_triangle(keys, lens, piece.a, piece.b, piece.c, triangle, bit)
 
 
 @wp.kernel
