@@ -23,7 +23,7 @@ from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.plan import ScenarioPlan, ScenePlan, SensorPlan
 from recipe_compiler.ir.plurals import count
 
-from recipe_runtime.annotate.objects import Record
+from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs
@@ -116,7 +116,7 @@ class Frame:
         """As `Scenario.render`."""
         return self.scenario.render(self.number, sensor, modality)
 
-    def labels(self, sensor: str | None = None) -> list[Record]:
+    def labels(self, sensor: str | None = None) -> list[LabelRecord]:
         """As `Scenario.labels`."""
         return self.scenario.labels(self.number, sensor)
 
@@ -209,7 +209,7 @@ class Scenario(Sequence[Frame]):
             pictures: dict[str, NDArray[Any]] = dict(zip(["rgb"], made.pictures, strict=False))
             yield made.number, {m: pictures[m] if m == "rgb" else label_array(made.seen, m) for m in plan.capture}
 
-    def labels(self, frame: int, sensor: str | None = None) -> list[Record]:
+    def labels(self, frame: int, sensor: str | None = None) -> list[LabelRecord]:
         """The records of what is seen in a frame, by instance; `annotate.objects` tells what each holds."""
         frame, plan = self._number(frame), self._sensor(sensor)
         scene = self.plan.scene

@@ -24,7 +24,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import DatasetPlan
 from torch.utils.data import Dataset
 
-from recipe_runtime.annotate.objects import Record
+from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.loading import opened
 from recipe_runtime.scenario import Scenario, Scenes
 
@@ -113,7 +113,7 @@ def _tensor(modality: str, pixels: NDArray[Any]) -> torch.Tensor:
     return torch.from_numpy(pixels.astype(np.int32) if pixels.dtype == np.uint16 else pixels)
 
 
-def _target(records: Sequence[Record]) -> dict[str, torch.Tensor]:
+def _target(records: Sequence[LabelRecord]) -> dict[str, torch.Tensor]:
     boxes = [[x, y, x + w, y + h] for x, y, w, h in (record["bbox"] for record in records)]
     return {
         "boxes": torch.tensor(boxes, dtype=torch.float32).reshape(-1, 4),

@@ -1,1 +1,1 @@
-"""Per-object truth, and writers for each format."""
+"""Labels of every object, and writers of the annotation formats."""

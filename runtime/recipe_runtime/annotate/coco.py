@@ -1,25 +1,24 @@
-"""Annotations as COCO tells them: kwcoco with videos, tracks and assets, and flat COCO over one modality.
+"""COCO annotation files: kwcoco with videos, tracks and assets, and flat COCO for one modality.
 
-Ids count from 1 in the order of videos, frames and instances; a track's id is its actor's instance value, one track an
-actor in the whole file: the same actor in another video is the same track. No clock enters: `date_captured` is empty,
-and a timestamp is the frame's time in seconds from the start. `iscrowd` is 0 for an object in pieces: it is one object.
+Ids count from 1 in the order of videos, frames and instances. A track's id is the instance value of its actor: an actor
+has one track in the whole file, also across videos. No wall-clock time is written: `date_captured` is empty, and a
+timestamp is the time of the frame in seconds from the start. `iscrowd` is always 0, also for an object whose visible
+part is in several pieces.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
 
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.categories import CATEGORY_IDS, category_rows
-from recipe_runtime.annotate.objects import Record
-from recipe_runtime.annotate.records import Video
+from recipe_runtime.annotate.records import LabelRecord, Video
 from recipe_runtime.annotate.rows import tables
 from recipe_runtime.core import layout
 
-Row = dict[str, Any]
+Row = dict[str, object]
 
 _CHANNELS = {
     ("rgb", "png"): "red|green|blue",
@@ -31,7 +30,13 @@ _CHANNELS = {
 
 
 def kwcoco(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> str:
-    """The kwcoco file: a video for each sensor of each variant, and a track for each actor that is seen in any."""
+    """Return the text of the kwcoco file: a video per sensor and variant, a track per actor visible in any.
+
+    Args:
+        dataset: The plan of the dataset.
+        identity: The dataset's identity line, written as its version.
+        videos: All videos, in the plan's order.
+    """
     video_rows: list[Row] = []
     images: list[Row] = []
     annotations: list[Row] = []
@@ -57,7 +62,10 @@ def kwcoco(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> str:
 
 
 def flat_coco(dataset: DatasetPlan, identity: str, videos: Sequence[Video], modality: str) -> str:
-    """The flat file over one modality's pictures; file names count from the dataset's folder."""
+    """Return the text of the flat COCO file for the images of one modality.
+
+    File names are relative to the dataset's folder.
+    """
     images: list[Row] = []
     annotations: list[Row] = []
     for number, video in enumerate(videos, start=1):
@@ -96,7 +104,10 @@ def _info(dataset: DatasetPlan, identity: str) -> Row:
 
 
 def _tracks(videos: Sequence[Video]) -> list[Row]:
-    """A row for every actor seen. Names are unique in kwcoco: one that stands for two instances has their number."""
+    """Return a row for every visible actor.
+
+    kwcoco requires unique names: the instance value is appended to a name that two instances share.
+    """
     items = (item for video in videos for record in video.frames for item in record["objects"])
     actors: dict[int, str] = {}
     for item in items:
@@ -133,7 +144,7 @@ def _image(dataset: DatasetPlan, video: Video, video_id: int, frame: int, image_
     }
 
 
-def _annotation(item: Record, image_id: int, annotation_id: int, width: int, height: int) -> Row:
+def _annotation(item: LabelRecord, image_id: int, annotation_id: int, width: int, height: int) -> Row:
     kept = {key: value for key, value in item.items() if key != "counts"}
     return {
         **kept,

@@ -1,7 +1,7 @@
-"""Masks: every object's run-length code from one walk over the instance picture.
+"""Run-length encoded masks of all objects, from one pass over the instance image.
 
-COCO's code counts runs of 0 and 1 down the columns. The picture is turned once, its runs are found once, and
-each object takes its own; pycocotools packs the counts into COCO's text form.
+COCO's code counts runs of 0 and 1 in column-major order. The image is transposed once, its runs are found once, and
+each object selects its own. pycocotools packs the counts into COCO's text form.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Mask:
-    """The visible pixels of one object: its instance value, COCO code, area, and box x, y, width, height in pixels."""
+    """The visible pixels of one object: instance value, COCO code, area, and box x, y, width, height in pixels."""
 
     instance: int
     counts: str
@@ -24,17 +24,17 @@ class Mask:
 
 
 def masks(instance: NDArray[np.uint16]) -> list[Mask]:
-    """The mask of every object seen in an instance picture [H, W], by instance value; 0 is the background."""
+    """Return the mask of every object in an instance image [H, W], sorted by instance value; 0 is the background."""
     height, width = instance.shape
-    down = np.ascontiguousarray(instance.T).reshape(-1)
-    edges = np.flatnonzero(down[1:] != down[:-1]) + 1
+    columns = np.ascontiguousarray(instance.T).reshape(-1)
+    edges = np.flatnonzero(columns[1:] != columns[:-1]) + 1
     starts = np.concatenate([np.zeros(1, np.int64), edges])
-    ends = np.concatenate([edges, np.full(1, down.size, np.int64)])
-    values = down[starts]
+    ends = np.concatenate([edges, np.full(1, columns.size, np.int64)])
+    values = columns[starts]
     found = []
     for value in np.unique(values[values > 0]):
-        mine = values == value
-        found.append(_mask(int(value), starts[mine], ends[mine], height, width))
+        own = values == value
+        found.append(_mask(int(value), starts[own], ends[own], height, width))
     return found
 
 
@@ -47,8 +47,8 @@ def _mask(value: int, starts: NDArray[np.int64], ends: NDArray[np.int64], height
     plain = {"size": [height, width], "counts": counts[: -1 if counts[-1] == 0 else None].tolist()}
     packed = pycocotools.mask.frPyObjects(plain, height, width)
     left, right = int(starts[0]) // height, int(ends[-1] - 1) // height
-    whole = starts // height != (ends - 1) // height  # a run over the foot of a column takes in both edges
-    top = 0 if whole.any() else int((starts % height).min())
-    bottom = height - 1 if whole.any() else int(((ends - 1) % height).max())
+    wraps = starts // height != (ends - 1) // height  # a run that continues in the next column touches both edges
+    top = 0 if wraps.any() else int((starts % height).min())
+    bottom = height - 1 if wraps.any() else int(((ends - 1) % height).max())
     box = (left, top, right - left + 1, bottom - top + 1)
     return Mask(value, packed["counts"].decode("ascii"), int((ends - starts).sum()), box)

@@ -1,9 +1,9 @@
-"""MOTS: one mask a pixel, and the same identity in every frame, as text and as 16-bit PNG.
+"""MOTS: non-overlapping masks with persistent track identities, as text and as 16-bit PNG.
 
-Layout and meaning of TrackEval's MOTSChallenge: `MOTS-train/<sequence>/gt/gt.txt` with a line `frame id class height
-width rle`, frames from 1; ids are class * 1000 + number. Pedestrians are class 2 and cars class 1, with the number
-that they have everywhere else. MOTS knows no other class: trucks, buses and the like are one region to ignore,
-class 10, so that a tracker is neither praised nor blamed for finding them.
+The layout is that of TrackEval's MOTSChallenge: `MOTS-train/<sequence>/gt/gt.txt` with one line `frame id class height
+width rle` per object, frames from 1. Ids are class * 1000 + number. Pedestrians are class 2 and cars class 1; the
+number is that of the instance. MOTS has no other class: all other actors form one ignore region, class 10, which
+evaluation counts neither as a hit nor as a false positive.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import pycocotools.mask
 from numpy.typing import NDArray
 
 from recipe_runtime.annotate.categories import MOTS_CLASSES, MOTS_IGNORE
-from recipe_runtime.annotate.objects import Record
+from recipe_runtime.annotate.records import LabelRecord
 
 
 def mots_id(instance: int) -> int:
-    """MOTS's id of an instance value; 10000 for what is to be ignored, 0 for the background."""
+    """Return the MOTS id of an instance value; 10000 for the ignore region, 0 for the background."""
     if instance == 0:
         return 0
     tag, number = divmod(instance, 1000)
@@ -27,15 +27,21 @@ def mots_id(instance: int) -> int:
 
 
 def mots_picture(instance: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    """An instance picture [H, W] with MOTS's ids."""
+    """Convert an instance image [H, W] to MOTS ids."""
     out = np.zeros_like(instance)
     for value in np.unique(instance[instance > 0]):
         out[instance == value] = mots_id(int(value))
     return out
 
 
-def mots_lines(frames: Sequence[Sequence[Record]], width: int, height: int) -> str:
-    """The text form of one sequence: the records of every frame, in order."""
+def mots_lines(frames: Sequence[Sequence[LabelRecord]], width: int, height: int) -> str:
+    """Return the `gt.txt` of one sequence.
+
+    Args:
+        frames: The label records of every frame, in order.
+        width: Width of the image in pixels.
+        height: Height of the image in pixels.
+    """
     lines = []
     for number, records in enumerate(frames, start=1):
         codes: dict[int, list[str]] = {}
@@ -48,7 +54,7 @@ def mots_lines(frames: Sequence[Sequence[Record]], width: int, height: int) -> s
 
 
 def seqinfo(name: str, directory: str, rate: int, length: int, width: int, height: int) -> str:
-    """A sequence's `seqinfo.ini`."""
+    """Return the text of a sequence's `seqinfo.ini`."""
     rows = {
         "name": name,
         "imDir": directory,
@@ -62,7 +68,7 @@ def seqinfo(name: str, directory: str, rate: int, length: int, width: int, heigh
 
 
 def seqmap(names: Sequence[str]) -> str:
-    """The list of sequences."""
+    """Return the text of the list of sequences."""
     return "".join(f"{name}\n" for name in ("name", *names))
 
 
@@ -73,10 +79,11 @@ def _union(counts: Sequence[str], width: int, height: int) -> str:
 
 
 def runs_fill(counts: str, pixels: int) -> bool:
-    """Whether a run-length code in COCO's text form is one of so many pixels: pycocotools trusts that it is.
+    """Return whether a run-length code in COCO's text form describes a mask of exactly `pixels` pixels.
 
-    Six bits a character from 48 on, five of them the number's, least first; each run but the first three is told by
-    its difference from the one before last (maskApi.c, rleToString).
+    pycocotools does not check this. A character stands for six bits, starting at code 48: five bits of the number, the
+    lowest first, and a continuation bit. Each run after the third is stored as its difference from the run two before
+    it (maskApi.c, rleToString).
     """
     runs: list[int] = []
     value = shift = 0

@@ -1,48 +1,37 @@
-"""Per-object truth of one frame: what is seen of every actor, and where it really is.
+"""Ground truth of one frame for every visible actor: visible pixels and position.
 
-An actor is annotated in a frame if at least one of its pixels is seen. A record is plain JSON:
-
-    instance          class tag * 1000 + number, the track's identity in every sensor, frame and variant
-    actor             its name in the recipe
-    bbox, area        of the visible pixels: x, y, width, height, whole pixels; count
-    counts            the visible mask, COCO's compressed run-length code
-    amodal_bbox       of the pixels it would cover if nothing stood before it, within the picture
-    amodal_area       their count
-    visible_fraction  area / amodal_area
-    truncation        the share of its projected box, occluded or not, that lies outside the picture, 0 to 1
-    box3d             centre (m), size (length, width, height, m), rotation (unit quaternion w, x, y, z that turns the
-                      box's axes into the sensor's) and yaw (degrees, all of it for a level sensor) in the sensor's
-                      frame: x forward, y left, z up; it holds the actor in all of its poses, so its size is the track's
-    distance          from the sensor to the box's centre, metres
-    velocity          of the actor in the world frame, m/s
-
-Numbers that are not whole have six places and come from exact arithmetic.
+An actor is annotated in a frame if at least one of its pixels is visible. `annotate.records.LabelRecord` lists the
+fields of a record. All numbers come from exact arithmetic.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import CameraPlan, ScenePlan, fixed
 
 from recipe_runtime.annotate.masks import masks
+from recipe_runtime.annotate.records import Box3d, LabelRecord
 from recipe_runtime.body.kinematics import of_rotation
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.trace import METRE, Trace
 from recipe_runtime.core.transforms import Array, compose, invert, part_transforms
 from recipe_runtime.meshes.mesh import Body
 
-Record = dict[str, Any]
-
-_PART_FRAMES = 1 << 13  # poses that are handled at once, of all parts and frames
+_PART_FRAMES = 1 << 13  # number of poses (parts times frames) in one batch
 _CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
 class Annotator:
-    """The truth about one scene's actors. `bodies` are the actors' meshes; others are passed over."""
+    """Makes the records of the actors of one scene.
+
+    Args:
+        scene: The plan of the scene.
+        trace: The motion of the scene.
+        bodies: The meshes of the actors. Bodies that are not actors of the scene are ignored.
+    """
 
     def __init__(self, scene: ScenePlan, trace: Trace, bodies: Sequence[Body]) -> None:
         self._trace = trace
@@ -51,15 +40,23 @@ class Annotator:
         meshes = {body.name: body for body in bodies}
         self._extents = _extents(trace, [meshes[a.name] for a in scene.actors])
 
-    def records(self, seen: Observed, camera: CameraPlan, world_from_sensor: Array, frame: int) -> list[Record]:
-        """A record for every object of which a pixel is seen, by instance."""
+    def records(self, seen: Observed, camera: CameraPlan, world_from_sensor: Array, frame: int) -> list[LabelRecord]:
+        """Return a record for every visible object, sorted by instance.
+
+        Args:
+            seen: The observation of the frame.
+            camera: The camera that observed it.
+            world_from_sensor: Pose of the sensor, [3, 4], x forward, y left, z up, metres.
+            frame: Number of the frame.
+        """
         sensor_from_world = invert(world_from_sensor)
         parts, velocities = part_transforms(self._trace, frame), self._trace.linear[frame].tolist()
         views = {view.instance: view for view in seen.objects}
-        records = []
+        records: list[LabelRecord] = []
         for mask in masks(seen.instance):
             actor, view = self._by_instance[mask.instance], views[mask.instance]
             base = compose(sensor_from_world, parts[self._trace.base_part(actor)])
+            box, distance = self._box(actor, base)
             x0, y0, x1, y1 = (int(v) for v in view.amodal_box)
             records.append(
                 {
@@ -72,33 +69,43 @@ class Annotator:
                     "amodal_area": int(view.amodal),
                     "visible_fraction": fixed(mask.area / int(view.amodal)),
                     "truncation": truncation(view.projected, camera),
-                    **self._geometry(actor, base),
+                    "box3d": box,
+                    "distance": distance,
                     "velocity": [fixed(v / METRE) for v in velocities[self._numbers[actor]]],
                 }
             )
         return records
 
-    def _geometry(self, actor: str, sensor_from_base: Array) -> Record:
+    def _box(self, actor: str, sensor_from_base: Array) -> tuple[Box3d, float]:
+        """The box of an actor in the sensor's frame, and the distance to its centre in metres."""
         low, high = self._extents[actor]
         centre = _apply(sensor_from_base, ((low + high) / 2.0)[None])[0]
         r = sensor_from_base
-        box = {
+        box: Box3d = {
             "centre": [fixed(float(v)) for v in centre],
             "size": [fixed(float(v)) for v in high - low],
             "rotation": [fixed(v) for v in quaternion(r)],
             "yaw": fixed(exact.atan2_deg(float(r[1, 0]), float(r[0, 0]))),
         }
         distance = np.sqrt(centre[0] * centre[0] + centre[1] * centre[1] + centre[2] * centre[2])
-        return {"box3d": box, "distance": fixed(float(distance))}
+        return box, fixed(float(distance))
 
 
 def quaternion(transform: Array) -> tuple[float, float, float, float]:
-    """The rotation of a rigid transform [3, 4] as a unit quaternion w, x, y, z; the first that is not 0 is positive."""
+    """Return the rotation of a rigid transform [3, 4] as a unit quaternion w, x, y, z.
+
+    The first component that is not 0 is positive.
+    """
     return of_rotation([[float(transform[i, j]) for j in range(3)] for i in range(3)])
 
 
 def truncation(projected: Sequence[float], camera: CameraPlan) -> float:
-    """The share, by area, of an actor's projected box x0, y0, x1, y1 that lies outside the picture."""
+    """Return the share of the area of a projected box that lies outside the image.
+
+    Args:
+        projected: x0, y0, x1, y1 in pixels, not clipped to the image.
+        camera: The camera; gives the size of the image.
+    """
     x0, y0, x1, y1 = (float(v) for v in projected)
     whole = (x1 - x0) * (y1 - y0)
     wide = min(x1, float(camera.width)) - max(x0, 0.0)
@@ -107,7 +114,7 @@ def truncation(projected: Sequence[float], camera: CameraPlan) -> float:
 
 
 def _extents(trace: Trace, bodies: Sequence[Body]) -> dict[str, tuple[Array, Array]]:
-    """For each actor the least box, in its base part's frame, that holds its parts in all frames: two corners."""
+    """Return the lowest and highest corner of each actor's bounding box over all frames, in its base part's frame."""
     rows, bases, corners, owners = [], [], [], []
     for number, body in enumerate(bodies):
         for row in trace.actor_parts(body.name):
@@ -130,7 +137,7 @@ def _extents(trace: Trace, bodies: Sequence[Body]) -> dict[str, tuple[Array, Arr
 
 
 def _apply(transform: Array, points: Array) -> Array:
-    """Points [..., N, 3] moved by transforms [..., 3, 4]: [..., N, 3]."""
+    """Apply transforms [..., 3, 4] to points [..., N, 3]."""
     t = transform[..., None, :, :]
     x, y, z = points[..., 0:1], points[..., 1:2], points[..., 2:3]
     moved: Array = t[..., 0] * x + t[..., 1] * y + t[..., 2] * z + t[..., 3]

@@ -1,19 +1,66 @@
-"""What is recorded of a frame and of a video: the input of every annotation file."""
+"""The records of objects, frames and videos from which every annotation file is written."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias, TypedDict
 
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.plan import SensorPlan
 
-from recipe_runtime.annotate.objects import Record
+
+class Box3d(TypedDict):
+    """The oriented box of an actor, in the sensor's frame: x forward, y left, z up.
+
+    The box contains the actor in all of its poses, so that its size is constant over a track.
+    """
+
+    centre: list[float]  # x, y, z in metres
+    size: list[float]  # length, width, height in metres
+    rotation: list[float]  # unit quaternion w, x, y, z from the axes of the box to those of the sensor
+    yaw: float  # degrees; the whole rotation if sensor and actor are level
 
 
-def label_digest(records: list[Record]) -> str:
-    """Identity of a frame's labels."""
-    return digest("labels/1", records)
+class LabelRecord(TypedDict):
+    """One visible object of one frame, as plain JSON. Non-integers have six decimal places."""
+
+    instance: int  # class tag * 1000 + number: the identity of the track in every sensor, frame and variant
+    actor: str  # name in the recipe
+    bbox: list[int]  # x, y, width, height of the visible pixels
+    area: int  # number of visible pixels
+    counts: str  # mask of the visible pixels in COCO's compressed run-length code
+    amodal_bbox: list[int]  # x, y, width, height of the pixels within the image that it would cover unoccluded
+    amodal_area: int  # number of those pixels
+    visible_fraction: float  # area / amodal_area
+    truncation: float  # share of its projected box, occluded or not, that lies outside the image, 0 to 1
+    box3d: Box3d
+    distance: float  # from the sensor to the centre of the box, metres
+    velocity: list[float]  # x, y, z in the world frame, m/s
+
+
+FileRow: TypeAlias = tuple[int, str] | tuple[int, str, str]
+"""Size in bytes, SHA-256, and, of a file in a workspace, its stamp (`core.files.stamp_of`)."""
+
+
+class LabelledFrame(TypedDict):
+    """The labels of one frame of one sensor."""
+
+    frame: int
+    objects: list[LabelRecord]
+
+
+class FrameRecord(LabelledFrame):
+    """One frame of one view: its labels, its digests and the files written for it."""
+
+    digests: dict[str, str]  # by label modality, and `labels` for the objects
+    rgb: dict[str, str]  # digest of the colour image, by variant
+    files: dict[str, FileRow]  # by path in the dataset
+
+
+def label_digest(records: Sequence[LabelRecord]) -> str:
+    """Return the identity of the labels of a frame."""
+    return digest("labels/1", list(records))
 
 
 @dataclass(frozen=True)
@@ -27,10 +74,5 @@ class Video:
 
     @property
     def name(self) -> str:
-        """Its name in every annotation file."""
+        """The name of the video in every annotation file."""
         return f"{self.variant}/{self.sensor.name}"
-
-
-# frame, objects, digests {modality: digest}, rgb {variant: digest},
-# files {path: [size, SHA-256, stamp of the written file]}
-FrameRecord = dict[str, Any]

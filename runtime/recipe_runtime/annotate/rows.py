@@ -1,14 +1,17 @@
-"""JSON of tables: a row a line, keys sorted, so that a diff reads well and the bytes are always the same."""
+"""JSON tables with one row per line and sorted keys: readable in a diff, and equal bytes for equal values."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any
 
 
-def tables(sections: Mapping[str, Any]) -> str:
-    """A JSON object: sections in the given order, each list with a row a line. ValueError for NaN and infinities."""
+def tables(sections: Mapping[str, object]) -> str:
+    """Return a JSON object with the sections in the given order and each list with one row per line.
+
+    Raises:
+        ValueError: A number is NaN or infinite.
+    """
     parts = []
     for name, value in sections.items():
         if isinstance(value, list) and value:
@@ -19,5 +22,5 @@ def tables(sections: Mapping[str, Any]) -> str:
     return "{\n" + ",\n".join(parts) + "\n}\n"
 
 
-def _row(value: Any) -> str:
+def _row(value: object) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False)

@@ -1,8 +1,8 @@
-"""A second look at annotation files before they are published: what format checkers let pass.
+"""Consistency checks of annotation files before they are published, beyond what format checkers report.
 
-Found here: a frame number twice in a video, ids without a row or twice, NaN, boxes and areas that are not the
-mask's, boxes outside the picture, masks that overlap, pictures that are not there. Masks are read back with
-pycocotools, which had no part in measuring them.
+Reported are: duplicate frame numbers in a video, duplicate or dangling ids, NaN, boxes and areas that disagree with the
+mask, boxes outside the image, overlapping masks, and missing images. Masks are decoded with pycocotools, which is
+independent of the code that measures them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,12 @@ Row = dict[str, Any]
 
 
 def problems(path: Path, root: Path | None = None) -> list[str]:
-    """What is wrong with a COCO or kwcoco file, one line each; `root` is where plain file names start."""
+    """Return one line for every problem of a COCO or kwcoco file.
+
+    Args:
+        path: The annotation file.
+        root: The folder that file names are relative to; the folder of `path` by default.
+    """
     data = json.loads(path.read_text(encoding="utf-8"))
     found = [*_rows(data), *_numbers(data), *_masks(data)]
     found += [f"{name} is not there" for name in _files(data) if not ((root or path.parent) / name).is_file()]

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
-from recipe_runtime.annotate.records import Video
+from recipe_runtime.annotate.records import FileRow, Video
 from recipe_runtime.annotate.validate import problems
 from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.build.workspace import Workspace
@@ -25,7 +24,6 @@ from recipe_runtime.dataset.text_files import Text, annotation_texts, closing_te
 from recipe_runtime.dataset.tracks import tracks_csv
 from recipe_runtime.report.contact_sheets import contact_sheet, overlay_sheet
 
-FileRow = list[Any]  # size, SHA-256; of frames' files also the stamp of the written file
 Task = Callable[[], dict[str, FileRow]]
 
 

@@ -34,6 +34,8 @@ class ShardJournal(ABC):
             kept = json.loads(self._get(shard, view) or b"null")
             records: list[FrameRecord] = kept["records"]
             whole = kept["seal"] == digest("shard-record/1", records)
+            for record in records if whole else ():
+                record["files"] = {path: (row[0], row[1], *row[2:]) for path, row in record["files"].items()}
         except (OSError, ValueError, KeyError, TypeError):
             return None
         return records if whole else None

@@ -22,6 +22,7 @@ from typing import Any
 
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
+from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build import local, provenance
 from recipe_runtime.build.finalize import Finisher
 from recipe_runtime.build.recipe_files import RecipeFiles
@@ -248,7 +249,7 @@ class _Studio:
             else:
                 harvest.add(shard, records)
 
-        def done(shard: Shard, records: list[dict[str, Any]]) -> None:
+        def done(shard: Shard, records: list[FrameRecord]) -> None:
             work.keep(shard, seen[shard.view], records)
             harvest.add(shard, records)
 

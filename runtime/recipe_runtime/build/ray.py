@@ -290,7 +290,7 @@ def _put(root: Path | None, parcel: Parcel) -> None:
                     write_atomic(place, parcel.bodies[sha256])
                     first[sha256] = place
     for record in parcel.records:  # when all links are made, which change a file's stamp
-        record["files"] = {p: [*row[:2], stamp_of((root / p).lstat())] for p, row in record["files"].items()}
+        record["files"] = {p: (row[0], row[1], stamp_of((root / p).lstat())) for p, row in record["files"].items()}
 
 
 def _place(job: Job, shard: Shard) -> str:

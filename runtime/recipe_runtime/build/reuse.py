@@ -20,7 +20,7 @@ from recipe_compiler.ir.lockfile import VariantRow
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, SensorPlan
 from recipe_compiler.ir.plurals import count
 
-from recipe_runtime.annotate.records import FrameRecord
+from recipe_runtime.annotate.records import FileRow, FrameRecord
 from recipe_runtime.build.known_frames import Known
 from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.cache.store import Store
@@ -116,7 +116,7 @@ class Reuse:
         assert self.before is not None
         old, sensor = self._labels[view.key]
         names = [self.plan.variants[n].variant for n in variants]
-        files: dict[str, list[int | str]] = {}
+        files: dict[str, FileRow] = {}
         for modality in (m for m in view.sensor.capture if m != "rgb"):
             source = layout.frame_file(old.variant, sensor.name, modality, frame, self.plan.depth)
             paths = [layout.frame_file(n, view.sensor.name, modality, frame, self.plan.depth) for n in names]
@@ -137,19 +137,19 @@ class Reuse:
         seen = labels_of(self._lines(view)[frame], digests["labels"], sensor)
         return {"frame": frame, "objects": seen, "digests": digests, "rgb": rgb, "files": files}
 
-    def _linked(self, work: Workspace | None, source: str, paths: list[str]) -> dict[str, list[int | str]]:
+    def _linked(self, work: Workspace | None, source: str, paths: list[str]) -> dict[str, FileRow]:
         """Verify a file of the earlier dataset, and give it its names in this one."""
         assert self.before is not None
         size, sha256 = self.before.files[source]
         found = regular_file(self.before.root, source)
         if found is None or found.st_size != size or file_sha256(self.before.root / source) != sha256:
             raise ValueError(f"{source} is not what the manifest says")
-        row: list[int | str] = [size, sha256]
+        row: FileRow = (size, sha256)
         if work is not None:
             work.take(self.before.root / source, paths[0])
             for path in paths[1:]:
                 work.link(paths[0], path)
-            row.append(work.stamp(paths[0]))
+            row = size, sha256, work.stamp(paths[0])
             now = regular_file(self.before.root, source)  # links change the stamp, and not this time
             if now is None or (now.st_ino, now.st_mtime_ns) != (found.st_ino, found.st_mtime_ns):
                 raise ValueError(f"{source} was changed while it was taken over")

@@ -18,7 +18,7 @@ from recipe_compiler.ir.errors import RecipeError, RunError
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.mots import mots_picture
-from recipe_runtime.annotate.records import FrameRecord, label_digest
+from recipe_runtime.annotate.records import FileRow, FrameRecord, label_digest
 from recipe_runtime.build import host_errors
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs, layout
@@ -133,7 +133,7 @@ class _FrameTask:
         with watch("annotate"):
             objects = self.source.labels(seen, sensor, frame)
             digests = {"labels": label_digest(objects)}
-        files: dict[str, list[Any]] = {}
+        files: dict[str, FileRow] = {}
         for modality in LABEL_MODALITIES:
             if modality in sensor.capture:
                 array = label_array(seen, modality)
@@ -151,18 +151,18 @@ class _FrameTask:
         return {"frame": frame, "objects": objects, "digests": digests, "rgb": rgb, "files": files}
 
     def _write(
-        self, files: dict[str, list[Any]], modality: str, frame: int, array: NDArray[Any], variants: tuple[int, ...]
+        self, files: dict[str, FileRow], modality: str, frame: int, array: NDArray[Any], variants: tuple[int, ...]
     ) -> None:
         depth, names = self.job.dataset.depth, [self.job.dataset.variants[i].variant for i in variants]
         paths = [layout.frame_file(name, self.view.sensor.name, modality, frame, depth) for name in names]
         self._put(files, paths, lambda: _encoded(modality, array, depth))
 
-    def _write_mots(self, files: dict[str, list[Any]], frame: int, seen: Observed, variants: tuple[int, ...]) -> None:
+    def _write_mots(self, files: dict[str, FileRow], frame: int, seen: Observed, variants: tuple[int, ...]) -> None:
         names = [self.job.dataset.variants[i].variant for i in variants]
         paths = [layout.mots_png_file(name, self.view.sensor.name, frame) for name in names]
         self._put(files, paths, lambda: codecs.png(mots_picture(seen.instance)))
 
-    def _put(self, files: dict[str, list[Any]], paths: list[str], body: Callable[[], bytes]) -> None:
+    def _put(self, files: dict[str, FileRow], paths: list[str], body: Callable[[], bytes]) -> None:
         """Write one file under all its names."""
         root = self.job.root
         if root is None:
@@ -170,12 +170,12 @@ class _FrameTask:
         with self.watch("encode"):
             data = body()
         with self.watch("hash"):
-            row: list[Any] = [len(data), hashlib.sha256(data).hexdigest()]
+            size, sha256 = len(data), hashlib.sha256(data).hexdigest()
         with self.watch("write"):
             write_atomic(root / paths[0], data)
             for path in paths[1:]:
                 link_or_copy(root / paths[0], root / path)
-            row.append(stamp_of((root / paths[0]).lstat()))
+            row = size, sha256, stamp_of((root / paths[0]).lstat())
         files.update(dict.fromkeys(paths, row))
 
 

@@ -25,7 +25,7 @@ from typing import Any
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
-from recipe_runtime.annotate.records import FrameRecord
+from recipe_runtime.annotate.records import FileRow, FrameRecord
 from recipe_runtime.build.journal import FolderJournal
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import (
@@ -109,7 +109,7 @@ class Workspace:
         with host_errors(f"{self._partial}: {path}", _REMEDY):
             write_atomic(self.dataset / path, body)
 
-    def write_pieces(self, path: str, pieces: Iterable[bytes]) -> list[Any]:
+    def write_pieces(self, path: str, pieces: Iterable[bytes]) -> FileRow:
         """Write one of the dataset's files as it is made. Returns its size and SHA-256."""
         size, hasher = 0, hashlib.sha256()
         with host_errors(f"{self._partial}: {path}", _REMEDY), atomic_file(self.dataset / path) as file:
@@ -117,7 +117,7 @@ class Workspace:
                 file.write(piece)
                 hasher.update(piece)
                 size += len(piece)
-        return [size, hasher.hexdigest()]
+        return size, hasher.hexdigest()
 
     def link(self, path: str, other: str) -> None:
         """Give one of the dataset's files a second name."""

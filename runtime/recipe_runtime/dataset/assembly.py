@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from recipe_compiler.ir.plan import DatasetPlan
 
-from recipe_runtime.annotate.records import FrameRecord, Video
+from recipe_runtime.annotate.records import FileRow, FrameRecord, Video
 from recipe_runtime.dataset import digests
 from recipe_runtime.dataset.schedule import Shard, views
 
@@ -46,7 +45,7 @@ class Harvest:
                 found.append(Video(variant.variant, sensor, clock.fps, frames))
         return found
 
-    def files(self) -> dict[str, list[Any]]:
+    def files(self) -> dict[str, FileRow]:
         """Size and SHA-256 of every file that the workers wrote."""
         return {path: row for record in self.records.values() for path, row in record["files"].items()}
 

@@ -27,6 +27,7 @@ from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.lockfile import FrameKey, Lockfile, VariantRow
 from recipe_compiler.ir.plan import DatasetPlan
 
+from recipe_runtime.annotate.records import FileRow
 from recipe_runtime.core import layout
 from recipe_runtime.core.versions import STAGES, tool_versions
 from recipe_runtime.dataset.assembly import Harvest
@@ -37,7 +38,7 @@ _PICTURES = "preview/"
 # What reading a manifest that anyone may have written can raise.
 DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RecursionError)
 
-FileRows = Mapping[str, list[Any]]  # path: [size, SHA-256, ...]; what follows these two is not for the manifest
+FileRows = Mapping[str, FileRow]  # by path; the manifest lists size and SHA-256 only
 
 
 def head(dataset: DatasetPlan) -> dict[str, Any]:
@@ -85,9 +86,9 @@ def manifest_text(dataset: DatasetPlan, harvest: Harvest, files: FileRows, recip
     )
 
 
-def file_row(body: bytes) -> list[Any]:
+def file_row(body: bytes) -> FileRow:
     """Size and SHA-256 of a file."""
-    return [len(body), hashlib.sha256(body).hexdigest()]
+    return len(body), hashlib.sha256(body).hexdigest()
 
 
 def listed_files(manifest: Mapping[str, Any]) -> dict[str, tuple[int, str]]:

@@ -19,7 +19,7 @@ from recipe_compiler.ir.lockfile import Lockfile, VariantRow
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan, SensorPlan
 from recipe_compiler.ir.plurals import count
 
-from recipe_runtime.annotate.records import Video
+from recipe_runtime.annotate.records import FrameRecord, LabelledFrame, Video
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256
 from recipe_runtime.core.files import regular_file as regular_file
@@ -153,7 +153,9 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
         for sensor in variant.rig.sensors:
             video = Video(variant.variant, sensor, variant.scene.clock.fps, ())
             try:
-                videos.append(replace(video, frames=tuple(labels(dataset, variant, sensor))))
+                labelled = labels(dataset, variant, sensor)
+                frames: list[FrameRecord] = [{**row, "digests": {}, "rgb": {}, "files": {}} for row in labelled]
+                videos.append(replace(video, frames=tuple(frames)))
             except (OSError, *DAMAGE) as error:
                 reason = str(error).splitlines()[0] if str(error) else type(error).__name__
                 path = layout.labels_file(variant.variant, sensor.name)
@@ -224,8 +226,8 @@ def _frames_without_digest(dataset: Dataset) -> list[Fault]:
     return found
 
 
-def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Iterator[dict[str, Any]]:
-    """The frame records of a video, as far as labels go; ValueError for the first line that is not the manifest's."""
+def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Iterator[LabelledFrame]:
+    """The labels of a video's frames; ValueError for the first line that is not the manifest's."""
     path = layout.labels_file(variant.variant, sensor.name)
     if regular_file(dataset.root, path) is None:
         raise ValueError("missing, or no plain file")

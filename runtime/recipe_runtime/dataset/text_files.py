@@ -9,15 +9,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 from recipe_compiler.ir.canonical import canonical_bytes, pretty
 from recipe_compiler.ir.plan import DatasetPlan, SensorPlan
 
 from recipe_runtime.annotate.coco import flat_coco, kwcoco
 from recipe_runtime.annotate.mots import mots_lines, runs_fill, seqinfo, seqmap
-from recipe_runtime.annotate.objects import Record
-from recipe_runtime.annotate.records import Video, label_digest
+from recipe_runtime.annotate.records import FrameRecord, LabelRecord, Video, label_digest
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.card import card
 from recipe_runtime.dataset.json_stream import loads
@@ -35,11 +33,13 @@ def labels_text(video: Video) -> str:
 def with_labels(video: Video, text: str) -> Video:
     """The video with its labels as they are written: numbers as JSON has them, so that a reader's are the same."""
     lines = text.split("\n")  # not splitlines: a name may hold another separator
-    frames = ({**record, "objects": json.loads(line)} for record, line in zip(video.frames, lines, strict=False))
+    frames: list[FrameRecord] = [
+        {**record, "objects": json.loads(line)} for record, line in zip(video.frames, lines, strict=False)
+    ]
     return replace(video, frames=tuple(frames))
 
 
-def labels_of(line: bytes, digest: str | None, sensor: SensorPlan) -> list[Record]:
+def labels_of(line: bytes, digest: str | None, sensor: SensorPlan) -> list[LabelRecord]:
     """The records of one line of labels; ValueError unless they are those of that digest, in canonical form."""
     records = loads(line, _MOST_VALUES)
     if label_digest(records) != digest:
@@ -49,7 +49,7 @@ def labels_of(line: bytes, digest: str | None, sensor: SensorPlan) -> list[Recor
     size = sensor.camera.width * sensor.camera.height
     if not all(runs_fill(record["counts"], size) for record in records):
         raise ValueError("a mask has another size than the picture")
-    found: list[Record] = records
+    found: list[LabelRecord] = records
     return found
 
 
@@ -80,7 +80,7 @@ def _sequence(video: Video) -> str:
     return layout.sequence(video.variant, video.sensor.name)
 
 
-def _objects(video: Video) -> list[list[dict[str, Any]]]:
+def _objects(video: Video) -> list[list[LabelRecord]]:
     return [record["objects"] for record in video.frames]
 
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.plan import AppearancePlan, ScenarioPlan, ScenePlan, SensorPlan
 
-from recipe_runtime.annotate.objects import Annotator, Record
+from recipe_runtime.annotate.objects import Annotator
+from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import LABEL_MODALITIES, label_array
 from recipe_runtime.core.timings import Stopwatch
@@ -97,7 +98,7 @@ class SceneSource:
             seen: Observed = self.renderer.observe(sensor.camera, pose, part_transforms(self.trace, frame))
         return seen
 
-    def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> list[Record]:
+    def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> list[LabelRecord]:
         """The records of the objects seen."""
         pose = sensor_transform(sensor, self.trace, frame)
         return self.annotator.records(seen, sensor.camera, pose, frame)
@@ -187,7 +188,7 @@ class FrameSource:
         """The captured modalities of one frame: arrays that `pixel_digest` takes."""
         return self.render_labelled(sensor, frame)[0]
 
-    def render_labelled(self, sensor: str, frame: int) -> tuple[dict[str, NDArray[Any]], list[Record]]:
+    def render_labelled(self, sensor: str, frame: int) -> tuple[dict[str, NDArray[Any]], list[LabelRecord]]:
         """The captured modalities of one frame, and its labels."""
         plan = self._sensors[sensor]
         seen = self.source.observe(plan, frame)

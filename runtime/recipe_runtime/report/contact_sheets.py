@@ -19,8 +19,7 @@ from PIL import Image, ImageDraw, ImageFont
 from recipe_compiler.ir.errors import RunError
 
 from recipe_runtime.annotate.categories import CATEGORIES
-from recipe_runtime.annotate.objects import Record
-from recipe_runtime.annotate.records import Video
+from recipe_runtime.annotate.records import LabelRecord, Video
 from recipe_runtime.core import codecs
 
 _GROUND = (24, 26, 31)
@@ -159,7 +158,7 @@ def _overlay(picture: Image.Image, cell: Cell, size: Size) -> Image.Image:
     """The picture with each object's mask tinted, then scaled, then its box and name drawn at the sheet's scale."""
     pixels = np.asarray(picture).astype(np.int32)
     height, width = pixels.shape[:2]
-    objects: list[Record] = next(r["objects"] for r in cell.video.frames if r["frame"] == cell.frame)
+    objects: list[LabelRecord] = next(r["objects"] for r in cell.video.frames if r["frame"] == cell.frame)
     hues = [_HUES[n % len(_HUES)] for n in range(len(objects))]
     for item, hue in zip(objects, hues, strict=True):
         inside = _mask(item, height, width)
@@ -176,7 +175,7 @@ def _overlay(picture: Image.Image, cell: Cell, size: Size) -> Image.Image:
     return drawn
 
 
-def _mask(item: Record, height: int, width: int) -> NDArray[np.bool_]:
+def _mask(item: LabelRecord, height: int, width: int) -> NDArray[np.bool_]:
     with warnings.catch_warnings():  # pycocotools has not learnt NumPy 2's copy keyword
         warnings.simplefilter("ignore", DeprecationWarning)
         decoded = pycocotools.mask.decode({"size": [height, width], "counts": item["counts"].encode()})

@@ -1,5 +1,7 @@
 """Annotations say what the pixels say, as pycocotools counts them, and what the geometry says."""
 
+from pathlib import Path
+
 import numpy as np
 import pycocotools.mask
 import pytest
@@ -8,9 +10,11 @@ from hypothesis import strategies as st
 from recipe_compiler.ir.plan import CameraPlan, Pose, fixed
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.objects import quaternion, truncation
-from recipe_runtime.annotate.records import label_digest
+from recipe_runtime.annotate.records import Box3d, FrameRecord, LabelRecord, label_digest
+from recipe_runtime.build.journal import FolderJournal
 from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.core.transforms import compose, from_pose, invert, part_transforms
+from recipe_runtime.dataset.schedule import all_shards, views
 from recipe_runtime.frames.source import FrameSource
 
 from tests.runtime.fakes import ENGINES, actor_bodies, dataset_plan, simulate
@@ -70,6 +74,29 @@ def test_records_hold_the_scene(tmp_path: object) -> None:
     assert hero["velocity"] == [0.0, 1.0, 0.0]
     assert all(0 < r["visible_fraction"] <= 1 for r in records)
     assert any(r["visible_fraction"] < 1 for f in range(12) for r in source.render_labelled("street", f)[1])
+
+
+def test_records_have_the_fields_of_their_types() -> None:
+    plan = dataset_plan()
+    source = FrameSource(plan.variants[0], simulate(plan.variants[0].scene), engines=ENGINES)
+    for record in source.render_labelled("street", 3)[1]:
+        assert list(record) == list(LabelRecord.__annotations__)
+        assert list(record["box3d"]) == list(Box3d.__annotations__)
+
+
+def test_a_journal_returns_the_records_written(tmp_path: Path) -> None:
+    """JSON has no tuples: file rows come back as what their type says, so that they compare equal."""
+    plan = dataset_plan()
+    shard, journal = all_shards(plan)[0], FolderJournal(tmp_path)
+    record: FrameRecord = {
+        "frame": 0,
+        "objects": [],
+        "digests": {},
+        "rgb": {},
+        "files": {"a": (1, "x"), "b": (2, "y", "z")},
+    }
+    journal.write(shard, views(plan)[shard.view], [record])
+    assert journal.read(shard, views(plan)[shard.view]) == [record]
 
 
 def test_digests_part_where_pixels_and_labels_part() -> None:
