@@ -18,7 +18,6 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
@@ -39,6 +38,7 @@ from recipe_runtime.core.versions import builder
 from recipe_runtime.dataset.assembly import Harvest
 from recipe_runtime.dataset.limits import check_bounds, check_plan
 from recipe_runtime.dataset.manifest import head, is_whole
+from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.schedule import SHARD_FRAMES, Shard, Taken, all_shards, missing_shards, simulations, views
 from recipe_runtime.frames.engines import Engines, devices, real_engines
@@ -52,7 +52,7 @@ class BuildResult:
 
     path: Path
     identity: str
-    manifest: dict[str, Any]
+    manifest: Manifest
     built: bool  # False: it was there already, whole
     mended: tuple[str, ...] = ()  # what was wrong with its files, a line each, if that was looked for
     resumed: int = 0  # shards taken up from a build that was stopped

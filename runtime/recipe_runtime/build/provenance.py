@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.canonical import pretty
@@ -21,6 +19,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core.files import host_errors, write_atomic
+from recipe_runtime.dataset.manifest_types import Manifest
 
 _FORMAT = "recipe/source/1"
 _MAX_BYTES = 1 << 16
@@ -31,7 +30,7 @@ def record_path(out: Path) -> Path:
     return out.with_name(f".{out.name}.source.json")
 
 
-def record(out: Path, manifest: Mapping[str, Any], source: Path | None) -> None:
+def record(out: Path, manifest: Manifest, source: Path | None) -> None:
     """Note that the dataset in `out` was built from the recipe file `source`, unless a recipe is noted already."""
     if source is None or _recorded(out, manifest) is not None:
         return
@@ -41,7 +40,7 @@ def record(out: Path, manifest: Mapping[str, Any], source: Path | None) -> None:
         write_atomic(path, pretty({**row, "source": _from(out, source)}).encode())
 
 
-def check_replaceable(out: Path, manifest: Mapping[str, Any] | None, plan: DatasetPlan, source: Path | None) -> None:
+def check_replaceable(out: Path, manifest: Manifest | None, plan: DatasetPlan, source: Path | None) -> None:
     """InputError if the dataset in `out` is of another recipe than the one about to be built there.
 
     Args:
@@ -68,7 +67,7 @@ def check_replaceable(out: Path, manifest: Mapping[str, Any] | None, plan: Datas
         )
 
 
-def _recorded(out: Path, manifest: Mapping[str, Any]) -> str | None:
+def _recorded(out: Path, manifest: Manifest) -> str | None:
     """The path of the recipe that is noted for this very dataset; None if there is none."""
     try:
         row = json.loads(read_regular(record_path(out), _MAX_BYTES))

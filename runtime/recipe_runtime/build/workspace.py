@@ -17,10 +17,9 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import Code, InputError, RunError
@@ -38,19 +37,32 @@ from recipe_runtime.core.files import (
     write_atomic,
 )
 from recipe_runtime.dataset import manifest_reader
-from recipe_runtime.dataset.manifest import DAMAGE, FileRows, listed_files
+from recipe_runtime.dataset.manifest import DAMAGE, listed_files
+from recipe_runtime.dataset.manifest_types import Manifest, ManifestHead
 from recipe_runtime.dataset.schedule import Shard, View
 
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
 
 
-class Workspace:
-    """The work on one dataset folder; a context manager that holds the lock."""
+class BuildJob(ManifestHead):
+    """`job.json`: the plan that is built, and the code that builds it. Equal jobs make equal files."""
 
-    def __init__(self, out: Path, job: dict[str, Any], *, replace: bool = False) -> None:
+    builder: str
+
+
+class Workspace:
+    """The work on one dataset folder; a context manager that holds the lock.
+
+    Args:
+        out: the dataset's folder.
+        job: what is built; None for `settle`, which continues no work.
+        replace: whether another recipe's unfinished work may be discarded.
+    """
+
+    def __init__(self, out: Path, job: BuildJob | None, *, replace: bool = False) -> None:
         self.out = out
-        self._recipe, self._replace = job.get("recipe"), replace
-        self._job = pretty({"format": "recipe/partial/1", **job})
+        self._recipe, self._replace = job and job["recipe"], replace
+        self._job = pretty(job)
         self._partial = out.parent / f".{out.name}.partial"
         self._shards = FolderJournal(self._partial / "shards")
         self.dataset = self._partial / "dataset"
@@ -137,7 +149,7 @@ class Workspace:
     @classmethod
     def settle(cls, out: Path) -> None:
         """Finish what a build that ended within `publish` left: put the old dataset back, or clear it away."""
-        work = cls(out, {})
+        work = cls(out, None)
         ended = work._partial.is_dir() and out.exists() and not work.dataset.exists()
         if not ended and not (work._partial / "old").is_dir():
             return
@@ -150,7 +162,7 @@ class Workspace:
             finally:
                 os.close(work._lock)
 
-    def publish(self, files: FileRows) -> None:
+    def publish(self, files: Mapping[str, FileRow]) -> None:
         """Put the dataset of these files into place, in place of the one that was there.
 
         RunError, with nothing published, if another program changed or removed one of them since it was written.
@@ -180,7 +192,7 @@ class Workspace:
                 shutil.rmtree(child)
         shutil.rmtree(self._partial)
 
-    def _as_written(self, path: str, row: Sequence[Any]) -> bool:
+    def _as_written(self, path: str, row: FileRow) -> bool:
         """Whether a file has the bytes that the build wrote: `row` is size, SHA-256, and the written file's stamp.
 
         A file with the same inode, size and time of last change was not written to, so it is not read again.
@@ -290,7 +302,7 @@ def check_out(out: Path) -> None:
         )
 
 
-def read_manifest(out: Path) -> dict[str, Any] | None:
+def read_manifest(out: Path) -> Manifest | None:
     """The manifest in a folder; None if there is none that this project wrote, or it is damaged."""
     try:
         return manifest_reader.read(out)

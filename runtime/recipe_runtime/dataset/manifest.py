@@ -21,7 +21,7 @@ import stat
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Final, Literal
 
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.lockfile import FrameKey, Lockfile, VariantRow
@@ -31,6 +31,14 @@ from recipe_runtime.annotate.records import FileRow
 from recipe_runtime.core import layout
 from recipe_runtime.core.versions import STAGES, tool_versions
 from recipe_runtime.dataset.assembly import Harvest
+from recipe_runtime.dataset.manifest_types import (
+    FileRecord,
+    FrameDigests,
+    Manifest,
+    ManifestHead,
+    RequiredManifest,
+    VariantRecord,
+)
 
 FORMAT = "recipe/manifest/1"
 _PICTURES = "preview/"
@@ -38,10 +46,10 @@ _PICTURES = "preview/"
 # What reading a manifest that anyone may have written can raise.
 DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RecursionError)
 
-FileRows = Mapping[str, FileRow]  # by path; the manifest lists size and SHA-256 only
+_TABLES: Final[tuple[Literal["files", "pictures"], ...]] = ("files", "pictures")
 
 
-def head(dataset: DatasetPlan) -> dict[str, Any]:
+def head(dataset: DatasetPlan) -> ManifestHead:
     """What a manifest says of the plan: two builds with equal heads make the same dataset."""
     return {
         "format": FORMAT,
@@ -53,13 +61,13 @@ def head(dataset: DatasetPlan) -> dict[str, Any]:
     }
 
 
-def manifest_text(dataset: DatasetPlan, harvest: Harvest, files: FileRows, recipe_file: str | None) -> str:
+def manifest_text(dataset: DatasetPlan, harvest: Harvest, files: Mapping[str, FileRow], recipe_file: str | None) -> str:
     """The manifest of a finished dataset. `recipe_file`: where the recipe lies in it, if it does."""
-    sensors: dict[str, dict[str, Any]] = {}
+    sensors: dict[str, FrameDigests] = {}
     for video in harvest.videos():
         pixels = {m: [v for _, v in sorted(frames.items())] for m, frames in harvest.pixels(video).items()}
         sensors.setdefault(video.variant, {})[video.sensor.name] = pixels
-    variants = {
+    variants: dict[str, VariantRecord] = {
         v.variant: {
             "plan": v.digest,
             "scene": v.scene.digest,
@@ -71,30 +79,32 @@ def manifest_text(dataset: DatasetPlan, harvest: Harvest, files: FileRows, recip
         }
         for v in dataset.variants
     }
-    rows = {path: {"size": row[0], "sha256": row[1]} for path, row in sorted(files.items())}
-    return pretty(
-        {
-            **head(dataset),
-            "identity": harvest.identity(),
-            "tools": tool_versions(),
-            "order": [v.variant for v in dataset.variants],
-            "variants": variants,
-            "files": {p: row for p, row in rows.items() if not p.startswith(_PICTURES)},
-            "pictures": {p: row for p, row in rows.items() if p.startswith(_PICTURES)},
-            **({} if recipe_file is None else {"recipe_file": recipe_file}),
-        }
-    )
+    rows: dict[str, FileRecord] = {path: {"size": row[0], "sha256": row[1]} for path, row in sorted(files.items())}
+    manifest: RequiredManifest = {
+        **head(dataset),
+        "identity": harvest.identity(),
+        "tools": tool_versions(),
+        "order": [v.variant for v in dataset.variants],
+        "variants": variants,
+        "files": {p: row for p, row in rows.items() if not p.startswith(_PICTURES)},
+        "pictures": {p: row for p, row in rows.items() if p.startswith(_PICTURES)},
+    }
+    return pretty(manifest if recipe_file is None else {**manifest, "recipe_file": recipe_file})
 
 
 def file_row(body: bytes) -> FileRow:
-    """Size and SHA-256 of a file."""
+    """The size and the SHA-256 of a file with these bytes."""
     return len(body), hashlib.sha256(body).hexdigest()
 
 
-def listed_files(manifest: Mapping[str, Any]) -> dict[str, tuple[int, str]]:
-    """Size and SHA-256 of every file that a manifest lists. ValueError if a row is none, or leads out of the folder."""
+def listed_files(manifest: Manifest) -> dict[str, tuple[int, str]]:
+    """Size and SHA-256 of every file that a manifest lists.
+
+    Raises:
+        ValueError: a row has no size, or its path leads out of the folder.
+    """
     rows: dict[str, tuple[int, str]] = {}
-    for table in ("files", "pictures"):
+    for table in _TABLES:
         if not isinstance(manifest.get(table), dict):
             raise ValueError(f"{table} is not a table")
         for path, row in manifest[table].items():
@@ -112,7 +122,7 @@ def stays_inside(path: str) -> bool:
     return path.isprintable() and "\\" not in path and not any(part in ("", ".", "..") for part in parts)
 
 
-def lock_of(manifest: Mapping[str, Any], source: str = "", files: dict[str, str] | None = None) -> Lockfile:
+def lock_of(manifest: Manifest, source: str = "", files: dict[str, str] | None = None) -> Lockfile:
     """A manifest's digests as lockfile rows; sealed if they add up to its identity.
 
     KeyError, TypeError, AttributeError or ValueError if it is damaged.
@@ -141,7 +151,7 @@ def lock_of(manifest: Mapping[str, Any], source: str = "", files: dict[str, str]
     return replace(lock, sealed=lock.identity == manifest["identity"])
 
 
-def is_whole(manifest: Mapping[str, Any], dataset: DatasetPlan, root: Path) -> bool:
+def is_whole(manifest: Manifest, dataset: DatasetPlan, root: Path) -> bool:
     """Whether a folder holds this very dataset, by its manifest and its files' sizes; bytes are not read here.
 
     `recipe verify` reads the bytes, and `recipe build --repair` mends them.
@@ -154,7 +164,7 @@ def is_whole(manifest: Mapping[str, Any], dataset: DatasetPlan, root: Path) -> b
         return False
 
 
-def is_of(manifest: Mapping[str, Any], dataset: DatasetPlan) -> bool:
+def is_of(manifest: Manifest, dataset: DatasetPlan) -> bool:
     """Whether a manifest is of this plan and these tools, and its identity what its digests add up to."""
     if {key: manifest.get(key) for key in head(dataset)} != head(dataset) or manifest.get("tools") != tool_versions():
         return False

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO, Literal
+from typing import Annotated, BinaryIO, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from recipe_compiler.ir.plan import MAX_DESCRIPTION, MAX_VARIANT_NAME, MAX_VARIANTS, Name, Sha256
@@ -19,6 +19,7 @@ from recipe_runtime.core.files import regular_file
 from recipe_runtime.dataset.json_stream import JsonStream
 from recipe_runtime.dataset.limits import MAX_FILES, MAX_ROWS
 from recipe_runtime.dataset.manifest import FORMAT, stays_inside
+from recipe_runtime.dataset.manifest_types import FileRecord, FrameDigests, Manifest, VariantRecord
 
 MAX_BYTES = 1 << 28
 _MAX_PATH, _MAX_PART = 2_000, 255  # bytes of a path, and of a name in it
@@ -58,11 +59,13 @@ class _Head(BaseModel):
     tools: Annotated[dict[Name, Annotated[str, Field(max_length=100)]], Field(max_length=100)]
 
 
-def read(root: Path) -> dict[str, Any]:
-    """The manifest of the dataset in a folder, as `manifest.manifest_text` wrote it.
+def read(root: Path) -> Manifest:
+    """Read the manifest of the dataset in a folder.
 
-    NotAManifestError if there is none of this project, another ValueError if it is damaged, OSError if it cannot be
-    read.
+    Raises:
+        NotAManifestError: the folder has no manifest of this project.
+        ValueError: the manifest is damaged.
+        OSError: it cannot be read.
     """
     there = regular_file(root, layout.MANIFEST)
     if there is None:
@@ -73,10 +76,15 @@ def read(root: Path) -> dict[str, Any]:
         return parse(file)
 
 
-def parse(file: BinaryIO) -> dict[str, Any]:
-    """A manifest from its text."""
-    stream, found = JsonStream(file, MAX_BYTES), dict[str, Any]()
-    tables: dict[str, Callable[[], Any]] = {
+def parse(file: BinaryIO) -> Manifest:
+    """Parse and check a manifest.
+
+    Raises:
+        NotAManifestError: it is not a manifest of this project.
+        ValueError: it is damaged, or exceeds a limit.
+    """
+    stream, found = JsonStream(file, MAX_BYTES), dict[str, object]()
+    tables: dict[str, Callable[[], object]] = {
         "files": lambda: _files(stream, MAX_FILES),
         "pictures": lambda: _files(stream, 1000),
         "variants": lambda: _variants(stream),
@@ -96,11 +104,14 @@ def parse(file: BinaryIO) -> dict[str, Any]:
     except ValidationError as error:
         raise ValueError(first_error(error)) from None
     missing = [key for key in tables if key not in found]
-    if missing or set(found["order"]) != set(found["variants"]):
-        raise ValueError(f"it lacks {missing[0]}" if missing else "order and variants name different variants")
-    if len(set(found["order"])) < len(found["order"]):
+    if missing:
+        raise ValueError(f"it lacks {missing[0]}")
+    manifest = cast(Manifest, found)  # every table and `_Head` have been checked
+    if set(manifest["order"]) != set(manifest["variants"]):
+        raise ValueError("order and variants name different variants")
+    if len(set(manifest["order"])) < len(manifest["order"]):
         raise ValueError("order names a variant twice")
-    return found
+    return manifest
 
 
 def first_error(error: ValidationError) -> str:
@@ -110,9 +121,9 @@ def first_error(error: ValidationError) -> str:
     return f"{place}: {first['msg']}"[:300]
 
 
-def _files(stream: JsonStream, most: int) -> dict[str, dict[str, Any]]:
+def _files(stream: JsonStream, most: int) -> dict[str, FileRecord]:
     """Size and SHA-256 of files, by path."""
-    rows: dict[str, dict[str, Any]] = {}
+    rows: dict[str, FileRecord] = {}
     for path in stream.members():
         if not stays_inside(path):
             raise ValueError(f"{path[:200]!r} is not a path within a dataset")
@@ -126,18 +137,18 @@ def _files(stream: JsonStream, most: int) -> dict[str, dict[str, Any]]:
         _check_digest(row["sha256"], path)
         if path in rows or len(rows) >= most:
             raise ValueError(f"{path} is given twice" if path in rows else f"it lists more than {most:,} files")
-        rows[path] = row
+        rows[path] = {"size": row["size"], "sha256": row["sha256"]}
     return rows
 
 
-def _variants(stream: JsonStream) -> dict[str, dict[str, Any]]:
+def _variants(stream: JsonStream) -> dict[str, VariantRecord]:
     """Each variant's digests, and those of its frames."""
-    rows: dict[str, dict[str, Any]] = {}
+    rows: dict[str, VariantRecord] = {}
     left = [MAX_ROWS]
     for name in stream.members():
         if name in rows or len(rows) >= MAX_VARIANTS or len(name) > MAX_VARIANT_NAME:
             raise ValueError(f"the variant {name[:40]!r} is given twice, too long, or one too many")
-        row: dict[str, Any] = {}
+        row: dict[str, object] = {}
         for key in stream.members():
             if key in row or (key != "frames" and key not in _ROW):
                 raise ValueError(f"the variant {name!r} has {key[:40]!r} twice, or should have none")
@@ -146,13 +157,13 @@ def _variants(stream: JsonStream) -> dict[str, dict[str, Any]]:
                 _check_digest(row[key], f"{key} of {name!r}")
         if set(row) != {"frames", *_ROW} or row["folder"] != layout.folder(name):
             raise ValueError(f"the variant {name!r} lacks something, or has another folder than its name says")
-        rows[name] = row
+        rows[name] = cast(VariantRecord, row)  # every key has been checked
     return rows
 
 
-def _frames(stream: JsonStream, left: list[int]) -> dict[str, dict[str, list[str]]]:
+def _frames(stream: JsonStream, left: list[int]) -> FrameDigests:
     """Digests by sensor and modality. `left` holds how many more there may be."""
-    sensors: dict[str, dict[str, list[str]]] = {}
+    sensors: FrameDigests = {}
     for sensor in stream.members():
         modalities = sensors.setdefault(sensor, {})
         if modalities or len(sensor) > 100:
@@ -170,6 +181,6 @@ def _frames(stream: JsonStream, left: list[int]) -> dict[str, dict[str, list[str
     return sensors
 
 
-def _check_digest(value: Any, what: str) -> None:
+def _check_digest(value: object, what: str) -> None:
     if not isinstance(value, str) or not _DIGEST.fullmatch(value):
         raise ValueError(f"{what} has no SHA-256 digest")

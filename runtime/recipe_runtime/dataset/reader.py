@@ -12,7 +12,6 @@ import stat
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.lockfile import Lockfile, VariantRow
@@ -29,6 +28,7 @@ from recipe_runtime.dataset import digests, manifest_reader
 from recipe_runtime.dataset.limits import check_bounds, check_plan, file_count, row_count
 from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest import lock_of as lock_of
+from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.plan_reader import MAX_PLAN_BYTES, PlanReader
 from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv
@@ -81,7 +81,7 @@ def read(root: Path, name: str = "") -> Dataset:
     return Dataset(root, plan, lock, files, name, recipe_file)
 
 
-def _check_rows(manifest: Mapping[str, Any], files: Collection[str], plan: DatasetPlan) -> None:
+def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -> None:
     """ValueError for a manifest that has many more rows than its plan stands for; a few are told one by one."""
     rows = [row["frames"] for row in manifest["variants"].values()]
     frames = sum(len(values) for sensors in rows for sensor in sensors.values() for values in sensor.values())
@@ -236,9 +236,10 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
         for frame in range(variant.scene.clock.frames):
             value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
             try:
-                yield {"frame": frame, "objects": labels_of(lines.readline(_MOST_LINE), value, sensor)}
+                objects = labels_of(lines.readline(_MOST_LINE), value, sensor)
             except DAMAGE as error:
                 raise ValueError(f"line {frame + 1}: {error}") from None
+            yield {"frame": frame, "objects": objects}
         if lines.read(1):
             raise ValueError("it has more lines than frames")
 
@@ -260,7 +261,7 @@ def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[F
     return [] if same else [(path, f"{path} is not what plan, labels and traces make it")]
 
 
-def recipe_file_of(manifest: Mapping[str, Any], files: Collection[str]) -> str | None:
+def recipe_file_of(manifest: Manifest, files: Collection[str]) -> str | None:
     """Where a manifest says that the recipe lies; ValueError if that is no file of the recipe that it lists."""
     path = manifest.get("recipe_file")
     if path is not None and (path not in files or not layout.is_recipe_file(path)):
@@ -268,7 +269,7 @@ def recipe_file_of(manifest: Mapping[str, Any], files: Collection[str]) -> str |
     return path
 
 
-def _plan(root: Path, manifest: Mapping[str, Any], files: Mapping[str, Any]) -> DatasetPlan:
+def _plan(root: Path, manifest: Manifest, files: Collection[str]) -> DatasetPlan:
     order = manifest["order"]
     if not isinstance(order, list) or not order or not all(isinstance(name, str) for name in order):
         raise ValueError("order is no list of variants' names")

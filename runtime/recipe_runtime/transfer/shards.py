@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TypedDict, cast
 
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import InputError, RunError
@@ -39,6 +39,24 @@ INDEX = "index.json"
 SHARD_BYTES = 1 << 30
 _FORMAT = "recipe/webdataset/1"
 _REMEDY = "free some space or choose another folder, then export again"
+
+
+class ShardRecord(TypedDict):
+    """A shard in the index: its file's name, its number of samples, its size in bytes and its SHA-256."""
+
+    file: str
+    samples: int
+    size: int
+    sha256: str
+
+
+class ExportIndex(TypedDict):
+    """`index.json`: the dataset's identity, the size limit of a shard in bytes, and the shards in order."""
+
+    format: str
+    dataset: str
+    shard_bytes: int
+    shards: list[ShardRecord]
 
 
 Sample = list[tuple[tarfile.TarInfo, bytes]]  # the files of one frame
@@ -61,7 +79,7 @@ class _Shard:
             self.tar.addfile(entry, io.BytesIO(body))
         self.samples += 1
 
-    def close(self) -> dict[str, Any]:
+    def close(self) -> ShardRecord:
         """Its row in the index."""
         self.tar.close()
         size, digest = self.path.stat().st_size, file_sha256(self.path)
@@ -70,7 +88,7 @@ class _Shard:
 
 def webdataset(
     dataset: Dataset, out: Path, progress: Progress, shard_bytes: int = SHARD_BYTES, *, replace: bool = False
-) -> dict[str, Any]:
+) -> ExportIndex:
     """Write all frames into `out`, a folder that is not there yet, and give its index; with `replace`, over an export.
 
     A shard is closed before the sample that would make it larger than `shard_bytes`; only one frame alone may. The
@@ -88,7 +106,12 @@ def webdataset(
         )
     with host_errors(str(out), _REMEDY), _alone(out) as work:
         rows = _write(dataset, work, progress, shard_bytes)
-        index = {"format": _FORMAT, "dataset": dataset.lock.identity, "shard_bytes": shard_bytes, "shards": rows}
+        index: ExportIndex = {
+            "format": _FORMAT,
+            "dataset": dataset.lock.identity,
+            "shard_bytes": shard_bytes,
+            "shards": rows,
+        }
         (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
         if known is not None:
             shutil.rmtree(out)
@@ -120,9 +143,9 @@ def _alone(out: Path) -> Iterator[Path]:
         os.close(handle)
 
 
-def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -> list[dict[str, Any]]:
+def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -> list[ShardRecord]:
     total = sum(v.scene.clock.frames * len(v.rig.sensors) for v in dataset.plan.variants)
-    rows: list[dict[str, Any]] = []
+    rows: list[ShardRecord] = []
     shard, filled = _Shard(_shard_path(dataset, work, 0)), 0
     try:
         for done, sample in enumerate(_samples(dataset), start=1):
@@ -146,8 +169,14 @@ def _samples(dataset: Dataset) -> Iterator[Sample]:
                 for row in labels(dataset, variant, sensor):
                     frame = row["frame"]
                     key = f"{layout.folder(variant.variant)}/{layout.folder(sensor.name)}/{frame:06d}"
-                    told = {"variant": variant.variant, "sensor": sensor.name, "fps": variant.scene.clock.fps, **row}
-                    sample = {f"{key}.json": canonical_bytes(told)}
+                    document = {
+                        "variant": variant.variant,
+                        "sensor": sensor.name,
+                        "fps": variant.scene.clock.fps,
+                        "frame": frame,
+                        "objects": row["objects"],
+                    }
+                    sample = {f"{key}.json": canonical_bytes(document)}
                     for modality in sensor.capture:
                         path = layout.frame_file(variant.variant, sensor.name, modality, frame, dataset.plan.depth)
                         sample[f"{key}.{modality}.{path.rpartition('.')[2]}"] = _whole(dataset, path)
@@ -189,12 +218,12 @@ def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:
     return work / f"{dataset.plan.recipe}-{number:06d}.tar"
 
 
-def _strangers(out: Path, index: dict[str, Any]) -> bool:
+def _strangers(out: Path, index: ExportIndex) -> bool:
     """Whether a folder holds anything but the export that its index lists."""
     return {path.name for path in sorted(out.iterdir())} != {INDEX, *(row["file"] for row in index["shards"])}
 
 
-def _index_of(out: Path) -> dict[str, Any] | None:
+def _index_of(out: Path) -> ExportIndex | None:
     """The index of an export that is there and whole, by its files' sizes; None for anything else."""
     try:
         index = json.loads((out / INDEX).read_bytes())
@@ -203,4 +232,4 @@ def _index_of(out: Path) -> dict[str, Any] | None:
         )
     except (OSError, *DAMAGE):
         return None
-    return index if whole else None
+    return cast(ExportIndex, index) if whole else None

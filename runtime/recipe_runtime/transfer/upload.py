@@ -26,6 +26,7 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.nonce import fresh_nonce
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import DAMAGE, listed_files
+from recipe_runtime.dataset.manifest_types import Manifest
 
 NOTE = ".recipe-upload.json"
 SCHEMES = (
@@ -81,7 +82,7 @@ class Target:
             RunError: the copy failed; the next goes on from there.
         """
         body = (root / layout.MANIFEST).read_bytes()
-        manifest = json.loads(body)
+        manifest: Manifest = json.loads(body)
         if not replace:
             self.check_replaceable(manifest["recipe"])
         rows, sizes = listed_files(manifest), self._sizes()
@@ -175,7 +176,7 @@ class Target:
         head = self._prefix.rstrip("/") + "/"
         return {name[len(head) :]: int(row["size"]) for name, row in found.items() if name.startswith(head)}
 
-    def _manifest(self) -> dict[str, Any] | None:
+    def _manifest(self) -> Manifest | None:
         """The manifest that is there; None if none of ours is."""
         try:
             place = self._at(layout.MANIFEST)

@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal, TypedDict
 
 from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import RecipeError
@@ -23,6 +23,7 @@ from recipe_runtime.core import host, layout
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.versions import host_versions
 from recipe_runtime.dataset.manifest import lock_of
+from recipe_runtime.dataset.manifest_types import FileRecord
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.loading import compiled
 from recipe_runtime.verify.compare import compare_locks
@@ -45,6 +46,17 @@ STAGES = {
 State = Literal["equal", "differs", "may differ", "not reached"]
 
 
+class Fingerprint(TypedDict):
+    """What the bytes of a dataset may depend on, and what its speed does; no name of a host, user or place."""
+
+    processor: str
+    features: list[str]
+    cores: int
+    system: str
+    gpus: list[str]
+    versions: dict[str, str]
+
+
 @dataclass(frozen=True)
 class Check:
     """One stage of the self-test. `reason`: what differs, and why it may."""
@@ -58,7 +70,7 @@ class Check:
 class Examination:
     """What was found."""
 
-    fingerprint: dict[str, Any]
+    fingerprint: Fingerprint
     checks: list[Check] = field(default_factory=list)
     gpu: list[Check] = field(default_factory=list)  # of the pixels, on the first GPU; empty where there is none
 
@@ -89,8 +101,8 @@ def examine(progress: Progress, engines: Engines | None = None, gpus: list[str] 
     return found
 
 
-def fingerprint(gpus: list[str]) -> dict[str, Any]:
-    """What bytes may depend on, and what speed does. No name of host, user or place."""
+def fingerprint(gpus: list[str]) -> Fingerprint:
+    """Describe this host; `gpus` are the names of its CUDA devices."""
     return {
         "processor": _processor(),
         "features": host.features(),
@@ -123,12 +135,12 @@ def self_test(
     return _told(differences)
 
 
-def file_rows(files: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+def file_rows(files: Mapping[str, FileRecord]) -> dict[str, str]:
     """SHA-256 of every file that the self-test compares; card and manifest say versions, so they are left out."""
     return {path: row["sha256"] for path, row in sorted(files.items()) if path not in (layout.CARD, layout.MANIFEST)}
 
 
-def _other_files(files: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, str]]:
+def _other_files(files: Mapping[str, FileRecord]) -> list[tuple[str, str]]:
     """The stage and path of every file that differs from the golden one."""
     rows = (line.split("  ", 1) for line in FILES.read_text().splitlines())
     golden, made = {path: value for value, path in rows}, file_rows(files)

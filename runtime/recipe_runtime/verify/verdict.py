@@ -7,7 +7,7 @@ tool that the stage depends on is another than the lockfile's.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from typing import Literal, TypedDict, cast
 
 from recipe_compiler.ir.plurals import count, form
 
@@ -36,6 +36,39 @@ class Difference:
 
     def __str__(self) -> str:
         return f"{self.stage}: {self.message}" + (f" ({self.excuse})" if self.excuse else "")
+
+
+class DifferenceRecord(TypedDict):
+    """A difference in `recipe verify --json`: the fields of `Difference`."""
+
+    stage: str
+    message: str
+    excuse: str | None
+    variant: str | None
+    sensor: str | None
+    frame: int | None
+    modality: str | None
+    path: str | None
+    recorded: str | None
+    rendered: str | None
+
+
+class ReportRecord(TypedDict):
+    """A report in `recipe verify --json`."""
+
+    name: str
+    identity: str
+    verdict: Verdict
+    stage: str | None
+    nonce: int
+    checked: int
+    total: int
+    confidence: float
+    differing_below: float | None
+    differences: list[DifferenceRecord]
+    pictures: list[str]
+    notes: list[str]
+    resumed_frames: int
 
 
 @dataclass
@@ -76,9 +109,8 @@ class Report:
         told = f"{len(frames)} of them {form(len(frames), 'differs', 'differ')}"
         return f"{self.bound.checked} of {count(self.bound.total, 'frame')} compared, {told}{resumed}"
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> ReportRecord:
         """The report as plain JSON values."""
-        bound = {"checked": self.bound.checked, "total": self.bound.total, "confidence": self.bound.confidence}
         below = round(self.bound.differing, 6) if self.verdict == "PASS" and self.files is None else None
         return {
             "name": self.name,
@@ -86,9 +118,11 @@ class Report:
             "verdict": self.verdict,
             "stage": self.stage,
             "nonce": self.nonce,
-            **bound,
+            "checked": self.bound.checked,
+            "total": self.bound.total,
+            "confidence": self.bound.confidence,
             "differing_below": below,
-            "differences": [asdict(difference) for difference in self.differences],
+            "differences": [cast(DifferenceRecord, asdict(difference)) for difference in self.differences],
             "pictures": self.pictures,
             "notes": self.notes,
             "resumed_frames": self.resumed,

@@ -12,11 +12,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from recipe_compiler.ir import canonical
 from recipe_compiler.ir.errors import RunError
-from recipe_compiler.ir.lockfile import FrameKey, Lockfile, VariantRow
+from recipe_compiler.ir.lockfile import BodyMotion, FrameKey, Lockfile, VariantRow
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_compiler.ir.plurals import count, form
 
@@ -356,7 +355,7 @@ def _has_bytes(root: Path, path: str, size: int, sha256: str) -> bool:
     return there is not None and there.st_size == size and file_sha256(root / path) == sha256
 
 
-def _parting(lock: Lockfile, scene: ScenePlan, ours: dict[str, Any]) -> str:
+def _parting(lock: Lockfile, scene: ScenePlan, ours: dict[str, BodyMotion]) -> str:
     """Which body parts first, and about when."""
     partings = []
     for actor, motion in ours.items():

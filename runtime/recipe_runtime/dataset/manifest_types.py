@@ -1,0 +1,61 @@
+"""Typed records of a dataset's `manifest.json`."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias, TypedDict
+
+FrameDigests: TypeAlias = dict[str, dict[str, list[str]]]  # by sensor and modality, in the order of frames
+
+
+class OutputRecord(TypedDict):
+    """What the recipe asks for besides pictures."""
+
+    annotations: list[Literal["kwcoco", "coco", "mots_txt", "mots_png"]]
+    depth: Literal["carla", "npy"]
+
+
+class FileRecord(TypedDict):
+    """A file of the dataset: size in bytes, SHA-256 in hex."""
+
+    size: int
+    sha256: str
+
+
+class VariantRecord(TypedDict):
+    """A variant: digests of its plan, of the plan's parts, of its Trace and of its frames; its folder."""
+
+    plan: str
+    scene: str
+    rig: str
+    appearance: str
+    trace: str
+    folder: str
+    frames: FrameDigests
+
+
+class ManifestHead(TypedDict):
+    """The part of a manifest that follows from the plan alone."""
+
+    format: str
+    recipe: str
+    description: str
+    plan: str
+    outputs: OutputRecord
+    stages: dict[str, int]
+
+
+class RequiredManifest(ManifestHead):
+    """The fields that every manifest has."""
+
+    identity: str
+    tools: dict[str, str]
+    order: list[str]
+    variants: dict[str, VariantRecord]
+    files: dict[str, FileRecord]
+    pictures: dict[str, FileRecord]
+
+
+class Manifest(RequiredManifest, total=False):
+    """The whole of `manifest.json`; `manifest.py` describes the fields."""
+
+    recipe_file: str | None
