@@ -17,7 +17,7 @@ from recipe_runtime.core import layout
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.timings import Stopwatch
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.dataset.assembly import Harvest
+from recipe_runtime.dataset.assembly import FrameAssembly
 from recipe_runtime.dataset.manifest import file_row, manifest_text
 from recipe_runtime.dataset.schedule import simulations, views
 from recipe_runtime.dataset.text_files import Text, annotation_texts, closing_texts, labels_text, with_labels
@@ -32,7 +32,7 @@ class Finisher:
     """The end of one build."""
 
     dataset: DatasetPlan
-    harvest: Harvest
+    harvest: FrameAssembly
     work: Workspace
     progress: Progress
     watch: Stopwatch

@@ -1,8 +1,8 @@
-"""Worker processes on this host: pinned to one thread each, and gone when the build is.
+"""Worker processes on this host, each pinned to one thread; they end when the build does.
 
-Each is a fresh interpreter with a pipe of its own. It is started with interrupts blocked and ignores them from then
-on: they are the build's, which ends all workers at once. And it watches a pipe whose other end the build alone holds,
-so that none outlives the build, whatever ended that.
+Each is a fresh interpreter with a pipe of its own. It starts with interrupts blocked and ignores them afterwards: the
+build handles them, and ends all workers at once. It also watches a pipe whose other end only the build holds, so that
+no worker outlives the build, however the build ended.
 """
 
 from __future__ import annotations
@@ -38,10 +38,20 @@ End: TypeAlias = "Connection[Any, Any]"
 
 
 def run(job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Callable[[int], None]) -> Seconds:
-    """Do all shards with so many processes (0: in this one); the seconds of every stage, over all workers.
+    """Render all shards with worker processes.
 
-    `done` is told of every finished shard and `tick` of pictures, both in this process. RunError, with the frame and
-    its variant, if one fails; the others are stopped then.
+    Args:
+        job: what the workers have in common.
+        shards: what to render.
+        workers: number of processes; 0 renders in this process.
+        done: called in this process with every finished shard and its records.
+        tick: called in this process with a number of finished pictures.
+
+    Returns:
+        Seconds by stage, summed over the workers.
+
+    Raises:
+        RunError: a frame failed; the message names it and its variant. The other workers are stopped.
     """
     if workers == 0:
         worker = Worker(job)
@@ -50,18 +60,21 @@ def run(job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Calla
         return worker.watch.seconds
     if not shards:
         return {}
-    with Crew(job, min(workers, len(shards))) as crew:
-        return crew.run(shards, done, tick)
+    with WorkerPool(job, min(workers, len(shards))) as pool:
+        return pool.run(shards, done, tick)
 
 
 class _WorkerError(Exception):
-    """A worker's own traceback, as the cause of the error that it is reported by."""
+    """A worker's traceback, as the cause of the error that reports it."""
 
 
-class Crew:
-    """So many processes for a job, from now until the `with` block ends. `load` names a scene by the place of its view.
+class WorkerPool:
+    """Worker processes for one job, until the `with` block ends. They start at once, in parallel with the caller.
 
-    They set to work at once: they start, and load that scene, while whoever hired them does something else.
+    Args:
+        job: what the workers have in common.
+        workers: number of processes.
+        load: number of a view whose scene every worker loads before its first shard.
     """
 
     def __init__(self, job: Job, workers: int, load: int | None = None) -> None:
@@ -75,7 +88,7 @@ class Crew:
                 for _ in range(workers):
                     self._start(watched)
             for number, pipe in enumerate(self._processes):
-                with _as_loss(self, pipe):
+                with _reported_as_loss(self, pipe):
                     pipe.send((job, number, load))
         except BaseException:
             self._stop()
@@ -91,21 +104,21 @@ class Crew:
             process = subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=ends, env={**os.environ, **PINNED})
         self._processes[ours] = process
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> WorkerPool:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stop()
 
     def run(self, shards: Iterable[Shard], done: Done, tick: Callable[[int], None]) -> Seconds:
-        """Do all shards, as the module's `run` does."""
+        """Render all shards, as the module's `run` does."""
         rest = iter(shards)
         for pipe in self._processes:
             self._feed(pipe, rest)
         while self._busy:
             ready = wait(list(self._busy))
             for pipe in [pipe for pipe in self._busy if pipe in ready]:
-                self._hear(pipe, rest, done, tick)
+                self._receive(pipe, rest, done, tick)
         return self._seconds
 
     def _feed(self, pipe: End, rest: Iterator[Shard]) -> None:
@@ -113,11 +126,11 @@ class Crew:
         shard = next(rest, None)
         if shard is not None:
             self._busy[pipe] = shard
-            with _as_loss(self, pipe):
+            with _reported_as_loss(self, pipe):
                 pipe.send(shard)
 
-    def _hear(self, pipe: End, rest: Iterator[Shard], done: Done, tick: Callable[[int], None]) -> None:
-        with _as_loss(self, pipe):
+    def _receive(self, pipe: End, rest: Iterator[Shard], done: Done, tick: Callable[[int], None]) -> None:
+        with _reported_as_loss(self, pipe):
             kind, body = pipe.recv()
         if kind == "tick":
             tick(body)
@@ -132,7 +145,7 @@ class Crew:
             self._feed(pipe, rest)
 
     def lost(self, pipe: End) -> RunError:
-        """The error that a worker's end is, with what it was at."""
+        """The error for a worker that ended early; it names the shard that the worker was rendering."""
         process, shard = self._processes[pipe], self._busy.get(pipe)
         with suppress(subprocess.TimeoutExpired):
             process.wait(5)
@@ -153,8 +166,8 @@ class Crew:
 
 
 @contextmanager
-def _as_loss(pool: Crew, pipe: End) -> Iterator[None]:
-    """Whatever fails on the way to or from a worker means that it is gone."""
+def _reported_as_loss(pool: WorkerPool, pipe: End) -> Iterator[None]:
+    """Report an error of the pipe as the loss of its worker."""
     try:
         yield
     except (EOFError, OSError):
@@ -162,7 +175,7 @@ def _as_loss(pool: Crew, pipe: End) -> Iterator[None]:
 
 
 def serve() -> None:
-    """A worker's life: take the job and a number, then shards until the pipe closes. Its arguments: two pipes."""
+    """Run a worker: receive the job and a number, then shards until the pipe closes. Arguments: two file numbers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     work, watched = map(int, sys.argv[1:])
     threading.Thread(target=_end_with_parent, args=(watched,), daemon=True).start()
@@ -171,7 +184,7 @@ def serve() -> None:
         job, number, load = pipe.recv()
         worker = Worker(job, number)
         if load is not None:
-            with suppress(Exception):  # what is wrong is told when a shard of that scene is asked for
+            with suppress(Exception):  # reported when a shard of that scene is rendered
                 worker.load(load)
         while True:
             pipe.send(_answer(worker, pipe.recv(), lambda count: pipe.send(("tick", count))))
@@ -190,13 +203,13 @@ def _answer(worker: Worker, shard: Shard, tick: Callable[[int], None]) -> tuple[
 
 
 def _end_with_parent(watched: int) -> None:
-    os.read(watched, 1)  # returns when the last writer, the build, is gone
+    os.read(watched, 1)  # returns when the only writer, the build, has ended
     os._exit(1)
 
 
 @contextmanager
 def _interrupts_blocked() -> Iterator[None]:
-    """What a process inherits is the signal mask of now; an interrupt that comes meanwhile is ours, a little later."""
+    """Block SIGINT, so that child processes inherit the mask; an interrupt is delivered to this process afterwards."""
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

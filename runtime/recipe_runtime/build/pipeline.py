@@ -1,13 +1,13 @@
-"""A plan to a dataset in a folder.
+"""Build a dataset from its plan.
 
-    simulate   every scene once, kept by digest
-    take over  what the dataset that is being replaced has in common with this one
+    simulate   simulate every scene once; Traces are stored by digest
+    take over  link the frames that the dataset being replaced has in common with this one
     render     shards of frames, by worker processes: observe, annotate, shade, encode, hash, write
-    annotate   the files over all frames: kwcoco, COCO, MOTS, tracks; and a second look at them
-    finish     plans, pictures, card, manifest; then one rename
+    annotate   write the annotation files over all frames (kwcoco, COCO, MOTS, tracks), and check them
+    finish     write plans, contact sheets, card and manifest; then publish the dataset by one rename
 
-The bytes do not depend on the count of workers, the order of shards or their size, nor on how often a build was
-stopped and taken up again.
+The bytes do not depend on the number of workers, the order or size of shards, or how often a build was stopped and
+continued.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import ExitStack
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
@@ -25,7 +25,7 @@ from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build import local, provenance
 from recipe_runtime.build.finalize import Finisher
 from recipe_runtime.build.recipe_files import RecipeFiles
-from recipe_runtime.build.repair import examine
+from recipe_runtime.build.repair import Examined, examine
 from recipe_runtime.build.reuse import Reuse, earlier, reasons, remember
 from recipe_runtime.build.worker import Job
 from recipe_runtime.build.workspace import Workspace, check_out, read_manifest
@@ -35,11 +35,10 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.timings import Stopwatch
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import builder
-from recipe_runtime.dataset.assembly import Harvest
+from recipe_runtime.dataset.assembly import FrameAssembly
 from recipe_runtime.dataset.limits import check_bounds, check_plan
 from recipe_runtime.dataset.manifest import head, is_whole
 from recipe_runtime.dataset.manifest_types import Manifest
-from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.schedule import SHARD_FRAMES, Shard, Taken, all_shards, missing_shards, simulations, views
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 
@@ -48,18 +47,18 @@ Runner = Callable[[Job, Sequence[Shard], int, local.Done, Callable[[int], None]]
 
 @dataclass(frozen=True)
 class BuildResult:
-    """A dataset in its place. `seconds` are summed over workers by stage; `wall` is what a clock shows."""
+    """A dataset in its folder. `seconds` are summed over workers by stage; `wall` is elapsed time."""
 
     path: Path
     identity: str
     manifest: Manifest
-    built: bool  # False: it was there already, whole
-    mended: tuple[str, ...] = ()  # what was wrong with its files, a line each, if that was looked for
-    resumed: int = 0  # shards taken up from a build that was stopped
+    built: bool  # False: it was there already, complete
+    mended: tuple[str, ...] = ()  # what was wrong with the files of a repaired dataset, a line each
+    resumed: int = 0  # shards continued from a stopped build
     shards: int = 0
     resumed_frames: int = 0  # the same, counted in frames
-    made_frames: int = 0  # by this very build
-    taken_frames: int = 0  # from the dataset that was there
+    made_frames: int = 0  # rendered by this build
+    taken_frames: int = 0  # taken over from the dataset that was there
     seconds: dict[str, float] = field(default_factory=dict)
     wall: float = 0.0
 
@@ -81,125 +80,181 @@ def build(
     replace: bool = False,
     recipe_files: RecipeFiles | None = None,
 ) -> BuildResult:
-    """Make the dataset in `out`, with so many worker processes (0: in this one).
+    """Build a dataset in the folder `out`, or return at once if it is there already.
 
-    Returns at once if it is there, whole by its files' sizes; with `repair`, by their bytes, and else makes again the
-    frames that are not. Replaces an earlier dataset of the same recipe, and takes over from it what is the same;
-    InputError if `out` holds anything else, or, unless `replace`, the dataset of another recipe. `source` is the
-    recipe's file: with it, two recipes of one name are told apart (`provenance`). `explain` is told, before frames are
-    made, why each stage runs. `run` does the shards: processes of this host, or a cluster's (`cluster.joined`).
-    `recipe_files` are put into the dataset.
-    RunError if the host fails: what is done is kept, and the next build goes on from there.
+    An earlier dataset of the same recipe in `out` is replaced; what the two have in common is taken over.
+
+    Args:
+        dataset: the plan.
+        out: the dataset's folder.
+        workers: number of worker processes; 0 renders in this process.
+        progress: called with the stage, the steps done and the steps in all.
+        cache: the cache's folder; None for the user's.
+        device: `cpu`, `cuda` or `cuda:N`.
+        engines: simulation and renderer; None for the real ones.
+        shard_frames: number of frames in a shard.
+        explain: called once, before frames are rendered, with the reason for each stage that runs or does not.
+        run: renders the shards: `local.run`, or a cluster's runner (`ray.joined`).
+        repair: whether the files of a dataset that is there are compared by their bytes, rather than their sizes, and
+            the frames that differ rendered again.
+        source: the recipe's file; with it, two recipes of one name are distinguished (`provenance`).
+        replace: whether the dataset of another recipe may be replaced.
+        recipe_files: files to put into the dataset's `recipe/` folder.
+
+    Raises:
+        InputError: `out` holds something else than a dataset or, unless `replace`, the dataset of another recipe.
+        RunError: the host failed. Finished shards are kept, and the next build continues.
     """
-    explain = explain or (lambda lines: None)
-    places = devices(device) if run is local.run else (device,)  # another host's devices are not for this one to know
-    start, out, most = time.perf_counter(), out.absolute(), pruning.limit()
+    places = devices(device) if run is local.run else (device,)  # a cluster's nodes may have other devices than here
+    job = Job(dataset, engines or real_engines(), places, cache or default_cache(), None, resumes=True)
+    stages = _Stages(job, progress or _no_progress, workers, shard_frames, run, explain)
+    pruned = [job.cache] if cache else pruning.folders()
+    return _build(stages, out.absolute(), source, recipe_files, pruned, repair=repair, replace_other=replace)
+
+
+def _build(
+    stages: _Stages,
+    out: Path,
+    source: Path | None,
+    recipe_files: RecipeFiles | None,
+    pruned: list[Path],
+    *,
+    repair: bool,
+    replace_other: bool,
+) -> BuildResult:
+    """Build as `build` describes; afterwards prune the cache folders `pruned`."""
+    start, cache_limit, dataset, store = time.perf_counter(), pruning.limit(), stages.dataset, Store(stages.job.cache)
     check_plan(dataset)
     check_bounds(dataset)  # or the dataset could not be read again
     Workspace.settle(out)
     manifest = read_manifest(out)
-    examined = examine(dataset, out, progress or _silence) if repair else None
-    damage = examined.damage if examined else ()
+    stages.examined = examine(dataset, out, stages.progress) if repair else None
+    damage = stages.examined.damage if stages.examined else ()
     if manifest is not None and not damage and is_whole(manifest, dataset, out):
         provenance.record(out, manifest, source)
         return BuildResult(out, manifest["identity"], manifest, built=False)
     check_out(out)
-    if not replace:
+    if not replace_other:
         provenance.check_replaceable(out, manifest, dataset, source)
-    studio = _Studio(dataset, engines or real_engines(), places, cache or default_cache(), progress or _silence)
-    studio.held = examined.held if examined else None
-    kept = [studio.cache] if cache else pruning.folders()
-    # What a repair leaves as it was is believed no more than it was before: a stranger's stays a stranger's.
-    trusted = not damage or earlier(Store(studio.cache), out) is not None
-    with pruning.leased(studio.cache), _workspace(dataset, out, replace) as work, ExitStack() as hired:
-        new = [scene for scene in simulations(dataset) if not Store(studio.cache).has_trace(scene)]
-        alone = len(simulations(dataset)) == 1 and not repair  # else workers could not know what they will need
-        if new and alone and workers and run is local.run:  # they start and load the scene while it is simulated
-            seen = views(dataset)
-            left = [shard for shard in all_shards(dataset, shard_frames) if not work.noted(shard, seen[shard.view])]
-            if left:
-                run = _by(hired.enter_context(local.Crew(studio.job(work), min(workers, len(left)), load=0)))
-        harvest = studio.simulate()
-        taken = studio.take_over(work, harvest, out)
-        explain(list(reasons(studio.reuse, [scene.digest for scene in new], taken)))
-        shards, todo = studio.render(work, harvest, taken, workers, shard_frames, run)
-        hired.close()
-        finisher = Finisher(dataset, harvest, work, studio.progress, studio.watch, recipe_files)
-        if examined:
-            examined.check(finisher.identity, work)
-        work.publish(finisher.finish(studio.trace))
+    # A repair renders only damaged frames. A dataset that another program built stays untrusted after it.
+    trusted = not damage or earlier(store, out) is not None
+    with pruning.leased(store.root), _workspace(dataset, out, replace_other) as work:
+        counts = stages.run_all(work, out, recipe_files)
     if trusted:
-        remember(Store(studio.cache), out, dataset)
-    pruning.tidy(kept, most)
+        remember(store, out, dataset)
+    pruning.tidy(pruned, cache_limit)
     manifest = read_manifest(out)
     assert manifest is not None
     provenance.record(out, manifest, source)
-    seconds, wall = studio.watch.seconds, time.perf_counter() - start
-    made, resumed = sum(shard.pictures for shard in todo), [shard for shard in shards if shard not in todo]
     return BuildResult(
         out,
         manifest["identity"],
         manifest,
         built=True,
         mended=damage,
-        resumed=len(resumed),
-        shards=len(shards),
-        resumed_frames=sum(shard.pictures for shard in resumed),
-        made_frames=made,
-        taken_frames=sum(len(there.variants) * len(there.frames) for there in taken.values()),
-        seconds=seconds,
-        wall=wall,
+        resumed=len(counts.resumed),
+        shards=counts.shards,
+        resumed_frames=sum(shard.pictures for shard in counts.resumed),
+        made_frames=counts.made_frames,
+        taken_frames=counts.taken_frames,
+        seconds=stages.watch.seconds,
+        wall=time.perf_counter() - start,
     )
 
 
 def kept_frames(dataset: DatasetPlan, out: Path) -> int:
-    """How many frames the next build of this dataset takes up from one that was stopped."""
+    """How many frames of a stopped build the next build of this dataset continues with."""
     return _workspace(dataset, out.absolute()).kept()
-
-
-def _by(crew: local.Crew) -> Runner:
-    """A runner whose workers are hired already."""
-    return lambda job, shards, workers, done, tick: crew.run(shards, done, tick)
 
 
 def _workspace(dataset: DatasetPlan, out: Path, replace: bool = False) -> Workspace:
     return Workspace(out, {**head(dataset), "builder": builder()}, replace=replace)
 
 
+def _no_progress(stage: str, done: int, total: int) -> None:
+    """Ignore progress."""
+
+
+@dataclass(frozen=True)
+class _Counts:
+    """How many shards and frames came from where."""
+
+    shards: int
+    resumed: list[Shard]
+    made_frames: int
+    taken_frames: int
+
+
 @dataclass
-class _Studio:
-    """The stages of one build."""
+class _Stages:
+    """The stages of one build; `build` describes the fields that it has as arguments."""
 
-    dataset: DatasetPlan
-    engines: Engines
-    devices: tuple[str, ...]
-    cache: Path
+    job: Job  # without the workspace's folder
     progress: Progress
+    workers: int
+    shard_frames: int
+    run: Runner
+    explain: Callable[[list[str]], None] | None
+    examined: Examined | None = None  # the dataset to repair
     watch: Stopwatch = field(default_factory=Stopwatch)
-    reuse: Reuse = field(init=False)
-    held: Dataset | None = None  # a dataset to mend
 
-    def job(self, work: Workspace) -> Job:
-        """What workers are told."""
-        return Job(self.dataset, self.engines, self.devices, self.cache, work.dataset, resumes=True)
+    @property
+    def dataset(self) -> DatasetPlan:
+        """The plan."""
+        return self.job.dataset
 
-    def simulate(self) -> Harvest:
-        """Simulate every scene; their traces are in the store then."""
-        wanted, harvest = simulations(self.dataset), Harvest(self.dataset)
+    def run_all(self, work: Workspace, out: Path, recipe_files: RecipeFiles | None) -> _Counts:
+        """Run every stage in a workspace, and publish the dataset."""
+        job, store = replace(self.job, root=work.dataset), Store(self.job.cache)
+        new = [scene for scene in simulations(self.dataset) if not store.has_trace(scene)]
+        with self._early_pool(job, work, new) as run:
+            assembly = self._simulate()
+            reuse = Reuse(self.dataset, self.examined.held if self.examined else earlier(store, out))
+            taken = self._take_over(work, assembly, reuse)
+            if self.explain:
+                self.explain(list(reasons(reuse, [scene.digest for scene in new], taken)))
+            shards, todo = self._render(job, work, assembly, taken, run)
+        finisher = Finisher(self.dataset, assembly, work, self.progress, self.watch, recipe_files)
+        if self.examined:
+            self.examined.check(finisher.identity, work)
+        work.publish(finisher.finish(self._trace))
+        return _Counts(
+            len(shards),
+            [shard for shard in shards if shard not in todo],
+            made_frames=sum(shard.pictures for shard in todo),
+            taken_frames=sum(len(there.variants) * len(there.frames) for there in taken.values()),
+        )
+
+    @contextmanager
+    def _early_pool(self, job: Job, work: Workspace, new: list[ScenePlan]) -> Iterator[Runner]:
+        """The runner to use. Where there is one new scene, its workers start and load it while it is simulated."""
+        single = len(simulations(self.dataset)) == 1 and not self.examined  # else the shards are not known yet
+        if new and single and self.workers and self.run is local.run:
+            seen, shards = views(self.dataset), all_shards(self.dataset, self.shard_frames)
+            left = [shard for shard in shards if not work.noted(shard, seen[shard.view])]
+            if left:
+                with local.WorkerPool(job, min(self.workers, len(left)), load=0) as pool:
+                    yield lambda job, shards, workers, done, tick: pool.run(shards, done, tick)
+                return
+        yield self.run
+
+    def _simulate(self) -> FrameAssembly:
+        """Simulate every scene that the store does not have."""
+        wanted, assembly = simulations(self.dataset), FrameAssembly(self.dataset)
         self.progress("simulate", 0, len(wanted))
         with self.watch("simulate"):
             for done, (scene, value) in enumerate(self._trace_digests(wanted), start=1):
-                harvest.traces[scene.digest] = value
+                assembly.traces[scene.digest] = value
                 self.progress("simulate", done, len(wanted))
-        return harvest
+        return assembly
 
     def _trace_digests(self, scenes: list[ScenePlan]) -> Iterator[tuple[ScenePlan, str]]:
-        """Each scene with its trace's digest; two are simulated at once, for a simulation is a process of its own."""
+        """Each scene with its Trace's digest. Two threads: each simulation runs in a process of its own."""
         if len(scenes) == 1:
-            yield scenes[0], self.trace(scenes[0]).digest
+            yield scenes[0], self._trace(scenes[0]).digest
             return
         with ThreadPoolExecutor(max_workers=2) as threads:
-            tasks = {threads.submit(self.trace, scene): scene for scene in scenes}
+            tasks = {threads.submit(self._trace, scene): scene for scene in scenes}
             try:
                 for task in as_completed(tasks):
                     yield tasks[task], task.result().digest
@@ -207,51 +262,48 @@ class _Studio:
                 threads.shutdown(wait=False, cancel_futures=True)
                 raise
 
-    def trace(self, scene: ScenePlan) -> Trace:
-        """A scene's Trace, from the store if it is there."""
-        return Store(self.cache).trace(scene, lambda: self.engines.simulate(scene))
+    def _trace(self, scene: ScenePlan) -> Trace:
+        """A scene's Trace, from the store or simulated."""
+        return Store(self.job.cache).trace(scene, lambda: self.job.engines.simulate(scene))
 
-    def take_over(self, work: Workspace, harvest: Harvest, out: Path) -> dict[int, Taken]:
-        """Link what the dataset that stands at `out` has of this one: which frames of which variants, by view."""
-        self.reuse = Reuse(self.dataset, self.held or earlier(Store(self.cache), out))
+    def _take_over(self, work: Workspace, assembly: FrameAssembly, reuse: Reuse) -> dict[int, Taken]:
+        """Link the frames that an earlier dataset has of this one; returns which, by the number of the view."""
         found, seen = {}, views(self.dataset)
         for number, view in enumerate(seen):
-            variants = self.reuse.covered(view)
+            variants = reuse.covered(view)
             if not variants:
                 continue
             self.progress("take over", number, len(seen))
             with self.watch("write"):
-                records = self.reuse.take(work, view, variants)
+                records = reuse.take(work, view, variants)
             if records:
                 frames = tuple(record["frame"] for record in records)
                 found[number] = Taken(variants, frozenset(frames))
-                harvest.add(Shard(number, frames, variants), records)
+                assembly.add(Shard(number, frames, variants), records)
         if found:
             self.progress("take over", len(seen), len(seen))
         return found
 
-    def render(
-        self,
-        work: Workspace,
-        harvest: Harvest,
-        taken: dict[int, Taken],
-        workers: int,
-        size: int,
-        run: Runner,
+    def _render(
+        self, job: Job, work: Workspace, assembly: FrameAssembly, taken: dict[int, Taken], run: Runner
     ) -> tuple[list[Shard], list[Shard]]:
-        """Do the shards that no stopped build has finished: all that there are, and those."""
-        shards, seen = missing_shards(all_shards(self.dataset, size), taken), views(self.dataset)
+        """Render the shards that no stopped build has finished.
+
+        Returns:
+            All shards that were not taken over, and those of them that were rendered.
+        """
+        shards, seen = missing_shards(all_shards(self.dataset, self.shard_frames), taken), views(self.dataset)
         todo = []
         for shard in shards:
             records = work.finished(shard, seen[shard.view])
             if records is None:
                 todo.append(shard)
             else:
-                harvest.add(shard, records)
+                assembly.add(shard, records)
 
         def done(shard: Shard, records: list[FrameRecord]) -> None:
             work.keep(shard, seen[shard.view], records)
-            harvest.add(shard, records)
+            assembly.add(shard, records)
 
         total, so_far = sum(shard.pictures for shard in todo), 0
 
@@ -261,10 +313,6 @@ class _Studio:
             self.progress("render", so_far, total)
 
         self.progress("render", 0, total)
-        for stage, seconds in run(self.job(work), todo, workers, done, tick).items():
+        for stage, seconds in run(job, todo, self.workers, done, tick).items():
             self.watch.add(stage, seconds)
         return shards, todo
-
-
-def _silence(stage: str, done: int, total: int) -> None:
-    """Progress that nobody watches."""

@@ -1,8 +1,8 @@
-"""The same shards on a Ray cluster: this process shares them out, and puts what comes back into place. Needs `ray`.
+"""Render shards on a Ray cluster: this process distributes them, and writes the files that come back. Needs `ray`.
 
-A node needs this package and nothing else: motion and the files that the recipe brings travel with the job, and what
-is made comes back as bytes, so there is no folder to share. What a worker was at when it was lost, with its node or
-alone, another does again; the bytes do not depend on who does it.
+A node needs this package and nothing else: Traces and the recipe's files are sent with the job, and finished files
+come back as bytes, so no folder is shared. If a worker or its node is lost, another worker renders the shard again; the
+bytes do not depend on which worker does it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Protocol, TypeAlias
 
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
@@ -36,18 +37,32 @@ from recipe_runtime.frames.engines import real_engines
 
 QUEUED = 2  # shards that a worker has at once, so that it never waits for the next
 RETRIES = 3  # times that a shard is done again after its worker was lost
-# Seconds for a cluster's door to open, for an answer, and for leaving; Ray itself would knock for minutes.
-PATIENCE = 5.0
-_GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])  # and no settings (RFC 9113, 3.4)
-_FRAME_HEAD, _SETTINGS = 9, 4
+TIMEOUT = 5.0  # seconds for a cluster to answer, and for workers to end; Ray itself would wait for minutes
+# The client preface of HTTP/2 with empty settings (RFC 9113, section 3.4). gRPC, and so Ray, answers with its settings.
+_HTTP2_PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])
+_FRAME_HEADER_BYTES, _SETTINGS_FRAME = 9, 4
 _NO_RAY = "what listens there does not answer as Ray does"
-FORLORN = 60  # seconds without a node that could do any work, after which none is expected
+MAX_WAIT_FOR_NODES = 60  # seconds without a node that could do any work, after which the build fails
 _OTHER_RELEASE = "a node of the cluster runs another release of this package, or of a tool that bytes depend on"
 
 
+class _RemoteMethod(Protocol):
+    def remote(self, *arguments: object) -> ObjectRef: ...
+
+
+class _WorkerHandle(Protocol):
+    """Ray's handle of a `RemoteWorker`."""
+
+    do: _RemoteMethod
+    leave: _RemoteMethod
+
+
+ObjectRef: TypeAlias = object  # Ray's reference to a result
+
+
 @dataclass(frozen=True)
-class Parcel:
-    """What a worker sends home: the records of a shard, each file's bytes once, and its seconds by stage."""
+class ShardResult:
+    """What a worker sends back: the records of a shard, each file's bytes once, and its seconds by stage."""
 
     records: list[FrameRecord]
     bodies: dict[str, bytes]  # by SHA-256
@@ -55,44 +70,54 @@ class Parcel:
 
 
 @dataclass(frozen=True)
-class Luggage:
-    """What a node needs besides the job: motion by scene, and the files that the recipe brings, both by digest."""
+class JobInputs:
+    """What a node needs besides the job: Traces by scene, and the recipe's files, both by digest."""
 
     traces: dict[str, bytes]
     assets: dict[str, bytes]
 
     @classmethod
-    def of(cls, job: Job) -> Luggage:
-        """All that a job's frames are made from."""
+    def of(cls, job: Job) -> JobInputs:
+        """The inputs of all of a job's frames."""
         store, scenes = Store(job.cache), simulations(job.dataset)
         traces = {s.digest: store.trace(s, partial(job.engines.simulate, s)).to_bytes() for s in scenes}
         files = {sha256: file for variant in job.dataset.variants for sha256, file in variant.files.items()}
         return cls(traces, {sha256: job.engines.assets.content(file) for sha256, file in sorted(files.items())})
 
     def unpack(self, job: Job, root: Path) -> Job:
-        """The job as a node does it, within that folder."""
+        """Write the inputs below `root`, and return the job with a node's own folders."""
         store, places = Store(root / "cache"), {}
         for scene in simulations(job.dataset):
             store.keep_trace(scene, Trace.from_bytes(self.traces[scene.digest]))
         for sha256, content in self.assets.items():
             places[sha256] = root / "assets" / sha256
             write_atomic(places[sha256], content)
-        engines = real_engines(Assets(places)) if places else job.engines  # only the real ones draw what is brought
+        engines = real_engines(Assets(places)) if places else job.engines  # only the real ones use such files
         return replace(job, cache=store.root, engines=engines, root=root / "made" if job.root is not None else None)
 
 
-class Hand:
-    """A worker on a node: it renders into a folder of its own and sends what it made."""
+class RemoteWorker:
+    """A worker on a node: renders into a temporary folder and returns the files.
 
-    def __init__(self, job: Job, number: int, luggage: Luggage, expected: str) -> None:
+    Args:
+        job: what the workers have in common.
+        number: the worker's number, which selects its device.
+        inputs: the Traces and files of the job.
+        expected: digest of the renderer's code that this node must have.
+
+    Raises:
+        RunError: the node has other code.
+    """
+
+    def __init__(self, job: Job, number: int, inputs: JobInputs, expected: str) -> None:
         if renderer() != expected:
             raise RunError(_OTHER_RELEASE)
         self._folder = tempfile.TemporaryDirectory(prefix="recipe-node-")
         self._root = Path(self._folder.name)
-        self._worker = Worker(luggage.unpack(job, self._root), number)
+        self._worker = Worker(inputs.unpack(job, self._root), number)
 
-    def do(self, shard: Shard) -> Parcel:
-        """Make a shard's frames."""
+    def do(self, shard: Shard) -> ShardResult:
+        """Render a shard."""
         records = self._worker.do(shard, lambda count: None)
         bodies: dict[str, bytes] = {}
         for record in records:
@@ -103,18 +128,22 @@ class Hand:
                 place.unlink()
         seconds = dict(self._worker.watch.seconds)
         self._worker.watch.seconds.clear()
-        return Parcel(records, bodies, seconds)
+        return ShardResult(records, bodies, seconds)
 
     def leave(self) -> None:
-        """Clear away what is on the node."""
+        """Remove this worker's files from the node."""
         self._folder.cleanup()
 
 
 @contextmanager
 def joined(address: str | None) -> Iterator[Runner]:
-    """A runner, as `pool.run` is one, over a Ray cluster: the one at that address, or one of this host's own.
+    """Join a Ray cluster; yields a runner with the signature of `local.run`, which raises RunError if a shard fails.
 
-    InputError if `ray` is not installed or there is no cluster; RunError from the runner if a shard fails.
+    Args:
+        address: the cluster's address; None starts one on this host.
+
+    Raises:
+        InputError: `ray` is not installed, or there is no cluster.
     """
     try:
         import ray
@@ -129,133 +158,148 @@ def joined(address: str | None) -> Iterator[Runner]:
         ray.shutdown()
 
 
-def _start(ray: Any, address: str | None) -> None:
-    quiet: dict[str, Any] = {"logging_level": logging.ERROR, "log_to_driver": False, "configure_logging": False}
+def _start(ray: ModuleType, address: str | None) -> None:
+    quiet: dict[str, object] = {"logging_level": logging.ERROR, "log_to_driver": False, "configure_logging": False}
     logging.getLogger("ray").setLevel(logging.ERROR)
     try:
         if address is None:
             ray.init(address="local", include_dashboard=False, **quiet)
         else:
-            _knock(address)
+            _check_address(address)
             ray.init(address=address, **quiet)
     except (ConnectionError, ValueError, RuntimeError, OSError, SystemExit) as error:
-        if isinstance(error, SystemExit):  # Ray's, when what answers is no Ray
+        if isinstance(error, SystemExit):  # Ray raises it when something else than Ray answers
             error = ConnectionError(_NO_RAY)
         reason = (isinstance(error, OSError) and error.strerror) or _line(error)
         what = "Ray cannot be started here" if address is None else f"there is no Ray cluster to join at {address}"
         raise InputError(f"{what}: {reason}") from None
 
 
-def _knock(address: str) -> None:
-    """OSError or ValueError soon if nothing answers at HOST:PORT as Ray does; any other form is for Ray to know."""
+def _check_address(address: str) -> None:
+    """Connect to HOST:PORT, and check that an HTTP/2 server answers, as Ray does; other forms are left to Ray.
+
+    A plain TCP connect would not do: Ray waits for minutes where a web server, or nothing, answers.
+
+    Raises:
+        ValueError: the port is not a number.
+        OSError: nothing answers within `TIMEOUT` seconds, or something else than HTTP/2.
+    """
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if colon and not port.isdigit():
         raise ValueError(f"{port!r} is no port; write HOST:PORT")
     if colon:
         unencrypted = os.environ.get("RAY_USE_TLS", "0").lower() in ("", "0", "false")
-        with socket.create_connection((host.strip("[]"), int(port)), timeout=PATIENCE) as door:
-            if unencrypted:  # else the answer is for Ray's keys alone
-                _greet(door)
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=TIMEOUT) as connection:
+            if unencrypted:  # else only Ray has the keys
+                _check_http2(connection)
 
 
-def _greet(door: socket.socket) -> None:
-    """ConnectionError unless HTTP/2 is spoken there, as gRPC and so Ray does: a server begins with its settings."""
-    deadline, head = time.monotonic() + PATIENCE, b""
+def _check_http2(connection: socket.socket) -> None:
+    """Raise ConnectionError unless the server's first frame is an HTTP/2 settings frame."""
+    deadline, header = time.monotonic() + TIMEOUT, b""
     with suppress(OSError):
-        door.sendall(_GREETING)
-        while len(head) < _FRAME_HEAD and (left := deadline - time.monotonic()) > 0:
-            door.settimeout(left)
-            piece = door.recv(_FRAME_HEAD - len(head))
+        connection.sendall(_HTTP2_PREFACE)
+        while len(header) < _FRAME_HEADER_BYTES and (left := deadline - time.monotonic()) > 0:
+            connection.settimeout(left)
+            piece = connection.recv(_FRAME_HEADER_BYTES - len(header))
             if not piece:
                 break
-            head += piece
-    if len(head) < _FRAME_HEAD or head[3] != _SETTINGS or any(head[5:]):
+            header += piece
+    if len(header) < _FRAME_HEADER_BYTES or header[3] != _SETTINGS_FRAME or any(header[5:]):
         raise ConnectionError(_NO_RAY)
 
 
-def _run(ray: Any, job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Callable[[int], None]) -> Seconds:
+def _run(
+    ray: ModuleType, job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Callable[[int], None]
+) -> Seconds:
     if job.devices not in (("cpu",), ("cuda",)):
         raise InputError(f"device {job.devices[0]}: on a cluster, every worker has a GPU of its own; say cuda")
     if not shards:
         return {}
-    room = _room(ray, job)
-    crew = _Crew(ray, job, min(workers or room, len(shards)))
+    capacity = _capacity(ray, job)
+    pool = _RemotePool(ray, job, min(workers or capacity, len(shards)))
     seconds = Seconds()
     try:
-        for shard, parcel in crew.results(shards):
-            _put(job.root, parcel)
-            for stage, value in parcel.seconds.items():
+        for shard, result in pool.results(shards):
+            _write_files(job.root, result)
+            for stage, value in result.seconds.items():
                 seconds[stage] = seconds.get(stage, 0.0) + value
-            done(shard, parcel.records)
+            done(shard, result.records)
             tick(len(shard.frames) * len(shard.variants))
     finally:
-        crew.dismiss()
+        pool.close()
     return seconds
 
 
-class _Crew:
-    """The workers of one build, each with a processor or a GPU of its own, and what each is at."""
+class _RemotePool:
+    """The workers of one build, each with a processor or a GPU of its own, and the shards that each has."""
 
-    def __init__(self, ray: Any, job: Job, count: int) -> None:
+    def __init__(self, ray: ModuleType, job: Job, count: int) -> None:
         self._ray, self._job, self._count = ray, job, count
         self._kind = "CPU" if job.devices == ("cpu",) else "GPU"
         on_gpu = self._kind == "GPU"
-        self._told = ray.put(replace(job, devices=("cuda:0",)) if on_gpu else job)  # Ray shows it its own GPU alone
-        self._luggage = ray.put(Luggage.of(job))
+        self._job_ref = ray.put(replace(job, devices=("cuda:0",)) if on_gpu else job)  # a worker sees only its own GPU
+        self._inputs_ref = ray.put(JobInputs.of(job))
         needs = {"num_gpus": 1, "num_cpus": 0} if on_gpu else {"num_cpus": 1}
-        self._remote = ray.remote(**needs)(Hand).options(runtime_env={"env_vars": PINNED})
-        self._hands: list[Any] = []
-        self._pending: dict[Any, tuple[Any, Shard]] = {}
+        self._remote = ray.remote(**needs)(RemoteWorker).options(runtime_env={"env_vars": PINNED})
+        self._workers: list[_WorkerHandle] = []
+        self._pending: dict[ObjectRef, tuple[_WorkerHandle, Shard]] = {}
         self._rest: deque[Shard] = deque()
         self._losses: dict[Shard, int] = {}
-        self._waited = 0  # seconds, in vain
+        self._waited = 0  # seconds without a node
 
-    def results(self, shards: Sequence[Shard]) -> Iterator[tuple[Shard, Parcel]]:
-        """Every shard with what was made of it, in whatever order; RunError if one cannot be made."""
+    def results(self, shards: Sequence[Shard]) -> Iterator[tuple[Shard, ShardResult]]:
+        """Yield every shard with its result, in the order in which they finish.
+
+        Raises:
+            RunError: a shard failed, or the cluster has had no node for `MAX_WAIT_FOR_NODES` seconds.
+        """
         self._rest.extend(shards)
         while self._rest or self._pending:
-            self._engage()
+            self._assign()
             ready, _ = self._ray.wait(list(self._pending), num_returns=1, timeout=1.0)
             self._waited = 0 if ready or self._ray.cluster_resources().get(self._kind) else self._waited + 1
-            if self._waited > FORLORN:
-                raise RunError(f"the Ray cluster has had no {self._kind} for {FORLORN} seconds; {self._job.again}")
+            if self._waited > MAX_WAIT_FOR_NODES:
+                what = f"the Ray cluster has had no {self._kind} for {MAX_WAIT_FOR_NODES} seconds"
+                raise RunError(f"{what}; {self._job.again}")
             for reference in ready:
-                hand, shard = self._pending.pop(reference)
-                parcel = self._opened(reference, hand, shard)
-                if parcel is not None:
-                    yield shard, parcel
+                worker, shard = self._pending.pop(reference)
+                result = self._result(reference, worker, shard)
+                if result is not None:
+                    yield shard, result
 
-    def dismiss(self) -> None:
-        """End all workers, each with some seconds to clear up after itself."""
-        if self._hands:
-            leaving = [hand.leave.remote() for hand in self._hands]
-            self._ray.wait(leaving, num_returns=len(leaving), timeout=PATIENCE)
-        for hand in self._hands:
-            self._ray.kill(hand)
+    def close(self) -> None:
+        """End all workers, after at most `TIMEOUT` seconds in which they remove their files."""
+        if self._workers:
+            leaving = [worker.leave.remote() for worker in self._workers]
+            self._ray.wait(leaving, num_returns=len(leaving), timeout=TIMEOUT)
+        for worker in self._workers:
+            self._ray.kill(worker)
 
-    def _engage(self) -> None:
-        """Hire where there is room, and give each worker something to do next."""
-        free = int(self._ray.available_resources().get(self._kind, 0)) if self._idle() else 0
-        for _ in range(min(self._count - len(self._hands), max(free, not self._hands))):
-            self._hands.append(self._remote.remote(self._told, len(self._hands), self._luggage, renderer()))
-        for hand in self._hands:
-            while self._rest and sum(h is hand for h, _ in self._pending.values()) < QUEUED:
+    def _assign(self) -> None:
+        """Start workers while the cluster has room, and queue shards for each."""
+        free = int(self._ray.available_resources().get(self._kind, 0)) if self._needs_workers() else 0
+        for _ in range(min(self._count - len(self._workers), max(free, not self._workers))):
+            number = len(self._workers)
+            self._workers.append(self._remote.remote(self._job_ref, number, self._inputs_ref, renderer()))
+        for worker in self._workers:
+            while self._rest and sum(other is worker for other, _ in self._pending.values()) < QUEUED:
                 shard = self._rest.popleft()
-                self._pending[hand.do.remote(shard)] = hand, shard
+                self._pending[worker.do.remote(shard)] = worker, shard
 
-    def _idle(self) -> bool:
-        return bool(self._rest) and len(self._hands) < self._count
+    def _needs_workers(self) -> bool:
+        return bool(self._rest) and len(self._workers) < self._count
 
-    def _opened(self, reference: Any, hand: Any, shard: Shard) -> Parcel | None:
-        """A parcel; None if its worker was lost: then the shard waits for another."""
+    def _result(self, reference: ObjectRef, worker: _WorkerHandle, shard: Shard) -> ShardResult | None:
+        """A shard's result; None if its worker was lost, and the shard was queued again."""
         errors = self._ray.exceptions
         try:
-            parcel: Parcel = self._ray.get(reference)
-            return parcel
+            result: ShardResult = self._ray.get(reference)
+            return result
         except errors.RayTaskError as error:
             raise RunError(_line(error.cause)) from error
-        except errors.RayError as error:  # the worker is gone, or what it made is, with the node that held it
-            self._hands = [other for other in self._hands if other is not hand]
+        except errors.RayError as error:  # the worker was lost, or the node that held its result
+            self._workers = [other for other in self._workers if other is not worker]
             self._losses[shard] = self._losses.get(shard, 0) + 1
             said = next((line for line in str(error).splitlines() if _OTHER_RELEASE in line), None)
             if said is not None:
@@ -267,29 +311,30 @@ class _Crew:
             return None
 
 
-def _room(ray: Any, job: Job) -> int:
+def _capacity(ray: ModuleType, job: Job) -> int:
+    """The number of workers that the cluster has room for."""
     kind = "CPU" if job.devices == ("cpu",) else "GPU"
-    room = int(ray.cluster_resources().get(kind, 0))
-    if room < 1:
+    capacity = int(ray.cluster_resources().get(kind, 0))
+    if capacity < 1:
         raise InputError(f"the Ray cluster has no {kind} for a worker")
-    return room
+    return capacity
 
 
-def _put(root: Path | None, parcel: Parcel) -> None:
-    """Write a parcel's files, each content once, under all its names."""
+def _write_files(root: Path | None, result: ShardResult) -> None:
+    """Write a result's files: each content once, then links for its other names."""
     if root is None:
         return
     first: dict[str, Path] = {}
-    for record in parcel.records:
+    for record in result.records:
         for path, (_, sha256, *_) in record["files"].items():
             place = root / path
             with host_errors(str(place), "free some space or allow writing, then build again: what is done is kept"):
                 if sha256 in first:
                     link_or_copy(first[sha256], place)
                 else:
-                    write_atomic(place, parcel.bodies[sha256])
+                    write_atomic(place, result.bodies[sha256])
                     first[sha256] = place
-    for record in parcel.records:  # when all links are made, which change a file's stamp
+    for record in result.records:  # after all links are made, because a link changes the file's stamp
         record["files"] = {p: (row[0], row[1], stamp_of((root / p).lstat())) for p, row in record["files"].items()}
 
 
@@ -298,6 +343,7 @@ def _place(job: Job, shard: Shard) -> str:
     return f"{variant}, frames {shard.frames[0]} to {shard.frames[-1]}"
 
 
-def _line(error: Any) -> str:
+def _line(error: object) -> str:
+    """The last line of an error's text that is not empty."""
     lines = [line for line in str(error).splitlines() if line.strip()]
     return lines[-1].strip() if lines else type(error).__name__

@@ -13,7 +13,7 @@ from recipe_runtime.dataset.schedule import Shard, views
 
 
 @dataclass
-class Harvest:
+class FrameAssembly:
     """Frame records by view and number, as they come in."""
 
     dataset: DatasetPlan

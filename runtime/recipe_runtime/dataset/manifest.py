@@ -30,7 +30,7 @@ from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.annotate.records import FileRow
 from recipe_runtime.core import layout
 from recipe_runtime.core.versions import STAGES, tool_versions
-from recipe_runtime.dataset.assembly import Harvest
+from recipe_runtime.dataset.assembly import FrameAssembly
 from recipe_runtime.dataset.manifest_types import (
     FileRecord,
     FrameDigests,
@@ -61,7 +61,9 @@ def head(dataset: DatasetPlan) -> ManifestHead:
     }
 
 
-def manifest_text(dataset: DatasetPlan, harvest: Harvest, files: Mapping[str, FileRow], recipe_file: str | None) -> str:
+def manifest_text(
+    dataset: DatasetPlan, harvest: FrameAssembly, files: Mapping[str, FileRow], recipe_file: str | None
+) -> str:
     """The manifest of a finished dataset. `recipe_file`: where the recipe lies in it, if it does."""
     sensors: dict[str, FrameDigests] = {}
     for video in harvest.videos():

@@ -16,7 +16,7 @@ import pytest
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.pipeline import build
-from recipe_runtime.build.ray import Hand, Luggage
+from recipe_runtime.build.ray import JobInputs, RemoteWorker
 from recipe_runtime.build.worker import Job, Worker
 from recipe_runtime.core.versions import renderer
 from recipe_runtime.dataset.schedule import all_shards
@@ -74,13 +74,13 @@ def test_a_node_needs_no_file_of_this_host(tmp_path: Path) -> None:
     plan, engines = opened(tmp_path / "recipe" / "recipe.yaml")
     job = Job(plan, engines, ("cpu",), tmp_path / "cache", tmp_path / "here")
     shard = all_shards(plan)[0]
-    records, luggage = Worker(job).do(shard, lambda count: None), Luggage.of(job)
-    assert len(luggage.assets) == 4
+    records, inputs = Worker(job).do(shard, lambda count: None), JobInputs.of(job)
+    assert len(inputs.assets) == 4
     shutil.rmtree(tmp_path / "recipe")
     shutil.rmtree(tmp_path / "cache")
-    hand = Hand(job, 0, luggage, renderer())
-    made = hand.do(shard)
-    hand.leave()
+    worker = RemoteWorker(job, 0, inputs, renderer())
+    made = worker.do(shard)
+    worker.leave()
     assert _portable(made.records) == _portable(records)
     rows = [row for record in records for row in record["files"].items()]
     assert {path: made.bodies[sha256] for path, (_, sha256, _) in rows} == tree(tmp_path / "here")
@@ -94,7 +94,7 @@ def _portable(records: list[FrameRecord]) -> list[FrameRecord]:
 def test_a_node_of_another_release_is_refused(tmp_path: Path) -> None:
     job = Job(dataset_plan(), ENGINES, ("cpu",), tmp_path / "cache", None)
     with pytest.raises(RunError, match="runs another release"):
-        Hand(job, 0, Luggage.of(job), "0" * 64)
+        RemoteWorker(job, 0, JobInputs.of(job), "0" * 64)
 
 
 def _on_its_gpu(scene: Any, device: str) -> Renderer:
@@ -165,7 +165,7 @@ def _kill_one() -> int:
             command = (process / "cmdline").read_bytes()
         except OSError:
             continue
-        if command.startswith(b"ray::Hand") and _is_ours(process):
+        if command.startswith(b"ray::RemoteWorker") and _is_ours(process):
             os.kill(int(process.name), signal.SIGKILL)
             return int(process.name)
     return 0

@@ -52,11 +52,11 @@ def _dripping(caller: socket.socket) -> None:
 def test_what_is_no_ray_is_told_from_it_soon(
     answer: Callable[[socket.socket], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ray, "PATIENCE", 0.5)
+    monkeypatch.setattr(ray, "TIMEOUT", 0.5)
     with serving(answer) as address:
         start = time.monotonic()
         with pytest.raises(ConnectionError, match="what listens there does not answer as Ray does"):
-            ray._knock(address)
+            ray._check_address(address)
         assert time.monotonic() - start < 3.0
 
 
@@ -66,12 +66,12 @@ def test_what_speaks_as_ray_does_is_let_through() -> None:
         caller.sendall(SETTINGS)
 
     with serving(answer) as address:
-        ray._knock(address)
+        ray._check_address(address)
     with serving(answer) as address:
-        ray._knock(f"ray://{address}")
+        ray._check_address(f"ray://{address}")
 
 
 def test_what_hides_behind_keys_is_for_ray_to_ask(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAY_USE_TLS", "1")
     with serving(_silent) as address:
-        ray._knock(address)
+        ray._check_address(address)

@@ -162,8 +162,8 @@ def test_a_cache_that_cannot_be_written_is_no_error(fresh: Lockfile, tmp_path: P
 
 LOCK_SLOWLY = """
 from pathlib import Path
-from recipe_runtime.locking import lock
-from recipe_runtime.reuse import known_frames
+from recipe_runtime.build.reuse import known_frames
+from recipe_runtime.verify.locking import lock
 from tests.runtime.fakes import SLOW, dataset_plan
 plan = dataset_plan()
 known = known_frames(plan, Path({cache!r}))
@@ -171,8 +171,8 @@ lock(plan, "", {{}}, workers=1, progress=lambda *_: None, engines=SLOW, known=kn
 """
 VERIFY_SLOWLY = """
 from pathlib import Path
-from recipe_compiler.lockfile import read
-from recipe_runtime.verify import Options, verify
+from recipe_compiler.ir.lockfile import read
+from recipe_runtime.verify.verify import Options, verify
 from tests.runtime.fakes import SLOW, dataset_plan
 verify(dataset_plan(), read(Path({lock!r})), Options(1, everything=True), lambda *_: None, engines=SLOW,
        cache=Path({cache!r}))

@@ -258,13 +258,13 @@ def test_a_manifest_has_no_more_rows_than_its_plan_may_explain(built: Path) -> N
 _READ = """
 import resource, sys, time
 from pathlib import Path
-from recipe_compiler import lockfile
-from recipe_compiler.errors import InputError
-from recipe_runtime import dataset, manifest_reader
+from recipe_compiler.ir import lockfile
+from recipe_compiler.ir.errors import InputError
+from recipe_runtime.dataset import manifest_reader, reader
 start = time.process_time()
 try:
     kind, path = sys.argv[1], Path(sys.argv[2])
-    {"lockfile": lockfile.read, "manifest": manifest_reader.read, "plan": dataset.plan_alone}[kind](path)
+    {"lockfile": lockfile.read, "manifest": manifest_reader.read, "plan": reader.plan_alone}[kind](path)
     said = "accepted"
 except (InputError, ValueError) as error:
     said = str(error)[-200:]
