@@ -328,7 +328,7 @@ def _read_or_refused(kind: str, content: bytes) -> None:
 _PRINT = """
 import hashlib, sys
 from pathlib import Path
-from recipe_compiler.assets import image, mesh
+from recipe_compiler.ir.assets import image, mesh
 digest = hashlib.sha256()
 for name in ("crate.glb", "pillar.obj", "cone.stl"):
     content = (Path(sys.argv[1]) / name).read_bytes()

@@ -168,7 +168,7 @@ def test_what_someone_put_into_a_dataset_is_not_replaced_with_it(tmp_path: Path)
 
 BUILD_SLOWLY = """
 from pathlib import Path
-from recipe_runtime.build import build
+from recipe_runtime.build.pipeline import build
 from tests.runtime.fakes import SLOW, dataset_plan
 folder = Path({folder!r})
 build(dataset_plan(), folder / "tiny", cache=folder / "cache", engines=SLOW, workers=2, shard_frames=2)
