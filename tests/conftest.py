@@ -1,4 +1,7 @@
-"""What every test shares: a cache of its own, so that none depends on what a user's cache holds."""
+"""What every test shares: a cache of its own, so that none depends on what a user's cache holds; the skip of GPU tests.
+
+Under pytest-xdist each worker has a cache of its own too; workers share nothing but compiled kernels.
+"""
 
 from __future__ import annotations
 
@@ -15,3 +18,12 @@ def private_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         patch.setenv("RECIPE_KERNEL_CACHE", str(kernel_cache()))
         patch.setenv("RECIPE_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip tests marked `gpu` where there is no CUDA GPU, which is asked for when the first of them runs."""
+    if item.get_closest_marker("gpu") is not None:
+        from recipe_runtime.render.device.setup import cuda_devices
+
+        if not cuda_devices():
+            pytest.skip("there is no CUDA GPU here")

@@ -75,6 +75,7 @@ def test_a_strangers_pack_is_refused_with_the_place_of_its_asset(
 
     text = (GOOD / "recipe.yaml").read_text().replace("files/tetrahedron.obj, up: z", path)
     files = {file.relative_to(GOOD).as_posix(): file.read_bytes() for file in sorted(GOOD.rglob("*.*"))}
+    del files["files/tetrahedron.obj"]  # which the recipe no longer names, so that the pack holds no unused file
     files |= {"recipe.yaml": text.encode(), **({path: content} if content else {})}
     (tmp_path / "evil.recipe").write_bytes(Pack("recipe.yaml", files).dumps())
     told = run("build", "evil.recipe", "--out", "set", cwd=tmp_path, code=2)

@@ -21,8 +21,6 @@ from tests.runtime.fakes import ENGINES, dataset_plan
 from tests.sources import ROOT
 
 GOLDEN = ROOT / "tests" / "golden"
-HAS_GPU = bool(device_module.cuda_devices())
-needs_gpu = pytest.mark.skipif(not HAS_GPU, reason="there is no CUDA GPU here")
 
 
 def test_the_processor_is_always_there() -> None:
@@ -51,7 +49,6 @@ def test_workers_share_out_the_devices(tmp_path: Path) -> None:
 
 
 @pytest.mark.gpu
-@needs_gpu
 def test_a_gpu_renders_the_processors_bytes() -> None:
     """Every frame of the golden recipe: every variant, sensor and modality, and the labels."""
     plan, store = compiled(GOLDEN / "tiny.yaml"), Store()
@@ -69,7 +66,6 @@ def test_a_gpu_renders_the_processors_bytes() -> None:
 
 
 @pytest.mark.gpu
-@needs_gpu
 def test_a_lockfile_of_a_processor_verifies_on_a_gpu() -> None:
     plan, lock = compiled(GOLDEN / "tiny.yaml"), read(GOLDEN / "lockfiles" / "tiny.lock")
     options = Options(nonce=1, everything=True, workers=0, device="cuda:0")

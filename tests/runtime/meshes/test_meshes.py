@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from functools import cache
 from unittest import mock
 
 import numpy as np
@@ -24,7 +25,11 @@ from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.vectors import cross, unit
 
 TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
-BODIES = town_bodies(TOWN.plan)
+
+
+@cache
+def bodies_of_town() -> tuple[Body, ...]:
+    return town_bodies(TOWN.plan)
 
 
 def plan(blueprint: Blueprint) -> ActorPlan:
@@ -113,14 +118,14 @@ def test_vehicles_carry_headlights() -> None:
 
 
 def test_town() -> None:
-    assert [body.name for body in BODIES] == [e.name for e in TOWN.plan.elements]
-    for body in BODIES:
+    assert [body.name for body in bodies_of_town()] == [e.name for e in TOWN.plan.elements]
+    for body in bodies_of_town():
         assert body.instance == 0
         assert [name for name, _ in body.parts] == ["static"]
         check(body.mesh("static"))
         assert {s.slot for s in body.mesh("static").surfaces} <= set(TOWN.looks[body.name])
         assert all(0 < s.tag <= 28 for s in body.mesh("static").surfaces)
-    assert digest(BODIES) == digest(town_bodies(TOWN.plan))
+    assert digest(bodies_of_town()) == digest(town_bodies(TOWN.plan))
 
 
 def test_town_stays_within_a_budget_of_triangles() -> None:
@@ -142,7 +147,7 @@ def test_every_town_has_valid_tags_colours_and_a_budget(name: str, most: int) ->
 
 
 def test_streets_look_up_and_lamps_shine_down() -> None:
-    for element, body in zip(TOWN.plan.elements, BODIES, strict=True):
+    for element, body in zip(TOWN.plan.elements, bodies_of_town(), strict=True):
         mesh = body.mesh("static")
         if element.kind in ("road", "junction", "ground"):
             assert (face_normals(mesh)[:, 2] > 0).all()
@@ -152,7 +157,7 @@ def test_streets_look_up_and_lamps_shine_down() -> None:
 
 def test_windows_have_names() -> None:
     """Within one pane the whole part of uv is one number, and panes of a building differ."""
-    for element, body in zip(TOWN.plan.elements, BODIES, strict=True):
+    for element, body in zip(TOWN.plan.elements, bodies_of_town(), strict=True):
         if element.kind != "building" or element.shape["style"] == 4:  # glass all over
             continue
         mesh = body.mesh("static")

@@ -12,7 +12,6 @@ from recipe_runtime.frames.engines import real_engines
 from recipe_runtime.loading import compiled
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.render.device.reuse import NO_REUSE
-from recipe_runtime.render.device.setup import cuda_devices
 from recipe_runtime.render.gpu import frame_buffers, frame_stream
 from recipe_runtime.render.gpu.frame_stream import FrameBatch
 from recipe_runtime.render.renderer import Renderer
@@ -65,7 +64,6 @@ def test_a_full_list_of_bands_loses_no_triangle(plan: DatasetPlan, monkeypatch: 
 
 
 @pytest.mark.gpu
-@pytest.mark.skipif(not cuda_devices(), reason="there is no CUDA GPU here")
 @pytest.mark.parametrize("sensor", [0, 1])
 def test_a_reel_on_a_gpu_has_the_processors_bytes(plan: DatasetPlan, sensor: int) -> None:
     hold_to_renderer(plan, sensor, "cuda:0")

@@ -19,7 +19,6 @@ from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.render.texture.mipmaps import mip_levels
 from recipe_runtime.render.texture.surface_colours import srgb_to_linear
 
-from tests.runtime.frames.test_devices import needs_gpu
 from tests.runtime.render.street import appearance, quad
 
 NOBODY = np.zeros((0, 3, 4))
@@ -202,7 +201,6 @@ def test_a_reel_shows_images_too() -> None:
 
 
 @pytest.mark.gpu
-@needs_gpu
 def test_a_gpu_shows_the_same_bytes() -> None:
     here, there = _reeled("cpu"), _reeled("cuda:0")
     assert (here[0] == there[0]).all() and (here[1] == there[1]).all()
