@@ -10,7 +10,7 @@ import pytest
 from tests.sources import PACKAGES, ROOT
 from tests.test_layers import LAYERS
 
-PAGES = [ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md")]
+PAGES = [ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md")]
 PAGES += [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "requirements" / "README.md"]
 TOPS = (".ci", "benchmarks", "cli", "compiler", "docs", "lockfiles", "recipes", "requirements", "runtime", "tests")
 PLACEHOLDER = re.compile(r"[<>*{}$]|NAME|RECIPE|DATASET|FOLDER|rain_bench")  # `commands/NAME.py` stands for any name
