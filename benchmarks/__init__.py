@@ -1,1 +1,1 @@
-"""How fast it is, measured beside a plain script of the same scene."""
+"""Benchmarks: frames per second compared with a plain script of the same scene, and other measurements."""

@@ -1,10 +1,10 @@
-"""The plain script that Dataset Recipe is measured against: PyBullet steps and draws, Pillow saves.
+"""The plain script that Dataset Recipe is compared with: PyBullet simulates and renders, Pillow writes.
 
     python -m benchmarks.baseline STAGE OUT --renderer tiny --shadow 1 --frames 15
 
 It is what a competent user would write for the same scene: meshes merged by colour and loaded once, physics stepped
-between frames, one `getCameraImage` a frame for colour, depth and segmentation, three PNG files with Pillow's own
-settings. No annotations, no digests. The last line that it prints is a JSON object of seconds by stage.
+between frames, one `getCameraImage` per frame for colour, depth and segmentation, three PNG files with Pillow's
+default settings. No annotations, no digests. The last line of its output is a JSON object of seconds by stage.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ GROUND = 0.15  # metres; the sidewalk that both walk on
 
 
 def main() -> None:
-    """Draw the frames and say how long each stage took."""
+    """Render the frames and print the time of each stage."""
     parser = argparse.ArgumentParser()
     parser.add_argument("stage", type=Path)
     parser.add_argument("out", type=Path)
@@ -64,14 +64,14 @@ def main() -> None:
 
 
 def load_egl() -> None:
-    """Load PyBullet's hardware renderer, which draws off screen through EGL."""
+    """Load PyBullet's hardware renderer, which renders off screen through EGL."""
     found = pkgutil.get_loader("eglRenderer")  # type: ignore[attr-defined,unused-ignore]
     if found is None or p.loadPlugin(found.get_filename(), "_eglRendererPlugin") < 0:  # type: ignore[attr-defined,unused-ignore]
         raise SystemExit("PyBullet's EGL plugin does not load")
 
 
 def load(stage: dict[str, Any], folder: Path) -> tuple[list[list[int]], list[int]]:
-    """Bodies of every part (one a colour), and the walkers' capsules; the town and a ground to walk on."""
+    """Create the bodies of every part (one per colour), the pedestrians' capsules, the town and the ground."""
     p.setTimeStep(1 / stage["physics"])
     p.setGravity(0, 0, -9.81)
     unseen = p.createVisualShape(p.GEOM_SPHERE, radius=0.001)  # else a collision shape is drawn
@@ -95,7 +95,7 @@ def load(stage: dict[str, Any], folder: Path) -> tuple[list[list[int]], list[int
 
 
 def step(stage: dict[str, Any], parts: list[list[int]], walkers: list[int], frame: int) -> None:
-    """Walk on by a frame, and place the limbs."""
+    """Advance the simulation by one frame, and place the limbs."""
     for _ in range(stage["steps"]):
         for body, walker in zip(walkers, stage["walkers"], strict=True):
             (x, y, _z), _ = p.getBasePositionAndOrientation(body)
@@ -109,7 +109,7 @@ def step(stage: dict[str, Any], parts: list[list[int]], walkers: list[int], fram
 
 
 def camera(stage: dict[str, Any], renderer: str, shadow: str) -> Callable[[int], tuple[Any, Any, Any]]:
-    """A function that takes a frame's picture."""
+    """Return a function that renders one frame."""
     plan = stage["camera"]
     projection = p.computeProjectionMatrixFOV(plan["fov"], plan["width"] / plan["height"], plan["near"], plan["far"])
     options = {"shadow": 1, "lightDirection": (-3, -4, 2)} if shadow == "1" else {}
@@ -129,7 +129,7 @@ def camera(stage: dict[str, Any], renderer: str, shadow: str) -> Callable[[int],
 
 
 def save(out: Path, frame: int, rgba: Any, depth: Any, segments: Any, plan: dict[str, Any]) -> None:
-    """Three PNG files: colour, depth in 24 bits as CARLA has it, and segmentation in 16."""
+    """Write three PNG files: colour, depth in CARLA's 24 bits, and segmentation in 16 bits."""
     near, far = plan["near"], plan["far"]
     Image.fromarray(rgba[:, :, :3].astype(np.uint8)).save(out / f"rgb_{frame:06d}.png")
     metres = far * near / (far - (far - near) * depth)

@@ -1,8 +1,8 @@
-"""`make bench-ray`: what Ray costs over this host's own processes, for the same frames with as many workers.
+"""`make bench-ray`: the cost of Ray compared with local processes, for the same frames and number of workers.
 
-Both build the paper's listing in three weathers, in turns. Processor time is what is compared, of all processes that a
-build starts, Ray's own included: of a long build less a short one, so that the start of processes and of Ray is not in
-it. Time on the wall is printed beside it, for a machine that does nothing else. Needs `ray`.
+Both build the paper's listing in three weathers, alternately. The benchmark compares the CPU time of all processes that
+a build starts, including Ray's own: that of a long build minus that of a short one, which excludes the start of
+processes and of Ray. It also prints wall-clock time, which is meaningful on an idle machine only. Needs `ray`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from benchmarks.spending import Meter
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds of a build: of all its processes' time, and of its steady work on the wall."""
+    """Seconds of a build: CPU time of all processes, and wall-clock time without start-up."""
 
     processors: float
     wall: float
@@ -58,7 +58,7 @@ def main() -> None:
 
 
 def cost(folder: Path, on_ray: bool, frames: int, workers: int) -> Cost:
-    """What a build of so many frames costs."""
+    """Measure a build of that number of frames."""
     folder.mkdir()
     command = [sys.executable, "-m", "benchmarks.ours", str(RECIPE), str(folder), "--variants", FIRST, *FURTHER]
     command += ["--frames", str(frames), "--workers", str(workers)]

@@ -1,4 +1,4 @@
-"""Ten recipes of different kinds, each built in seconds, that `benchmarks.estimates` holds estimates to."""
+"""Ten recipes of different kinds, each built in seconds, which `benchmarks.estimates` builds to check estimates."""
 
 from __future__ import annotations
 
@@ -58,4 +58,4 @@ RECIPES: dict[str, dict[str, Any]] = {
         "crowd", 40, _sensor(640, 480, ["depth", "instance", "semantic"]), traffic={"pedestrians": 60, "parked": 20}
     ),
 }
-"""By what is particular to each."""
+"""The recipes, by the feature that distinguishes each."""

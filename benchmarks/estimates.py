@@ -1,10 +1,10 @@
-"""`make bench-estimates`: what `recipe plan` estimates beside what a build takes, for ten recipes of different kinds.
+"""`make bench-estimates`: the estimates of `recipe plan` compared with builds of ten recipes of different kinds.
 
-Each is built with one worker, in a process of its own and without any kept motion. Its time is that of all its
-processes on the processor (user and system), which others on the machine touch less than the clock; its bytes are
-those that the dataset takes of the disk, each file once; its memory is the most that any one process held. Estimates
-are for a reference core, so times are divided by one factor for all recipes, the geometric mean of their ratios.
-Exit code 1 if time or bytes of any recipe are more than a factor of 1.5 from its estimate.
+Each recipe is built with one worker, in its own process and without cached motion. Its time is the CPU time of all
+processes (user and system), which other users of the machine affect less than the clock. Its bytes are the disk space
+of the dataset, each file once. Its memory is the peak of the largest process. Estimates are for a reference core, so
+times are divided by one factor for all recipes, the geometric mean of their ratios. The exit code is 1 if time or bytes
+of any recipe differ from the estimate by more than a factor of 1.5.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FACTOR = 1.5
 
 @dataclass(frozen=True)
 class Taken:
-    """What a build took: processor seconds, bytes of the disk, bytes of its largest process."""
+    """Cost of a build: CPU seconds, bytes on disk, bytes of memory of its largest process."""
 
     seconds: float
     bytes: int
@@ -38,7 +38,7 @@ class Taken:
 
 
 def main(names: list[str]) -> int:
-    """Build the recipes of these names, all by default, and print estimate, actual and ratio."""
+    """Build the recipes of these names, by default all, and print estimate, measurement and ratio."""
     rows = []
     for name in names or RECIPES:
         cost, taken = _measure(RECIPES[name])
@@ -63,7 +63,7 @@ def _cells(estimate: float, actual: float, unit: int) -> str:
 
 
 def _measure(recipe: dict[str, Any]) -> tuple[Cost, Taken]:
-    """The estimate of a recipe, and what its build took; built again if kernels were compiled meanwhile."""
+    """Return a recipe's estimate and the cost of its build; build again if kernels were compiled meanwhile."""
     while True:
         kernels = _kernels()
         with tempfile.TemporaryDirectory() as folder:
@@ -75,12 +75,12 @@ def _measure(recipe: dict[str, Any]) -> tuple[Cost, Taken]:
 
 
 def _kernels() -> int:
-    """How many files compiled kernels are, each host's for itself."""
+    """Count the files of compiled kernels."""
     return sum(1 for path in kernel_cache().glob("kernels/**/*") if path.is_file())
 
 
 def _build(path: Path) -> Taken:
-    """Build a recipe beside its file, and wait for it."""
+    """Build a recipe beside its file, and wait for the build."""
     out = path.with_name("out")
     places = {"RECIPE_CACHE": str(path.with_name("cache")), "RECIPE_KERNEL_CACHE": str(kernel_cache())}
     command = [sys.executable, "-m", "recipe_cli", "build", str(path), "--out", str(out), "--workers", "1"]

@@ -1,9 +1,9 @@
-"""Frames a second of a reel on a GPU: rgb, depth and instance, as the renderer draws them, before any encoding.
+"""Frames per second of a frame stream on a GPU: rgb, depth and instance, without encoding.
 
 `python -m benchmarks.gpu [--device cuda:0] [--recipe recipes/weather_sweep.yaml] [--frames 600] [--lanes 16]`
 
-It prints, for a camera that stands still and for one that moves, the rate with the pixels in the host's memory, and
-first holds some frames to those that the renderer draws one by one on the CPU.
+For a static and for a moving camera, it prints the rate with the pixels in the host's memory. Before that, it compares
+some frames with those that the renderer computes one by one on the CPU.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SHIFT = 0.01  # metres a frame that the moving camera goes ahead
 
 
 def take_of(variant: ScenarioPlan, trace: Trace, count: int, moving: bool) -> FrameBatch:
-    """So many frames of the first sensor, to and fro over the clip; its camera creeping ahead, if it is to move."""
+    """Return frames of the first sensor, back and forth over the clip, with a slow camera motion if requested."""
     clock, sensor = variant.scene.clock, variant.rig.sensors[0]
     numbers = np.arange(count) % (2 * clock.frames)
     numbers = np.where(numbers < clock.frames, numbers, 2 * clock.frames - 1 - numbers)
@@ -37,7 +37,7 @@ def take_of(variant: ScenarioPlan, trace: Trace, count: int, moving: bool) -> Fr
 
 
 def compare(variant: ScenarioPlan, renderer: Renderer, reel: FrameStream, take: FrameBatch) -> int:
-    """How many pixels of the frames differ from those that a renderer on the CPU draws."""
+    """Count the pixels of the frames that differ from those that the CPU renders."""
     sensor, differing = variant.rig.sensors[0], 0
     for at, made in enumerate(reel.frames(take)):
         seen = renderer.observe(sensor.camera, take.poses[at], take.parts[at])
@@ -49,7 +49,7 @@ def compare(variant: ScenarioPlan, renderer: Renderer, reel: FrameStream, take: 
 
 
 def measure(dataset: DatasetPlan, trace_of: Callable[[ScenarioPlan], Trace], options: argparse.Namespace) -> None:
-    """Print the rates of the variants asked for."""
+    """Print the rates of the requested variants."""
     for variant in dataset.variants[: options.variants]:
         trace, sensor = trace_of(variant), variant.rig.sensors[0]
         bodies = [*town_bodies(variant.scene.town), *[actor_body(actor) for actor in variant.scene.actors]]
@@ -76,7 +76,7 @@ def measure(dataset: DatasetPlan, trace_of: Callable[[ScenarioPlan], Trace], opt
 
 
 def arguments() -> argparse.Namespace:
-    """What the command line asks for."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--recipe", type=Path, default=Path("recipes/weather_sweep.yaml"))
@@ -88,7 +88,7 @@ def arguments() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Simulate what is needed, and measure."""
+    """Simulate the scenes, and measure."""
     from recipe_runtime.cache.store import Store
     from recipe_runtime.frames.engines import real_engines
     from recipe_runtime.loading import compiled

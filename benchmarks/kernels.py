@@ -1,8 +1,8 @@
-"""Where a frame's time goes in the renderer: milliseconds of one thread by stage, in the middle of a clip.
+"""Time of a frame by stage of the renderer: milliseconds of one thread, in the middle of a clip.
 
     python -m benchmarks.kernels RECIPE VARIANT --frames 16
 
-Time is the thread's own, so that other processes on the machine do not tell. Its last line is a JSON object.
+Times are CPU time of the thread, so other processes matter little. The last line of output is a JSON object.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ WARM = 3  # frames: what a camera that stands still remembers is there after two
 
 
 def main() -> None:
-    """Render consecutive frames, and say where the time went."""
+    """Render consecutive frames, and print the time by stage."""
     parser = argparse.ArgumentParser()
     parser.add_argument("recipe", type=Path)
     parser.add_argument("variant")

@@ -1,6 +1,6 @@
-"""`make bench`: frames a second for the paper's listing and for a town, beside a plain PyBullet + Pillow script.
+"""`make bench`: frames per second of the paper's listing and of a town, compared with a plain PyBullet script.
 
-Each contestant runs in a process of its own, one after the other, and is told start-up and steady work apart.
+Each contender runs alone in its own process. Start-up and steady-state times are reported separately.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -> Result:
-    """Every figure."""
+    """Measure every figure."""
     load = [round(x, 2) for x in os.getloadavg()]
     scenario = next(v for v in dataset.variants if v.variant == FIRST)
     trace = real_engines().simulate(scenario.scene)
@@ -91,7 +91,7 @@ def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -
 
 
 def further(folder: Path, frames: int) -> Result:
-    """What a further weather of the scene costs, by turns: seconds a frame, and the share of the first's."""
+    """Cost of a further weather of the scene, measured alternately: seconds per frame, and share of the first."""
     found: Result = {name: {"seconds": [], "shares": []} for name in FURTHER}
     for turn in range(TURNS):
         first = ours(RECIPE, folder / f"first-{turn}", [FIRST], frames, 1)["steady"]
@@ -103,20 +103,20 @@ def further(folder: Path, frames: int) -> Result:
 
 
 def twelve(folder: Path, frames: int) -> Result:
-    """Seconds of steady work of twelve weathers in one build, and of each in a build of its own."""
+    """Steady-state seconds of twelve weathers in one build, and of each in its own build."""
     names = [variant.variant for variant in compile_recipe(WEATHERS).plan.variants]
     alone = [ours(WEATHERS, folder / name, [name], frames, 1)["steady"] for name in names]
     return {"together": ours(WEATHERS, folder / "twelve", names, frames, 1)["steady"], "alone": alone}
 
 
 def warm_up(dataset: DatasetPlan, trace: Trace) -> None:
-    """Have every kernel compiled that a variant needs."""
+    """Compile every kernel that a variant needs."""
     for variant in dataset.variants:
         FrameSource(variant, trace).render(variant.rig.sensors[0].name, 0)
 
 
 def cold_start(folder: Path) -> float:
-    """Seconds to a first picture with an empty cache, all kernels compiled."""
+    """Seconds to the first picture with an empty cache, including the compilation of all kernels."""
     environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cold"), "RECIPE_CACHE": str(folder / "cold" / "store")}
     code = (
         "import sys, time; start = time.perf_counter(); from pathlib import Path\n"
@@ -127,12 +127,12 @@ def cold_start(folder: Path) -> float:
 
 
 def kernels(recipe: Path, variant: str) -> Result:
-    """Milliseconds of a frame by the renderer's stages."""
+    """Milliseconds per frame, by stage of the renderer."""
     return last_line(run([sys.executable, "-m", "benchmarks.kernels", str(recipe), variant]))
 
 
 def plain(folder: Path, scenario: ScenarioPlan, trace: Trace, frames: int) -> tuple[Result, list[str]]:
-    """The plain script with every renderer, and what does not run here."""
+    """Results of the plain script with every renderer, and the renderers that do not run here."""
     folder.mkdir()
     write_stage(scenario, trace, folder)
     found: Result = {}
@@ -147,7 +147,7 @@ def plain(folder: Path, scenario: ScenarioPlan, trace: Trace, frames: int) -> tu
 
 
 def ours(recipe: Path, folder: Path, variants: list[str], frames: int, workers: int) -> Result:
-    """A real build; `steady` is its time on the wall without start-up."""
+    """Run a real build; `steady` is its wall-clock time without start-up."""
     folder.mkdir()
     command = [sys.executable, "-m", "benchmarks.ours", str(recipe), str(folder), "--variants", *variants]
     found = last_line(run([*command, "--frames", str(frames), "--workers", str(workers)]))
@@ -157,7 +157,7 @@ def ours(recipe: Path, folder: Path, variants: list[str], frames: int, workers: 
 
 
 def baseline(stage: Path, out: Path, renderer: str, shadow: str, frames: int) -> Result | None:
-    """The plain script; None if it cannot run. A crash in a driver ends its process alone."""
+    """Run the plain script; None if it cannot run. A crash in a driver ends only its process."""
     command = [sys.executable, "-m", "benchmarks.baseline", str(stage), str(out), "--renderer", renderer]
     try:
         found = last_line(run([*command, "--shadow", shadow, "--frames", str(frames)]))
@@ -172,7 +172,7 @@ def baseline(stage: Path, out: Path, renderer: str, shadow: str, frames: int) ->
 
 
 def run(command: list[str], environment: dict[str, str] | None = None) -> str:
-    """What a process prints; CalledProcessError, its complaint shown, if it fails."""
+    """Return the output of a process; CalledProcessError, with its error output printed, if it fails."""
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     if done.returncode and "egl" not in command:
         sys.stderr.write(done.stderr)
@@ -181,13 +181,13 @@ def run(command: list[str], environment: dict[str, str] | None = None) -> str:
 
 
 def last_line(text: str) -> Result:
-    """The JSON object among what engines print."""
+    """Find the JSON object in output that engines print to, as well."""
     found: Result = json.loads([line for line in text.splitlines() if line.startswith("{")][-1])
     return found
 
 
 def machine() -> str:
-    """The machine in words."""
+    """Describe the machine."""
     model = "a CPU"
     info = Path("/proc/cpuinfo")
     if info.is_file():

@@ -1,8 +1,8 @@
-"""`make bench-long`: what ten thousand frames cost whoever has them already, and whoever checks them.
+"""`make bench-long`: the cost of ten thousand frames that exist already, and of their verification.
 
-Two figures: a build with nothing to do (of small pictures: it looks at files and not at pixels), and the
-verification of 60 frames of 800 x 600 out of 10,000 against a lockfile, with an empty cache: the clip is simulated
-again. Making the dataset and the lockfile takes the rest of the time, five to ten minutes.
+Two figures: a build with nothing to do (of small pictures, because it checks files and not pixels), and the
+verification of 60 frames of 800 x 600 out of 10,000 against a lockfile with an empty cache, including the simulation of
+the clip. Making the dataset and the lockfile takes most of the time, five to ten minutes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SMALL = "width: 64, height: 48"
 
 
 def main() -> None:
-    """Make what is needed, and print both figures."""
+    """Make the dataset and the lockfile, and print both figures."""
     with tempfile.TemporaryDirectory(prefix="recipe-bench-") as name:
         folder, text = Path(name), RECIPE.read_text()
         (folder / "long.yaml").write_text(text)
@@ -35,7 +35,7 @@ def main() -> None:
 
 
 def timed(folder: Path, what: str, *arguments: str, cache: str = "cache") -> None:
-    """Run a command of `recipe` in a folder, and print its seconds."""
+    """Run a `recipe` command in a folder, and print its time in seconds."""
     start = time.perf_counter()
     environment = {"RECIPE_KERNEL_CACHE": str(kernel_cache()), **os.environ, "RECIPE_CACHE": str(folder / cache)}
     subprocess.run(

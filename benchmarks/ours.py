@@ -1,11 +1,11 @@
-"""One real build, timed: compiled, simulated, rendered, annotated, encoded, hashed and on disk.
+"""Time one real build: compiled, simulated, rendered, annotated, encoded, hashed and written.
 
     python -m benchmarks.ours RECIPE FOLDER --variants weather=sunny --frames 300 --workers 1
 
-Its last line is a JSON object: seconds by stage, summed over workers, and seconds by a clock on the wall. Start-up is
-told apart: from the beginning to the first picture, less the time that a picture takes, and less what the simulation,
-which runs meanwhile, took longer than the loading of the scene. `rate` is of pictures a second once all workers are at
-work, after a fifth of them. `peak` is the most memory that any one of its processes held, in MiB.
+The last line of output is a JSON object: seconds by stage, summed over workers, and wall-clock seconds. Start-up is
+separate: the time until the first picture, minus the time of one picture, and minus the time by which the simulation,
+which runs meanwhile, exceeds the loading of the scene. `rate` is pictures per second once all workers are running,
+after a fifth of the pictures. `peak` is the memory of the largest process, in MiB.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from recipe_runtime.build.pipeline import Runner, build
 
 
 def main() -> None:
-    """Build, and say how long it took."""
+    """Build, and print the time."""
     parser = argparse.ArgumentParser()
     parser.add_argument("recipe", type=Path)
     parser.add_argument("folder", type=Path)
@@ -71,7 +71,7 @@ def main() -> None:
 
 @contextmanager
 def runner(on_ray: bool) -> Iterator[Runner]:
-    """What does the shards: this host's own processes, or Ray's."""
+    """Return what runs the shards: local processes, or Ray."""
     if not on_ray:
         yield local.run
         return
@@ -82,7 +82,7 @@ def runner(on_ray: bool) -> Iterator[Runner]:
 
 
 def part_of(dataset: DatasetPlan, variants: list[str], frames: int) -> DatasetPlan:
-    """The dataset with those variants alone, and the first frames of its clock."""
+    """Return the dataset with only those variants and the first frames."""
     document = dataset.document()
     document["variants"] = [v for v in document["variants"] if v["variant"] in variants]
     for variant in document["variants"]:

@@ -1,10 +1,10 @@
-"""What each level of temporal reuse saves: processor time a frame with the level, and without it.
+"""Saving of each level of temporal reuse: CPU time per frame with the level, and without it.
 
     python -m benchmarks.reuse --frames 24
 
-Two renderers make the same frames of the paper's listing in turn, one with every level and one without the level in
-question and without those that build on it. Times are the thread's own, so that other processes matter less, and their
-ratio is of frames made side by side. The last line is a JSON object.
+Two renderers render the same frames of the paper's listing alternately, one with every level, and one without the level
+and those that depend on it. Times are CPU time of the thread, so other processes matter less, and ratios compare
+consecutive frames. The last line of output is a JSON object.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def main() -> None:
 
 
 def compare(variant: ScenarioPlan, trace: Trace, reuse: TemporalReuse, frames: int) -> list[float]:
-    """Milliseconds a frame with every level, and with those of `reuse`, of frames made in turn."""
+    """Milliseconds per frame with every level, and with those of `reuse`, of alternately rendered frames."""
     sources = [source(variant, trace, levels) for levels in (ALL_REUSE, reuse)]
     sensor, begin = variant.rig.sensors[0], variant.scene.clock.frames // 3
     seconds = [0.0, 0.0]
@@ -73,7 +73,7 @@ def compare(variant: ScenarioPlan, trace: Trace, reuse: TemporalReuse, frames: i
 
 
 def source(variant: ScenarioPlan, trace: Trace, reuse: TemporalReuse) -> SceneSource:
-    """A source of frames whose renderer reuses the given levels."""
+    """Return a frame source whose renderer uses the given levels."""
     engines = real_engines()
     renderer = Renderer(scene_bodies(variant.scene, engines.assets), reuse=reuse)
     return SceneSource(variant.scene, trace, engines=engines, renderer=renderer)

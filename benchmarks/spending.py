@@ -1,8 +1,8 @@
-"""Processor time of a command and of everything that it starts, whoever its parent is by then.
+"""CPU time of a command and of every process that it starts, whichever parent they have later.
 
-`getrusage` tells of children that were waited for; Ray's workers are children of a daemon that never tells. So all
-processes that inherited a mark in their environment are looked at, five times a second, until the command has ended:
-what each does after its last look, a tenth of a second on the average, is missing. Linux alone.
+`getrusage` reports children that were waited for, but Ray's workers are children of a daemon. Therefore all processes
+that inherited a marker in their environment are sampled five times per second until the command has ended. The time
+after the last sample of each, a tenth of a second on average, is missing. Linux only.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _TICK = os.sysconf("SC_CLK_TCK")
 
 
 class Meter:
-    """Counts while it is entered; `environment` is for the command, `seconds` is what was spent."""
+    """Context manager that counts CPU time; `environment` is for the command, `seconds` is the result."""
 
     def __init__(self) -> None:
         self._mark = f"{_MARK}={os.getpid()}-{id(self)}"
@@ -38,7 +38,7 @@ class Meter:
 
     @property
     def seconds(self) -> float:
-        """Of user and system, over all processes."""
+        """User and system time of all processes."""
         return sum(self._spent.values())
 
     def _watch(self) -> None:

@@ -1,7 +1,7 @@
-"""A scene as files that any PyBullet script could load: OBJ meshes by colour, and where they are.
+"""A scene as files that any PyBullet script can load: OBJ meshes by colour, and their poses.
 
-The town is merged into one mesh a colour, as somebody who minds speed would do; every rigid part of an actor is one
-mesh a colour, in its own frame.
+The town is merged into one mesh per colour for speed; every rigid part of an actor is one mesh per colour, in its own
+frame.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Corners = NDArray[np.float32]  # [3 T, 6] positions and normals, three rows a tr
 
 
 def write_stage(scenario: ScenarioPlan, trace: Trace, folder: Path) -> None:
-    """Write `stage.json` and its meshes: the town, the parts with a pose for every frame, walkers, the camera's way."""
+    """Write `stage.json` and its meshes: town, parts with a pose per frame, pedestrians, the camera's path."""
     looks, scene = scenario.appearance.looks.root, scenario.scene
     sensor = scenario.rig.sensors[0]
     town = _write_meshes(folder, "town", ((b.parts[0][1], looks.get(b.name, {})) for b in town_bodies(scene.town)))
@@ -76,7 +76,7 @@ def _write_meshes(folder: Path, name: str, meshes: Iterable[tuple[Mesh, dict[str
 
 
 def _obj(corners: Corners) -> str:
-    """An OBJ file of triangles; corners that are the same share a vertex."""
+    """Write an OBJ file of triangles; equal corners share a vertex."""
     rows, index = np.unique(corners, axis=0, return_inverse=True)
     lines = [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in rows[:, :3].tolist()]
     lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in rows[:, 3:].tolist()]

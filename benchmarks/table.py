@@ -1,15 +1,15 @@
-"""The figures as text: a Markdown table that docs/performance.md can take as it is."""
+"""Format the figures as a Markdown table for docs/performance.md."""
 
 from __future__ import annotations
 
 import statistics
 from typing import Any
 
-BUSY = 0.5  # processes running in the minute before the first contestant
+BUSY = 0.5  # processes running in the minute before the first contender
 
 
 def text_of(found: dict[str, Any]) -> str:
-    """All figures of a run."""
+    """Format all figures of a run."""
     lines = [
         f"Machine: {found['machine']}; load {found['load before']} before, {found['load after']} after.",
         *(["Others used the machine: do not rely on these figures."] if found["load before"][0] > BUSY else []),
@@ -19,7 +19,7 @@ def text_of(found: dict[str, Any]) -> str:
         "|---|---|",
         *_goals(found),
         "",
-        "| contestant | frames | frames/s | ms a frame | start-up, s | peak, MiB | where the time goes |",
+        "| contender | frames | frames/s | ms a frame | start-up, s | peak, MiB | where the time goes |",
         "|---|---|---|---|---|---|---|",
     ]
     for scene, ours, plain in (("listing", "ours", "plain"), ("town", "town", "town plain")):
@@ -31,7 +31,7 @@ def text_of(found: dict[str, Any]) -> str:
 
 
 def _goals(found: dict[str, Any]) -> list[str]:
-    """What was aimed at on two cores, and what this run reached."""
+    """List the goals for two cores, and what this run reached."""
     two, town, turns = found["ours"]["2 workers"], found["town"]["2 workers"], found["workers"]
     peak = max(row["peak"] for row in (*found["ours"].values(), *found["town"].values()))
     rows = [
@@ -56,7 +56,7 @@ def _middle(values: list[float]) -> str:
 
 
 def _owed(row: dict[str, Any], found: dict[str, Any]) -> list[float]:
-    """A further weather's share of what a first may cost: two workers are to do 20 frames for the script's one."""
+    """Share of a further weather in the cost of a first one that just meets its goal, 20 times the script."""
     plain = found["plain"]["TinyRenderer, shadows"]
     allowed = 2 * plain["steady"] / plain["frames"] / 20
     return [seconds / allowed for seconds in row["seconds"]]
@@ -68,18 +68,18 @@ def _twelve(found: dict[str, Any]) -> float:
 
 
 def _mean(found: dict[str, Any]) -> float:
-    """What a further weather costs on the mean, of what one costs on the mean that is built alone."""
+    """Mean cost of a further weather, as a share of the mean cost of a weather that is built alone."""
     return (_twelve(found) - 1.0) / (len(found["twelve"]["alone"]) - 1)
 
 
 def _times(goal: str, ours: dict[str, Any], plain: dict[str, Any], kind: str) -> list[tuple[str, str]]:
-    """How many times the frames of every plain script of a kind."""
+    """Ratio of the frame rate to that of every plain script of a kind."""
     rows = [(name, row) for name, row in plain.items() if name.startswith(kind)]
     return [(f"{goal} ({name})", f"{ours['fps'] / row['fps']:.1f}") for name, row in rows]
 
 
 def _kernels(found: dict[str, dict[str, float]]) -> list[str]:
-    """Milliseconds of one thread a frame, by stage and scene, the dearest first."""
+    """Milliseconds of one thread per frame, by stage and scene, the most expensive first."""
     stages = sorted(
         {s for row in found.values() for s in row}, key=lambda s: -max(r.get(s, 0.0) for r in found.values())
     )
@@ -99,7 +99,7 @@ def _row(name: str, row: dict[str, Any]) -> str:
 
 
 def _shares(row: dict[str, Any]) -> str:
-    """Each stage's share of the time, the dearest first; without start-up."""
+    """Each stage's share of the time without start-up, the most expensive first."""
     seconds = {name: s for name, s in row["seconds"].items() if name != "load"}
     total = sum(seconds.values())
     order = sorted(seconds, key=lambda name: -seconds[name])

@@ -1,6 +1,6 @@
-"""Draw docs/presets.jpg: CARLA's presets, each seen by the cameras of recipes/presets.yaml at the same moment.
+"""Draw docs/presets.jpg: CARLA's presets, each with the cameras of recipes/presets.yaml at one moment.
 
-`make presets` runs it. The sheet has a row for two presets, and is a picture for people: no digest depends on it.
+`make presets` runs it. A row of the sheet has two presets. No digest depends on this picture.
 """
 
 from __future__ import annotations
