@@ -74,6 +74,14 @@ def test_modules_exist(page: Path) -> None:
     assert not missing_modules(page.read_text(encoding="utf-8"))
 
 
+def test_names_are_in_the_files_that_the_steps_give() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    pairs = re.findall(r"`(\w+)`(?:,? (?:in|of)|, to)\s+`([a-z]+/[\w/]+\.py)`", text)
+    assert len(pairs) > 10
+    for name, path in pairs:
+        assert re.search(rf"\b{name}\b", (ROOT / path).read_text(encoding="utf-8")), f"{name} is not in {path}"
+
+
 @pages
 def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
