@@ -92,8 +92,12 @@ def link_or_copy(source: Path, target: Path) -> None:
 _NO_LINKS = (errno.EPERM, errno.EXDEV, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS, errno.EACCES)
 
 
+_ATTEMPTS = 3  # to make a folder, which another process may remove in between
+
+
 def _fresh(path: Path) -> tuple[Path, int]:
     """A new file beside a path, opened for writing: nobody else's, whatever host or container they write from."""
+    made = 0
     for number in itertools.count():
         temporary = path.with_name(f".{path.name}.{os.getpid()}.{number}.tmp")
         try:
@@ -101,9 +105,10 @@ def _fresh(path: Path) -> tuple[Path, int]:
         except FileExistsError:
             continue
         except FileNotFoundError:
-            if path.parent.is_dir():  # one that takes no files, as /proc
+            if made == _ATTEMPTS:  # a folder that takes no files, such as /proc
                 raise
             path.parent.mkdir(parents=True, exist_ok=True)
+            made += 1
     raise AssertionError("a count has no end")
 
 

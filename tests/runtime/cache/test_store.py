@@ -3,7 +3,9 @@
 import os
 import resource
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -236,3 +238,24 @@ def test_a_link_shares_the_file_and_a_copy_is_made_where_there_are_no_links(
     assert (tmp_path / "sub" / "c").read_bytes() == b"labels"
     assert not (tmp_path / "sub" / "c").samefile(source)
     assert sorted(os.listdir(tmp_path / "sub")) == ["b", "c"]  # noqa: PTH208
+
+
+def _write_many(folder: str, number: int) -> int:
+    failures = 0
+    for n in range(200):
+        try:
+            write_atomic(Path(folder) / str(n) / f"{number}.txt", b"x")
+        except FileNotFoundError:
+            failures += 1
+    return failures
+
+
+def test_two_processes_may_make_one_folder(tmp_path: Path) -> None:
+    """A worker failed when another made the folder between its own attempt and its look at it."""
+    with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:
+        assert list(pool.map(_write_many, [str(tmp_path)] * 2, range(2))) == [0, 0]
+
+
+def test_a_folder_that_takes_no_files_is_an_error() -> None:
+    with pytest.raises(FileNotFoundError):
+        write_atomic(Path("/proc/no-such-file.txt"), b"x")
