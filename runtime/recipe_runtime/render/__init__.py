@@ -9,7 +9,9 @@ The packages, each of which imports only those above it:
     raster     which triangle every pixel sees, and the labels that follow; the lens's distortion
     texture    patterns, images and colours of surfaces
     sampling   the points that are shaded, and the geometry at each
-    lighting   sky, sun, lamps, shadows, materials, fog, reflections; what is kept from frame to frame
+    atmosphere the air: fog, sky, the light of sun and weather
+    shadows    shadow maps of the sun
+    lighting   lamps, materials, reflections, the light of every sample; what is kept from frame to frame
     camera     rain, exposure, tone, noise, and the effects of lens and shutter
     gpu        many frames of one camera: kernels recorded once and replayed
 

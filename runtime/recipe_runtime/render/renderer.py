@@ -19,11 +19,11 @@ from recipe_runtime.render.device.reuse import ALL_REUSE, TemporalReuse
 from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.gpu.frame_stream import FrameStream
 from recipe_runtime.render.lighting.shading import ShadingPass
-from recipe_runtime.render.lighting.shadow_maps import ShadowMaps
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer
 from recipe_runtime.render.sampling.sampler import Sampler
 from recipe_runtime.render.scene.geometry import upload
+from recipe_runtime.render.shadows.shadow_maps import ShadowMaps
 from recipe_runtime.render.texture.mipmaps import ImageAtlases, Images
 
 

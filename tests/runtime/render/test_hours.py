@@ -13,8 +13,8 @@ from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.loading import compiled
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.meshes.mesh import Body, Light, Pattern
+from recipe_runtime.render.atmosphere.weather_light import light_of
 from recipe_runtime.render.lighting.lights import lamplight
-from recipe_runtime.render.lighting.weather_light import light_of
 from recipe_runtime.render.renderer import Renderer
 
 from tests.runtime.meshes.test_meshes import plan

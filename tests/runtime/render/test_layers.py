@@ -12,6 +12,7 @@ LAYERS = (
     {"numeric", "scene"},
     {"raster", "texture"},
     {"sampling"},
+    {"atmosphere", "shadows"},
     {"lighting"},
     {"camera"},
     {"gpu"},

@@ -10,7 +10,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import CameraPlan, Pose
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Pattern, Surface
-from recipe_runtime.render.lighting.weather_light import extinction, light_at, light_of
+from recipe_runtime.render.atmosphere.weather_light import extinction, light_at, light_of
 from recipe_runtime.render.renderer import Renderer
 
 from tests.runtime.render.street import appearance, box, ground

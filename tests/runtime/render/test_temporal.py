@@ -4,13 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recipe_runtime.render.atmosphere.air import Air
 from recipe_runtime.render.device.arrays import record, records
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting import passes, shadow_kernels, temporal_kernels
-from recipe_runtime.render.lighting.air import Air
+from recipe_runtime.render.lighting import passes, temporal_kernels
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, contact_occlusion
 from recipe_runtime.render.sampling.sample_kernels import Samples
+from recipe_runtime.render.shadows import shadow_kernels
 
 wp.set_module_options(OPTIONS)
 

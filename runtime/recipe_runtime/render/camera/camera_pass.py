@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse
 
+from recipe_runtime.render.atmosphere.weather_light import Light
 from recipe_runtime.render.camera import passes
 from recipe_runtime.render.camera.develop_kernels import Response
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame
@@ -23,7 +24,6 @@ from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.lighting.lights import lamplight
 from recipe_runtime.render.lighting.sample_light import SampleLight
 from recipe_runtime.render.lighting.shading import ShadingPass
-from recipe_runtime.render.lighting.weather_light import Light
 from recipe_runtime.render.numeric.seeds import noise_key
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from recipe_runtime.core.transforms import Array
+from recipe_runtime.render.atmosphere.weather_light import Light
 from recipe_runtime.render.camera.rain_kernels import Rain
 from recipe_runtime.render.device.arrays import filled
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.lighting.weather_light import Light
 from recipe_runtime.render.numeric.seeds import noise_key
 from recipe_runtime.render.scene.camera import world_from_view
 

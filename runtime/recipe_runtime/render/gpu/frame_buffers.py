@@ -9,10 +9,10 @@ from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.gpu.stream_setup import StreamSetup
 from recipe_runtime.render.lighting.buffers import LightBuffers, PixelLevels, RayBuffers, TileLists
-from recipe_runtime.render.lighting.shadow_maps import ShadowMap, moving_beams
 from recipe_runtime.render.raster.label_kernels import TILE_PIXELS
 from recipe_runtime.render.raster.passes import BinBuffers
 from recipe_runtime.render.sampling.buffers import SampleColumns
+from recipe_runtime.render.shadows.shadow_maps import ShadowMap, moving_beams
 
 _BIN_CAPACITY = 1 << 17  # rows of large triangles
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, SensorPlan
 
 from recipe_runtime.core.transforms import Array
+from recipe_runtime.render.atmosphere.weather_light import Light, light_at, light_of
 from recipe_runtime.render.camera.post_process import needs_post_process
 from recipe_runtime.render.camera.rain import rain_at
 from recipe_runtime.render.camera.responses import ResponseTables, response_of
@@ -24,13 +25,12 @@ from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.gpu.recorded_frame import RecordedFrame, RenderedFrame
 from recipe_runtime.render.gpu.stream_setup import ShadedAppearance, StreamSetup, frame_layout, suns_of
 from recipe_runtime.render.lighting import lights
-from recipe_runtime.render.lighting.shadow_maps import ShadowMaps, moving_beams
-from recipe_runtime.render.lighting.weather_light import Light, light_at, light_of
 from recipe_runtime.render.numeric.seeds import noise_key
 from recipe_runtime.render.raster.observer import all_tiles
 from recipe_runtime.render.sampling import sample_kernels
 from recipe_runtime.render.scene.camera import view_from_parts, world_from_parts, world_from_view
 from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.shadows.shadow_maps import ShadowMaps, moving_beams
 from recipe_runtime.render.texture.mipmaps import ImageAtlases
 from recipe_runtime.render.texture.surface_colours import surface_colours
 

@@ -25,7 +25,6 @@ from recipe_runtime.render.gpu.frame_buffers import FrameBuffers
 from recipe_runtime.render.gpu.stream_setup import ShadedAppearance, StreamSetup, result_layout
 from recipe_runtime.render.lighting import lights
 from recipe_runtime.render.lighting import passes as light_passes
-from recipe_runtime.render.lighting.shadow_kernels import Sunbeam
 from recipe_runtime.render.lighting.temporal import all_samples
 from recipe_runtime.render.lighting.temporal_kernels import PreviousFrame
 from recipe_runtime.render.raster import passes as raster_passes
@@ -35,6 +34,7 @@ from recipe_runtime.render.sampling import passes as sample_passes
 from recipe_runtime.render.sampling.buffers import samples_of, scene_arrays
 from recipe_runtime.render.sampling.sample_kernels import Samples, StaticSamples
 from recipe_runtime.render.scene.camera import pinhole_of
+from recipe_runtime.render.shadows.shadow_kernels import Sunbeam
 
 
 @dataclass(frozen=True)

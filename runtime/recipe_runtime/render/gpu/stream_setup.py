@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse
 
+from recipe_runtime.render.atmosphere.air import Air
+from recipe_runtime.render.atmosphere.weather_light import Light
 from recipe_runtime.render.camera.develop_kernels import Response
 from recipe_runtime.render.camera.passes import Tables
 from recipe_runtime.render.camera.rain_kernels import Rain
@@ -16,11 +18,9 @@ from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.memory_layout import MemoryLayout
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import lights
-from recipe_runtime.render.lighting.air import Air
-from recipe_runtime.render.lighting.shadow_kernels import Sunbeam
-from recipe_runtime.render.lighting.weather_light import Light
 from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.shadows.shadow_kernels import Sunbeam
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ angle that the line subtends at the lamp, over h. That closed form needs one sum
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.atmosphere.air import Air, decay
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting.air import Air, decay
 from recipe_runtime.render.lighting.tile_list_kernels import MAX_PER_TILE, Lamps
 from recipe_runtime.render.numeric.noise import smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum

@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
 
+from recipe_runtime.render.atmosphere.weather_light import Light
 from recipe_runtime.render.device.arrays import DeviceArray, record, records
 from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.lighting import passes
 from recipe_runtime.render.lighting.buffers import TileLists
 from recipe_runtime.render.lighting.lights import bodies_at, lamps_at, no_lamps
-from recipe_runtime.render.lighting.shadow_maps import ShadowMaps, world_vertices
-from recipe_runtime.render.lighting.weather_light import Light
 from recipe_runtime.render.raster.label_kernels import TILE
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.scene.camera import upload_transforms, view_from_parts, world_from_parts, world_from_view
 from recipe_runtime.render.scene.geometry import Geometry
+from recipe_runtime.render.shadows.shadow_maps import ShadowMaps, world_vertices
 
 
 @dataclass(frozen=True)

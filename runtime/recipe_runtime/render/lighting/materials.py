@@ -8,8 +8,8 @@ in the hollows of flat ground. Leaves turn in the wind.
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern
+from recipe_runtime.render.atmosphere.air import SWING_STIRS, Air
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting.air import SWING_STIRS, Air
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, noise3, smoothstep, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative

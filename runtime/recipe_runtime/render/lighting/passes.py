@@ -18,12 +18,12 @@ from recipe_runtime.render.lighting import (
     reflection_kernels,
     reflection_reuse_kernels,
     shading_kernels,
-    shadow_kernels,
     temporal_kernels,
     tile_list_kernels,
 )
 from recipe_runtime.render.lighting.buffers import LightBuffers, RayBuffers, TileLists
 from recipe_runtime.render.scene.camera import pinhole_of
+from recipe_runtime.render.shadows import shadow_kernels
 
 
 @dataclass(frozen=True)

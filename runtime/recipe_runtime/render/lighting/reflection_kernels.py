@@ -8,8 +8,8 @@ A ray that meets nothing sees the sky, or, if it is low, the street beyond the p
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.atmosphere.air import Air, decay, reflected_sky
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting.air import Air, decay, reflected_sky
 from recipe_runtime.render.lighting.reflection_reuse_kernels import (
     MAX_PICTURE_SIDE,
     is_block_unchanged,

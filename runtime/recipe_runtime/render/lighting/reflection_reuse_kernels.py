@@ -3,8 +3,8 @@
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.atmosphere.air import Air
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting.air import Air
 from recipe_runtime.render.lighting.temporal_kernels import PreviousFrame, mark_dirty
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash2

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan
 
+from recipe_runtime.render.atmosphere import weather_light
+from recipe_runtime.render.atmosphere.weather_light import Light
 from recipe_runtime.render.device.arrays import DeviceArray, filled, record
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.device.timings import Timings
-from recipe_runtime.render.lighting import passes, weather_light
+from recipe_runtime.render.lighting import passes
 from recipe_runtime.render.lighting.light_sources import LightSources
 from recipe_runtime.render.lighting.passes import Lights
 from recipe_runtime.render.lighting.reflection import ReflectionPass
 from recipe_runtime.render.lighting.sample_light import SampleLight
 from recipe_runtime.render.lighting.temporal import SampleList, all_samples, listed_samples, thread_count
 from recipe_runtime.render.lighting.temporal_kernels import DirtySamples, PreviousFrame
-from recipe_runtime.render.lighting.weather_light import Light
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.sampling.sampler import FrameSamples
 from recipe_runtime.render.scene.geometry import Geometry

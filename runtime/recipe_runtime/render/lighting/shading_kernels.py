@@ -8,8 +8,8 @@ over it. Radiance is linear and relative (see `air`).
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern
+from recipe_runtime.render.atmosphere.air import Air, ambient, apply_fog, reflected_sky, sky, transmittance
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting.air import Air, ambient, apply_fog, reflected_sky, sky, transmittance
 from recipe_runtime.render.lighting.fog_glow_kernels import lamp_glow
 from recipe_runtime.render.lighting.materials import (
     LEVEL,
@@ -22,7 +22,6 @@ from recipe_runtime.render.lighting.materials import (
     material_of,
     puddle_depth,
 )
-from recipe_runtime.render.lighting.shadow_kernels import Sunbeam, map_contains, sun_visibility
 from recipe_runtime.render.lighting.temporal_kernels import (
     AT_REST,
     LEAF,
@@ -41,6 +40,7 @@ from recipe_runtime.render.numeric.noise import noise2, smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot, multiply, normalize
 from recipe_runtime.render.sampling.sample_kernels import Samples
+from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, map_contains, sun_visibility
 from recipe_runtime.render.texture.images import SurfaceColours, image_at
 
 wp.set_module_options(OPTIONS)

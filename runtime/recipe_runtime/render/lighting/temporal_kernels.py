@@ -7,12 +7,12 @@ did; all others keep theirs, and no kernel reads them.
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_runtime.render.atmosphere.air import Air
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting.air import Air
-from recipe_runtime.render.lighting.shadow_kernels import UNTOUCHED
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import floor, hash3
 from recipe_runtime.render.numeric.scalars import nonnegative
+from recipe_runtime.render.shadows.shadow_kernels import UNTOUCHED
 
 wp.set_module_options(OPTIONS)
 

@@ -9,13 +9,7 @@ unions, so their order changes nothing: the keys are those of `visibility_kernel
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.raster.triangles import (
-    Piece,
-    clipped_piece,
-    edge_function,
-    sample_box,
-    top_left_bias,
-)
+from recipe_runtime.render.raster.triangles import Piece, clipped_piece, edge_function, sample_box, top_left_bias
 from recipe_runtime.render.raster.visibility_kernels import depth_test, fill_triangle
 from recipe_runtime.render.scene.pinhole import Pinhole
 

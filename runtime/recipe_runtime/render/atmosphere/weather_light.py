@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import AppearancePlan, Weather, fixed
 
+from recipe_runtime.render.atmosphere import sky
+from recipe_runtime.render.atmosphere.air import DECAY_STEPS, SWING_STIRS, Air
+from recipe_runtime.render.atmosphere.sky import MIE, RAYLEIGH, Colour, Haze, haze_of
 from recipe_runtime.render.device.arrays import copied, filled
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.lighting import sky
-from recipe_runtime.render.lighting.air import DECAY_STEPS, SWING_STIRS, Air
-from recipe_runtime.render.lighting.sky import MIE, RAYLEIGH, Colour, Haze, haze_of
 
 MIN_VISUAL_RANGE = 45.0  # metres seen at fog_density 100
 LAMPS_ON, LAMPS_OFF = -1.0, 5.0  # sun altitudes, degrees, between which lamps fade

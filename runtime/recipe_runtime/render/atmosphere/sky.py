@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 
-from recipe_runtime.render.lighting.air import HALO_ROWS, SKY_ROWS
+from recipe_runtime.render.atmosphere.air import HALO_ROWS, SKY_ROWS
 
 Colour = NDArray[np.float64]  # [3] linear RGB
 RAYLEIGH, MIE = 0.0331, 0.03  # CARLA's scales of air as it mostly is

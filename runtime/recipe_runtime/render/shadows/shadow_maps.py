@@ -12,12 +12,12 @@ from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.arrays import DeviceArray, filled, record, zeros
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.lighting import shadow_kernels
-from recipe_runtime.render.lighting.shadow_kernels import TILE, Sunbeam
 from recipe_runtime.render.raster.passes import transform_vertices
 from recipe_runtime.render.scene.camera import upload_transforms, world_from_parts
 from recipe_runtime.render.scene.geometry import CHUNK, Geometry
 from recipe_runtime.render.scene.pinhole import Pinhole
+from recipe_runtime.render.shadows import shadow_kernels
+from recipe_runtime.render.shadows.shadow_kernels import TILE, Sunbeam
 
 _STATIC_MAPS = ((3072, 0.03, 32.0), (2048, 0.2, 128.0))  # texels, metres a texel, metres between centres
 _MOVING_SIZE = 1024

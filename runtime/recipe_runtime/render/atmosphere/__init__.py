@@ -1,0 +1,1 @@
+"""The state of the air: fog, sky and the light of sun and weather."""

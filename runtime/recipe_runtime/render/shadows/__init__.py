@@ -1,0 +1,1 @@
+"""Shadow maps of the sun: how they are drawn and sampled."""
