@@ -14,7 +14,7 @@ from recipe_compiler.ir.plan import CameraPlan, ScenePlan, fixed
 
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.records import Box3d, LabelRecord
-from recipe_runtime.body.kinematics import of_rotation
+from recipe_runtime.body.kinematics import quaternion_of_matrix
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.trace import METRE, Trace
 from recipe_runtime.core.transforms import Array, compose, invert, part_transforms
@@ -96,7 +96,7 @@ def quaternion(transform: Array) -> tuple[float, float, float, float]:
 
     The first component that is not 0 is positive.
     """
-    return of_rotation([[float(transform[i, j]) for j in range(3)] for i in range(3)])
+    return quaternion_of_matrix([[float(transform[i, j]) for j in range(3)] for i in range(3)])
 
 
 def truncation(projected: Sequence[float], camera: CameraPlan) -> float:

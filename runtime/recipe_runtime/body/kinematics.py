@@ -1,6 +1,7 @@
-"""Where a body's parts are: turns of its joints, and the way from its base to every part.
+"""Kinematics of articulated bodies: quaternions, forward kinematics, and inverse kinematics of two-bone limbs.
 
-Turns are unit quaternions x, y, z, w, made with `+ - * /` and `sqrt` alone. Limbs of two bones hang along -z at rest.
+Rotations are unit quaternions x, y, z, w, computed with `+ - * /` and `sqrt` alone. The bones of a limb point along -z
+at rest.
 """
 
 from __future__ import annotations
@@ -14,19 +15,19 @@ from recipe_runtime.body.skeleton import Joint
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-Placed = tuple[Vector, Quaternion]  # a part's origin and orientation in the world
+PartPose = tuple[Vector, Quaternion]  # origin and orientation
 
-STILL: Quaternion = (0.0, 0.0, 0.0, 1.0)
+IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
-def about(axis: str, degrees: float) -> Quaternion:
-    """A turn about "x", "y" or "z"."""
+def axis_rotation(axis: str, degrees: float) -> Quaternion:
+    """Return the rotation by an angle about the axis "x", "y" or "z"."""
     s, c = exact.sin_cos_deg(degrees / 2.0)
     return (s * (axis == "x"), s * (axis == "y"), s * (axis == "z"), c)
 
 
-def then(first: Quaternion, second: Quaternion) -> Quaternion:
-    """The turn `first`, and `second` about the axes so turned: the product first * second."""
+def compose(first: Quaternion, second: Quaternion) -> Quaternion:
+    """Return the Hamilton product first * second: `second` is relative to the axes that `first` rotated."""
     ax, ay, az, aw = first
     bx, by, bz, bw = second
     return (
@@ -37,59 +38,72 @@ def then(first: Quaternion, second: Quaternion) -> Quaternion:
     )
 
 
-def turned(turn: Quaternion, v: Sequence[float]) -> Vector:
-    """A vector after a turn."""
-    x, y, z, w = turn
+def rotate(rotation: Quaternion, v: Sequence[float]) -> Vector:
+    """Rotate a vector."""
+    x, y, z, w = rotation
     a, b, c = v
     tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
     return (a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx)
 
 
-def back(turn: Quaternion) -> Quaternion:
-    """The turn that undoes it."""
-    x, y, z, w = turn
+def inverse(rotation: Quaternion) -> Quaternion:
+    """Return the inverse of a rotation."""
+    x, y, z, w = rotation
     return (-x, -y, -z, w)
 
 
-def place(base: Placed, joints: Sequence[Joint], turns: Sequence[Quaternion]) -> list[Placed]:
-    """The base and then every joint's part in the world; `turns` are the joints', each about its parent's axes."""
+def forward_kinematics(base: PartPose, joints: Sequence[Joint], rotations: Sequence[Quaternion]) -> list[PartPose]:
+    """Return the pose of the base and of the part of every joint.
+
+    Args:
+        base: Pose of the base part, in the world frame.
+        joints: Joints in an order in which parents come first.
+        rotations: Rotation of each joint, relative to its parent.
+    """
     name = "" if not joints else joints[0].parent
-    found: dict[str, Placed] = {name: base}
-    for joint, turn in zip(joints, turns, strict=True):
-        (px, py, pz), orientation = found[joint.parent]
-        dx, dy, dz = turned(orientation, joint.offset)
-        found[joint.part] = ((px + dx, py + dy, pz + dz), then(orientation, turn))
-    return list(found.values())
+    poses: dict[str, PartPose] = {name: base}
+    for joint, rotation in zip(joints, rotations, strict=True):
+        (px, py, pz), orientation = poses[joint.parent]
+        dx, dy, dz = rotate(orientation, joint.offset)
+        poses[joint.part] = ((px + dx, py + dy, pz + dz), compose(orientation, rotation))
+    return list(poses.values())
 
 
-def limb(
+def two_bone_ik(
     target: Sequence[float], upper: float, lower: float, pole: Sequence[float], *, knee: bool
 ) -> tuple[Quaternion, Quaternion]:
-    """Turns of a limb's two joints that bring its end to `target`, seen from its root; it bends towards `pole`.
+    """Return the rotations of a limb's two joints that bring its end to `target`.
 
-    A target out of reach is taken as near as the limb comes. A knee's lower bone folds back, an elbow's forward.
+    A target out of reach is approached as far as the limb extends.
+
+    Args:
+        target: Position of the end, relative to the root of the limb, metres.
+        upper: Length of the upper bone, metres.
+        lower: Length of the lower bone, metres.
+        pole: Direction that the middle joint bends towards.
+        knee: Whether the lower bone folds backwards, as at a knee, or forwards, as at an elbow.
     """
     tx, ty, tz = target
     reach = math.sqrt(tx * tx + ty * ty + tz * tz)
     u = (tx / reach, ty / reach, tz / reach)
     along = u[0] * pole[0] + u[1] * pole[1] + u[2] * pole[2]
-    w = _unit((pole[0] - along * u[0], pole[1] - along * u[1], pole[2] - along * u[2]))
+    w = _normalize((pole[0] - along * u[0], pole[1] - along * u[1], pole[2] - along * u[2]))
     reach = min(reach, 0.999 * (upper + lower))
     cosine = max(-1.0, min(1.0, (upper * upper + reach * reach - lower * lower) / (2.0 * upper * reach)))
     sine = math.sqrt(1.0 - cosine * cosine)
     first = tuple(cosine * u[k] + sine * w[k] for k in range(3))
     second = tuple((reach * u[k] - upper * first[k]) / lower for k in range(3))
     hinge = _cross(w, u) if knee else _cross(u, w)
-    above = _hanging(first, hinge)
-    return above, then(back(above), _hanging(second, hinge))
+    above = _bone_rotation(first, hinge)
+    return above, compose(inverse(above), _bone_rotation(second, hinge))
 
 
-def _hanging(bone: Sequence[float], hinge: Sequence[float]) -> Quaternion:
-    """The orientation whose -z runs along a bone and whose y along its hinge."""
+def _bone_rotation(bone: Sequence[float], hinge: Sequence[float]) -> Quaternion:
+    """Return the orientation whose -z axis is a bone and whose y axis is its hinge."""
     z = (-bone[0], -bone[1], -bone[2])
     x = _cross(hinge, z)
     rows = [[x[k], hinge[k], z[k]] for k in range(3)]
-    qw, qx, qy, qz = of_rotation(rows)
+    qw, qx, qy, qz = quaternion_of_matrix(rows)
     return qx, qy, qz, qw
 
 
@@ -97,13 +111,13 @@ def _cross(a: Sequence[float], b: Sequence[float]) -> Vector:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-def _unit(v: Vector) -> Vector:
+def _normalize(v: Vector) -> Vector:
     size = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     return (v[0] / size, v[1] / size, v[2] / size)
 
 
-def of_rotation(r: Sequence[Sequence[float]]) -> tuple[float, float, float, float]:
-    """A rotation matrix as a unit quaternion w, x, y, z; the first that is not 0 is positive.
+def quaternion_of_matrix(r: Sequence[Sequence[float]]) -> tuple[float, float, float, float]:
+    """Convert a rotation matrix [3, 3] to a unit quaternion w, x, y, z; the first component that is not 0 is positive.
 
     By Shepperd's method (Journal of Guidance and Control 1, 1978): the largest component first, by a square root.
     """

@@ -1,6 +1,7 @@
-"""The joints of pedestrians, vehicles and riders: which part hangs on which, and where.
+"""The skeletons of pedestrians, vehicles and riders: the joints, their parents and their offsets.
 
-Meshes and simulation share it. At rest all parts have the actor's orientation: x forward, y left, z up; limbs hang.
+Meshes and simulation share them. At rest all parts have the actor's orientation: x forward, y left, z up; limbs point
+down.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ PICKUP, BUS, TRUCK, MOTORCYCLE, BICYCLE = 4, 5, 6, 7, 8
 
 @dataclass(frozen=True)
 class Joint:
-    """A part, and the place of its origin from its parent's in metres."""
+    """A part, and the offset of its origin from its parent's origin, in metres."""
 
     part: str
     parent: str
@@ -35,7 +36,7 @@ def _at(*offset: float) -> Offset:
 
 @dataclass(frozen=True)
 class Figure:
-    """A person's measures in metres, from its blueprint's shape."""
+    """The proportions of a person in metres, from its blueprint's shape."""
 
     height: float
     shoulder: float  # half the distance between the shoulder joints
@@ -76,12 +77,12 @@ class Figure:
 
     @cached_property
     def chest(self) -> float:
-        """Height at which the torso turns on the pelvis."""
+        """Height of the joint between pelvis and torso."""
         return self.hip + 0.06 * self.height
 
     @cached_property
     def neck(self) -> float:
-        """Height at which the head turns."""
+        """Height of the joint between torso and head."""
         return (0.978 - 0.142 * self.head) * self.height
 
     @cached_property
@@ -100,7 +101,7 @@ class Figure:
         )
 
     def seated(self, seat: Offset) -> tuple[Joint, ...]:
-        """The joints of a rider whose hips are at a place of the chassis: its `pelvis` has its origin between them."""
+        """Return the joints of a rider, whose `pelvis` has its origin between the hips at `seat` of the chassis."""
         return (
             Joint("pelvis", "chassis", _at(*seat)),
             Joint("torso", "pelvis", _at(0, 0, self.chest - self.hip)),
@@ -135,18 +136,18 @@ def is_person(shape: Mapping[str, float]) -> bool:
 
 
 def has_rider(shape: Mapping[str, float]) -> bool:
-    """Whether a shape is a two-wheeler's, with somebody on it."""
+    """Return whether a shape is that of a two-wheeler with a rider."""
     return "rider" in shape
 
 
 def is_parked(actor: ActorPlan) -> bool:
-    """Whether a vehicle has no way to go and no speed to go it with, and can stand without a rider's feet."""
+    """Return whether a vehicle has no route, no speed and no rider."""
     return not actor.route and actor.speed == 0.0 and not has_rider(actor.shape)
 
 
 @dataclass(frozen=True)
 class Bike:
-    """A two-wheeler's measures in metres, in its chassis' frame: its origin on the ground between the wheels."""
+    """The dimensions of a two-wheeler in metres, in its chassis' frame: its origin on the ground between the wheels."""
 
     motor: bool
     wheel: float  # radius
@@ -217,7 +218,7 @@ def wheel_joints(shape: Mapping[str, float]) -> tuple[Joint, ...]:
 
 
 def axle_shift(shape: Mapping[str, float]) -> float:
-    """How far the middle of the wheelbase lies before the middle of the vehicle."""
+    """Return how far the middle of the wheelbase is ahead of the middle of the vehicle, in metres."""
     return {BUS: 0.45, TRUCK: 0.25, MOTORCYCLE: 0.0, BICYCLE: 0.0}.get(int(shape["body"]), 0.04)
 
 

@@ -1,6 +1,6 @@
-"""Portraits: one body on plain ground in soft sun, by the renderer itself.
+"""Portraits: renders of one actor on a plain ground in soft sunlight.
 
-A portrait is a pure function of the actor, its colours and the view, so it has the same bytes everywhere.
+A portrait is a pure function of the actor, its colours and the view, so it has the same bytes on every host.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, AppearancePlan, CameraPlan, CameraResponse, Looks, Pose, Sun, Weather
 
 from recipe_runtime.body import riding, walk_cycle
-from recipe_runtime.body.kinematics import STILL, Placed, place, turned
+from recipe_runtime.body.kinematics import IDENTITY, PartPose, forward_kinematics, rotate
 from recipe_runtime.body.skeleton import Bike, Figure, has_rider, is_person, joints_of
 from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.actors import actor_body
@@ -29,7 +29,7 @@ _PHASE = 0.1  # of the stride in which a walker is shown: one foot flat, one abo
 
 @dataclass(frozen=True)
 class View:
-    """Where a portrait is taken from: degrees to the left of the body's front, and above the ground."""
+    """The viewpoint of a portrait: degrees to the left of the body's front, and above the ground."""
 
     side: float = 38.0
     above: float = 11.0
@@ -39,7 +39,16 @@ class View:
 
 
 def portrait(actor: ActorPlan, look: Mapping[str, str], view: View | None = None) -> NDArray[np.uint8]:
-    """A picture of an actor as it walks, drives or rides, 8-bit sRGB [H, W, 3]; `look` is a colour for each slot."""
+    """Render an actor as it walks, drives or rides.
+
+    Args:
+        actor: The actor.
+        look: The colour of each slot, as `#rrggbb`.
+        view: The viewpoint, by default from the front left.
+
+    Returns:
+        uint8 [H, W, 3], sRGB.
+    """
     from recipe_runtime.render.renderer import Renderer
 
     view = view or View()
@@ -52,23 +61,25 @@ def portrait(actor: ActorPlan, look: Mapping[str, str], view: View | None = None
     return renderer.shade(seen, _daylight(looks, view), "studio", 0, 0.0)
 
 
-def stance(actor: ActorPlan) -> list[Placed]:
-    """Where an actor's parts are while it stands at the origin, in the middle of what it does."""
+def stance(actor: ActorPlan) -> list[PartPose]:
+    """Return the pose of every part of an actor at the origin, in a typical moment of its motion."""
     shape, joints = actor.shape, joints_of(actor.shape)
     if is_person(shape):
         figure = Figure.of(shape)
         turns = walk_cycle.pose(figure, _PHASE, actor.speed)
-        return place(((0.0, 0.0, -walk_cycle.tread(figure, turns)), STILL), joints, turns)
+        return forward_kinematics(((0.0, 0.0, -walk_cycle.lowest_sole(figure, turns)), IDENTITY), joints, turns)
     if has_rider(shape):
-        return place(((0.0, 0.0, 0.0), STILL), joints, riding.pose(Bike.of(shape), steer=0.0, gone=0.7))
-    return place(((0.0, 0.0, 0.0), STILL), joints, [STILL] * len(joints))
+        return forward_kinematics(
+            ((0.0, 0.0, 0.0), IDENTITY), joints, riding.pose(Bike.of(shape), steer=0.0, distance=0.7)
+        )
+    return forward_kinematics(((0.0, 0.0, 0.0), IDENTITY), joints, [IDENTITY] * len(joints))
 
 
-def matrices(parts: Sequence[Placed]) -> Array:
-    """World-from-part of every part, [P, 3, 4]."""
+def matrices(parts: Sequence[PartPose]) -> Array:
+    """Convert part poses to world-from-part transforms [P, 3, 4]."""
     rows = []
     for origin, turn in parts:
-        axes = [turned(turn, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+        axes = [rotate(turn, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
         rows.append([[axes[0][k], axes[1][k], axes[2][k], origin[k]] for k in range(3)])
     return np.array(rows)
 
@@ -82,7 +93,7 @@ def _points(body: Body, parts: Array) -> Array:
 
 
 def _standpoint(points: Array, camera: CameraPlan, view: View) -> Pose:
-    """The nearest place in the view's direction from which all points are within the picture, with a margin."""
+    """Return the nearest camera pose in the view's direction that has all points in the image, with a margin."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
     turn = from_pose(Pose(yaw=view.side + 180.0, pitch=view.above))
     forward, left, up = turn[:, 0], turn[:, 1], turn[:, 2]

@@ -1,7 +1,7 @@
-"""What all actors have: a body in the world, a route, and the others to look out for.
+"""The base class of agents: a body in the world, a route, and the steps of its control loop.
 
-An actor decides thirty times a second, from where everyone is, and acts at every step by giving its base a velocity.
-Plain arithmetic and `sqrt` only; no angle is measured where a cross product will do.
+An agent chooses its motion thirty times a second, from the state of all agents, and sets the velocity of its base
+before every physics step. Only plain arithmetic and `sqrt` are used; cross products replace angles where possible.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from collections.abc import Sequence
 
 from recipe_compiler.ir.plan import ActorPlan
 
-from recipe_runtime.body.kinematics import Placed, Quaternion, place
+from recipe_runtime.body.kinematics import PartPose, Quaternion, forward_kinematics
 from recipe_runtime.body.skeleton import is_person, joints_of
 from recipe_runtime.simulation.bullet import World
 
 
-def towards(value: float, target: float, most: float) -> float:
-    """The value, moved towards the target by at most so much."""
-    return value + max(-most, min(most, target - value))
+def move_towards(value: float, target: float, max_change: float) -> float:
+    """Return the value, moved towards the target by at most `max_change`."""
+    return value + max(-max_change, min(max_change, target - value))
 
 
-class Mover(ABC):
-    """An actor's body in the world, and what drives it."""
+class Agent(ABC):
+    """An actor's body in the world, and its control."""
 
     def __init__(self, world: World, actor: ActorPlan, body: int, dt: float) -> None:
         self.actor, self.body = actor, body
@@ -34,23 +34,23 @@ class Mover(ABC):
         self.x = self.y = self.z = 0.0
         self.heading = (1.0, 0.0)
         self.velocity = (0.0, 0.0)
-        self.waiting = False  # at a stop line, for its turn
-        self._upright: tuple[float, float] = (0.0, 0.0)
-        self.sense()
+        self.waiting = False  # at a stop line, for the right of way
+        self._tilt: tuple[float, float] = (0.0, 0.0)
+        self.read_state()
 
-    def sense(self) -> None:
-        """Read where the base is, which way it looks and how it moves."""
+    def read_state(self) -> None:
+        """Read position, heading and velocity of the base from the world."""
         (self.x, self.y, self.z), (qx, qy, qz, qw) = self._world.base(self.body)
         hx, hy = 1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy + qz * qw)
         length = math.sqrt(hx * hx + hy * hy)
         self.heading = (hx / length, hy / length)
-        self._upright = (2.0 * (qx * qz + qy * qw), 2.0 * (qy * qz - qx * qw))  # where its z axis leans to
+        self._tilt = (2.0 * (qx * qz + qy * qw), 2.0 * (qy * qz - qx * qw))  # horizontal components of its z axis
         (vx, vy, _), _ = self._world.velocity(self.body)
         self.velocity = (vx, vy)
 
     @property
     def moving(self) -> bool:
-        """Whether it goes faster than 1 m/s."""
+        """Whether its speed is above 1 m/s."""
         return self.velocity[0] * self.velocity[0] + self.velocity[1] * self.velocity[1] > 1.0
 
     @property
@@ -63,26 +63,26 @@ class Mover(ABC):
         """Half its length, metres."""
         return self.radius if is_person(self.actor.shape) else self.actor.shape["length"] / 2
 
-    def parts(self) -> list[Placed]:
+    def parts(self) -> list[PartPose]:
         """Position and orientation of every part, the base first."""
-        return place(self._stance(), self._joints, self._turns())
+        return forward_kinematics(self._base_pose(), self._joints, self._joint_rotations())
 
-    def _stance(self) -> Placed:
+    def _base_pose(self) -> PartPose:
         """Position and orientation of the base part."""
         return self._world.base(self.body)
 
     @abstractmethod
-    def _turns(self) -> Sequence[Quaternion]:
-        """How the joints are turned now."""
+    def _joint_rotations(self) -> Sequence[Quaternion]:
+        """Return the rotations of the joints, in their order."""
 
     @abstractmethod
-    def decide(self, others: Sequence[Mover]) -> None:
-        """Choose what to do, from where the others are."""
+    def choose_motion(self, others: Sequence[Agent]) -> None:
+        """Choose the desired motion, from the state of the other agents."""
 
     @abstractmethod
-    def act(self) -> None:
-        """Give the base its velocity for the next step."""
+    def apply_velocity(self) -> None:
+        """Set the velocity of the base for the next step."""
 
     @abstractmethod
-    def advance(self) -> None:
-        """Count the distance covered in the last step."""
+    def update_distance(self) -> None:
+        """Add the distance covered in the last step."""

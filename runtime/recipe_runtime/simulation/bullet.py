@@ -1,10 +1,10 @@
-"""The one door to PyBullet: a fresh world, its bodies made in plan order, stepped and read.
+"""Adapter to PyBullet, the only module that imports it: creates, steps and reads a world.
 
 Every engine parameter is set explicitly, nothing sleeps, nothing is removed or restored, and each island of touching
 bodies is solved by itself. A pedestrian is a capsule and a vehicle a box on four balls; each is given a velocity
-before each step, and contacts then have the last word. Limbs and wheels touch nothing: `posture` places them. Importing
-this module prints PyBullet's build line, so it is imported in processes whose standard output is taken (see
-`simulate`).
+before each step, which contacts then change. Limbs and wheels do not collide: `body.kinematics` poses them. Importing
+this module prints PyBullet's build line, so it is imported only in processes whose standard output is
+redirected (see `simulation.process`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from recipe_runtime.meshes.roads import outline
 from recipe_runtime.simulation.terrain import Ground
 
 GRAVITY = 9.81
-# Elements that fill a box about their base centre; a billboard's picture hangs above everyone's head.
+# Elements with a box collider about their base centre. A billboard's panel is above head height, so it has none.
 _SOLID = {"bench", "bin", "bollard", "bus_stop", "bush", "fence", "fountain"}
 _SOLID |= {"guardrail", "hedge", "hydrant", "kiosk", "lamp", "planter", "statue", "tower", "traffic_light"}
 _GROUND, _OBSTACLE, _ACTOR, _WHEEL = 1, 2, 4, 8  # collision groups
@@ -41,13 +41,16 @@ def _quaternion(pose: Pose) -> Quaternion:
 
 
 def _centre_and_size(prop: PropPlan) -> tuple[Vector, Vector]:
-    """A prop's box in its own frame; a flat one is a millimetre thick."""
+    """Return the box of a prop in its own frame, at least a millimetre thick."""
     (a, b, c), (d, e, f) = prop.low, prop.high
     return ((a + d) / 2, (b + e) / 2, (c + f) / 2), (max(d - a, 0.001), max(e - b, 0.001), max(f - c, 0.001))
 
 
 class World:
-    """A simulation of its own, in a client of its own."""
+    """A physics world in a PyBullet client of its own.
+
+    Bodies are added in plan order; positions are in metres in the world frame, velocities in m/s and rad/s.
+    """
 
     def __init__(self, town: TownPlan, steps_per_second: int, props: Sequence[PropPlan] = ()) -> None:
         self.ground = Ground(town)
@@ -86,7 +89,7 @@ class World:
         )
         for element in town.elements:
             self._add_element(element)
-        for prop in props:  # each is its box, whatever its shape
+        for prop in props:  # collides as its bounding box
             centre, size = _centre_and_size(prop)
             self._add_fixed(self._box(centre, size), prop.pose, _OBSTACLE)
 
@@ -109,11 +112,11 @@ class World:
         return linear, angular
 
     def set_velocity(self, body: int, linear: Sequence[float], angular: Sequence[float]) -> None:
-        """Give a body's base part a velocity."""
+        """Set the linear and angular velocity of a body's base part."""
         pybullet.resetBaseVelocity(body, linear, angular, physicsClientId=self._client)
 
     def add_pedestrian(self, actor: ActorPlan) -> int:
-        """A pedestrian: a capsule from the shins up. Returns the body."""
+        """Add a pedestrian, a capsule from the shins up, and return its body id."""
         height = actor.shape["height"]
         radius, low = 0.13 * height, 0.22 * height
         length = height - low - 2 * radius
@@ -130,7 +133,10 @@ class World:
         return body
 
     def add_vehicle(self, actor: ActorPlan, *, fixed: bool = False) -> int:
-        """A vehicle: a box on four balls, which only the ground meets, or `fixed` for good. Returns the body."""
+        """Add a vehicle and return its body id.
+
+        A vehicle is a box on four spheres that collide with the ground only; a `fixed` one is a static box.
+        """
         shape = actor.shape
         low, high = shape["clearance"] + 0.1, min(shape["height"], 3.2)
         box = pybullet.createCollisionShape(
@@ -153,7 +159,7 @@ class World:
         return body
 
     def _multibody(self, start: Pose, mass: float, shape: int, places: Sequence[Vector], foot: int) -> int:
-        """A base and what is fixed to it; every frame's origin is its centre of mass, the base's on the ground."""
+        """Create a base with fixed links. Each link's origin is its centre of mass; the base's is on the ground."""
         count = len(places)
         body: int = pybullet.createMultiBody(
             baseMass=mass,
@@ -214,7 +220,7 @@ class World:
         return shape
 
     def _slab(self, x: float, y: float, top: float, radius: float) -> int:
-        """A block's raised ground: a prism with rounded corners."""
+        """Create the collider of a sidewalk: a prism with rounded corners."""
         ring = outline(x, y, radius, 0.0)
         vertices = [(px, py, z) for z in (-0.5, top) for px, py in ring]
         shape: int = pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=vertices, physicsClientId=self._client)

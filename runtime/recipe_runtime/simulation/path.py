@@ -1,4 +1,4 @@
-"""A way over the ground: a line through waypoints, measured in metres from its start."""
+"""Paths over the ground: polylines through waypoints, parameterised by arc length in metres."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from bisect import bisect_right
 from collections.abc import Sequence
 
 Point = tuple[float, float]
-_ARM = 1.5  # metres to both sides over which a bend is measured
+_HALF_SPAN = 1.5  # metres to both sides over which curvature is measured
 
 
-class Way:
-    """A line that somebody follows forwards; it goes straight on beyond both ends."""
+class Path:
+    """A polyline that an agent follows forwards, extended straight beyond both ends."""
 
     def __init__(self, points: Sequence[Point]) -> None:
         self._points = [points[0]]
@@ -23,8 +23,11 @@ class Way:
                 self._starts.append(self._starts[-1] + step)
         self._leg = 0
 
-    def reached(self, x: float, y: float) -> float:
-        """Metres along the way of the place nearest to a point, never on a leg before the last one asked for."""
+    def project(self, x: float, y: float) -> float:
+        """Return the arc length of a point's projection onto the path.
+
+        The segment never decreases from one call to the next.
+        """
         if len(self._points) < 2:
             return 0.0
         while True:
@@ -36,7 +39,7 @@ class Way:
             self._leg += 1
 
     def at(self, metres: float) -> Point:
-        """The point of the way so far from its start."""
+        """Return the point at an arc length."""
         if len(self._points) < 2:
             return self._points[0]
         leg = min(max(bisect_right(self._starts, metres) - 1, 0), len(self._points) - 2)
@@ -44,13 +47,13 @@ class Way:
         t = (metres - self._starts[leg]) / (self._starts[leg + 1] - self._starts[leg])
         return ax + (bx - ax) * t, ay + (by - ay) * t
 
-    def bend(self, metres: float) -> tuple[float, Point]:
-        """Curvature there in 1/m, positive to the left, and the unit direction to the left of the way."""
-        (ax, ay), (bx, by), (cx, cy) = (self.at(metres + d) for d in (-_ARM, 0.0, _ARM))
+    def curvature(self, metres: float) -> tuple[float, Point]:
+        """Return the curvature at an arc length (1/m, positive to the left) and the unit vector to the left."""
+        (ax, ay), (bx, by), (cx, cy) = (self.at(metres + d) for d in (-_HALF_SPAN, 0.0, _HALF_SPAN))
         ux, uy, wx, wy = bx - ax, by - ay, cx - bx, cy - by
         size = max(_distance((ax, ay), (cx, cy)), 1e-9)
         lu, lw = max(_distance((0.0, 0.0), (ux, uy)), 1e-9), max(_distance((0.0, 0.0), (wx, wy)), 1e-9)
-        return (ux * wy - uy * wx) / (lu * lw * _ARM), (-(cy - ay) / size, (cx - ax) / size)
+        return (ux * wy - uy * wx) / (lu * lw * _HALF_SPAN), (-(cy - ay) / size, (cx - ax) / size)
 
 
 def _distance(a: Point, b: Point) -> float:

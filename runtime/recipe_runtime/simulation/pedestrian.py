@@ -1,4 +1,4 @@
-"""Pedestrians: they walk to their goals, step aside, wait for vehicles, and keep their feet on the ground."""
+"""Pedestrian agents: they walk to their goals, avoid other agents, wait for vehicles and follow the ground."""
 
 from __future__ import annotations
 
@@ -9,48 +9,48 @@ from collections.abc import Sequence
 from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.body import walk_cycle
-from recipe_runtime.body.kinematics import Placed, Quaternion
+from recipe_runtime.body.kinematics import PartPose, Quaternion
 from recipe_runtime.body.skeleton import Figure, is_person
-from recipe_runtime.simulation.agent import Mover, towards
+from recipe_runtime.simulation.agent import Agent, move_towards
 from recipe_runtime.simulation.bullet import GRAVITY, World
 
 _WALK_ACCELERATION, _TURN_RATE, _STEP_RATE = 3.5, 6.0, 0.9  # m/s2, rad/s, m/s up and down kerbs
 _SIDESTEP, _ROOM, _FORESIGHT = 0.55, 0.78, 2.5  # m/s, metres between two walkers' middles, seconds
 
 
-class Walker(Mover):
+class PedestrianAgent(Agent):
     """A pedestrian."""
 
     def __init__(self, world: World, actor: ActorPlan, dt: float) -> None:
         super().__init__(world, actor, world.add_pedestrian(actor), dt)
         self._figure = Figure.of(actor.shape)
         self._phase = zlib.crc32(actor.name.encode()) / 2.0**32
-        self._wish = (0.0, 0.0)
-        self._going = (0.0, 0.0)
+        self._desired = (0.0, 0.0)
+        self._commanded = (0.0, 0.0)
         self._pace = 0.0
-        self._posed: tuple[float, float, Sequence[Quaternion]] = (-1.0, 0.0, ())  # phase, pace and turns
+        self._pose_cache: tuple[float, float, Sequence[Quaternion]] = (-1.0, 0.0, ())  # phase, pace and turns
 
-    def decide(self, others: Sequence[Mover]) -> None:
-        """Walk towards the next waypoint, slower before the goal, aside from whoever comes."""
-        wish = self._towards_goal()
+    def choose_motion(self, others: Sequence[Agent]) -> None:
+        """Walk towards the next waypoint, slow down before the goal, and step aside to avoid others."""
+        wish = self._velocity_to_goal()
         if wish == (0.0, 0.0):
-            self._wish = wish
+            self._desired = wish
             return
         if self._must_wait(wish, others):
-            self._wish = (0.0, 0.0)
+            self._desired = (0.0, 0.0)
             return
         speed = math.sqrt(wish[0] * wish[0] + wish[1] * wish[1])
         ahead = (wish[0] / speed, wish[1] / speed)
         aside, slow = 0.0, 1.0
         for other in others:
-            step, pace = self._yield_to(other, ahead, speed)
+            step, pace = self._avoid(other, ahead, speed)
             aside = step if abs(step) > abs(aside) else aside
             slow = min(slow, pace)
         right = (ahead[1], -ahead[0])
-        self._wish = (slow * wish[0] + aside * right[0], slow * wish[1] + aside * right[1])
+        self._desired = (slow * wish[0] + aside * right[0], slow * wish[1] + aside * right[1])
 
-    def _must_wait(self, wish: tuple[float, float], others: Sequence[Mover]) -> bool:
-        """Whether, standing on a sidewalk, it would walk in front of a moving vehicle."""
+    def _must_wait(self, wish: tuple[float, float], others: Sequence[Agent]) -> bool:
+        """Return whether it stands on a sidewalk and would walk into the path of a moving vehicle."""
         if self._world.ground.height(self.x, self.y) < 0.1:
             return False
         for other in others:
@@ -65,8 +65,8 @@ class Walker(Mover):
                     return True
         return False
 
-    def _towards_goal(self) -> tuple[float, float]:
-        """Velocity towards the next waypoint, passing those that are reached."""
+    def _velocity_to_goal(self) -> tuple[float, float]:
+        """Return the velocity towards the next waypoint, after dropping waypoints that are reached."""
         while self._next < len(self._route):
             dx, dy = self._route[self._next][0] - self.x, self._route[self._next][1] - self.y
             distance = math.sqrt(dx * dx + dy * dy)
@@ -79,8 +79,8 @@ class Walker(Mover):
             self._next += 1
         return 0.0, 0.0
 
-    def _yield_to(self, other: Mover, ahead: tuple[float, float], speed: float) -> tuple[float, float]:
-        """A step to the right in m/s (negative: to the left), and a factor for the pace."""
+    def _avoid(self, other: Agent, ahead: tuple[float, float], speed: float) -> tuple[float, float]:
+        """Return the lateral speed to the right in m/s (negative: to the left), and a factor for the speed."""
         dx, dy = other.x - self.x, other.y - self.y
         if abs(dx) > 12.0 or abs(dy) > 12.0:
             return 0.0, 1.0
@@ -101,11 +101,14 @@ class Walker(Mover):
         near = gap < 0.7 and abs(side) < 0.45
         return (-step if left else step), (0.35 if near else 1.0)
 
-    def act(self) -> None:
-        """Walk upright, look where it goes, and keep the feet on the ground."""
-        most = _WALK_ACCELERATION * self._dt
-        self._going = (towards(self._going[0], self._wish[0], most), towards(self._going[1], self._wish[1], most))
-        vx, vy = self._going
+    def apply_velocity(self) -> None:
+        """Set the velocity: walk upright, turn into the direction of motion, and follow the ground."""
+        max_change = _WALK_ACCELERATION * self._dt
+        self._commanded = (
+            move_towards(self._commanded[0], self._desired[0], max_change),
+            move_towards(self._commanded[1], self._desired[1], max_change),
+        )
+        vx, vy = self._commanded
         speed = math.sqrt(vx * vx + vy * vy)
         turn = 0.0
         if speed > 0.15:
@@ -113,24 +116,26 @@ class Walker(Mover):
             cosine = (self.heading[0] * vx + self.heading[1] * vy) / speed
             turn = 7.0 * (sine if cosine > 0 else (1.0 if sine >= 0 else -1.0))
             turn = max(-_TURN_RATE, min(_TURN_RATE, turn))
-        target = self._world.ground.height(self.x, self.y) - walk_cycle.sink(self._figure, self._phase, self._pace)
+        target = self._world.ground.height(self.x, self.y) - walk_cycle.pelvis_drop(
+            self._figure, self._phase, self._pace
+        )
         rise = (target - self.z) / self._dt
         rise = max(-_STEP_RATE, min(_STEP_RATE, rise)) + GRAVITY * self._dt
-        lean = self._upright
+        lean = self._tilt
         self._world.set_velocity(self.body, (vx, vy, rise), (20.0 * lean[1], -20.0 * lean[0], turn))
 
-    def advance(self) -> None:
-        """Advance the gait by the distance covered."""
+    def update_distance(self) -> None:
+        """Advance the walk cycle by the distance covered."""
         self._pace = math.sqrt(self.velocity[0] * self.velocity[0] + self.velocity[1] * self.velocity[1])
-        self._phase += self._pace * self._dt / walk_cycle.stride(self._figure, self._pace)
+        self._phase += self._pace * self._dt / walk_cycle.stride_length(self._figure, self._pace)
 
-    def _stance(self) -> Placed:
-        """Where the base is, set up or down by the millimetres that put the lower sole on the ground."""
-        (x, y, z), orientation = super()._stance()
-        low = walk_cycle.sink(self._figure, self._phase, self._pace)
-        return (x, y, z + low - walk_cycle.tread(self._figure, self._turns())), orientation
+    def _base_pose(self) -> PartPose:
+        """Return the pose of the base, corrected in height so that the lower sole touches the ground."""
+        (x, y, z), orientation = super()._base_pose()
+        low = walk_cycle.pelvis_drop(self._figure, self._phase, self._pace)
+        return (x, y, z + low - walk_cycle.lowest_sole(self._figure, self._joint_rotations())), orientation
 
-    def _turns(self) -> Sequence[Quaternion]:
-        if self._posed[:2] != (self._phase, self._pace):
-            self._posed = self._phase, self._pace, walk_cycle.pose(self._figure, self._phase, self._pace)
-        return self._posed[2]
+    def _joint_rotations(self) -> Sequence[Quaternion]:
+        if self._pose_cache[:2] != (self._phase, self._pace):
+            self._pose_cache = self._phase, self._pace, walk_cycle.pose(self._figure, self._phase, self._pace)
+        return self._pose_cache[2]

@@ -1,11 +1,11 @@
-"""ScenePlan -> Trace, in a process of its own whose numbers do not depend on the CPU.
+"""Simulates a scene in a child process whose floating-point results do not depend on the CPU.
 
-glibc picks its sin, cos, pow ... by CPU, with and without FMA, and Bullet calls them. So the simulation always runs
-in a child that hides those CPU features from glibc, whatever the parent's environment says. The child reads the plan
-as JSON from its standard input and answers on its standard output, as it goes: a line `parts` with their names as
-JSON; lines `progress STEP STEPS`; for each frame a line `frame NUMBER` and its bytes, on the Trace's integer grid; at
-the end a line `end`. Neither process holds more than a frame: the parent writes each into a temporary file, from which
-the Trace is read.
+glibc selects its sin, cos, pow ... by CPU, with and without FMA, and Bullet calls them. The simulation therefore always
+runs in a child that hides those CPU features from glibc, whatever the parent's environment. The child reads the plan
+as JSON from its standard input and writes to its standard output as it runs: a line `parts` with their names as JSON;
+lines `progress STEP STEPS`; for each frame a line `frame NUMBER` and its bytes, on the Trace's integer grid; at the end
+a line `end`. Neither process keeps more than one frame in memory: the parent writes each to a temporary file, from
+which the Trace is read.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from recipe_runtime.core import subprocesses
 from recipe_runtime.core.trace import METRE, UNIT, Trace, TraceWriter, frame_bytes
 
 if TYPE_CHECKING:
-    from recipe_runtime.simulation.agent import Mover
+    from recipe_runtime.simulation.agent import Agent
     from recipe_runtime.simulation.bullet import World
 
 PINNED = {
@@ -46,7 +46,16 @@ Progress = Callable[[int, int], None]
 
 
 def simulate(scene: ScenePlan, progress: Progress | None = None, *, timeout: float = 3600.0) -> Trace:
-    """The motion of a scene. `progress` hears (steps done, steps in all). RunError if the child fails or hangs."""
+    """Return the motion of a scene.
+
+    Args:
+        scene: The plan of the scene.
+        progress: Called with the steps done and the total number of steps.
+        timeout: Seconds after which the simulation is stopped.
+
+    Raises:
+        RunError: The child process failed or exceeded the time limit.
+    """
     environment = {**os.environ, **PINNED}
     environment.pop("LD_PRELOAD", None)
     command = subprocesses.command("recipe_runtime.simulation.process", "main")
@@ -71,7 +80,7 @@ def simulate(scene: ScenePlan, progress: Progress | None = None, *, timeout: flo
 
 
 def _converse(child: subprocess.Popen[bytes], scene: ScenePlan, progress: Progress | None) -> Trace | None:
-    """Send the plan; pass progress on; write the frames down. None if the child ended before the last."""
+    """Send the plan, report progress and write the frames; None if the child ended before the last frame."""
     assert child.stdin is not None and child.stdout is not None
     with child.stdout as out, ExitStack() as stack:
         try:
@@ -115,37 +124,37 @@ def _explain(code: int, errors: bytes) -> str:
 
 
 def _run(scene: ScenePlan, take: Callable[[int, bytes], None], report: Progress) -> None:
-    """Simulate in this very process; `simulate` is the way in. `take` is given each frame's number and its bytes."""
-    from recipe_runtime.simulation.agents import movers
+    """Simulate in the current process; `take` is called with each frame's number and bytes. See `simulate`."""
+    from recipe_runtime.simulation.agents import create_agents
     from recipe_runtime.simulation.bullet import World
 
     clock = scene.clock
     world = World(scene.town, clock.physics, scene.props)
-    cast = movers(world, scene)
+    agents = create_agents(world, scene)
     decide_every = max(1, clock.physics // 30)
     steps = (clock.frames - 1) * clock.steps_per_frame
     for step in range(steps + 1):
         if step % clock.steps_per_frame == 0:
-            take(step // clock.steps_per_frame, _motion(world, cast))
+            take(step // clock.steps_per_frame, _motion(world, agents))
             report(step, steps)
         if step == steps:
             break
         if step % decide_every == 0:
-            for m in cast:
-                m.decide([other for other in cast if other is not m])
-        for m in cast:
-            m.act()
+            for m in agents:
+                m.choose_motion([other for other in agents if other is not m])
+        for m in agents:
+            m.apply_velocity()
         world.step()
-        for m in cast:
-            m.sense()
-            m.advance()
+        for m in agents:
+            m.read_state()
+            m.update_distance()
     world.close()
 
 
-def _motion(world: World, movers: Sequence[Mover]) -> bytes:
-    """Where everything is at this moment, as a frame of a Trace; of a rotation's two quaternions the one with w > 0."""
-    poses = [pose for m in movers for pose in m.parts()]
-    velocities = [world.velocity(m.body) for m in movers]
+def _motion(world: World, create_agents: Sequence[Agent]) -> bytes:
+    """Return the current state as a frame of a Trace; of a rotation's two quaternions, the one with w > 0."""
+    poses = [pose for m in create_agents for pose in m.parts()]
+    velocities = [world.velocity(m.body) for m in create_agents]
     rotations = _snap(_rows([rotation for _, rotation in poses], 4), UNIT)
     key = np.zeros(rotations.shape[:-1], np.int64)
     for axis in (0, 1, 2, 3):  # the sign of w, or of the last component before it that is not 0
@@ -187,7 +196,7 @@ def _serve(plan: IO[bytes], answer: IO[Any]) -> None:
 
 
 def main() -> None:
-    """What the child runs: answer on the real standard output; whatever else prints goes to standard error."""
+    """Entry point of the child: results go to the original standard output, all other output to standard error."""
     answer = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     _serve(sys.stdin.buffer, answer)

@@ -1,4 +1,4 @@
-"""Height of the ground under a foot, from the town's plan: 0 on the road, a sidewalk's top on a sidewalk."""
+"""Height of the ground, from the town's plan: 0 on the road, the height of the kerb on a sidewalk."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from recipe_compiler.ir.plan import TownPlan
 
 
 class Ground:
-    """A town's raised slabs, which are rectangles along the axes with rounded corners."""
+    """The sidewalks of a town: axis-aligned rectangles with rounded corners."""
 
     def __init__(self, town: TownPlan) -> None:
         self._slabs = [
@@ -16,7 +16,7 @@ class Ground:
         ]
 
     def height(self, x: float, y: float) -> float:
-        """Height in metres."""
+        """Return the height of the ground in metres at a position in the world frame."""
         for cx, cy, half_x, half_y, radius, top in self._slabs:
             dx, dy = abs(x - cx), abs(y - cy)
             if dx <= half_x and dy <= half_y:

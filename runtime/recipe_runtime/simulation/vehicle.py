@@ -1,4 +1,4 @@
-"""Vehicles: they drive the lane, take turns at junctions, and stop behind what stands before them."""
+"""Vehicle agents: they follow the lane, yield at junctions, and stop behind obstacles."""
 
 from __future__ import annotations
 
@@ -9,39 +9,42 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, TownPlan
 
 from recipe_runtime.body import riding
-from recipe_runtime.body.kinematics import Placed, Quaternion, about, then
+from recipe_runtime.body.kinematics import PartPose, Quaternion, axis_rotation, compose
 from recipe_runtime.body.skeleton import Bike, axle_shift, has_rider, is_parked, is_person
-from recipe_runtime.simulation.agent import Mover, towards
+from recipe_runtime.simulation.agent import Agent, move_towards
 from recipe_runtime.simulation.bullet import World
-from recipe_runtime.simulation.path import Way
+from recipe_runtime.simulation.path import Path
 
 _ACCELERATION, _BRAKING, _SIDEWAYS = 2.0, 3.0, 2.2  # m/s2
-_STEERING = 90.0  # degrees a second that the front wheels turn
-_LOCK = 0.27  # 1/m, the tightest curve of whatever drives, and ...
-_SLOPE = 1.3  # ... the tangent of the steepest angle of its front wheels
-_NEAREST = 1.7  # metres ahead of the rear axle that it steers for at least
-_BEHIND, _PREPARE = 1.5, 6.0  # metres from the rear axle back, from the front axle on, where bends matter
-_TIP = 50.0  # degrees a second that a two-wheeler leans over
+_STEERING = 90.0  # steering rate of the front wheels, degrees/s
+_LOCK = 0.27  # 1/m, largest curvature of any vehicle, and ...
+_SLOPE = 1.3  # ... the tangent of the largest steering angle
+_NEAREST = 1.7  # shortest look-ahead distance from the rear axle, metres
+_BEHIND, _PREPARE = 1.5, 6.0  # metres behind the rear axle and ahead of the front axle where bends count
+_TIP = 50.0  # lean rate of a two-wheeler, degrees/s
 
 
-class Crossroads:
-    """Right of way: a junction belongs to one vehicle at a time, to whoever comes near enough first."""
+class JunctionReservations:
+    """Right of way: a junction is reserved for one vehicle at a time, first come, first served."""
 
     def __init__(self, town: TownPlan) -> None:
-        reach = 4.5  # from a junction's edge to where one waits: behind the stop line, clear of a bus that turns in
-        self._places = [
+        reach = 4.5  # from the junction's edge to the waiting position, clear of a turning bus
+        self._areas = [
             (e.pose.x, e.pose.y, e.size[0] / 2 + reach, e.size[1] / 2 + reach)
             for e in town.elements
             if e.kind == "junction"
         ]
-        self._owners: dict[int, Driver] = {}
+        self._holders: dict[int, VehicleAgent] = {}
 
-    def free_way(self, driver: Driver) -> float:
-        """Metres that a vehicle may go before it must wait; it takes what it is near enough to take."""
+    def distance_to_stop_line(self, driver: VehicleAgent) -> float:
+        """Return the metres to the stop line where a vehicle must wait, infinity if it need not.
+
+        Reserves free junctions that are within the vehicle's stopping distance.
+        """
         way = math.inf
-        for n, (x, y, half_x, half_y) in enumerate(self._places):
+        for n, (x, y, half_x, half_y) in enumerate(self._areas):
             dx, dy = x - driver.x, y - driver.y
-            mine = self._owners.get(n) is driver
+            mine = self._holders.get(n) is driver
             if abs(dx) > half_x + 60.0 or abs(dy) > half_y + 60.0:
                 continue
             ahead = dx * driver.heading[0] + dy * driver.heading[1]
@@ -51,96 +54,98 @@ class Crossroads:
             inside = abs(dx) < half_x and abs(dy) < half_y
             leaving = max(abs(dx) - half_x, abs(dy) - half_y) > driver.reach - 1.0 and ahead < 0.0
             if mine and (leaving or driver.arrived):
-                del self._owners[n]
+                del self._holders[n]
             elif inside and not driver.arrived:
-                self._owners.setdefault(n, driver)
-            elif not mine and -1.0 < line < driver.stopping + 3.0 and aside < 4.0:
-                owner = self._owners.setdefault(n, driver)
+                self._holders.setdefault(n, driver)
+            elif not mine and -1.0 < line < driver.stopping_distance + 3.0 and aside < 4.0:
+                owner = self._holders.setdefault(n, driver)
                 way = way if owner is driver else min(way, max(0.0, line))
         return way
 
 
-class Driver(Mover):
-    """A vehicle, steered as a bicycle towards a point of its route ahead."""
+class VehicleAgent(Agent):
+    """A vehicle that follows its route, with the kinematic bicycle model."""
 
-    def __init__(self, world: World, actor: ActorPlan, dt: float, crossroads: Crossroads) -> None:
+    def __init__(self, world: World, actor: ActorPlan, dt: float, junctions: JunctionReservations) -> None:
         super().__init__(world, actor, world.add_vehicle(actor, fixed=is_parked(actor)), dt)
-        self._crossroads = crossroads
+        self._junctions = junctions
         shape = actor.shape
         self._base = shape["wheelbase"]
         self._rear = shape["wheelbase"] / 2 - axle_shift(shape)  # the rear axle lies this far behind the origin
-        self._tightest = min(_LOCK, _SLOPE / self._base)
+        self._max_curvature = min(_LOCK, _SLOPE / self._base)
         self._route.insert(0, (self.x, self.y))
-        self._way, self._front_way = Way(self._route), Way(self._route)
+        self._rear_path, self._front_path = Path(self._route), Path(self._route)
         self._limits = _speed_limits(self._route, actor.speed)
-        self._wish = self._speed = self._curvature = self._gone = self._steer = 0.0
-        self._aimed = 0.0  # degrees that the front wheels are to be turned to
+        self._desired = self._speed = self._curvature = self._distance = self._steer = 0.0
+        self._steer_target = 0.0  # degrees
 
     @property
     def arrived(self) -> bool:
-        """Whether its route is behind it."""
+        """Whether it has reached the end of its route."""
         return self._next >= len(self._route) - 1
 
     @property
-    def stopping(self) -> float:
-        """Metres that it needs to stop gently."""
+    def stopping_distance(self) -> float:
+        """Metres that a gentle stop takes."""
         return self._speed * self._speed / 4.0
 
-    def decide(self, others: Sequence[Mover]) -> None:
+    def choose_motion(self, others: Sequence[Agent]) -> None:
         """Choose speed and steering."""
-        way = self._crossroads.free_way(self)
+        way = self._junctions.distance_to_stop_line(self)
         self.waiting = way < 60.0
         if self.arrived:
-            self._wish = 0.0
+            self._desired = 0.0
             return
-        self._aimed = self._steering()
-        self._wish = min(self._limit(self._left_of_leg()), self._clear(others), math.sqrt(4.0 * min(way, 1e6)))
+        self._steer_target = self._steering()
+        self._desired = min(
+            self._braking_limit(self._remaining_on_leg()), self._following_speed(others), math.sqrt(4.0 * min(way, 1e6))
+        )
 
     def _steering(self) -> float:
-        """Degrees to turn the front wheels to.
+        """Return the target steering angle in degrees.
 
         In a bend the rear wheels run inside of the front ones. To the left, where there is road inside, the front
         axle keeps to the lane and the rear cuts in; to the right, where the kerb is, the front swings out.
         """
         hx, hy = self.heading
         x, y = self.x - self._rear * hx, self.y - self._rear * hy
-        here = self._way.reached(x, y)
-        steer = self._by_front(x + self._base * hx, y + self._base * hy)
-        if self._next_bend(here) < 0.0:
-            steer = self._by_rear(x, y, here)
-        lock = exact.atan2_deg(self._base * self._tightest, 1.0)
+        here = self._rear_path.project(x, y)
+        steer = self._steer_by_stanley(x + self._base * hx, y + self._base * hy)
+        if self._next_curvature(here) < 0.0:
+            steer = self._steer_by_pursuit(x, y, here)
+        lock = exact.atan2_deg(self._base * self._max_curvature, 1.0)
         return max(-lock, min(lock, steer))
 
-    def _next_bend(self, here: float) -> float:
-        """Curvature of the first bend from the rear axle on, as far as a turn must be prepared; 0 if there is none."""
+    def _next_curvature(self, here: float) -> float:
+        """Return the curvature of the first bend from the rear axle to the preparation distance; 0 if there is none."""
         ahead = -_BEHIND
         while ahead < self._base + _PREPARE:
-            bend, _ = self._way.bend(here + ahead)
+            bend, _ = self._rear_path.curvature(here + ahead)
             if abs(bend) > 0.03:
                 return bend
             ahead += 1.0
         return 0.0
 
-    def _by_front(self, x: float, y: float) -> float:
-        """Steer the front axle along the way, after S. Thrun et al., Stanley (Journal of Field Robotics, 2006)."""
-        here = self._front_way.reached(x, y)
-        _, left = self._way.bend(here + 0.3)
-        px, py = self._way.at(here)
+    def _steer_by_stanley(self, x: float, y: float) -> float:
+        """Steer the front axle along the path, after S. Thrun et al., Stanley (Journal of Field Robotics, 2006)."""
+        here = self._front_path.project(x, y)
+        _, left = self._rear_path.curvature(here + 0.3)
+        px, py = self._rear_path.at(here)
         aside = (px - x) * left[0] + (py - y) * left[1]
         tx, ty = left[1], -left[0]
         hx, hy = self.heading
         return exact.atan2_deg(hx * ty - hy * tx, hx * tx + hy * ty) + exact.atan2_deg(1.5 * aside, self._speed + 1.0)
 
-    def _by_rear(self, x: float, y: float, here: float) -> float:
-        """Steer the rear axle to a point of the way ahead: pure pursuit (R. C. Coulter, 1992)."""
+    def _steer_by_pursuit(self, x: float, y: float, here: float) -> float:
+        """Steer the rear axle to a point of the path ahead: pure pursuit (R. C. Coulter, 1992)."""
         ahead = here + max(_NEAREST, 0.45 * self._speed)
-        px, py = self._way.at(ahead)
+        px, py = self._rear_path.at(ahead)
         dx, dy = px - x, py - y
         lateral = self.heading[0] * dy - self.heading[1] * dx
         return exact.atan2_deg(self._base * 2.0 * lateral, max(dx * dx + dy * dy, 1.0))
 
-    def _left_of_leg(self) -> float:
-        """Metres to the end of the route's leg that it is on."""
+    def _remaining_on_leg(self) -> float:
+        """Return the metres to the end of the current leg of the route."""
         while True:
             (ax, ay), (bx, by) = self._route[self._next], self._route[self._next + 1]
             length = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
@@ -149,16 +154,16 @@ class Driver(Mover):
                 return length - done
             self._next += 1
 
-    def _limit(self, along: float) -> float:
-        """Speed that still allows every slower place ahead to be reached slowly enough."""
+    def _braking_limit(self, along: float) -> float:
+        """Return the highest speed from which all speed limits ahead can be met."""
         if self._next >= len(self._route) - 2 and along < 0.05:
             self._next = len(self._route)
             return 0.0
         end = self._limits[self._next + 1]
         return min(self.actor.speed, math.sqrt(end * end + 2.0 * 1.6 * max(0.0, along)))
 
-    def _clear(self, others: Sequence[Mover]) -> float:
-        """Speed at which it can stop behind whatever stands or moves in its path."""
+    def _following_speed(self, others: Sequence[Agent]) -> float:
+        """Return the highest speed from which it can stop behind every agent in its path."""
         wish = self.actor.speed
         for other in others:
             dx, dy = other.x - self.x, other.y - self.y
@@ -182,85 +187,86 @@ class Driver(Mover):
                 wish = min(wish, math.sqrt(2.0 * _BRAKING * max(0.0, free) + away * away) if free > 0 else 0.0)
         return wish
 
-    def act(self) -> None:
-        """Roll along the curve; gravity, wheels and kerbs decide the rest."""
-        faster = self._wish > self._speed
-        self._speed = towards(self._speed, self._wish, (_ACCELERATION if faster else 1.6 * _BRAKING) * self._dt)
-        self._steer = towards(self._steer, self._aimed, _STEERING * self._dt)
+    def apply_velocity(self) -> None:
+        """Set the velocity along the curve; gravity and contacts determine the rest."""
+        faster = self._desired > self._speed
+        self._speed = move_towards(self._speed, self._desired, (_ACCELERATION if faster else 1.6 * _BRAKING) * self._dt)
+        self._steer = move_towards(self._steer, self._steer_target, _STEERING * self._dt)
         sine, cosine = exact.sin_cos_deg(self._steer)
         self._curvature = sine / (cosine * self._base)
         turn = self._speed * self._curvature
         hx, hy = self.heading
         aside = turn * self._rear
         (_, _, vz), _ = self._world.velocity(self.body)
-        lean = self._upright
+        lean = self._tilt
         self._world.set_velocity(
             self.body,
             (self._speed * hx - aside * hy, self._speed * hy + aside * hx, min(vz, 0.5)),
             (8.0 * lean[1], -8.0 * lean[0], turn),
         )
 
-    def advance(self) -> None:
-        """Count the distance rolled."""
-        self._gone += (self.velocity[0] * self.heading[0] + self.velocity[1] * self.heading[1]) * self._dt
+    def update_distance(self) -> None:
+        """Add the distance rolled."""
+        self._distance += (self.velocity[0] * self.heading[0] + self.velocity[1] * self.heading[1]) * self._dt
 
-    def _turns(self) -> Sequence[Quaternion]:
-        """The wheels roll the distance gone, each about its steered axle: the inner one is turned more (Ackermann)."""
+    def _joint_rotations(self) -> Sequence[Quaternion]:
+        """Roll the wheels, each about its steered axle; the inner wheel is steered more (Ackermann)."""
         shape = self.actor.shape
-        rolled = self._gone / (2.0 * math.pi * shape["wheel"])
-        spin = about("y", 360.0 * (rolled - math.floor(rolled)))
+        rolled = self._distance / (2.0 * math.pi * shape["wheel"])
+        spin = axis_rotation("y", 360.0 * (rolled - math.floor(rolled)))
         half = shape["width"] / 2 - 0.13
         steered = [
-            about("z", exact.atan2_deg(self._base * self._curvature, 1.0 - s * half * self._curvature)) for s in (1, -1)
+            axis_rotation("z", exact.atan2_deg(self._base * self._curvature, 1.0 - s * half * self._curvature))
+            for s in (1, -1)
         ]
-        return [then(steered[0], spin), then(steered[1], spin), spin, spin]
+        return [compose(steered[0], spin), compose(steered[1], spin), spin, spin]
 
 
-class Parked(Driver):
-    """A vehicle that nobody drives: it stands where it was put, whatever touches it."""
+class ParkedVehicle(VehicleAgent):
+    """A vehicle that never moves."""
 
-    def decide(self, others: Sequence[Mover]) -> None:
-        """Nobody decides."""
+    def choose_motion(self, others: Sequence[Agent]) -> None:
+        """Do nothing."""
 
-    def act(self) -> None:
-        """Nothing moves it."""
+    def apply_velocity(self) -> None:
+        """Do nothing."""
 
 
-class Rider(Driver):
-    """A two-wheeler and who rides it: steered like a car, and leaning into its curves."""
+class TwoWheeler(VehicleAgent):
+    """A two-wheeler with its rider: steered like a car, and leaning into its curves."""
 
-    def __init__(self, world: World, actor: ActorPlan, dt: float, crossroads: Crossroads) -> None:
-        super().__init__(world, actor, dt, crossroads)
+    def __init__(self, world: World, actor: ActorPlan, dt: float, junctions: JunctionReservations) -> None:
+        super().__init__(world, actor, dt, junctions)
         self._bike = Bike.of(actor.shape)
-        self._halt = riding.halting(0.0)
-        self._lean = riding.resting_lean(self._bike, self._halt)  # degrees to the left
+        self._foot_weight = riding.foot_down(0.0)
+        self._lean = riding.resting_lean(self._bike, self._foot_weight)  # degrees to the left
 
-    def advance(self) -> None:
-        """Count the distance rolled, and lean until weight and centrifugal force balance."""
-        super().advance()
+    def update_distance(self) -> None:
+        """Add the distance rolled, and lean towards the angle that balances weight and centrifugal force."""
+        super().update_distance()
         force = self._speed * self._speed * self._curvature / 9.81
-        self._halt = towards(self._halt, riding.halting(self._speed), 2.0 * self._dt)
-        lean = exact.atan2_deg(force, 1.0) + riding.resting_lean(self._bike, self._halt)
-        self._lean = towards(self._lean, lean, _TIP * self._dt)
+        self._foot_weight = move_towards(self._foot_weight, riding.foot_down(self._speed), 2.0 * self._dt)
+        lean = exact.atan2_deg(force, 1.0) + riding.resting_lean(self._bike, self._foot_weight)
+        self._lean = move_towards(self._lean, lean, _TIP * self._dt)
 
-    def _stance(self) -> Placed:
-        """Leaning about its tyres, which stay on the ground."""
-        (x, y, z), orientation = super()._stance()
+    def _base_pose(self) -> PartPose:
+        """Return the pose of the base, leaning about the tyres, which stay on the ground."""
+        (x, y, z), orientation = super()._base_pose()
         lift = self._bike.tyre * (1.0 - exact.cos_deg(self._lean))
-        return (x, y, z + lift), then(orientation, about("x", -self._lean))
+        return (x, y, z + lift), compose(orientation, axis_rotation("x", -self._lean))
 
-    def _turns(self) -> Sequence[Quaternion]:
-        return riding.pose(self._bike, steer=self._steer, gone=self._gone, halt=self._halt)
+    def _joint_rotations(self) -> Sequence[Quaternion]:
+        return riding.pose(self._bike, steer=self._steer, distance=self._distance, foot_weight=self._foot_weight)
 
 
-def driver(world: World, actor: ActorPlan, dt: float, crossroads: Crossroads) -> Driver:
-    """Who drives a vehicle."""
-    kind = Rider if has_rider(actor.shape) else Parked if is_parked(actor) else Driver
-    return kind(world, actor, dt, crossroads)
+def create_vehicle(world: World, actor: ActorPlan, dt: float, junctions: JunctionReservations) -> VehicleAgent:
+    """Create the agent of a vehicle."""
+    kind = TwoWheeler if has_rider(actor.shape) else ParkedVehicle if is_parked(actor) else VehicleAgent
+    return kind(world, actor, dt, junctions)
 
 
 def _speed_limits(route: Sequence[tuple[float, float]], speed: float) -> list[float]:
-    """Speed at each waypoint: 0 at the goal, elsewhere what the bend there allows, and what braking later needs."""
+    """Return the speed limit at each waypoint in m/s: 0 at the goal, elsewhere by curvature and by later limits."""
     limits = [speed] * len(route)
     limits[-1] = 0.0
     for n in range(1, len(route) - 1):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.plan import ActorPlan, Clock, Point, Pose, ScenePlan
 from recipe_compiler.library import blueprints, towns
 from recipe_runtime.body import riding, walk_cycle
-from recipe_runtime.body.kinematics import STILL, about, limb, place, turned
+from recipe_runtime.body.kinematics import IDENTITY, axis_rotation, forward_kinematics, rotate, two_bone_ik
 from recipe_runtime.body.skeleton import Bike, Figure
 from recipe_runtime.core.trace import METRE, Trace
 from recipe_runtime.core.transforms import invert, part_transforms
@@ -156,19 +156,21 @@ def test_riders_hold_the_grips_and_tread_the_pedals(blueprint: blueprints.Bluepr
     parts = dict(
         zip(
             ["chassis", *(joint.part for joint in bike.joints())],
-            place(((0.0, 0.0, 0.0), STILL), bike.joints(), riding.pose(bike, steer=steer, gone=gone)),
+            forward_kinematics(
+                ((0.0, 0.0, 0.0), IDENTITY), bike.joints(), riding.pose(bike, steer=steer, distance=gone)
+            ),
             strict=True,
         )
     )
     for side, s in (("left", 1.0), ("right", -1.0)):
         at, turn_ = parts[f"forearm_{side}"]
-        palm = np.array(at) + turned(turn_, (0.0, 0.0, -0.19 * bike.figure.height))
+        palm = np.array(at) + rotate(turn_, (0.0, 0.0, -0.19 * bike.figure.height))
         x, y, z = bike.grips
-        grip = np.array(bike.steering) + turned(about("z", steer), (x, s * y, z + 0.02))
+        grip = np.array(bike.steering) + rotate(axis_rotation("z", steer), (x, s * y, z + 0.02))
         assert np.abs(palm - grip).max() < 0.025
         at, turn_ = parts[f"foot_{side}"]
-        sole = np.array(at) + turned(turn_, (0.085 * bike.figure.height, 0.0, -bike.figure.ankle))
-        pedal, _ = riding.pedal_of(bike, s, 360.0 * gone / 4.2)
+        sole = np.array(at) + rotate(turn_, (0.085 * bike.figure.height, 0.0, -bike.figure.ankle))
+        pedal, _ = riding.pedal_position(bike, s, 360.0 * gone / 4.2)
         assert np.abs(sole - pedal).max() < 0.03
 
 
@@ -176,8 +178,8 @@ def test_riders_hold_the_grips_and_tread_the_pedals(blueprint: blueprints.Bluepr
 def test_who_halts_puts_a_foot_down(blueprint: blueprints.Blueprint) -> None:
     bike = Bike.of(blueprint.shape)
     lean = riding.resting_lean(bike, 1.0)
-    turns = riding.pose(bike, steer=0.0, gone=0.4, halt=1.0)
-    poses = matrices(place(((0.0, 0.0, 0.0), about("x", -lean)), bike.joints(), turns))
+    turns = riding.pose(bike, steer=0.0, distance=0.4, foot_weight=1.0)
+    poses = matrices(forward_kinematics(((0.0, 0.0, 0.0), axis_rotation("x", -lean)), bike.joints(), turns))
     actor = turning(blueprint.id, "left")
     names = [name for name, _ in actor_body(actor).parts]
     foot = names.index("foot_left")
@@ -187,9 +189,9 @@ def test_who_halts_puts_a_foot_down(blueprint: blueprints.Blueprint) -> None:
 
 
 def test_a_limb_reaches_its_target_and_keeps_its_length() -> None:
-    thigh, shin = limb((0.2, 0.1, -0.6), 0.4, 0.4, (1.0, 0.0, 0.0), knee=True)
-    knee = turned(thigh, (0.0, 0.0, -0.4))
-    foot = np.array(knee) + turned(thigh, turned(shin, (0.0, 0.0, -0.4)))
+    thigh, shin = two_bone_ik((0.2, 0.1, -0.6), 0.4, 0.4, (1.0, 0.0, 0.0), knee=True)
+    knee = rotate(thigh, (0.0, 0.0, -0.4))
+    foot = np.array(knee) + rotate(thigh, rotate(shin, (0.0, 0.0, -0.4)))
     assert np.abs(foot - (0.2, 0.1, -0.6)).max() < 1e-12
     assert knee[0] > 0.1  # the knee is in front
 
@@ -202,9 +204,11 @@ def test_somebody_always_treads_the_ground(blueprint: blueprints.Blueprint) -> N
     body = actor_body(actor)
     for n in range(12):
         turns = walk_cycle.pose(figure, n / 12, speed)
-        base = (0.0, 0.0, -walk_cycle.tread(figure, turns))
-        assert abs(lowest(body, matrices(place((base, STILL), figure.joints, turns)))) < 0.005
-        assert base[2] == pytest.approx(-walk_cycle.sink(figure, n / 12, speed), abs=0.012)  # where the engine has it
+        base = (0.0, 0.0, -walk_cycle.lowest_sole(figure, turns))
+        assert abs(lowest(body, matrices(forward_kinematics((base, IDENTITY), figure.joints, turns)))) < 0.005
+        assert base[2] == pytest.approx(
+            -walk_cycle.pelvis_drop(figure, n / 12, speed), abs=0.012
+        )  # where the engine has it
 
 
 @cache
@@ -258,17 +262,19 @@ def test_a_planted_foot_goes_back_as_fast_as_the_body_goes_on(blueprint: bluepri
     figure, speed = Figure.of(blueprint.shape), blueprint.default_speed
     at = []
     for phase in (0.15, 0.18, 0.21):
-        low = walk_cycle.sink(figure, phase, speed)
-        parts = place(((0.0, 0.0, -low), STILL), figure.joints, walk_cycle.pose(figure, phase, speed))
+        low = walk_cycle.pelvis_drop(figure, phase, speed)
+        parts = forward_kinematics(((0.0, 0.0, -low), IDENTITY), figure.joints, walk_cycle.pose(figure, phase, speed))
         names = ["pelvis", *(joint.part for joint in figure.joints)]
         at.append(parts[names.index("foot_left")][0])
-    assert np.diff([x for x, _, _ in at]) == pytest.approx([-0.03 * walk_cycle.stride(figure, speed)] * 2, abs=1e-3)
+    assert np.diff([x for x, _, _ in at]) == pytest.approx(
+        [-0.03 * walk_cycle.stride_length(figure, speed)] * 2, abs=1e-3
+    )
     assert [z for _, _, z in at] == pytest.approx([figure.ankle] * 3, abs=2e-3)
 
 
 def test_children_step_quicker() -> None:
     adult, child = (Figure.of(blueprints.match(f"walker.pedestrian.{n}")[0].shape) for n in ("0001", "0013"))
-    assert 1.2 / walk_cycle.stride(child, 1.2) > 1.25 * 1.2 / walk_cycle.stride(adult, 1.2)
+    assert 1.2 / walk_cycle.stride_length(child, 1.2) > 1.25 * 1.2 / walk_cycle.stride_length(adult, 1.2)
 
 
 def test_arms_swing_against_the_legs() -> None:
@@ -276,5 +282,5 @@ def test_arms_swing_against_the_legs() -> None:
     names = [joint.part for joint in figure.joints]
     turns = walk_cycle.pose(figure, 0.0, 1.4)  # the left heel strikes
     thigh, arm = turns[names.index("thigh_left")], turns[names.index("upper_arm_left")]
-    assert turned(thigh, (0.0, 0.0, -1.0))[0] > 0.2  # the left leg is in front, the left arm behind
-    assert turned(arm, (0.0, 0.0, -1.0))[0] < -0.2
+    assert rotate(thigh, (0.0, 0.0, -1.0))[0] > 0.2  # the left leg is in front, the left arm behind
+    assert rotate(arm, (0.0, 0.0, -1.0))[0] < -0.2

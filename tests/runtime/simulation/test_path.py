@@ -4,37 +4,37 @@ from __future__ import annotations
 
 import pytest
 from recipe_runtime.meshes.curves import quarter, smooth, straight
-from recipe_runtime.simulation.path import Way
+from recipe_runtime.simulation.path import Path
 
 CORNER = ((0.0, 0.0), (10.0, 0.0), (10.0, 0.0), (10.0, 10.0))
 
 
 def test_a_way_is_measured_from_its_start() -> None:
-    way = Way(CORNER)
+    way = Path(CORNER)
     assert way.at(4.0) == (4.0, 0.0)
     assert way.at(13.0) == (10.0, 3.0)
     assert (way.at(-2.0), way.at(25.0)) == ((-2.0, 0.0), (10.0, 15.0))  # straight on beyond its ends
 
 
 def test_it_is_followed_forwards_only() -> None:
-    way = Way(CORNER)
-    assert way.reached(3.0, 2.0) == 3.0
-    assert way.reached(10.0, 6.0) == 16.0
-    assert way.reached(3.0, 0.0) == 10.0  # the first leg lies behind
+    way = Path(CORNER)
+    assert way.project(3.0, 2.0) == 3.0
+    assert way.project(10.0, 6.0) == 16.0
+    assert way.project(3.0, 0.0) == 10.0  # the first leg lies behind
 
 
 def test_a_bend_has_a_side() -> None:
-    to_the_left, _ = Way(CORNER).bend(10.0)
-    to_the_right, _ = Way([(x, -y) for x, y in CORNER]).bend(10.0)
+    to_the_left, _ = Path(CORNER).curvature(10.0)
+    to_the_right, _ = Path([(x, -y) for x, y in CORNER]).curvature(10.0)
     assert to_the_left == -to_the_right > 0.1
-    none, left = Way(CORNER).bend(5.0)
+    none, left = Path(CORNER).curvature(5.0)
     assert (none, left) == (0.0, (0.0, 1.0))
 
 
 def test_who_goes_nowhere_has_a_way() -> None:
-    way = Way([(1.0, 2.0), (1.0, 2.0)])
-    assert (way.reached(5.0, 5.0), way.at(3.0)) == (0.0, (1.0, 2.0))
-    assert way.bend(0.0)[0] == 0.0
+    way = Path([(1.0, 2.0), (1.0, 2.0)])
+    assert (way.project(5.0, 5.0), way.at(3.0)) == (0.0, (1.0, 2.0))
+    assert way.curvature(0.0)[0] == 0.0
 
 
 def test_smooth_curves_pass_their_points_and_never_overshoot() -> None:
