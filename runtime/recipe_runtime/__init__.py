@@ -1,13 +1,13 @@
-"""The runtime: plans to data. PyBullet moves the bodies, Warp kernels draw them.
+"""The runtime, which turns plans into data: PyBullet simulates, Warp kernels render.
 
-In Python a recipe is opened, and its frames are rendered when they are asked for:
+In Python, open a recipe and render its frames on demand:
 
     import recipe_runtime
     street = recipe_runtime.open("recipes/weather_sweep.yaml", variant="weather=rainy,jitter=still,time_of_day=noon")
     len(street), street.sensors                                  # frames, names
-    picture = street.render(40, "street")                        # uint8 [H, W, 3], the very pixels of the full build
+    picture = street.render(40, "street")                        # uint8 [H, W, 3], equal to the full build
     metres = street[40].render("street", "depth")                # float32 [H, W]
-    records = street[40].labels("street")                        # boxes, masks, 3-D boxes of what is seen
+    records = street[40].labels("street")                        # boxes, masks, 3-D boxes
 """
 
 from __future__ import annotations
@@ -29,10 +29,17 @@ def open(
     disk_cache: str | PathLike[str] | None = None,
     allow_large: bool = False,
 ) -> Scenario:
-    """One variant of a recipe, the first by default, as a sequence of frames that are rendered on demand.
+    """Open one variant of a recipe as a sequence of frames that are rendered on demand.
 
-    `disk_cache` is a folder in which rendered arrays are kept and looked for. InputError with all that is wrong with
-    the recipe, or for a variant that it has not.
+    Args:
+        recipe: Path of the recipe.
+        variant: Name of the variant, the first by default.
+        device: `cpu`, `cuda` or `cuda:N`.
+        disk_cache: A folder in which rendered arrays are stored and reused.
+        allow_large: Accept recipes over the limits of size.
+
+    Raises:
+        InputError: The recipe is invalid, or has no such variant.
     """
     from recipe_runtime.loading import opened, scenario
 

@@ -1,4 +1,4 @@
-"""From a recipe's file to what can be asked for frames: the runtime's one door to the compiler."""
+"""Loads recipes: the only module of the runtime that calls the compiler."""
 
 from __future__ import annotations
 
@@ -17,18 +17,22 @@ from recipe_runtime.scenario import Scenario, Scenes
 
 
 def compiled(recipe: str | PathLike[str], allow_large: bool = False) -> DatasetPlan:
-    """The plan of a recipe's file; InputError with all that is wrong with it."""
+    """Return the plan of a recipe; InputError with all mistakes in it."""
     return opened(recipe, allow_large)[0]
 
 
 def compiled_with_files(recipe: Path, allow_large: bool = False) -> tuple[DatasetPlan, dict[str, str]]:
-    """The plan of a recipe's file, and the SHA-256 of every file read, by its path below the recipe's folder."""
+    """Return the plan of a recipe, and the SHA-256 of every file read, by its path relative to the recipe's folder."""
     found = compile_recipe(recipe, allow_large=allow_large)
     return found.plan, found.files
 
 
 def opened(recipe: str | PathLike[str], allow_large: bool = False) -> tuple[DatasetPlan, Engines]:
-    """The plan of a recipe's file, and the engines that know where its assets lie."""
+    """Return the plan of a recipe, and engines with the paths of its assets.
+
+    Raises:
+        InputError: The recipe is invalid, exceeds the limits, or is a URL.
+    """
     if "://" in str(recipe):
         from recipe_runtime.core import urls
 
@@ -48,6 +52,6 @@ def scenario(
     disk_cache: str | PathLike[str] | None = None,
     engines: Engines | None = None,
 ) -> Scenario:
-    """The variant of that name, the first by default."""
+    """Return the variant of a name, the first by default, as a scenario."""
     kept = Path(disk_cache) if disk_cache is not None else None
     return Scenario(plan.named(variant), Scenes(device, engines), kept)

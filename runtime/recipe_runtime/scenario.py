@@ -1,7 +1,7 @@
-"""A variant as a sequence of frames, each rendered when it is asked for, in any order, in any process.
+"""A variant as a sequence of frames, rendered on demand, in any order, in any process.
 
-What is asked for is what a build would write: the same function makes both. Engines are made when first needed, and
-made again in a process that inherited or was sent a scenario, so that the workers of a `DataLoader` each have theirs.
+The same function renders the frames of a build, so pixels are equal. Engines are created on first use, and again in a
+process that inherited or unpickled a scenario, so that each worker of a `DataLoader` has its own.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from recipe_runtime.core.versions import builder
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.source import SceneSource
 
-SCENES_KEPT = 2  # renderers in memory at once; each holds a town's triangles
-LANES = 16  # frames under way at once on a GPU
-OBSERVATIONS_KEPT = 2  # so that the modalities of one frame, and its weathers, share what is seen
+SCENE_CACHE_SIZE = 2  # renderers in memory, each with the triangles of a town
+MAX_CONCURRENT_FRAMES = 16  # concurrent frames on a GPU
+OBSERVATION_CACHE_SIZE = 2  # so that modalities and weathers of one frame share its observation
 
 
 class Scenes:
-    """The scenes that this process has at hand, the last used first to stay; those of another process are not ours."""
+    """A least-recently-used cache of loaded scenes and observations; another process starts with an empty one."""
 
     def __init__(self, device: str = "cpu", engines: Engines | None = None, store: Store | None = None) -> None:
         self.device = devices(device)[0]
@@ -47,54 +47,54 @@ class Scenes:
         self._store = store or Store()
         self._process = os.getpid()
         self._sources: OrderedDict[str, SceneSource] = OrderedDict()
-        self._seen: OrderedDict[tuple[str, str, int], tuple[Any, Observed]] = OrderedDict()  # with who observed it
+        self._observations: OrderedDict[tuple[str, str, int], tuple[Any, Observed]] = OrderedDict()  # with its renderer
         self._release: Callable[[], object] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_sources": OrderedDict(), "_seen": OrderedDict(), "_release": None}
 
     def close(self) -> None:
-        """Let go of renderers, and of the cache; both are taken again if more is asked for."""
+        """Release renderers and the lease of the cache; both are acquired again when needed."""
         self._sources.clear()
-        self._seen.clear()
+        self._observations.clear()
         if self._release is not None:
             self._release()
             self._release = None
 
     def source(self, scene: ScenePlan) -> SceneSource:
-        """The frames of a scene; it is simulated unless the store has its Trace."""
-        self._settle()
+        """Return the frame source of a scene; simulates it unless the store has its Trace."""
+        self._adopt_process()
         key = scene.digest
         if key not in self._sources:
             trace = self._store.trace(scene, lambda: self._engines.simulate(scene))
-            while len(self._sources) >= SCENES_KEPT:
+            while len(self._sources) >= SCENE_CACHE_SIZE:
                 self._sources.popitem(last=False)
             self._sources[key] = SceneSource(scene, trace, device=self.device, engines=self._engines)
         self._sources.move_to_end(key)
         return self._sources[key]
 
     def observe(self, scene: ScenePlan, sensor: SensorPlan, frame: int) -> Observed:
-        """What a sensor sees at a frame."""
+        """Return the observation of a frame by a sensor."""
         source = self.source(scene)
         key = (scene.digest, digest("sensor/1", sensor.document()), frame)
-        renderer, seen = self._seen.get(key, (None, None))
+        renderer, seen = self._observations.get(key, (None, None))
         if (
             seen is None or renderer is not source.renderer
         ):  # (a renderer that was stopped has gone, and takes all along)
-            while len(self._seen) >= OBSERVATIONS_KEPT:
-                self._seen.popitem(last=False)
+            while len(self._observations) >= OBSERVATION_CACHE_SIZE:
+                self._observations.popitem(last=False)
             seen = source.observe(sensor, frame)
-            self._seen[key] = source.renderer, seen
+            self._observations[key] = source.renderer, seen
         return seen
 
-    def _settle(self) -> None:
-        """Let go of what another process made, and see that nothing of the cache is pruned that is read from now on."""
+    def _adopt_process(self) -> None:
+        """Discard state of a parent process, and take a lease on the cache."""
         if self._process != os.getpid():
             self._process = os.getpid()
             self._sources.clear()
-            self._seen.clear()
-            self._release = None  # the other's to give back
-        if self._release is None:  # until closed, or gone, or the process is
+            self._observations.clear()
+            self._release = None  # its owner releases it
+        if self._release is None:  # held until closed or collected, or the process ends
             stack = ExitStack()
             stack.enter_context(leased(self._store.root))
             self._release = weakref.finalize(self, stack.close)
@@ -102,7 +102,7 @@ class Scenes:
 
 @dataclass(frozen=True)
 class Frame:
-    """One moment of a scenario; nothing is rendered before it is asked for."""
+    """One frame of a scenario, rendered on demand."""
 
     scenario: Scenario
     number: int
@@ -122,19 +122,19 @@ class Frame:
 
 
 class Scenario(Sequence[Frame]):
-    """The frames of one variant. `plan` is all that it is made from.
+    """The frames of one variant. `plan` is its complete specification.
 
-    What it reads from the cache is not pruned until it is closed, or collected; `with` closes it.
+    Cache entries that it reads are protected from automatic pruning until it is closed or collected; `with` closes it.
     """
 
     def __init__(self, plan: ScenarioPlan, scenes: Scenes, disk_cache: Path | None = None) -> None:
         self.plan = plan
         self._scenes = scenes
-        self._kept = Store(disk_cache) if disk_cache is not None else None
+        self._disk_cache = Store(disk_cache) if disk_cache is not None else None
         self._rig = {sensor.name: sensor for sensor in plan.rig.sensors}
 
     def close(self) -> None:
-        """Let go of renderers, and of the cache; both are taken again if more is asked for."""
+        """Release renderers and the lease of the cache; both are acquired again when needed."""
         self._scenes.close()
 
     def __enter__(self) -> Scenario:
@@ -154,14 +154,18 @@ class Scenario(Sequence[Frame]):
         return tuple(self._rig)
 
     def modalities(self, sensor: str | None = None) -> tuple[str, ...]:
-        """What a sensor, the first by default, captures."""
+        """Return the modalities that a sensor, the first by default, captures."""
         return self._sensor(sensor).capture
 
     def __len__(self) -> int:
         return self.plan.scene.clock.frames
 
     def __getitem__(self, frame: Any) -> Any:
-        """A frame; a list of them for a slice. IndexError beyond the last, negative numbers count from the end."""
+        """Return a frame, or a list of frames for a slice; negative numbers count from the end.
+
+        Raises:
+            IndexError: There is no such frame.
+        """
         if isinstance(frame, slice):
             return [Frame(self, k) for k in range(*frame.indices(len(self)))]
         return Frame(self, self._number(frame))
@@ -173,24 +177,33 @@ class Scenario(Sequence[Frame]):
         return f"<{self.variant}: {count(len(self), 'frame')} of {', '.join(self.sensors)}>"
 
     def render(self, frame: int, sensor: str | None = None, modality: str = "rgb") -> NDArray[Any]:
-        """The pixels of a frame, equal to those of a build; a fresh array.
+        """Render one modality of a frame, equal to that of a build.
 
-        rgb: uint8 [H, W, 3], sRGB. depth: float32 [H, W], metres along the optical axis. instance: uint16 [H, W],
-        class * 1000 + number. semantic: uint8 [H, W], CARLA 0.9.14 tags. InputError for what the sensor does not
-        capture, IndexError for a frame that is not there.
+        Args:
+            frame: Frame number; negative numbers count from the end.
+            sensor: Name of a sensor, the first by default.
+            modality: A modality that the sensor captures.
+
+        Returns:
+            A new array. rgb: uint8 [H, W, 3], sRGB. depth: float32 [H, W], metres along the optical axis. instance:
+            uint16 [H, W], class * 1000 + number. semantic: uint8 [H, W], CARLA 0.9.14 tags.
+
+        Raises:
+            InputError: There is no such sensor, or it does not capture the modality.
+            IndexError: There is no such frame.
         """
         frame, plan = self._number(frame), self._sensor(sensor)
         if modality not in plan.capture:
             raise InputError(
                 f"the sensor {plan.name} captures {', '.join(plan.capture)}, not {modality!r}", code=Code.UNKNOWN_NAME
             )
-        if self._kept is None:
+        if self._disk_cache is None:
             return self._render(frame, plan, modality)
         key = self._key(frame, plan, modality)
-        body = self._kept.get("pixels", key)
+        body = self._disk_cache.get("pixels", key)
         if body is None:
             pixels = self._render(frame, plan, modality)
-            self._kept.put("pixels", key, codecs.npy(pixels))
+            self._disk_cache.put("pixels", key, codecs.npy(pixels))
             return pixels
         kept: NDArray[Any] = np.load(io.BytesIO(body), allow_pickle=False)
         return kept
@@ -198,19 +211,19 @@ class Scenario(Sequence[Frame]):
     def stream(
         self, sensor: str | None = None, frames: Iterable[int] | None = None
     ) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
-        """Frames one after the other, all by default, each with all that the sensor captures, as `render` gives it.
+        """Yield frames, all by default, each as its number and the arrays of all captured modalities, as `render` does.
 
-        On a GPU many are under way at once. The arrays hold until the next frame is asked for: copy what is to last.
+        On a GPU many frames are rendered concurrently. The arrays are valid until the next frame is requested.
         """
         plan, scene = self._sensor(sensor), self.plan.scene
         numbers = [self._number(frame) for frame in (range(len(self)) if frames is None else frames)]
         appearances = [self.plan.appearance] if "rgb" in plan.capture else []
-        for made in self._scenes.source(scene).make(plan, appearances, numbers, lanes=LANES):
+        for made in self._scenes.source(scene).make(plan, appearances, numbers, lanes=MAX_CONCURRENT_FRAMES):
             pictures: dict[str, NDArray[Any]] = dict(zip(["rgb"], made.pictures, strict=False))
             yield made.number, {m: pictures[m] if m == "rgb" else label_array(made.seen, m) for m in plan.capture}
 
     def labels(self, frame: int, sensor: str | None = None) -> list[LabelRecord]:
-        """The records of what is seen in a frame, by instance; `annotate.objects` tells what each holds."""
+        """Return the records of the visible objects of a frame, by instance; see `annotate.records.LabelRecord`."""
         frame, plan = self._number(frame), self._sensor(sensor)
         scene = self.plan.scene
         return self._scenes.source(scene).labels(self._scenes.observe(scene, plan, frame), plan, frame)
@@ -220,10 +233,10 @@ class Scenario(Sequence[Frame]):
         seen = self._scenes.observe(scene, plan, frame)
         if modality == "rgb":
             return self._scenes.source(scene).shade(seen, self.plan.appearance, plan, frame)
-        return label_array(seen, modality).copy()  # the observation stays ours
+        return label_array(seen, modality).copy()  # the observation is cached
 
     def _key(self, frame: int, plan: SensorPlan, modality: str) -> str:
-        """A name for these pixels, from all that they depend on: plans, place, and the code that makes them."""
+        """Return the cache key of these pixels: a digest of plans, frame, modality and code."""
         colour = self.plan.appearance.digest if modality == "rgb" else ""
         return digest("store/pixels/1", [self.plan.scene.digest, plan.document(), colour, modality, frame, builder()])
 

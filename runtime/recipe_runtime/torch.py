@@ -1,4 +1,4 @@
-"""A PyTorch dataset over a recipe: nothing on disk, every frame rendered when it is asked for. Needs `torch`.
+"""A PyTorch dataset over a recipe, with frames rendered on demand and nothing on disk. Requires `torch`.
 
     from torch.utils.data import DataLoader
     from recipe_runtime.torch import RecipeDataset
@@ -32,15 +32,26 @@ Sample = dict[str, Any]
 
 
 class RecipeDataset(Dataset[Sample]):
-    """Every frame of every sensor of every variant, in the recipe's order, or of those that are named.
+    """Every frame of every sensor of every variant, in the recipe's order.
 
-    A sample holds `variant`, `sensor` and `frame`, and a tensor for each of `modalities` (what the sensor captures,
-    by default): rgb uint8 [3, H, W]; depth float32 [H, W] in metres; instance int32 [H, W]; semantic uint8 [H, W].
-    With `target=True` also `target`, as torchvision's detection models take it, and more: `boxes` float32 [N, 4]
-    (x0, y0, x1, y1), `labels` int64 [N] (CARLA tags), `instances` int64 [N], `area` int64 [N], `iscrowd` int64 [N],
-    `visible_fraction` float32 [N]; such samples need a `collate_fn` that keeps lists. `transform` is given the sample.
-    `disk_cache` is a folder for rendered arrays. InputError for names that the recipe has not, and all else that is
-    wrong with it.
+    A sample has `variant`, `sensor` and `frame`, and a tensor for each modality: rgb uint8 [3, H, W]; depth float32
+    [H, W] in metres; instance int32 [H, W]; semantic uint8 [H, W].
+
+    Args:
+        recipe: Path of a recipe, or its plan.
+        variants: Names of the variants to include; all by default.
+        sensors: Names of the sensors to include; all by default.
+        modalities: Modalities of a sample; all that the sensor captures by default.
+        target: Add `target` to samples, in the form of torchvision's detection models, with more fields: `boxes`
+            float32 [N, 4] (x0, y0, x1, y1), `labels` int64 [N] (CARLA tags), `instances` int64 [N], `area` int64 [N],
+            `iscrowd` int64 [N], `visible_fraction` float32 [N]. Batches need a `collate_fn` that keeps lists.
+        transform: Applied to each sample.
+        device: `cpu`, `cuda` or `cuda:N`.
+        disk_cache: A folder for rendered arrays.
+        allow_large: Accept recipes over the limits of size.
+
+    Raises:
+        InputError: The recipe is invalid, or has no variant, sensor or modality of a given name.
     """
 
     def __init__(
@@ -71,7 +82,7 @@ class RecipeDataset(Dataset[Sample]):
         return self._ends[-1] if self._ends else 0
 
     def __getitem__(self, index: int) -> Any:
-        """A sample; IndexError beyond the last."""
+        """Return a sample; IndexError beyond the last."""
         scenario, sensor, frame = self._at(index)
         sample: Sample = {"variant": scenario.variant, "sensor": sensor, "frame": frame}
         for modality in self._modalities or scenario.modalities(sensor):

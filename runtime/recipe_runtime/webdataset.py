@@ -3,7 +3,7 @@
     webdataset.WebDataset(shards).decode(recipe_runtime.webdataset.decode)
 
 webdataset's own picture decoders convert to 8 bits: they turn the 16-bit instance pictures into 0 and 255. This one
-gives every file as the dataset has it. It needs no webdataset itself, and can be sent to DataLoader workers.
+returns the values of the dataset's files. It does not import webdataset, and can be pickled for DataLoader workers.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def decode(key: str, data: bytes) -> Any:
         for any other file, which webdataset then leaves to its other decoders.
 
     Raises:
-        ValueError: The file is damaged, or is not of the kind that its name says.
+        ValueError: The file is damaged, or its content does not match its name.
     """
     name, _, ending = key.lstrip(".").rpartition(".")
     if not name and ending == "json":

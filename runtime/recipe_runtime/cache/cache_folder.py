@@ -1,14 +1,14 @@
-"""What makes a folder a cache of this project, and which of its files are the project's own.
+"""Layout of the cache folder, and which files in it belong to this project.
 
-    <cache>/CACHEDIR.TAG              by the Cache Directory Tagging Specification: backups leave the folder out
-    <cache>/dataset-recipe-cache      the project's marker; its first line is the form of the cache
+    <cache>/CACHEDIR.TAG              Cache Directory Tagging Specification: backups skip the folder
+    <cache>/dataset-recipe-cache      the project's marker; its first line is the version of the layout
     <cache>/in-use/<process>.<n>      leases
     <cache>/<kind>/<ab>/<ab...>       entries of the store: 2, then all 64 hexadecimal digits of the key
     <cache>/kernels/<release>-<machine>/<Warp version>/wp_<module>_<7 hex>/      compiled kernels
 
-Nothing else in a cache folder is counted or removed, and no symbolic link in it is followed. A folder that has no
-marker and holds anything else is refused. One that has no marker and holds nothing else was made by an earlier version:
-it is marked when it is next written to.
+No other file in a cache folder is counted or removed, and symbolic links in it are not followed. A folder without the
+marker that contains other files is refused. A folder without the marker that contains only these files was created by
+an earlier version; the marker is added on the next write.
 """
 
 from __future__ import annotations
@@ -53,22 +53,24 @@ _MARK = re.compile(rf"{re.escape(TAG)}|{MARKER}|\.({re.escape(TAG)}|{MARKER})\.\
 
 @dataclass
 class Contents:
-    """What of a cache folder is this project's."""
+    """The files of a cache folder that belong to this project."""
 
-    entries: list[tuple[str, Path]] = field(default_factory=list)  # kind, file; also what a killed process left of one
+    entries: list[tuple[str, Path]] = field(
+        default_factory=list
+    )  # kind, file; includes temporary files of killed processes
     modules: list[Path] = field(default_factory=list)  # folders of compiled kernels
 
 
 def is_marked(root: Path) -> bool:
-    """Whether a folder has this project's marker, of the form that this version writes."""
+    """Return whether a folder has the marker that this version writes."""
     return _start(root / MARKER, len(_FORM)) == _FORM
 
 
-def recognised(root: Path) -> bool:
-    """Whether a folder is a cache of this project; False if it is absent or empty.
+def is_cache_folder(root: Path) -> bool:
+    """Return whether a folder is a cache of this project; False if it is absent or empty.
 
     Raises:
-        InputError: It has no marker, and holds what is not this project's.
+        InputError: It has no marker and contains other files.
     """
     if is_marked(root):
         return True
@@ -76,74 +78,75 @@ def recognised(root: Path) -> bool:
     for path, is_file in _walk(root, ""):
         found = True
         if not is_file or not _is_known(root, path):
-            raise _refused(root, path)
+            raise _not_a_cache_error(root, path)
     return found
 
 
 def claim(root: Path) -> None:
-    """Make a cache folder if it is absent, and mark it.
+    """Create a cache folder if it is absent, and add the marker.
 
     Raises:
-        InputError: It holds what is not this project's.
+        InputError: It has no marker and contains other files.
         OSError: It has no marker and cannot be written to.
     """
     if is_marked(root):
         return
-    recognised(root)
-    for name, text in _MARKS.items():  # the marker last: where it is, all is done
+    is_cache_folder(root)
+    for name, text in _MARKS.items():  # the marker last: its presence means that the folder is complete
         write_atomic(root / name, text)
 
 
 def contents(root: Path) -> Contents:
-    """What of a folder is this project's.
+    """Return the files of a folder that belong to this project.
 
     Raises:
-        InputError: The folder has no marker, and holds what is not this project's.
+        InputError: The folder has no marker and contains other files.
     """
     found = Contents()
-    if not recognised(root):
+    if not is_cache_folder(root):
         return found
     modules: dict[Path, bool] = {}
     for path, is_file in _walk(root, ""):
         entry = is_file and _ENTRY.fullmatch(path)
         if entry:
             found.entries.append((entry["kind"], root / path))
-        elif path.startswith("kernels/"):  # a module's folder that holds anything else is left alone
+        elif path.startswith("kernels/"):  # a module's folder with other files in it is not touched
             modules[(root / path).parent] = modules.get((root / path).parent, True) and _is_kernel(path, is_file)
     found.modules += [module for module, ours in modules.items() if ours]
     return found
 
 
 def lease_files(root: Path) -> list[Path]:
-    """The lease of every process that uses the cache, or did when it was killed.
+    """Return the lease files of all processes, including killed ones.
 
     Raises:
-        InputError: The folder has no marker, and holds what is not this project's.
+        InputError: The folder has no marker and contains other files.
     """
-    if not recognised(root) or (root / LEASES).is_symlink():
+    if not is_cache_folder(root) or (root / LEASES).is_symlink():
         return []
     return [root / path for path, is_file in _walk(root, LEASES) if is_file and _LEASE.fullmatch(path)]
 
 
 def remove(path: Path, root: Path) -> None:
-    """Delete a file of a cache folder, or a compiled module; another process may have been quicker.
+    """Delete a file or a compiled module of a cache folder; not an error if it is already gone.
 
-    Each folder on the way is opened from the one above and no link is followed, so that nothing outside is reached.
+    Each parent folder is opened relative to its own parent without following links, so that no file outside the cache
+    can be deleted.
     """
     *folders, name = path.relative_to(root).parts
     handles: list[int] = []
     try:
         handles.append(os.open(root, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC))
         for folder in folders:
-            handles.append(_opened(folder, handles[-1]))
+            handles.append(_open_folder(folder, handles[-1]))
         if not name.startswith("wp_"):
             os.unlink(name, dir_fd=handles[-1])
             return
-        handles.append(_opened(name, handles[-1]))
+        handles.append(_open_folder(name, handles[-1]))
         for entry in sorted(os.scandir(handles[-1]), key=_name):
             if _KERNEL.fullmatch((path / entry.name).relative_to(root).as_posix()):
                 os.unlink(entry.name, dir_fd=handles[-1])
-        with suppress(OSError):  # it holds more by now
+        with suppress(OSError):  # another process has added files
             os.rmdir(name, dir_fd=handles[-2])
     except (FileNotFoundError, NotADirectoryError):
         pass
@@ -152,12 +155,12 @@ def remove(path: Path, root: Path) -> None:
             os.close(handle)
 
 
-def _opened(folder: str, parent: int) -> int:
+def _open_folder(folder: str, parent: int) -> int:
     return os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=parent)
 
 
 def _walk(root: Path, folder: str) -> Iterator[tuple[str, bool]]:
-    """The path of all that a cache folder holds, and whether it is a file; only into folders that a cache has."""
+    """Yield the path of every entry and whether it is a file; descends only into folders of the cache layout."""
     try:
         there = sorted(os.scandir(root / folder), key=_name)
     except (FileNotFoundError, NotADirectoryError):
@@ -175,8 +178,8 @@ def _name(entry: os.DirEntry[str]) -> str:
 
 
 def _is_known(root: Path, path: str) -> bool:
-    """Whether a file of a folder without a marker is this project's, by its name and by how it begins."""
-    if path in _MARKS:  # power loss may leave the beginning alone, or nothing
+    """Return whether a file of a folder without a marker belongs to this project, by its name and first bytes."""
+    if path in _MARKS:  # a power failure may have truncated it
         return _MARKS[path].startswith(_start(root / path, 1 << 10) or b"")
     if _ENTRY.fullmatch(path):
         return _ENTRY_START.startswith(_start(root / path, len(_ENTRY_START)) or b"")
@@ -188,7 +191,7 @@ def _is_kernel(path: str, is_file: bool) -> bool:
 
 
 def _start(path: Path, size: int) -> bytes | None:
-    """The first bytes of a file; None if it cannot be read, or is a link."""
+    """Return the first bytes of a file; None if it is a link or cannot be read."""
     try:
         with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
             return file.read(size)
@@ -196,7 +199,7 @@ def _start(path: Path, size: int) -> bytes | None:
         return None
 
 
-def _refused(root: Path, path: str) -> InputError:
+def _not_a_cache_error(root: Path, path: str) -> InputError:
     setting = next((name for name in _SETTINGS if os.environ.get(name) and Path(os.environ[name]) == root), None)
     if setting:
         remedy = f"set {setting} to an empty folder or to a new one, such as {root / 'dataset-recipe'}"

@@ -1,8 +1,8 @@
-"""Who uses the cache now: a file a user, locked for as long as its process lives, made when the use began.
+"""Leases of the cache: one file per user of the cache, created when its use begins and locked while its process lives.
 
-Builds use it, and locks, verifications, shots and opened scenarios. An entry's time is renewed whenever it is read. So
-whatever was read since the oldest living use began may be in use, and what is older is not. A lock ends with its
-process, whatever ended that: what a dead one left is cleared away.
+Builds, locks, verifications, shots and opened scenarios take leases. An entry's time stamp is updated whenever it is
+read, so entries read since the oldest active lease began may be in use, and older ones are not. The kernel releases the
+lock when the process ends for any reason; stale lease files are deleted.
 """
 
 from __future__ import annotations
@@ -18,25 +18,27 @@ from recipe_runtime.cache.cache_folder import LEASES, claim, lease_files
 
 @contextmanager
 def lease(root: Path) -> Iterator[None]:
-    """While inside, nothing read from the cache at `root` is tidied away. One that cannot be written needs no lease.
+    """Protect entries that are read from the cache at `root` inside the block from automatic pruning.
 
-    InputError if the folder holds what is not of a cache.
+    A cache that cannot be written is not pruned, so it needs no lease. A forked process shares the lock; only the
+    process that took it releases it.
 
-    A fork of this process shares the lock; to give it back is for this one alone.
+    Raises:
+        InputError: The folder has no marker and contains other files.
     """
     owner = os.getpid()
     handle, path = -1, root / LEASES / str(owner)
     with suppress(OSError):
         claim(root)
         path.parent.mkdir(parents=True, exist_ok=True)
-        for number in range(1000):  # another host's or thread's may have our number
+        for number in range(1000):  # another host or thread may use the same number
             path = path.with_name(f"{owner}.{number}")
             with suppress(FileExistsError):
                 handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
                 fcntl.flock(handle, fcntl.LOCK_EX)
                 if _still_there(path, handle):
                     break
-                os.close(handle)  # tidied away before it was locked: once more
+                os.close(handle)  # deleted as stale before it was locked: try again
                 handle = -1
     try:
         yield
@@ -55,7 +57,7 @@ def _still_there(path: Path, handle: int) -> bool:
 
 
 def in_use_since(root: Path) -> float:
-    """When the oldest of the living uses began, in seconds; infinity if there is none."""
+    """Return when the oldest active lease began, in seconds since the epoch; infinity if there is none."""
     oldest = float("inf")
     for path in lease_files(root):
         with suppress(OSError):

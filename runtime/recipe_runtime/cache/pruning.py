@@ -1,9 +1,9 @@
-"""What the cache holds, and how it is kept small: entries that nobody used for longest go first.
+"""Lists and prunes the cache, least recently used entries first.
 
-Only what `cache_folder` recognises is counted and removed. All of that can be made again: traces by simulation, kernels
-by compiling. So it may be pruned by hand at any time, under a running build too, which then makes again what it misses.
-After a build that made something it is tidied: what exceeds RECIPE_CACHE_LIMIT (10 GiB by default, `none` for no bound)
-goes, but nothing that a living build, lock, verification, shot or scenario has read since it began.
+Only files that `cache_folder` recognises are counted and removed. All of them can be regenerated: traces by simulation,
+kernels by compilation. The user may therefore prune at any time, even during a build, which regenerates what it needs.
+A build that added entries prunes automatically to RECIPE_CACHE_LIMIT (10 GiB by default, `none` for no limit), except
+for entries that a running build, lock, verification, shot or scenario has read since it began.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 @dataclass(frozen=True)
 class Entry:
-    """A file of the store, or a folder of compiled kernels. `used` is when it was last read or written, in seconds."""
+    """A file of the store, or a folder of compiled kernels. `used`: last read or write, in seconds since the epoch."""
 
     kind: str
     root: Path  # the cache folder
@@ -36,7 +36,7 @@ class Entry:
     used: float
 
     def used_now(self) -> float:
-        """When it was used last, looked up again."""
+        """Return the current time of the last use."""
         with suppress(OSError):
             found = self.path.lstat()
             return max(self.used, found.st_mtime, found.st_atime if self.kind != "kernels" else 0.0)
@@ -44,20 +44,21 @@ class Entry:
 
 
 def folders() -> list[Path]:
-    """Where things are kept: traces, and compiled kernels, which RECIPE_KERNEL_CACHE may have elsewhere."""
+    """Return the cache folders: that of traces and, if RECIPE_KERNEL_CACHE names another one, that of kernels."""
     return list(dict.fromkeys([default_cache(), kernel_cache()]))
 
 
 def entries(roots: Iterable[Path]) -> list[Entry]:
-    """Everything that this project keeps in these folders, the least recently used first.
+    """Return all entries in these folders, the least recently used first.
 
-    InputError if one of them holds other things and was never marked as a cache.
+    Raises:
+        InputError: A folder has no marker and contains other files.
     """
     return sorted((e for root in roots for e in _entries(root)), key=lambda entry: (entry.used, str(entry.path)))
 
 
 def sizes(found: list[Entry]) -> dict[str, tuple[int, int]]:
-    """Kind -> entries, bytes."""
+    """Return the number of entries and their total bytes, by kind."""
     told: dict[str, tuple[int, int]] = {}
     for entry in found:
         count, size = told.get(entry.kind, (0, 0))
@@ -66,14 +67,22 @@ def sizes(found: list[Entry]) -> dict[str, tuple[int, int]]:
 
 
 def prune(roots: Iterable[Path], limit: int, before: float = float("inf")) -> list[Entry]:
-    """Remove the least recently used entries until no more than `limit` bytes are left; what was removed.
+    """Remove the least recently used entries until at most `limit` bytes are left.
 
-    Entries that were used at `before` or later stay, also if that was while this was at work. InputError, and nothing
-    is removed, if one of the folders holds other things and was never marked as a cache.
+    Args:
+        roots: The cache folders.
+        limit: Bytes.
+        before: Entries used at or after this time are kept, even if they are used during pruning.
+
+    Returns:
+        The removed entries.
+
+    Raises:
+        InputError: A folder has no marker and contains other files; no entry is removed.
     """
     found = entries(roots)
     for root in dict.fromkeys(entry.root for entry in found):
-        claim(root)  # made by an earlier version
+        claim(root)  # adds the marker to a folder of an earlier version
     left, removed = sum(entry.size for entry in found), []
     for entry in found:
         if left <= limit or entry.used >= before:
@@ -87,7 +96,11 @@ def prune(roots: Iterable[Path], limit: int, before: float = float("inf")) -> li
 
 
 def limit() -> int | None:
-    """How much the cache may hold, by RECIPE_CACHE_LIMIT; None: no bound. InputError if that is no size."""
+    """Return RECIPE_CACHE_LIMIT in bytes; None for no limit.
+
+    Raises:
+        InputError: Its value is not a size.
+    """
     text = os.environ.get("RECIPE_CACHE_LIMIT", "").strip()
     if text.lower() == "none":
         return None
@@ -98,7 +111,7 @@ def limit() -> int | None:
 
 
 def tidy(roots: Iterable[Path], most: int | None) -> list[Entry]:
-    """Prune to `most` bytes, but for what running builds have read; never an error, for the work is done by then."""
+    """Prune to `most` bytes, except entries in use. Errors are ignored: the build itself has succeeded."""
     roots = list(roots)
     with suppress(OSError, InputError):  # read-only, say
         return [] if most is None else prune(roots, most, in_use(roots))
@@ -107,7 +120,7 @@ def tidy(roots: Iterable[Path], most: int | None) -> list[Entry]:
 
 @contextmanager
 def leased(*more: Path) -> Iterator[None]:
-    """While inside, nothing that was read meanwhile is pruned, from these folders or from where things are kept."""
+    """Hold leases on the cache folders and on these inside the block."""
     with ExitStack() as stack:
         for root in dict.fromkeys([*more, *folders()]):
             stack.enter_context(lease(root))
@@ -115,12 +128,16 @@ def leased(*more: Path) -> Iterator[None]:
 
 
 def in_use(roots: Iterable[Path]) -> float:
-    """When the oldest of the running uses began: what was read since may be in use. Infinity if none runs."""
+    """Return when the oldest active lease of any folder began; infinity if there is none."""
     return min((in_use_since(root) for root in roots), default=float("inf"))
 
 
 def bytes_of(text: str) -> int:
-    """`500M`, `1.5 GiB`, `0` as bytes; InputError for anything else."""
+    """Parse a size such as `500M`, `1.5 GiB` or `0`.
+
+    Raises:
+        InputError: The text is not a size.
+    """
     match = re.fullmatch(r"\s*(\d{1,15}(?:\.\d{1,15})?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
     if match is None:
         raise InputError(f"{text!r} is no size; write for example 500M or 10G")
@@ -134,7 +151,7 @@ def _entries(root: Path) -> Iterator[Entry]:
     for module in found.modules:
         files = [e for path in sorted(module.iterdir()) for e in _file("kernels", root, path)]
         if files:
-            release = module.parent.parent.stat().st_mtime  # renewed by each process that may load its kernels
+            release = module.parent.parent.stat().st_mtime  # updated by each process that may load its kernels
             yield Entry("kernels", root, module, sum(e.size for e in files), max(release, *(e.used for e in files)))
 
 

@@ -1,8 +1,8 @@
-"""Files written whole or not at all, and a store of traces addressed by what they come from.
+"""A key-value store of Traces, pixels and records, addressed by digests of their inputs.
 
-The store lives in the user's cache folder, or where RECIPE_CACHE says. An entry is verified when read: a damaged one
-counts as absent, and is made again. Two builds at once may write the same entry; they write the same bytes, and
-each puts it in place by one rename.
+The store is in the user's cache folder, or in the folder that RECIPE_CACHE names. Entries are verified when read: a
+damaged one counts as absent and is regenerated. Concurrent builds may write the same entry: they write the same bytes,
+and each write is one atomic rename.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from recipe_runtime.core.versions import simulation_maker
 
 FORMAT = "recipe/store/2"
 KINDS = ("built", "pixels", "shards", "traces")
-"""All kinds of entries; what lies elsewhere in a cache folder is not this project's."""
+"""All kinds of entries; other files in a cache folder do not belong to this project."""
 _LONGEST_HEADER = 400
 
 
@@ -36,26 +36,26 @@ def default_cache() -> Path:
 
 
 def kernel_cache() -> Path:
-    """The folder that holds compiled kernels: RECIPE_KERNEL_CACHE, else where traces are kept."""
+    """Return the folder of compiled kernels: RECIPE_KERNEL_CACHE, else `default_cache()`."""
     named = os.environ.get("RECIPE_KERNEL_CACHE")
     return Path(named) if named else default_cache()
 
 
 class Store:
-    """Content by kind and key, in a folder that is made when first written.
+    """Entries by kind and key, in a folder that is created on the first write.
 
-    An entry is a file: the line `recipe/store/2 KIND KEY SHA-256`, then the body that the digest is of.
+    An entry is a file: the line `recipe/store/2 KIND KEY SHA-256`, then the body with that SHA-256.
     """
 
     def __init__(self, root: Path | None = None) -> None:
         self.root = root or default_cache()
 
     def path(self, kind: str, key: str) -> Path:
-        """Where an entry lies."""
+        """Return the path of an entry."""
         return self.root / kind / key[:2] / key
 
     def get(self, kind: str, key: str) -> bytes | None:
-        """An entry's bytes; None if it is absent, damaged, or another key's."""
+        """Return the body of an entry; None if it is absent or damaged, or belongs to another key."""
         file = self.open(kind, key)
         if file is None:
             return None
@@ -63,9 +63,9 @@ class Store:
             return file.read()
 
     def open(self, kind: str, key: str) -> BinaryIO | None:
-        """An entry's file, at the first byte of its body, which was compared with its digest piece by piece.
+        """Return the file of an entry, at the first byte of its body, after verifying the digest.
 
-        None if it is absent, damaged, or another key's.
+        None if it is absent or damaged, or belongs to another key.
         """
         path = self.path(kind, key)
         try:
@@ -78,14 +78,14 @@ class Store:
                     return None
                 file.seek(len(head))
                 with suppress(OSError):
-                    os.utime(path)  # in use: pruning takes what was not used for longest
+                    os.utime(path)  # pruning removes the least recently used entries
                 stack.pop_all()
                 return file
         except OSError:
             return None
 
     def put(self, kind: str, key: str, body: bytes | Iterable[bytes]) -> None:
-        """Keep an entry, whole or in pieces.
+        """Write an entry.
 
         Raises:
             RunError: the folder cannot be written.
@@ -103,7 +103,7 @@ class Store:
         with host_errors(f"the {'cache' if ours else 'folder'} {self.root}", remedy):
             claim(self.root)
             with atomic_file(self.path(kind, key)) as file:
-                file.write(header(kind, key, hasher.hexdigest()))  # as long as the one that takes its place
+                file.write(header(kind, key, hasher.hexdigest()))  # placeholder of the same length
                 for piece in [body] if isinstance(body, bytes) else body:
                     hasher.update(piece)
                     file.write(piece)
@@ -111,15 +111,15 @@ class Store:
                 file.write(header(kind, key, hasher.hexdigest()))
 
     def trace(self, scene: ScenePlan, simulate: Callable[[], Trace]) -> Trace:
-        """The Trace of a scene: from the store if it is there and whole, else simulated, and kept."""
+        """Return the Trace of a scene: from the store if it has an intact one, else simulated and stored."""
         return self._trace(scene) or self.keep_trace(scene, simulate())
 
     def has_trace(self, scene: ScenePlan) -> bool:
-        """Whether a scene's Trace is there and whole."""
+        """Return whether the store has an intact Trace of a scene."""
         return self._trace(scene) is not None
 
     def keep_trace(self, scene: ScenePlan, trace: Trace) -> Trace:
-        """Keep a scene's Trace, in place of any that is there. Returns it as it is read from the store."""
+        """Store a scene's Trace, replacing an existing one. Returns it as read from the store."""
         self.put("traces", _trace_key(scene), trace.pieces())
         return self._trace(scene) or trace
 
@@ -132,13 +132,13 @@ class Store:
             try:
                 trace = Trace.from_file(file, checked=True)
             except (ValueError, KeyError):
-                return None  # written in an older form
+                return None  # written in an older format
         return trace if is_motion_of(trace, scene) else None
 
     def replace_bad_trace(self, scene: ScenePlan, trace: Trace) -> None:
-        """Replace a scene's kept Trace if it is not this one, which was simulated anew.
+        """Replace a scene's stored Trace if it differs from this newly simulated one.
 
-        Nothing is done where none is kept, or where the folder cannot be written.
+        Does nothing if none is stored or the folder cannot be written.
         """
         kept = self._trace(scene)
         if kept is not None and all(a == b for a, b in itertools.zip_longest(kept.pieces(), trace.pieces())):
@@ -149,7 +149,7 @@ class Store:
 
 
 def header(kind: str, key: str, sha256: str) -> bytes:
-    """The first line of an entry, which binds its body to its kind and key."""
+    """Return the first line of an entry, which ties its body to its kind and key."""
     return f"{FORMAT} {kind} {key} {sha256}\n".encode()
 
 
@@ -163,7 +163,7 @@ def is_motion_of(trace: Trace, scene: ScenePlan) -> bool:
     return tuple(parts) == trace.actors and all(
         parts[actor.name]
         in ((f"{actor.name}/base",), tuple(f"{actor.name}/{part}" for part in part_names(actor.shape)))
-        for actor in scene.actors  # (an engine may take an actor for one rigid part, `base`)
+        for actor in scene.actors  # (an engine may represent an actor by one rigid part, `base`)
     )
 
 

@@ -1,1 +1,1 @@
-"""What every other package uses: Traces, transforms, files, codecs and versions."""
+"""Shared foundations: Traces, transforms, files, codecs and versions."""

@@ -1,7 +1,7 @@
-"""The files that plans name by digest: where they lie, and what is in them.
+"""Asset files, which plans refer to by digest.
 
-A plan knows a file's content and not its place. Whoever has the recipe knows the place; a dataset's folder alone does
-not. Bytes are held to the digest whenever they are read, in every process.
+A plan specifies the content of a file and not its path. The recipe gives the path; a dataset's folder does not. Bytes
+are verified against the digest on every read, in every process.
 """
 
 from __future__ import annotations
@@ -21,19 +21,23 @@ from recipe_compiler.ir.plan import FilePlan, PropPlan, ScenarioPlan, TexturePla
 
 @dataclass(frozen=True)
 class Assets:
-    """Places by digest. Picklable, so that workers have it too."""
+    """Paths of asset files by SHA-256. Picklable, so that it can be sent to workers."""
 
     places: Mapping[str, Path] = field(default_factory=dict)
 
     def missing(self, plans: Iterable[ScenarioPlan]) -> str | None:
-        """Why plans cannot be drawn here: the first file whose place is not known, or that is not there."""
+        """Return why plans cannot be rendered here: the first file without a known path; None if all exist."""
         for sha256, file in {k: v for plan in plans for k, v in plan.files.items()}.items():
             if sha256 not in self.places or not self.places[sha256].is_file():
                 return f"the .{file.kind} file sha256:{sha256} is not at hand; name the recipe, which tells where it is"
         return None
 
     def content(self, file: FilePlan) -> bytes:
-        """A file's bytes; RunError if they are not at hand, or no longer what the plan was made from."""
+        """Return the bytes of a file.
+
+        Raises:
+            RunError: It is not available, or no longer has the plan's digest.
+        """
         path = self.places.get(file.sha256)
         if path is None:
             reason = "name the recipe that brings it, which tells where it is"
@@ -48,7 +52,7 @@ class Assets:
         return content
 
     def mesh(self, prop: PropPlan) -> files.MeshData:
-        """The mesh of a prop that has one."""
+        """Return the mesh of a prop that has one; RunError if it cannot be loaded."""
         assert prop.mesh is not None
         try:
             return files.mesh(self.content(prop.mesh), prop.mesh.kind, prop.up)
@@ -56,7 +60,7 @@ class Assets:
             raise RunError(f"{prop.name}: {error}") from None
 
     def image(self, texture: TexturePlan) -> NDArray[np.uint8]:
-        """A texture's pixels, [H, W, 3] sRGB."""
+        """Return the pixels of a texture, uint8 [H, W, 3] sRGB; RunError if it cannot be loaded."""
         try:
             return files.image(self.content(texture.file), texture.file.kind, texture.number)
         except files.AssetError as error:

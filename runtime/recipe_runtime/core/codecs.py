@@ -1,7 +1,8 @@
-"""Arrays to file bytes: PNG through zlib-ng, CARLA's depth, `.npy`.
+"""Encoders of arrays: PNG through zlib-ng, CARLA's depth, `.npy`.
 
-The bytes depend on the pixels and on the `zlib-ng` package's version only. A picture is hashed as pixels
-(`frames.pixel_digest`) and as a file, apart: another encoder is then seen as that, not as another picture.
+The bytes depend on the pixels and on the `zlib-ng` package's version only. Pixels
+(`core.modalities.pixel_digest`) and files have separate digests, so that a change of the encoder is distinguished from
+a change of the image.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ _WINDOW, _MEMORY = 15, 9  # zlib's largest
 
 
 def photograph(pixels: NDArray[np.uint8]) -> bytes:
-    """A PNG of what a camera took, uint8 [H, W, 3] (RGB).
+    """Encode a noisy camera image, uint8 [H, W, 3] RGB, as PNG.
 
-    Its noise leaves nothing that repeats: bytes, less those of the left neighbour, are coded by how often they come
-    (Huffman), and no repeats are looked for.
+    Noise leaves no repetitions: the image is filtered by differences to the left neighbour and Huffman coded without
+    a search for matches.
     """
     if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] != 3:
         raise ValueError(f"no photograph of {pixels.dtype} {pixels.shape}")
@@ -33,9 +34,9 @@ def photograph(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def png(pixels: NDArray[Any], level: int = 2) -> bytes:
-    """A PNG of drawn or measured values: uint8 [H, W, 3] (RGB), uint8 [H, W] (grey) or uint16 [H, W] (16-bit grey).
+    """Encode labels, depth or graphics as PNG: uint8 [H, W, 3] (RGB), uint8 [H, W] (grey), uint16 [H, W] (16-bit grey).
 
-    They are filtered against the row above, which leaves nearly nothing but zeros of labels, and small steps of depth.
+    Rows are filtered by differences to the row above, which are mostly zero for labels and small for depth.
     """
     rows: NDArray[np.uint8]
     if pixels.dtype == np.uint8 and pixels.ndim == 3 and pixels.shape[2] == 3:
@@ -50,11 +51,11 @@ def png(pixels: NDArray[Any], level: int = 2) -> bytes:
 
 
 def carla_depth(metres: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Metres [H, W] as CARLA's 24-bit depth [H, W, 3]: round(d / 1000 * (2^24 - 1)), R the lowest byte.
+    """Convert metres [H, W] to CARLA's 24-bit depth [H, W, 3]: round(d / 1000 * (2^24 - 1)), R the lowest byte.
 
-    What is farther than 1000 m, sky included, is 1000 m.
+    Distances are clipped to 1000 m, which is also the value of the sky.
     """
-    steps = metres.astype(np.float64)  # one array throughout: at this size fresh memory costs as much as arithmetic
+    steps = metres.astype(np.float64)  # in place: at this size allocation costs as much as the arithmetic
     np.clip(steps, 0.0, CARLA_FAR, out=steps)
     np.divide(steps, CARLA_FAR, out=steps)
     np.multiply(steps, _STEPS, out=steps)
@@ -75,7 +76,7 @@ def metres_from_carla(pixels: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 
 def npy(array: NDArray[Any]) -> bytes:
-    """The array in NumPy's file format 1.0, little-endian and C-order, with a header that no NumPy version changes."""
+    """Encode an array in NumPy's file format 1.0, little-endian and C-order, independent of the NumPy version."""
     plain = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
     shape = "(" + "".join(f"{n}, " for n in plain.shape).rstrip(" ") + ")"
     head = f"{{'descr': '{plain.dtype.str}', 'fortran_order': False, 'shape': {shape}, }}".encode()

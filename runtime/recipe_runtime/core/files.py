@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and read without following links."""
+"""Atomic file writes, and reads that do not follow links."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from recipe_compiler.ir.errors import RunError
 
 
 def regular_file(root: Path, path: str) -> os.stat_result | None:
-    """What the file system says of a plain file within a folder; None if it is none, or a link leads to it."""
+    """Return the status of a regular file within a folder; None if it is not one, or its path contains a link."""
     place, *rest = path.split("/")
     try:
         while rest:
@@ -31,15 +31,15 @@ def regular_file(root: Path, path: str) -> os.stat_result | None:
 
 
 def stamp_of(found: os.stat_result) -> str:
-    """Inode and time of last change in nanoseconds: equal as long as nobody writes to a file, renames or links it.
+    """Return inode and ctime in nanoseconds, which are equal until the file is written, renamed or linked.
 
-    The time is the inode's (ctime), which no program can set; a copy that keeps the other times has another one.
+    Programs cannot set ctime; a copy that preserves the other times has a new one.
     """
     return f"{found.st_ino} {found.st_ctime_ns}"
 
 
 def file_sha256(path: Path) -> str:
-    """SHA-256 of a file, read in pieces; OSError for a link."""
+    """Return the SHA-256 of a file, read in chunks; OSError for a link."""
     hasher = hashlib.sha256()
     with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
         while piece := file.read(1 << 20):
@@ -48,14 +48,14 @@ def file_sha256(path: Path) -> str:
 
 
 def write_atomic(path: Path, body: bytes | bytearray | memoryview) -> None:
-    """Write a file so that its name only ever stands for the whole of it. An OSError names the file."""
+    """Write a file atomically. An OSError names the file."""
     with atomic_file(path) as file:
         file.write(body)
 
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
-    """A new file to write, which takes its name when the block ends, and none after an error.
+    """Open a temporary file that is renamed to `path` when the block ends, and deleted after an error.
 
     An OSError names the file.
     """
@@ -73,11 +73,11 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
 
 
 def link_or_copy(source: Path, target: Path) -> None:
-    """Give a file a second name, as a hard link; a copy where the file system has none. What was there goes."""
+    """Hard-link `source` to `target`, replacing it; copies where the file system has no hard links."""
     temporary, handle = _fresh(target)
     try:
         os.close(handle)
-        temporary.unlink()  # a link is not made over a file; nobody else takes a name with our number
+        temporary.unlink()  # os.link does not overwrite; the name is unique to this process
         try:
             os.link(source, temporary)
         except OSError as error:
@@ -86,7 +86,7 @@ def link_or_copy(source: Path, target: Path) -> None:
             shutil.copyfile(source, temporary)
         temporary.replace(target)
     finally:
-        temporary.unlink(missing_ok=True)  # rename does nothing if both are one file already
+        temporary.unlink(missing_ok=True)  # rename is a no-op if both are the same file
 
 
 _NO_LINKS = (errno.EPERM, errno.EXDEV, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS, errno.EACCES)
@@ -96,7 +96,7 @@ _ATTEMPTS = 3  # to make a folder, which another process may remove in between
 
 
 def _fresh(path: Path) -> tuple[Path, int]:
-    """A new file beside a path, opened for writing: nobody else's, whatever host or container they write from."""
+    """Create a uniquely named temporary file beside a path, safe against writers on other hosts."""
     made = 0
     for number in itertools.count():
         temporary = path.with_name(f".{path.name}.{os.getpid()}.{number}.tmp")
@@ -114,7 +114,7 @@ def _fresh(path: Path) -> tuple[Path, int]:
 
 @contextmanager
 def host_errors(what: str, remedy: str) -> Iterator[None]:
-    """Turn an OSError into a RunError that says what could not be written and what to do."""
+    """Convert an OSError into a RunError that names what could not be written and the remedy."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""What this host is, as far as bytes may depend on it."""
+"""Properties of this host that may affect bytes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ NEEDED = "AVX"  # Warp's machine code uses it even for the generic x86-64 target
 
 
 def unfit(stage: str) -> str | None:
-    """Why this host promises nothing for a stage (determinism tiers); None if it does."""
+    """Return why no determinism tier covers a stage on this host; None if one does."""
     if stage not in {"trace", "observation", "labels", "shading", "encoding"}:
         return None
     if sys.platform != "linux":
@@ -21,12 +21,12 @@ def unfit(stage: str) -> str | None:
 
 
 def name() -> list[str]:
-    """What tells this host from others that may share its cache: its name, its architecture, its CPU's features."""
+    """Return an identity of this host among those that share its cache: name, architecture, CPU features."""
     return [platform.node(), platform.machine(), *features()]
 
 
 def features() -> list[str]:
-    """Those of this CPU's features that have been seen to change other programs' bytes, as numpy detects them."""
+    """Return the CPU features, as detected by NumPy, that are known to change floating-point results of programs."""
     from numpy._core._multiarray_umath import __cpu_features__ as found
 
     names = ("SSE41", "SSE42", "AVX", "F16C", "FMA3", "AVX2", "AVX512F", "AVX512_SKX", "NEON", "ASIMD")
@@ -34,12 +34,12 @@ def features() -> list[str]:
 
 
 def cannot_render() -> str | None:
-    """Why kernels cannot run on this CPU at all; None if they can."""
+    """Return why kernels cannot run on this CPU; None if they can."""
     if platform.machine() != "x86_64":
         return None
     from numpy._core._multiarray_umath import __cpu_features__ as features
 
     hidden = NEEDED in os.environ.get("NPY_DISABLE_CPU_FEATURES", "").replace(",", " ").split()
-    if features.get(NEEDED, True) or hidden:  # what is hidden from numpy may still be there
+    if features.get(NEEDED, True) or hidden:  # hidden from NumPy, but possibly present
         return None
     return f"rendering needs a CPU with {NEEDED} (any since 2011), and this one has none"

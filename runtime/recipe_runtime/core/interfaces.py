@@ -1,4 +1,4 @@
-"""Interfaces between the stages: progress reports, and what a renderer answers about a frame."""
+"""Interfaces between the stages: progress reports, and the observation of a frame."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ Progress = Callable[[str, int, int], None]  # stage, done, total
 
 
 class ObjectView(Protocol):
-    """One actor in one observation; what it would show if nothing stood before it.
+    """One actor in one observation, as if it were unoccluded.
 
-    `amodal` pixels within the picture, their box x0, y0, x1, y1 (ends outside), and the box not clipped to the picture.
+    `amodal`: number of its pixels within the image. `amodal_box`: their box x0, y0, x1, y1 (exclusive end).
+    `projected`: its box before clipping to the image.
     """
 
     @property

@@ -1,4 +1,4 @@
-"""Where everything lies in a dataset's folder. Paths are relative, with `/`."""
+"""Paths of all files in a dataset's folder, relative to it, with `/`."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ OVERLAY_SHEET = "preview/overlay_sheet.png"
 
 
 def folder(variant: str) -> str:
-    """A variant's folder: its name without dots, which readers take for a file's ending."""
+    """Return a variant's folder: its name without dots, which readers take for a file extension."""
     return variant.replace(".", "_")
 
 
 def frame_file(variant: str, sensor: str, modality: str, frame: int, depth: str) -> str:
-    """A frame's file; `depth` is the plan's choice of a form for depth."""
+    """A frame's file; `depth` is the plan's format of depth."""
     ending = "npy" if modality == "depth" and depth == "npy" else "png"
     return f"{folder(variant)}/{folder(sensor)}/{modality}/{frame:06d}.{ending}"
 
 
 def labels_file(variant: str, sensor: str) -> str:
-    """The plain truth of a sensor's frames, a line each."""
+    """Return the labels file of a sensor, one line per frame."""
     return f"{folder(variant)}/{folder(sensor)}/labels.jsonl"
 
 
@@ -48,7 +48,7 @@ def coco_file(modality: str) -> str:
 
 
 def sequence(variant: str, sensor: str) -> str:
-    """The MOTS name of one variant's one sensor; without commas, for TrackEval reads lists of them as CSV."""
+    """The MOTS name of one variant's one sensor; without commas, because TrackEval reads lists of names as CSV."""
     return f"{folder(variant)}+{folder(sensor)}".replace(",", "_")
 
 
@@ -58,7 +58,7 @@ def mots_text_file(variant: str, sensor: str) -> str:
 
 
 def seqinfo_file(variant: str, sensor: str) -> str:
-    """What MOTS readers want to know of a sequence."""
+    """Return the `seqinfo.ini` of a sequence."""
     return f"{MOTS_SEQUENCES}/{sequence(variant, sensor)}/seqinfo.ini"
 
 
@@ -97,9 +97,10 @@ def expected_files(plan: DatasetPlan) -> set[str]:
 
 
 def check_names(dataset: DatasetPlan) -> None:
-    """InputError if two variants, or two sensors of one, would share a folder, or a name cannot be a folder's.
+    """Check that names of recipe, variants and sensors are valid and distinct as folder names.
 
-    The recipe's name too: it is part of names of files.
+    Raises:
+        InputError: A name cannot be a folder's, or two variants or sensors would share a folder.
     """
     _claim({}, dataset.recipe, "recipe")
     taken: dict[str, str] = {"plans": "plans", "annotations": "annotations", "mots": "mots", "preview": "preview"}

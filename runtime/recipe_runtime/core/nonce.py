@@ -1,8 +1,8 @@
-"""The one door to entropy: a verifier's nonce. Nothing that reaches a dataset's bytes comes through here."""
+"""The only source of entropy: the verifier's nonce. It never affects the bytes of a dataset."""
 
 import secrets
 
 
 def fresh_nonce() -> int:
-    """A number that the maker of a dataset could not have foreseen."""
+    """Return a number that the author of a dataset could not have predicted."""
     return secrets.randbits(53)

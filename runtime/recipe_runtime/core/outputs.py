@@ -1,4 +1,4 @@
-"""Files that a command writes to a place that the user names: nothing that is there already is written over unasked."""
+"""Writes files to paths that the user chooses, without overwriting existing files unless requested."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from recipe_runtime.core.files import write_atomic
 
 
 def check_output(path: Path, *, replace: bool = False) -> None:
-    """Before the work: InputError if a file stands at `path`, unless `replace`.
+    """Raise InputError if a file exists at `path`, unless `replace`; called before the work begins.
 
     A device or a pipe is not a file: writing to it loses nothing.
     """
@@ -25,10 +25,10 @@ def check_output(path: Path, *, replace: bool = False) -> None:
 
 
 def write_output(path: Path, body: bytes, *, replace: bool = False) -> None:
-    """Write a file, whole or not at all, and follow a link to it.
+    """Write a file atomically, following a link to it.
 
     Raises:
-        InputError: a file stands there, and not `replace`.
+        InputError: A file exists there, and `replace` is false.
         OSError: the host cannot write it.
     """
     check_output(path, replace=replace)
@@ -39,10 +39,10 @@ def write_output(path: Path, body: bytes, *, replace: bool = False) -> None:
 
 
 def unused_names(outputs: Callable[[str], Mapping[Path, bytes]]) -> Mapping[Path, bytes]:
-    """Files under names that the command chooses: the first at which nothing stands, or the very same files.
+    """Return files under the first free names, or under names that already have equal content.
 
     Args:
-        outputs: the files' bytes by path, for a suffix of their names: "", ".2", ".3" and so on.
+        outputs: Returns the files by path for a suffix of their names: "", ".2", ".3" and so on.
     """
     for number in itertools.count(1):
         files = outputs("" if number == 1 else f".{number}")

@@ -1,7 +1,7 @@
-"""Python processes of our own: this interpreter, this process's import path, and nothing of the current folder.
+"""Command lines of Python child processes, with this process's import path and without the current folder.
 
 `python -m` and `python -c` put the current folder first on the import path, so that a `numpy.py` beside a recipe would
-be run. A child's first statement sets the path of its parent, without the entry that stands for the current folder.
+be imported. The child's first statement sets its parent's path without the entry for the current folder.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Seconds spent by stage. They go to the terminal and the benchmark, never into a dataset."""
+"""Time spent in each stage, for the terminal and the benchmark; never written to a dataset."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Stopwatch:
-    """What each stage has taken so far."""
+    """Accumulates the seconds of each stage."""
 
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        """Count the time inside as this stage's."""
+        """Add the duration of the block to a stage."""
         start = time.perf_counter()
         try:
             yield
@@ -24,5 +24,5 @@ class Stopwatch:
             self.add(stage, time.perf_counter() - start)
 
     def add(self, stage: str, seconds: float) -> None:
-        """Count seconds measured elsewhere."""
+        """Add seconds to a stage."""
         self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds

@@ -1,7 +1,8 @@
-"""The Trace: where every rigid part of every actor is at every frame, on an integer grid.
+"""The Trace: the pose of every rigid part of every actor at every frame, on an integer grid.
 
-Positions are whole multiples of 2^-20 m, quaternions (x, y, z, w) of 2^-24, velocities of 2^-20 m/s. Snapping hides
-lone ulps, and integers have one byte form; so a Trace has a digest, and from it onward every host agrees.
+Positions are whole multiples of 2^-20 m, quaternions (x, y, z, w) of 2^-24, velocities of 2^-20 m/s. Snapping
+removes differences of single ulps, and integers have one byte form, so a Trace has a digest, and all later stages are
+equal on every host.
 """
 
 from __future__ import annotations
@@ -126,12 +127,12 @@ class Trace:
             self.release()
 
     def release(self) -> None:
-        """Give back the memory of what was read of a mapped file, so that a process does not come to hold all of it."""
+        """Release the resident pages of a mapped file, so that they do not accumulate."""
         if self.mapping is not None:
             self.mapping.madvise(mmap.MADV_DONTNEED)
 
     def to_bytes(self) -> bytes:
-        """One byte form: a header line, four arrays, a checksum."""
+        """Return the serialised form: a header line, four arrays, a checksum."""
         return b"".join(self.pieces())
 
     def pieces(self) -> Iterator[bytes]:
@@ -164,7 +165,7 @@ class Trace:
         Args:
             file: a file on disk, at the first byte of the byte form; it may be closed afterwards, and must not be
                 changed while the Trace is in use.
-            checked: whether the bytes are known to be whole; else they are held to their checksum.
+            checked: whether the bytes are known to be whole; else they are compared with their checksum.
 
         Raises:
             ValueError: the bytes are damaged.
@@ -181,7 +182,7 @@ class Trace:
 
 
 class TraceWriter:
-    """A Trace that is written frame by frame, into a temporary file without a name."""
+    """Writes a Trace frame by frame to an anonymous temporary file."""
 
     def __init__(self, actors: Sequence[str], parts: Sequence[str], frames: int) -> None:
         self._actors, self._parts, self._frames = tuple(actors), tuple(parts), frames
@@ -210,13 +211,13 @@ class TraceWriter:
             at, base = at + size, base + self._frames * size
 
     def trace(self) -> Trace:
-        """What was written, once every frame was; it stays readable when the writer is closed."""
+        """Return the Trace after all frames were written; it stays valid after the writer is closed."""
         empty = self._frames * self.frame_size == 0
         mapping = b"" if empty else mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
         return _views(self._actors, self._parts, self._frames, mapping, 0)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._file.close()
 
 

@@ -1,4 +1,4 @@
-"""What bytes depend on: the version of each stage, raised when its bytes change on purpose, and the tools."""
+"""Versions that bytes depend on: of each stage, increased when its bytes change on purpose, and of the tools."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from recipe_compiler.ir.canonical import digest, digest_bytes
 
-# In the order in which things are made; a difference is reported at the first stage where it shows.
+# In pipeline order; a difference is reported at the first stage that shows it.
 STAGES: dict[str, int] = {"plan": 1, "simulate": 1, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
 
 # Packages whose code decides a Trace, and those whose code decides a frame's record: each stage's and those below it.
@@ -32,9 +32,9 @@ def tool_versions() -> dict[str, str]:
 
 @cache
 def simulation_maker() -> str:
-    """Identity of what simulates here: stage version, packages, and the code of simulation and of what it imports.
+    """Return the identity of the simulator here: stage version, tools, and the code of simulation and its imports.
 
-    A kept Trace is used again only by what would make it again; a lockfile goes by the stage's version alone.
+    A cached Trace is reused only by an equal simulator; a lockfile records the stage's version alone.
     """
     code = code_of(SIMULATION_PACKAGES)
     return digest("maker/1", {"stage": STAGES["simulate"], "tools": host_versions(), "code": code})
@@ -42,17 +42,17 @@ def simulation_maker() -> str:
 
 @cache
 def builder() -> str:
-    """Identity of what builds here: packages, interpreter, and all the code that a frame's record may come from.
+    """Return the identity of the builder here: tools, interpreter, and all code that affects a frame's record.
 
-    What an earlier build left half done is taken up again only by what would do the same.
+    An unfinished build is resumed only by an equal builder.
     """
     return digest("builder/1", {"tools": host_versions(), "renderer": renderer()})
 
 
 @cache
 def renderer() -> str:
-    """Identity of what makes frames here, once motion is given: packages and code. Hosts that share it agree."""
-    tools = {**tool_versions(), "pillow": version("pillow")}  # which decodes what a recipe brings, to the same pixels
+    """Return the identity of the renderer here: tools and code. Hosts with equal identities render equal frames."""
+    tools = {**tool_versions(), "pillow": version("pillow")}  # decodes the images of a recipe
     return digest("renderer/1", {"stages": STAGES, "tools": tools, "code": code_of(FRAME_PACKAGES)})
 
 

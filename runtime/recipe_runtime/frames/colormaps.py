@@ -1,4 +1,4 @@
-"""Depth and labels as pictures that a person can read: uint8 [H, W, 3]. For eyes only; no digest covers them."""
+"""Colour maps for depth and labels: uint8 [H, W, 3]. For display only; no digest covers them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_NEAR, _FAR = 1.0, 200.0  # metres between which depth is drawn, logarithmically
+_NEAR, _FAR = 1.0, 200.0  # metres; range of the logarithmic depth map
 
 # CARLA 0.9.14's palette, by tag (Docs/ref_sensors.md).
 PALETTE = np.array(
@@ -23,13 +23,13 @@ PALETTE = np.array(
 
 
 def semantic_picture(tags: NDArray[Any]) -> NDArray[np.uint8]:
-    """CARLA's tags [H, W] in CARLA's colours."""
+    """Map CARLA's tags [H, W] to CARLA's palette."""
     picture: NDArray[np.uint8] = PALETTE[np.minimum(tags, len(PALETTE) - 1)]
     return picture
 
 
 def instance_picture(instances: NDArray[Any]) -> NDArray[np.uint8]:
-    """Instances [H, W] each in a colour of its own, spread by its number; black where there is none."""
+    """Map instances [H, W] to distinct colours, by a hash of the value; black where there is none."""
     spread = instances.astype(np.uint32) * np.uint32(2654435761)
     picture = np.stack([(spread >> shift & 0x7F) + 0x80 for shift in (8, 16, 24)], axis=-1).astype(np.uint8)
     picture[instances == 0] = 0
@@ -37,7 +37,7 @@ def instance_picture(instances: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def depth_picture(metres: NDArray[Any]) -> NDArray[np.uint8]:
-    """Depth [H, W]: white at 1 m, black at 200 m and beyond, by its logarithm."""
+    """Map depth [H, W] in metres logarithmically to grey: white at 1 m, black from 200 m on."""
     share = np.log(np.clip(metres, _NEAR, _FAR) / _NEAR) / np.log(_FAR / _NEAR)
     grey = (255.0 * (1.0 - share)).astype(np.uint8)
     return np.repeat(grey[..., None], 3, axis=-1)

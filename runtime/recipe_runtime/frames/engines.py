@@ -1,4 +1,4 @@
-"""What the dataset asks of a renderer: the shape of an observation and of the two calls that make pictures."""
+"""The interface of renderers, and the factories of simulation, meshes and renderer."""
 
 from __future__ import annotations
 
@@ -21,34 +21,45 @@ from recipe_runtime.meshes.mesh import Body
 
 
 class SceneRenderer(Protocol):
-    """Draws one scene: what is where, and then, as often as there are appearances, what colour it has."""
+    """Renders one scene: an observation per frame, and from it a colour image per appearance."""
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Any:
-        """The observation of one frame."""
+        """Return the observation of one frame.
+
+        Args:
+            camera: The camera.
+            world_from_sensor: Pose of the sensor, [3, 4].
+            parts: World-from-part transforms, [P, 3, 4].
+        """
 
     def shade(
         self, obs: Any, appearance: AppearancePlan, sensor_name: str, frame: int, time: float, *, moment: Any = None
     ) -> NDArray[np.uint8]:
-        """Its picture, 8-bit sRGB [H, W, 3]; `moment` is a neighbouring frame, for motion blur."""
+        """Return the colour image of an observation, uint8 [H, W, 3] sRGB.
+
+        `moment` is a neighbouring frame, for motion blur.
+        """
 
     def reel(self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
-        """What draws many frames of one camera without a stop, on a GPU."""
+        """Return a stream that renders many frames of one camera concurrently, on a GPU."""
 
 
 @dataclass(frozen=True)
 class Engines:
-    """The three doors to what is heavy, so that a test can put something light behind them. Picklable."""
+    """Factories of the simulation, the meshes and the renderer, which tests replace by light ones. Picklable."""
 
     simulate: Callable[[ScenePlan], Trace]
     actors: Callable[[ScenePlan], list[Body]]  # in plan order
     renderer: Callable[[ScenePlan, str], SceneRenderer]  # scene, device
-    assets: Assets = field(default_factory=Assets)  # where the files lie that a recipe brings
+    assets: Assets = field(default_factory=Assets)  # the recipe's asset files
 
 
 def real_engines(assets: Assets | None = None, simulated: Callable[[int, int], None] | None = None) -> Engines:
-    """PyBullet's simulation, the library's meshes, and the Warp renderer; each imported when first used.
+    """Return the engines of PyBullet, the mesh library and the Warp renderer; each is imported on first use.
 
-    `simulated` is called with (steps done, steps in all) of each simulation; with it, engines cannot be pickled.
+    Args:
+        assets: The asset files of the recipe.
+        simulated: Called with the steps done and the total of each simulation; engines that have it cannot be pickled.
     """
     assets = assets or Assets()
     simulate = partial(_simulate, progress=simulated) if simulated else _simulate
@@ -56,9 +67,11 @@ def real_engines(assets: Assets | None = None, simulated: Callable[[int, int], N
 
 
 def devices(name: str) -> tuple[str, ...]:
-    """The devices that a name stands for: `cpu`; `cuda`, all of this host's; `cuda:1`, that one.
+    """Return the devices that a name selects: `cpu`; `cuda`, all GPUs of this host; `cuda:1`, one of them.
 
-    InputError for any other name, and for what this host has not.
+    Raises:
+        InputError: The name is unknown, or this host has no such device.
+        RunError: Kernels cannot run on this CPU.
     """
     if name == "cpu":
         return ("cpu",)

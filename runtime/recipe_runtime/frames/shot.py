@@ -1,4 +1,4 @@
-"""One frame of one variant, rendered alone: the very pixels of the full build, and a picture of them for people."""
+"""One frame of one variant, rendered alone: the pixels of the full build, and an image for display."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from recipe_runtime.frames.source import SceneSource
 
 @dataclass(frozen=True)
 class Shot:
-    """A frame's pixels, with where they are from."""
+    """The pixels of one modality of one frame."""
 
     sensor: str
     frame: int
@@ -36,22 +36,27 @@ class Shot:
 
     @property
     def digest(self) -> str:
-        """Identity of the pixels, as in a lockfile."""
+        """The digest of the pixels, as in a lockfile."""
         return pixel_digest(self.modality, self.pixels)
 
     def picture(self) -> NDArray[np.uint8]:
-        """The frame as uint8 [H, W, 3]; colour as it is, depth and labels made visible."""
+        """Return the frame as uint8 [H, W, 3]: colour unchanged, depth and labels colour-mapped."""
         if self.modality == "rgb":
             return self.pixels
         paint = {"depth": depth_picture, "instance": instance_picture, "semantic": semantic_picture}
         return paint[self.modality](self.pixels)
 
     def encoded(self) -> bytes:
-        """The picture as a PNG file; of a colour frame, the bytes that a build writes."""
+        """Return the image as a PNG file; for colour, the bytes that a build writes."""
         return (codecs.photograph if self.modality == "rgb" else codecs.png)(self.picture())
 
     def write(self, path: Path, *, replace: bool = False) -> None:
-        """Write the picture as a PNG, whole or not at all. InputError if a file is there, and not `replace`."""
+        """Write the image as a PNG, atomically.
+
+        Raises:
+            InputError: A file exists there, and `replace` is false.
+            RunError: The host cannot write it.
+        """
         with host_errors(str(path), "choose another file"):
             write_output(path, self.encoded(), replace=replace)
 
@@ -67,10 +72,10 @@ def shot(
     device: str = "cpu",
     progress: Progress | None = None,
 ) -> Shot:
-    """Render one frame; by default the first sensor's, the middle one, in colour.
+    """Render one frame; by default the middle frame of the first sensor, in colour.
 
-    The scene is simulated no further than the frame, while its renderer is loaded. A Trace of the whole scene is used
-    if the store has one; one that ends at the frame is kept as that of a scene which does.
+    The scene is simulated up to the frame only, while its renderer is loaded. A Trace of the whole scene is used if the
+    store has one; a shorter Trace is stored under the plan of a scene that ends at the frame.
 
     Raises:
         InputError: the sensor, the frame or the modality does not exist.
@@ -105,7 +110,7 @@ def shot(
 
 
 def _trace(store: Store, engines: Engines, scene: ScenePlan, frame: int) -> Trace:
-    """A Trace that reaches the frame, and the one after it where that is frame 0: motion blur looks there."""
+    """Return a Trace that includes the frame, and for frame 0 the next one, which motion blur needs."""
     part = scene if store.has_trace(scene) else scene.first(max(frame, 1) + 1)
     return store.trace(part, lambda: engines.simulate(part))
 

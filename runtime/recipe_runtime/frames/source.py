@@ -1,7 +1,7 @@
-"""A frame is a pure function of a plan, a Trace and a number: this is that function.
+"""Renders frames: each is a pure function of a plan, a Trace and a frame number.
 
-The build, the verifier and `recipe shot` all make their frames here, so that frame 217 alone is frame 217 of the
-full build. A frame has pixels, an array a modality, and labels, the records of what is seen; both have digests.
+The build, the verifier and `recipe shot` all render here, so that frame 217 rendered alone equals frame 217 of the full
+build. A frame has pixels, one array per modality, and labels, the records of visible objects; both have digests.
 """
 
 from __future__ import annotations
@@ -25,12 +25,15 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import part_transforms, sensor_transform
 from recipe_runtime.frames.engines import Engines, SceneRenderer, real_engines
 
-_REELED = 512  # frames whose numbers a reel is given at once
+_STREAM_BATCH = 512  # frames per batch of a frame stream
 
 
 @dataclass(frozen=True)
 class Made:
-    """A frame: what is seen, and a picture [H, W, 3] for each appearance. Its arrays may be drawn over by the next."""
+    """A frame: its observation, and an image uint8 [H, W, 3] for each appearance.
+
+    The next frame may overwrite the arrays.
+    """
 
     number: int
     seen: Observed
@@ -38,7 +41,7 @@ class Made:
 
 
 class SceneSource:
-    """What all frames of one scene share: its renderer and its truth, made when first asked for."""
+    """Renderer and labels of one scene, shared by all of its frames; created on first use."""
 
     def __init__(
         self,
@@ -53,8 +56,8 @@ class SceneSource:
         self._engines = engines or real_engines()
         self._renderer = renderer
         self._annotator: Annotator | None = None
-        self.reels = device != "cpu"  # where many frames under way at once are quicker than one by one
-        self._reel: tuple[str, Any] = "", None  # the last that was used, by what it shows
+        self.reels = device != "cpu"  # whether concurrent frames are faster than single ones
+        self._stream: tuple[str, Any] = "", None  # the stream used last, with its key
 
     @property
     def renderer(self) -> SceneRenderer:
@@ -65,7 +68,7 @@ class SceneSource:
 
     @property
     def annotator(self) -> Annotator:
-        """The truth about the scene's actors."""
+        """The annotator of the scene's actors."""
         if self._annotator is None:
             self._annotator = Annotator(self.scene, self.trace, self._engines.actors(self.scene))
         return self._annotator
@@ -78,11 +81,19 @@ class SceneSource:
         watch: Stopwatch | None = None,
         lanes: int = 4,
     ) -> Iterator[Made]:
-        """Frames in the order asked for; on a GPU several are under way at once, in so many lanes, where they can."""
+        """Yield frames in the order of `frames`.
+
+        Args:
+            sensor: The sensor.
+            appearances: The appearances to render; none for labels alone.
+            frames: Frame numbers.
+            watch: Receives the time of each stage.
+            lanes: Maximum number of concurrent frames on a GPU.
+        """
         watch = watch or Stopwatch()
-        reel = self._reel_of(sensor, appearances, lanes) if len(frames) > 1 else None
+        reel = self._stream_for(sensor, appearances, lanes) if len(frames) > 1 else None
         if reel is not None:
-            yield from self._reeled(reel, sensor, frames, watch)
+            yield from self._streamed(reel, sensor, frames, watch)
             return
         for frame in frames:
             with watch("observe"):
@@ -92,36 +103,38 @@ class SceneSource:
             yield Made(frame, seen, pictures)
 
     def observe(self, sensor: SensorPlan, frame: int) -> Observed:
-        """What a sensor sees at a frame."""
+        """Return the observation of a frame by a sensor."""
         pose = sensor_transform(sensor, self.trace, frame)
-        with self._whole():
+        with self._discard_if_interrupted():
             seen: Observed = self.renderer.observe(sensor.camera, pose, part_transforms(self.trace, frame))
         return seen
 
     def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> list[LabelRecord]:
-        """The records of the objects seen."""
+        """Return the records of the visible objects, by instance."""
         pose = sensor_transform(sensor, self.trace, frame)
         return self.annotator.records(seen, sensor.camera, pose, frame)
 
     def shade(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> NDArray[Any]:
-        """The colour picture of an observation."""
+        """Return the colour image of an observation, uint8 [H, W, 3] sRGB."""
         time, response = frame / self.scene.clock.fps, appearance.responses.get(sensor.name)
-        with self._whole():
+        with self._discard_if_interrupted():
             if response is None or response.motion_blur_intensity == 0.0 or self.scene.clock.frames < 2:
                 return self.renderer.shade(seen, appearance, sensor.name, frame, time)
-            return self.renderer.shade(seen, appearance, sensor.name, frame, time, moment=self._moment(sensor, frame))
+            return self.renderer.shade(
+                seen, appearance, sensor.name, frame, time, moment=self._neighbour_frame(sensor, frame)
+            )
 
     @contextmanager
-    def _whole(self) -> Iterator[None]:
-        """What a renderer keeps from frame to frame may be half made if it is stopped: another takes its place then."""
+    def _discard_if_interrupted(self) -> Iterator[None]:
+        """Discard the renderer if it is interrupted, because its state between frames may then be inconsistent."""
         try:
             yield
         except BaseException:
             self._renderer = None
             raise
 
-    def _reel_of(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
-        """A reel for what is asked for; None on a CPU, and for cameras that need one frame at a time."""
+    def _stream_for(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
+        """Return a frame stream and its key; None on a CPU, and for cameras that need one frame at a time."""
         if not self.reels:
             return None
         from recipe_runtime.render.gpu.frame_stream import can_stream
@@ -129,22 +142,22 @@ class SceneSource:
         if not can_stream(sensor, appearances):
             return None
         key = digest("reel/1", [sensor.document(), [plan.digest for plan in appearances], lanes])
-        known, kept = self._reel
-        self._reel = "", None  # one serves one stream at a time; and its memory goes before another's is asked for
+        known, kept = self._stream
+        self._stream = "", None  # not reentrant; and its memory is freed before another one is allocated
         if known != key:
             kept = None
             kept = self.renderer.reel(sensor.camera, sensor.name, appearances, lanes)
         return key, kept
 
-    def _reeled(
+    def _streamed(
         self, reel: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], watch: Stopwatch
     ) -> Iterator[Made]:
         from recipe_runtime.render.gpu.frame_stream import FrameBatch
 
         left = len(frames)
         try:
-            for start in range(0, len(frames), _REELED):
-                numbers = frames[start : start + _REELED]
+            for start in range(0, len(frames), _STREAM_BATCH):
+                numbers = frames[start : start + _STREAM_BATCH]
                 poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in numbers])
                 times = [frame / self.scene.clock.fps for frame in numbers]
                 prints = reel[1].frames(
@@ -156,11 +169,11 @@ class SceneSource:
                     left -= 1
                     yield Made(made.number, made.observation, made.pictures)
         finally:
-            if not left:  # else its lanes are still at work
-                self._reel = reel
+            if not left:  # otherwise frames are still in flight
+                self._stream = reel
 
-    def _moment(self, sensor: SensorPlan, frame: int) -> Any:
-        """The frame before, or after the first: a blur is as long both ways."""
+    def _neighbour_frame(self, sensor: SensorPlan, frame: int) -> Any:
+        """Return the previous frame, or for frame 0 the next one; the length of the blur is equal."""
         from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 
         other = frame - 1 if frame > 0 else 1
@@ -185,11 +198,11 @@ class FrameSource:
         self._sensors = {sensor.name: sensor for sensor in scenario.rig.sensors}
 
     def render(self, sensor: str, frame: int) -> dict[str, NDArray[Any]]:
-        """The captured modalities of one frame: arrays that `pixel_digest` takes."""
+        """Return the captured modalities of one frame, as arrays for `pixel_digest`."""
         return self.render_labelled(sensor, frame)[0]
 
     def render_labelled(self, sensor: str, frame: int) -> tuple[dict[str, NDArray[Any]], list[LabelRecord]]:
-        """The captured modalities of one frame, and its labels."""
+        """Return the captured modalities of one frame, and its labels."""
         plan = self._sensors[sensor]
         seen = self.source.observe(plan, frame)
         arrays: dict[str, NDArray[Any]] = {m: label_array(seen, m) for m in LABEL_MODALITIES if m in plan.capture}

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from recipe_compiler.ir.errors import InputError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.cache import cache_folder, pruning
-from recipe_runtime.cache.cache_folder import claim, contents, is_marked, recognised
+from recipe_runtime.cache.cache_folder import claim, contents, is_cache_folder, is_marked
 from recipe_runtime.cache.leases import in_use_since, lease
 from recipe_runtime.cache.pruning import entries, prune, tidy
 from recipe_runtime.cache.store import Store
@@ -68,7 +68,7 @@ def test_a_new_cache_is_tagged_and_marked(tmp_path: Path) -> None:
 
 
 def test_an_absent_and_an_empty_folder_are_no_cache_yet(tmp_path: Path) -> None:
-    assert not recognised(tmp_path) and not recognised(tmp_path / "gone")
+    assert not is_cache_folder(tmp_path) and not is_cache_folder(tmp_path / "gone")
     assert prune([tmp_path, tmp_path / "gone"], 0) == []
     assert list(tmp_path.iterdir()) == []
 
@@ -218,7 +218,7 @@ def test_two_processes_mark_a_folder_at_once(tmp_path: Path, monkeypatch: pytest
     def slower(path: Path, body: bytes) -> None:
         half = path.with_name(f".{path.name}.17.0.tmp")
         half.write_bytes(body[:5])
-        assert recognised(tmp_path)
+        assert is_cache_folder(tmp_path)
         half.unlink()
         write(path, body)
 
