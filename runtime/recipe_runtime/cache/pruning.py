@@ -59,11 +59,11 @@ def entries(roots: Iterable[Path]) -> list[Entry]:
 
 def sizes(found: list[Entry]) -> dict[str, tuple[int, int]]:
     """Return the number of entries and their total bytes, by kind."""
-    told: dict[str, tuple[int, int]] = {}
+    totals: dict[str, tuple[int, int]] = {}
     for entry in found:
-        count, size = told.get(entry.kind, (0, 0))
-        told[entry.kind] = (count + 1, size + entry.size)
-    return dict(sorted(told.items()))
+        count, size = totals.get(entry.kind, (0, 0))
+        totals[entry.kind] = (count + 1, size + entry.size)
+    return dict(sorted(totals.items()))
 
 
 def prune(roots: Iterable[Path], limit: int, before: float = float("inf")) -> list[Entry]:

@@ -1,4 +1,4 @@
-"""An actor's body: its rigid parts, each in its own frame."""
+"""Bodies of actors: rigid parts, each in its own frame."""
 
 from functools import lru_cache
 

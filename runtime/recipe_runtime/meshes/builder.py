@@ -1,7 +1,7 @@
-"""Triangles gathered into a mesh, with exact arithmetic only.
+"""Builds meshes from triangles, with exact arithmetic only.
 
 Every number comes from `+ - * /` and `sqrt` in float64, is rounded to a micrometre and then kept as float32, so a
-mesh is the same bytes on every host. `noise` is the only irregularity there is: an integer hash of a key.
+mesh is the same bytes on every host. `noise`, an integer hash of a key, is the only source of variation.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Vec = Sequence[float]
 
 
 def noise(key: int, index: int) -> float:
-    """A number in [-1, 1) that looks random: splitmix64 of the key and index."""
+    """Return a pseudo-random number in [-1, 1): splitmix64 of the key and index."""
     z = (key * 0x9E3779B97F4A7C15 + index * 0xD1B54A32D192ED03 + 0x632BE59BD9B4E019) & 0xFFFFFFFFFFFFFFFF
     z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & 0xFFFFFFFFFFFFFFFF
     z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & 0xFFFFFFFFFFFFFFFF
@@ -47,11 +47,11 @@ def circle(count: int, start: float = 0.0) -> tuple[tuple[float, float], ...]:
 
 
 class Builder:
-    """Gathers triangles; `mesh` gives the result."""
+    """Collects triangles; `mesh` returns the result."""
 
     def __init__(self) -> None:
         self._surfaces: dict[Surface, int] = {}
-        self._pending: list[Surface | Sheet] = []  # surfaces and sheets that have no number yet, in order of mention
+        self._pending: list[Surface | Sheet] = []  # surfaces and sheets without a number yet, in order of first use
         self._points: list[Array] = []
         self._normals: list[Array] = []
         self._uvs: list[Array] = []
@@ -62,7 +62,15 @@ class Builder:
         self.lights: list[Light] = []
 
     def add(self, surface: Surface, points: Array, normals: Array, uvs: Array, triangles: Index) -> None:
-        """Vertices with their normals and uv, and triangles over them, of one surface."""
+        """Add triangles of one surface.
+
+        Args:
+            surface: The surface.
+            points: Vertices [N, 3], metres.
+            normals: Unit normals [N, 3].
+            uvs: Texture coordinates [N, 2].
+            triangles: Indices of vertices [T, 3].
+        """
         self._settle()
         self._append(points, normals, uvs, triangles, np.full(len(triangles), self._number(surface), np.int64))
 
@@ -86,7 +94,7 @@ class Builder:
         self._quads.setdefault((surface, uvs is None), []).append((quad, np.asarray(quad if uvs is None else uvs)))
 
     def _flush(self) -> None:
-        """Add all quadrilaterals at once, which is quicker than one by one."""
+        """Add all quadrilaterals in one pass, which is faster than one by one."""
         self._settle()
         for (surface, plain), found in self._quads.items():
             quad = np.concatenate([corners for corners, _ in found])
@@ -156,7 +164,7 @@ class Builder:
         self._pending.append(Sheet([(surface, len(triangles))], points, triangles, crease))
 
     def _settle(self) -> None:
-        """Number the pending surfaces and add the pending sheets: all in one pass, which is quicker than one by one."""
+        """Number the pending surfaces and add the pending sheets in one pass, which is faster than one by one."""
         pending, self._pending = self._pending, []
         sheets = [item for item in pending if isinstance(item, Sheet)]
         flat = flatten(sheets) if sheets else None
@@ -175,7 +183,7 @@ class Builder:
         self._append(flat.corners.reshape(-1, 3), flat.normals.reshape(-1, 3), uvs, index, table[flat.codes])
 
     def mesh(self, transform: Array | None = None) -> Mesh:
-        """All that was added, moved by `transform` [3, 4] if given; equal vertices are stored once."""
+        """Return the mesh of all triangles, transformed by `transform` [3, 4] if given; equal vertices are merged."""
         self._flush()
         points, normals = np.concatenate(self._points), np.concatenate(self._normals)
         lights = tuple(self.lights)
@@ -214,14 +222,14 @@ _MIX = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB, 0xD
 
 
 def _distinct(rows: NDArray[np.float32]) -> tuple[Index, Index]:
-    """Of rows [N, 8] the first of each kind, ascending, and for every row which of those it equals, bit for bit."""
+    """Return the indices of the first of each set of equal rows [N, 8], ascending, and each row's number among them."""
     keys = np.ascontiguousarray(rows).view(np.uint64)  # [N, 4], two numbers each
     mixed = keys * _MIX  # modulo 2^64
     mixed ^= mixed >> np.uint64(32)
     hashes = (mixed * _MIX).sum(axis=1, dtype=np.uint64)
     order = np.argsort(hashes)
     new = _changes(keys[order])
-    if (new != _changes(hashes[order][:, None])).any():  # two kinds of row share a hash
+    if (new != _changes(hashes[order][:, None])).any():  # a hash collision
         order = np.lexsort(keys.T)
         new = _changes(keys[order])
     first = np.minimum.reduceat(order, np.flatnonzero(new))
@@ -233,7 +241,7 @@ def _distinct(rows: NDArray[np.float32]) -> tuple[Index, Index]:
 
 
 def _changes(rows: NDArray[np.uint64]) -> NDArray[np.bool_]:
-    """Which rows differ from the one before them; the first does."""
+    """Return a mask of the rows that differ from the row before them; True for the first."""
     return np.concatenate([[True], (rows[1:] != rows[:-1]).any(axis=1)])
 
 

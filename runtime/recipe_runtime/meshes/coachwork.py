@@ -1,4 +1,4 @@
-"""Coachwork: the shell of a car, lofted from cross-sections along its length, and what each patch of it is."""
+"""Car bodies: a shell lofted from cross-sections along its length, and the surface of each patch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a camera on a vehicle sees the road ahead: before the windscreen, for glass is opaque here."""
+"""Mount positions of dashcams: ahead of the windscreen, because vehicle glass is opaque."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What closes a plot: walls and fences. Both run along y."""
+"""Walls and fences, both along y."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a mesh is: triangles in a rigid part's own frame, each with a surface, and the lights that it carries."""
+"""The mesh types: triangles in the frame of a rigid part, each with a surface, and the part's lights."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 class Pattern(IntEnum):
-    """How a surface looks close by. The renderer draws it over `uv`; the slot's colour is its base."""
+    """The procedural pattern of a surface, evaluated over `uv`; the slot's colour is its base."""
 
     PLAIN = 0
     ASPHALT = 1  # uv in metres
@@ -39,7 +39,7 @@ class Pattern(IntEnum):
     STONE = 31  # dressed blocks, uv in metres
     WOOD = 32  # planks along v, uv in metres
     WATER = 33
-    NICHE = 34  # what lies in a wall's depth: v is 0 at its mouth and 1 at its end, which sees little of the sky
+    NICHE = 34  # a recess in a wall: v is 0 at its opening and 1 at its end, where ambient light is low
     CURTAIN_WALL = 35  # named like WINDOW; the pane's lower part hides a floor slab
     SHOP_WINDOW = 36  # named like WINDOW; a display behind one large pane
     LETTER = 38  # a letter of 4 x 6 dots, see `lettering`; the second colour writes

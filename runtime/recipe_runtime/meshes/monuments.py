@@ -1,4 +1,4 @@
-"""What stands on a square: a fountain and a statue."""
+"""Monuments on squares: a fountain and a statue."""
 
 from __future__ import annotations
 

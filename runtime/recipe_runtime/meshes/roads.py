@@ -1,4 +1,4 @@
-"""What one walks and drives on: asphalt with its marks and mends, sidewalks with kerbs, and the ground beyond."""
+"""Ground surfaces: asphalt with markings and repairs, sidewalks with kerbs, and the terrain around them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _PATH = Surface("path", Pattern.ASPHALT, Tag.SIDEWALKS)
 _DRIVE = Surface("path", Pattern.CONCRETE, Tag.SIDEWALKS)
 _GROUND = Surface("ground", Pattern.GRASS, Tag.GROUND)
 
-_MEND, _MARK = 0.003, 0.007  # heights over the asphalt of what it is mended with, and of paint
+_MEND, _MARK = 0.003, 0.007  # heights of repairs and of paint above the asphalt, metres
 
 
 def _sheet(x0: float, x1: float, y0: float, y1: float, z: float) -> tuple[Vec, ...]:

@@ -1,4 +1,4 @@
-"""What guides traffic: traffic lights, road signs, gantries over a motorway, guard rails.
+"""Traffic control: traffic lights, road signs, gantries over a motorway, guard rails.
 
 All of them face along +x, towards the driver who is to heed them: his right is +y.
 """
