@@ -138,7 +138,7 @@ def test_only_the_console_prints() -> None:
             for n in printing(text)
             if not any(f"click.{name}(" in lines[n - 1] for name in allowed.get(path.name, ()))
             and "made.write(" not in lines[n - 1]  # pictures, lockfiles and traces: files of their own
-            and "traces.write(" not in lines[n - 1]
+            and "trace_bundle.write(" not in lines[n - 1]
         ]
         assert not wrong, f"{path.relative_to(ROOT)}: print with console.say: {wrong}"
 

@@ -170,8 +170,8 @@ def test_compiling_twice_gives_the_same_bytes(seed: int) -> None:
 _PRINT_BYTES = """
 import sys, hashlib
 from pathlib import Path
-from recipe_compiler.ir.canonical import canonical_bytes, digest
 from recipe_compiler.compile import compile_recipe
+from recipe_compiler.ir.canonical import canonical_bytes, digest
 print(hashlib.sha256(canonical_bytes(compile_recipe(Path(sys.argv[1])).plan.document())).hexdigest())
 """
 

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.lockfile import Lockfile
+from recipe_runtime.build import known_frames as known_frames_module
 from recipe_runtime.build import reuse
 from recipe_runtime.build.known_frames import Known
 from recipe_runtime.build.pipeline import build
@@ -23,7 +24,7 @@ from recipe_runtime.build.reuse import known_frames
 from recipe_runtime.core import host
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.frames.engines import Engines
-from recipe_runtime.verify import locking, verify
+from recipe_runtime.verify import verify
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options
@@ -146,7 +147,7 @@ def test_a_journal_that_is_not_of_this_run_is_not_believed(
     elif how == "cut off":
         record.write_bytes(record.read_bytes()[:-20])
     elif how == "other code":
-        monkeypatch.setattr(locking, "builder", lambda: "another")
+        monkeypatch.setattr(known_frames_module, "builder", lambda: "another")
     plan = dataset_plan(weathers=1) if how == "other plan" else PLAN
     known = known_frames(plan, tmp_path)
     made = lock(plan, "tiny.yaml", {}, workers=0, progress=quiet, engines=ENGINES, known=known)
