@@ -16,6 +16,7 @@ import pytest
 from PIL import Image
 
 from tests.cli.reading import problems
+from tests.cli.runner import run_here
 
 RECIPE = """\
 recipe: small
@@ -48,9 +49,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a recipe, its lockfile and its dataset."""
     root = tmp_path_factory.mktemp("project")
     (root / "small.yaml").write_text(RECIPE)
-    locked = run("lock", "small.yaml", "--workers", "1", cwd=root)
+    locked = run_here("lock", "small.yaml", "--workers", "1", cwd=root)
     assert locked.returncode == 0, locked.stderr
-    built = run("build", "small.yaml", "--workers", "1", cwd=root)
+    built = run_here("build", "small.yaml", "--workers", "1", cwd=root)
     assert built.returncode == 0, built.stderr
     return root
 
@@ -87,7 +88,7 @@ def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
     "command", ["init", "check", "plan", "shot", "build", "lock", "verify", "blueprints", "schema"]
 )
 def test_every_command_explains_itself(command: str, tmp_path: Path) -> None:
-    shown = run(command, "--help", cwd=tmp_path)
+    shown = run_here(command, "--help", cwd=tmp_path)
     assert shown.returncode == 0
     assert shown.stdout.startswith(f"Usage: recipe {command}") or f"{command} [OPTIONS]" in shown.stdout
 
@@ -101,7 +102,7 @@ def test_a_mistyped_command_is_answered_with_the_nearest(tmp_path: Path) -> None
 @pytest.mark.parametrize("command", ["plan", "build", "check", "shot", "lock", "pack", "export", "diff"])
 def test_a_url_where_a_path_is_wanted_is_refused_and_its_password_is_not_shown(command: str, tmp_path: Path) -> None:
     url = "ftp://user:secret@host/x.yaml"
-    shown = run(command, url, url, cwd=tmp_path)
+    shown = run_here(command, url, url, cwd=tmp_path)
     assert shown.returncode == 2
     assert "ftp://user:***@host/x.yaml is a URL; copy what is there to this host" in problems(shown.stderr)[0]
     assert "secret" not in shown.stdout + shown.stderr
@@ -125,7 +126,7 @@ def test_identity_is_one_in_lock_build_and_verify(folder: Path) -> None:
 
 @pytest.mark.parametrize("target", ["small.yaml", "lockfiles/small.lock", "datasets/small", None])
 def test_verify_takes_recipes_lockfiles_datasets_or_nothing(folder: Path, target: str | None) -> None:
-    done = run("verify", *([target] if target else []), "--frames", "2", "--workers", "1", "--json", cwd=folder)
+    done = run_here("verify", *([target] if target else []), "--frames", "2", "--workers", "1", "--json", cwd=folder)
     (report,) = json.loads(done.stdout)
     assert (done.returncode, report["verdict"], report["checked"], report["total"]) == (0, "PASS", 2, 4)
     assert done.stderr == ""
@@ -138,7 +139,7 @@ def test_verify_fails_on_a_flipped_digit_of_the_lockfile(folder: Path, tmp_path:
     row = next(line for line in text.splitlines() if line.startswith("frame ") and " rgb " in line)
     flipped = row[:-1] + ("0" if row[-1] != "0" else "1")
     (tmp_path / "lockfiles" / "small.lock").write_text(text.replace(row, flipped))
-    done = run("verify", "small.yaml", "--all", "--workers", "1", cwd=tmp_path)
+    done = run_here("verify", "small.yaml", "--all", "--workers", "1", cwd=tmp_path)
     assert done.returncode == 1
     assert done.stdout.startswith("FAIL at lockfile")
     assert "shading: weather=" in done.stdout
@@ -154,20 +155,22 @@ def test_verify_is_inconclusive_on_another_stage_version(folder: Path, tmp_path:
     first = next(key for key in lock.frames if key[2] == "rgb")
     lock.frames[first] = "0" * 64
     lock.write(tmp_path / "lockfiles" / "small.lock")
-    done = run("verify", "small.yaml", "--all", "--workers", "1", cwd=tmp_path)
+    done = run_here("verify", "small.yaml", "--all", "--workers", "1", cwd=tmp_path)
     assert done.returncode == 3
     assert done.stdout.startswith("INCONCLUSIVE at shading")
 
 
 def test_a_shot_is_the_builds_very_frame(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "shot.png"
-    done = run("shot", "small.yaml", "--variant", "weather=wet", "--frame", "1", "-o", out, "--json", cwd=folder)
+    done = run_here("shot", "small.yaml", "--variant", "weather=wet", "--frame", "1", "-o", out, "--json", cwd=folder)
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert out.read_bytes() == (folder / "datasets/small/weather=wet/street/rgb/000001.png").read_bytes()
     assert answer["digest"] in (folder / "lockfiles" / "small.lock").read_text()
     for modality in ("depth", "instance"):
-        assert run("shot", "small.yaml", "--modality", modality, "-o", out, "--replace", cwd=folder).returncode == 0
+        assert (
+            run_here("shot", "small.yaml", "--modality", modality, "-o", out, "--replace", cwd=folder).returncode == 0
+        )
         with Image.open(out) as picture:
             assert (picture.size, picture.mode) == ((64, 48), "RGB")
 
@@ -182,45 +185,45 @@ def test_a_shot_is_the_builds_very_frame(folder: Path, tmp_path: Path) -> None:
     ],
 )
 def test_a_shot_of_what_is_not_there_says_what_is(folder: Path, arguments: list[str], says: str) -> None:
-    done = run("shot", "small.yaml", *arguments, cwd=folder)
+    done = run_here("shot", "small.yaml", *arguments, cwd=folder)
     assert (done.returncode, done.stdout) == (2, "")
     assert says in problems(done.stderr)[0]
     assert "Traceback" not in done.stderr
 
 
 def test_plan_tells_cost_and_sharing_and_prints_a_variant(folder: Path) -> None:
-    shown = run("plan", "small.yaml", cwd=folder)
+    shown = run_here("plan", "small.yaml", cwd=folder)
     assert "2 variants: 1 simulation, 1 observation, 2 appearances" in shown.stdout
     assert "4 frames, 12 images" in shown.stdout
-    document = json.loads(run("plan", "small.yaml", "--json", cwd=folder).stdout)
+    document = json.loads(run_here("plan", "small.yaml", "--json", cwd=folder).stdout)
     assert [v["name"] for v in document["variants"]] == ["weather=dry", "weather=wet"]
-    plan = json.loads(run("plan", "small.yaml", "--variant", "weather=wet", cwd=folder).stdout)
+    plan = json.loads(run_here("plan", "small.yaml", "--variant", "weather=wet", cwd=folder).stdout)
     assert plan == json.loads((folder / "datasets/small/plans/weather=wet.json").read_text())
 
 
 def test_check_reports_every_mistake_with_its_place(tmp_path: Path) -> None:
     (tmp_path / "bad.yaml").write_text(RECIPE.replace("fps: 10", "fps: 7").replace("town:", "twon:"))
-    done = run("check", "bad.yaml", cwd=tmp_path)
+    done = run_here("check", "bad.yaml", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     lines = problems(done.stderr)
     assert [line.split(" ")[0] for line in lines] == ["bad.yaml:4:3:", "bad.yaml:4:16:", "bad.yaml:5:3:"]
-    answer = json.loads(run("check", "bad.yaml", "--json", cwd=tmp_path).stdout)
+    answer = json.loads(run_here("check", "bad.yaml", "--json", cwd=tmp_path).stdout)
     assert [p["line"] for p in answer["problems"]] == [4, 4, 5]
 
 
 def test_a_new_recipe_compiles_and_is_never_overwritten(tmp_path: Path) -> None:
-    assert run("init", "rain_bench", cwd=tmp_path).returncode == 0
-    assert run("check", "rain_bench.yaml", cwd=tmp_path).returncode == 0
-    again = run("init", "rain_bench", cwd=tmp_path)
+    assert run_here("init", "rain_bench", cwd=tmp_path).returncode == 0
+    assert run_here("check", "rain_bench.yaml", cwd=tmp_path).returncode == 0
+    again = run_here("init", "rain_bench", cwd=tmp_path)
     assert again.returncode == 2
     assert "is there already" in again.stderr
-    assert run("init", "../x", cwd=tmp_path).returncode == 2
+    assert run_here("init", "../x", cwd=tmp_path).returncode == 2
 
 
 def test_the_schema_is_json(tmp_path: Path) -> None:
-    schema = json.loads(run("schema", cwd=tmp_path).stdout)
+    schema = json.loads(run_here("schema", cwd=tmp_path).stdout)
     assert schema["properties"]["recipe"]
-    assert run("schema", "-o", "s.json", cwd=tmp_path).returncode == 0
+    assert run_here("schema", "-o", "s.json", cwd=tmp_path).returncode == 0
     assert json.loads((tmp_path / "s.json").read_text()) == schema
 
 
@@ -228,7 +231,7 @@ def test_a_build_that_differs_from_its_lockfile_says_so(folder: Path, tmp_path: 
     (tmp_path / "small.yaml").write_text(RECIPE.replace("seed: 1", "seed: 2"))
     (tmp_path / "lockfiles").mkdir()
     (tmp_path / "lockfiles" / "small.lock").write_text((folder / "lockfiles" / "small.lock").read_text())
-    done = run("build", "small.yaml", "--workers", "1", cwd=tmp_path)
+    done = run_here("build", "small.yaml", "--workers", "1", cwd=tmp_path)
     assert done.returncode == 1
     warning, first = problems(done.stderr)[:2]
     assert warning.startswith("warning: lockfiles/small.lock is outdated: small.yaml has changed since it was locked;")
@@ -242,33 +245,33 @@ def test_an_outdated_lockfile_is_told_before_the_work(folder: Path, tmp_path: Pa
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
     (root / "mine").mkdir()
     (root / "mine" / "thesis.txt").touch()
-    warning, refusal = problems(run("build", "small.yaml", "--out", "mine", cwd=root).stderr)
+    warning, refusal = problems(run_here("build", "small.yaml", "--out", "mine", cwd=root).stderr)
     assert warning.startswith("warning: lockfiles/small.lock is outdated: small.yaml has changed since it was locked;")
     assert refusal.endswith("choose another folder (--out)")
     (root / "small.yaml").write_text(RECIPE)
-    (refusal,) = problems(run("build", "small.yaml", "--out", "mine", cwd=root).stderr)
+    (refusal,) = problems(run_here("build", "small.yaml", "--out", "mine", cwd=root).stderr)
 
 
 def test_a_partial_rebuild_says_what_it_did_and_what_was_there(folder: Path, tmp_path: Path) -> None:
     """Otherwise a rebuild of one weather reads as if all had been rendered, or as if nothing had."""
     root = _project(folder, tmp_path, "small.yaml")
-    first = run("build", "small.yaml", "--workers", "1", cwd=root).stdout.splitlines()[0]
+    first = run_here("build", "small.yaml", "--workers", "1", cwd=root).stdout.splitlines()[0]
     whole = r"datasets/small: 2 variants: 1 simulation, 1 observation, 2 appearances; 4 frames rendered in .* a second"
     assert re.fullmatch(whole, first), first
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
-    told = run("build", "small.yaml", "--workers", "1", cwd=root).stdout.splitlines()[0]
+    told = run_here("build", "small.yaml", "--workers", "1", cwd=root).stdout.splitlines()[0]
     part = r"datasets/small: 2 variants; 4 frames: 2 rendered, 2 taken over from the dataset that was there; [0-9.]+ s"
     assert re.fullmatch(part, told), told
     only_dry = RECIPE.replace("{dry: {}, wet: {weather: HardRainNoon}}", "{dry: {}}")
     (root / "small.yaml").write_text(only_dry)
-    less = json.loads(run("build", "small.yaml", "--json", cwd=root).stdout)
+    less = json.loads(run_here("build", "small.yaml", "--json", cwd=root).stdout)
     assert (less["made_frames"], less["taken_frames"], less["resumed_frames"]) == (0, 2, 0)
 
 
 def test_out_over_something_else_is_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("years of work")
-    done = run("build", "small.yaml", "--out", tmp_path / "mine", cwd=folder)
+    done = run_here("build", "small.yaml", "--out", tmp_path / "mine", cwd=folder)
     assert done.returncode == 2
     assert (tmp_path / "mine" / "thesis.txt").read_text() == "years of work"
 
@@ -288,7 +291,7 @@ def test_a_strangers_lockfile_reads_nothing_outside_its_folder(folder: Path, tmp
 
     lock = replace(lockfile.read(folder / "lockfiles" / "small.lock"), source=source.replace("%00", "\0"))
     lock.write(tmp_path / "lockfiles" / "evil.lock")
-    done = run("verify", "lockfiles/evil.lock", cwd=tmp_path)
+    done = run_here("verify", "lockfiles/evil.lock", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert "is not a file of the folder" in done.stderr
     assert "root:" not in done.stderr
@@ -307,21 +310,21 @@ def test_lock_says_before_rendering_that_it_would_say_something_else(folder: Pat
     (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 20000"))
     (tmp_path / "lockfiles").mkdir()
     (tmp_path / "lockfiles" / "small.lock").write_text((folder / "lockfiles" / "small.lock").read_text())
-    done = run("lock", "small.yaml", cwd=tmp_path)  # 40,000 frames would take an hour
+    done = run_here("lock", "small.yaml", cwd=tmp_path)  # 40,000 frames would take an hour
     assert done.returncode == 2
     assert "says something else than small.yaml makes now; --update replaces it" in problems(done.stderr)[0]
 
 
 def test_verify_keeps_to_the_limits_of_a_strangers_recipe(tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 100000"))
-    done = run("verify", "small.yaml", cwd=tmp_path)
+    done = run_here("verify", "small.yaml", cwd=tmp_path)
     assert done.returncode == 2
     assert "--allow-large" in done.stderr
 
 
 @pytest.mark.parametrize("out", ["small.yaml/x", "a" * 5000])
 def test_a_host_that_will_not_write_is_answered_in_a_line(folder: Path, out: str) -> None:
-    done = run("build", "small.yaml", "--out", out, "--allow-large", cwd=folder)
+    done = run_here("build", "small.yaml", "--out", out, "--allow-large", cwd=folder)
     assert done.returncode in (1, 2)
     assert len(problems(done.stderr)) == 1
     assert "Traceback" not in done.stderr
@@ -352,13 +355,13 @@ def test_a_stopped_command_leaves_nothing_behind(tmp_path: Path, number: int, co
 
 def test_diff_names_the_first_cause(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "other.yaml").write_text(RECIPE.replace("HardRainNoon", "SoftRainNoon"))
-    told = run("diff", "small.yaml", tmp_path / "other.yaml", cwd=folder)
+    told = run_here("diff", "small.yaml", tmp_path / "other.yaml", cwd=folder)
     assert told.returncode == 1
     first, second = told.stdout.splitlines()[:2]
     assert first == "recipe: small.yaml and other.yaml differ"
     assert second == "plan: weather=wet: appearance.weather.cloudiness: 100.0 and 20.0"
     for pair in (("datasets/small", "lockfiles/small.lock"), ("small.yaml", "datasets/small")):
-        same = run("diff", *pair, cwd=folder)
+        same = run_here("diff", *pair, cwd=folder)
         assert (same.returncode, same.stdout) == (0, "nothing differs\n"), same.stdout
         assert same.stderr.splitlines() == [
             "datasets/small was compared by its manifest; `recipe verify --integrity` checks that the files are those"
@@ -369,7 +372,7 @@ def test_diff_leaves_an_outdated_lockfile_aside_and_says_so(folder: Path, tmp_pa
     """Digests of what the recipe was must not pass for what it is."""
     root = _project(folder, tmp_path, "lockfiles", "datasets")
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
-    told = run("diff", "small.yaml", "datasets/small", cwd=root)
+    told = run_here("diff", "small.yaml", "datasets/small", cwd=root)
     aside, silent, _ = told.stderr.splitlines()
     assert aside.startswith("lockfiles/small.lock is not what small.yaml makes now, and was left aside; `recipe lock")
     assert silent.startswith("motion and pixels were not compared: small.yaml holds none")
@@ -378,7 +381,7 @@ def test_diff_leaves_an_outdated_lockfile_aside_and_says_so(folder: Path, tmp_pa
 def test_diff_of_what_is_none_is_refused(tmp_path: Path) -> None:
     (tmp_path / "plan.json").write_text("[]")
     for path in ("plan.json", "gone.lock", "gone.yaml", "."):
-        told = run("diff", path, "plan.json", cwd=tmp_path)
+        told = run_here("diff", path, "plan.json", cwd=tmp_path)
         assert told.returncode == 2 and len(problems(told.stderr)) == 1, told.stderr
 
 
@@ -387,10 +390,10 @@ def test_the_cache_is_shown_and_pruned(tmp_path: Path) -> None:
 
     Store(tmp_path / "cache").put("traces", "ab" * 32, b"x" * 2000)
     places = {"RECIPE_CACHE": str(tmp_path / "cache"), "RECIPE_KERNEL_CACHE": ""}  # no user's own is pruned here
-    assert "traces        1  2 KiB" in run("cache", cwd=tmp_path, **places).stdout
-    told = json.loads(run("cache", "--prune", "--size", "0", "--json", cwd=tmp_path, **places).stdout)
+    assert "traces        1  2 KiB" in run_here("cache", cwd=tmp_path, **places).stdout
+    told = json.loads(run_here("cache", "--prune", "--size", "0", "--json", cwd=tmp_path, **places).stdout)
     assert (told["removed"], told["kinds"]) == (1, {})
-    refused = run("cache", "--size", "3", cwd=tmp_path, **places)
+    refused = run_here("cache", "--size", "3", cwd=tmp_path, **places)
     assert (refused.returncode, problems(refused.stderr)) == (2, ["--size says how much --prune leaves; give both"])
 
 
@@ -399,7 +402,7 @@ def test_a_folder_that_is_not_a_cache_is_neither_shown_nor_pruned(tmp_path: Path
     theirs = tmp_path / "backup" / "data" / "ab" / ("ab" * 32)
     theirs.parent.mkdir(parents=True)
     theirs.write_text("theirs")
-    told = run("cache", *options, cwd=tmp_path, RECIPE_CACHE=str(tmp_path / "backup"), RECIPE_KERNEL_CACHE="")
+    told = run_here("cache", *options, cwd=tmp_path, RECIPE_CACHE=str(tmp_path / "backup"), RECIPE_KERNEL_CACHE="")
     assert told.returncode == 2 and told.stdout == ""
     assert f"RECIPE_CACHE {tmp_path}/backup: it holds data, which is not of a cache" in told.stderr
     assert "set RECIPE_CACHE to an empty folder" in told.stderr
@@ -410,14 +413,16 @@ def test_traces_lie_beside_the_lockfile_if_asked_for(folder: Path, tmp_path: Pat
     (tmp_path / "lockfiles").mkdir()
     for name in ("small.yaml", "lockfiles/small.lock"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())
-    assert run("lock", "small.yaml", "--with-traces", cwd=tmp_path).returncode == 0
+    assert run_here("lock", "small.yaml", "--with-traces", cwd=tmp_path).returncode == 0
     kept = tmp_path / "lockfiles" / "small.traces"
     assert kept.read_bytes().startswith(b"recipe-traces 1\n")
     kept.write_bytes(b"recipe-traces 1\n" + b"0" * 100)
-    refused = run("verify", "small.yaml", cwd=tmp_path)
+    refused = run_here("verify", "small.yaml", cwd=tmp_path)
     assert (refused.returncode, "small.traces: cannot be used" in refused.stderr) == (2, True)
-    assert run("lock", "small.yaml", "--update", cwd=tmp_path).returncode == 0  # what is there does not fall behind
-    assert run("verify", "small.yaml", cwd=tmp_path).returncode == 0
+    assert (
+        run_here("lock", "small.yaml", "--update", cwd=tmp_path).returncode == 0
+    )  # what is there does not fall behind
+    assert run_here("verify", "small.yaml", cwd=tmp_path).returncode == 0
 
 
 def _project(folder: Path, root: Path, *names: str) -> Path:
@@ -434,22 +439,22 @@ def _project(folder: Path, root: Path, *names: str) -> Path:
 def test_a_locked_build_refuses_a_recipe_that_moved_on(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "small.yaml", "lockfiles")
     (root / "small.yaml").write_text(RECIPE.replace("wet: {", "misty: {weather: {fog_density: 20}}, wet: {"))
-    refused = run("build", "small.yaml", "--locked", cwd=root)
+    refused = run_here("build", "small.yaml", "--locked", cwd=root)
     assert refused.returncode == 2 and not (root / "datasets").exists()
     assert "the lockfile has no variant weather=misty" in refused.stderr
-    frozen = run("build", "small.yaml", "--frozen", "--workers", "1", cwd=root)
+    frozen = run_here("build", "small.yaml", "--frozen", "--workers", "1", cwd=root)
     assert frozen.returncode == 0, frozen.stderr
     assert "2 of 3 variants; 4 frames" in frozen.stdout
     assert not (root / "datasets" / "small" / "weather=misty").exists()
     (root / "small.yaml").write_text(RECIPE.replace("wet: {weather: HardRainNoon}", "wet: {weather: WetNoon}"))
     for option in ("--locked", "--frozen"):
-        refused = run("build", "small.yaml", option, cwd=root)
+        refused = run_here("build", "small.yaml", option, cwd=root)
         assert refused.returncode == 2 and "weather=wet: another appearance plan" in refused.stderr
 
 
 def test_a_locked_build_needs_a_lockfile(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "small.yaml")
-    refused = run("build", "small.yaml", "--locked", cwd=root)
+    refused = run_here("build", "small.yaml", "--locked", cwd=root)
     assert (refused.returncode, "there is no lockfile; `recipe lock` writes it" in problems(refused.stderr)[0]) == (
         2,
         True,
@@ -459,19 +464,19 @@ def test_a_locked_build_needs_a_lockfile(folder: Path, tmp_path: Path) -> None:
 def test_integrity_hashes_files_and_renders_nothing(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "datasets")
     dataset = root / "datasets" / "small"
-    clean = run("verify", "datasets/small", "--integrity", "--nonce", "1", cwd=root)
+    clean = run_here("verify", "datasets/small", "--integrity", "--nonce", "1", cwd=root)
     assert (clean.returncode, "files hashed, no frame rendered" in clean.stdout) == (0, True)
     url = f"file://{dataset}"
-    again = run("verify", url, "--integrity", "--nonce", "1", cwd=root)
+    again = run_here("verify", url, "--integrity", "--nonce", "1", cwd=root)
     assert again.stdout == clean.stdout.replace("datasets/small", url)
-    held = run("verify", "small.yaml", "--against", url, "--frames", "1", cwd=folder)
+    held = run_here("verify", "small.yaml", "--against", url, "--frames", "1", cwd=folder)
     assert (held.returncode, held.stderr) == (0, "")
     picture = dataset / "weather=dry" / "street" / "rgb" / "000001.png"
     picture.write_bytes(picture.read_bytes()[:-1] + b"!")
-    assert run("verify", url, "--integrity", cwd=root).returncode == 1
-    spoiled = run("verify", "datasets/small", "--integrity", cwd=root)
+    assert run_here("verify", url, "--integrity", cwd=root).returncode == 1
+    spoiled = run_here("verify", "datasets/small", "--integrity", cwd=root)
     assert (spoiled.returncode, "000001.png" in spoiled.stdout) == (1, True)
-    assert run("verify", "small.yaml", "--integrity", cwd=folder).returncode == 2
+    assert run_here("verify", "small.yaml", "--integrity", cwd=folder).returncode == 2
 
 
 def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path: Path) -> None:
@@ -480,17 +485,17 @@ def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path
     picture = root / "datasets/small/weather=dry/street/rgb/000001.png"
     body = picture.read_bytes()
     picture.write_bytes(body[:-20] + bytes([body[-20] ^ 1]) + body[-19:])
-    there = run("build", "small.yaml", cwd=root)
+    there = run_here("build", "small.yaml", cwd=root)
     assert (there.returncode, "there already (sizes checked" in there.stdout) == (0, True)
-    assert run("verify", "datasets/small", "--integrity", cwd=root).returncode == 1
-    mended = run("build", "small.yaml", "--repair", "--workers", "1", cwd=root)
+    assert run_here("verify", "datasets/small", "--integrity", cwd=root).returncode == 1
+    mended = run_here("build", "small.yaml", "--repair", "--workers", "1", cwd=root)
     assert (mended.returncode, mended.stderr) == (0, "")
     first, *_, last = mended.stdout.splitlines()
     assert first == "mended: weather=dry/street/rgb/000001.png has other bytes than the manifest says"
     assert last == there.stdout.splitlines()[-1]
     assert picture.read_bytes() == body
-    assert run("verify", "datasets/small", "--integrity", cwd=root).returncode == 0
-    url = run("build", "small.yaml", "--repair", "--out", "memory://x/y", cwd=root)
+    assert run_here("verify", "datasets/small", "--integrity", cwd=root).returncode == 0
+    url = run_here("build", "small.yaml", "--repair", "--out", "memory://x/y", cwd=root)
     assert (url.returncode, "--repair mends a folder, not memory://x/y" in url.stderr) == (2, True)
 
 
@@ -498,36 +503,36 @@ def test_a_dataset_from_elsewhere_is_held_against_a_recipe(folder: Path, tmp_pat
     root = _project(folder, tmp_path, "small.yaml", "datasets", "lockfiles")
     there = root / "downloaded"
     (root / "datasets" / "small").rename(there)
-    same = run("verify", "small.yaml", "--against", "downloaded", "--all", cwd=root)
+    same = run_here("verify", "small.yaml", "--against", "downloaded", "--all", cwd=root)
     assert (same.returncode, same.stdout.splitlines()[0]) == (0, "PASS  small.yaml"), same.stdout
     (root / "other.yaml").write_text(RECIPE.replace("y: 1, yaw", "y: 2, yaw").replace("recipe: small", "recipe: other"))
-    other = run("verify", "other.yaml", "--against", "downloaded", cwd=root)
+    other = run_here("verify", "other.yaml", "--against", "downloaded", cwd=root)
     assert other.returncode == 1
     assert "plan: weather=dry: another scene plan" in other.stdout
-    assert run("verify", "small.yaml", "other.yaml", "--against", "downloaded", cwd=root).returncode == 2
+    assert run_here("verify", "small.yaml", "other.yaml", "--against", "downloaded", cwd=root).returncode == 2
 
 
 def test_a_pack_stands_for_its_recipe(folder: Path, tmp_path: Path) -> None:
-    packed = run("pack", "small.yaml", "-o", tmp_path / "small.recipe", cwd=folder)
+    packed = run_here("pack", "small.yaml", "-o", tmp_path / "small.recipe", cwd=folder)
     assert packed.returncode == 0, packed.stderr
-    again = run("pack", "small.yaml", "-o", tmp_path / "again.recipe", cwd=folder)
+    again = run_here("pack", "small.yaml", "-o", tmp_path / "again.recipe", cwd=folder)
     assert again.stdout.split()[-1] == packed.stdout.split()[-1]
-    assert run("check", "small.recipe", cwd=tmp_path).stdout == "small.recipe: in order, 2 variants\n"
-    verified = run("verify", "small.recipe", "--all", cwd=tmp_path)
+    assert run_here("check", "small.recipe", cwd=tmp_path).stdout == "small.recipe: in order, 2 variants\n"
+    verified = run_here("verify", "small.recipe", "--all", cwd=tmp_path)
     assert (verified.returncode, verified.stdout.splitlines()[0]) == (0, "PASS  small.recipe")
-    built = run("build", "small.recipe", "--workers", "1", cwd=tmp_path)
+    built = run_here("build", "small.recipe", "--workers", "1", cwd=tmp_path)
     assert built.stdout.splitlines()[-1] == verified.stdout.splitlines()[1].strip()
-    shown = run("diff", "small.recipe", folder / "lockfiles" / "small.lock", cwd=tmp_path)
+    shown = run_here("diff", "small.recipe", folder / "lockfiles" / "small.lock", cwd=tmp_path)
     assert (shown.returncode, shown.stdout) == (0, "nothing differs\n"), shown.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == ["again.recipe", "datasets", "small.recipe"]
 
 
 def test_a_pack_is_made_of_what_agrees(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "small.yaml", "lockfiles")
-    assert run("pack", "small.yaml", "--with-traces", cwd=root).returncode == 2
+    assert run_here("pack", "small.yaml", "--with-traces", cwd=root).returncode == 2
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
-    refused = run("pack", "small.yaml", cwd=root)
+    refused = run_here("pack", "small.yaml", cwd=root)
     assert (refused.returncode, "`recipe lock --update` first" in problems(refused.stderr)[0]) == (2, True)
     (root / "bad.recipe").write_bytes(b"PK")
     for command in ("build", "verify", "plan", "check", "shot"):
-        assert run(command, "bad.recipe", cwd=root).returncode == 2
+        assert run_here(command, "bad.recipe", cwd=root).returncode == 2

@@ -128,5 +128,5 @@ def check_whole(whole: Whole, folder: Path) -> None:
     """The dataset is the same, and nothing lies beside it."""
     assert tree(folder / "out") == whole.files
     assert json.loads((folder / "out" / "manifest.json").read_text())["identity"] == whole.identity
-    assert sorted(p.name for p in folder.iterdir()) == ["cache", "out"]
+    assert sorted(p.name for p in folder.iterdir()) == [".out.source.json", "cache", "out"]
     assert scraps(folder) == []

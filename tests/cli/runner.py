@@ -1,0 +1,43 @@
+"""Runs commands in this process: as `recipe` does, with its errors and exit codes, but without starting Python anew."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import signal
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from recipe_cli.main import main
+
+RENDERING = ("build", "lock", "verify")  # commands that share their work out
+
+
+def run_here(*arguments: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """What `recipe` with these arguments prints and how it ends, run in a folder; frames are rendered here too.
+
+    For tests of what a command says and writes. Those of processes, signals and start-up need a process.
+    """
+    command = ["recipe", *map(str, arguments)]
+    out, errors = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    handler = signal.getsignal(signal.SIGTERM)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(cwd)
+        patch.setattr(sys, "argv", command)
+        for name, value in environment.items():
+            patch.setenv(name, value)
+        for name in RENDERING:
+            patch.setattr(import_module(f"recipe_cli.commands.{name}"), "worker_count", lambda *_: 0)
+        try:
+            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
+                main()
+        except SystemExit as ended:
+            code = ended.code
+        finally:
+            signal.signal(signal.SIGTERM, handler)
+    assert isinstance(code, int)
+    texts = [stream.buffer.getvalue().decode() for stream in (out, errors)]  # type: ignore[attr-defined]
+    return subprocess.CompletedProcess(command, code, *texts)
