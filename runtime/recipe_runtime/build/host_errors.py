@@ -1,4 +1,4 @@
-"""Failures of the host, told from faults of ours: by what an exception is, and by what engines write into theirs."""
+"""Describe exceptions that are failures of the host, such as a full disk, with a remedy."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _WRITING = (
 )  # of an engine's own file, which it does not name
 
 
-def told(error: Exception, again: str) -> str:
-    """What failed, and what to do before `again`; an error that nobody but us can mend keeps its own words."""
+def describe(error: Exception, again: str) -> str:
+    """What failed, and what to do before `again`; other errors keep their own text."""
     if isinstance(error, OSError) and error.errno in _WRITING:
         where = f" {error.filename}" if error.filename is not None else ""
         return f"cannot write{where}: {error.strerror}; free some space or allow writing, then {again}"

@@ -1,7 +1,7 @@
-"""A dataset that stands in its place, held against its manifest: what a repair has to mend.
+"""Compare the files of a dataset with its manifest, to find what `recipe build --repair` has to render again.
 
-A manifest is believed if it is of the plan at hand and adds up to its identity. Frames of which any file has other
-bytes than it says are made again, under all of their names; so is every text and drawing. The rest is linked.
+A manifest is trusted if it is of the same plan and its digests add up to its identity. Frames of which any file differs
+are rendered again, under all of their names; every text and drawing is written again. The rest is linked.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from recipe_runtime.dataset.reader import Dataset, damaged_files, lock_of, recip
 
 @dataclass(frozen=True)
 class Examined:
-    """A dataset of ours, and what is wrong with its files, a line each."""
+    """A dataset, and what is wrong with its files, a line each."""
 
     held: Dataset
     damage: tuple[str, ...]
@@ -37,7 +37,7 @@ class Examined:
 
 
 def examine(plan: DatasetPlan, out: Path, progress: Progress) -> Examined | None:
-    """Hash every file of the dataset in a folder; None if what stands there is none of this plan and these tools."""
+    """Hash every file of a dataset; None unless `out` is a dataset built from this plan by these tool versions."""
     manifest = read_manifest(out)
     try:
         if manifest is None or not is_of(manifest, plan):

@@ -63,7 +63,7 @@ class Worker:
         self.watch = Stopwatch()
 
     def do(self, shard: Shard, tick: Callable[[int], None]) -> list[FrameRecord]:
-        """The records of a shard's frames; `tick` is told of every frame done, as a count of pictures."""
+        """Render a shard and return its records; `tick` is called after every frame, with its number of pictures."""
         view, records = self._views[shard.view], []
         groups = self._groups(view, shard.variants)
         plans = [self._job.dataset.variants[group[0]].appearance for group in groups]
@@ -87,14 +87,14 @@ class Worker:
 
     @contextmanager
     def _naming(self, view: View, shard: Shard, frame: int) -> Iterator[None]:
-        """Whatever fails inside is told with the variant, the sensor and the frame."""
+        """Report any failure inside with the variant, the sensor and the frame."""
         try:
             yield
         except RecipeError:
             raise
         except Exception as error:
             where = f"{self._job.dataset.variants[shard.variants[0]].variant}, {view.sensor.name}, frame {frame}"
-            raise RunError(f"{where}: {host_errors.told(error, self._job.again)}") from error
+            raise RunError(f"{where}: {host_errors.describe(error, self._job.again)}") from error
 
     def load(self, view: int) -> None:
         """Make the renderer of a view's scene, which need not have been simulated yet."""

@@ -186,7 +186,7 @@ class Workspace:
             self._remove()
 
     def _remove(self) -> None:
-        """Clear the folder away; what tells whose work it is goes last, so that the next build can go on from here."""
+        """Remove the folder; `job.json` goes last, so that the next build can continue if this is interrupted."""
         for child in sorted(self._partial.iterdir()):
             if child.is_dir():
                 shutil.rmtree(child)
@@ -203,7 +203,7 @@ class Workspace:
         return [stamp_of(found)] == list(row[2:]) or file_sha256(self.dataset / path) == row[1]
 
     def _sweep(self, files: Collection[str]) -> None:
-        """Remove what is none of the dataset's: halves of files that a killed build left."""
+        """Remove files that are not the dataset's: parts of files that a killed build left."""
         for path in sorted(p for p in self.dataset.rglob("*") if not p.is_dir()):
             if path.relative_to(self.dataset).as_posix() not in files:
                 path.unlink()

@@ -1,4 +1,4 @@
-"""What the workers brought home, put together: videos with their frames in order, and the identity of it all."""
+"""Assemble the frame records of workers into videos, and compute the dataset's identity."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from recipe_runtime.dataset.schedule import Shard, views
 
 @dataclass
 class FrameAssembly:
-    """Frame records by view and number, as they come in."""
+    """The frame records of a dataset, by view and frame, in any order of arrival."""
 
     dataset: DatasetPlan
     traces: dict[str, str] = field(default_factory=dict)  # scene digest -> trace digest
     records: dict[tuple[int, int], FrameRecord] = field(default_factory=dict)
 
     def add(self, shard: Shard, records: Sequence[FrameRecord]) -> None:
-        """Take in a finished shard. A frame's variants may come in several: what they share is equal."""
+        """Add a finished shard. The variants of a frame may be in several shards, which agree in what they share."""
         for record in records:
             place = shard.view, record["frame"]
             there = self.records.get(place)
@@ -60,7 +60,7 @@ class FrameAssembly:
         return found
 
     def identity(self) -> str:
-        """What a paper prints; the lockfile's identity, made from the same rows."""
+        """The dataset's identity: that of its lockfile, computed from the same rows."""
         lock, seen = digests.bare(self.dataset, "", {}), views(self.dataset)
         frames = {
             key: value

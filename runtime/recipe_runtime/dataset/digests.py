@@ -1,4 +1,4 @@
-"""Plans, Traces and frames as rows of digests: the same rows for a build, `recipe lock` and the verifier."""
+"""Rows of digests for plans, Traces and frames, as a build, `recipe lock` and `recipe verify` all use them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,12 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import STAGES, host_versions
 from recipe_runtime.dataset.schedule import View
 
-CHECKPOINTS = 64  # at most so many a body; they tell about when a motion parts
-
-
+CHECKPOINTS = 64  # at most, of a body; they locate the frame at which two motions diverge
 CHECKPOINT_DIGITS = 8
 
 
 def bare(plan: DatasetPlan, source: str, files: dict[str, str]) -> Lockfile:
-    """The lockfile of a plan before anything was simulated."""
+    """The lockfile of a plan, without traces, bodies and frames."""
     return skeleton(plan, source, files, host_versions(), STAGES)
 
 
@@ -37,7 +35,7 @@ def with_rows(
 
 
 def frame_rows(plan: DatasetPlan, view: View, record: FrameRecord) -> Iterator[tuple[FrameKey, str]]:
-    """The rows of one frame of one view: its labels for every observation, its colours for every scenario."""
+    """The rows of one frame of one view: labels and depth once an observation, colours once a scenario."""
     by_name = {plan.variants[i].variant: plan.variants[i] for i in view.variants}
     for scenario in by_name.values():
         key = VariantRow(scenario.scene.digest, scenario.rig.digest, scenario.appearance.digest)
@@ -58,7 +56,7 @@ def frame_keys(plan: DatasetPlan) -> Iterator[FrameKey]:
 
 
 def body_motions(trace: Trace) -> dict[str, BodyMotion]:
-    """The digest of each actor's motion, and short digests of how it went that far."""
+    """The digest of each actor's motion, and short digests of its prefixes."""
     stride = -(-trace.frames // CHECKPOINTS)
     digests = trace.prefix_digests([*range(stride, trace.frames + 1, stride), trace.frames])
     return {
@@ -67,8 +65,11 @@ def body_motions(trace: Trace) -> dict[str, BodyMotion]:
     }
 
 
-def first_parting(locked: BodyMotion, ours: BodyMotion) -> tuple[int, int] | None:
-    """The frames between which two motions part, [first, last]; None if they are equal."""
+def first_divergence(locked: BodyMotion, ours: BodyMotion) -> tuple[int, int] | None:
+    """The frames [first, last] within which two motions diverge; None if they are equal.
+
+    `last` is -1 where the checkpoints do not bound it.
+    """
     if locked == ours:
         return None
     if locked.stride == ours.stride:
@@ -78,8 +79,8 @@ def first_parting(locked: BodyMotion, ours: BodyMotion) -> tuple[int, int] | Non
     return len(ours.checkpoints) * ours.stride, -1
 
 
-def parting_words(first: int, last: int) -> str:
-    """When two motions part, in words, from what `first_parting` says."""
+def divergence_text(first: int, last: int) -> str:
+    """The result of `first_divergence` as text."""
     if last < first:
         return f"from frame {first} on"
     return f"at frame {first}" if first == last else f"between frames {first} and {last}"

@@ -10,7 +10,7 @@
     pictures   the same of what is under preview/: drawn for people, and not part of any digest, because fonts and
                scaling may change with Pillow
 
-Pixels and files are told apart, so that another encoder shows as that.
+Pixels and files have digests of their own, so that a change of the encoder is recognised as one.
 """
 
 from __future__ import annotations

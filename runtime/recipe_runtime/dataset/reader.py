@@ -51,9 +51,14 @@ class Dataset:
 
 
 def read(root: Path, name: str = "") -> Dataset:
-    """Read a dataset's manifest and plans; InputError if the folder holds none, or a damaged one.
+    """Read the manifest and the plans of a dataset.
 
-    It is told of by `name` where that is given: a URL, of which the folder is a copy.
+    Args:
+        root: the dataset's folder.
+        name: its name in messages, such as the URL of which the folder is a copy; the folder by default.
+
+    Raises:
+        InputError: the folder is not a dataset, or the manifest or a plan is damaged.
     """
     name = name or str(root)
     try:
@@ -82,7 +87,7 @@ def read(root: Path, name: str = "") -> Dataset:
 
 
 def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -> None:
-    """ValueError for a manifest that has many more rows than its plan stands for; a few are told one by one."""
+    """ValueError for a manifest that has many more rows than its plan stands for; a few are reported one by one."""
     rows = [row["frames"] for row in manifest["variants"].values()]
     frames = sum(len(values) for sensors in rows for sensor in sensors.values() for values in sensor.values())
     for number, most, what in (
@@ -117,7 +122,7 @@ def plan_alone(path: Path) -> DatasetPlan:
 def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
     """Files that are missing, surplus, no plain files, or whose bytes are not the manifest's; one fault each.
 
-    Every file is read once, in pieces; links are told, and not followed.
+    Every file is read once, in pieces; links are reported, and not followed.
     """
     expected, listed = layout.expected_files(dataset.plan), {*dataset.files, layout.MANIFEST}
     if dataset.recipe_file is not None:  # which files these must be, the recipe says
@@ -144,7 +149,7 @@ def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
 def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Fault]:
     """What the dataset's texts say otherwise than its plan, its labels and the given traces (by scene digest) do.
 
-    Labels are read line by line and held against the manifest's digests; annotation files, sequence lists, plans and
+    Labels are read line by line and compared with the manifest's digests; annotation files, sequence lists, plans and
     card are made again from them, and `tracks.csv` from its scene's trace where there is one; then bytes are compared.
     """
     videos: list[Video] = []
@@ -221,8 +226,8 @@ def _frames_without_digest(dataset: Dataset) -> list[Fault]:
     ):
         if rest:
             _, name, modality, frame = min(rest)
-            told = f"{count(len(rest), *what)}, the first: {name}, {modality}, frame {frame}"
-            found.append((layout.MANIFEST, f"{layout.MANIFEST}: {told}"))
+            which = f"{count(len(rest), *what)}, the first: {name}, {modality}, frame {frame}"
+            found.append((layout.MANIFEST, f"{layout.MANIFEST}: {which}"))
     return found
 
 

@@ -1,7 +1,6 @@
-"""Two pictures that should be one: how many pixels differ, and pictures that show where.
+"""Compare two pictures that should be equal: count the pixels that differ, and draw where they are.
 
-`recorded` is what a dataset or lockfile has, `rendered` what this host makes: which of the two is right, neither word
-says.
+`recorded` is the picture in a dataset, `rendered` the one that this host makes; either may be the wrong one.
 """
 
 from __future__ import annotations
@@ -24,16 +23,16 @@ from recipe_runtime.core.files import host_errors, write_atomic
 from recipe_runtime.core.outputs import unused_names
 
 _MODES = ("RGB", "L", "I;16")  # what encode.png writes
-_MOST_SIDE = 4096
-_MOST_BYTES = 2 * _MOST_SIDE * _MOST_SIDE * 4
+_MAX_SIDE = 4096
+_MAX_BYTES = 2 * _MAX_SIDE * _MAX_SIDE * 4
 
 if TYPE_CHECKING:
     from recipe_runtime.frames.shot import Shot
 
 
 @dataclass(frozen=True)
-class Parting:
-    """Where two pictures differ: how many pixels, and of the first, row by row, its place and both values."""
+class PixelDifference:
+    """The number of pixels that differ, and the place and values of the first of them, row by row."""
 
     count: int
     x: int = 0
@@ -46,17 +45,17 @@ class Parting:
         return f"{how} ({self.x}, {self.y}) is {self.recorded} as recorded, {self.rendered} as rendered"
 
 
-def first_difference(recorded: Path, rendered: Path) -> Parting | None:
-    """How two pictures' pixels differ, if at all; None if one cannot be read, or is of another size or kind."""
+def first_difference(recorded: Path, rendered: Path) -> PixelDifference | None:
+    """Compare the pixels of two pictures; None if one cannot be read, or they differ in size or type."""
     a, b = read_pixels(recorded), read_pixels(rendered)
     if a is None or b is None or not _alike(a, b):
         return None
     places = np.argwhere(_differs(a, b))
     if not len(places):
-        return Parting(0)
+        return PixelDifference(0)
     y, x = (int(v) for v in places[0])
     was, made = (" ".join(str(v) for v in np.atleast_1d(pixels[y, x]).tolist()) for pixels in (a, b))
-    return Parting(len(places), x, y, was, made)
+    return PixelDifference(len(places), x, y, was, made)
 
 
 def read_pixels(path: Path) -> NDArray[Any] | None:
@@ -66,7 +65,7 @@ def read_pixels(path: Path) -> NDArray[Any] | None:
     """
     try:
         found = path.lstat()
-        if not stat.S_ISREG(found.st_mode) or found.st_size > _MOST_BYTES:
+        if not stat.S_ISREG(found.st_mode) or found.st_size > _MAX_BYTES:
             return None
         body = io.BytesIO(path.read_bytes())
         if path.suffix == ".npy":
@@ -75,7 +74,7 @@ def read_pixels(path: Path) -> NDArray[Any] | None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's of large pictures; it reads none that is larger still
             with Image.open(body, formats=("PNG",)) as picture:
-                return np.asarray(picture) if picture.mode in _MODES and max(picture.size) <= _MOST_SIDE else None
+                return np.asarray(picture) if picture.mode in _MODES and max(picture.size) <= _MAX_SIDE else None
     except (
         OSError,
         ValueError,

@@ -78,8 +78,8 @@ def read(path: Path) -> Pack:
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; `recipe pack` makes one", code=Code.FILE_NOT_FOUND) from None
     except (OSError, zipfile.BadZipFile, InputError, *_DAMAGE) as error:
-        told = str(error).splitlines() or [type(error).__name__]  # zipfile's EOFError says nothing
-        reason = (isinstance(error, OSError) and error.strerror) or told[0]
+        lines = str(error).splitlines() or [type(error).__name__]  # zipfile's EOFError says nothing
+        reason = (isinstance(error, OSError) and error.strerror) or lines[0]
         raise InputError(f"{path}: is not a pack that can be used: {reason}", code=Code.INVALID_PACK) from None
 
 

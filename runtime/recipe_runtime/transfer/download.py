@@ -24,7 +24,7 @@ from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.limits import MAX_FILES
 from recipe_runtime.dataset.manifest import listed_files, stays_inside
 from recipe_runtime.dataset.manifest_reader import MAX_BYTES
-from recipe_runtime.transfer.upload import located, scheme_of, told
+from recipe_runtime.transfer.upload import located, reported_errors, scheme_of
 
 MOST_LISTED_BEYOND = 100_000  # entries of a dataset's folders, beyond the files that a manifest may list
 MOST_SURPLUS = 1_000  # names of files that no manifest lists; of more, the first are noted
@@ -46,7 +46,7 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
         raise InputError(
             f"{shown}: a web server does not say which files it holds; download the dataset, name its folder"
         )
-    with told(url, "try again"):
+    with reported_errors(url, "try again"):
         fs, prefix = located(url)
     if "file" in fs.protocol:
         yield Path(prefix)
@@ -54,7 +54,7 @@ def fetched(url: str, progress: Progress) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="recipe-fetch-") as folder:
         root = Path(folder) / "dataset"
         root.mkdir()
-        with told(url, "try again"):
+        with reported_errors(url, "try again"):
             _Fetch(shown, fs, prefix.rstrip("/"), root).all(progress)
         yield root
 

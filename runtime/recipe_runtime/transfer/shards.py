@@ -98,7 +98,7 @@ def webdataset(
     known = _index_of(out)
     if known is not None and known.get("dataset") == dataset.lock.identity and known.get("shard_bytes") == shard_bytes:
         return known
-    if out.is_symlink() or (out.exists() and (known is None or _strangers(out, known))):
+    if out.is_symlink() or (out.exists() and (known is None or _has_other_files(out, known))):
         raise InputError(f"{out} is there already, and is not an export alone; move it away or name another folder")
     if known is not None and not replace:
         raise InputError(
@@ -218,7 +218,7 @@ def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:
     return work / f"{dataset.plan.recipe}-{number:06d}.tar"
 
 
-def _strangers(out: Path, index: ExportIndex) -> bool:
+def _has_other_files(out: Path, index: ExportIndex) -> bool:
     """Whether a folder holds anything but the export that its index lists."""
     return {path.name for path in sorted(out.iterdir())} != {INDEX, *(row["file"] for row in index["shards"])}
 

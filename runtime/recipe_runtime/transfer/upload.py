@@ -55,14 +55,14 @@ class Target:
     def __init__(self, url: str) -> None:
         self._full = url.rstrip("/")
         self.url = urls.shown(self._full)
-        with self._told():
+        with self._reported():
             self._fs, self._prefix = located(self._full)
             self._there = self._manifest()
         found = self._sizes()
         if found and self._there is None and NOTE not in found:
             raise InputError(f"{self.url} holds files but no {layout.MANIFEST} of a dataset; name another place")
         if not found:
-            with self._told():
+            with self._reported():
                 self._write(NOTE, b"{}")  # now rather than after the build: may we write here at all?
 
     def check_replaceable(self, recipe: str) -> None:
@@ -94,7 +94,7 @@ class Target:
         if foreign:
             raise InputError(f"{self.url} holds a file that is not the dataset's, {foreign[0]!r}; move it away first")
         missing = [path for path, row in rows.items() if known.get(path) != row or sizes.get(path) != row[0]]
-        with self._told():
+        with self._reported():
             token = journal.begin({path: row for path, row in known.items() if sizes.get(path) == row[0]})
             self._write(NOTE, canonical_bytes({"dataset": manifest["identity"], "copy": token}))
             if self._there is not None:
@@ -168,7 +168,7 @@ class Target:
 
     def _sizes(self) -> dict[str, int]:
         """Every file below the prefix, and its size."""
-        with self._told():
+        with self._reported():
             try:
                 found = self._fs.find(self._prefix, detail=True)
             except FileNotFoundError:
@@ -177,7 +177,7 @@ class Target:
         return {name[len(head) :]: int(row["size"]) for name, row in found.items() if name.startswith(head)}
 
     def _manifest(self) -> Manifest | None:
-        """The manifest that is there; None if none of ours is."""
+        """The manifest that is there; None if there is none of this project."""
         try:
             place = self._at(layout.MANIFEST)
             if (self._fs.size(place) or 0) > manifest_reader.MAX_BYTES:
@@ -190,8 +190,8 @@ class Target:
     def _at(self, path: str) -> str:
         return f"{self._prefix.rstrip('/')}/{path}"
 
-    def _told(self) -> AbstractContextManager[None]:
-        return told(self._full, "try again: what was copied is kept")
+    def _reported(self) -> AbstractContextManager[None]:
+        return reported_errors(self._full, "try again: what was copied is kept")
 
 
 def scheme_of(url: str) -> str:
@@ -218,10 +218,10 @@ def located(url: str) -> tuple[Any, str]:
 
 
 @contextmanager
-def told(url: str, remedy: str) -> Iterator[None]:
-    """Whatever a store or its library raises, told with the URL and a remedy: the one given, where none is better.
+def reported_errors(url: str, remedy: str) -> Iterator[None]:
+    """Report any error of a store or its library with the URL and a remedy: `remedy`, unless a better one is known.
 
-    What is told holds no password of a URL.
+    The message holds no password of a URL.
     """
     shown = urls.shown(url)
     try:

@@ -108,13 +108,13 @@ def compare_locks(
 
 
 def compare_datasets(plan: DatasetPlan, lock: Lockfile, held: Lockfile, name: str) -> list[Difference]:
-    """What a dataset of that name says otherwise than a recipe's plan and its lockfile, whoever made it."""
+    """How the digests `held` of a dataset called `name` differ from a recipe's plan and its lockfile."""
     found = compare_plans(plan, held) + _digests(lock, held)
     return [replace(difference, message=f"{name}: {difference.message}") for difference in found]
 
 
 def _digests(lock: Lockfile, made: Lockfile, excuse_for: Excuse = excuse_of) -> list[Difference]:
-    """Motion and frames that both tell of, and that differ."""
+    """Motion and frames that both have, and that differ."""
     found = []
     for scene, trace in made.traces.items():
         if scene in lock.traces and lock.traces[scene] != trace:

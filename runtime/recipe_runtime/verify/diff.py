@@ -1,8 +1,8 @@
-"""Two recipes, plans, lockfiles or datasets side by side: what differs, the first cause first, in words.
+"""Compare two recipes, plans, lockfiles or datasets and describe the differences, the first cause first.
 
-Things are compared in the order in which they are made, as far as both sides say: files, stages and tools, plans down
-to the field, motion body by body, pixels frame by frame, and of two datasets the files that their manifests list. What
-one side does not hold is not compared, and said. No file of a dataset but its manifest and plans is read.
+The order is that of the stages: files, stages and tools, plans down to the field, motion body by body, pixels frame by
+frame, and of two datasets the files that their manifests list. What only one side has is not compared, and reported as
+such. Of a dataset only the manifest and the plans are read.
 """
 
 from __future__ import annotations
@@ -17,19 +17,24 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.ir.plurals import count, form
 
 from recipe_runtime.core import layout
-from recipe_runtime.dataset.digests import first_parting, parting_words
+from recipe_runtime.dataset.digests import divergence_text, first_divergence
 from recipe_runtime.verify.compare import stage_of
+from recipe_runtime.verify.verdict import Difference
 
-MOST_FIELDS = 12  # of one plan; the rest is counted
+MAX_FIELDS = 12  # of one plan; the rest is counted
 _PARTS = ("scene", "rig", "appearance")
 
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two: its name, and what it says.
+    """One of the two things that are compared.
 
-    `lock` of a recipe without a lockfile, and of a plan, ends where compiling ends. `listed` are the SHA-256 of a
-    dataset's files, by its manifest. `note` is what a reader must know of this side.
+    Attributes:
+        name: the name in messages.
+        lock: the digests; without motion and pixels for a plan, or a recipe that has no lockfile.
+        plan: the plan, if there is one.
+        listed: SHA-256 by path, of the files that a dataset's manifest lists.
+        note: a remark on this side for the user.
     """
 
     name: str
@@ -40,27 +45,16 @@ class Side:
 
     @property
     def locked(self) -> bool:
-        """Whether it tells of motion and pixels."""
+        """Whether it has digests of motion and pixels."""
         return bool(self.lock.frames or self.lock.traces)
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One thing that differs, and the stage at which it does."""
-
-    stage: str
-    message: str
-
-    def __str__(self) -> str:
-        return f"{self.stage}: {self.message}"
-
-
-def differences(a: Side, b: Side) -> list[Finding]:
-    """All that differs, in the order of the stages: recipe, tools, plan, trace, observation, labels, shading, file."""
+def differences(a: Side, b: Side) -> list[Difference]:
+    """Every difference, in the order of the stages: recipe, tools, plan, trace, observation, labels, shading, file."""
     found = [*_files(a, b), *_versions(a, b), *_variants(a, b)]
     if a.locked and b.locked:
         found += [*_traces(a, b), *_frames(a, b)]
-    return found + _listed(a, b, told=bool(found))
+    return found + _listed(a, b, only_count=bool(found))
 
 
 def left_out(a: Side, b: Side) -> list[str]:
@@ -72,8 +66,8 @@ def left_out(a: Side, b: Side) -> list[str]:
             notes.append(f"the text of {a.name} and {b.name} differs; the plan does not")
     silent = [side.name for side in (a, b) if not side.locked]
     if silent:
-        told = f"{' and '.join(silent)} {form(len(silent), 'holds', 'hold')} none"
-        notes.append(f"motion and pixels were not compared: {told}; `recipe lock` makes a lockfile")
+        which = f"{' and '.join(silent)} {form(len(silent), 'holds', 'hold')} none"
+        notes.append(f"motion and pixels were not compared: {which}; `recipe lock` makes a lockfile")
     folders = [side.name for side in (a, b) if side.listed is not None]
     if folders:
         whose = form(len(folders), "its manifest", "their manifests")
@@ -82,19 +76,19 @@ def left_out(a: Side, b: Side) -> list[str]:
     return notes
 
 
-def _files(a: Side, b: Side) -> Iterator[Finding]:
+def _files(a: Side, b: Side) -> Iterator[Difference]:
     ours, theirs = a.lock.files, b.lock.files
     if not ours or not theirs or a.lock.plan == b.lock.plan:
         return  # a dataset or a plan, of no file; or other text of one plan
     first, second = _alone(ours, theirs), _alone(theirs, ours)
     for path in [path for path in first if path in second]:
-        yield Finding("recipe", f"{path} differs")
+        yield Difference("recipe", f"{path} differs")
     only_first, only_second = ([p for p in x if p not in y] for x, y in ((first, second), (second, first)))
     if len(only_first) == len(only_second) == 1:  # the recipe itself, under two names
-        yield Finding("recipe", f"{only_first[0]} and {only_second[0]} differ")
+        yield Difference("recipe", f"{only_first[0]} and {only_second[0]} differ")
         return
     for side, paths in ((a, only_first), (b, only_second)):
-        yield from (Finding("recipe", f"{path} is in {side.name} only") for path in paths)
+        yield from (Difference("recipe", f"{path} is in {side.name} only") for path in paths)
 
 
 def _alone(files: Mapping[str, str], others: Mapping[str, str]) -> list[str]:
@@ -102,23 +96,23 @@ def _alone(files: Mapping[str, str], others: Mapping[str, str]) -> list[str]:
     return [path for path, value in sorted(files.items()) if value not in others.values()]
 
 
-def _versions(a: Side, b: Side) -> Iterator[Finding]:
-    """Stages and tools that both tell of; a dataset, unlike a lockfile, does not name its interpreter."""
+def _versions(a: Side, b: Side) -> Iterator[Difference]:
+    """Stages and tools that both sides name; a dataset, unlike a lockfile, does not name its interpreter."""
     for what, ours, theirs in (
         ("stage ", a.lock.stages, b.lock.stages),
         ("", a.lock.tools, b.lock.tools),
     ):
         for name in sorted(ours):
             if name in theirs and ours[name] != theirs[name]:
-                yield Finding("tools", f"{what}{name}: {ours[name]} and {theirs[name]}")
+                yield Difference("tools", f"{what}{name}: {ours[name]} and {theirs[name]}")
 
 
-def _variants(a: Side, b: Side) -> Iterator[Finding]:
+def _variants(a: Side, b: Side) -> Iterator[Difference]:
     ours, theirs = a.lock.variants, b.lock.variants
     for side, other in ((a, b), (b, a)):
         only = [name for name in side.lock.variants if name not in other.lock.variants]
         if only:
-            yield Finding("plan", f"{_some(only, 'variant')}, {form(len(only), 'is', 'are')} in {side.name} only")
+            yield Difference("plan", f"{_some(only, 'variant')}, {form(len(only), 'is', 'are')} in {side.name} only")
     shared = [name for name in ours if name in theirs]
     if a.plan and b.plan:
         yield from _fields(shared, a.plan, b.plan)
@@ -126,26 +120,26 @@ def _variants(a: Side, b: Side) -> Iterator[Finding]:
         for name in shared:
             parts = [part for part in _PARTS if getattr(ours[name], part) != getattr(theirs[name], part)]
             if parts:
-                yield Finding("plan", f"{name}: another {' and '.join(parts)} plan")
+                yield Difference("plan", f"{name}: another {' and '.join(parts)} plan")
     if [n for n in theirs if n in ours] != shared:
-        yield Finding("plan", "the variants are in another order")
+        yield Difference("plan", "the variants are in another order")
     if a.plan and b.plan:
         for what, first, second in (
             ("output.annotations", ", ".join(a.plan.annotations), ", ".join(b.plan.annotations)),
             ("output.depth", a.plan.depth, b.plan.depth),
         ):
             if first != second:
-                yield Finding("plan", f"{what}: {first or 'none'} in {a.name}, {second or 'none'} in {b.name}")
+                yield Difference("plan", f"{what}: {first or 'none'} in {a.name}, {second or 'none'} in {b.name}")
 
 
-def _fields(shared: list[str], a: DatasetPlan, b: DatasetPlan) -> Iterator[Finding]:
-    """What differs field by field; what differs alike in many variants is told once."""
+def _fields(shared: list[str], a: DatasetPlan, b: DatasetPlan) -> Iterator[Difference]:
+    """What differs field by field; what differs alike in many variants is reported once."""
     seen: dict[str, list[str]] = {}
     for name in shared:
         for message in _plan_fields(a.named(name), b.named(name)):
             seen.setdefault(message, []).append(name)
     for message, names in seen.items():
-        yield Finding("plan", f"{names[0] if len(names) == 1 else _some(names, 'variant')}: {message}")
+        yield Difference("plan", f"{names[0] if len(names) == 1 else _some(names, 'variant')}: {message}")
 
 
 def _plan_fields(a: ScenarioPlan, b: ScenarioPlan) -> list[str]:
@@ -154,9 +148,9 @@ def _plan_fields(a: ScenarioPlan, b: ScenarioPlan) -> list[str]:
         ours, theirs = getattr(a, part), getattr(b, part)
         if ours.digest != theirs.digest:
             messages = list(walk(ours.document(), theirs.document(), part))
-            found += messages[:MOST_FIELDS]
-            if len(messages) > MOST_FIELDS:
-                rest = count(len(messages) - MOST_FIELDS, "more field", "more fields")
+            found += messages[:MAX_FIELDS]
+            if len(messages) > MAX_FIELDS:
+                rest = count(len(messages) - MAX_FIELDS, "more field", "more fields")
                 found.append(f"and {rest} of the {part} plan")
     return found
 
@@ -188,26 +182,26 @@ def _pair(ours: Mapping[str, Any], theirs: Mapping[str, Any], key: str, path: st
         yield from walk(ours[key], theirs[key], path)
 
 
-def _traces(a: Side, b: Side) -> Iterator[Finding]:
+def _traces(a: Side, b: Side) -> Iterator[Difference]:
     """Scenes that are planned alike and move otherwise: which body parts first, and when."""
     for scene, value in a.lock.traces.items():
         if b.lock.traces.get(scene, value) == value:
             continue
-        partings = []
+        divergences = []
         for (of, actor), motion in a.lock.bodies.items():
             other = b.lock.bodies.get((of, actor))
-            at = first_parting(motion, other) if of == scene and other else None
+            at = first_divergence(motion, other) if of == scene and other else None
             if at:
-                partings.append((at[0], actor, at[1]))
-        if not partings:
-            yield Finding("trace", f"scene {scene[:16]} moves otherwise")
+                divergences.append((at[0], actor, at[1]))
+        if not divergences:
+            yield Difference("trace", f"scene {scene[:16]} moves otherwise")
             continue
-        first, actor, last = min(partings)
-        differ = f"{count(len(partings), 'body', 'bodies')} {form(len(partings), 'differs', 'differ')}"
-        yield Finding("trace", f"body {actor} parts {parting_words(first, last)}; {differ}")
+        first, actor, last = min(divergences)
+        differ = f"{count(len(divergences), 'body', 'bodies')} {form(len(divergences), 'differs', 'differ')}"
+        yield Difference("trace", f"body {actor} parts {divergence_text(first, last)}; {differ}")
 
 
-def _frames(a: Side, b: Side) -> Iterator[Finding]:
+def _frames(a: Side, b: Side) -> Iterator[Difference]:
     """Frames that are planned and move alike and look otherwise, a line for each modality of a sensor of a variant."""
     names = {row.frame_key(m): name for name, row in reversed(a.lock.variants.items()) for m in ("rgb", "labels")}
     cases: dict[tuple[str, str, str], list[int]] = {}
@@ -224,13 +218,13 @@ def _frames(a: Side, b: Side) -> Iterator[Finding]:
         frames, place = cases[key, sensor, modality], (key, sensor, modality)
         where = f"{names.get(key, key)}, {sensor}"
         what = f"{modality} of {len(frames)} of {count(totals[place], 'frame')} differs, frame {min(frames)} the first"
-        yield Finding(stage_of(modality), f"{where}: {what}")
+        yield Difference(stage_of(modality), f"{where}: {what}")
 
 
-def _listed(a: Side, b: Side, told: bool) -> list[Finding]:
-    """Files of two datasets whose bytes differ: each, in the order in which a build makes them, unless a cause is told.
+def _listed(a: Side, b: Side, only_count: bool) -> list[Difference]:
+    """Files of two datasets whose bytes differ, in the order in which a build makes them.
 
-    Then they are counted: every file that depends on the cause is among them.
+    With `only_count`, one line with their number: an earlier difference is their cause.
     """
     if a.listed is None or b.listed is None:
         return []
@@ -240,11 +234,11 @@ def _listed(a: Side, b: Side, told: bool) -> list[Finding]:
             found.append(f"{path} is in {a.name if path in a.listed else b.name} only")
         elif a.listed[path] != b.listed[path]:
             found.append(f"{path} has other bytes")
-    if not told or not found:
-        return [Finding("file", message) for message in found]
+    if not only_count or not found:
+        return [Difference("file", message) for message in found]
     total = count(len({*a.listed, *b.listed}), "file")
     return [
-        Finding("file", f"{len(found):,} of {total} {form(len(found), 'differs', 'differ')}, the first: {found[0]}")
+        Difference("file", f"{len(found):,} of {total} {form(len(found), 'differs', 'differ')}, the first: {found[0]}")
     ]
 
 

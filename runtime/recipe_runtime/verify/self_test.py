@@ -77,12 +77,12 @@ class Examination:
     @property
     def tiers(self) -> dict[str, str]:
         """Which promises this host keeps: yes, no, or why neither was seen."""
-        told = {"A": "yes" if all(c.state == "equal" for c in self.checks) else "no"}
+        found = {"A": "yes" if all(c.state == "equal" for c in self.checks) else "no"}
         if any(c.state == "may differ" for c in self.checks) and all(c.state != "differs" for c in self.checks):
-            told["A"] = "not promised here: " + next(c.reason for c in self.checks if c.state == "may differ")
+            found["A"] = "not promised here: " + next(c.reason for c in self.checks if c.state == "may differ")
         seen = [c.state for c in self.gpu if c.stage in ("observation", "labels", "shading")]
-        told["B"] = "no CUDA GPU here" if not seen else "yes" if set(seen) == {"equal"} else "no"
-        return told
+        found["B"] = "no CUDA GPU here" if not seen else "yes" if set(seen) == {"equal"} else "no"
+        return found
 
     @property
     def healthy(self) -> bool:
@@ -132,7 +132,7 @@ def self_test(
             Difference(stage, f"{path} differs", own_excuse_of("texts" if stage == "annotate" else stage, golden))
             for stage, path in _other_files(made.manifest["files"])
         ]
-    return _told(differences)
+    return _checks(differences)
 
 
 def file_rows(files: Mapping[str, FileRecord]) -> dict[str, str]:
@@ -148,7 +148,7 @@ def _other_files(files: Mapping[str, FileRecord]) -> list[tuple[str, str]]:
     return [("encoding" if path.endswith((".png", ".npy")) else "annotate", path) for path in other]
 
 
-def _told(differences: list[Difference]) -> list[Check]:
+def _checks(differences: list[Difference]) -> list[Check]:
     """A check for every stage: after the first that differs, the later ones follow from it."""
     by_stage: dict[str, list[Difference]] = {}
     for difference in differences:

@@ -1,4 +1,4 @@
-"""What a comparison found: differences, each at a stage, and the verdict that follows from them.
+"""The result of a comparison: differences, each at a stage, and the verdict that follows from them.
 
 A difference is FAIL if this host promises equal bytes; it is INCONCLUSIVE, with the reason, if a stage's version or a
 tool that the stage depends on is another than the lockfile's.
@@ -15,13 +15,16 @@ from recipe_runtime.verify.sampling import Bound
 
 Verdict = Literal["PASS", "FAIL", "INCONCLUSIVE"]
 
-# In the order in which things are made: the first that parts is the verdict's.
+# In the order of the pipeline; the first that differs is the verdict's. `recipe diff` also reports `tools`.
 ORDER = ("lockfile", "recipe", "plan", "trace", "observation", "labels", "shading", "encoding", "file")
 
 
 @dataclass(frozen=True)
 class Difference:
-    """One thing that is not as the lockfile or the dataset says."""
+    """One thing that differs, and the stage at which it does.
+
+    `recipe verify` fills all fields, `recipe diff` only the stage and the message.
+    """
 
     stage: str
     message: str
@@ -87,7 +90,7 @@ class Report:
 
     @property
     def stage(self) -> str | None:
-        """The first stage at which things part."""
+        """The first stage that differs."""
         return min((d.stage for d in self.differences), key=ORDER.index, default=None)
 
     @property
@@ -106,8 +109,8 @@ class Report:
         if self.verdict == "PASS":
             return f"{self.bound}{resumed}"
         frames = {(d.variant, d.sensor, d.frame) for d in self.differences if d.frame is not None}
-        told = f"{len(frames)} of them {form(len(frames), 'differs', 'differ')}"
-        return f"{self.bound.checked} of {count(self.bound.total, 'frame')} compared, {told}{resumed}"
+        which = f"{len(frames)} of them {form(len(frames), 'differs', 'differ')}"
+        return f"{self.bound.checked} of {count(self.bound.total, 'frame')} compared, {which}{resumed}"
 
     def document(self) -> ReportRecord:
         """The report as plain JSON values."""

@@ -1,6 +1,6 @@
-"""Re-render sample frames and compare them, byte for byte, with a lockfile, and with a dataset if there is one.
+"""Re-render a sample of frames and compare them, byte for byte, with a lockfile, and with a dataset if there is one.
 
-The stages are compared in the order in which things are made, and the first one that parts is the verdict's:
+The stages are compared in the order of the pipeline, and the first one that differs is the verdict's:
 
     lockfile, recipe, plan, trace, observation, labels, shading, encoding, file
 """
@@ -53,7 +53,7 @@ from recipe_runtime.verify.verdict import Difference, Report
 
 Choice = tuple[str, str, int]  # variant, sensor, frame
 
-MOST_PICTURES = 8
+MAX_PICTURES = 8
 
 
 @dataclass(frozen=True)
@@ -83,11 +83,18 @@ def verify(
     engines: Engines | None = None,
     cache: Path | None = None,
 ) -> Report:
-    """Compare what a plan makes on this host with a lockfile, and with a dataset's files, as far as the options ask.
+    """Compare what this host makes of a plan with a lockfile, and with a dataset's files.
 
-    `files` are the digests of the recipe's files as they are now; None where there is only a dataset's plan. `traces`
-    by scene are the locked motion, for hosts whose own simulation need not agree. `cache` is where a run over
-    everything keeps a journal of the frames that it has rendered, and takes up that of one that was stopped.
+    Args:
+        plan: the plan.
+        lock: the expected digests.
+        options: the extent of the comparison.
+        progress: called with the stage, the steps done and the steps in all.
+        files: SHA-256 of the recipe's files as they are now; None where there is only a dataset's plan.
+        dataset: the dataset whose files are compared.
+        traces: the locked Traces by scene, for hosts whose own simulation need not agree.
+        engines: simulation and renderer; None for the real ones.
+        cache: where a run over all frames keeps its journal, and continues one that was stopped.
     """
     engines = engines or real_engines(Assets(asset_places(dataset) if dataset is not None else {}))
     choices = all_choices(plan)
@@ -107,10 +114,10 @@ def verify(
         differences += found
         if dataset is not None:
             differences += recipe_differences(dataset, options.allow_large)
-            differences += _untold(differences, damaged_files(dataset, progress))
+            differences += _not_yet_reported(differences, damaged_files(dataset, progress))
             excuses = {layout.CARD: excuse_of("card", lock)}
             faults = text_differences(dataset, check.traces)
-            differences += _untold(differences, faults, excuse_of("texts", lock), excuses)
+            differences += _not_yet_reported(differences, faults, excuse_of("texts", lock), excuses)
         if options.pictures is not None:
             pictures = check.draw(differences, options.pictures)
         check.close()
@@ -131,26 +138,28 @@ def verify(
 def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Report:
     """Compare a dataset's files with its manifest, and that with its plan; nothing is simulated or rendered."""
     differences = compare_rows(dataset.plan, dataset.lock) + recipe_differences(dataset, options.allow_large)
-    differences += _untold(differences, damaged_files(dataset, progress))
+    differences += _not_yet_reported(differences, damaged_files(dataset, progress))
     bound = Bound(0, len(all_choices(dataset.plan)), options.confidence)
     return Report(
         dataset.plan.recipe, dataset.lock.identity, options.nonce, bound, differences, files=len(dataset.files)
     )
 
 
-def _untold(
+def _not_yet_reported(
     known: list[Difference],
     faults: Iterable[Fault],
     excuse: str | None = None,
     excuses: Mapping[str, str | None] = MappingProxyType({}),
 ) -> list[Difference]:
-    """The faults of files as differences, but of those that a difference without excuse has told of already.
+    """File faults as differences, skipping files already reported by an unexcused difference.
 
-    `excuse` is that of every file, and `excuses` are further ones, by path.
+    `excuse` applies to every file, `excuses` to single paths.
     """
-    told = {d.path for d in known if d.stage == "file" and d.excuse is None}
+    reported = {d.path for d in known if d.stage == "file" and d.excuse is None}
     return [
-        Difference("file", line, excuse or excuses.get(path), path=path) for path, line in faults if path not in told
+        Difference("file", line, excuse or excuses.get(path), path=path)
+        for path, line in faults
+        if path not in reported
     ]
 
 
@@ -223,7 +232,7 @@ class _Check:
                     self.traces[digest] = trace
                     whole.add(digest)
                     continue
-                message = _parting(self.lock, scene, digests.body_motions(trace))
+                message = _divergence(self.lock, scene, digests.body_motions(trace))
             if kept is not None and reason:
                 self.traces[digest] = store.keep_trace(scene, kept)
                 whole.add(digest)
@@ -295,15 +304,15 @@ class _Check:
         if made.stat().st_size == there.stat().st_size and made.read_bytes() == there.read_bytes():
             return None
         at = self._origin(path)
-        parting = first_difference(there, made)
-        if parting is not None and not parting.count:
+        pixels = first_difference(there, made)
+        if pixels is not None and not pixels.count:
             message = f"{path}: equal pixels, encoded otherwise"
             found = Difference("encoding", message, excuse_of("encoding", self.lock), *at)
-        elif parting is None:
+        elif pixels is None:
             found = Difference("file", f"{path} is another picture, or none", None, *at)
         else:
-            found = Difference("file", f"{path}: {parting}", None, *at)
-            found = replace(found, recorded=parting.recorded, rendered=parting.rendered)
+            found = Difference("file", f"{path}: {pixels}", None, *at)
+            found = replace(found, recorded=pixels.recorded, rendered=pixels.rendered)
         return replace(found, path=path)
 
     def _origin(self, path: str) -> tuple[str, str, int, str] | tuple[()]:
@@ -326,7 +335,7 @@ class _Check:
         """Pictures of the first frames that differ: as recorded in the dataset, as rendered here, and where."""
         pictures: list[str] = []
         cases = [d for d in differences if d.modality not in (None, "labels")]
-        for case in cases[:MOST_PICTURES]:
+        for case in cases[:MAX_PICTURES]:
             assert case.variant is not None and case.sensor is not None
             scenario = next(v for v in self.plan.variants if v.variant == case.variant)
             made = shot(
@@ -355,17 +364,17 @@ def _has_bytes(root: Path, path: str, size: int, sha256: str) -> bool:
     return there is not None and there.st_size == size and file_sha256(root / path) == sha256
 
 
-def _parting(lock: Lockfile, scene: ScenePlan, ours: dict[str, BodyMotion]) -> str:
-    """Which body parts first, and about when."""
-    partings = []
+def _divergence(lock: Lockfile, scene: ScenePlan, ours: dict[str, BodyMotion]) -> str:
+    """Describe which body's motion diverges first, and about when."""
+    divergences = []
     for actor, motion in ours.items():
         locked = lock.bodies.get((scene.digest, actor))
-        at = digests.first_parting(locked, motion) if locked else None
+        at = digests.first_divergence(locked, motion) if locked else None
         if at:
-            partings.append((at[0], actor, at[1]))
-    if not partings:
+            divergences.append((at[0], actor, at[1]))
+    if not divergences:
         return "the motion differs from the one that was locked"
-    first, actor, last = min(partings)
-    where = f"{digests.parting_words(first, last)} (from step {first * scene.clock.steps_per_frame})"
-    bodies = f"{len(partings)} of {count(len(ours), 'body', 'bodies')} {form(len(partings), 'differs', 'differ')}"
+    first, actor, last = min(divergences)
+    where = f"{digests.divergence_text(first, last)} (from step {first * scene.clock.steps_per_frame})"
+    bodies = f"{len(divergences)} of {count(len(ours), 'body', 'bodies')} {form(len(divergences), 'differs', 'differ')}"
     return f"body {actor} parts {where}; {bodies}"

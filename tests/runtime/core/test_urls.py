@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.core import urls
-from recipe_runtime.transfer.upload import told
+from recipe_runtime.transfer.upload import reported_errors
 
 MASKED = {
     "s3://KEY:sec/ret@bucket/name": "s3://KEY:***@bucket/name",
@@ -66,7 +66,7 @@ def test_no_part_of_a_signature_is_left(secret: str) -> None:
 @pytest.mark.parametrize("kind", [ValueError, PermissionError, ConnectionError, ImportError])
 def test_an_error_of_a_library_tells_no_secret(kind: type[Exception]) -> None:
     url = "s3://KEY:wJalr/XUtn@bucket/x?sig=abcdef"
-    with pytest.raises((InputError, RunError)) as caught, told(url, "try again"):
+    with pytest.raises((InputError, RunError)) as caught, reported_errors(url, "try again"):
         raise kind("403 for KEY:wJalr/XUtn@bucket, sig abcdef, at https://bucket/x?sig=abcdef&k=v")
     text = str(caught.value)
     assert "s3://KEY:***@bucket/x?***" in text

@@ -11,8 +11,9 @@ import pytest
 from recipe_compiler.ir.lockfile import Lockfile, read
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.dataset.digests import bare
-from recipe_runtime.verify.diff import Finding, Side, differences, left_out, walk
+from recipe_runtime.verify.diff import Side, differences, left_out, walk
 from recipe_runtime.verify.locking import lock
+from recipe_runtime.verify.verdict import Difference
 
 from tests.runtime.fakes import ENGINES, dataset_plan
 
@@ -69,7 +70,7 @@ def test_the_body_that_parts_first_is_named_with_its_frames(ours: Side) -> None:
         points = tuple("0" * 8 if k >= frame else p for k, p in enumerate(motion.checkpoints))
         bodies[scene, actor] = replace(motion, digest="0" * 64, checkpoints=points)
     found = differences(ours, _with(ours, bodies=bodies, traces={scene: "0" * 64}))
-    assert found == [Finding("trace", "body hero2 parts at frame 2; 2 bodies differ")]
+    assert found == [Difference("trace", "body hero2 parts at frame 2; 2 bodies differ")]
 
 
 def test_frames_are_counted_by_modality_labels_before_colours(ours: Side) -> None:
