@@ -86,10 +86,8 @@ def verify(
     """Compare what this host makes of a plan with a lockfile, and with a dataset's files.
 
     Args:
-        plan: the plan.
         lock: the expected digests.
         options: the extent of the comparison.
-        progress: called with the stage, the steps done and the steps in all.
         files: SHA-256 of the recipe's files as they are now; None where there is only a dataset's plan.
         dataset: the dataset whose files are compared.
         traces: the locked Traces by scene, for hosts whose own simulation need not agree.
