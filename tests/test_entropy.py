@@ -27,7 +27,7 @@ ALLOWED_IMPORTS = {
 ALLOWED_ADDRESSES = {
     "recipe_compiler/checks/check.py": "the key of a section that was checked before, and is held",
     "recipe_compiler/checks/findings.py": "the key of a problem that was found before, and is held",
-    "recipe_compiler/compile.py": "the key of parts that were weighed before, and are held",
+    "recipe_compiler/lowering/workload.py": "the key of sections whose cost was estimated before, and are held",
     "recipe_compiler/source/merge.py": "the key of values that were merged before, and are held",
     "recipe_compiler/lowering/lower.py": "the key of a scene or rig that was lowered before, and is held",
     "recipe_runtime/meshes/smoothing.py": "the key of a surface that was numbered before, and is held",

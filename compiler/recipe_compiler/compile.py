@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 from pydantic import ValidationError
 
@@ -20,22 +18,19 @@ from recipe_compiler import expand, limits
 from recipe_compiler.checks.check import Checker, check_deltas, check_removals
 from recipe_compiler.checks.findings import Findings
 from recipe_compiler.expand import Axes, Variant
-from recipe_compiler.ir import optics
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem, with_source
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
-from recipe_compiler.library import towns
 from recipe_compiler.library.towns import Town
 from recipe_compiler.limits import TooLargeError as TooLargeError
-from recipe_compiler.lowering import asset_files, placement
-from recipe_compiler.lowering.lower import MAX_ROUTE, Lowering
+from recipe_compiler.lowering import asset_files, placement, workload
+from recipe_compiler.lowering.lower import Lowering
 from recipe_compiler.schema.messages import nearest, translate
-from recipe_compiler.schema.models import Base, Motion, Recipe
+from recipe_compiler.schema.recipe import Base, Recipe
 from recipe_compiler.source import merge
 from recipe_compiler.source.yaml_reader import Value, show
 
 _CHECKED_APART = {"base", "deltas"}
 _LOOKS = {100, 300, 1000, 3000}  # numbers of variants after which to look whether they are too much already
-_METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of those who wander
 
 
 @dataclass(frozen=True)
@@ -98,7 +93,7 @@ def _compile(
         if base is None:
             continue
         checked.append((variant, base))
-        loads.append(_load(variant, base, changes))
+        loads.append(workload.estimated(variant, base, changes))
         if len(loads) in _LOOKS and not allow_large:
             too_long = _too_long(root, loads, expand.count(axes, recipe.sweep))
             if too_long and not problems and not found.total:
@@ -122,7 +117,7 @@ def _compile(
         depth=recipe.output.depth,
     )
     cost = dataclasses.replace(
-        limits.total(map(_measured, plans), recipe.output.depth),
+        limits.total(map(workload.measured, plans), recipe.output.depth),
         compile_seconds=estimate.compile_seconds,
         compile_bytes=estimate.compile_bytes,
     )
@@ -290,82 +285,3 @@ def _instances(root: Value, problems: list[Problem]) -> dict[str, int]:
     except ValueError as error:
         problems.append(Problem(f"actors: {error}", root.place_of("base", "actors"), code=Code.INPUT_LIMIT))
         raise InputError(_sorted(problems)) from None
-
-
-def _load(variant: Variant, base: Base, changes: int) -> limits.Load:
-    """A variant's work before it is lowered: sections that are the same object are shared."""
-    scene = (*(id(part) for part in (base.clock, base.town, base.actors, base.traffic, base.props)), variant.seed)
-    rig = (id(base.sensors), variant.seed)
-    views = tuple(
-        limits.View(
-            base.clock.frames,
-            s.camera.width * s.camera.height,
-            _samples(s.camera, s.camera.supersample),
-            s.capture,
-            base.clock.frames if s.motion != Motion() else 1,
-            s.motion == Motion() and s.mount.on is None,
-            _finished(s.camera),
-        )
-        for s in base.sensors.values()
-    )
-    clock, parameters = base.clock, base.town.model_extra or {}
-    crowd = base.traffic.vehicles + base.traffic.pedestrians
-    wandering = crowd + sum(actor.route is None and actor.goal is None for actor in base.actors.values())
-    points = wandering * min(clock.frames / clock.fps * _METRES_A_SECOND, MAX_ROUTE) / _METRES_A_POINT
-    return limits.Load(
-        scene=scene,
-        rig=rig,
-        appearance=variant.name,
-        steps=clock.frames * clock.physics // clock.fps,
-        actors=len(base.actors) + crowd + base.traffic.parked,
-        views=views,
-        town=(base.town.name, base.town.seed, json.dumps(parameters, sort_keys=True)),
-        elements=towns.elements(base.town.name, parameters),
-        points=round(points) + sum(len(actor.route or ()) for actor in base.actors.values()),
-        changes=changes,
-    )
-
-
-class _Finish(Protocol):
-    """What blurs a picture or makes it glow, once it is shaded."""
-
-    @property
-    def motion_blur_intensity(self) -> float: ...
-    @property
-    def bloom_intensity(self) -> float: ...
-
-
-def _finished(camera: _Finish) -> bool:
-    return camera.motion_blur_intensity > 0.0 or camera.bloom_intensity > 0.0
-
-
-def _samples(camera: optics.Lens, supersample: int) -> int:
-    width, height, _ = optics.plate_size(camera, supersample)
-    return width * height
-
-
-def _measured(plan: ScenarioPlan) -> limits.Load:
-    """A variant's work after it is lowered: plans with the same digest are shared."""
-    clock = plan.scene.clock
-    responses = plan.appearance.responses
-    views = tuple(
-        limits.View(
-            clock.frames,
-            s.camera.width * s.camera.height,
-            _samples(s.camera, responses[s.name].supersample),
-            s.capture,
-            len(s.poses),
-            len(s.poses) == 1 and s.on is None,
-            _finished(responses[s.name]),
-        )
-        for s in plan.rig.sensors
-    )
-    return limits.Load(
-        scene=plan.scene.digest,
-        rig=plan.rig.digest,
-        appearance=plan.appearance.digest,
-        steps=clock.frames * clock.steps_per_frame,
-        actors=len(plan.scene.actors),
-        views=views,
-        elements=len(plan.scene.town.elements),
-    )

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.ir.plan import fixed
 from recipe_compiler.ir.streams import Stream
+from recipe_compiler.schema.fields import MAX_DRAWS, MAX_SEED, MAX_VARIANTS
 from recipe_compiler.schema.messages import nearest
-from recipe_compiler.schema.models import MAX_DRAWS, MAX_SEED, MAX_VARIANTS, Distribution, Sweep
+from recipe_compiler.schema.sweep import Distribution, Sweep
 from recipe_compiler.source.merge import Merger, expand_shorthands
 from recipe_compiler.source.yaml_reader import Value, show
 

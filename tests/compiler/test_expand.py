@@ -41,7 +41,7 @@ def test_a_draw_over_a_preset_is_warned_of() -> None:
 
 def test_meetings_of_thousands_of_paths_are_found_quickly() -> None:
     from recipe_compiler.expand import clashes
-    from recipe_compiler.schema.models import Sweep
+    from recipe_compiler.schema.sweep import Sweep
     from recipe_compiler.source.yaml_reader import parse
 
     text = "".join(

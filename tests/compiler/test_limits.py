@@ -13,7 +13,7 @@ from recipe_compiler.compile import compile_recipe
 from recipe_compiler.expand import count
 from recipe_compiler.library import towns
 from recipe_compiler.limits import Load, Memory, TooLargeError, View, size, total
-from recipe_compiler.schema.models import Sweep
+from recipe_compiler.schema.sweep import Sweep
 
 from tests.compiler.kitchen import compiled, small
 

@@ -51,7 +51,7 @@ def command(name: str, folder: Path, replace: bool, as_json: bool) -> None:
 def _check_name(name: str) -> None:
     """InputError unless the language allows the name."""
     from recipe_compiler.ir.errors import InputError
-    from recipe_compiler.schema.models import NAME, NAME_LENGTH
+    from recipe_compiler.schema.fields import NAME, NAME_LENGTH
 
     def allowed(text: str) -> bool:
         return re.fullmatch(NAME.strip("^$"), text) is not None and len(text) <= NAME_LENGTH

@@ -10,8 +10,9 @@ from pydantic import BaseModel, ValidationError, create_model
 
 from recipe_compiler.checks import references
 from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.schema.fields import NAME, NAME_LENGTH, Model
 from recipe_compiler.schema.messages import details, nearest, translate
-from recipe_compiler.schema.models import NAME, NAME_LENGTH, Base, Model
+from recipe_compiler.schema.recipe import Base
 from recipe_compiler.source.yaml_reader import Value, show
 
 _NAMED = {"actors": "actor", "props": "prop", "sensors": "sensor"}  # the maps whose entries deltas address by name

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from recipe_compiler import expand
 from recipe_compiler.ir.errors import InputError, Problem
-from recipe_compiler.schema.models import Recipe
+from recipe_compiler.schema.recipe import Recipe
 from recipe_compiler.source import merge
 from recipe_compiler.source.yaml_reader import Value
 

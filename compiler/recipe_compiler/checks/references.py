@@ -13,8 +13,9 @@ from collections.abc import Callable, Iterator, Mapping
 
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.library import blueprints, towns, weather
+from recipe_compiler.schema.fields import BLUEPRINT
 from recipe_compiler.schema.messages import near, nearest
-from recipe_compiler.schema.models import BLUEPRINT, Town
+from recipe_compiler.schema.scene import Town
 from recipe_compiler.source.yaml_reader import Value, show
 
 Check = tuple[Callable[[Value], Iterator[Problem]], tuple[str, ...]]

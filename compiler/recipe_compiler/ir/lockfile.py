@@ -23,71 +23,24 @@ import contextlib
 import hashlib
 import io
 import os
-import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from urllib.parse import quote, unquote
+from urllib.parse import quote
 
 from recipe_compiler.ir.bounded_reads import open_regular
-from recipe_compiler.ir.canonical import canonical_bytes, digest, digest_chunks
-from recipe_compiler.ir.errors import Code, InputError, Place, Problem
+from recipe_compiler.ir.canonical import canonical_bytes, digest_chunks
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.lockfile_rows import FORMAT, MAX_LINE, MAX_ROWS, RowParser, invalid_line, max_rows_for
+from recipe_compiler.ir.lockfile_rows import BodyMotion as BodyMotion
+from recipe_compiler.ir.lockfile_rows import FrameKey as FrameKey
+from recipe_compiler.ir.lockfile_rows import VariantRow as VariantRow
 from recipe_compiler.ir.plan import DatasetPlan
 
-FORMAT = 1
 _HEAD = b"recipe-lock "
 MAX_BYTES = 1 << 28
-MAX_LINE = 1 << 14  # bytes
-SHORT = 16  # digits of a digest that serve as a key within one lockfile
-_WIDTHS = {
-    "recipe": 3, "identity": 1, "file": 2, "tool": 2, "stage": 2, "variant": 4, "trace": 2, "body": 5, "frame": 5,
-    "seal": 1,
-}  # fmt: skip
-# The most rows of each kind that are read: those of the largest dataset that is built.
-_MOST = {
-    "recipe": 1, "identity": 1, "file": 10_000, "tool": 100, "stage": 100, "variant": 10_000, "trace": 10_000,
-    "body": 100_000, "frame": 600_000, "seal": 1,
-}  # fmt: skip
-_DIGEST = re.compile(r"[0-9a-f]{64}")
-_CHECKPOINTS = re.compile(r"-|[0-9a-f]{8}(,[0-9a-f]{8}){0,63}")
-_WHOLE = re.compile(r"[0-9]{1,9}")
-_MODALITIES = {name: name for name in ("rgb", "depth", "instance", "semantic", "labels")}
-
-FrameKey = tuple[str, str, str, int]  # key, sensor, modality, frame
-
-
-@dataclass(frozen=True)
-class BodyMotion:
-    """An actor's motion: the digest of all of it, and short digests of its first k * stride frames."""
-
-    digest: str
-    stride: int
-    checkpoints: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class VariantRow:
-    """The digests of a variant's three plans."""
-
-    scene: str
-    rig: str
-    appearance: str
-
-    @property
-    def observation_key(self) -> str:
-        """Key of the frames that all variants with this scene and rig share."""
-        return digest("plan/observation/1", [self.scene, self.rig])[:SHORT]
-
-    @property
-    def scenario_key(self) -> str:
-        """Key of the frames whose colours are this variant's."""
-        return digest("plan/scenario/1", [self.scene, self.rig, self.appearance])[:SHORT]
-
-    def frame_key(self, modality: str) -> str:
-        """Key of a modality's frames: colour follows from all three plans, labels from scene and rig."""
-        return self.scenario_key if modality == "rgb" else self.observation_key
 
 
 @dataclass(frozen=True)
@@ -263,7 +216,7 @@ def read(path: Path, plan: DatasetPlan | None = None) -> Lockfile:
             if size > MAX_BYTES:
                 raise ValueError(f"it has {size:,} bytes, and at most {MAX_BYTES >> 20} MiB are read")
             lines = iter(lambda: file.readline(MAX_LINE), b"")
-            return _parse(lines, str(path), _MOST if plan is None else _most_for(plan))
+            return _parse(lines, str(path), MAX_ROWS if plan is None else max_rows_for(plan))
     except FileNotFoundError:
         raise InputError(f"{path}: there is no lockfile; `recipe lock` writes it", code=Code.FILE_NOT_FOUND) from None
     except (OSError, ValueError) as error:
@@ -276,134 +229,18 @@ def loads(text: str, name: str) -> Lockfile:
     return _parse(io.BytesIO(text.encode()), name)
 
 
-def _most_for(plan: DatasetPlan) -> dict[str, int]:
-    """The most rows of each kind that are read where they are compared with a plan: more than differ by an edit."""
-    scenes = {variant.scene.digest: variant.scene for variant in plan.variants}.values()
-    numbers = {
-        "variant": len(plan.variants),
-        "trace": len(scenes),
-        "body": sum(len(scene.actors) for scene in scenes),
-        "frame": sum(
-            variant.scene.clock.frames * (len(sensor.capture) + 1)
-            for variant in plan.variants
-            for sensor in variant.rig.sensors
-        ),
-    }
-    return {kind: min(most, 4 * numbers[kind] + 10_000) if kind in numbers else most for kind, most in _MOST.items()}
-
-
-def _parse(lines: Iterable[bytes], name: str, most: Mapping[str, int] = _MOST) -> Lockfile:
+def _parse(lines: Iterable[bytes], name: str, max_rows: Mapping[str, int] = MAX_ROWS) -> Lockfile:
     """A lockfile from its lines, which are not kept: a second text of it is compared by its digest."""
-    reader, seen = _Reader(name, most), hashlib.sha256()
+    parser, seen = RowParser(name, max_rows), hashlib.sha256()
     for number, line in enumerate(lines, start=1):
         seen.update(line)
         if len(line) >= MAX_LINE:
-            raise _bad(name, number, f"the line is longer than {MAX_LINE:,} bytes")
+            raise invalid_line(name, number, f"the line is longer than {MAX_LINE:,} bytes")
         try:
-            reader.add(number, line.decode().rstrip("\r\n"))
+            parser.add(number, line.decode().rstrip("\r\n"))
         except UnicodeDecodeError:
-            raise _bad(name, number, "the line is not UTF-8 text") from None
-    lock, again = reader.lock(), hashlib.sha256()
+            raise invalid_line(name, number, "the line is not UTF-8 text") from None
+    lock, again = Lockfile(**vars(parser.rows())), hashlib.sha256()
     for text in lock._lines():
         again.update(text.encode())
     return replace(lock, sealed=again.digest() == seen.digest())  # one text for one meaning: order, doubles, the seal
-
-
-class _Reader:
-    """The rows of a lockfile, read one by one."""
-
-    def __init__(self, name: str, most: Mapping[str, int]) -> None:
-        self._name, self._most, self._head = name, most, ("", "", "")
-        self._lock = Lockfile(recipe="", source="", plan="", files={}, tools={}, stages={}, variants={})
-        self._numbers = dict.fromkeys(_WIDTHS, 0)
-        self._shared: dict[str, str] = {}  # keys and names, each of which is in many rows
-        self._lines = 0
-
-    def add(self, number: int, line: str) -> None:
-        """One more line; InputError, with its number, if it cannot be in a lockfile."""
-        self._lines = number
-        if number == 1:
-            if line.split()[:1] != ["recipe-lock"]:
-                raise _bad(self._name, 1, "this is not a lockfile: its first line is not `recipe-lock 1`")
-            if line != f"recipe-lock {FORMAT}":
-                found = line[12:60]
-                raise _bad(
-                    self._name, 1, f"lockfile format {found!r} is not format {FORMAT}, the one this release reads"
-                )
-            return
-        kind, *cells = line.split(" ")
-        if kind not in _WIDTHS:
-            raise _bad(self._name, number, f"unknown row {kind[:40]!r}; rows are {', '.join(_WIDTHS)}")
-        if len(cells) != _WIDTHS[kind]:
-            message = f"a {kind} row has {_WIDTHS[kind]} cells after its kind, this one {len(cells)}"
-            raise _bad(self._name, number, message)
-        self._numbers[kind] += 1
-        if self._numbers[kind] > self._most[kind]:
-            raise _bad(self._name, number, f"there are more than {self._most[kind]:,} {kind} rows")
-        try:
-            self._row(kind, cells)
-        except ValueError as error:
-            raise _bad(self._name, number, f"a broken {kind} row: {error}") from None
-
-    def lock(self) -> Lockfile:
-        """All of them."""
-        if not self._lines:
-            raise _bad(self._name, 1, "this is not a lockfile: its first line is not `recipe-lock 1`")
-        recipe, source, plan = self._head
-        if not recipe:
-            raise _bad(self._name, 1, "the lockfile names no recipe: its `recipe` row is missing")
-        return replace(self._lock, recipe=recipe, source=source, plan=plan)
-
-    def _row(self, kind: str, cells: list[str]) -> None:
-        lock = self._lock
-        if kind == "frame":
-            key, sensor, modality, number, value = cells
-            if modality not in _MODALITIES:
-                raise ValueError(f"there is no modality {modality[:40]!r}")
-            place = (self._name_of(key), self._name_of(sensor), _MODALITIES[modality], _whole(number))
-            lock.frames[place] = _digest(value)
-        elif kind == "body":
-            scene, stride, actor, value, checkpoints = cells
-            if not _CHECKPOINTS.fullmatch(checkpoints):
-                raise ValueError("its checkpoints are not at most 64 of 8 hexadecimal digits")
-            points = () if checkpoints == "-" else tuple(checkpoints.split(","))
-            motion = BodyMotion(_digest(value), _whole(stride), points)
-            lock.bodies[self._name_of(_digest(scene)), self._name_of(actor)] = motion
-        elif kind == "variant":
-            values = dict(cell.split("=", 1) for cell in cells[1:])
-            if sorted(values) != ["appearance", "rig", "scene"]:
-                raise ValueError("it needs scene=, rig= and appearance=")
-            lock.variants[unquote(cells[0])] = VariantRow(**{k: self._name_of(_digest(v)) for k, v in values.items()})
-        elif kind == "trace":
-            lock.traces[_digest(cells[0])] = _digest(cells[1])
-        elif kind == "file":
-            lock.files[unquote(cells[0])] = cells[1]
-        elif kind == "tool":
-            lock.tools[cells[0]] = cells[1]
-        elif kind == "stage":
-            lock.stages[cells[0]] = _whole(cells[1])
-        elif kind == "recipe":
-            self._head = unquote(cells[0]), unquote(cells[1]), cells[2]
-
-    def _name_of(self, cell: str) -> str:
-        """A cell without its escapes; the same object for the same text."""
-        found = self._shared.get(cell)
-        if found is None:
-            found = self._shared[cell] = unquote(cell)
-        return found
-
-
-def _digest(cell: str) -> str:
-    if not _DIGEST.fullmatch(cell):
-        raise ValueError(f"{cell[:20]!r} is not a SHA-256 digest")
-    return cell
-
-
-def _whole(cell: str) -> int:
-    if not _WHOLE.fullmatch(cell):
-        raise ValueError(f"{cell[:20]!r} is not a whole number of at most nine digits")
-    return int(cell)
-
-
-def _bad(name: str, line: int, message: str) -> InputError:
-    return InputError(Problem(message, Place(name, line, 1), code=Code.INVALID_LOCKFILE))

@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import FilePlan
-from recipe_compiler.schema.models import Asset
+from recipe_compiler.schema.scene import Asset
 from recipe_compiler.source.merge import Sources, forbidden, nearest_file, stays_below
 from recipe_compiler.source.yaml_reader import Value, printable, show
 

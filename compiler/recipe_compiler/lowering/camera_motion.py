@@ -12,7 +12,7 @@ import math
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.ir.streams import Stream
-from recipe_compiler.schema.models import Jitter, Linear, Mount, Rotation, Sensor
+from recipe_compiler.schema.camera import Jitter, Linear, Mount, Rotation, Sensor
 
 _AXES = ("x", "y", "z", "yaw", "pitch", "roll")
 

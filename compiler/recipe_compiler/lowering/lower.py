@@ -12,17 +12,13 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from recipe_compiler.expand import Variant
-from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import (
-    ActorPlan,
     AppearancePlan,
     CameraPlan,
     CameraResponse,
     Clock,
     Looks,
-    Point,
-    Pose,
     RigPlan,
     ScenarioPlan,
     ScenePlan,
@@ -31,22 +27,19 @@ from recipe_compiler.ir.plan import (
     TexturePlan,
     Weather,
 )
-from recipe_compiler.ir.streams import Stream
-from recipe_compiler.library import blueprints, towns, weather
-from recipe_compiler.library.blueprints import Blueprint
+from recipe_compiler.library import towns, weather
 from recipe_compiler.library.towns import Town
-from recipe_compiler.library.towns.town import Category
-from recipe_compiler.lowering import camera_motion, enclosures, lint, placement, props, sun
+from recipe_compiler.lowering import camera_motion, enclosures, lint, props, sun
+from recipe_compiler.lowering.actors import ActorLowering
 from recipe_compiler.lowering.asset_files import Brought
-from recipe_compiler.schema import models
-from recipe_compiler.schema.messages import nearest
-from recipe_compiler.schema.models import Base
-from recipe_compiler.source.yaml_reader import Value, show
+from recipe_compiler.schema.camera import Camera
+from recipe_compiler.schema.recipe import Base
+from recipe_compiler.schema.scene import Town as TownSpec
+from recipe_compiler.schema.weather import Geography
+from recipe_compiler.source.yaml_reader import show
 
 T = TypeVar("T")
 MODALITIES = ("rgb", "depth", "instance", "semantic")
-MAX_ROUTE = 20_000.0  # metres; a longer way is never walked
-_TRAFFIC = {"vehicle": "vehicle.*", "pedestrian": "walker.pedestrian.*"}
 
 
 @dataclass(frozen=True)
@@ -118,15 +111,13 @@ class Lowering:
         )
         return ScenarioPlan(variant=variant.name, scene=scene.plan, rig=rig, appearance=appearance)
 
-    def _report(self, root: Value, path: tuple[str | int, ...], message: str) -> None:
-        self.problems.append(Problem(message, root.place_of(*path), code=Code.NO_ROOM))
-
     # Scene
 
     def _scene(self, variant: Variant, base: Base) -> _Scene | None:
         town = self._town(base.town)
-        cast = _Cast(self, variant, base, town)
-        actors = cast.actors()
+        cast = ActorLowering(variant, base, town, self._instances)
+        actors = cast.plans()
+        self.problems += cast.problems
         stage = props.lower(base.props, self._assets, variant.base, town)
         self.problems += stage.problems
         if actors is None or stage.problems:
@@ -141,7 +132,7 @@ class Lowering:
         plan = ScenePlan(clock=clock, town=town.plan, actors=actors, props=stage.plans)
         return _Scene(plan, looks, stage.textures)
 
-    def _town(self, spec: models.Town) -> Town:
+    def _town(self, spec: TownSpec) -> Town:
         key = (spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))
         return self._once(("town", *key), None, lambda: _built(*key))
 
@@ -178,7 +169,7 @@ class Lowering:
             self._warn_of_sun(variant, base.time)
         return Weather(**numbers), where
 
-    def _told(self, time: str, place: models.Geography) -> tuple[float, float]:
+    def _told(self, time: str, place: Geography) -> tuple[float, float]:
         return self._once(
             ("sun", time, place),
             None,
@@ -214,139 +205,6 @@ _EFFECTS = (
 )
 
 
-def _response(camera: models.Camera) -> CameraResponse:
+def _response(camera: Camera) -> CameraResponse:
     response = CameraResponse(**{field: getattr(camera, field) for field in CameraResponse.model_fields})
     return response if camera.enable_postprocess_effects else response.model_copy(update=dict.fromkeys(_EFFECTS, 0.0))
-
-
-class _Cast:
-    """The actors of one scene: chosen, dressed, placed and sent on their way."""
-
-    def __init__(self, lowering: Lowering, variant: Variant, base: Base, town: Town) -> None:
-        self.looks: dict[str, dict[str, str]] = {}
-        self._lowering, self._variant, self._base, self._town = lowering, variant, base, town
-        self._spots = placement.Spots(town.spots)
-        self._parking = placement.Parking(town.parking)
-        self._numbers = lowering._instances
-        self._before = len(lowering.problems)
-
-    def _stream(self, name: str, *purpose: str) -> Stream:
-        return Stream(self._variant.seed, "actor", name, *purpose)
-
-    def actors(self) -> tuple[ActorPlan, ...] | None:
-        """All actors: the named ones in file order, then traffic; None if there are problems."""
-        chosen = {name: self._choose(name, actor) for name, actor in self._base.actors.items()}
-        for name, actor in self._base.actors.items():
-            if actor.start is not None:
-                self._spots.occupy(chosen[name].category, actor.start.x, actor.start.y)
-                self._parking.occupy(actor.start.x, actor.start.y)
-        traffic = [
-            *(self._traffic("vehicle", index) for index in range(self._base.traffic.vehicles)),
-            *(self._traffic("pedestrian", index) for index in range(self._base.traffic.pedestrians)),
-        ]
-        traffic += [self._parked(index) for index in range(self._base.traffic.parked)]
-        named = [self._named(name, actor, chosen[name]) for name, actor in self._base.actors.items()]
-        plans = [*named, *traffic]
-        if len(self._lowering.problems) > self._before:
-            return None
-        return tuple(plan for plan in plans if plan is not None)
-
-    def _choose(self, name: str, actor: models.Actor) -> Blueprint:
-        blueprint = self._stream(name, "blueprint").choice(blueprints.match(actor.blueprint))
-        parent = self._variant.base.get("actors", name, "look")
-        for slot in actor.look:
-            if slot not in blueprint.palette and parent:
-                message = f"actors.{name}.look: {blueprint.id} has no {show(slot)}"
-                remedy = nearest(slot, blueprint.palette)
-                self._lowering.problems.append(Problem(message, parent.key_place(slot), remedy, Code.UNKNOWN_NAME))
-        return blueprint
-
-    def _dress(self, name: str, blueprint: Blueprint, look: Mapping[str, str]) -> None:
-        self.looks[name] = {
-            slot: look[slot].lower() if slot in look else self._stream(name, "look", slot).choice(colours)
-            for slot, colours in sorted(blueprint.palette.items())
-        }
-
-    def _named(self, name: str, actor: models.Actor, blueprint: Blueprint) -> ActorPlan | None:
-        start = self._spots.take(blueprint.category, self._stream(name, "start")) if actor.start is None else None
-        if actor.start is None and start is None:
-            self._lowering._report(
-                self._variant.base, ("actors", name), f"actors.{name}: {self._full(blueprint.category)}"
-            )
-            return None
-        if actor.start is not None:
-            start = Pose(x=actor.start.x, y=actor.start.y, yaw=actor.start.yaw or 0.0)
-        assert start is not None
-        speed = blueprint.default_speed if actor.speed is None else actor.speed
-        waypoints = actor.route if actor.route is not None else (actor.goal,) if actor.goal is not None else None
-        if waypoints is not None:
-            route = tuple(Point(x=point.x, y=point.y) for point in waypoints)
-        else:
-            route = self._wander(name, blueprint, start, speed)
-        if actor.start is not None and actor.start.yaw is None and route:
-            heading = exact.atan2_deg(route[0].y - start.y, route[0].x - start.x)
-            start = Pose(x=start.x, y=start.y, yaw=heading)
-        self._dress(name, blueprint, actor.look)
-        return self._plan(name, self._numbers[name], blueprint, start, route if speed > 0 else (), speed)
-
-    def _traffic(self, category: Category, index: int) -> ActorPlan | None:
-        name = f"traffic.{category}.{index}"
-        start = self._spots.take(category, self._stream(name, "start"))
-        if start is None:
-            key = "vehicles" if category == "vehicle" else "pedestrians"
-            if not self._reported(f"traffic.{key}"):
-                self._lowering._report(self._variant.base, ("traffic", key), f"traffic.{key}: {self._full(category)}")
-            return None
-        allowed = [b for b in blueprints.match(_TRAFFIC[category]) if not b.id.startswith(self._town.barred)]
-        blueprint = self._stream(name, "blueprint").choice(allowed)
-        speed = blueprint.default_speed * self._stream(name, "speed").uniform(0.85, 1.15)
-        speed *= self._town.pace if category == "vehicle" else 1.0
-        self._dress(name, blueprint, {})
-        block = placement.VEHICLE_NUMBERS if category == "vehicle" else placement.PEDESTRIAN_NUMBERS
-        return self._plan(name, block + index, blueprint, start, self._wander(name, blueprint, start, speed), speed)
-
-    def _parked(self, index: int) -> ActorPlan | None:
-        """A car that stands in a parking place, and goes nowhere."""
-        name = f"traffic.parked.{index}"
-        place = self._parking.take(self._stream(name, "start"))
-        if place is None:
-            if not self._reported("traffic.parked"):
-                places = len(self._town.parking)
-                message = f"traffic.parked: no free place left to park, of the {places} that the town has"
-                message += "; lower it, or choose a larger town"
-                self._lowering._report(self._variant.base, ("traffic", "parked"), message)
-            return None
-        fitting = [b for b in blueprints.match(_TRAFFIC["vehicle"]) if blueprints.parks(b)]
-        blueprint = self._stream(name, "blueprint").choice(fitting)
-        self._dress(name, blueprint, {})
-        return self._plan(name, placement.PARKED_NUMBERS + index, blueprint, place, (), 0.0)
-
-    def _reported(self, key: str) -> bool:
-        """Whether a problem of this cast names a key."""
-        return any(key in problem.message for problem in self._lowering.problems[self._before :])
-
-    def _full(self, category: Category) -> str:
-        places = len(self._town.spots[category])
-        remedy = "lower `traffic`, give a start, or ask for a larger town"
-        return f"no free spot left for a {category}, of the {places} that the town has; {remedy}"
-
-    def _wander(self, name: str, blueprint: Blueprint, start: Pose, speed: float) -> tuple[Point, ...]:
-        seconds = self._base.clock.frames / self._base.clock.fps
-        length = min(speed * seconds * 1.1 + 5.0, MAX_ROUTE)
-        return self._town.route(blueprint.category, start, length, self._stream(name, "route"))
-
-    def _plan(
-        self, name: str, number: int, blueprint: Blueprint, start: Pose, route: tuple[Point, ...], speed: float
-    ) -> ActorPlan:
-        z = self._town.ground(start.x, start.y)
-        return ActorPlan(
-            name=name,
-            blueprint=blueprint.id,
-            category=blueprint.category,
-            tag=blueprint.tag,
-            instance=number,
-            shape=dict(blueprint.shape),
-            start=Pose(x=start.x, y=start.y, z=z, yaw=start.yaw),
-            route=route,
-            speed=speed,
-        )

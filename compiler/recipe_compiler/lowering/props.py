@@ -12,7 +12,7 @@ from recipe_compiler.ir.plan import Pose, PropPlan, TexturePlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.asset_files import Brought
 from recipe_compiler.schema.messages import nearest
-from recipe_compiler.schema.models import Prop
+from recipe_compiler.schema.scene import Prop
 from recipe_compiler.source.yaml_reader import Value, show
 
 PREFIX = "prop."  # so that no prop is taken for an actor or a thing of the town

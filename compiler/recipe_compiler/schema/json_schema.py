@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from recipe_compiler.library import weather
-from recipe_compiler.schema.models import NAME, Base, Recipe
+from recipe_compiler.schema.fields import NAME
+from recipe_compiler.schema.recipe import Base, Recipe
 from recipe_compiler.source.yaml_reader import parse
 
 _SHORTHANDS = {"Town": "name", "Weather": "preset"}

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from recipe_compiler.ir.plan import CameraPlan, CameraResponse, ScenarioPlan
-from recipe_compiler.schema.models import Camera
+from recipe_compiler.schema.camera import Camera
 
 from tests.compiler.kitchen import compiled, only, small
 

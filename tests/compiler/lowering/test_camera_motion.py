@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from recipe_compiler.ir import exact
 from recipe_compiler.lowering.camera_motion import poses
-from recipe_compiler.schema.models import Sensor
+from recipe_compiler.schema.camera import Sensor
 
 JITTER = {
     "x": 0.02,

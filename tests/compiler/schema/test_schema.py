@@ -12,7 +12,9 @@ import pytest
 import yaml
 from recipe_compiler import compile as compiler
 from recipe_compiler.library import towns, weather
-from recipe_compiler.schema import json_schema, models, template
+from recipe_compiler.schema import camera, json_schema, recipe, scene, sweep, template
+from recipe_compiler.schema import weather as weather_models
+from recipe_compiler.schema.fields import Model
 from recipe_compiler.source.yaml_reader import parse
 
 ROOT = Path(__file__).parents[3]
@@ -83,11 +85,12 @@ def test_the_pages_examples_compile(tmp_path: Path) -> None:
         compiler.compile_recipe(path)
 
 
-def _models() -> list[type[models.Model]]:
+def _models() -> list[type[Model]]:
     return [
         m
-        for m in vars(models).values()
-        if isinstance(m, type) and issubclass(m, models.Model) and m is not models.Model
+        for module in (scene, weather_models, camera, sweep, recipe)
+        for m in vars(module).values()
+        if isinstance(m, type) and issubclass(m, Model) and m is not Model and m.__module__ == module.__name__
     ]
 
 

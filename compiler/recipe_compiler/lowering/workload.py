@@ -1,0 +1,102 @@
+"""The work that a variant takes, as input of the cost model in `limits`: estimated before lowering, measured after."""
+
+from __future__ import annotations
+
+import json
+from typing import Protocol
+
+from recipe_compiler import limits
+from recipe_compiler.expand import Variant
+from recipe_compiler.ir import optics
+from recipe_compiler.ir.plan import ScenarioPlan
+from recipe_compiler.library import towns
+from recipe_compiler.lowering.actors import MAX_ROUTE
+from recipe_compiler.schema.camera import Motion
+from recipe_compiler.schema.recipe import Base
+
+_METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed, mean distance between waypoints
+
+
+def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
+    """The work of a variant before lowering, from its models.
+
+    Args:
+        variant: the variant.
+        base: its checked base. Sections that are the same object in several variants count as shared.
+        changes: how many axes and draws are merged over the base.
+    """
+    scene = (*(id(part) for part in (base.clock, base.town, base.actors, base.traffic, base.props)), variant.seed)
+    rig = (id(base.sensors), variant.seed)
+    views = tuple(
+        limits.View(
+            base.clock.frames,
+            s.camera.width * s.camera.height,
+            _samples(s.camera, s.camera.supersample),
+            s.capture,
+            base.clock.frames if s.motion != Motion() else 1,
+            s.motion == Motion() and s.mount.on is None,
+            _has_image_filters(s.camera),
+        )
+        for s in base.sensors.values()
+    )
+    clock, parameters = base.clock, base.town.model_extra or {}
+    crowd = base.traffic.vehicles + base.traffic.pedestrians
+    wandering = crowd + sum(actor.route is None and actor.goal is None for actor in base.actors.values())
+    points = wandering * min(clock.frames / clock.fps * _METRES_A_SECOND, MAX_ROUTE) / _METRES_A_POINT
+    return limits.Load(
+        scene=scene,
+        rig=rig,
+        appearance=variant.name,
+        steps=clock.frames * clock.physics // clock.fps,
+        actors=len(base.actors) + crowd + base.traffic.parked,
+        views=views,
+        town=(base.town.name, base.town.seed, json.dumps(parameters, sort_keys=True)),
+        elements=towns.elements(base.town.name, parameters),
+        points=round(points) + sum(len(actor.route or ()) for actor in base.actors.values()),
+        changes=changes,
+    )
+
+
+class _ImageFilters(Protocol):
+    """The settings of filters that run on the shaded picture."""
+
+    @property
+    def motion_blur_intensity(self) -> float: ...
+    @property
+    def bloom_intensity(self) -> float: ...
+
+
+def _has_image_filters(camera: _ImageFilters) -> bool:
+    return camera.motion_blur_intensity > 0.0 or camera.bloom_intensity > 0.0
+
+
+def _samples(camera: optics.Lens, supersample: int) -> int:
+    width, height, _ = optics.plate_size(camera, supersample)
+    return width * height
+
+
+def measured(plan: ScenarioPlan) -> limits.Load:
+    """The work of a variant after lowering, from its plan. Plans with the same digest count as shared."""
+    clock = plan.scene.clock
+    responses = plan.appearance.responses
+    views = tuple(
+        limits.View(
+            clock.frames,
+            s.camera.width * s.camera.height,
+            _samples(s.camera, responses[s.name].supersample),
+            s.capture,
+            len(s.poses),
+            len(s.poses) == 1 and s.on is None,
+            _has_image_filters(responses[s.name]),
+        )
+        for s in plan.rig.sensors
+    )
+    return limits.Load(
+        scene=plan.scene.digest,
+        rig=plan.rig.digest,
+        appearance=plan.appearance.digest,
+        steps=clock.frames * clock.steps_per_frame,
+        actors=len(plan.scene.actors),
+        views=views,
+        elements=len(plan.scene.town.elements),
+    )

@@ -1,0 +1,71 @@
+"""Field types that the parts of the recipe language share, and the limits of the language.
+
+Models are frozen, refuse unknown keys and convert no types (`"30"` is not a number). Shorthands are expanded before
+validation. Lengths are in metres, times in seconds, angles in degrees, speeds in metres per second.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic_core import PydanticCustomError
+
+MAX_FRAMES = 100_000
+MAX_VARIANTS = 10_000
+MAX_DRAWS = 100_000  # of all variants together
+MAX_SEED = 2**32 - 1
+MAX_DRAWN = 1e15  # bounds of a draw: far beyond any number of the language, and no sum of two overflows
+NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # names become folders; a dot in one would break consumers of file stems
+BLUEPRINT = r"^[A-Za-z0-9_.?*-]+$"
+NAME_LENGTH = 64
+MAX_PROPS, MAX_ASSETS = 1000, 100
+TRAFFIC_LIMIT, PARKED_LIMIT = 250, 100  # instance numbers are three digits, assigned in lowering/placement.py
+
+Name = Annotated[str, StringConstraints(pattern=NAME, max_length=NAME_LENGTH)]
+ActorName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=NAME_LENGTH)]
+Colour = Annotated[str, StringConstraints(pattern=r"^#[0-9A-Fa-f]{6}$")]
+Metres = Annotated[float, Field(ge=-10_000, le=10_000, allow_inf_nan=False)]
+Degrees = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)]
+Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
+Magnitude = Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)]
+Turn = Annotated[float, Field(ge=0, le=180, allow_inf_nan=False)]
+Modality = Literal["rgb", "depth", "instance", "semantic"]
+Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
+Loose = Field(strict=False)  # a list stands for a tuple
+
+Pair = TypeVar("Pair", tuple[int, int], tuple[float, float])
+
+
+class Model(BaseModel):
+    """A frozen part of a recipe."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+def ordered(value: Pair) -> Pair:
+    """The range itself.
+
+    Raises:
+        PydanticCustomError: the first number is above the second.
+    """
+    if value[0] > value[1]:
+        low, high = (f"{number:g}" for number in value)
+        raise PydanticCustomError(
+            "range",
+            "the range [{low}, {high}] runs backwards; write the lower number first",
+            {"low": low, "high": high},
+        )
+    return value
+
+
+def distinct(value: tuple[str, ...]) -> tuple[str, ...]:
+    """The names themselves.
+
+    Raises:
+        PydanticCustomError: a name is listed twice.
+    """
+    for name in value:
+        if value.count(name) > 1:
+            raise PydanticCustomError("once", "names {name} twice; once is enough", {"name": name})
+    return value
