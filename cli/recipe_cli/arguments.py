@@ -6,7 +6,7 @@ import functools
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -16,6 +16,9 @@ from recipe_cli.console import State, warn
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_runtime.frames.engines import Engines
+
+
+Command = TypeVar("Command", bound=Callable[..., object])
 
 
 class LocalPath(click.Path):
@@ -62,6 +65,13 @@ REPLACE = click.option(
 WORKERS = click.option(
     "--workers", type=click.IntRange(1, 256), default=None, help="Worker processes; one a CPU core by default."
 )
+
+
+def output_option(
+    kind: click.Path | click.types.StringParamType, help: str, metavar: str | None = None
+) -> Callable[[Command], Command]:
+    """The option that says where a command writes: `-o` and `--output`; `--out` is an alias."""
+    return click.option("-o", "--output", "--out", "output", type=kind, metavar=metavar, help=help)
 
 
 class PlaceOrUrl(click.Path):

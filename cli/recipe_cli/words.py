@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 _WORDS = {  # code -> the remedy, with the library's own where `{help}` stands
     "size-limit": "{help}, or give --allow-large",
     "unknown-device": "{help} (--device)",
-    "output-in-the-way": "{help} (--out)",
+    "output-in-the-way": "{help} (--output)",
 }
 
 

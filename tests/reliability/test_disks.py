@@ -115,7 +115,7 @@ def test_other_disks(whole: dict[str, bytes], tmp_path: Path) -> None:
     assert tree(tmp_path / "out") == tree(tmp_path / "other") == whole
     (line,) = ends["point"].errors.splitlines()
     assert line.endswith(
-        f"disk is where a disk is mounted; choose a folder in it, such as {tmp_path}/disk/dataset (--out)"
+        f"disk is where a disk is mounted; choose a folder in it, such as {tmp_path}/disk/dataset (--output)"
     )
 
 

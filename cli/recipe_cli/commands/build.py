@@ -6,13 +6,13 @@ import dataclasses
 import functools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
-from recipe_compiler.ir.plurals import count
 
+from recipe_cli import build_report
 from recipe_cli.arguments import (
     ALLOW_LARGE,
     DEVICE,
@@ -23,10 +23,12 @@ from recipe_cli.arguments import (
     LocalPath,
     compile_quietly,
     engines_for,
+    output_option,
     shown,
     unpacks,
     worker_count,
 )
+from recipe_cli.build_report import Outcome
 from recipe_cli.console import fail, print_json, say, warn
 from recipe_cli.places import free_disk, lockfile_path, read_lockfile, recipe_files, source_of
 from recipe_cli.progress import Progress
@@ -36,17 +38,43 @@ if TYPE_CHECKING:
     from recipe_compiler.ir.lockfile import Lockfile
     from recipe_compiler.ir.plan import DatasetPlan
     from recipe_runtime.build.pipeline import BuildResult, Runner
+    from recipe_runtime.build.recipe_files import RecipeFiles
     from recipe_runtime.transfer.upload import Target
 
 
-_MOST_SHOWN = 20
+@dataclass(frozen=True)
+class Request:
+    """The arguments of one run of the command."""
+
+    recipe: Path
+    source: Path  # the recipe as the user wrote it; `recipe` is unpacked if it was a pack
+    output: str | None
+    locked: bool
+    only_locked: bool
+    ray: str | None
+    repair: bool
+    replace: bool
+    device: str
+    workers: int | None
+    allow_large: bool
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a build needs, checked before any work."""
+
+    compiled: Compiled
+    folder: Path
+    lock: tuple[Path, Lockfile] | None
+    files: RecipeFiles
+    target: Target | None
 
 
 def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
-    """`build --ray rain.yaml` means a recipe, not a cluster of that name."""
+    """Take the value of `--ray` for the recipe in `build --ray rain.yaml`, where it is not a cluster's address."""
 
     @functools.wraps(command)
-    def ordered(recipe: Path | None, ray: str | None, **values: Any) -> None:
+    def ordered(recipe: Path | None, ray: str | None, **values: object) -> None:
         if recipe is None and ray is not None and Path(ray).suffix in (".yaml", ".yml", ".recipe"):
             recipe, ray = Path(ray), "local"
         if recipe is None:
@@ -58,13 +86,19 @@ def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
 
 @click.command("build")
 @click.argument("recipe", type=LocalPath(path_type=Path), required=False, metavar="RECIPE", shell_complete=RECIPES)
-@click.option(
-    "--out",
+@output_option(
+    click.STRING,
+    "Where to put it; datasets/<recipe> by default. A URL, such as s3://bucket/name: built there, then copied.",
     metavar="DIR|URL",
-    help="Where to put it; datasets/<recipe> by default. A URL, such as s3://bucket/name: built there, then copied.",
 )
 @click.option("--locked", is_flag=True, help="Build nothing unless the recipe still compiles to its lockfile.")
-@click.option("--frozen", is_flag=True, help="Build the variants of the lockfile, and none that came later.")
+@click.option(
+    "--only-locked",
+    "--frozen",
+    "only_locked",
+    is_flag=True,
+    help="Build only the variants that the lockfile lists; leave out those added since.",
+)
 @click.option(
     "--ray",
     is_flag=False,
@@ -86,9 +120,9 @@ def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
 def command(
     recipe: Path,
     source: Path,
-    out: str | None,
+    output: str | None,
     locked: bool,
-    frozen: bool,
+    only_locked: bool,
     ray: str | None,
     repair: bool,
     replace: bool,
@@ -99,83 +133,98 @@ def command(
     as_json: bool,
 ) -> None:
     """Build RECIPE's dataset, and check it against its lockfile if there is one."""
-    from recipe_compiler.ir.errors import Code, InputError, Problem
+    request = Request(
+        recipe, source, output, locked, only_locked, ray, repair, replace, device, workers, allow_large
+    )  # fmt: skip
+    inputs = _inputs(request)
+    outcome = _build(request, inputs)
+    if as_json:
+        print_json(build_report.document(outcome, explain=explain))
+    else:
+        build_report.print_outcome(outcome, inputs.compiled, explain=explain)
+    if outcome.lockfile_differences:
+        for difference in outcome.lockfile_differences:
+            say(difference, err=True)
+        raise click.exceptions.Exit(1)
 
-    if ray and device not in ("cpu", "cuda"):
-        raise InputError(f"--device {device}: on a cluster, every worker has a GPU of its own; write cuda")
-    folder = Path(out) if out and "://" not in out else None
-    if repair and out and folder is None:
-        url = shown(out)
-        raise InputError(f"--repair mends a folder, not {url}; repair that, then build with --out {url} to copy it")
-    here = None if ray else worker_count(workers)  # a cluster's memory is not this host's
-    compiled = compile_quietly(recipe, allow_large=allow_large, free_disk=free_disk(folder or Path()), workers=here)
+
+def _inputs(request: Request) -> Inputs:
+    """Check the arguments, compile the recipe and read its lockfile.
+
+    Raises:
+        InputError: the arguments contradict each other, the recipe does not compile, or it does not match a lockfile
+            that it must match.
+    """
+    from recipe_compiler.ir.errors import InputError
+
+    recipe, output = request.recipe, request.output
+    if request.ray and request.device not in ("cpu", "cuda"):
+        raise InputError(f"--device {request.device}: on a cluster, every worker has a GPU of its own; write cuda")
+    folder = Path(output) if output and "://" not in output else None
+    if request.repair and output and folder is None:
+        url = shown(output)
+        raise InputError(f"--repair mends a folder, not {url}; repair that, then build with --output {url} to copy it")
+    workers = None if request.ray else worker_count(request.workers)  # a cluster's memory is not this host's
+    free = free_disk(folder or Path())
+    compiled = compile_quietly(recipe, allow_large=request.allow_large, free_disk=free, workers=workers)
     folder = folder or Path("datasets") / compiled.plan.recipe
     lock = read_lockfile(recipe, compiled.plan)
     _note_text(compiled, lock)
     from recipe_runtime.build.recipe_files import RecipeFiles
 
     files = RecipeFiles(recipe.name, recipe_files(recipe, compiled), lock[1] if lock else None)
-    if locked or frozen:
-        plan = _agreed(recipe, compiled, lock, frozen)
-        compiled = dataclasses.replace(
-            compiled, plan=plan, files=compiled.files if locked or lock is None else lock[1].files
-        )
+    if request.locked or request.only_locked:
+        plan = _locked_plan(recipe, compiled, lock, request.only_locked)
+        locked_files = compiled.files if request.locked or lock is None else lock[1].files
+        compiled = dataclasses.replace(compiled, plan=plan, files=locked_files)
     elif lock is not None:
         _warn_if_outdated(compiled, *lock)
-    target = _target(out, compiled.plan, replace) if out and "://" in out else None
+    target = _target(output, compiled.plan, request.replace) if output and "://" in output else None
+    return Inputs(compiled, folder, lock, files, target)
+
+
+def _build(request: Request, inputs: Inputs) -> Outcome:
+    """Build the dataset, copy it to a URL if one was given, and compare it with the lockfile.
+
+    On an interruption it prints what is kept and ends the command with exit code 130.
+    """
+    from recipe_compiler.ir.errors import Code, Problem
     from recipe_runtime.build.pipeline import build
 
-    reasons: list[str] = []
-    # On a cluster, as many as it has room for; here, one a core. Says before the work if there is no such device.
-    hands = (workers or 0) if ray else worker_count(workers, device)
+    compiled, target, reasons = inputs.compiled, inputs.target, list[str]()
+    # 0: as many as the cluster has room for. Counting this host's raises before the work if there is no such device.
+    workers = (request.workers or 0) if request.ray else worker_count(request.workers, request.device)
     try:
-        with Progress() as progress, _runner(ray) as run:
+        with Progress() as progress, _runner(request.ray) as run:
             result = build(
                 compiled.plan,
-                folder,
-                workers=hands,
+                inputs.folder,
+                workers=workers,
                 progress=progress,
-                device=device,
+                device=request.device,
                 engines=engines_for(compiled),
                 explain=reasons.extend,
                 run=run,
-                repair=repair,
-                source=source,
-                replace=replace,
-                recipe_files=files,
+                repair=request.repair,
+                source=request.source,
+                replace=request.replace,
+                recipe_files=inputs.files,
             )
-            copied = target.put(result.path, progress, replace=replace) if target else None
+            copied = target.put(result.path, progress, replace=request.replace) if target else None
     except KeyboardInterrupt:
-        what, remedy = _interrupted(compiled.plan, folder, repair, target)
+        what, remedy = build_report.interruption(compiled.plan, inputs.folder, request.repair, target)
         fail([Problem(what, help=remedy, code=Code.INTERRUPTED)])
         raise click.exceptions.Exit(130) from None
-    differences = _against(lock, recipe, compiled, result)
-    if as_json:
-        print_json(
-            {"path": str(folder), "identity": result.identity, "built": result.built, "wall": round(result.wall, 3)}
-            | {"seconds": {stage: round(s, 3) for stage, s in sorted(result.seconds.items())}}
-            | ({"explain": reasons} if explain else {})
-            | ({"url": target.url, **asdict(copied)} if target and copied else {})
-            | ({"mended": list(result.mended)} if repair else {})
-            | {"resumed_shards": result.resumed, "shards": result.shards, "resumed_frames": result.resumed_frames}
-            | {"made_frames": result.made_frames, "taken_frames": result.taken_frames}
-            | {"lockfile_differences": differences}
-        )
-    else:
-        for reason in reasons if explain else ():
-            say(reason)
-        _say(compiled, folder, result, repair)
-        if target and copied:
-            told = f"{count(copied.sent, 'file')} sent, {copied.copied:,} copied there, {copied.kept:,} there already"
-            say(f"{target.url}: {told}")
-    if differences:
-        for difference in differences:
-            say(difference, err=True)
-        raise click.exceptions.Exit(1)
+    differences = _lockfile_differences(inputs.lock, request.recipe, compiled, result)
+    return Outcome(inputs.folder, result, request.repair, reasons, target, copied, differences)
 
 
 def _target(url: str, plan: DatasetPlan, replace: bool) -> Target:
-    """Where a URL leads; says before the work if that is nowhere, or holds another recipe's dataset."""
+    """The upload target of a URL.
+
+    Raises:
+        InputError: it cannot be reached, or holds the dataset of another recipe and `replace` is not set.
+    """
     from recipe_runtime.transfer.upload import Target
 
     target = Target(url)
@@ -186,7 +235,7 @@ def _target(url: str, plan: DatasetPlan, replace: bool) -> Target:
 
 @contextmanager
 def _runner(ray: str | None) -> Iterator[Runner]:
-    """What does the work: processes of this host, or a cluster's."""
+    """The runner of the build's jobs: processes of this host, or those of a Ray cluster."""
     from recipe_runtime.build import local
 
     if ray is None:
@@ -198,10 +247,19 @@ def _runner(ray: str | None) -> Iterator[Runner]:
         yield run
 
 
-def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None, frozen: bool) -> DatasetPlan:
-    """The plan as far as the lockfile knows it; InputError if a locked variant is another now, or there is no lockfile.
+def _locked_plan(
+    recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None, only_locked: bool
+) -> DatasetPlan:
+    """The plan to build so that it matches the lockfile.
 
-    Unless `frozen`, the whole plan must be the lockfile's.
+    Args:
+        recipe: the recipe file.
+        compiled: the compiled recipe.
+        lock: the lockfile and its path, if there is one.
+        only_locked: keep only the variants that the lockfile lists; otherwise the whole plan must match.
+
+    Raises:
+        InputError: there is no lockfile, or a variant differs from its row.
     """
     from recipe_compiler.ir.errors import Code, InputError, Problem
     from recipe_compiler.ir.plan import DatasetPlan
@@ -212,8 +270,8 @@ def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None
             f"{lockfile_path(recipe, compiled.plan.recipe)}: there is no lockfile; `recipe lock` writes it"
         )
     path, known = lock
-    plan, differences = compiled.plan, [] if frozen else compare_files(compiled.plan, known, compiled.files)
-    if frozen:
+    plan, differences = compiled.plan, [] if only_locked else compare_files(compiled.plan, known, compiled.files)
+    if only_locked:
         by_name = {v.variant: v for v in plan.variants}
         variants = tuple(by_name[name] for name in known.variants if name in by_name)
         plan = DatasetPlan.model_validate(
@@ -229,7 +287,7 @@ def _agreed(recipe: Path, compiled: Compiled, lock: tuple[Path, Lockfile] | None
 
 
 def _warn_if_outdated(compiled: Compiled, path: Path, known: Lockfile) -> None:
-    """Say before the work that its end will differ from the lockfile."""
+    """Warn, before the work, that the dataset will differ from the lockfile."""
     from recipe_compiler.ir.errors import Code, Problem
     from recipe_runtime.verify.compare import compare_files, compare_plans
 
@@ -240,7 +298,7 @@ def _warn_if_outdated(compiled: Compiled, path: Path, known: Lockfile) -> None:
 
 
 def _note_text(compiled: Compiled, lock: tuple[Path, Lockfile] | None) -> None:
-    """Say in one line that the recipe's text is not the locked one, where that changes nothing."""
+    """Print a note if the text of the recipe changed since it was locked, but not its plan."""
     from recipe_runtime.verify.compare import text_note
 
     note = text_note(lock[1], compiled.plan.digest, compiled.files) if lock else None
@@ -248,10 +306,10 @@ def _note_text(compiled: Compiled, lock: tuple[Path, Lockfile] | None) -> None:
         say(f"note: {note}", err=True)
 
 
-def _against(
+def _lockfile_differences(
     locked: tuple[Path, Lockfile] | None, recipe: Path, compiled: Compiled, result: BuildResult
 ) -> list[str] | None:
-    """What differs from the lockfile, in the order of the stages; None if there is no lockfile."""
+    """The differences from the lockfile, in the order of the stages; None if there is no lockfile."""
     from recipe_runtime.dataset.reader import lock_of
     from recipe_runtime.verify.compare import compare_locks
 
@@ -260,58 +318,3 @@ def _against(
     path, lock = locked
     made = lock_of(result.manifest, source_of(recipe, path), compiled.files)
     return [f"{path.name}: {difference}" for difference in compare_locks(compiled.plan, lock, made)]
-
-
-def _interrupted(plan: DatasetPlan, folder: Path, repair: bool, target: Target | None) -> tuple[str, str]:
-    """What an interrupted build leaves behind, and how to go on."""
-    from recipe_runtime.build.pipeline import kept_frames
-    from recipe_runtime.build.workspace import read_manifest
-    from recipe_runtime.dataset.manifest import is_whole
-
-    kept, manifest = kept_frames(plan, folder), read_manifest(folder)
-    if kept:
-        again = "run it again with --repair" if repair else "build again"  # a plain build goes by sizes alone
-        return f"interrupted; {kept:,} of {count(_frames(plan), 'frame')} are kept", f"{again} to go on"
-    if repair:  # it may have been stopped before the mended dataset was put in place, or after
-        return "interrupted", "run it again with --repair to mend what is still damaged"
-    if manifest is not None and is_whole(manifest, plan, folder):
-        return f"interrupted; {folder} is whole", f"build again to go on copying it to {target.url}" if target else ""
-    return "interrupted; no frame was finished yet", "build again to start over"
-
-
-def _frames(plan: DatasetPlan) -> int:
-    return sum(v.scene.clock.frames * len(v.rig.sensors) for v in plan.variants)
-
-
-def _say(compiled: Compiled, out: Path, result: BuildResult, repair: bool) -> None:
-    for line in result.mended[:_MOST_SHOWN]:
-        say(f"mended: {line}")
-    if len(result.mended) > _MOST_SHOWN:
-        say(f"  ... and {len(result.mended) - _MOST_SHOWN} more; --json lists all")
-    if result.built:
-        number, every = len(compiled.plan.variants), compiled.cost.variants  # a frozen build may leave some out
-        what = count(every, "variant") if number == every else f"{number} of {count(every, 'variant')}"
-        if number == every and not (result.taken_frames or result.resumed_frames):
-            what = str(compiled.cost)  # all of it was this build's work
-        say(f"{out}: {what}; {_done(result)}")
-    elif repair:
-        say(f"{out}: there already, and every file has the bytes that its manifest says")
-    else:
-        say(f"{out}: there already (sizes checked; `recipe verify {out}` checks bytes, --repair mends them)")
-    say(f"look at {out / 'preview' / 'contact_sheet.png'}")
-    say(result.identity)
-
-
-def _done(result: BuildResult) -> str:
-    """What this build did for how many frames, and what others had done; a rate is of its own work alone."""
-    made, seconds = result.made_frames, f"{result.wall:.1f} s"
-    others = (
-        (result.taken_frames, "taken over from the dataset that was there"),
-        (result.resumed_frames, "taken up from the stopped build"),
-    )
-    known = [f"{number:,} {whence}" for number, whence in others if number]
-    if not known:
-        return f"{count(made, 'frame')} rendered in {seconds}, {made / max(result.wall, 1e-9):.1f} a second"
-    own = f"{made:,} rendered" if made else "none rendered"
-    total = count(made + result.taken_frames + result.resumed_frames, "frame")
-    return f"{total}: {', '.join([own, *known])}; {seconds}"

@@ -7,14 +7,15 @@ from pathlib import Path
 import click
 from recipe_compiler.ir.plurals import count
 
-from recipe_cli.arguments import JSON, REPLACE, LocalPath
+from recipe_cli.arguments import JSON, REPLACE, LocalPath, output_option
 from recipe_cli.console import print_json, say
 from recipe_cli.progress import Progress
 
 
 @click.command("export")
 @click.argument("dataset", type=LocalPath(path_type=Path))
-@click.argument("out", type=LocalPath(path_type=Path))
+@click.argument("out", required=False, type=LocalPath(path_type=Path))
+@output_option(LocalPath(path_type=Path), "The folder to write to; another way to give OUT.")
 @click.option(
     "--format",
     "form",
@@ -32,23 +33,29 @@ from recipe_cli.progress import Progress
 )
 @REPLACE
 @JSON
-def command(dataset: Path, out: Path, form: str, shard_size: str, replace: bool, as_json: bool) -> None:
+def command(
+    dataset: Path, out: Path | None, output: Path | None, form: str, shard_size: str, replace: bool, as_json: bool
+) -> None:
     """Write the frames of DATASET, a folder that `recipe build` made, into OUT.
 
     As WebDataset: tar files in which the pictures and the records of a frame lie side by side.
     """
+    if (out is None) == (output is None):
+        raise click.UsageError("Missing argument 'OUT'." if out is None else "OUT and --output are both given.")
+    folder = out or output
+    assert folder is not None
     from recipe_compiler.limits import size
     from recipe_runtime.cache import pruning
     from recipe_runtime.dataset.reader import read
     from recipe_runtime.transfer import shards
 
     with Progress(quiet=as_json) as progress:
-        index = shards.webdataset(read(dataset), out, progress, pruning.bytes_of(shard_size), replace=replace)
+        index = shards.webdataset(read(dataset), folder, progress, pruning.bytes_of(shard_size), replace=replace)
     if as_json:
         print_json(index)
         return
     written = index["shards"]
     total = sum(shard["size"] for shard in written)
     samples = sum(shard["samples"] for shard in written)
-    say(f"{out}: {count(samples, 'sample')} in {count(len(written), 'shard')}, {size(total)}")
+    say(f"{folder}: {count(samples, 'sample')} in {count(len(written), 'shard')}, {size(total)}")
     say(index["dataset"])

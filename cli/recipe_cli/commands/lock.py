@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,70 +60,119 @@ def command(
     Frames are rendered, and not kept; those of the dataset that `recipe build` made of the same plan here are taken
     over, once its files have been hashed. A lock that was stopped goes on where it was.
     """
+    count = worker_count(workers, device)
+    compiled = [compile_quietly(recipe, allow_large=allow_large, workers=count) for recipe in recipes]
+    places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]
+    _check_apart(recipes, places)
+    options = Options(update or replace, replace, with_traces, device, count)
+    for recipe, one, path in zip(recipes, compiled, places, strict=True):
+        _check_before(recipe, one, path, options.update, replace)
+    rows = []
+    for recipe, one, path in zip(recipes, compiled, places, strict=True):
+        locked = _lock(recipe, one, path, options)
+        rows.append(locked.row())
+        if not as_json:
+            _print(locked)
+    if as_json:
+        print_json({"lockfiles": rows})
+
+
+@dataclass(frozen=True)
+class Options:
+    """How recipes are locked."""
+
+    update: bool
+    replace: bool
+    with_traces: bool
+    device: str
+    workers: int
+
+
+@dataclass(frozen=True)
+class Locked:
+    """One locked recipe."""
+
+    recipe: Path
+    path: Path
+    lock: Lockfile
+    previous: Lockfile | None  # the lockfile that was there, unless it was to be replaced
+    written: bool
+    taken_frames: int
+    resumed_frames: int
+
+    def row(self) -> dict[str, object]:
+        """The JSON row of this recipe."""
+        return {
+            "recipe": str(self.recipe),
+            "lockfile": str(self.path),
+            "identity": self.lock.identity,
+            "written": self.written,
+            "taken_frames": self.taken_frames,
+            "resumed_frames": self.resumed_frames,
+        }
+
+
+def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Locked:
+    """Render what is not known yet, and write the lockfile and, if they are wanted, the traces.
+
+    On an interruption it prints what is kept and ends the command with exit code 130.
+
+    Raises:
+        InputError: there is a lockfile with other digests, and `options.update` is not set.
+    """
     from recipe_compiler.ir import lockfile
     from recipe_compiler.ir.errors import InputError
     from recipe_runtime.build.reuse import known_frames
     from recipe_runtime.verify import trace_bundle
     from recipe_runtime.verify.locking import lock
 
-    count = worker_count(workers, device)
-    rows: list[dict[str, object]] = []
-    compiled = [compile_quietly(recipe, allow_large=allow_large, workers=count) for recipe in recipes]
-    places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]
-    _check_apart(recipes, places)
-    update = update or replace
-    for recipe, one, path in zip(recipes, compiled, places, strict=True):
-        _check_before(recipe, one, path, update, replace)
-    for recipe, one, path in zip(recipes, compiled, places, strict=True):
-        source = source_of(recipe, path)
-        motion: dict[str, Trace] = {}
-        known = known_frames(one.plan)
-        try:
-            with Progress() as progress:
-                made = lock(
-                    one.plan,
-                    source,
-                    one.files,
-                    workers=count,
-                    progress=progress,
-                    engines=engines_for(one),
-                    device=device,
-                    traces=motion,
-                    known=known,
-                )
-        except KeyboardInterrupt:
-            say(_interrupted(recipe, known), err=True)
-            raise click.exceptions.Exit(130) from None
-        there = lockfile.read(path) if path.exists() and not update else None
-        if there is not None and not there.means_the_same(made):
-            raise InputError(_otherwise(path, recipe))
-        written = there is None and made.write(path, replace=replace)
-        if with_traces or trace_bundle.beside(path).exists():  # a file that is there must not fall behind
-            written |= trace_bundle.write(trace_bundle.beside(path), motion, replace=replace)
-        known.close()
-        rows.append(
-            {"recipe": str(recipe), "lockfile": str(path), "identity": made.identity, "written": written}
-            | {"taken_frames": known.taken_frames, "resumed_frames": known.resumed_frames}
-        )
-        if as_json:
-            continue
-        say(f"{path} {'written' if written else 'is up to date'}{_note(there, made)}")
-        say(made.identity)
-        for number, whence in (
-            (known.taken_frames, "the dataset built here"),
-            (known.resumed_frames, "a stopped lock"),
-        ):
-            if number:
-                say(f"{counted(number, 'frame')} taken over from {whence}")
-    if as_json:
-        print_json({"lockfiles": rows})
+    motion: dict[str, Trace] = {}
+    known = known_frames(compiled.plan)
+    try:
+        with Progress() as progress:
+            made = lock(
+                compiled.plan,
+                source_of(recipe, path),
+                compiled.files,
+                workers=options.workers,
+                progress=progress,
+                engines=engines_for(compiled),
+                device=options.device,
+                traces=motion,
+                known=known,
+            )
+    except KeyboardInterrupt:
+        say(_interrupted(recipe, known), err=True)
+        raise click.exceptions.Exit(130) from None
+    previous = lockfile.read(path) if path.exists() and not options.update else None
+    if previous is not None and not previous.means_the_same(made):
+        raise InputError(_otherwise(path, recipe))
+    written = previous is None and made.write(path, replace=options.replace)
+    traces = trace_bundle.beside(path)
+    if options.with_traces or traces.exists():  # an existing file of traces must not become outdated
+        written |= trace_bundle.write(traces, motion, replace=options.replace)
+    known.close()
+    return Locked(recipe, path, made, previous, written, known.taken_frames, known.resumed_frames)
 
 
-def _note(there: Lockfile | None, made: Lockfile) -> str:
-    """That the text of the recipe changed since it was locked, and its meaning did not."""
+def _print(locked: Locked) -> None:
+    """Print a locked recipe for a person."""
+    note = _note(locked.previous, locked.lock)
+    say(f"{locked.path} {'written' if locked.written else 'is up to date'}{note}")
+    say(locked.lock.identity)
+    for number, origin in (
+        (locked.taken_frames, "the dataset built here"),
+        (locked.resumed_frames, "a stopped lock"),
+    ):
+        if number:
+            say(f"{counted(number, 'frame')} taken over from {origin}")
+
+
+def _note(previous: Lockfile | None, made: Lockfile) -> str:
+    """A note if the text of the recipe changed since it was locked, but not its plan."""
     from recipe_runtime.verify.compare import text_note
 
-    note = text_note(there, made.plan, made.files) if there is not None else None
+    note = text_note(previous, made.plan, made.files) if previous is not None else None
     return f"; {note} (--update records the new text)" if note else ""
 
 
@@ -145,7 +195,12 @@ def _interrupted(recipe: Path, known: Known) -> str:
 
 
 def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, replace: bool) -> None:
-    """What can be known before anything is rendered: that the file can be written, and would not say otherwise."""
+    """Raise what is known before anything is rendered.
+
+    Raises:
+        InputError: the file is not this recipe's lockfile, or has another plan.
+        RunError: the folder cannot be written.
+    """
     import os
 
     from recipe_compiler.ir.errors import InputError, RunError
@@ -155,7 +210,7 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, re
     except UnicodeEncodeError:
         raise InputError(f"{str(recipe)!r}: a lockfile names its recipe in UTF-8; rename the file") from None
     if path.is_file() and not replace:
-        _check_ours(recipe, compiled, path, update)
+        _check_is_of_recipe(recipe, compiled, path, update)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -164,8 +219,8 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, re
         raise RunError(f"{path}: cannot be written; make the folder writable, or move what is in the way")
 
 
-def _check_ours(recipe: Path, compiled: Compiled, path: Path, update: bool) -> None:
-    """InputError unless the file that is there is this recipe's lockfile; without `update`, of this very plan."""
+def _check_is_of_recipe(recipe: Path, compiled: Compiled, path: Path, update: bool) -> None:
+    """InputError unless the existing file is a lockfile of this recipe and, without `update`, of this plan."""
     from recipe_compiler.ir import lockfile
     from recipe_compiler.ir.errors import InputError
 
@@ -176,7 +231,7 @@ def _check_ours(recipe: Path, compiled: Compiled, path: Path, update: bool) -> N
     except InputError:
         if not update:
             raise
-        return  # damaged, and about to be written anew
+        return  # damaged, and about to be rewritten
     check_lockfile_is_of(recipe, compiled.plan, path, there)
     if not update and there.plan != compiled.plan.digest:
         raise InputError(_otherwise(path, recipe))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from recipe_compiler.ir.plurals import count
 
-from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, REPLACE, LocalPath, compile_quietly, writing
+from recipe_cli.arguments import ALLOW_LARGE, JSON, RECIPE, REPLACE, LocalPath, compile_quietly, output_option, writing
 from recipe_cli.console import print_json, say
 from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recipe_files
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @click.command("pack")
 @RECIPE
-@click.option("-o", "--output", type=LocalPath(path_type=Path, dir_okay=False), help="<recipe>.recipe by default.")
+@output_option(LocalPath(path_type=Path, dir_okay=False), "<recipe>.recipe by default.")
 @click.option(
     "--with-traces", is_flag=True, help="Insist on the traces beside the lockfile; they go in if they are there."
 )

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from recipe_cli.arguments import JSON, REPLACE, LocalPath, writing
+from recipe_cli.arguments import JSON, REPLACE, LocalPath, output_option, writing
 from recipe_cli.console import print_document, print_json, say
 
 
 @click.command("schema")
-@click.option("-o", "--output", type=LocalPath(path_type=Path, dir_okay=False), help="Write it to this file.")
+@output_option(LocalPath(path_type=Path, dir_okay=False), "Write it to this file.")
 @REPLACE
 @JSON
 def command(output: Path | None, replace: bool, as_json: bool) -> None:

@@ -18,6 +18,7 @@ from recipe_cli.arguments import (
     LocalPath,
     compile_quietly,
     engines_for,
+    output_option,
     unpacks,
     writing,
 )
@@ -36,7 +37,7 @@ from recipe_cli.progress import Progress
     shell_complete=completion.modalities,
     help="rgb, depth, instance or semantic; rgb if it is captured.",
 )
-@click.option("-o", "--output", type=LocalPath(path_type=Path, dir_okay=False), help="The PNG; by default its name.")
+@output_option(LocalPath(path_type=Path, dir_okay=False), "The PNG; by default its name.")
 @click.option("--map", "as_map", is_flag=True, help="Draw the town from above instead; RECIPE may be a town's name.")
 @REPLACE
 @DEVICE

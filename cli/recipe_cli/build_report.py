@@ -1,0 +1,114 @@
+"""The report of `recipe build`: its JSON document, its lines on the terminal, and its message when interrupted."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from recipe_compiler.ir.plurals import count
+
+from recipe_cli.console import say
+
+if TYPE_CHECKING:
+    from recipe_compiler.compile import Compiled
+    from recipe_compiler.ir.plan import DatasetPlan
+    from recipe_runtime.build.pipeline import BuildResult
+    from recipe_runtime.transfer.upload import Copied, Target
+
+_MAX_SHOWN = 20
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A finished build."""
+
+    folder: Path
+    result: BuildResult
+    repair: bool
+    reasons: list[str]  # why each stage ran, or did not
+    target: Target | None
+    copied: Copied | None
+    lockfile_differences: list[str] | None  # None: there is no lockfile
+
+
+def document(outcome: Outcome, *, explain: bool) -> dict[str, object]:
+    """The JSON document of a build; `explain` adds why each stage ran."""
+    result, target, copied = outcome.result, outcome.target, outcome.copied
+    return (
+        {"path": str(outcome.folder), "identity": result.identity, "built": result.built, "wall": round(result.wall, 3)}
+        | {"seconds": {stage: round(s, 3) for stage, s in sorted(result.seconds.items())}}
+        | ({"explain": outcome.reasons} if explain else {})
+        | ({"url": target.url, **asdict(copied)} if target and copied else {})
+        | ({"mended": list(result.mended)} if outcome.repair else {})
+        | {"resumed_shards": result.resumed, "shards": result.shards, "resumed_frames": result.resumed_frames}
+        | {"made_frames": result.made_frames, "taken_frames": result.taken_frames}
+        | {"lockfile_differences": outcome.lockfile_differences}
+    )
+
+
+def print_outcome(outcome: Outcome, compiled: Compiled, *, explain: bool) -> None:
+    """Print a build's result for a person; `explain` first prints why each stage ran."""
+    for reason in outcome.reasons if explain else ():
+        say(reason)
+    _print_result(outcome, compiled)
+    target, copied = outcome.target, outcome.copied
+    if target and copied:
+        sent = f"{count(copied.sent, 'file')} sent, {copied.copied:,} copied there, {copied.kept:,} there already"
+        say(f"{target.url}: {sent}")
+
+
+def _print_result(outcome: Outcome, compiled: Compiled) -> None:
+    out, result = outcome.folder, outcome.result
+    for line in result.mended[:_MAX_SHOWN]:
+        say(f"mended: {line}")
+    if len(result.mended) > _MAX_SHOWN:
+        say(f"  ... and {len(result.mended) - _MAX_SHOWN} more; --json lists all")
+    if result.built:
+        number, every = len(compiled.plan.variants), compiled.cost.variants  # --only-locked may leave some out
+        what = count(every, "variant") if number == every else f"{number} of {count(every, 'variant')}"
+        if number == every and not (result.taken_frames or result.resumed_frames):
+            what = str(compiled.cost)  # all of it was this build's work
+        say(f"{out}: {what}; {_done(result)}")
+    elif outcome.repair:
+        say(f"{out}: there already, and every file has the bytes that its manifest says")
+    else:
+        say(f"{out}: there already (sizes checked; `recipe verify {out}` checks bytes, --repair mends them)")
+    say(f"look at {out / 'preview' / 'contact_sheet.png'}")
+    say(result.identity)
+
+
+def interruption(plan: DatasetPlan, folder: Path, repair: bool, target: Target | None) -> tuple[str, str]:
+    """What an interrupted build has kept, and the remedy: how to continue."""
+    from recipe_runtime.build.pipeline import kept_frames
+    from recipe_runtime.build.workspace import read_manifest
+    from recipe_runtime.dataset.manifest import is_whole
+
+    kept, manifest = kept_frames(plan, folder), read_manifest(folder)
+    if kept:
+        again = "run it again with --repair" if repair else "build again"  # a plain build goes by sizes alone
+        return f"interrupted; {kept:,} of {count(_frames(plan), 'frame')} are kept", f"{again} to go on"
+    if repair:  # it may have been stopped before the mended dataset was put in place, or after
+        return "interrupted", "run it again with --repair to mend what is still damaged"
+    if manifest is not None and is_whole(manifest, plan, folder):
+        return f"interrupted; {folder} is whole", f"build again to go on copying it to {target.url}" if target else ""
+    return "interrupted; no frame was finished yet", "build again to start over"
+
+
+def _frames(plan: DatasetPlan) -> int:
+    return sum(v.scene.clock.frames * len(v.rig.sensors) for v in plan.variants)
+
+
+def _done(result: BuildResult) -> str:
+    """How many frames this build rendered, at what rate, and how many it reused."""
+    made, seconds = result.made_frames, f"{result.wall:.1f} s"
+    reused = (
+        (result.taken_frames, "taken over from the dataset that was there"),
+        (result.resumed_frames, "taken up from the stopped build"),
+    )
+    known = [f"{number:,} {origin}" for number, origin in reused if number]
+    if not known:
+        return f"{count(made, 'frame')} rendered in {seconds}, {made / max(result.wall, 1e-9):.1f} a second"
+    own = f"{made:,} rendered" if made else "none rendered"
+    total = count(made + result.taken_frames + result.resumed_frames, "frame")
+    return f"{total}: {', '.join([own, *known])}; {seconds}"
