@@ -5,8 +5,9 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import click
 
@@ -17,14 +18,19 @@ if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_runtime.frames.engines import Engines
 
+    from recipe_cli.progress import Progress
+
 
 Command = TypeVar("Command", bound=Callable[..., object])
+PathText: TypeAlias = "str | PathLike[str]"
 
 
 class LocalPath(click.Path):
-    """A path of this host: a URL is refused, and shown without its password."""
+    """A path of this host. A URL is refused; the message shows it without its password."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(
+        self, value: str | PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | bytes | PathLike[str]:
         """A `Path`; a usage error for a URL."""
         if isinstance(value, str) and "://" in value:
             self.fail(f"{shown(value)} is a URL; copy what is there to this host, and give its path", param, ctx)
@@ -77,7 +83,9 @@ def output_option(
 class PlaceOrUrl(click.Path):
     """A path, or a URL as it was written."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(
+        self, value: str | PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | bytes | PathLike[str]:
         """A `Path`, or the text of a URL."""
         return value if isinstance(value, str) and "://" in value else super().convert(value, param, ctx)
 
@@ -92,8 +100,8 @@ def shown(place: Path | str) -> str:
 
 
 @contextmanager
-def dataset_at(place: Path | str, progress: Any) -> Iterator[Path]:
-    """A dataset's folder; of a URL, a copy for as long as it is used."""
+def dataset_at(place: Path | str, progress: Progress) -> Iterator[Path]:
+    """The folder of a dataset. One at a URL is downloaded to a temporary folder for the duration of the context."""
     if isinstance(place, Path):
         yield place
         return
@@ -105,7 +113,7 @@ def dataset_at(place: Path | str, progress: Any) -> Iterator[Path]:
 
 @contextmanager
 def opened(path: Path) -> Iterator[Path]:
-    """A recipe by its path; that of a pack is unpacked for as long as it is used."""
+    """The path of a recipe. A pack is unpacked to a temporary folder for the duration of the context."""
     if path.suffix != ".recipe":
         yield path
         return
@@ -117,14 +125,16 @@ def opened(path: Path) -> Iterator[Path]:
 
 
 def unpacks(*names: str, keep: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """A command whose arguments of these names may be packs: it is given the recipes in them.
+    """Decorate a command so that it also accepts packs in place of recipes.
 
-    `keep` names an argument in which the command gets the path of the first as the user wrote it.
+    Args:
+        names: the arguments that may be packs; the command receives the unpacked recipes.
+        keep: an extra argument in which the command receives the first of them as the user wrote it.
     """
 
     def around(command: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(command)
-        def opening(**values: Any) -> None:
+        def opening(**values: Path) -> None:
             kept = {keep: values[names[0]]} if keep else {}
             with ExitStack() as stack:
                 command(**kept, **{k: stack.enter_context(opened(v)) if k in names else v for k, v in values.items()})
@@ -139,7 +149,7 @@ def compile_quietly(
 ) -> Compiled:
     """Compile a recipe and print its warnings; InputError with all of its mistakes.
 
-    With a number of workers, the memory that they take is held to what this host has.
+    With a number of workers, the memory that they need is compared with that of this host.
     """
     from recipe_compiler.compile import compile_recipe
 
@@ -151,7 +161,12 @@ def compile_quietly(
 
 
 def engines_for(compiled: Compiled, simulated: Callable[[int, int], None] | None = None) -> Engines:
-    """The real engines, told where the recipe's assets lie; `simulated` hears of the steps of a simulation."""
+    """The engines of a build, with the paths of the recipe's assets.
+
+    Args:
+        compiled: the compiled recipe.
+        simulated: called with (step, steps) during a simulation.
+    """
     from recipe_runtime.core.asset_files import Assets
     from recipe_runtime.frames.engines import real_engines
 

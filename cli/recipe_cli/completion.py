@@ -1,4 +1,4 @@
-"""What a shell completes: recipe files, and the names in the recipe that is on the command line."""
+"""Shell completion of recipe files, and of the names in the recipe on the command line."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ def devices(context: click.Context, parameter: click.Parameter, incomplete: str)
 
 
 def _items(names: Iterable[str], incomplete: str) -> list[CompletionItem]:
-    """Those that begin so and that a shell can take: a name may come from outside."""
+    """The names with that prefix that a shell can display: names are untrusted text."""
     return [CompletionItem(name) for name in names if name.startswith(incomplete) and name.isprintable()]
 
 
 def _outline(context: click.Context) -> Outline:
-    """The names in the recipe on the command line; none if it cannot be read: a shell is told nothing of it."""
+    """The names in the recipe on the command line; none if it cannot be read, since completion shows no errors."""
     from recipe_compiler.checks.outline import Outline, outline
 
     from recipe_cli.arguments import opened

@@ -1,6 +1,6 @@
-"""The one place where the command line writes to the terminal.
+"""The only module of the command line that writes to the terminal.
 
-Every text is escaped here: recipes, datasets, lockfiles and file names come from outside, and a terminal obeys control
+Every text is escaped here: recipes, datasets, lockfiles and file names are untrusted, and a terminal obeys control
 characters. A text is one line: a line break in it is escaped, and where a terminal would wrap a line, it goes on
 indented. So only what a command prints as a line of its own stands at the start of a line, such as a verdict.
 """
@@ -15,7 +15,7 @@ import sys
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
@@ -37,12 +37,12 @@ class Styled:
 
 @dataclass
 class State:
-    """What one run of a command prints in the end: whether as JSON, and the warnings so far."""
+    """The output state of one run: whether it prints JSON, and the warnings so far."""
 
     as_json: bool = False
     warnings: list[Problem] = field(default_factory=list)
     printed: bool = False
-    partial: dict[str, Any] = field(default_factory=dict)  # what the document of a run that fails also holds
+    partial: dict[str, list[dict[str, object]]] = field(default_factory=dict)  # kept in the document of a failed run
 
 
 def state() -> State:
@@ -52,7 +52,7 @@ def state() -> State:
 
 
 def safe(text: str) -> str:
-    """Text from outside as the terminal may have it: escaped, on one line, without secrets of URLs."""
+    """Untrusted text for the terminal: escaped, on one line, without the secrets of URLs."""
     from recipe_compiler.ir.errors import printable
 
     if "://" in text:
@@ -70,7 +70,7 @@ def say(*parts: str | Styled, err: bool = False) -> None:
     if stream.isatty():
         safe_parts = _wrapped(safe_parts, shutil.get_terminal_size().columns)
     if safe_parts and not safe_parts[0][1] and _VERDICT.match(safe_parts[0][0]):
-        text = safe_parts[0][0]  # a text from outside that poses as a verdict
+        text = safe_parts[0][0]  # untrusted text that imitates a verdict
         safe_parts[0] = (f"\\x{ord(text[0]):02x}{text[1:]}", "")
     line = "".join(click.style(text, fg=fg or None, bold=True) if fg and colour else text for text, fg in safe_parts)
     click.echo(line, err=err, color=True)
@@ -92,7 +92,7 @@ def print_document(text: str) -> None:
     click.echo(_json_safe(text.rstrip("\n")))
 
 
-def print_json(value: Mapping[str, Any] | Sequence[Any]) -> None:
+def print_json(value: Mapping[str, object] | Sequence[object]) -> None:
     """Print the one JSON document of a run. A map also holds `errors` and `warnings`."""
     run = state()
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Errors and warnings as people read them: code, message, place, source line with a caret, remedy.
+"""Formats errors and warnings: code, message, place, source line with a caret, remedy.
 
 error[unknown-key]: unknown key "fsp" in clock
  --> rain_bench.yaml:3:11

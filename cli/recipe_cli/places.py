@@ -1,4 +1,4 @@
-"""Where lockfiles and datasets lie, seen from a recipe."""
+"""Paths of lockfiles and datasets, and the free disk space and memory of this host."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def recipe_of(lockfile: Path, lock: Lockfile) -> Path:
 
 
 def recipe_files(recipe: Path, compiled: Compiled) -> dict[str, bytes]:
-    """The recipe and all that it includes, the very bytes that were compiled."""
+    """The bytes of the recipe and of every file that it includes, as they were compiled."""
     import hashlib
 
     from recipe_compiler.ir.errors import RunError
@@ -139,7 +139,7 @@ def free_disk(folder: Path) -> int:
 
 
 def memory(workers: int) -> Memory:
-    """What this host has of memory, for a build with so many workers."""
+    """The memory of this host, for a build with that many workers."""
     from recipe_compiler.limits import Memory
     from recipe_runtime.build import host_memory
 

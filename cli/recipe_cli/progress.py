@@ -1,14 +1,17 @@
-"""Progress bars on the terminal, one a stage; nothing at all when standard error is no terminal."""
+"""Progress bars on the terminal, one per stage; none if standard error is not a terminal."""
 
 from __future__ import annotations
 
 import sys
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from recipe_cli.console import safe, show_cursor
+
+if TYPE_CHECKING:
+    from click._termui_impl import ProgressBar
 
 
 class Progress:
@@ -17,7 +20,7 @@ class Progress:
     def __init__(self, quiet: bool = False) -> None:
         self._shown = not quiet and sys.stderr.isatty()
         self._stage = ""
-        self._bar: Any = None
+        self._bar: ProgressBar[int] | None = None
         self._done = 0
 
     def __call__(self, stage: str, done: int, total: int) -> None:
@@ -30,6 +33,7 @@ class Progress:
             label = f"{safe(stage):<9}"
             self._bar = click.progressbar(length=max(total, 1), label=label, file=sys.stderr, show_pos=True, width=0)
             self._bar.__enter__()
+        assert self._bar is not None
         self._bar.length = max(total, 1)
         self._bar.update(done - self._done)
         self._done = done

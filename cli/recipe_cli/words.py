@@ -14,9 +14,17 @@ _WORDS = {  # code -> the remedy, with the library's own where `{help}` stands
 }
 
 
+_ENDINGS = {  # how the library's remedy ends -> the option that does it
+    "or replace it": "--replace",
+}
+
+
 def option_help(problem: Problem) -> str | None:
     """The remedy that names the option which helps with a problem of this code; None if none does."""
-    words = _WORDS.get(problem.code)
-    if words is None or not problem.help or "--" in problem.help:
+    if not problem.help or "--" in problem.help:
         return None
-    return words.replace("{help}", problem.help)
+    for ending, option in _ENDINGS.items():
+        if problem.help.endswith(ending):
+            return f"{problem.help} ({option})"
+    words = _WORDS.get(problem.code)
+    return None if words is None else words.replace("{help}", problem.help)

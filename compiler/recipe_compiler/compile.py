@@ -1,7 +1,7 @@
-"""From a recipe file to a `DatasetPlan`: read, merge, check, expand, count, lower.
+"""Compiles a recipe file to a `DatasetPlan`: read, merge, check, expand, estimate, lower.
 
-All that is wrong is raised at once, sorted by place. Nothing is executed, nothing outside the recipe's folder read,
-and nothing large made before it is counted.
+All problems are raised together, sorted by place. Nothing in a recipe is executed, no file outside its folder is read,
+and the size of the result is estimated before anything large is created.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ from recipe_compiler.schema.recipe import Base, Recipe
 from recipe_compiler.source import merge
 from recipe_compiler.source.yaml_reader import Value, show
 
-_CHECKED_APART = {"base", "deltas"}
-_LOOKS = {100, 300, 1000, 3000}  # numbers of variants after which to look whether they are too much already
+_CHECKED_SEPARATELY = {"base", "deltas"}
+_EARLY_CHECKS = {100, 300, 1000, 3000}  # numbers of variants after which the compile cost so far is checked
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """A recipe, compiled: its plan, what to warn of, the digest of every file read, and what building it costs."""
+    """A compiled recipe: its plan, warnings, the digest of every file that was read, and the cost of building it."""
 
     plan: DatasetPlan
     warnings: tuple[Problem, ...]
     files: dict[str, str]  # path relative to the recipe's folder -> SHA-256 of its bytes
     cost: limits.Cost
-    assets: tuple[asset_files.Brought, ...] = ()
+    assets: tuple[asset_files.AssetFile, ...] = ()
     folder: Path = Path()  # the recipe's
     towns: Mapping[str, Town] = field(default_factory=dict)  # by their plans' digests
 
     @property
     def places(self) -> dict[str, Path]:
-        """Where the assets lie, by digest."""
+        """The paths of the assets by digest."""
         return {asset.file.sha256: self.folder / asset.path for asset in self.assets}
 
 
@@ -56,9 +56,18 @@ def compile_recipe(
 ) -> Compiled:
     """Compile a recipe file.
 
-    `free_disk` is the number of bytes free where the dataset would go, if known, and `memory` what the host has of
-    it. InputError with all problems; TooLargeError, which is one, before any plan is made if the recipe is over the
-    limits and `allow_large` is not set.
+    Args:
+        path: the recipe file.
+        allow_large: compile even if the recipe exceeds the size limits.
+        free_disk: bytes free where the dataset would be written, if known.
+        memory: the memory of the host, if known.
+
+    Returns:
+        The compiled recipe.
+
+    Raises:
+        InputError: with all problems of the recipe.
+        TooLargeError: the recipe exceeds the limits and `allow_large` is not set; raised before any plan is created.
     """
     sources = merge.read(path)
     try:
@@ -74,15 +83,15 @@ def _compile(
 ) -> Compiled:
     problems = list(sources.problems)
     root = sources.root
-    stumbles = {problem.place for problem in problems}  # where YAML itself stumbled; no second blame there
+    yaml_places = {problem.place for problem in problems}  # a place with a YAML error gets no second problem
     if root is None:
         raise InputError(_sorted(problems))
     recipe = _check_recipe(root, problems)
     assets, unfit = asset_files.read(root, recipe.assets, path.parent, sources) if recipe else ({}, [])
     axes = _check_sweep(root, recipe, problems)
-    if recipe is None or root.get("base") is None or _fatal(problems, sources.problems):
+    if recipe is None or root.get("base") is None or _has_new(problems, sources.problems):
         problems += [*unfit, *_check_base_alone(root, _kinds(recipe))]
-        raise InputError(_sorted(sources.problems, _new(problems, stumbles)))
+        raise InputError(_sorted(sources.problems, _new(problems, yaml_places)))
     problems += unfit
     loads: list[limits.Load] = []
     found = Findings()
@@ -94,7 +103,7 @@ def _compile(
             continue
         checked.append((variant, base))
         loads.append(workload.estimated(variant, base, changes))
-        if len(loads) in _LOOKS and not allow_large:
+        if len(loads) in _EARLY_CHECKS and not allow_large:
             too_long = _too_long(root, loads, expand.count(axes, recipe.sweep))
             if too_long and not problems and not found.total:
                 raise too_long
@@ -102,13 +111,13 @@ def _compile(
                 break
     problems += found.problems()
     if problems:
-        raise InputError(_sorted(sources.problems, _new(problems, stumbles)))
+        raise InputError(_sorted(sources.problems, _new(problems, yaml_places)))
     estimate = limits.total(loads, recipe.output.depth)
     reasons = estimate.over(free_disk, memory)
     if reasons and not allow_large:
-        raise limits.TooLargeError(_costliest(root, estimate), estimate, reasons)
+        raise limits.TooLargeError(_place_of_size(root, estimate), estimate, reasons)
     lowering = Lowering(_instances(root, problems), assets)
-    plans, cautions = _lowered(lowering, checked)
+    plans, warnings = _lowered(lowering, checked)
     plan = DatasetPlan(
         recipe=recipe.recipe,
         description=recipe.description,
@@ -122,13 +131,17 @@ def _compile(
         compile_bytes=estimate.compile_bytes,
     )
     clashes = expand.clashes(root, axes, recipe.sweep)
-    warnings = _sorted(clashes, cautions)
+    warnings = _sorted(clashes, warnings)
     files = dict(sorted(sources.files.items()))
     return Compiled(plan, tuple(warnings), files, cost, tuple(assets.values()), path.parent, lowering.towns)
 
 
 def named_files(path: Path) -> tuple[str, set[str]] | None:
-    """A recipe's name and the files that it names, itself among them, without compiling it; None if it is broken."""
+    """The name of a recipe and the files that it uses, itself included, without compiling it.
+
+    Returns:
+        None if the recipe cannot be read.
+    """
     sources = merge.read(path)
     if sources.root is None or sources.problems:
         return None
@@ -137,29 +150,36 @@ def named_files(path: Path) -> tuple[str, set[str]] | None:
 
 
 def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tuple[list[ScenarioPlan], list[Problem]]:
-    """The plans of all variants, and what to warn of; InputError if one has problems."""
-    plans, wrong, cautions = [], Findings(), Findings()
+    """Lower all variants to plans.
+
+    Returns:
+        The plans, and the warnings.
+
+    Raises:
+        InputError: with the problems of all variants.
+    """
+    plans, wrong, warnings = [], Findings(), Findings()
     for variant, base in checked:
         plan = lowering.scenario(variant, base)
         wrong.add(lowering.problems, variant)
-        cautions.add(lowering.warnings, variant)
+        warnings.add(lowering.warnings, variant)
         lowering.problems.clear()
         lowering.warnings.clear()
         if plan is not None:
             plans.append(plan)
     if wrong.total:
         raise InputError(wrong.problems())
-    return plans, cautions.problems()
+    return plans, warnings.problems()
 
 
 def _kinds(recipe: Recipe | None) -> dict[str, str]:
-    """Whether an asset is a mesh or an image, by name."""
+    """Asset name -> `mesh` or `image`."""
     assets = recipe.assets if recipe else {}
     return {name: "image" if asset.mesh is None else "mesh" for name, asset in assets.items()}
 
 
-def _new(problems: Iterable[Problem], stumbles: set[Place | None]) -> list[Problem]:
-    return [problem for problem in problems if problem.place not in stumbles]
+def _new(problems: Iterable[Problem], yaml_places: set[Place | None]) -> list[Problem]:
+    return [problem for problem in problems if problem.place not in yaml_places]
 
 
 def _sorted(*problems: Iterable[Problem]) -> list[Problem]:
@@ -169,15 +189,15 @@ def _sorted(*problems: Iterable[Problem]) -> list[Problem]:
     return found.problems()
 
 
-def _fatal(problems: list[Problem], of_reading: list[Problem]) -> bool:
-    """Whether the problems so far leave no sense in expanding variants."""
+def _has_new(problems: list[Problem], of_reading: list[Problem]) -> bool:
+    """Whether there are problems besides those of reading the files."""
     return len(problems) > len(of_reading)
 
 
 def _check_recipe(root: Value, problems: list[Problem]) -> Recipe | None:
     for key in root.map:
-        if key not in Recipe.model_fields and key not in _CHECKED_APART:
-            options = [*Recipe.model_fields, *_CHECKED_APART]
+        if key not in Recipe.model_fields and key not in _CHECKED_SEPARATELY:
+            options = [*Recipe.model_fields, *_CHECKED_SEPARATELY]
             problems.append(
                 Problem(
                     f"unknown key {show(key)}", root.key_place(key), nearest(key, sorted(options)), Code.UNKNOWN_KEY
@@ -234,8 +254,8 @@ def _check_base_alone(root: Value, kinds: dict[str, str]) -> list[Problem]:
     return problems
 
 
-def _costliest(root: Value, cost: limits.Cost) -> Place:
-    """Where the number stands that a recipe over the limits owes most of its size to."""
+def _place_of_size(root: Value, cost: limits.Cost) -> Place:
+    """The place of the number that contributes most to the size of a recipe over the limits."""
     if cost.over_to_compile() or cost.variants * cost.variants > cost.frames:
         for path in (("sweep", "repeats"), ("sweep", "draw", "count"), ("deltas",), ("base", "traffic")):
             if root.get(*path):
@@ -244,19 +264,19 @@ def _costliest(root: Value, cost: limits.Cost) -> Place:
 
 
 def _too_long(root: Value, loads: list[limits.Load], variants: int) -> limits.TooLargeError | None:
-    """What is wrong if these first variants alone would take too long to compile: checking all would, too."""
+    """The error to raise if compiling the variants so far already exceeds the limits; None if it does not."""
     estimate = limits.total(loads, "carla")
     reasons = estimate.over_to_compile()
     if reasons:
         reasons[0] = f"of the first {len(loads)} variants alone, {reasons[0]}"
     whole = dataclasses.replace(estimate, variants=variants)
-    return limits.TooLargeError(_costliest(root, whole), whole, reasons) if reasons else None
+    return limits.TooLargeError(_place_of_size(root, whole), whole, reasons) if reasons else None
 
 
 def _check_variants(
     root: Value, variants: Iterable[Variant], kinds: dict[str, str], found: Findings
 ) -> Iterator[tuple[Variant, Base | None]]:
-    """The variants, one by one, with their models; None for one that has problems."""
+    """Yields each variant with its checked base; None in place of the base if it has problems."""
     checker = Checker(root.map["base"], kinds)
     for variant in variants:
         if len(variant.name) > expand.MAX_NAME:

@@ -1,8 +1,8 @@
-"""Axes, exclusions, repeats and draws: from a recipe to named variants, each a merged base with a seed.
+"""Expands axes, exclusions, repeats and draws to named variants, each a merged base with a seed.
 
-The product is counted before it is built. Names follow the file: `weather=rainy,jitter=still`, with `#2` for the
-second repeat or draw. What a variant holds depends on its own values only, so that adding a value to an axis, a
-repeat or a draw changes no other variant.
+The number of variants is computed before any is created. Names follow the file: `weather=rainy,jitter=still`, with
+`#2` for the second repeat or draw. A variant depends on its own values only: adding a value to an axis, a repeat or a
+draw changes no other variant.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Variant:
 
 
 def chosen_axes(root: Value, sweep: Sweep, problems: list[Problem]) -> Axes:
-    """The axes that the sweep multiplies, in its order; problems where it names what is not there."""
+    """The axes of the sweep, in its order. Unknown and repeated names are added to `problems`."""
     deltas = root.get("deltas")
     all_axes = {name: dict(value.map) for name, value in deltas.map.items()} if deltas else {}
     names = list(sweep.axes) if sweep.axes is not None else list(all_axes)
@@ -58,13 +58,13 @@ def chosen_axes(root: Value, sweep: Sweep, problems: list[Problem]) -> Axes:
 
 
 def count(axes: Axes, sweep: Sweep) -> int:
-    """How many variants the product has, before exclusions; nothing is built to know it."""
+    """The number of variants before exclusions, without expanding them."""
     draws = sweep.draw.count if sweep.draw else 1
     return math.prod(len(values) for values in axes.values()) * sweep.repeats * draws
 
 
 def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
-    """The problem of a product, or of draws, over the limit."""
+    """A problem if there are too many variants or draws."""
     total = count(axes, sweep)
     if total <= MAX_VARIANTS:
         draws = sweep.draw.count * sweep.repeats * len(sweep.draw.values) if sweep.draw else 0
@@ -86,7 +86,7 @@ def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
 
 
 def check_exclusions(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
-    """Problems of exclusions that name no axis or no value of it."""
+    """Problems of exclusions that name an unknown axis or value."""
     problems = []
     for index, rule in enumerate(sweep.exclude):
         where = root.get("sweep", "exclude", index) or root
@@ -127,36 +127,36 @@ def repeat_seed(seed: int, repeat: int) -> int:
 
 
 def variants(root: Value, axes: Axes, sweep: Sweep, seed: int) -> Iterator[Variant]:
-    """All variants, in file order. Values that no delta touches are the very same objects in each."""
+    """All variants, in file order. Values that no delta changes are the same objects in every variant."""
     merger = Merger()
     base = expand_shorthands(root.map["base"])
     draws = sweep.draw.count if sweep.draw else 1
     values = sweep.draw.values if sweep.draw else {}
-    laid: dict[tuple[int, int], list[Value]] = {}
+    patches_of: dict[tuple[int, int], list[Value]] = {}
     for repeat, draw in itertools.product(range(1, sweep.repeats + 1), range(1, draws + 1)):
         own = repeat_seed(seed, repeat)
-        laid[repeat, draw] = [
+        patches_of[repeat, draw] = [
             _patch(path, drawn(how, own, path, draw), root.place_of("sweep", "draw", "values", path))
             for path, how in values.items()
         ]
     for combination in combinations(axes, sweep):
         merged = base
         for axis, value in combination.items():
-            merged = _lay(merger, merged, axes[axis][value])
-        for (repeat, draw), patches in laid.items():
+            merged = _merged(merger, merged, axes[axis][value])
+        for (repeat, draw), patches in patches_of.items():
             final = merged
             for patch in patches:
-                final = _lay(merger, final, patch)
+                final = _merged(merger, final, patch)
             number = (repeat - 1) * draws + draw
             yield Variant(name_of(combination, number), repeat_seed(seed, repeat), final)
 
 
-def _lay(merger: Merger, base: Value, patch: Value) -> Value:
+def _merged(merger: Merger, base: Value, patch: Value) -> Value:
     return expand_shorthands(merger.merge(base, patch))
 
 
 def drawn(how: Distribution, seed: int, path: str, draw: int) -> bool | int | float | str:
-    """What a draw gives: keyed by seed, path and number, so the same in every combination of axis values."""
+    """The value of a draw, keyed by seed, path and draw number: the same in every combination of axis values."""
     stream = Stream(seed, "draw", path, str(draw))
     if how.choice is not None:
         return stream.choice(how.choice)
@@ -179,7 +179,7 @@ def _patch(path: str, value: bool | int | float | str, place: Place) -> Value:
 
 
 def leaves(delta: Value, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Place]]:
-    """The paths that a delta sets or removes, and where."""
+    """The paths that a delta sets or removes, each with its place."""
     for key, value in delta.map.items():
         if isinstance(value.data, dict) and value.data:
             yield from leaves(value, (*path, key))
@@ -194,14 +194,14 @@ def clashes(root: Value, axes: Axes, sweep: Sweep) -> list[Problem]:
     for axis, values in axes.items():
         own = [found for delta in values.values() for found in leaves(delta)]
         for path, place in own:
-            if (other := earlier.meeting(path)) is not None:
+            if (other := earlier.conflicting(path)) is not None:
                 message = f"axes {other} and {axis} both set {'.'.join(path)}"
                 found = Problem(message, place, f"the later one, {axis}, wins", Code.AXES_OVERLAP)
                 warnings.setdefault((other, axis, ".".join(path)), found)
         for path, _ in own:
             earlier.add(path, axis)
     for drawn_path in sweep.draw.values if sweep.draw else ():
-        if (other := earlier.meeting(tuple(drawn_path.split(".")))) is not None:
+        if (other := earlier.conflicting(tuple(drawn_path.split(".")))) is not None:
             message = f"axis {other} and sweep.draw both set {drawn_path}"
             place = root.place_of("sweep", "draw", "values", drawn_path)
             warnings["", "", drawn_path] = Problem(message, place, "the draw wins", Code.AXES_OVERLAP)
@@ -209,19 +209,19 @@ def clashes(root: Value, axes: Axes, sweep: Sweep) -> list[Problem]:
 
 
 class _Paths:
-    """Paths that axes set, found by what is above or below them without looking at each."""
+    """The paths that axes set, indexed by prefix."""
 
     def __init__(self) -> None:
         self._set: dict[tuple[str, ...], str] = {}
         self._below: dict[tuple[str, ...], str] = {}  # each prefix of a path that is set -> the axis of the first
 
     def add(self, path: tuple[str, ...], axis: str) -> None:
-        """Note that an axis sets a path; the first to do so is remembered."""
+        """Record that an axis sets a path; the first axis of a path is kept."""
         self._set.setdefault(path, axis)
         for n in range(1, len(path)):
             self._below.setdefault(path[:n], axis)
 
-    def meeting(self, path: tuple[str, ...]) -> str | None:
+    def conflicting(self, path: tuple[str, ...]) -> str | None:
         """The axis that sets this path, or one above or below it."""
         above = (path[:n] for n in range(1, len(path) + 1))
         return next((self._set[p] for p in above if p in self._set), None) or self._below.get(path)

@@ -1,5 +1,5 @@
-"""What a recipe costs, known before any of the work is done: frames, images, bytes on disk, minutes, memory; and what
-compiling it costs, so that a small file cannot ask for hours.
+"""Cost model and size limits: frames, images, bytes on disk, minutes and memory of a build, estimated before it starts,
+and the time and memory of compiling the recipe itself.
 
 The constants are measured: `make bench-estimates` compares the estimates of ten recipes with their builds.
 """
@@ -20,17 +20,17 @@ MEMORY_LIMIT = 900 * 2**20  # bytes, while compiling
 
 TIME_LIMIT = 120.0  # minutes of one core
 
-# Bytes a pixel, encoded; a file's head; what a file takes of a disk is whole blocks.
+# Encoded bytes per pixel, bytes of a file's header, and the block size of the disk.
 _BYTES = {"rgb": 1.52, "depth": 0.15, "depth-npy": 4.0, "instance": 0.006, "semantic": 0.016}
-_DEPTH_MOVING = 0.5  # of depth, where the camera drives along streets
+_DEPTH_MOVING = 0.5  # of depth, where the camera moves
 _FILE_HEAD, _BLOCK = 150, 4096
-_SEEN, _SEEN_AT_MOST = 0.1, 0.25  # share of the actors that a camera sees in a frame
+_SEEN, _SEEN_AT_MOST = 0.1, 0.25  # share of the actors that are visible in a frame: mean, maximum
 _PLAN_BYTES = (540, 900)  # of a variant's plan: an element of its town, an actor
 _TRACK_BYTES = 140  # an actor and frame
 _LABEL_BYTES = 900  # a labelled object, in all annotation files
 _PREVIEW = (4.0, 900_000, 1_200_000)  # bytes a pixel of a view, at most for a view, at most for all
 
-# Seconds of one core of a 2020s x86. A process to start: the build itself, a worker, a simulation.
+# Seconds on one core of an x86 processor of the 2020s. Start-up of the build itself, a worker, a simulation.
 _START_BUILD, _START_WORKER, _START_SIMULATION = 1.7, 2.2, 0.6
 _LOAD_ELEMENT, _LOAD_ACTOR = 0.0022, 0.018  # meshes, for each scene
 _SIMULATE_ACTOR, _STEP, _STEP_ACTOR = 0.012, 0.00065, 0.000033  # an actor to place; a physics step; an actor and step
@@ -39,13 +39,13 @@ _OBSERVE, _OBSERVE_STILL, _OBSERVE_MOVING = 0.05, 0.005, 0.005  # a megasample, 
 _SHADE, _SHADE_STILL = (
     (0.010, 0.37),
     (0.007, 0.055),
-)  # a frame and a megasample of a camera that moves, and stands still
+)  # per frame and per megasample, of a moving camera and of a static one
 _SHADE_ACTOR, _SHADE_FIRST, _WHOLE_FRAMES = 0.0004, 0.2, 2  # an actor; a view; the first frames of a camera at rest
 _FINISH = 0.12  # a megapixel of blur or bloom
 _ENCODE = {"rgb": 0.02, "depth": 0.025, "depth-npy": 0.01, "instance": 0.004, "semantic": 0.004}  # a megapixel
-_FILE = 0.0007  # a file whatever its size
+_FILE = 0.0007  # per file, whatever its size
 
-# Memory: bytes of a process. A camera at rest keeps what it has seen, for each appearance.
+# Memory: bytes per process. A static camera keeps its samples for each appearance.
 _MAIN, _WORKER, _SIMULATION = 150 << 20, 205 << 20, 195 << 20
 _SHADERS = 165 << 20  # kernels and tables, once a picture is made
 _MEMORY_ELEMENT, _MEMORY_ACTOR = 130_000, 1_600_000  # meshes
@@ -69,16 +69,16 @@ class View:
 
     frames: int
     pixels: int
-    samples: int  # that it is drawn with: more than pixels behind a lens or supersampled
+    samples: int  # rendered; more than pixels with lens distortion or supersampling
     capture: tuple[str, ...]
     poses: int = 1
-    still: bool = True  # neither moved nor mounted on anyone
+    still: bool = True  # neither in motion nor mounted on an actor
     finished: bool = False  # with motion blur or bloom
 
 
 @dataclass(frozen=True)
 class Load:
-    """One variant's work. Keys that are equal mean work that is shared."""
+    """The work of one variant. Variants with equal keys share that work."""
 
     scene: Hashable
     rig: Hashable
@@ -88,13 +88,13 @@ class Load:
     views: tuple[View, ...]
     town: Hashable = None
     elements: int = 0  # of the town
-    points: int = 0  # of all actors' ways
-    changes: int = 0  # laid over the base: axes and draws
+    points: int = 0  # of all actors' routes
+    changes: int = 0  # merged over the base: axes and draws
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What building a recipe takes. `frames` are pictures of one sensor at one time, `images` the files of them."""
+    """The cost of building a recipe. `frames` counts one sensor at one time once, `images` each of its modalities."""
 
     variants: int
     simulations: int
@@ -104,7 +104,7 @@ class Cost:
     images: int
     bytes: int
     minutes: float  # of one core, the processor time of all processes
-    minutes_alone: float  # of those, what workers do not share
+    minutes_alone: float  # of those, the part that is not parallel
     compile_seconds: float
     compile_bytes: int
     main_memory: int  # bytes that the build and its simulation take
@@ -117,19 +117,19 @@ class Cost:
         )
 
     def minutes_with(self, workers: int) -> float:
-        """How long a build takes that so many workers share."""
+        """Minutes of a build with that many workers."""
         return self.minutes_alone + (self.minutes - self.minutes_alone) / workers
 
     def memory_with(self, workers: int) -> int:
-        """Bytes of memory that a build with so many workers takes."""
+        """Bytes of memory of a build with that many workers."""
         return self.main_memory + min(workers, self.frames) * self.worker_memory
 
     def over(self, free_disk: int | None = None, memory: Memory | None = None) -> list[str]:
-        """The limits that this is over, in words; none if it is small enough to build unasked.
+        """The exceeded limits in words; empty if there is none.
 
         Args:
-            free_disk: bytes free where the dataset would go, if known.
-            memory: what the host has of it, if known.
+            free_disk: bytes free where the dataset would be written, if known.
+            memory: the memory of the host, if known.
         """
         reasons = []
         if self.frames > FRAME_LIMIT:
@@ -144,7 +144,7 @@ class Cost:
         return reasons + self.over_memory(memory) + self.over_to_compile()
 
     def over_memory(self, memory: Memory | None) -> list[str]:
-        """Whether this takes more memory than a host has, in words."""
+        """The exceeded memory limits of a host in words."""
         if memory is None:
             return []
         largest, needed = max(self.main_memory, self.worker_memory), self.memory_with(memory.workers)
@@ -153,14 +153,14 @@ class Cost:
         if memory.total is None or needed <= memory.total:
             return []
         workers = (memory.total - self.main_memory) // self.worker_memory
-        remedy = f" (--workers {workers} would fit)" if workers > 0 else ""
+        remedy = f" ({count(workers, 'worker')} would fit)" if workers > 0 else ""
         return [
             f"about {size(needed)} of memory with {count(memory.workers, 'worker')} "
             f"are over the {size(memory.total)} of this host{remedy}"
         ]
 
     def over_to_compile(self) -> list[str]:
-        """The limits that compiling it would be over: many towns, or many casts, each laid out apart."""
+        """The exceeded limits of compiling in words."""
         reasons = []
         if self.compile_seconds > COMPILE_LIMIT:
             reasons.append(f"about {self.compile_seconds:.0f} s of compiling alone are over {COMPILE_LIMIT:.0f} s")
@@ -171,18 +171,18 @@ class Cost:
 
 @dataclass(frozen=True)
 class Memory:
-    """What a host has of memory, in bytes, None where it is not known, and how many workers are to share it."""
+    """Memory of a host in bytes, None where unknown, and the number of workers that share it."""
 
     total: int | None = None
-    process: int | None = None  # for any one process
+    process: int | None = None  # limit of a single process
     workers: int = 1
 
 
 class TooLargeError(InputError):
-    """A recipe over the limits, which needs an explicit yes; `cost` says by how much."""
+    """A recipe exceeds the size limits; `cost` has the estimate, `reasons` the exceeded limits."""
 
     def __init__(self, place: Place, cost: Cost, reasons: Iterable[str]) -> None:
-        """`place` is that of the number that costs most."""
+        """`place` is where the number stands that contributes most to the cost."""
         self.cost = cost
         self.reasons = tuple(reasons)
         self.place = place
@@ -192,7 +192,7 @@ class TooLargeError(InputError):
 
 
 def size(amount: float) -> str:
-    """A number of bytes as people read it: 812 KiB, 37 MiB, 2.4 GiB."""
+    """A number of bytes with a binary unit: 812 KiB, 37 MiB, 2.4 GiB."""
     for unit, bits in (("GiB", 30), ("MiB", 20), ("KiB", 10)):
         if amount >= 1 << bits:
             units = amount / (1 << bits)
@@ -201,7 +201,12 @@ def size(amount: float) -> str:
 
 
 def total(loads: Iterable[Load], depth: str) -> Cost:
-    """The cost of all variants, with shared work counted once."""
+    """The cost of all variants. Work that variants share counts once.
+
+    Args:
+        loads: the work of each variant.
+        depth: how depth is stored, `carla` or `npy`.
+    """
     loads = list(loads)
     scenes = {load.scene: load for load in loads}
     observed = {(load.scene, load.rig): load for load in loads}
@@ -230,7 +235,7 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
 
 
 def _kinds(view: View, depth: str) -> list[str]:
-    """What is written once for all appearances."""
+    """The kinds of files that are written once for all appearances."""
     return ["depth-npy" if (m, depth) == ("depth", "npy") else m for m in view.capture if m != "rgb"]
 
 
@@ -240,7 +245,7 @@ def _simulating(load: Load) -> float:
 
 
 def _observing(load: Load, view: View, depth: str) -> float:
-    """Seconds for all that a view's appearances share."""
+    """Seconds for what all appearances of a view share."""
     frame = _LABEL + load.actors * _LABEL_ACTOR
     frame += sum(_FILE + view.pixels / 1e6 * _ENCODE[kind] for kind in _kinds(view, depth))
     whole, least = view.frames, _OBSERVE_STILL * view.samples / 1e6
@@ -251,7 +256,7 @@ def _observing(load: Load, view: View, depth: str) -> float:
 
 
 def _shading(load: Load, view: View) -> float:
-    """Seconds for the pictures of one appearance."""
+    """Seconds to render and write one appearance."""
     mega = view.samples / 1e6
     moved, still = (each + mega * rate for each, rate in (_SHADE, _SHADE_STILL))
     whole = min(view.frames, _WHOLE_FRAMES) if view.still else view.frames
@@ -261,17 +266,17 @@ def _shading(load: Load, view: View) -> float:
 
 
 def _blocks(amount: float) -> int:
-    """Bytes of a disk that a file of so many bytes takes."""
+    """Bytes on disk of a file of `amount` bytes."""
     return -(-round(amount) // _BLOCK) * _BLOCK
 
 
 def _rate(view: View, kind: str) -> float:
-    """Bytes a pixel."""
+    """Encoded bytes per pixel."""
     return _DEPTH_MOVING if kind == "depth" and not view.still else _BYTES[kind]
 
 
 def _disk(loads: Sequence[Load], scenes: Iterable[Load], observed: Iterable[Load], depth: str) -> int:
-    """Bytes of a disk that a dataset takes."""
+    """Bytes on disk of a dataset."""
     pictures = [(v, kind) for o in observed for v in o.views for kind in _kinds(v, depth)]
     pictures += [(v, "rgb") for load in loads for v in load.views if "rgb" in v.capture]
     frames = sum(v.frames * _blocks(_FILE_HEAD + v.pixels * _rate(v, kind)) for v, kind in pictures)
@@ -287,7 +292,7 @@ def _disk(loads: Sequence[Load], scenes: Iterable[Load], observed: Iterable[Load
 def _memory(
     observed: Mapping[tuple[Hashable, Hashable], Load], looks: Iterable[tuple[Hashable, Hashable, Hashable]]
 ) -> tuple[int, int]:
-    """Bytes that the build's own process takes, its simulation with it, and a worker."""
+    """Bytes of memory of the main process with its simulation, and of one worker."""
     worker, records = 0, 0.0
     appearances = Counter((scene, rig) for scene, rig, _ in looks)
     for key, load in observed.items():
@@ -300,14 +305,14 @@ def _memory(
 
 
 def _sample_bytes(view: View, further: int) -> int:
-    """Bytes of a worker's memory that a view's sample takes, with so many appearances but the first."""
+    """Bytes of a worker's memory per sample of a view; `further` appearances after the first."""
     if "rgb" not in view.capture:
         return _MEMORY_LABELS
     return _MEMORY_STILL + further * _MEMORY_FURTHER if view.still else _MEMORY_SHADE + _MEMORY_LABELS
 
 
 def _compiling(loads: Sequence[Load], scenes: Sequence[Load]) -> tuple[float, float]:
-    """Seconds and bytes that compiling takes."""
+    """Seconds and bytes of memory for compiling."""
     towns = {load.town: load.elements for load in scenes}
     rigs = {load.rig: load.views for load in loads}
     amounts = (

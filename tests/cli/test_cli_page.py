@@ -59,3 +59,12 @@ def test_every_option_explains_itself_in_the_help(name: str) -> None:
 
 def test_lines_are_wrapped() -> None:
     assert max(map(len, PAGE.splitlines())) <= 120
+
+
+@pytest.mark.parametrize("name", ["shot", "build", "pack", "export", "schema"])
+def test_the_output_of_every_command_has_one_name(name: str) -> None:
+    assert {"-o", "--output", "--out"} <= options(name)
+
+
+def test_only_locked_is_also_frozen() -> None:
+    assert {"--only-locked", "--frozen"} <= options("build")

@@ -21,10 +21,11 @@ from hypothesis import strategies as st
 from recipe_cli import console, diagnostics
 from recipe_cli.commands import check, plan, verify
 from recipe_cli.console import Styled, in_colour, safe, say
+from recipe_cli.words import option_help
 from recipe_compiler.ir.errors import Code, Place, Problem, printable, split_remedy
 
 from tests.cli.test_small_files import on_a_terminal
-from tests.sources import ROOT
+from tests.sources import ROOT, modules
 
 CLI = ROOT / "cli" / "recipe_cli"
 ATTACKS = {
@@ -308,3 +309,18 @@ def test_an_unexpected_exception_is_escaped_too(
 def test_urls_are_masked_where_the_command_line_prints() -> None:
     assert safe("see https://host/x?sig=abc: gone") == "see https://host/x?***: gone"
     assert safe("s3://KEY:se/cret@bucket/x") == "s3://KEY:***@bucket/x"
+
+
+def test_the_compiler_names_no_option_of_the_command_line() -> None:
+    """Its problems reach Python callers too; `words` adds the options."""
+    for path, tree in modules("recipe_compiler"):
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                assert not re.search(r"(?<![-\w])--[a-z]", node.value), f"{path}: {node.value}"
+
+
+def test_the_option_that_replaces_is_added_to_the_remedy() -> None:
+    assert option_help(Problem("x.lock is not a lockfile; move it away, or replace it")) == (
+        "move it away, or replace it (--replace)"
+    )
+    assert option_help(Problem("x.lock is damaged; write it again")) is None

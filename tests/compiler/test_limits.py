@@ -224,7 +224,7 @@ def test_memory_is_held_to_what_the_host_has(tmp_path: Path) -> None:
     needed = cost.memory_with(4)
     assert needed == cost.main_memory + 4 * cost.worker_memory
     compile_recipe(path, memory=Memory(needed * 11 // 10, None, 4))
-    with pytest.raises(TooLargeError, match=r"with 4 workers are over the .* of this host \(--workers 3 would fit\);"):
+    with pytest.raises(TooLargeError, match=r"with 4 workers are over the .* of this host \(3 workers would fit\);"):
         compile_recipe(path, memory=Memory(needed * 9 // 10, None, 4))
     with pytest.raises(TooLargeError, match=r"with 1 worker are over the \d+ MiB of this host;"):
         compile_recipe(path, memory=Memory(300 << 20, None, 1))

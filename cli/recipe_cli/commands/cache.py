@@ -23,7 +23,7 @@ def command(prune: bool, size: str | None, as_json: bool) -> None:
     A build that made something prunes it to RECIPE_CACHE_LIMIT (10G unless that is set; `none`: never).
     """
     from recipe_compiler.ir.errors import InputError
-    from recipe_compiler.limits import size as told_size
+    from recipe_compiler.limits import size as size_text
     from recipe_runtime.cache import pruning
 
     if size is not None and not prune:
@@ -32,17 +32,17 @@ def command(prune: bool, size: str | None, as_json: bool) -> None:
     roots = pruning.folders()
     spared = pruning.in_use(roots)
     removed = pruning.prune(roots, limit, spared) if prune and limit is not None else []
-    told = pruning.sizes(pruning.entries(roots))
+    sizes = pruning.sizes(pruning.entries(roots))
     if as_json:
-        kinds = {kind: {"entries": number, "bytes": total} for kind, (number, total) in told.items()}
+        kinds = {kind: {"entries": number, "bytes": total} for kind, (number, total) in sizes.items()}
         freed = sum(entry.size for entry in removed)
         print_json(
             {"folders": [str(root) for root in roots], "kinds": kinds, "removed": len(removed), "freed_bytes": freed}
         )
         return
     if prune:
-        gone = told_size(sum(entry.size for entry in removed))
+        gone = size_text(sum(entry.size for entry in removed))
         say(f"removed {count(len(removed), 'entry', 'entries')}, {gone}")
-    say(f"{', '.join(map(str, roots))}: {told_size(sum(total for _, total in told.values()))}")
-    for kind, (number, total) in told.items():
-        say(f"  {kind:8} {number:6}  {told_size(total)}")
+    say(f"{', '.join(map(str, roots))}: {size_text(sum(total for _, total in sizes.values()))}")
+    for kind, (number, total) in sizes.items():
+        say(f"  {kind:8} {number:6}  {size_text(total)}")

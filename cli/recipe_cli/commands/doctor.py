@@ -31,10 +31,11 @@ def command(as_json: bool) -> None:
             | {"gpu": [asdict(c) for c in found.gpu], "tiers": found.tiers}
         )
     else:
-        told = found.fingerprint
-        say(f"{told['processor']}, {told['cores']} cores, {' '.join(told['features'])}")
-        say(f"{told['system']}; {', '.join(f'{name} {value}' for name, value in told['versions'].items())}")
-        for title, checks in (("processor", found.checks), (", ".join(told["gpus"]), found.gpu)):
+        fingerprint = found.fingerprint
+        versions = ", ".join(f"{name} {value}" for name, value in fingerprint["versions"].items())
+        say(f"{fingerprint['processor']}, {fingerprint['cores']} cores, {' '.join(fingerprint['features'])}")
+        say(f"{fingerprint['system']}; {versions}")
+        for title, checks in (("processor", found.checks), (", ".join(fingerprint["gpus"]), found.gpu)):
             for check in checks:
                 reason = f"  {check.reason}" if check.reason else ""
                 mark = Styled(_MARKS[check.state], _COLOURS.get(check.state, ""))

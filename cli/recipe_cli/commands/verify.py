@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from recipe_runtime.verify.verify import Options
 
 _EXIT = {"PASS": 0, "FAIL": 1, "INCONCLUSIVE": 3}
-_MOST_SHOWN = 20
+_MAX_SHOWN = 20
 
 
 @click.command("verify")
@@ -58,7 +58,7 @@ _MOST_SHOWN = 20
     "--against",
     type=PlaceOrUrl(path_type=Path, file_okay=False),
     metavar="DATASET",
-    help="Hold this dataset, a folder or a URL, from wherever it is, against the recipe named.",
+    help="Compare this dataset, a folder or a URL, with the recipe given.",
 )
 @click.option(
     "--pictures",
@@ -89,7 +89,7 @@ def command(
     """Re-render sample frames of TARGETS and compare bytes.
 
     A target is a recipe (with its lockfile), a pack, a lockfile (with its recipe), or a dataset, as a folder or a URL
-    (s3://bucket/name); without any, all lockfiles. With --against, the dataset is held against the recipe and its
+    (s3://bucket/name); without any, all lockfiles. With --against, the dataset is compared with the recipe and its
     lockfile (its own digests, without one). Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE.
     """
     from recipe_compiler.ir.errors import InputError
@@ -193,10 +193,10 @@ def _say(target: Path | str, report: Report) -> None:
     stage = f" at {report.stage}" if report.stage else ""
     say(Styled(report.verdict, COLOURS[report.verdict]), f"{stage}  {shown(target)}")
     say(f"  {report.identity}")
-    for difference in report.differences[:_MOST_SHOWN]:
+    for difference in report.differences[:_MAX_SHOWN]:
         say(f"  {difference}")
-    if len(report.differences) > _MOST_SHOWN:
-        say(f"  ... and {len(report.differences) - _MOST_SHOWN} more; --json lists all")
+    if len(report.differences) > _MAX_SHOWN:
+        say(f"  ... and {len(report.differences) - _MAX_SHOWN} more; --json lists all")
     for note in report.notes:
         say(f"  note: {note}")
     for picture in report.pictures:

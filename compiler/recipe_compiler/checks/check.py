@@ -1,4 +1,4 @@
-"""Checks a variant's merged base against the language, each section once however many variants share it."""
+"""Validates the merged base of each variant. A section that variants share is validated once."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ _SECTIONS = _section_models()
 
 
 class Checker:
-    """Turns merged bases into models, section by section, and remembers what it has seen by identity."""
+    """Validates merged bases, section by section, and caches results by the identity of the section."""
 
     def __init__(self, base: Value, assets: Mapping[str, str] | None = None) -> None:
         """`base` is the recipe's own, before any delta: what deltas may name. `assets`: name -> mesh or image."""
         self._checks = (*references.CHECKS, references.unknown_asset(assets or {}))
         self._names = {kind: set(value.map) if (value := base.get(kind)) else set() for kind in _NAMED}
-        self._looked_up: dict[tuple[object, ...], tuple[Any, list[Problem]]] = {}
-        self._seen: dict[tuple[str, int], tuple[Value | None, Any, list[Problem]]] = {}
+        self._checked: dict[tuple[object, ...], tuple[object, list[Problem]]] = {}
+        self._seen: dict[tuple[str, int], tuple[Value | None, object, list[Problem]]] = {}
 
     def base(self, merged: Value, problems: list[Problem]) -> Base | None:
-        """The model of a merged base, its sections shared with other variants'; None if there are problems."""
+        """The model of a merged base, or None if it has problems, which are added to `problems`."""
         sections: dict[str, Any] = {}
         found: list[Problem] = []
         for name in _SECTIONS:
@@ -49,23 +49,23 @@ class Checker:
             if key not in _SECTIONS:
                 message = f"unknown key {show(key)} in base"
                 found.append(Problem(message, merged.key_place(key), nearest(key, _SECTIONS), Code.UNKNOWN_KEY))
-        for check, looked_at in self._checks:
-            parts = tuple(merged.get(section) for section in looked_at)
+        for check, sections_read in self._checks:
+            parts = tuple(merged.get(section) for section in sections_read)
             identity = (check.__name__, *map(id, parts))
-            if identity not in self._looked_up:
-                self._looked_up[identity] = (parts, list(check(merged)))
-            found += self._looked_up[identity][1]
+            if identity not in self._checked:
+                self._checked[identity] = (parts, list(check(merged)))
+            found += self._checked[identity][1]
         problems += found
         return None if found else Base.model_construct(**sections)
 
-    def _section(self, name: str, merged: Value) -> tuple[Any, list[Problem]]:
+    def _section(self, name: str, merged: Value) -> tuple[object, list[Problem]]:
         value = merged.get(name)
         key = (name, id(value))
         if key not in self._seen:
             self._seen[key] = (value, *self._validate(name, value, merged))
         return self._seen[key][1:]
 
-    def _validate(self, name: str, value: Value | None, merged: Value) -> tuple[Any, list[Problem]]:
+    def _validate(self, name: str, value: Value | None, merged: Value) -> tuple[object, list[Problem]]:
         try:
             model = _SECTIONS[name].model_validate({} if value is None else {name: value.plain})
         except ValidationError as error:

@@ -1,4 +1,4 @@
-"""Problems of many variants: each mistake once, with the variant and the town of those that only some variants have."""
+"""Collects the problems of many variants: each once, with variant and town if only some variants have it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The names in a recipe, without compiling it: what a shell completes."""
+"""The names in a recipe, without compiling it, for shell completion."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""Names in a recipe that must be found elsewhere: presets, towns and their parameters, blueprints, actors, days.
+"""Checks that names in a recipe exist: presets, towns and their parameters, blueprints, actors, dates.
 
-They are looked up in the merged values, whether or not the rest of a section is right, so that one run shows every
-mistake.
+The merged values are checked even if the rest of a section is invalid, so that one run reports every mistake.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ def unknown_preset(base: Value) -> Iterator[Problem]:
 
 
 def unknown_town(base: Value) -> Iterator[Problem]:
-    """A town that there is not, or a parameter that it does not have or refuses."""
+    """An unknown town, or a parameter that it does not have or refuses."""
     name, spec = _text(base, "town", "name"), base.get("town")
     if name is None or spec is None:
         return
@@ -124,7 +123,7 @@ def alike(entries: Value, where: str) -> Iterator[Problem]:
 
 
 def unknown_day(base: Value) -> Iterator[Problem]:
-    """A date that no calendar has."""
+    """A date that does not exist."""
     date = _text(base, "place", "date")
     if date is None or not re.match(r"[0-9]{4}-[0-9]{2}-[0-9]{2}\Z", date):
         return

@@ -1,4 +1,4 @@
-"""Reading a stranger's file: never a pipe, a device or more than a limit."""
+"""Bounded reads of untrusted files: regular files only, and never more than a limit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,12 @@ from typing import BinaryIO
 
 
 def open_regular(path: Path) -> BinaryIO:
-    """A regular file, opened to be read; ValueError for any other kind of file, else OSError."""
+    """Open a regular file for reading.
+
+    Raises:
+        ValueError: it is a pipe, a device or another kind of file.
+        OSError: it cannot be opened.
+    """
     # O_NONBLOCK: opening a pipe must not wait for a writer.
     file = os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb")
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -19,7 +24,15 @@ def open_regular(path: Path) -> BinaryIO:
 
 
 def read_regular(path: Path, limit: int) -> bytes:
-    """A regular file's bytes, at most limit + 1 of them; ValueError for any other kind of file, else OSError."""
+    """Read a regular file.
+
+    Returns:
+        Its bytes, at most `limit + 1` of them, so that the caller sees whether it is too large.
+
+    Raises:
+        ValueError: it is a pipe, a device or another kind of file.
+        OSError: it cannot be read.
+    """
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
-        return file.read(min(limit, size) + 1)  # memory for so many bytes is taken at once
+        return file.read(min(limit, size) + 1)  # the read allocates this many bytes at once

@@ -10,28 +10,36 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from json.encoder import encode_basestring
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias
 
 import rfc8785
 
 if TYPE_CHECKING:
     import numpy as np
+    from numpy.typing import NDArray
+
+JsonValue: TypeAlias = bool | int | float | str | Sequence[object] | Mapping[str, object] | None
+"""A value with a JSON form. Sequences are lists or tuples, mappings are dicts, and their items are such values too."""
 
 
-def canonical_bytes(value: Any) -> bytes:
-    """RFC 8785 bytes of a JSON value; ValueError for what has no canonical form."""
+def canonical_bytes(value: JsonValue) -> bytes:
+    """RFC 8785 bytes of a JSON value.
+
+    Raises:
+        ValueError: the value or a part of it has no canonical form: NaN, infinity, -0.0, or no JSON type.
+    """
     try:
         return _text(value).encode()
     except (TypeError, ValueError):
-        _check(value, "$")  # says where and what
+        _check(value, "$")  # raises an error that names the place and the value
         raise
 
 
-def _text(value: Any) -> str:
-    """What `rfc8785.dumps` gives, ten times as quickly: a town's colours are many small texts."""
+def _text(value: object) -> str:
+    """The text that `rfc8785.dumps` gives, ten times as fast: a town's colours are many short strings."""
     if isinstance(value, str):
         return str(encode_basestring(value))
     if isinstance(value, dict):
@@ -39,12 +47,12 @@ def _text(value: Any) -> str:
         return "{" + ",".join([f"{encode_basestring(key)}:{_text(item)}" for key, item in by_name]) + "}"
     if isinstance(value, list | tuple):
         return "[" + ",".join(map(_text, value)) + "]"
-    if value == 0.0 and math.copysign(1.0, value) < 0:
+    if isinstance(value, float) and value == 0.0 and math.copysign(1.0, value) < 0:
         raise ValueError("-0.0")
     return _scalar(value)
 
 
-def _utf_16(entry: tuple[str, Any]) -> bytes:
+def _utf_16(entry: tuple[str, object]) -> bytes:
     return entry[0].encode("utf-16-be")
 
 
@@ -53,13 +61,13 @@ def _scalar(value: bool | int | float | None) -> str:
     return rfc8785.dumps(value).decode()
 
 
-def digest(domain: str, value: Any) -> str:
+def digest(domain: str, value: JsonValue) -> str:
     """SHA-256, in hex, of a JSON value within a domain such as `plan/scene/1`."""
     return digest_bytes(domain, canonical_bytes(value))
 
 
 def digest_chunks(domain: str, chunks: Iterable[bytes | memoryview]) -> str:
-    """SHA-256, in hex, of bytes within a domain, which come in pieces of any size."""
+    """SHA-256, in hex, of bytes within a domain, given in pieces of any size."""
     hasher = hashlib.sha256(f"recipe/{domain}\n".encode())
     for chunk in chunks:
         hasher.update(chunk)
@@ -71,7 +79,7 @@ def digest_bytes(domain: str, *chunks: bytes | memoryview) -> str:
     return digest_chunks(domain, chunks)
 
 
-def digest_array(domain: str, array: np.ndarray[Any, Any]) -> str:
+def digest_array(domain: str, array: NDArray[np.generic]) -> str:
     """SHA-256, in hex, of an array: its dtype and shape, then its little-endian C-order bytes."""
     import numpy as np
 
@@ -81,21 +89,21 @@ def digest_array(domain: str, array: np.ndarray[Any, Any]) -> str:
     return hasher.hexdigest()
 
 
-def array_hasher(domain: str, kind: np.dtype[Any], shape: tuple[int, ...]) -> hashlib._Hash:
-    """What digests an array of this dtype and shape once its bytes are added, in pieces of any size."""
+def array_hasher(domain: str, kind: np.dtype[np.generic], shape: tuple[int, ...]) -> hashlib._Hash:
+    """A hasher for an array of this dtype and shape, to be updated with its bytes in pieces of any size."""
     header = json.dumps([kind.str.replace("=", "<"), list(shape)], separators=(",", ":"))
     hasher = hashlib.sha256(f"recipe/{domain}\n".encode())
     hasher.update(header.encode() + b"\n")
     return hasher
 
 
-def pretty(value: Any) -> str:
-    """The same value as text that a person reads and a diff reviews: sorted keys, short lists on one line."""
+def pretty(value: JsonValue) -> str:
+    """A JSON value as readable text, fit for reviewing diffs: sorted keys, short lists on one line."""
     _check(value, "$")
     return _pretty(value, 0) + "\n"
 
 
-def _pretty(value: Any, indent: int) -> str:
+def _pretty(value: object, indent: int) -> str:
     if not isinstance(value, dict | list | tuple) or not value:
         return json.dumps(value, ensure_ascii=False)
     flat = json.dumps(value, ensure_ascii=False, sort_keys=True)
@@ -108,7 +116,7 @@ def _pretty(value: Any, indent: int) -> str:
     return "[\n" + ",\n".join(pad + _pretty(v, indent + 2) for v in value) + f"\n{end}]"
 
 
-def _check(value: Any, where: str) -> None:
+def _check(value: object, where: str) -> None:
     if isinstance(value, float):
         if not math.isfinite(value):
             raise ValueError(f"{where}: {value} has no canonical form")

@@ -1,6 +1,6 @@
-"""One tree of exceptions, split by whose fault it is.
+"""Exceptions and problems.
 
-    RecipeError          everything this project raises on purpose
+    RecipeError          base class of all errors that this project raises
     ├── InputError       the recipe, lockfile, dataset or command line is wrong: exit code 2
     └── RunError         the host failed (disk full, worker lost, read-only folder): exit code 1
 
@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
-MAX_SHOWN = 50  # problems of one error that are written out; the rest are counted
+MAX_SHOWN = 50  # problems of one error that are printed; the rest are counted
 
 
 class Code(str, Enum):
@@ -129,14 +129,14 @@ def split_remedy(text: str) -> tuple[str, str | None]:
 
 
 class RecipeError(Exception):
-    """Anything this project raises on purpose. The text is one line a problem."""
+    """Base class of this project's errors. Its text has one line per problem."""
 
     default = Code.INVALID_INPUT
 
     def __init__(
         self, problems: str | Problem | Iterable[Problem], *, help: str | None = None, code: Code | None = None
     ) -> None:
-        """`help` and `code` are those of a problem that is given as text."""
+        """`help` and `code` apply to a problem given as text."""
         if isinstance(problems, str):
             problems = Problem(problems, help=help, code=code or self.default)
         self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
@@ -144,7 +144,7 @@ class RecipeError(Exception):
 
 
 class InputError(RecipeError):
-    """What the user gave is wrong; nothing was written."""
+    """The input is wrong; nothing was written."""
 
     def with_source(self, lines: Mapping[str, Sequence[str]]) -> None:
         """Give each problem the line of text at its place; `lines`: file -> its lines."""
@@ -152,13 +152,13 @@ class InputError(RecipeError):
 
 
 class RunError(RecipeError):
-    """The host could not do what was asked; the message says what to do about it."""
+    """The host failed; the message has a remedy."""
 
     default = Code.HOST
 
 
 def one_line_each(problems: Sequence[Problem]) -> list[str]:
-    """Problems as lines, at most MAX_SHOWN of them, and a line that counts the rest."""
+    """One line per problem, at most MAX_SHOWN, and a line with the number of the others."""
     rest = len(problems) - MAX_SHOWN
     return [*map(str, problems[:MAX_SHOWN]), *([f"and {rest:,} more"] if rest > 0 else [])]
 
@@ -175,17 +175,16 @@ def with_source(problems: Iterable[Problem], lines: Mapping[str, Sequence[str]])
     return tuple(sourced(problem) for problem in problems)
 
 
-# Characters that `str.isprintable` lets through and that show as nothing: fillers and variation selectors.
+# Invisible characters that `str.isprintable` accepts: fillers and variation selectors.
 _INVISIBLE = re.compile(
     "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]"
 )
 
 
 def printable(text: str) -> str:
-    """Text from outside that a terminal only prints, on one line.
+    """Untrusted text, escaped so that a terminal prints it on one line and obeys nothing in it.
 
-    Control characters, escape codes, line breaks, bidirectional overrides, and characters that show as nothing are
-    written as escapes.
+    Control characters, escape codes, line breaks, bidirectional overrides and invisible characters become escapes.
     """
     if text.isascii() and text.isprintable():
         return text

@@ -1,11 +1,11 @@
-"""The lockfile: what a recipe stands for, digest by digest, as text that a diff reviews.
+"""The lockfile: the digests of all that a recipe produces, as text that can be reviewed as a diff.
 
-One row a line, kinds in a fixed order and sorted within; the format's version comes first. No time, host, user
-or path is in it. Rows:
+One row per line, kinds in a fixed order and sorted within; the format's version comes first. It contains no time, host,
+user or absolute path. Rows:
 
     recipe-lock 1
     recipe NAME PATH DATASET-PLAN-DIGEST                   PATH leads from the lockfile's folder to the recipe
-    identity NAME@sha256:DIGEST                            what a paper prints
+    identity NAME@sha256:DIGEST                            the dataset, for citing it
     file PATH SHA256                                       the recipe, every file it includes, and every asset
     tool NAME VERSION                                      what it was made with
     stage NAME VERSION                                     of each stage that bytes depend on
@@ -14,7 +14,7 @@ or path is in it. Rows:
     body SCENE STRIDE ACTOR DIGEST CHECKPOINTS             an actor's motion, and its first eight digits so far
     frame KEY SENSOR MODALITY NUMBER DIGEST                pixels; KEY is the observation of labels, the scenario
                                                            of colour: labels that variants share are listed once
-    seal DIGEST                                            over all rows above: a damaged lockfile is known as one
+    seal DIGEST                                            over all rows above; detects damage
 """
 
 from __future__ import annotations
@@ -57,15 +57,15 @@ class Lockfile:
     traces: dict[str, str] = field(default_factory=dict)  # scene digest -> trace digest
     bodies: dict[tuple[str, str], BodyMotion] = field(default_factory=dict)  # (scene digest, actor)
     frames: dict[FrameKey, str] = field(default_factory=dict)
-    sealed: bool = field(default=True, compare=False)  # whether the text it was read from was whole
+    sealed: bool = field(default=True, compare=False)  # whether the text that it was read from has a valid seal
 
     @cached_property
     def identity(self) -> str:
-        """What a paper prints: the recipe's name and one digest over plans, traces and pixels."""
+        """The identity of the dataset, for citation: the recipe's name and a digest over plans, traces and pixels."""
         return f"{quote(self.recipe)}@sha256:{digest_chunks('dataset/1', self._identity_chunks())}"
 
     def _identity_chunks(self) -> Iterator[bytes]:
-        """The canonical bytes of what the identity is over, frame by frame: all of them would fill the memory."""
+        """The canonical bytes that the identity is a digest of, frame by frame to save memory."""
         yield b'{"frames":['
         for number, (key, value) in enumerate(sorted(self.frames.items())):
             yield (b"," if number else b"") + canonical_bytes([*key, value])
@@ -78,11 +78,11 @@ class Lockfile:
         return "".join(self._lines())
 
     def says_the_same(self, other: Lockfile) -> bool:
-        """Whether two lockfiles differ in nothing but the tools that they were made with, and this one is whole."""
+        """Whether this lockfile is undamaged and differs from the other in tool versions at most."""
         return self.sealed and replace(self, tools={}) == replace(other, tools={})
 
     def means_the_same(self, other: Lockfile) -> bool:
-        """Whether two lockfiles differ in nothing but tools and the text and name of the recipe's files."""
+        """As `says_the_same`, but the names and text of the recipe's files may differ too."""
         return self.says_the_same(replace(other, source=self.source, files=self.files))
 
     def other_recipe(self, path: Path, recipe: Path, plan: str) -> Path | None:
@@ -106,7 +106,10 @@ class Lockfile:
             return None
 
     def write(self, path: Path, *, replace: bool = False) -> bool:
-        """Write it unless the file already says the same (tools aside); whether it was written.
+        """Write it, unless the file differs in tool versions at most.
+
+        Returns:
+            Whether it was written.
 
         Raises:
             InputError: the file there is not a lockfile, or is the lockfile of another recipe, and not `replace`.
@@ -133,17 +136,17 @@ class Lockfile:
     def _check_replaceable(self, path: Path) -> None:
         """InputError unless the file at `path` is a lockfile, whole or damaged, of this very recipe."""
         if not is_lockfile(path):
-            raise InputError(f"{path} is there already and is not a lockfile; move it away, or replace it (--replace)")
+            raise InputError(f"{path} is there already and is not a lockfile; move it away, or replace it")
         try:
             there = read(path)
         except InputError:
             return  # damaged: nothing to lose
-        ours = Path(os.path.normpath(path.parent / self.source))
-        other = there.other_recipe(path, ours, self.plan)
+        own = Path(os.path.normpath(path.parent / self.source))
+        other = there.other_recipe(path, own, self.plan)
         if there.recipe != self.recipe or other is not None:
             raise InputError(
-                f"{path} is the lockfile of another recipe, {other or there.recipe}, and not of {ours};"
-                " give one of them another name, or replace it (--replace)"
+                f"{path} is the lockfile of another recipe, {other or there.recipe}, and not of {own};"
+                " give one of them another name, or replace it"
             )
 
     def _lines(self) -> Iterator[str]:
@@ -185,7 +188,7 @@ class Lockfile:
 def skeleton(
     plan: DatasetPlan, source: str, files: dict[str, str], tools: dict[str, str], stages: dict[str, int]
 ) -> Lockfile:
-    """A lockfile of everything that compiling alone decides: no trace and no frame yet."""
+    """The lockfile of a compiled recipe, without traces and frames."""
     return Lockfile(
         recipe=plan.recipe,
         source=source,
@@ -198,7 +201,11 @@ def skeleton(
 
 
 def is_lockfile(path: Path) -> bool:
-    """Whether a file begins as a lockfile does. OSError if it cannot be read."""
+    """Whether a file starts like a lockfile.
+
+    Raises:
+        OSError: it cannot be read.
+    """
     if not path.is_file():
         return False
     with path.open("rb") as file:
@@ -206,9 +213,14 @@ def is_lockfile(path: Path) -> bool:
 
 
 def read(path: Path, plan: DatasetPlan | None = None) -> Lockfile:
-    """A lockfile from its file; InputError, with the line, if it is not one.
+    """Read a lockfile.
 
-    With the plan that it is to be compared with, it may have a few times as many rows as that stands for, and no more.
+    Args:
+        path: the file.
+        plan: the plan that it will be compared with; limits the number of rows to several times that of the plan.
+
+    Raises:
+        InputError: it is not a valid lockfile; the place is the line.
     """
     try:
         with open_regular(path) as file:
@@ -230,7 +242,7 @@ def loads(text: str, name: str) -> Lockfile:
 
 
 def _parse(lines: Iterable[bytes], name: str, max_rows: Mapping[str, int] = MAX_ROWS) -> Lockfile:
-    """A lockfile from its lines, which are not kept: a second text of it is compared by its digest."""
+    """Parse lines. They are not stored; the lockfile's own text is compared with them by digest."""
     parser, seen = RowParser(name, max_rows), hashlib.sha256()
     for number, line in enumerate(lines, start=1):
         seen.update(line)
@@ -243,4 +255,4 @@ def _parse(lines: Iterable[bytes], name: str, max_rows: Mapping[str, int] = MAX_
     lock, again = Lockfile(**vars(parser.rows())), hashlib.sha256()
     for text in lock._lines():
         again.update(text.encode())
-    return replace(lock, sealed=again.digest() == seen.digest())  # one text for one meaning: order, doubles, the seal
+    return replace(lock, sealed=again.digest() == seen.digest())  # the text is canonical: order, duplicates, seal

@@ -1,12 +1,12 @@
-"""Lens distortion in numbers: how a bent picture is cut from a straight one, and which bends are allowed.
+"""Lens distortion: how a distorted image is resampled from an undistorted one, and which coefficients are valid.
 
-With p the offset of a point of the picture from its centre, in half widths, and r its length, the lens shows at p what
-a pinhole would show at
+Let p be the offset of an image point from the centre, in half widths, and r its length. The lens shows at p what a
+pinhole camera shows at
 
     f(r) p,  f(r) = 1 + lens_k r^2 + lens_kcube r^3.
 
-A positive `lens_k` is a barrel's bulge, a negative one a pincushion's. The bent picture is cut from a straight one, the
-plate, that is as much wider as f is large at most, and finer.
+A positive `lens_k` gives barrel distortion, a negative one pincushion distortion. The undistorted image (the plate) is
+wider by the maximum of f, and has a higher resolution.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from typing import Protocol
 
 from recipe_compiler.ir import exact
 
-MOST_SAMPLES = 4096 * 4096  # of a plate
-_LEAST_SLOPE, _MOST_SLOPE = 0.5, 6.0  # of f(r) r: beyond, the lens would blow up or squeeze what it shows
-_WIDEST = 14.3  # tangent of half the widest sight, 172 degrees
-_FINE = 2  # samples along a pixel's side at which a bent picture is cut from its plate, at least
+MAX_SAMPLES = 4096 * 4096  # of a plate
+_MIN_SLOPE, _MAX_SLOPE = 0.5, 6.0  # of f(r) r, the local magnification
+_MAX_TANGENT = 14.3  # of half the maximal field of view, 172 degrees
+_MIN_SUPERSAMPLE = 2  # samples along a pixel's side of a plate
 _STEPS = 64
 
 
 class Lens(Protocol):
-    """What of a camera bends light: its picture's size and the two coefficients."""
+    """The parameters of a camera that determine its distortion."""
 
     @property
     def width(self) -> int: ...  # noqa: D102
@@ -39,22 +39,22 @@ class Lens(Protocol):
 
 
 def bends(camera: Lens) -> bool:
-    """Whether the camera has a lens that is not a pinhole."""
+    """Whether the camera has lens distortion."""
     return camera.lens_k != 0.0 or camera.lens_kcube != 0.0
 
 
 def corner(camera: Lens) -> float:
-    """How far the picture's corners are from its centre, in half widths."""
+    """Distance of the image corners from the centre, in half widths."""
     return math.sqrt(1.0 + (camera.height / camera.width) * (camera.height / camera.width))
 
 
 def factor(camera: Lens, r: float) -> float:
-    """f(r): what is seen r half widths from the centre is, for a pinhole, this much farther out."""
+    """f(r): the ratio of the undistorted to the distorted radius, at r half widths from the centre."""
     return 1.0 + r * r * (camera.lens_k + camera.lens_kcube * r)
 
 
 def slope(camera: Lens, r: float) -> float:
-    """How fast f(r) r grows with r."""
+    """The derivative of f(r) r."""
     return 1.0 + r * r * (3.0 * camera.lens_k + 4.0 * camera.lens_kcube * r)
 
 
@@ -67,22 +67,22 @@ def plate_size(camera: Lens, supersample: int) -> tuple[int, int, int]:
     """Width and height of the plate in samples, both even, and the samples along a pixel's side at its centre."""
     if not bends(camera):
         return camera.width * supersample, camera.height * supersample, supersample
-    fine = max(supersample, _FINE)
+    fine = max(supersample, _MIN_SUPERSAMPLE)
     wide = max(factor(camera, r) for r in _radii(camera)) * fine
     width, height = (2 * math.ceil(wide * size / 2.0) + 4 for size in (camera.width, camera.height))
     return width, height, fine
 
 
 def fault(camera: Lens, supersample: int) -> str | None:
-    """What is wrong with a lens and its supersampling, in words that follow the value; None if nothing is."""
+    """What is invalid about a lens and its supersampling, in words that follow the value; None if it is valid."""
     if bends(camera):
         slopes = [slope(camera, r) for r in _radii(camera)]
-        if min(slopes) < _LEAST_SLOPE or max(slopes) > _MOST_SLOPE:
+        if min(slopes) < _MIN_SLOPE or max(slopes) > _MAX_SLOPE:
             return "bends the picture's corners too far; bring it nearer to 0"
         sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
-        if sine / cosine * max(factor(camera, r) for r in _radii(camera)) > _WIDEST:
+        if sine / cosine * max(factor(camera, r) for r in _radii(camera)) > _MAX_TANGENT:
             return f"needs a view wider than 172 degrees at a fov of {camera.fov:g}; lower one of the two"
     width, height, _ = plate_size(camera, supersample)
-    if width * height > MOST_SAMPLES:
-        return f"asks for {width} x {height} samples a frame, above the most allowed, {MOST_SAMPLES}; lower it"
+    if width * height > MAX_SAMPLES:
+        return f"asks for {width} x {height} samples a frame, above the most allowed, {MAX_SAMPLES}; lower it"
     return None

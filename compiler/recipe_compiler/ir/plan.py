@@ -1,8 +1,8 @@
-"""The plans: all that the runtime knows of a recipe.
+"""Plans: the complete input of the runtime.
 
 A `ScenarioPlan` is three plans, each with a digest of its own. `ScenePlan` decides where every body is at every
-frame, `RigPlan` what every pixel hits, `AppearancePlan` what colour it has. Nothing in them is left to decide: no
-preset, no glob, no draw. They are frozen, hold integers and fixed decimals only, and are plain JSON.
+frame, `RigPlan` what every pixel hits, `AppearancePlan` what colour it has. Everything in them is
+resolved: no preset, no glob, no draw. They are immutable, contain integers and fixed decimals only, and are plain JSON.
 
 Frames of reference: right-handed, z up, metres, seconds; yaw counter-clockwise; vehicles and sensors x forward,
 y left, z up (REP-103). Plans are documents, so angles are in degrees here; rotations apply roll, then pitch, then
@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel
 
-from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.canonical import JsonValue, digest
 from recipe_compiler.ir.errors import Code, InputError
 
-# The most of each that a plan may hold, whether it is compiled here or read from a file. `plan_bounds` has the ranges
+# Limits of a plan, whether it was compiled here or read from a file. `plan_bounds` has the ranges
 # of bodies' shapes, and how many things a town may have of each kind.
 MAX_VARIANTS, MAX_SENSORS, MAX_FRAMES = 10_000, 1_000, 1_000_000
 MAX_ELEMENTS, MAX_ACTORS, MAX_PROPS, MAX_POINTS = 10_000, 1_000, 1_000, 10_000
@@ -56,7 +56,7 @@ class Plan(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", ignored_types=(cached_property,))
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, JsonValue]:
         """This plan as plain JSON values."""
         return self.model_dump(mode="json")
 
@@ -93,7 +93,7 @@ class Clock(Plan):
 
 
 class Element(Plan):
-    """One thing of the town: a road, a building, a lamp. `shape` holds what its kind's mesh needs, as numbers."""
+    """One element of the town: a road, a building, a lamp. `shape` has the parameters of its mesh."""
 
     name: Name
     kind: Name
@@ -115,14 +115,14 @@ class TownPlan(Plan):
 
 
 class ActorPlan(Plan):
-    """One moving body: what it is, where it starts and the way it goes."""
+    """One moving body: its blueprint, start pose and route."""
 
     name: Name
     blueprint: Name  # an id of the library, such as walker.pedestrian.0003
     category: Literal["pedestrian", "vehicle"]
     tag: Tag
     instance: Annotated[int, Field(ge=1, le=999)]  # unique within the tag, the same in every variant
-    shape: Shape  # what its mesh and joints need
+    shape: Shape  # parameters of its mesh and joints
     start: Pose
     route: Annotated[
         tuple[Point, ...], Field(max_length=MAX_POINTS)
@@ -131,7 +131,7 @@ class ActorPlan(Plan):
 
 
 class FilePlan(Plan):
-    """A file that a recipe brings, by its content; where it lies is no part of a plan."""
+    """A file that a recipe uses, identified by its content; its path is not part of a plan."""
 
     sha256: Sha256
     bytes: Annotated[int, Field(ge=0, le=MAX_FILE_BYTES)]
@@ -139,7 +139,7 @@ class FilePlan(Plan):
 
 
 class PropPlan(Plan):
-    """A body that stands where it is: a mesh from a file, or a flat board whose front is its +x side."""
+    """A static body: a mesh from a file, or a flat board whose front is its +x side."""
 
     name: Name
     mesh: FilePlan | None  # None: a board
@@ -162,14 +162,14 @@ class ScenePlan(Plan):
 
     @cached_property
     def digest(self) -> str:
-        """Identity of the scene; equal for every weather of it. What a recipe has none of does not tell in it."""
+        """Identity of the scene; independent of the weather. An absent optional part does not change it."""
         own = self.model_dump(mode="json", exclude={"town"} if self.props else {"town", "props"})
         return digest("plan/scene/1", {**own, "town": self.town.digest})
 
     def first(self, frames: int) -> ScenePlan:
         """The same scene, `frames` (at least 1) long or as long as it is, whichever is less.
 
-        A simulation decides nothing by how long it lasts, so the Trace of this scene is a prefix of the whole one's.
+        A simulation does not depend on its length, so the Trace of this scene is a prefix of that of the full scene.
         """
         if frames >= self.clock.frames:
             return self
@@ -201,7 +201,7 @@ class SensorPlan(Plan):
     ]  # one if it never moves, else one a frame; in the frame of `on`
 
     def pose(self, frame: int) -> Pose:
-        """Pose at a frame, jitter and all."""
+        """Pose at a frame, jitter included."""
         return self.poses[frame if len(self.poses) > 1 else 0]
 
 
@@ -311,13 +311,13 @@ class AppearancePlan(Plan):
 
     @cached_property
     def digest(self) -> str:
-        """Identity of the appearance. What a recipe has none of does not tell in it."""
+        """Identity of the appearance. An absent optional part does not change it."""
         own = self.model_dump(mode="json", exclude={"looks"} if self.textures else {"looks", "textures"})
         return digest("plan/appearance/1", {**own, "looks": self.looks.digest})
 
 
 class ScenarioPlan(Plan):
-    """One variant of a recipe, nothing left to decide."""
+    """One fully resolved variant of a recipe."""
 
     variant: Annotated[str, Field(max_length=MAX_VARIANT_NAME)]
     scene: ScenePlan
@@ -326,14 +326,14 @@ class ScenarioPlan(Plan):
 
     @property
     def files(self) -> dict[str, FilePlan]:
-        """The files that it is made from, by digest."""
+        """The files that it uses, by digest."""
         meshes = [prop.mesh for prop in self.scene.props if prop.mesh is not None]
         images = [texture.file for slots in self.appearance.textures.values() for texture in slots.values()]
         return {file.sha256: file for file in [*meshes, *images]}
 
     @cached_property
     def observation(self) -> str:
-        """Identity of what is seen where: scene and rig; labels follow from it alone."""
+        """Identity of scene and rig, which determine the labels."""
         return digest("plan/observation/1", [self.scene.digest, self.rig.digest])
 
     @cached_property
@@ -352,7 +352,11 @@ class DatasetPlan(Plan):
     depth: Literal["carla", "npy"]  # depth on disk: CARLA's 24-bit PNG, or float32 metres
 
     def named(self, name: str | None) -> ScenarioPlan:
-        """The variant of that name, the first for None; InputError with the nearest name."""
+        """The variant of that name; the first one for None.
+
+        Raises:
+            InputError: there is no such variant; the remedy has the nearest name.
+        """
         by_name = {v.variant: v for v in self.variants}
         if name is None:
             return self.variants[0]

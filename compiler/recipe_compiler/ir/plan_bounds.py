@@ -1,8 +1,8 @@
-"""The shapes that bodies of a plan may have: for each kind of town element and of actor, its keys and their ranges.
+"""Bounds of the bodies of a plan: for each kind of town element and of actor, its keys and their ranges.
 
 The town generators and the library of blueprints stay within these tables, which the tests assert over seeds and
-parameters. A plan read from a file is held to them before anything is made of it, since a body's shape decides how many
-triangles it has. A range of two integers takes whole numbers alone.
+parameters. A plan read from a file is checked against them before use, since a body's shape determines how many
+triangles it has. A range of two integers accepts whole numbers only.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Named random streams: the only randomness there is.
+"""Named random streams, the only source of randomness.
 
 A stream is keyed by the recipe's seed and by names (an actor, a sensor, a purpose), never by order, so adding
 an actor, a sensor, an axis value or a worker shifts no other draw. Draws are SHA-256 in counter mode over that
-key: the same on every platform, and unrelated for keys that differ in one letter.
+key: the same on every platform, and independent for different keys.
 """
 
 import hashlib

@@ -94,5 +94,9 @@ PRESETS: dict[str, dict[str, float]] = _read_table()
 
 
 def preset(name: str) -> dict[str, float]:
-    """A preset's fourteen numbers, unset ones filled in; KeyError for a name that is none."""
+    """The fourteen numbers of a preset, with defaults for unset ones.
+
+    Raises:
+        KeyError: there is no such preset.
+    """
     return {p: ENGINE_DEFAULTS[p] if value == UNSET else value for p, value in PRESETS[name].items()}

@@ -24,7 +24,7 @@ _TRAFFIC = {"vehicle": "vehicle.*", "pedestrian": "walker.pedestrian.*"}
 
 
 class ActorLowering:
-    """The actors of one scene: chosen, coloured, placed and given a route.
+    """Chooses, colours, places and routes the actors of one scene.
 
     `problems` collects what cannot be lowered, `looks` the colours by actor and slot.
     """

@@ -1,8 +1,7 @@
-"""The files that a recipe brings: found below its folder, read once, hashed, and looked into before any work.
+"""Asset files of a recipe: located below its folder, read once, hashed and validated before any work.
 
-The very bytes that are hashed are decoded here, so that a broken or hostile file is a line with its place in the
-recipe. What remains is what plans need: digest, size, box and materials; the runtime reads the bytes again and holds
-them to the digest.
+The same bytes are hashed and decoded, so that an invalid file is reported with its place in the recipe. Plans need only
+the digest, size, bounding box and materials; the runtime reads the file again and checks the digest.
 """
 
 from __future__ import annotations
@@ -38,8 +37,8 @@ class Material:
 
 
 @dataclass(frozen=True)
-class Brought:
-    """An asset: where it lies, what it is, and of a mesh its box, in the file's unit and our axes."""
+class AssetFile:
+    """An asset: its path and content; for a mesh its bounding box, in the file's unit, with x forward, y left, z up."""
 
     name: str
     path: str  # relative to the recipe's folder
@@ -53,7 +52,7 @@ class Brought:
 
     @property
     def contents(self) -> str:
-        """What is in it, in words."""
+        """A description of its content."""
         if self.file.kind == "png":
             return f"{self.pixels[0]} x {self.pixels[1]} pixels"
         return f"{self.triangles} triangles in {', '.join(self.materials)}"
@@ -61,9 +60,19 @@ class Brought:
 
 def read(
     root: Value, assets: Mapping[str, Asset], folder: Path, sources: Sources
-) -> tuple[dict[str, Brought], list[Problem]]:
-    """The assets of a recipe by name, and what is wrong with them; their digests go to the sources' files."""
-    found: dict[str, Brought] = {}
+) -> tuple[dict[str, AssetFile], list[Problem]]:
+    """Read and validate the assets of a recipe.
+
+    Args:
+        root: the recipe, for places.
+        assets: the assets by name.
+        folder: the recipe's folder.
+        sources: the digests of the asset files are added to its `files`.
+
+    Returns:
+        The valid assets by name, and the problems of the others.
+    """
+    found: dict[str, AssetFile] = {}
     problems: list[Problem] = []
     names = {printable(str(folder / name)): name for name in sources.files}
     total = triangles = pixels = 0
@@ -97,7 +106,7 @@ def read(
 
 
 def named(root: Value, folder: Path, sources: Sources) -> set[str]:
-    """The paths, relative to the recipe's folder, of all assets that a recipe names; nothing is read or checked."""
+    """The paths of all assets of a recipe, relative to its folder. The files are not read."""
     names = {printable(str(folder / name)): name for name in sources.files}
     assets, found = root.get("assets"), set()
     for name, asset in (assets.map if assets else {}).items():
@@ -118,7 +127,7 @@ def _sums(total: int, triangles: int, pixels: int) -> Iterator[tuple[int, str, i
     return (row for row in every if row[0] > row[2])
 
 
-def _read_one(name: str, asset: Asset, folder: Path, path: str) -> Brought:
+def _read_one(name: str, asset: Asset, folder: Path, path: str) -> AssetFile:
     """One asset; ValueError, or OSError, with what is wrong with its path or its content."""
     key, given = ("mesh", asset.mesh) if asset.mesh is not None else ("image", asset.image or "")
     assert given is not None
@@ -142,14 +151,14 @@ def _read_one(name: str, asset: Asset, folder: Path, path: str) -> Brought:
     return _mesh(name, path, file, asset.up, content) if key == "mesh" else _image(name, path, file, content)
 
 
-def _image(name: str, path: str, file: FilePlan, content: bytes) -> Brought:
+def _image(name: str, path: str, file: FilePlan, content: bytes) -> AssetFile:
     from recipe_compiler.ir import assets
 
     height, width, _ = assets.image(content, file.kind).shape
-    return Brought(name, path, file, pixels=(width, height))
+    return AssetFile(name, path, file, pixels=(width, height))
 
 
-def _mesh(name: str, path: str, file: FilePlan, up: str | None, content: bytes) -> Brought:
+def _mesh(name: str, path: str, file: FilePlan, up: str | None, content: bytes) -> AssetFile:
     from recipe_compiler.ir import assets
 
     up = up or ("z" if file.kind == "stl" else "y")
@@ -166,4 +175,4 @@ def _mesh(name: str, path: str, file: FilePlan, up: str | None, content: bytes) 
         pixels += height * width
         if pixels > ALL_PIXELS:
             raise ValueError(f"its pictures have more than {ALL_PIXELS >> 20} Mpx together; make them smaller")
-    return Brought(name, path, file, up, mesh.triangles, (pixels, 1), mesh.low, mesh.high, materials)
+    return AssetFile(name, path, file, up, mesh.triangles, (pixels, 1), mesh.low, mesh.high, materials)

@@ -1,4 +1,4 @@
-"""What a recipe may mean, but hardly does: bodies in one another or far from the town, cameras in ground or walls."""
+"""Warnings about probable mistakes: overlapping bodies, bodies far from the town, cameras inside ground or walls."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def of_starts(base: Value, actors: Sequence[ActorPlan], town: Town) -> Iterator[
             message = f"actors.{actor.name}.start: far outside the town, which spans {spans}"
             yield Problem(message, place, "move it into the town", Code.PLACEMENT)
         discs = _discs(actor)
-        other = next((name for name, theirs in before if _touch(discs, theirs)), None)
+        other = next((name for name, others in before if _touch(discs, others)), None)
         if other is not None:
             message = f"actors.{actor.name}.start: its body is in that of {other}"
             yield Problem(message, place, "move one of the two", Code.PLACEMENT)
@@ -39,7 +39,7 @@ def of_starts(base: Value, actors: Sequence[ActorPlan], town: Town) -> Iterator[
 def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
     """Warnings of cameras that are, at any frame, at or below the ground (on an actor: its feet or wheels).
 
-    Or that see a house from within: nobody lives there, and its walls are all that is seen.
+    Also of cameras inside a house, which has no interior.
     """
     houses = [element for element in town.plan.elements if element.kind in ("building", "house")]
     for sensor in rig.sensors:
@@ -64,7 +64,7 @@ def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
 
 
 def _about(houses: Sequence[Element], poses: Sequence[Pose]) -> list[Element]:
-    """The houses that a way may lead into: those whose surroundings meet the box about all of it."""
+    """The houses near a path of poses: those whose surroundings intersect its bounding box."""
     if not poses:
         return []
     west, east = min(pose.x for pose in poses), max(pose.x for pose in poses)

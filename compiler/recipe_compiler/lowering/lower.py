@@ -1,4 +1,4 @@
-"""Lowering: from a variant to its plans. Presets, globs, spawn points, routes and angles become numbers.
+"""Lowers variants to plans: presets, globs, spawn points, routes and angles become numbers.
 
 Parts that variants share are lowered once and are the same objects in each plan, so their digests are computed once.
 """
@@ -9,7 +9,7 @@ import functools
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar, cast
 
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir.errors import Code, Problem
@@ -31,7 +31,7 @@ from recipe_compiler.library import towns, weather
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering import camera_motion, enclosures, lint, props, sun
 from recipe_compiler.lowering.actors import ActorLowering
-from recipe_compiler.lowering.asset_files import Brought
+from recipe_compiler.lowering.asset_files import AssetFile
 from recipe_compiler.schema.camera import Camera
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.scene import Town as TownSpec
@@ -50,27 +50,27 @@ class _Scene:
 
 
 class Lowering:
-    """Lowers the variants of one recipe, and gathers problems and warnings with their places."""
+    """Lowers the variants of one recipe, and collects problems and warnings."""
 
-    def __init__(self, instances: Mapping[str, int], assets: Mapping[str, Brought] | None = None) -> None:
+    def __init__(self, instances: Mapping[str, int], assets: Mapping[str, AssetFile] | None = None) -> None:
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
         self._instances, self._assets = instances, assets or {}
-        self._made: dict[Any, tuple[Any, Any]] = {}
+        self._made: dict[tuple[object, ...], tuple[object, object]] = {}
 
-    def _once(self, key: tuple[Any, ...], holding: Any, make: Callable[[], T]) -> T:
-        """What `make` gives for a key. Keys hold ids, so what they identify is held as long as they are."""
+    def _once(self, key: tuple[object, ...], holding: object, make: Callable[[], T]) -> T:
+        """The cached result of `make` for a key. Keys contain ids; `holding` keeps the identified objects alive."""
         if key not in self._made:
             self._made[key] = (holding, make())
-        return self._made[key][1]  # type: ignore[no-any-return]
+        return cast("T", self._made[key][1])
 
     @property
     def towns(self) -> dict[str, Town]:
         """The towns of the variants lowered so far, by their plans' digests."""
         return {made.plan.digest: made for _, made in self._made.values() if isinstance(made, Town)}
 
-    def _noting(self, key: tuple[Any, ...], holding: Any, make: Callable[[], T]) -> T:
-        """As `_once`; the problems and warnings that it found are noted again for each variant that shares it."""
+    def _once_reporting(self, key: tuple[object, ...], holding: object, make: Callable[[], T]) -> T:
+        """As `_once`; its problems and warnings are reported again for each variant that shares the result."""
 
         def noted() -> tuple[T, list[Problem], list[Problem]]:
             problems, warnings = len(self.problems), len(self.warnings)
@@ -88,7 +88,7 @@ class Lowering:
         """The variant's plans; None if it has problems."""
         cast = (base.clock, base.town, base.actors, base.traffic, base.props)
         key = ("scene", *map(id, cast), variant.seed)
-        scene = self._noting(key, cast, lambda: self._scene(variant, base))
+        scene = self._once_reporting(key, cast, lambda: self._scene(variant, base))
         if scene is None:
             return None
         rig = self._once(
@@ -99,8 +99,8 @@ class Lowering:
         town = self._town(base.town)
         seen = ("cameras", id(base.town), id(base.sensors), id(base.clock), variant.seed)
         parts = (base.town, base.sensors, base.clock)
-        self._noting(seen, parts, lambda: self.warnings.extend(lint.of_cameras(variant.base, rig, town)))
-        numbers, where = self._sky(variant, base)
+        self._once_reporting(seen, parts, lambda: self.warnings.extend(lint.of_cameras(variant.base, rig, town)))
+        numbers, where = self._weather_and_sun(variant, base)
         appearance = AppearancePlan(
             seed=variant.seed,
             weather=numbers,
@@ -155,13 +155,13 @@ class Lowering:
 
     # Sky
 
-    def _sky(self, variant: Variant, base: Base) -> tuple[Weather, Sun]:
+    def _weather_and_sun(self, variant: Variant, base: Base) -> tuple[Weather, Sun]:
         given = base.weather
         by_hand = {p: value for p in weather.PARAMETERS if (value := getattr(given, p)) is not None}
         numbers = weather.preset(given.preset) | by_hand
         where = sun.from_carla(numbers.pop("sun_azimuth_angle"), numbers.pop("sun_altitude_angle"))
         if base.time is not None:
-            azimuth, altitude = self._told(base.time, base.place)
+            azimuth, altitude = self._sun_angles(base.time, base.place)
             where = Sun(
                 azimuth=where.azimuth if "sun_azimuth_angle" in by_hand else azimuth,
                 altitude=where.altitude if "sun_altitude_angle" in by_hand else altitude,
@@ -169,7 +169,7 @@ class Lowering:
             self._warn_of_sun(variant, base.time)
         return Weather(**numbers), where
 
-    def _told(self, time: str, place: Geography) -> tuple[float, float]:
+    def _sun_angles(self, time: str, place: Geography) -> tuple[float, float]:
         return self._once(
             ("sun", time, place),
             None,
@@ -184,8 +184,8 @@ class Lowering:
 
     def _warn_of_sun(self, variant: Variant, time: str) -> None:
         if variant.base.get("weather", "sun_altitude_angle") is not None:
-            told = f"time {show(time)} of line {variant.base.place_of('time').line}"
-            message = f"weather.sun_altitude_angle is set by hand and wins: {told} does not move the sun up or down"
+            by_time = f"time {show(time)} of line {variant.base.place_of('time').line}"
+            message = f"weather.sun_altitude_angle is set by hand and wins: {by_time} does not move the sun up or down"
             place = variant.base.place_of("weather", "sun_altitude_angle")
             self.warnings.append(Problem(message, place, "remove one of the two", Code.OVERRIDDEN))
 

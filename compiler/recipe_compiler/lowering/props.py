@@ -1,4 +1,4 @@
-"""Props: from what a recipe says of them to bodies that stand in the scene, their colours and their images."""
+"""Lowers props to static bodies with colours and textures."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import Pose, PropPlan, TexturePlan
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering.asset_files import Brought
+from recipe_compiler.lowering.asset_files import AssetFile
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.scene import Prop
 from recipe_compiler.source.yaml_reader import Value, show
 
-PREFIX = "prop."  # so that no prop is taken for an actor or a thing of the town
+PREFIX = "prop."  # keeps names of props apart from those of actors and town elements
 BOARD_THICKNESS = 0.02  # metres
 _BOARD_LOOK = {"face": "#909090", "back": "#b8b0a0"}
 _WHITE = "#ffffff"
@@ -30,8 +30,8 @@ Corner = tuple[float, float, float]
 
 
 @dataclass
-class Stage:
-    """The props of a scene, with their colours and images by body and slot, and what is wrong with them."""
+class LoweredProps:
+    """The lowered props of a scene: plans, colours and textures by body and slot, and problems."""
 
     plans: tuple[PropPlan, ...] = ()
     looks: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -39,29 +39,36 @@ class Stage:
     problems: list[Problem] = field(default_factory=list)
 
 
-def lower(props: Mapping[str, Prop], assets: Mapping[str, Brought], base: Value, town: Town) -> Stage:
-    """All props, in file order. `base` is the variant's, for the places of what is wrong."""
-    stage, triangles = Stage(), 0
+def lower(props: Mapping[str, Prop], assets: Mapping[str, AssetFile], base: Value, town: Town) -> LoweredProps:
+    """Lower all props, in file order.
+
+    Args:
+        props: the props by name.
+        assets: the assets by name.
+        base: the variant's base, for the places of problems.
+        town: the town, for the height of the ground.
+    """
+    lowered, triangles = LoweredProps(), 0
     for name, prop in props.items():
         mesh = assets[prop.asset] if prop.asset is not None else None
         triangles += mesh.triangles if mesh else 4
         if triangles > _TRIANGLES:
             message = f"props: {triangles} triangles up to here are more than the most allowed, {_TRIANGLES}"
             remedy, place = "bring fewer or simpler meshes", base.place_of("props", name)
-            stage.problems.append(Problem(message, place, remedy, Code.INPUT_LIMIT))
+            lowered.problems.append(Problem(message, place, remedy, Code.INPUT_LIMIT))
             break
         wrong = [*_wrong_size(name, prop, mesh, base), *_wrong_slots(name, prop, mesh, base)]
-        stage.problems += wrong
+        lowered.problems += wrong
         if not wrong:
-            stage.plans += (_plan(name, prop, mesh, town),)
-            stage.looks[PREFIX + name] = _look(prop, mesh)
+            lowered.plans += (_plan(name, prop, mesh, town),)
+            lowered.looks[PREFIX + name] = _look(prop, mesh)
             textures = _textures(prop, mesh, assets)
             if textures:
-                stage.textures[PREFIX + name] = textures
-    return stage
+                lowered.textures[PREFIX + name] = textures
+    return lowered
 
 
-def _plan(name: str, prop: Prop, mesh: Brought | None, town: Town) -> PropPlan:
+def _plan(name: str, prop: Prop, mesh: AssetFile | None, town: Town) -> PropPlan:
     low, high = _box(prop, mesh)
     at = prop.at
     z = town.ground(at.x, at.y) - _lowest(low, high, at.pitch, at.roll) if at.z is None else at.z
@@ -77,7 +84,7 @@ def _plan(name: str, prop: Prop, mesh: Brought | None, town: Town) -> PropPlan:
     )
 
 
-def _box(prop: Prop, mesh: Brought | None) -> tuple[Corner, Corner]:
+def _box(prop: Prop, mesh: AssetFile | None) -> tuple[Corner, Corner]:
     """A prop's box in its own frame, in metres."""
     if mesh is None:
         assert prop.size is not None
@@ -95,7 +102,7 @@ def _lowest(low: Corner, high: Corner, pitch: float, roll: float) -> float:
     return min(-sp * x + cp * sr * y + cp * cr * z for x, y, z in corners)
 
 
-def _look(prop: Prop, mesh: Brought | None) -> dict[str, str]:
+def _look(prop: Prop, mesh: AssetFile | None) -> dict[str, str]:
     own = {slot: material.colour for slot, material in mesh.materials.items()} if mesh else dict(_BOARD_LOOK)
     if prop.image is not None:  # seen as it is, unless `look` says otherwise
         own |= dict.fromkeys(_imaged(mesh), _WHITE)
@@ -103,7 +110,7 @@ def _look(prop: Prop, mesh: Brought | None) -> dict[str, str]:
     return dict(sorted(own.items()))
 
 
-def _textures(prop: Prop, mesh: Brought | None, assets: Mapping[str, Brought]) -> dict[str, TexturePlan]:
+def _textures(prop: Prop, mesh: AssetFile | None, assets: Mapping[str, AssetFile]) -> dict[str, TexturePlan]:
     if prop.image is not None:
         texture = TexturePlan(file=assets[prop.image].file, repeat=mesh is not None)
         return dict.fromkeys(sorted(_imaged(mesh)), texture)
@@ -114,12 +121,12 @@ def _textures(prop: Prop, mesh: Brought | None, assets: Mapping[str, Brought]) -
     }
 
 
-def _imaged(mesh: Brought | None) -> list[str]:
+def _imaged(mesh: AssetFile | None) -> list[str]:
     """The slots that an image is laid on."""
     return ["face"] if mesh is None else [slot for slot, material in mesh.materials.items() if material.mapped]
 
 
-def _wrong_size(name: str, prop: Prop, mesh: Brought | None, base: Value) -> Iterator[Problem]:
+def _wrong_size(name: str, prop: Prop, mesh: AssetFile | None, base: Value) -> Iterator[Problem]:
     low, high = _box(prop, mesh)
     largest = max(b - a for a, b in zip(low, high, strict=True))
     if not _SIZES[0] <= largest <= _SIZES[1]:
@@ -130,7 +137,7 @@ def _wrong_size(name: str, prop: Prop, mesh: Brought | None, base: Value) -> Ite
         yield Problem(message, base.place_of("props", name, "asset"), "centre it in its file", Code.INVALID_ASSET)
 
 
-def _wrong_slots(name: str, prop: Prop, mesh: Brought | None, base: Value) -> Iterator[Problem]:
+def _wrong_slots(name: str, prop: Prop, mesh: AssetFile | None, base: Value) -> Iterator[Problem]:
     slots = list(mesh.materials) if mesh else list(_BOARD_LOOK)
     parent = base.get("props", name, "look")
     for slot in prop.look:

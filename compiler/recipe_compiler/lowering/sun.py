@@ -16,7 +16,7 @@ def from_time(
 
     The position is geometric, without refraction, by the NOAA equations of the `astral` package. `time` is HH:MM or
     HH:MM:SS, `utc_offset` hours ahead of UTC; without it the zone is the nautical one, longitude / 15 rounded. No
-    time-zone database is asked: hosts differ in theirs. ValueError if the date is none of the calendar.
+    time-zone database is asked: hosts differ in theirs. ValueError if the date does not exist.
     """
     from astral import Observer
     from astral.sun import zenith_and_azimuth

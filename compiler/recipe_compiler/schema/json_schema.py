@@ -1,4 +1,4 @@
-"""The language as a JSON Schema, for editors: completion, descriptions and ranges while a recipe is written."""
+"""The recipe language as a JSON Schema, for completion and validation in editors."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""Validation errors as lines for people: where, what is wrong, the value, the limit, the nearest valid name."""
+"""Translates validation errors to problems with place, value, limit and the nearest valid name."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, get_args
+from typing import get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -57,7 +57,7 @@ _CONFLICTS = {"way", "asset", "prop", "distribution", "clip"}  # of our own chec
 _MAX_LISTED = 12  # valid names that a remedy lists
 
 Words = tuple[Code, str, str | None]
-"""Of a problem: its kind, what is wrong, the remedy."""
+"""Code, message and remedy of a problem."""
 
 
 def nearest(word: str, options: Iterable[str]) -> str:
@@ -82,8 +82,8 @@ def near(word: str, options: Iterable[str]) -> str | None:
     names = list(options)
     parts = word[:100].split(".")
     for name in difflib.get_close_matches(word[:100], names, n=5, cutoff=0.6):
-        theirs = name.split(".")
-        if len(parts) == 1 or (len(theirs) == len(parts) and all(map(_alike, parts, theirs))):
+        candidate = name.split(".")
+        if len(parts) == 1 or (len(candidate) == len(parts) and all(map(_alike, parts, candidate))):
             return name
     return None
 
@@ -103,7 +103,7 @@ def translate(error: ValidationError, model: type[BaseModel], root: Value, prefi
 
 
 def details(error: ValidationError) -> list[ErrorDetails]:
-    """What a validation found, less what only follows from it.
+    """The errors of a validation, without those that only follow from another.
 
     Pydantic blames a value that fits no member of a union once for each, and a list for those of its items that do
     not fit as if they were missing.
@@ -204,9 +204,9 @@ def _unknown_key(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Wo
     if path[-2:] == ("camera", "exposure"):
         return Code.UNKNOWN_KEY, what, 'as in CARLA, it is "exposure_compensation"'
     keys = fields_at(model, _without_markers(detail["loc"][:-1]))
-    ours = _CARLA.get(str(path[-1]))
-    if ours in keys:
-        return Code.UNKNOWN_KEY, what, f"what CARLA calls so is {show(ours)} here"
+    own = _CARLA.get(str(path[-1]))
+    if own in keys:
+        return Code.UNKNOWN_KEY, what, f"what CARLA calls so is {show(own)} here"
     return Code.UNKNOWN_KEY, what, nearest(str(path[-1]), keys)
 
 
@@ -229,7 +229,7 @@ def _range(model: type[BaseModel], loc: Sequence[str | int]) -> str:
     return "".join(f" {words[key]} {limit}" for key, limit in at.items()).replace(" of at most", ", at most")
 
 
-def _metadata(annotation: Any) -> list[Any]:
+def _metadata(annotation: object) -> list[object]:
     """What is annotated inside an annotation such as `Annotated[float, Ge(0)] | None`."""
     inner = [found for argument in get_args(annotation) for found in _metadata(argument)]
     return [*getattr(annotation, "__metadata__", ()), *inner]
@@ -252,7 +252,7 @@ def _looks_plain(text: str) -> bool:
     return text in {"true", "false"} or text.lstrip("+-").replace(".", "", 1).isdecimal()
 
 
-def _size(where: str, kind: str, context: Mapping[str, Any]) -> Words:
+def _size(where: str, kind: str, context: Mapping[str, int]) -> Words:
     number = context["actual_length"]
     if kind == "too_long":
         most = context["max_length"]
@@ -291,7 +291,7 @@ def _field_at(model: type[BaseModel], loc: Path) -> FieldInfo | None:
 
 
 def _model_at(model: type[BaseModel], loc: Path) -> type[BaseModel] | None:
-    here: Any = model
+    here: object = model
     for step in loc:
         if isinstance(here, type) and issubclass(here, BaseModel):
             info = here.model_fields.get(str(step))
@@ -302,7 +302,7 @@ def _model_at(model: type[BaseModel], loc: Path) -> type[BaseModel] | None:
     return here if isinstance(here, type) and issubclass(here, BaseModel) else None
 
 
-def _inner(annotation: Any) -> type[BaseModel] | None:
+def _inner(annotation: object) -> type[BaseModel] | None:
     """The model in an annotation such as `Start | None`, looking through unions and Annotated, not containers."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation

@@ -24,13 +24,13 @@ SHORTHANDS = {"weather": "preset", "town": "name"}
 
 
 class Merger:
-    """Merges patches, and gives the same object for the same two objects, so that sharing shows by identity."""
+    """Merges patches. Equal arguments (by identity) give the same result object, so sharing is visible by identity."""
 
     def __init__(self) -> None:
         self._merged: dict[tuple[int, int], tuple[Value, Value, Value]] = {}
 
     def merge(self, target: Value, patch: Value) -> Value:
-        """The target with the patch laid over it; the very target if the patch changes nothing."""
+        """The target with the patch applied; the target itself if the patch changes nothing."""
         if not isinstance(patch.data, dict):
             return patch
         if not isinstance(target.data, dict):
@@ -39,7 +39,7 @@ class Merger:
         if known:
             return known[2]
         result = self._merge_maps(target, patch)
-        self._merged[id(target), id(patch)] = (target, patch, result)  # holding them keeps their ids theirs
+        self._merged[id(target), id(patch)] = (target, patch, result)  # kept alive, so that their ids stay unique
         return result
 
     def _merge_maps(self, target: Value, patch: Value) -> Value:
@@ -60,7 +60,7 @@ class Merger:
 
 
 def expand_shorthands(base: Value) -> Value:
-    """A base with its shorthands written out; the very same if it has none."""
+    """A base with its shorthands expanded; the same object if it has none."""
     entries = dict(base.map)
     for key, name in SHORTHANDS.items():
         value = entries.get(key)
@@ -71,7 +71,7 @@ def expand_shorthands(base: Value) -> Value:
 
 @dataclass
 class Sources:
-    """The files of a recipe: merged root value, digest of each file's bytes, and what was wrong in reading them."""
+    """The files of a recipe: the merged root value, the digest of each file, and the problems of reading them."""
 
     root: Value | None = None
     files: dict[str, str] = field(default_factory=dict)
@@ -80,7 +80,7 @@ class Sources:
 
 
 def read(path: Path) -> Sources:
-    """A recipe file and all that it extends, merged, each file read once and hashed as read."""
+    """Read a recipe file and the files that it extends, and merge them. Each file is read and hashed once."""
     sources, merger, folder = Sources(), Merger(), path.parent
     layers: list[Value] = []
     name: str | None = path.name
@@ -104,12 +104,12 @@ def read(path: Path) -> Sources:
         name, place = _next(folder, name, value, seen, sources)
     merged = layers.pop()
     while layers:
-        merged = _lay_over(merged, layers.pop(), merger)
+        merged = _merged_over(merged, layers.pop(), merger)
     sources.root = merged
     return sources
 
 
-def _lay_over(below: Value, above: Value, merger: Merger) -> Value:
+def _merged_over(below: Value, above: Value, merger: Merger) -> Value:
     base = below.get("base")
     if base is not None:
         below = Value({**below.map, "base": expand_shorthands(base)}, below.place, below.keys)
@@ -122,7 +122,7 @@ def _lay_over(below: Value, above: Value, merger: Merger) -> Value:
 
 
 def _joined(below: Value | None, above: Value, depth: int = 0) -> Value:
-    """Deltas laid over deltas. They are patches themselves: a null in one is kept, for it removes from the base.
+    """Merge deltas over deltas. They are patches themselves: a null in one is kept, since it removes from the base.
 
     A null for a whole axis, or for one of its values, removes that.
     """
@@ -220,7 +220,7 @@ def _next(folder: Path, name: str, value: Value, seen: list[str], sources: Sourc
 
 
 def forbidden(target: str) -> str:
-    """What is wrong with a path that a recipe names, before it is looked for; nothing if it may be read."""
+    """Why a path in a recipe is refused, before it is accessed; empty if it is allowed."""
     if target.startswith(("/", "~")) or "\\" in target or ":" in target or "\0" in target:
         return "an absolute or foreign path is refused; write it relative to this file, with `/`"
     if ".." in target.split("/"):
@@ -231,7 +231,7 @@ def forbidden(target: str) -> str:
 
 
 def stays_below(folder: Path, target: str) -> bool:
-    """Whether a path leads to a place within a folder, links and all."""
+    """Whether a path stays within a folder after symbolic links are resolved."""
     try:
         return (folder / target).resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError):

@@ -1,4 +1,4 @@
-"""Errors of YAML in words for people who do not know YAML: where it is, what a reader makes of it, what to write."""
+"""Explains YAML errors: the place, how YAML reads the text, and what to write instead."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """YAML with positions: every value of a recipe knows the file, line and column that set it.
 
-A recipe may come from a stranger, so reading it is bounded in bytes, nodes and depth, tags are refused, and nothing
-is constructed but numbers, text, lists and maps. A plain scalar on which YAML 1.1 and YAML 1.2 disagree (`no`,
-`12:30`, `1_000`, `017`, `1e3`, a date) is refused with what a reader would make of it: whatever it was meant to be,
-quoting or rewriting it says so. Keys are text, always, so `on:` is a key like any other.
+Recipes are untrusted: bytes, nodes and depth are limited, tags are refused, and only numbers, text, lists and maps
+are constructed. A plain scalar on which YAML 1.1 and YAML 1.2 disagree (`no`,
+`12:30`, `1_000`, `017`, `1e3`, a date) is refused, with both readings in the message;
+quoting or rewriting it removes the ambiguity. Keys are always text, so `on:` is a key like any other.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TypeAlias
 
 import yaml
 
@@ -33,7 +33,7 @@ _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)\Z|\.(nan|NaN|NAN)\Z")
 _WORDS = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
 _TRUTHS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
 
-Plain = Any  # None, bool, int, float, str, and lists and maps of them
+Plain: TypeAlias = "bool | int | float | str | list[Plain] | dict[str, Plain] | None"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class Value:
         return self.data if isinstance(self.data, dict) else {}
 
     def get(self, *path: str | int) -> Value | None:
-        """What lies at a path of keys and indices below it, if anything."""
+        """The value at a path of keys and indices below it; None if there is none."""
         here: Value = self
         for step in path:
             if isinstance(here.data, dict) and step in here.data:
@@ -89,8 +89,8 @@ class Value:
         return child.place if child else self.place
 
 
-def show(value: Plain) -> str:
-    """A value as a message shows it: JSON, ASCII only so that no terminal obeys it, and short."""
+def show(value: object) -> str:
+    """A value as messages show it: JSON, shortened, in ASCII so that terminals obey nothing in it."""
     if isinstance(value, dict):
         return "a map"
     if isinstance(value, list | tuple):
@@ -100,7 +100,15 @@ def show(value: Plain) -> str:
 
 
 def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:
-    """The document in a file's bytes, and all that is wrong with its YAML; None if there is nothing to go on with."""
+    """Parse a YAML document.
+
+    Args:
+        content: the bytes of the file.
+        file: its name in places.
+
+    Returns:
+        The root value, None if it cannot be read, and all problems of the YAML.
+    """
     start = Place(file, 1, 1)
     if len(content) > MAX_BYTES:
         message = f"the file is larger than {MAX_BYTES:,} bytes, the limit for a recipe"
@@ -152,7 +160,7 @@ class _StopError(Exception):
 
 
 class _Reader:
-    """Builds values from YAML events and gathers what is wrong with them."""
+    """Builds values from YAML events and collects problems."""
 
     def __init__(self, file: str) -> None:
         self.file = file

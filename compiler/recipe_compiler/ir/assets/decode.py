@@ -1,4 +1,4 @@
-"""From a file's bytes and kind to its mesh or its pixels; whatever is wrong with them is an AssetError."""
+"""Decodes a file of a known kind to its mesh or its pixels. Any fault of the file raises AssetError."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
-"""A mesh as it comes out of a file: triangles by material, in our frame, checked and rounded."""
+"""Mesh data of a file: triangles by material, in the project's frame, validated and rounded."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ Indices = NDArray[np.int64]
 
 
 class AssetError(ValueError):
-    """What is wrong with an asset's bytes, and the remedy, on one line."""
+    """An asset file is invalid; the message has the fault and the remedy on one line."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,15 @@ class Raw:
 
 
 def finish(raws: Sequence[Raw], up: str) -> MeshData:
-    """The mesh of all parts, its axes turned to ours: `up` is the file's axis that points up, y (forward z) or z."""
+    """Join the parts of a file into a mesh, with x forward, y left and z up.
+
+    Args:
+        raws: the parts.
+        up: the file's axis that points up: `y` (then z is forward) or `z`.
+
+    Raises:
+        AssetError: the mesh is empty, too large or invalid.
+    """
     check_count(sum(len(raw.triangles) * (1 + raw.both_sides) for raw in raws), "triangles", MAX_TRIANGLES)
     parts = [part for raw in raws if (part := _part(raw, up)) is not None]
     if not parts:
@@ -163,5 +170,5 @@ def _unit(normals: Floats, triangles: Indices, faces: Floats) -> Floats:
     return unit
 
 
-def _triple(row: Any) -> tuple[float, float, float]:
+def _triple(row: Floats) -> tuple[float, float, float]:
     return float(row[0]), float(row[1]), float(row[2])

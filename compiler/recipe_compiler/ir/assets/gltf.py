@@ -1,7 +1,7 @@
 """glTF 2.0, binary (.glb) and text (.gltf): meshes, placed by their nodes, with base colours and pictures.
 
-All data must be within the file. What would change what is seen and is not read here (skins, morph targets,
-compression, see-through materials) is refused; cameras, lights, animations and vertex colours are left aside.
+All data must be within the file. Unsupported features that change the appearance (skins, morph targets,
+compression, transparent materials) are refused; cameras, lights, animations and vertex colours are ignored.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 import base64
 import binascii
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _READ = {"KHR_materials_unlit", "KHR_materials_specular", "KHR_materials_ior"}  # nothing of geometry or base colour
 _CLAMP, _REPEAT = 33071, 10497
 
-Json = Mapping[str, Any]
+JsonObject = Mapping[str, object]  # of the glTF document
 Matrix = tuple[tuple[float, ...], ...]  # 3 x 4
 
 
@@ -68,7 +68,7 @@ def picture(content: bytes, number: int) -> png.Pixels:
     return png.decode(_Document(*_open(content)).image(number), opaque=False)
 
 
-def _open(content: bytes) -> tuple[Json, bytes | None]:
+def _open(content: bytes) -> tuple[JsonObject, bytes | None]:
     """The document, and the bytes beside it."""
     if content[:4] != b"glTF":
         return _parsed(content), None
@@ -88,16 +88,16 @@ def _open(content: bytes) -> tuple[Json, bytes | None]:
     return _parsed(chunks.get(b"JSON", b"")), chunks.get(b"BIN\0")
 
 
-def _parsed(text: bytes) -> Json:
+def _parsed(text: bytes) -> JsonObject:
     if len(text) > MAX_JSON:
         raise AssetError(f"its description is larger than {MAX_JSON >> 20} MiB; put the data into a .glb file")
     try:
         found = json.loads(text.decode("utf-8-sig"), parse_constant=_no_number)
     except (ValueError, RecursionError):
         raise AssetError("is not glTF: its description is no JSON; export it again") from None
-    if not isinstance(found, dict) or not str(found.get("asset", {}).get("version", "")).startswith("2."):
+    if not isinstance(found, dict) or not str(_object(found.get("asset", {})).get("version", "")).startswith("2."):
         raise AssetError("is not glTF version 2; export it as glTF 2.0")
-    needed = sorted(set(map(str, found.get("extensionsRequired", []))) - _READ)
+    needed = sorted(set(map(str, _list(found.get("extensionsRequired", [])))) - _READ)
     if needed:
         raise AssetError(f"needs the extension {needed[0][:40]!r}, which is not read here; export it without")
     return found
@@ -110,16 +110,20 @@ def _no_number(word: str) -> NoReturn:
 class _Document:
     """A glTF document. Its methods raise AssetError, or KeyError and the like for what is not there."""
 
-    def __init__(self, document: Json, beside: bytes | None) -> None:
+    def __init__(self, document: JsonObject, beside: bytes | None) -> None:
         self._json, self._beside = document, beside
         self._buffers: dict[int, bytes] = {}
         self._counts: dict[int, tuple[int, int, int]] = {}
 
-    def _item(self, kind: str, index: Any) -> Json:
-        items = self._json.get(kind, [])
+    def _index(self, kind: str, index: object) -> int:
+        """The index itself, if the document has an entry of that kind there."""
+        items = _list(self._json.get(kind, []))
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(items):
             raise AssetError(f"names {kind} {str(index)[:20]} of {len(items)}, which is not there; export it again")
-        found = items[index]
+        return index
+
+    def _item(self, kind: str, index: object) -> JsonObject:
+        found = _list(self._json.get(kind, []))[self._index(kind, index)]
         if not isinstance(found, dict):
             raise AssetError(f"{kind} {index} is damaged; export it again")
         return found
@@ -128,12 +132,13 @@ class _Document:
 
     def placed(self) -> Iterator[tuple[int, Matrix]]:
         """The meshes that the scene shows, each with where it is."""
-        nodes = self._json.get("nodes", [])
+        nodes = _list(self._json.get("nodes", []))
         check_count(len(nodes), "nodes", MAX_NODES)
-        waiting = [(index, _IDENTITY) for index in reversed(self._roots(len(nodes)))]
+        waiting: list[tuple[object, Matrix]] = [(index, _IDENTITY) for index in reversed(self._roots(len(nodes)))]
         seen: set[int] = set()
         while waiting:
             index, above = waiting.pop()
+            index = self._index("nodes", index)
             node = self._item("nodes", index)
             if index in seen:
                 raise AssetError(f"node {index} is below itself or below two others; export it again")
@@ -142,27 +147,28 @@ class _Document:
                 raise AssetError("is moved by a skeleton (skin), which is not read here; apply its pose, then export")
             matrix = _composed(above, _local(node))
             if "mesh" in node:
-                yield node["mesh"], matrix
-            waiting += [(child, matrix) for child in reversed(node.get("children", []))]
+                yield self._index("meshes", node["mesh"]), matrix
+            waiting += [(child, matrix) for child in reversed(_list(node.get("children", [])))]
 
-    def _roots(self, count: int) -> list[int]:
+    def _roots(self, count: int) -> Sequence[object]:
         if self._json.get("scenes"):
-            return list(self._item("scenes", self._json.get("scene", 0)).get("nodes", []))
-        children = {child for node in self._json.get("nodes", []) for child in node.get("children", [])}
+            return _list(self._item("scenes", self._json.get("scene", 0)).get("nodes", []))
+        nodes = _list(self._json.get("nodes", []))
+        children = {child for node in nodes for child in _list(_object(node).get("children", []))}
         return [index for index in range(count) if index not in children]
 
     # Meshes
 
-    def counts(self, mesh: Any) -> tuple[int, int, int]:
+    def counts(self, mesh: int) -> tuple[int, int, int]:
         """How many triangles, vertices and parts a mesh has, from its descriptions alone.
 
         So what many nodes show again and again is counted before any of it is made.
         """
         if mesh not in self._counts:
             triangles = vertices = 0
-            primitives = self._item("meshes", mesh)["primitives"]
+            primitives = list(map(_object, _list(self._item("meshes", mesh)["primitives"])))
             for primitive in primitives:
-                points = _whole(self._item("accessors", primitive["attributes"]["POSITION"])["count"])
+                points = _whole(self._item("accessors", _object(primitive["attributes"])["POSITION"])["count"])
                 corners = points
                 if "indices" in primitive:
                     corners = _whole(self._item("accessors", primitive["indices"])["count"])
@@ -173,10 +179,10 @@ class _Document:
 
     def parts(self, mesh: int, matrix: Matrix) -> Iterator[Raw]:
         """The parts of a mesh, moved by a node's matrix."""
-        for primitive in self._item("meshes", mesh)["primitives"]:
+        for primitive in map(_object, _list(self._item("meshes", mesh)["primitives"])):
             if primitive.get("mode", 4) != 4 or "targets" in primitive:
                 raise AssetError("holds lines, points, strips or morph targets; export it as plain triangles")
-            attributes, material = primitive["attributes"], self._material(primitive)
+            attributes, material = _object(primitive["attributes"]), self._material(primitive)
             points = self._floats(attributes["POSITION"], 3)
             normals = self._floats(attributes["NORMAL"], 3) if "NORMAL" in attributes else None
             uv = f"TEXCOORD_{material.channel}"
@@ -199,44 +205,50 @@ class _Document:
                 material.both_sides,
             )
 
-    def _floats(self, accessor: Any, width: int) -> Floats:
+    def _floats(self, accessor: object, width: int) -> Floats:
         """A column of numbers; whole ones that stand for shares of 1 become that."""
         found = self._array(accessor)
         if found.shape[1] != width:
             raise AssetError(f"has {found.shape[1]} numbers where there should be {width}; export it again")
         if self._item("accessors", accessor).get("normalized") and found.dtype.kind in "iu":
-            return np.maximum(found.astype(np.float64) / np.iinfo(found.dtype).max, -1.0)
+            scale = float(np.iinfo(found.dtype.str).max)
+            return np.maximum(found.astype(np.float64) / scale, -1.0)
         return found.astype(np.float64)
 
-    def _array(self, accessor: Any) -> NDArray[Any]:
+    def _array(self, accessor: object) -> NDArray[np.generic]:
         """What an accessor describes, [count, width]; AssetError if it reaches beyond its data."""
-        told = self._item("accessors", accessor)
-        if "sparse" in told or "bufferView" not in told:
+        entry = self._item("accessors", accessor)
+        if "sparse" in entry or "bufferView" not in entry:
             raise AssetError("holds sparse or absent data, which is not read here; export it plainly")
-        kind, width, count = np.dtype(_KINDS[told["componentType"]]), _WIDTHS[told["type"]], _whole(told["count"])
+        kind, width, count = (
+            np.dtype(_KINDS[_whole(entry["componentType"])]),
+            _WIDTHS[str(entry["type"])],
+            _whole(entry["count"]),
+        )
         check_count(count, "vertices or corners", 3 * MAX_VERTICES)
-        view = self._view(told["bufferView"])
+        view = self._view(entry["bufferView"])
         row = width * kind.itemsize
-        stride = _whole(self._item("bufferViews", told["bufferView"]).get("byteStride", row))
-        start = _whole(told.get("byteOffset", 0))
+        stride = _whole(self._item("bufferViews", entry["bufferView"]).get("byteStride", row))
+        start = _whole(entry.get("byteOffset", 0))
         if count == 0 or stride < row or start + (count - 1) * stride + row > len(view):
             raise AssetError("a column reaches beyond its data, or is empty; export it again")
-        rows: NDArray[Any] = np.ndarray((count, width), kind, view, start, (stride, kind.itemsize))
+        rows: NDArray[np.generic] = np.ndarray((count, width), kind, view, start, (stride, kind.itemsize))
         return rows.copy()
 
-    def _view(self, index: Any) -> memoryview:
-        told = self._item("bufferViews", index)
-        start, length = _whole(told.get("byteOffset", 0)), _whole(told["byteLength"])
-        buffer = self._buffer(told["buffer"])
+    def _view(self, index: object) -> memoryview:
+        entry = self._item("bufferViews", index)
+        start, length = _whole(entry.get("byteOffset", 0)), _whole(entry["byteLength"])
+        buffer = self._buffer(entry["buffer"])
         if start + length > len(buffer):
             raise AssetError("a view reaches beyond its buffer; export it again")
         return memoryview(buffer)[start : start + length]
 
-    def _buffer(self, index: Any) -> bytes:
-        told = self._item("buffers", index)
+    def _buffer(self, index: object) -> bytes:
+        index = self._index("buffers", index)
+        entry = self._item("buffers", index)
         if index not in self._buffers:
-            if "uri" in told:
-                self._buffers[index] = _embedded(told["uri"], f"buffer {index}")
+            if "uri" in entry:
+                self._buffers[index] = _embedded(entry["uri"], f"buffer {index}")
             elif index == 0 and self._beside is not None:
                 self._buffers[index] = self._beside
             else:
@@ -247,30 +259,30 @@ class _Document:
 
     @cached_property
     def _slots(self) -> list[str]:
-        return slot_names([material.get("name") for material in self._json.get("materials", [])])
+        return slot_names([_object(material).get("name") for material in _list(self._json.get("materials", []))])
 
-    def _material(self, primitive: Json) -> _Material:
+    def _material(self, primitive: JsonObject) -> _Material:
         if "material" not in primitive:
             return _Material("body", GREY, None, 0, True, False)
-        index = primitive["material"]
-        told = self._item("materials", index)
-        if told.get("alphaMode", "OPAQUE") != "OPAQUE":
+        index = self._index("materials", primitive["material"])
+        entry = self._item("materials", index)
+        if entry.get("alphaMode", "OPAQUE") != "OPAQUE":
             raise AssetError(f"material {self._slots[index]!r} is see-through (alphaMode); make it opaque")
-        base = told.get("pbrMetallicRoughness", {})
+        base = _object(entry.get("pbrMetallicRoughness", {}))
         image, channel, repeat = None, 0, True
         if "baseColorTexture" in base:
-            used = base["baseColorTexture"]
+            used = _object(base["baseColorTexture"])
             texture = self._item("textures", used["index"])
-            if "source" not in texture or "KHR_texture_transform" in used.get("extensions", {}):
+            if "source" not in texture or "KHR_texture_transform" in _object(used.get("extensions", {})):
                 raise AssetError("has a texture that is moved or in no plain format; export it with a PNG image")
             image, channel = _whole(texture["source"]), _whole(used.get("texCoord", 0))
             self._item("images", image)
             sampler = self._item("samplers", texture["sampler"]) if "sampler" in texture else {}
             repeat = self._repeats(sampler)
         colour = _colour(base.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]))
-        return _Material(self._slots[index], colour, image, channel, repeat, bool(told.get("doubleSided", False)))
+        return _Material(self._slots[index], colour, image, channel, repeat, bool(entry.get("doubleSided", False)))
 
-    def _repeats(self, sampler: Json) -> bool:
+    def _repeats(self, sampler: JsonObject) -> bool:
         modes = {sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)}
         if not modes <= {_CLAMP, _REPEAT}:
             raise AssetError("has a texture that repeats mirrored, which is not read here; let it repeat plainly")
@@ -278,13 +290,13 @@ class _Document:
 
     def image(self, number: int) -> bytes:
         """The bytes of an image."""
-        told = self._item("images", number)
-        if "bufferView" in told:
-            return bytes(self._view(told["bufferView"]))
-        return _embedded(told.get("uri"), f"image {number}")
+        entry = self._item("images", number)
+        if "bufferView" in entry:
+            return bytes(self._view(entry["bufferView"]))
+        return _embedded(entry.get("uri"), f"image {number}")
 
 
-def _embedded(uri: Any, what: str) -> bytes:
+def _embedded(uri: object, what: str) -> bytes:
     """The bytes of a data URI; AssetError for any other."""
     head, comma, body = uri.partition(",") if isinstance(uri, str) else ("", "", "")
     if not head.startswith("data:") or not head.endswith(";base64") or not comma:
@@ -296,27 +308,45 @@ def _embedded(uri: Any, what: str) -> bytes:
         raise AssetError(f"{what} is damaged: its text is no base64; export it again") from None
 
 
-def _colour(factor: Any) -> str:
+def _colour(factor: object) -> str:
     """Linear RGBA as sRGB text."""
-    rgb = [float(value) for value in factor[:3]]
+    rgb = [_number(value) for value in _list(factor)[:3]]
     if len(rgb) != 3 or not all(0.0 <= value <= 1.0 for value in rgb):
         raise AssetError("a base colour is none: its numbers are not between 0 and 1; export it again")
     curve = [12.92 * v if v <= 0.0031308 else 1.055 * exact.power(v, 1 / 2.4) - 0.055 for v in rgb]
     return "#" + "".join(f"{int(v * 255.0 + 0.5):02x}" for v in curve)
 
 
-def _whole(value: Any) -> int:
+def _object(value: object) -> JsonObject:
+    if not isinstance(value, dict):
+        raise TypeError(f"{type(value).__name__} in place of an object")
+    return value
+
+
+def _list(value: object) -> Sequence[object]:
+    if not isinstance(value, list):
+        raise TypeError(f"{type(value).__name__} in place of a list")
+    return value
+
+
+def _number(value: object) -> float:
+    if not isinstance(value, int | float):
+        raise TypeError(f"{type(value).__name__} in place of a number")
+    return float(value)
+
+
+def _whole(value: object) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 1 << 40:
         raise AssetError("a count or an offset is none; export it again")
     return value
 
 
-# Matrices, by products and sums in an order that is ours
+# Matrices, by products and sums in a fixed order
 
 _IDENTITY: Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
 
 
-def _local(node: Json) -> Matrix:
+def _local(node: JsonObject) -> Matrix:
     if "matrix" in node:
         m = _numbers(node["matrix"], 16)
         return tuple(tuple(m[4 * column + row] for column in range(4)) for row in range(3))
@@ -334,8 +364,8 @@ def _local(node: Json) -> Matrix:
     return tuple((row[0] * s[0], row[1] * s[1], row[2] * s[2], t[k]) for k, row in enumerate(turn))
 
 
-def _numbers(values: Any, count: int) -> list[float]:
-    found = [float(value) for value in values]
+def _numbers(values: object, count: int) -> list[float]:
+    found = [_number(value) for value in _list(values)]
     if len(found) != count or not all(abs(value) <= 1e6 for value in found):
         raise AssetError(f"a node's place is not {count} numbers of a sensible size; export it again")
     return found

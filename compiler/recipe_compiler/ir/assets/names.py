@@ -1,22 +1,21 @@
-"""Names of materials as slots of a look: a stranger's text becomes a name that a recipe can write, or a number."""
+"""Slot names of materials: the material's own name if a recipe can write it, otherwise a numbered name."""
 
 from __future__ import annotations
 
 import itertools
 import re
 from collections.abc import Sequence
-from typing import Any
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}\Z")
 
 
-def slot(name: Any, otherwise: str) -> str:
+def slot(name: object, otherwise: str) -> str:
     """The name with `_` for blanks, if it is one that a recipe can write."""
     text = name.replace(" ", "_") if isinstance(name, str) else ""
     return text if _NAME.match(text) else otherwise
 
 
-def slot_names(names: Sequence[Any]) -> list[str]:
+def slot_names(names: Sequence[object]) -> list[str]:
     """A slot for each material, no two alike: its own name; `material.N` where that is unfit or taken."""
     taken: dict[str, None] = {}
     spare = itertools.count(len(names))

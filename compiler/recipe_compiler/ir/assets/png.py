@@ -82,16 +82,16 @@ def _check_length(content: bytes, packed: bytes) -> None:
     if colour not in _CHANNELS:
         raise AssetError("is damaged: its header names no kind of colour; save it again")
     passes = _PASSES if interlaced else ((0, 1, 0, 1),)
-    told = 0
+    length = 0
     for x, across, y, down in passes:
         columns, rows = max(0, -(-(width - x) // across)), max(0, -(-(height - y) // down))
-        told += rows * (1 + (columns * depth * _CHANNELS[colour] + 7) // 8) if columns else 0
+        length += rows * (1 + (columns * depth * _CHANNELS[colour] + 7) // 8) if columns else 0
     try:
-        found = len(zlib.decompressobj().decompress(packed, told + 1))
+        found = len(zlib.decompressobj().decompress(packed, length + 1))
     except zlib.error:
         found = -1
-    if found != told:
-        raise AssetError(f"is cut or damaged: its data are not the {told} bytes that its pixels take; save it again")
+    if found != length:
+        raise AssetError(f"is cut or damaged: its data are not the {length} bytes that its pixels take; save it again")
 
 
 def _chunks(content: bytes) -> Iterator[bytes]:

@@ -24,9 +24,9 @@ def read(content: bytes) -> list[Raw]:
     elif len(content) < 84:
         raise AssetError("is not an STL file: it is shorter than a header of 84 bytes; export it again")
     else:
-        told = 84 + _FACET.itemsize * count
+        expected = 84 + _FACET.itemsize * count
         raise AssetError(
-            f"its header tells of {count} triangles, {told} bytes, but it has {len(content)}; export it again"
+            f"its header tells of {count} triangles, {expected} bytes, but it has {len(content)}; export it again"
         )
     triangles = np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
     return [Raw(SLOT, corners, triangles, both_sides=True)]
@@ -43,7 +43,11 @@ def _text(content: bytes) -> Floats:
 
 
 def number(word: bytes) -> float:
-    """The number that a word is, correctly rounded; AssetError if it is none."""
+    """Parse a number, correctly rounded.
+
+    Raises:
+        AssetError: the word is not a number.
+    """
     try:
         if b"_" not in word:
             return float(word)

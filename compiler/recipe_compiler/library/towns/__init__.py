@@ -5,7 +5,6 @@ collision shapes from, the colours of everything in it, where actors may appear,
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from recipe_compiler.library.towns import downtown, highway, plaza, suburb
 from recipe_compiler.library.towns.town import Parameter, SpawnPoint, Town
@@ -23,12 +22,12 @@ PARAMETERS: dict[str, dict[str, Parameter]] = {name: module.PARAMETERS for name,
 """Town name -> parameter name -> what it may be."""
 
 
-def elements(name: str, params: Mapping[str, Any]) -> int:
+def elements(name: str, params: Mapping[str, object]) -> int:
     """About how many elements the town of that name has, known without building it."""
     return _SIZES[name](**{key: params.get(key, parameter.default) for key, parameter in PARAMETERS[name].items()})
 
 
-def build(name: str, seed: int, params: Mapping[str, Any]) -> Town:
+def build(name: str, seed: int, params: Mapping[str, object]) -> Town:
     """The town of that name. `params` overrides the defaults of `PARAMETERS`; ValueError for what it refuses."""
     if name not in _BUILDERS:
         raise ValueError(f"no town {name!r}; there are: {', '.join(NAMES)}")

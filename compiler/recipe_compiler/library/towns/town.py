@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 from recipe_compiler.ir.plan import Point, Pose, TownPlan
 from recipe_compiler.ir.streams import Stream
@@ -32,13 +32,12 @@ class Parameter:
         order = ", none below the one before it" if self.rising else ""
         return f"a list of {self.length} whole numbers from {self.low} to {self.high}{order}"
 
-    def check(self, name: str, value: Any) -> None:
+    def check(self, name: str, value: object) -> None:
         """ValueError unless `value` is allowed."""
         values = [value] if self.length is None else value
-        whole = isinstance(values, list | tuple) and all(type(v) is int for v in values)
-        if whole and self.rising and list(values) != sorted(values):
-            whole = False
-        if not whole or len(values) != (self.length or 1) or not all(self.low <= v <= self.high for v in values):
+        whole = [v for v in values if type(v) is int] if isinstance(values, list | tuple) else []
+        valid = isinstance(values, list | tuple) and len(whole) == len(values) == (self.length or 1)
+        if not valid or not all(self.low <= v <= self.high for v in whole) or (self.rising and whole != sorted(whole)):
             raise ValueError(f"{name} is {value!r}; it must be {self.wanted}")
 
 
