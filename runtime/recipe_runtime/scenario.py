@@ -112,7 +112,7 @@ class Frame:
         """Seconds since the first frame."""
         return self.number / self.scenario.plan.scene.clock.fps
 
-    def render(self, sensor: str | None = None, modality: str = "rgb") -> NDArray[Any]:
+    def render(self, sensor: str | None = None, modality: str = "rgb") -> NDArray[np.generic]:
         """As `Scenario.render`."""
         return self.scenario.render(self.number, sensor, modality)
 
@@ -176,7 +176,7 @@ class Scenario(Sequence[Frame]):
     def __repr__(self) -> str:
         return f"<{self.variant}: {count(len(self), 'frame')} of {', '.join(self.sensors)}>"
 
-    def render(self, frame: int, sensor: str | None = None, modality: str = "rgb") -> NDArray[Any]:
+    def render(self, frame: int, sensor: str | None = None, modality: str = "rgb") -> NDArray[np.generic]:
         """Render one modality of a frame, equal to that of a build.
 
         Args:
@@ -205,12 +205,12 @@ class Scenario(Sequence[Frame]):
             pixels = self._render(frame, plan, modality)
             self._disk_cache.put("pixels", key, codecs.npy(pixels))
             return pixels
-        kept: NDArray[Any] = np.load(io.BytesIO(body), allow_pickle=False)
+        kept: NDArray[np.generic] = np.load(io.BytesIO(body), allow_pickle=False)
         return kept
 
     def stream(
         self, sensor: str | None = None, frames: Iterable[int] | None = None
-    ) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
+    ) -> Iterator[tuple[int, dict[str, NDArray[np.generic]]]]:
         """Yield frames, all by default, each as its number and the arrays of all captured modalities, as `render` does.
 
         On a GPU many frames are rendered concurrently. The arrays are valid until the next frame is requested.
@@ -219,7 +219,7 @@ class Scenario(Sequence[Frame]):
         numbers = [self._number(frame) for frame in (range(len(self)) if frames is None else frames)]
         appearances = [self.plan.appearance] if "rgb" in plan.capture else []
         for made in self._scenes.source(scene).make(plan, appearances, numbers, lanes=MAX_CONCURRENT_FRAMES):
-            pictures: dict[str, NDArray[Any]] = dict(zip(["rgb"], made.pictures, strict=False))
+            pictures: dict[str, NDArray[np.generic]] = dict(zip(["rgb"], made.pictures, strict=False))
             yield made.number, {m: pictures[m] if m == "rgb" else label_array(made.seen, m) for m in plan.capture}
 
     def labels(self, frame: int, sensor: str | None = None) -> list[LabelRecord]:
@@ -228,7 +228,7 @@ class Scenario(Sequence[Frame]):
         scene = self.plan.scene
         return self._scenes.source(scene).labels(self._scenes.observe(scene, plan, frame), plan, frame)
 
-    def _render(self, frame: int, plan: SensorPlan, modality: str) -> NDArray[Any]:
+    def _render(self, frame: int, plan: SensorPlan, modality: str) -> NDArray[np.generic]:
         scene = self.plan.scene
         seen = self._scenes.observe(scene, plan, frame)
         if modality == "rgb":

@@ -118,7 +118,7 @@ def _running(counts: Sequence[int]) -> list[int]:
     return ends
 
 
-def _tensor(modality: str, pixels: NDArray[Any]) -> torch.Tensor:
+def _tensor(modality: str, pixels: NDArray[np.generic]) -> torch.Tensor:
     if modality == "rgb":
         return torch.from_numpy(np.ascontiguousarray(pixels.transpose(2, 0, 1)))
     return torch.from_numpy(pixels.astype(np.int32) if pixels.dtype == np.uint16 else pixels)

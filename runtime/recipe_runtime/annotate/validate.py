@@ -54,13 +54,13 @@ def _rows(data: dict[str, list[Row]]) -> Iterator[str]:
     yield from _twice("(image, track)", tracked)
 
 
-def _twice(what: str, values: Iterable[Any]) -> Iterator[str]:
+def _twice(what: str, values: Iterable[object]) -> Iterator[str]:
     for value, count in Counter(values).items():
         if count > 1:
             yield f"{what} {value!r} stands {count} times"
 
 
-def _numbers(value: Any, where: str = "$") -> Iterator[str]:
+def _numbers(value: object, where: str = "$") -> Iterator[str]:
     if isinstance(value, float) and not math.isfinite(value):
         yield f"{where} is {value}"
     elif isinstance(value, dict):

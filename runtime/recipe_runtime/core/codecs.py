@@ -8,7 +8,6 @@ a change of the image.
 from __future__ import annotations
 
 import struct
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +32,7 @@ def photograph(pixels: NDArray[np.uint8]) -> bytes:
     return _file(pixels, 8, 2, _compressed(_filter_sub(np.ascontiguousarray(pixels)), 1, zlib_ng.Z_HUFFMAN_ONLY))
 
 
-def png(pixels: NDArray[Any], level: int = 2) -> bytes:
+def png(pixels: NDArray[np.generic], level: int = 2) -> bytes:
     """Encode labels, depth or graphics as PNG: uint8 [H, W, 3] (RGB), uint8 [H, W] (grey), uint16 [H, W] (16-bit grey).
 
     Rows are filtered by differences to the row above, which are mostly zero for labels and small for depth.
@@ -75,7 +74,7 @@ def metres_from_carla(pixels: NDArray[np.uint8]) -> NDArray[np.float64]:
     return metres
 
 
-def npy(array: NDArray[Any]) -> bytes:
+def npy(array: NDArray[np.generic]) -> bytes:
     """Encode an array in NumPy's file format 1.0, little-endian and C-order, independent of the NumPy version."""
     plain = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
     shape = "(" + "".join(f"{n}, " for n in plain.shape).rstrip(" ") + ")"
@@ -107,7 +106,7 @@ def _compressed(rows: NDArray[np.uint8], level: int, strategy: int) -> bytes:
     return bytes(packer.compress(rows.data) + packer.flush())
 
 
-def _file(pixels: NDArray[Any], depth: int, kind: int, body: bytes) -> bytes:
+def _file(pixels: NDArray[np.generic], depth: int, kind: int, body: bytes) -> bytes:
     height, width = pixels.shape[:2]
     header = struct.pack(">IIBBBBB", width, height, depth, kind, 0, 0, 0)
     return b"".join([_SIGNATURE, *_chunk(b"IHDR", header), *_chunk(b"IDAT", body), *_chunk(b"IEND", b"")])

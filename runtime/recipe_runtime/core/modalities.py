@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.canonical import digest_array
 
@@ -12,12 +11,12 @@ from recipe_runtime.core.interfaces import Observed
 LABEL_MODALITIES = ("depth", "instance", "semantic")  # follow from scene and rig alone
 
 
-def pixel_digest(modality: str, array: NDArray[Any]) -> str:
+def pixel_digest(modality: str, array: NDArray[np.generic]) -> str:
     """Identity of a frame's pixels; depth is hashed as float32 metres, whatever form it has on disk."""
     return digest_array(f"pixels/{modality}/1", array)
 
 
-def label_array(seen: Observed, modality: str) -> NDArray[Any]:
+def label_array(seen: Observed, modality: str) -> NDArray[np.generic]:
     """A label modality of an observation."""
-    array: NDArray[Any] = getattr(seen, modality)
+    array: NDArray[np.generic] = getattr(seen, modality)
     return array

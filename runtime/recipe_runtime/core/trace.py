@@ -93,7 +93,7 @@ class Trace:
         actors = self.actors if actors is None else actors
         parts = [np.array(self.actor_parts(actor), np.intp) for actor in actors]
         bases = [self.actors.index(actor) for actor in actors]
-        arrays: tuple[tuple[NDArray[Any], Sequence[Any]], ...] = (
+        arrays: tuple[tuple[NDArray[np.generic], Sequence[Any]], ...] = (
             (self.positions, parts),
             (self.rotations, parts),
             (self.linear, bases),
@@ -105,7 +105,9 @@ class Trace:
             for n, actor in enumerate(actors)
         }
 
-    def _column_digests(self, array: NDArray[Any], columns: Sequence[Any], ends: Sequence[int]) -> list[list[str]]:
+    def _column_digests(
+        self, array: NDArray[np.generic], columns: Sequence[Any], ends: Sequence[int]
+    ) -> list[list[str]]:
         """`digest_array("trace-array/1", array[:end, column])` for every column and end."""
         kind = array.dtype.newbyteorder("<")
         shapes = [array[:0, column].shape[1:] for column in columns]
@@ -119,7 +121,7 @@ class Trace:
                         hasher.update(data[: (end - start) * frame])
         return [[hasher.hexdigest() for hasher in row] for row in hashers]
 
-    def _chunks(self, array: NDArray[Any], frames: int) -> Iterator[tuple[int, NDArray[Any]]]:
+    def _chunks(self, array: NDArray[np.generic], frames: int) -> Iterator[tuple[int, NDArray[np.generic]]]:
         """An array's first frames in pieces, each with the number of its first frame."""
         step = max(1, _CHUNK // max(1, array[:1].nbytes))
         for start in range(0, frames, step):
@@ -142,7 +144,7 @@ class Trace:
         )
         hasher = hashlib.sha256(head + b"\n")
         yield head + b"\n"
-        arrays: tuple[NDArray[Any], ...] = (self.positions, self.rotations, self.linear, self.angular)
+        arrays: tuple[NDArray[np.generic], ...] = (self.positions, self.rotations, self.linear, self.angular)
         for array, kind in zip(arrays, _TYPES, strict=True):
             for _, chunk in self._chunks(array, self.frames):
                 piece = chunk.astype(kind).tobytes()
@@ -225,7 +227,7 @@ def frame_bytes(
     positions: NDArray[np.int64], rotations: NDArray[np.int32], linear: NDArray[np.int64], angular: NDArray[np.int64]
 ) -> bytes:
     """One frame as `TraceWriter.write` takes it."""
-    arrays: tuple[NDArray[Any], ...] = (positions, rotations, linear, angular)
+    arrays: tuple[NDArray[np.generic], ...] = (positions, rotations, linear, angular)
     return b"".join(array.astype(kind).tobytes() for array, kind in zip(arrays, _TYPES, strict=True))
 
 

@@ -44,7 +44,7 @@ class PlanReader:
 
     def __init__(self) -> None:
         self._known: dict[tuple[str, bytes], Any] = {}
-        self._slots: dict[tuple[tuple[Any, Any], ...], dict[str, str]] = {}
+        self._slots: dict[tuple[tuple[object, object], ...], dict[str, str]] = {}
         self._numbers = dict.fromkeys(_MOST, 0)
         self._bytes = 0
 
@@ -60,41 +60,41 @@ class PlanReader:
         except (OverflowError, RecursionError) as error:
             raise ValueError(f"a number or a list is out of range: {error}") from None
 
-    def _scenario(self, raw: Any) -> ScenarioPlan:
+    def _scenario(self, raw: object) -> ScenarioPlan:
         raw = dict(_object(raw, "a plan"))
         for key, read in (("scene", self._scene), ("rig", self._rig), ("appearance", self._appearance)):
             raw[key] = self._once(key, _object(raw.get(key), key), read)
         return ScenarioPlan.model_validate(raw)
 
-    def _scene(self, raw: dict[str, Any]) -> ScenePlan:
+    def _scene(self, raw: dict[str, object]) -> ScenePlan:
         actors = [actor for actor in _list(raw.get("actors")) if isinstance(actor, dict)]
         self._count("points of routes", sum(len(_list(actor.get("route"))) for actor in actors))
         return ScenePlan.model_validate(
             {**raw, "town": self._once("town", _object(raw.get("town"), "town"), self._town)}
         )
 
-    def _town(self, raw: dict[str, Any]) -> TownPlan:
+    def _town(self, raw: dict[str, object]) -> TownPlan:
         self._count("elements of towns", len(_list(raw.get("elements"))))
         return TownPlan.model_validate(raw)
 
-    def _rig(self, raw: dict[str, Any]) -> RigPlan:
+    def _rig(self, raw: dict[str, object]) -> RigPlan:
         sensors = [sensor for sensor in _list(raw.get("sensors")) if isinstance(sensor, dict)]
         self._count("poses of sensors", sum(len(_list(sensor.get("poses"))) for sensor in sensors))
         return RigPlan.model_validate(raw)
 
-    def _appearance(self, raw: dict[str, Any]) -> AppearancePlan:
+    def _appearance(self, raw: dict[str, object]) -> AppearancePlan:
         return AppearancePlan.model_validate(
             {**raw, "looks": self._once("looks", _object(raw.get("looks"), "looks"), self._looks)}
         )
 
-    def _looks(self, raw: dict[str, Any]) -> Looks:
+    def _looks(self, raw: dict[str, object]) -> Looks:
         """Colours; those of bodies that have the same are one object."""
         self._count("colours of bodies", len(raw))
         if len(raw) > MAX_BODIES:
             raise ValueError(f"looks has more than {MAX_BODIES:,} bodies")
         return Looks.model_construct(root={_NAME.validate_python(name): self._colours(raw[name]) for name in raw})
 
-    def _colours(self, raw: Any) -> dict[str, str]:
+    def _colours(self, raw: object) -> dict[str, str]:
         slots = _object(raw, "a look")
         key = tuple(slots.items())
         try:
@@ -105,7 +105,7 @@ class PlanReader:
             found = self._slots[key] = _SLOTS.validate_python(slots)
         return found
 
-    def _once(self, part: str, raw: dict[str, Any], make: Callable[[dict[str, Any]], T]) -> T:
+    def _once(self, part: str, raw: dict[str, object], make: Callable[[dict[str, object]], T]) -> T:
         """What `make` gives for a part of a plan; the same object for the same part."""
         key = part, hashlib.sha256(json.dumps(raw, sort_keys=True).encode()).digest()
         if key not in self._known:
@@ -119,11 +119,11 @@ class PlanReader:
             raise ValueError(f"{self._numbers[what]:,} {what} are over {_MOST[what]:,}")
 
 
-def _object(value: Any, what: str) -> dict[str, Any]:
+def _object(value: object, what: str) -> dict[str, object]:
     if not isinstance(value, dict):
         raise ValueError(f"{what} is not an object")
     return value
 
 
-def _list(value: Any) -> list[Any]:
+def _list(value: object) -> list[object]:
     return value if isinstance(value, list) else []

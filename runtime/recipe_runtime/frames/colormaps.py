@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,13 +20,13 @@ PALETTE = np.array(
 )  # fmt: skip
 
 
-def semantic_picture(tags: NDArray[Any]) -> NDArray[np.uint8]:
+def semantic_picture(tags: NDArray[np.generic]) -> NDArray[np.uint8]:
     """Map CARLA's tags [H, W] to CARLA's palette."""
     picture: NDArray[np.uint8] = PALETTE[np.minimum(tags, len(PALETTE) - 1)]
     return picture
 
 
-def instance_picture(instances: NDArray[Any]) -> NDArray[np.uint8]:
+def instance_picture(instances: NDArray[np.generic]) -> NDArray[np.uint8]:
     """Map instances [H, W] to distinct colours, by a hash of the value; black where there is none."""
     spread = instances.astype(np.uint32) * np.uint32(2654435761)
     picture = np.stack([(spread >> shift & 0x7F) + 0x80 for shift in (8, 16, 24)], axis=-1).astype(np.uint8)
@@ -36,7 +34,7 @@ def instance_picture(instances: NDArray[Any]) -> NDArray[np.uint8]:
     return picture
 
 
-def depth_picture(metres: NDArray[Any]) -> NDArray[np.uint8]:
+def depth_picture(metres: NDArray[np.generic]) -> NDArray[np.uint8]:
     """Map depth [H, W] in metres logarithmically to grey: white at 1 m, black from 200 m on."""
     share = np.log(np.clip(metres, _NEAR, _FAR) / _NEAR) / np.log(_FAR / _NEAR)
     grey = (255.0 * (1.0 - share)).astype(np.uint8)

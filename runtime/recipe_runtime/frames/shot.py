@@ -101,6 +101,7 @@ def shot(
         progress("render", 0, 1)
         source = SceneSource(scene, trace, device=place, engines=engines, renderer=loading.result())
         seen = source.observe(plan, frame)
+        pixels: NDArray[Any]
         if modality == "rgb":
             pixels = source.shade(seen, scenario.appearance, plan, frame)
         else:

@@ -114,7 +114,7 @@ class SceneSource:
         pose = sensor_transform(sensor, self.trace, frame)
         return self.annotator.records(seen, sensor.camera, pose, frame)
 
-    def shade(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> NDArray[Any]:
+    def shade(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> NDArray[np.uint8]:
         """Return the colour image of an observation, uint8 [H, W, 3] sRGB."""
         time, response = frame / self.scene.clock.fps, appearance.responses.get(sensor.name)
         with self._discard_if_interrupted():
@@ -197,15 +197,17 @@ class FrameSource:
         self.source = source or SceneSource(scenario.scene, trace, device=device, engines=engines)
         self._sensors = {sensor.name: sensor for sensor in scenario.rig.sensors}
 
-    def render(self, sensor: str, frame: int) -> dict[str, NDArray[Any]]:
+    def render(self, sensor: str, frame: int) -> dict[str, NDArray[np.generic]]:
         """Return the captured modalities of one frame, as arrays for `pixel_digest`."""
         return self.render_labelled(sensor, frame)[0]
 
-    def render_labelled(self, sensor: str, frame: int) -> tuple[dict[str, NDArray[Any]], list[LabelRecord]]:
+    def render_labelled(self, sensor: str, frame: int) -> tuple[dict[str, NDArray[np.generic]], list[LabelRecord]]:
         """Return the captured modalities of one frame, and its labels."""
         plan = self._sensors[sensor]
         seen = self.source.observe(plan, frame)
-        arrays: dict[str, NDArray[Any]] = {m: label_array(seen, m) for m in LABEL_MODALITIES if m in plan.capture}
+        arrays: dict[str, NDArray[np.generic]] = {
+            m: label_array(seen, m) for m in LABEL_MODALITIES if m in plan.capture
+        }
         if "rgb" in plan.capture:
             arrays["rgb"] = self.source.shade(seen, self.scenario.appearance, plan, frame)
         return arrays, self.source.labels(seen, plan, frame)

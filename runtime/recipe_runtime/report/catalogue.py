@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
@@ -17,7 +17,7 @@ _PAPER, _INK = (246, 245, 242), (52, 54, 58)
 _QUALITY = 82
 
 
-def sheet(portraits: Sequence[tuple[str, NDArray[Any]]]) -> bytes:
+def sheet(portraits: Sequence[tuple[str, NDArray[np.generic]]]) -> bytes:
     """A JPEG with every portrait (name, pixels [H, W, 3] of one size) under its name, near to 8:5 as a whole."""
     height = _WIDTH * portraits[0][1].shape[0] // portraits[0][1].shape[1]
     cell = _WIDTH + _GAP, height + _CAPTION + _GAP
