@@ -6,6 +6,8 @@ SHELL := /bin/bash
 
 VENV ?= .venv
 BIN := $(VENV)/bin
+# Tests in two processes, which share nothing but compiled kernels; tests of one file share its fixtures.
+PARALLEL := -n 2 --dist loadfile
 RECIPES := recipes/weather_sweep.yaml recipes/paper/two_pedestrians.yaml
 
 # PyBullet has wheels for CPython 3.10 and 3.11 on x86-64 Linux, and for no later one.
@@ -19,7 +21,7 @@ demo: install  ## install, then build recipes/weather_sweep.yaml into datasets/
 	$(BIN)/recipe build recipes/weather_sweep.yaml
 
 test: install-dev check  ## install, lint, type-check, run every quick test, verify a sample against the lockfiles
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q $(PARALLEL) --durations=15
 	$(BIN)/recipe verify $(RECIPES)
 
 check: install-dev  ## lint, formatting and strict types
@@ -48,7 +50,7 @@ python-fits:
 	  exit 2; fi
 
 test-quick: install-dev  ## the tests that take under ten seconds each
-	$(BIN)/python -m pytest -q -m "not slow and not cpus and not torch and not ray and not s3 and not reliability"
+	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability"
 
 test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)
 	$(BIN)/python -m pytest -q -m cpus --durations=0
