@@ -49,7 +49,7 @@ python-fits:
 	  echo "Dataset Recipe needs CPython 3.10 or 3.11: PyBullet has no wheels for any other. Install one, or name it: make PYTHON=/path/to/python3.11" >&2; \
 	  exit 2; fi
 
-test-quick: install-dev  ## the tests that take under ten seconds each
+test-quick: install-dev  ## the tests that take under a second each, in a minute or so
 	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability"
 
 test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)

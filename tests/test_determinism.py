@@ -38,6 +38,7 @@ CASES: dict[str, tuple[dict[str, str], int]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_the_golden_recipe_verifies(case: str, tmp_path: Path) -> None:
     environment, workers = CASES[case]
@@ -54,6 +55,7 @@ def test_the_golden_recipe_verifies(case: str, tmp_path: Path) -> None:
     assert report["checked"] == report["total"] == 24
 
 
+@pytest.mark.slow
 def test_files_are_the_same_bytes_in_another_environment(tmp_path: Path) -> None:
     """Not only pixels: every file of the dataset, annotations and all, but for the pictures for people."""
     trees = []

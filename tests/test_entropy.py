@@ -122,6 +122,7 @@ def test_no_matrix_products_and_no_float_powers() -> None:
                 assert whole or path.startswith(FOR_EYES), f"{path}:{node.lineno}: `**` goes through libm's pow"
 
 
+@pytest.mark.slow
 def test_listings_are_sorted() -> None:
     """`glob`, `iterdir` and the like come in the file system's order; each stands inside sorted() or any()."""
     for path, tree in _everything():

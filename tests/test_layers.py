@@ -64,6 +64,7 @@ def upward(top: str, path: str, tree: ast.Module) -> list[str]:
     return wrong
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("top", LAYERS)
 def test_no_import_leads_upward(top: str) -> None:
     seen = set()

@@ -21,6 +21,7 @@ def run(*arguments: str, cwd: Path, code: int = 0) -> str:
     return done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_plan_lists_assets_with_digests_and_sizes(tmp_path: Path) -> None:
     told = " ".join(run("plan", str(GOOD / "recipe.yaml"), cwd=tmp_path).split())
     assert " poster d56e3d74 101 bytes, 4 x 3 pixels, files/poster.png" in told
@@ -45,6 +46,7 @@ def test_a_dataset_brings_its_assets_and_is_verified_alone_and_with_its_recipe(t
     assert other.startswith("FAIL")
 
 
+@pytest.mark.slow
 def test_a_pack_brings_its_assets_along(tmp_path: Path) -> None:
     """The same plan from the pack alone, and the same pixels, where the recipe's folder is not."""
     shutil.copytree(GOOD, tmp_path / "here")
@@ -59,6 +61,7 @@ def test_a_pack_brings_its_assets_along(tmp_path: Path) -> None:
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "content", "words"),
     [

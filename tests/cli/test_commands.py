@@ -108,6 +108,7 @@ def test_a_url_where_a_path_is_wanted_is_refused_and_its_password_is_not_shown(c
     assert "secret" not in shown.stdout + shown.stderr
 
 
+@pytest.mark.slow
 def test_identity_is_one_in_lock_build_and_verify(folder: Path) -> None:
     locked = run("lock", "small.yaml", "--workers", "1", cwd=folder)
     built = run("build", "small.yaml", cwd=folder)
@@ -124,6 +125,7 @@ def test_identity_is_one_in_lock_build_and_verify(folder: Path) -> None:
     assert (verified.returncode, verified.stdout[:4]) == (0, "PASS")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["small.yaml", "lockfiles/small.lock", "datasets/small", None])
 def test_verify_takes_recipes_lockfiles_datasets_or_nothing(folder: Path, target: str | None) -> None:
     done = run_here("verify", *([target] if target else []), "--frames", "2", "--workers", "1", "--json", cwd=folder)
@@ -132,6 +134,7 @@ def test_verify_takes_recipes_lockfiles_datasets_or_nothing(folder: Path, target
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 def test_verify_fails_on_a_flipped_digit_of_the_lockfile(folder: Path, tmp_path: Path) -> None:
     text = (folder / "lockfiles" / "small.lock").read_text()
     (tmp_path / "small.yaml").write_text(RECIPE)
@@ -146,6 +149,7 @@ def test_verify_fails_on_a_flipped_digit_of_the_lockfile(folder: Path, tmp_path:
     assert "-rendered.png" in done.stdout
 
 
+@pytest.mark.slow
 def test_verify_is_inconclusive_on_another_stage_version(folder: Path, tmp_path: Path) -> None:
     from recipe_compiler.ir import lockfile
 
@@ -160,6 +164,7 @@ def test_verify_is_inconclusive_on_another_stage_version(folder: Path, tmp_path:
     assert done.stdout.startswith("INCONCLUSIVE at shading")
 
 
+@pytest.mark.slow
 def test_a_shot_is_the_builds_very_frame(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "shot.png"
     done = run_here("shot", "small.yaml", "--variant", "weather=wet", "--frame", "1", "-o", out, "--json", cwd=folder)
@@ -227,6 +232,7 @@ def test_the_schema_is_json(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "s.json").read_text()) == schema
 
 
+@pytest.mark.slow
 def test_a_build_that_differs_from_its_lockfile_says_so(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text(RECIPE.replace("seed: 1", "seed: 2"))
     (tmp_path / "lockfiles").mkdir()
@@ -252,6 +258,7 @@ def test_an_outdated_lockfile_is_told_before_the_work(folder: Path, tmp_path: Pa
     (refusal,) = problems(run_here("build", "small.yaml", "--out", "mine", cwd=root).stderr)
 
 
+@pytest.mark.slow
 def test_a_partial_rebuild_says_what_it_did_and_what_was_there(folder: Path, tmp_path: Path) -> None:
     """Otherwise a rebuild of one weather reads as if all had been rendered, or as if nothing had."""
     root = _project(folder, tmp_path, "small.yaml")
@@ -276,6 +283,7 @@ def test_out_over_something_else_is_refused(folder: Path, tmp_path: Path) -> Non
     assert (tmp_path / "mine" / "thesis.txt").read_text() == "years of work"
 
 
+@pytest.mark.slow
 def test_nothing_but_its_own_words_reaches_the_terminal(folder: Path, tmp_path: Path) -> None:
     """No engine's banner, no warning, no bar when piped: not even on a cold kernel cache of Warp's own."""
     done = run("verify", "small.yaml", "--frames", "1", "--workers", "1", cwd=folder)
@@ -297,6 +305,7 @@ def test_a_strangers_lockfile_reads_nothing_outside_its_folder(folder: Path, tmp
     assert "root:" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_lockfile_that_is_no_file_is_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text(RECIPE)
     (tmp_path / "lockfiles").mkdir()
@@ -330,6 +339,7 @@ def test_a_host_that_will_not_write_is_answered_in_a_line(folder: Path, out: str
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_stopped_command_leaves_nothing_behind(tmp_path: Path, number: int, code: int) -> None:
     (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 3000"))
@@ -409,6 +419,7 @@ def test_a_folder_that_is_not_a_cache_is_neither_shown_nor_pruned(tmp_path: Path
     assert theirs.read_text() == "theirs"
 
 
+@pytest.mark.slow
 def test_traces_lie_beside_the_lockfile_if_asked_for(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "lockfiles").mkdir()
     for name in ("small.yaml", "lockfiles/small.lock"):
@@ -436,6 +447,7 @@ def _project(folder: Path, root: Path, *names: str) -> Path:
     return root
 
 
+@pytest.mark.slow
 def test_a_locked_build_refuses_a_recipe_that_moved_on(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "small.yaml", "lockfiles")
     (root / "small.yaml").write_text(RECIPE.replace("wet: {", "misty: {weather: {fog_density: 20}}, wet: {"))
@@ -461,6 +473,7 @@ def test_a_locked_build_needs_a_lockfile(folder: Path, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_integrity_hashes_files_and_renders_nothing(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "datasets")
     dataset = root / "datasets" / "small"
@@ -479,6 +492,7 @@ def test_integrity_hashes_files_and_renders_nothing(folder: Path, tmp_path: Path
     assert run_here("verify", "small.yaml", "--integrity", cwd=folder).returncode == 2
 
 
+@pytest.mark.slow
 def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path: Path) -> None:
     """Sizes say nothing of it, bytes do; what is mended has the identity and the bytes of what was built."""
     root = _project(folder, tmp_path, "small.yaml", "lockfiles", "datasets")
@@ -499,6 +513,7 @@ def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path
     assert (url.returncode, "--repair mends a folder, not memory://x/y" in url.stderr) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_dataset_from_elsewhere_is_held_against_a_recipe(folder: Path, tmp_path: Path) -> None:
     root = _project(folder, tmp_path, "small.yaml", "datasets", "lockfiles")
     there = root / "downloaded"
@@ -512,6 +527,7 @@ def test_a_dataset_from_elsewhere_is_held_against_a_recipe(folder: Path, tmp_pat
     assert run_here("verify", "small.yaml", "other.yaml", "--against", "downloaded", cwd=root).returncode == 2
 
 
+@pytest.mark.slow
 def test_a_pack_stands_for_its_recipe(folder: Path, tmp_path: Path) -> None:
     packed = run_here("pack", "small.yaml", "-o", tmp_path / "small.recipe", cwd=folder)
     assert packed.returncode == 0, packed.stderr

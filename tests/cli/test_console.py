@@ -271,6 +271,7 @@ FAILING = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", FAILING)
 def test_every_command_gives_its_errors_as_one_document(command: str, tmp_path: Path) -> None:
     done = run(command, *FAILING[command], "--json", cwd=tmp_path)

@@ -61,6 +61,7 @@ def test_a_shot_is_a_png(tmp_path: Path) -> None:
         CliRunner().invoke(shot.command, ["missing.yaml", "-o", str(tmp_path / "x.jpg")], catch_exceptions=False)
 
 
+@pytest.mark.slow
 def test_check_warns_of_a_large_recipe(tmp_path: Path) -> None:
     path = tmp_path / "large.yaml"
     still = {"street": {"mount": {"z": 2}, "camera": {"width": 16, "height": 16}, "capture": ["rgb"]}}
@@ -126,6 +127,7 @@ def on_a_terminal(program: str, columns: int) -> str:
     return text.decode().replace("\x1b[?25l", "").replace("\x1b[?25h", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["verify", "build", "plan", "diff"])
 @pytest.mark.parametrize("suffix", [".yaml", ".lock", ".recipe", ""])
 def test_a_name_is_never_obeyed_by_the_terminal(tmp_path: Path, command: str, suffix: str) -> None:

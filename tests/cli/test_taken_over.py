@@ -23,6 +23,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+@pytest.mark.slow
 def test_a_lock_after_a_build_takes_it_over_and_is_the_lockfile_of_a_fresh_one(project: Path) -> None:
     locked = run("lock", "small.yaml", "--workers", "1", cwd=project)
     assert locked.returncode == 0, locked.stderr
@@ -38,6 +39,7 @@ def test_a_lock_after_a_build_takes_it_over_and_is_the_lockfile_of_a_fresh_one(p
     assert (project / "lockfiles/small.lock").read_text() == text
 
 
+@pytest.mark.slow
 def test_a_copied_dataset_is_verified_and_built_again_from_itself(project: Path, tmp_path: Path) -> None:
     copy = shutil.copytree(project / "datasets/small", tmp_path / "copy")
     assert {p.relative_to(copy).as_posix() for p in copy.glob("recipe/**/*.yaml")} == {

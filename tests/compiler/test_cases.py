@@ -20,6 +20,7 @@ def test_there_are_at_least_forty_broken_recipes() -> None:
     assert {path.name for path in FAILING} == {path.name for path in CASES.glob("failing/*")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", FAILING, ids=lambda path: path.name)
 def test_broken_recipe_is_refused_with_its_exact_text(folder: Path) -> None:
     started = time.perf_counter()

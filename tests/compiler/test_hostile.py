@@ -53,6 +53,7 @@ PATHOLOGICAL: dict[str, Callable[[], bytes]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PATHOLOGICAL)
 def test_pathological_files_are_refused_quickly(tmp_path: Path, name: str) -> None:
     path = tmp_path / "recipe.yaml"

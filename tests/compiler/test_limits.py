@@ -57,6 +57,7 @@ def test_half_the_free_disk_is_a_limit(tmp_path: Path) -> None:
         compile_recipe(path, free_disk=2 * needed - 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sweep", "base"),
     [
@@ -84,6 +85,7 @@ def test_what_takes_long_to_compile_needs_an_explicit_yes(sweep: dict[str, Any],
     assert time.process_time() - started < 10  # on a busy host; the work itself takes longer
 
 
+@pytest.mark.slow
 def test_the_estimate_of_compiling_is_of_the_right_size(tmp_path: Path) -> None:
     """Each kind of work for itself; within a factor of six, for machines differ and share their cores."""
     still = small()["base"]["sensors"]["street"] | {"motion": {}}

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir.canonical import canonical_bytes, digest
@@ -41,6 +42,7 @@ def bytes_of(plan: ScenarioPlan) -> bytes:
     return canonical_bytes(plan.document())
 
 
+@pytest.mark.slow
 @quick
 @given(seeds, weathers, weathers)
 def test_weather_leaves_scene_and_rig_alone(seed: int, one: Any, other: Any) -> None:
@@ -53,6 +55,7 @@ def test_weather_leaves_scene_and_rig_alone(seed: int, one: Any, other: Any) -> 
 TOO_NEAR = 8.0  # metres between two vehicles, or anyone: they would touch
 
 
+@pytest.mark.slow
 @quick
 @example(2730, "dfr06ad1", True, "walker.pedestrian.*", 0)  # it is drawn onto the spot of another
 @given(seeds, names, st.booleans(), st.sampled_from(["walker.pedestrian.*", "vehicle.*"]), st.integers(0, 2))
@@ -121,6 +124,7 @@ AXES = {
 }
 
 
+@pytest.mark.slow
 @quick
 @given(seeds, names, weathers, st.integers(1, 3), st.integers(0, 2))
 def test_adding_a_value_or_a_repeat_changes_no_other_variant(
@@ -137,6 +141,7 @@ def test_adding_a_value_or_a_repeat_changes_no_other_variant(
     assert len(after) == 6 * repeats
 
 
+@pytest.mark.slow
 @quick
 @given(seeds, st.integers(1, 4), st.integers(1, 3))
 def test_more_draws_change_no_earlier_one(seed: int, count: int, more: int) -> None:
@@ -159,6 +164,7 @@ def test_repeats_differ_and_the_first_is_the_recipe_itself() -> None:
     assert len({first.scene.digest, second.scene.digest, third.scene.digest}) == 3
 
 
+@pytest.mark.slow
 @quick
 @given(seeds)
 def test_compiling_twice_gives_the_same_bytes(seed: int) -> None:
@@ -230,6 +236,7 @@ PLAIN = only(small(props={"board": BOARD}))
 LEAVES = {part: _leaves(getattr(PLAIN, part).document()) for part in ("scene", "rig", "appearance")}
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(st.sampled_from(sorted(LEAVES)), st.data())
 def test_any_changed_field_changes_the_digest(part: str, data: st.DataObject) -> None:

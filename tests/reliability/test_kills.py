@@ -57,6 +57,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
     return Whole(files, json.loads(files["manifest.json"])["identity"], seconds)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("way", "at"), points())
 def test_a_build_that_is_ended_is_taken_up(whole: Whole, tmp_path: Path, way: str, at: float) -> None:
     # An interrupt while Python itself still starts is Python's to answer: ours begin once the command does.

@@ -57,6 +57,7 @@ def test_labels_on_demand_equal_the_built_ones(built: Path) -> None:
     assert scenario[2].labels("street") == json.loads(lines[2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reels", [False, True])
 def test_a_stream_gives_what_is_rendered_one_by_one(reels: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also by the way of a GPU, which draws many frames at once: here on the CPU."""
@@ -72,6 +73,7 @@ def test_a_stream_gives_what_is_rendered_one_by_one(reels: bool, monkeypatch: py
         assert seen == [2, 0, 3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reels", [False, True])
 def test_two_streams_at_once_do_not_mix(reels: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pairs of frames that follow one another, as flow wants them."""
@@ -169,6 +171,7 @@ def test_the_disk_cache_tells_weathers_apart_and_shares_labels(tmp_path: Path) -
     assert (first.render(0) != second.render(0)).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", [4, 16, 28, 40])
 def test_a_frame_that_is_stopped_takes_its_renderer_along(before: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a renderer keeps from frame to frame may be half made then, so nothing of it is believed any more."""

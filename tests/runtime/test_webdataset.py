@@ -44,6 +44,7 @@ def exported(plan: DatasetPlan, folder: Path) -> Dataset:
     return held
 
 
+@pytest.mark.slow
 @QUIET
 @pytest.mark.parametrize("depth", ["carla", "npy"])
 def test_what_is_decoded_are_the_frames_that_were_rendered(tmp_path: Path, depth: str) -> None:
@@ -69,6 +70,7 @@ def test_what_is_decoded_are_the_frames_that_were_rendered(tmp_path: Path, depth
         assert sample["json"]["frame"] == number
 
 
+@pytest.mark.slow
 @QUIET
 def test_the_pages_example_runs_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     exported(plan_of(), tmp_path)

@@ -37,6 +37,7 @@ def test_what_has_no_canonical_form_is_refused(bad: object) -> None:
         canonical_bytes(bad)
 
 
+@pytest.mark.slow
 @given(st.recursive(JSON | st.floats(allow_nan=False, allow_infinity=False).map(lambda x: x + 0.0), st.lists))
 def test_the_quick_way_writes_what_rfc_8785_says(value: object) -> None:
     assert canonical_bytes(value) == rfc8785.dumps(value)  # type: ignore[arg-type]

@@ -35,6 +35,7 @@ def parameters(name: str) -> st.SearchStrategy[dict[str, Any]]:
 CASES = st.sampled_from(towns.NAMES).flatmap(lambda name: st.tuples(st.just(name), parameters(name)))
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(CASES, st.integers(0, 2**32 - 1))
 def test_every_town_is_within_the_tables(case: tuple[str, dict[str, Any]], seed: int) -> None:

@@ -85,6 +85,7 @@ class Obstacles:
         return [q for a in (i - 1, i, i + 1) for b in (j - 1, j, j + 1) for q in self._cells.get((a, b), ())]
 
 
+@pytest.mark.slow
 @all_towns
 def test_nothing_stands_in_a_lane(town: Town) -> None:
     for e in standing(town):
@@ -158,6 +159,7 @@ def test_the_number_of_elements_is_known_beforehand(case: int) -> None:
     assert 0.7 * there < towns.elements(*CASES[case]) < 1.6 * there
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", towns.NAMES)
 def test_a_seed_makes_another_town_and_the_same_one_again(name: str) -> None:
     one, again, other = (digest("t", towns.build(name, seed, {}).plan.document()) for seed in (1, 1, 2))
@@ -189,6 +191,7 @@ def test_wrong_parameters_are_refused(name: str, params: dict[str, object], mess
         towns.build(name, 0, params)
 
 
+@pytest.mark.slow
 def test_the_suburbs_grid_has_no_parking_in_its_streets() -> None:
     assert all(towns.build("suburb", 0, {}).ground(p.x, p.y) == KERB for p in towns.build("suburb", 0, {}).parking)
 

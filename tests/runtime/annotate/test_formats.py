@@ -27,6 +27,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build(dataset_plan(), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path
 
 
+@pytest.mark.slow
 def test_kwcoco_accepts_it_without_a_warning(dataset: Path) -> None:
     command = [sys.executable, "-m", "kwcoco", "validate", "annotations/kwcoco.json", "--corrupted", "True"]
     done = subprocess.run(command, cwd=dataset, capture_output=True, text=True)

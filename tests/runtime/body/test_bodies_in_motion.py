@@ -64,6 +64,7 @@ def lowest(body: Body, poses: NDArray[np.float64]) -> float:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["right", "left"])
 @pytest.mark.parametrize("blueprint", ["vehicle.bus.city", "vehicle.truck.box", "vehicle.van.cargo"])
 def test_long_vehicles_keep_off_the_kerb(blueprint: str, way: str) -> None:
@@ -81,6 +82,7 @@ def test_long_vehicles_keep_off_the_kerb(blueprint: str, way: str) -> None:
     assert np.hypot(base[-1, 0] - goal.x, base[-1, 1] - goal.y) < 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "blueprint", ["vehicle.sedan.a", "vehicle.bus.city", "vehicle.motorcycle.a", "vehicle.bicycle.a"]
 )
@@ -107,6 +109,7 @@ def test_front_wheels_point_where_the_vehicle_turns(blueprint: str) -> None:
     assert judged >= 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blueprint", ["vehicle.hatchback.b", "vehicle.bicycle.child", "vehicle.motorcycle.b"])
 def test_wheels_turn_at_speed_over_radius(blueprint: str) -> None:
     actor, trace = turn(blueprint, "left")
@@ -122,6 +125,7 @@ def test_wheels_turn_at_speed_over_radius(blueprint: str) -> None:
         assert rolled == pytest.approx(step % (2 * np.pi * actor.shape["wheel"]), rel=0.02, abs=0.003)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blueprint", BIKES, ids=lambda b: b.id)
 def test_two_wheelers_stay_upright_and_on_the_ground(blueprint: blueprints.Blueprint) -> None:
     actor, trace = turn(blueprint.id, "right")
@@ -135,6 +139,7 @@ def test_two_wheelers_stay_upright_and_on_the_ground(blueprint: blueprints.Bluep
     assert max(leans) == leans[0] == pytest.approx(rest, abs=0.01)  # and a little to the left, where a foot is down
 
 
+@pytest.mark.slow
 def test_a_lean_balances_weight_and_centrifugal_force() -> None:
     _, trace = turn("vehicle.motorcycle.a", "left")
     judged = 0
@@ -234,6 +239,7 @@ def stroll() -> tuple[tuple[ActorPlan, ...], Trace]:
     return tuple(actors), simulate(ScenePlan(clock=clock, town=TOWN.plan, actors=tuple(actors)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", range(3))
 def test_feet_touch_the_ground_and_do_not_slide(n: int) -> None:
     actors, trace = stroll()

@@ -107,6 +107,7 @@ def test_every_sensor_alone_in_a_fresh_process(recipe: Path, built: dict[int, di
     assert len({json.dumps(d) for d in json.loads(done.stdout)}) == len(wanted)  # no two frames are alike
 
 
+@pytest.mark.slow
 def test_a_shot_from_the_command_line(recipe: Path, built: dict[int, dict[str, Any]], tmp_path: Path) -> None:
     variant = built[1]["order"][-1]
     sensor = list(built[1]["variants"][variant]["frames"])[-1]

@@ -23,6 +23,7 @@ base:
 NAMES = ("numpy", "pybullet", "signal", "warp", "json", "PIL", "recipe_runtime", "sitecustomize", "usercustomize")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inherited", ["", "ROOT"])
 def test_nothing_of_the_current_folder_is_run(tmp_path: Path, inherited: str) -> None:
     """As the installed command runs: its own path has no current folder, and its children's have none either."""

@@ -46,6 +46,7 @@ def again(folder: Path, plan: DatasetPlan | None = None, engines: Engines = ENGI
     return build(plan or dataset_plan(), folder / "tiny", cache=folder / "cache", engines=engines, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("workers", "size"), [(2, 2), (1, 5), (0, 100)])
 def test_workers_and_shards_change_no_byte(made: BuildResult, tmp_path: Path, workers: int, size: int) -> None:
     result = again(tmp_path, workers=workers, shard_frames=size)
@@ -259,6 +260,7 @@ def test_a_changed_record_is_not_believed(made: BuildResult, tmp_path: Path) -> 
     assert tree(result.path) == tree(made.path)
 
 
+@pytest.mark.slow
 def test_another_plan_takes_nothing_over(tmp_path: Path) -> None:
     stopped(tmp_path)
     plan = dataset_plan(weathers=3)
@@ -268,6 +270,7 @@ def test_another_plan_takes_nothing_over(tmp_path: Path) -> None:
     assert tree(result.path) == tree(fresh.path)
 
 
+@pytest.mark.slow
 def test_a_stop_between_the_renames_loses_nothing(made: BuildResult, tmp_path: Path) -> None:
     old = again(tmp_path, dataset_plan(weathers=1), workers=0)
     partial = stopped(tmp_path)
@@ -288,6 +291,7 @@ def test_a_stop_after_the_renames_leaves_nothing_behind(made: BuildResult, tmp_p
     assert not partial.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("calls", [0, 1, 2])
 def test_a_stop_while_the_work_is_cleared_away_leaves_nothing_in_the_way(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
@@ -329,6 +333,7 @@ def test_a_scene_that_cannot_be_loaded_is_told_with_its_first_frame(tmp_path: Pa
     assert str(caught.value) == "weather=w0,jitter=still, street, frame 0: ArithmeticError: the scene has no ground"
 
 
+@pytest.mark.slow
 def test_workers_load_the_scene_while_it_is_simulated(
     made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -451,6 +456,7 @@ def test_a_dataset_of_labels_alone(tmp_path: Path) -> None:
     assert not (result.path / "annotations").exists()
 
 
+@pytest.mark.slow
 def test_progress_ends_full_and_seconds_are_counted_by_stage(tmp_path: Path) -> None:
     events: dict[str, list[tuple[int, int]]] = {}
     result = build(

@@ -264,6 +264,7 @@ def test_a_locks_journal_is_none_of_a_verifications(fresh: Lockfile, tmp_path: P
     assert check(fresh, tmp_path).resumed == 0
 
 
+@pytest.mark.slow
 def test_a_resumed_verification_of_a_dataset_reads_the_files_again(
     fresh: Lockfile, built: Path, tmp_path: Path
 ) -> None:

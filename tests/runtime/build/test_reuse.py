@@ -47,6 +47,7 @@ def _changed(plan: DatasetPlan, **update: Any) -> DatasetPlan:
     return DatasetPlan.model_validate_json(plan.model_copy(update=update).model_dump_json())
 
 
+@pytest.mark.slow
 def test_one_changed_weather_is_one_appearance(tmp_path: Path) -> None:
     calls: Calls = []
     first, second = dataset_plan(frames=6, weathers=2), dataset_plan(frames=6, weathers=3)

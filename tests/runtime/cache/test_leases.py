@@ -73,6 +73,7 @@ def scenario(plan: DatasetPlan = PLAN) -> Scenario:
     return Scenario(plan.variants[0], Scenes("cpu", ENGINES))
 
 
+@pytest.mark.slow
 def test_a_scenario_holds_the_cache_until_it_is_closed_or_collected() -> None:
     street = scenario()
     assert not held()  # nothing was read yet
@@ -133,6 +134,7 @@ def test_a_fork_neither_ends_its_parents_hold_nor_goes_without() -> None:
     assert not held()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ["pass", "import os; os._exit(0)", "raise SystemExit(3)"])
 def test_the_end_of_the_process_gives_it_back(end: str) -> None:
     code = "from tests.runtime.cache.test_leases import held, scenario\n"

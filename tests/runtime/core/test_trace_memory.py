@@ -30,6 +30,7 @@ def _peak(folder: Path, frames: int) -> int:
     return int(done.stdout)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_frames(tmp_path: Path) -> None:
     """2,400 frames of 400 actors are 80 MiB of motion, which took five times that in every process."""
     few, many = _peak(tmp_path / "few", 100), _peak(tmp_path / "many", 2400)

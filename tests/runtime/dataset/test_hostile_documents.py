@@ -98,6 +98,7 @@ def accepted(read: Callable[[], Any]) -> bool:
     return True
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_a_changed_plan_is_refused_or_accepted(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
@@ -106,6 +107,7 @@ def test_a_changed_plan_is_refused_or_accepted(tmp_path_factory: pytest.TempPath
     accepted(lambda: datasets.plan_alone(path).digest)
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data(), st.booleans())
 def test_a_changed_dataset_is_refused_or_accepted(built: Path, data: st.DataObject, of_plan: bool) -> None:
@@ -196,6 +198,7 @@ def weather(**changes: float) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_plan_that_asks_for_too_much_is_refused(tmp_path: Path, name: str) -> None:
     make, says = HOSTILE[name]

@@ -30,6 +30,7 @@ def read(body: bytes) -> Any:
     return found
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(st.dictionaries(st.text().filter(lambda key: key != "list"), VALUES), st.lists(VALUES), st.booleans())
 def test_pieces_are_the_whole(document: dict[str, Any], items: list[Any], indented: bool) -> None:

@@ -89,12 +89,14 @@ def street(tmp_path_factory: pytest.TempPathFactory) -> ScenarioPlan:
     return compile_recipe(path).plan.variants[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frame", [97, 150, 203])
 def test_the_papers_listing(listing: ScenarioPlan, frame: int, tmp_path: Path) -> None:
     large, _ = judge(listing, "street", frame, tmp_path)
     assert large == ({"hero2"} if frame == 97 else {"hero1", "hero2"})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensor", "frame", "large", "hidden"),
     [

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 import recipe_runtime
 from recipe_compiler.library.blueprints import match
 from recipe_compiler.schema import template
 
 
+@pytest.mark.slow
 def test_the_template_shows_people_and_cars_from_the_first_frame_to_the_last(tmp_path: Path) -> None:
     """A first picture of an empty street, or of cars behind the camera, is a newcomer's first doubt."""
     path = tmp_path / "first.yaml"

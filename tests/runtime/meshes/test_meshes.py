@@ -128,11 +128,13 @@ def test_town() -> None:
     assert digest(bodies_of_town()) == digest(town_bodies(TOWN.plan))
 
 
+@pytest.mark.slow
 def test_town_stays_within_a_budget_of_triangles() -> None:
     full = town_bodies(towns.build("downtown", 0, {"blocks": [3, 3]}).plan)
     assert 40_000 < sum(len(body.mesh("static").triangles) for body in full) < 260_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "most"), [("downtown", 260_000), ("suburb", 300_000), ("plaza", 110_000), ("highway", 190_000)]
 )

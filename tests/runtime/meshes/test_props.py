@@ -77,6 +77,7 @@ def test_a_board_faces_its_yaw_with_its_image_upright() -> None:
     assert float(np.abs(outwards).sum()) / 2 == pytest.approx(2 * (4.0 * 1.0 + 0.02 * 5.0), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_nobody_walks_through_a_prop() -> None:
     low, high = (-0.5, -0.5, 0.0), (0.5, 0.5, 1.0)
     crate = PropPlan(name="prop.c", mesh=None, pose=Pose(x=-4.0, y=0.0, z=0.15), tag=20, low=low, high=high)
@@ -201,6 +202,7 @@ print(hashlib.sha256(street.render(1).tobytes()).hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_a_frame_has_the_same_bytes_in_any_process_and_shows_its_props() -> None:
     """In this process, and in another one with another hash seed and without FMA."""
     import hashlib
@@ -215,6 +217,7 @@ def test_a_frame_has_the_same_bytes_in_any_process_and_shows_its_props() -> None
     assert (street.render(1) != bare.render(1)).any(axis=2).sum() > 20
 
 
+@pytest.mark.slow
 def test_labels_know_the_shipped_props_and_no_image_changes_them() -> None:
     """The board stands 9.99 m before a camera of 60 degrees; a pinhole tells where its middle is."""
     street = recipe_runtime.open(SHIPPED, variant="weather=noon,poster=sunset")

@@ -49,6 +49,7 @@ def test_the_largest_element_has_a_mesh_of_bounded_size(kind: str) -> None:
         assert triangles(kind, size, flat) <= row.triangles
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blueprint", blueprints.LIBRARY, ids=lambda blueprint: blueprint.id)
 @settings(max_examples=6, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(st.data())

@@ -171,6 +171,7 @@ assert drawn() == [0, 1, 2, 3]
 """
 
 
+@pytest.mark.slow
 def test_processes_that_start_at_once_compile_once(tmp_path: Path) -> None:
     """The second waits for the first, and neither takes the other's half-finished work for damage."""
     environment = {**os.environ, "RECIPE_KERNEL_CACHE": str(tmp_path)}

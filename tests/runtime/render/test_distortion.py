@@ -165,6 +165,7 @@ output: {annotations: [kwcoco, coco]}
 """
 
 
+@pytest.mark.slow
 def test_a_bent_dataset_passes_the_validator(tmp_path: Path) -> None:
     (tmp_path / "bent.yaml").write_text(BENT)
     build(compile_recipe(tmp_path / "bent.yaml").plan, tmp_path / "out", workers=1)

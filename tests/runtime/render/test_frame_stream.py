@@ -51,6 +51,7 @@ def hold_to_renderer(plan: DatasetPlan, sensor_at: int, device: str) -> None:
             np.testing.assert_array_equal(picture, expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", [0, 1])
 def test_a_reel_has_the_renderers_bytes(plan: DatasetPlan, sensor: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """With too little room at first: the small pictures have more edges than a reel expects, so lanes must grow."""
@@ -58,6 +59,7 @@ def test_a_reel_has_the_renderers_bytes(plan: DatasetPlan, sensor: int, monkeypa
     hold_to_renderer(plan, sensor, "cpu")
 
 
+@pytest.mark.slow
 def test_a_full_list_of_bands_loses_no_triangle(plan: DatasetPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_buffers, "_BIN_CAPACITY", 40)
     hold_to_renderer(plan, 0, "cpu")

@@ -50,6 +50,7 @@ def test_golden_digests() -> None:
     assert golden_digests() == json.loads(GOLDEN.read_text())
 
 
+@pytest.mark.slow
 def test_another_process_gives_the_same_digests() -> None:
     code = "import json; from tests.runtime.render.street import golden_digests; print(json.dumps(golden_digests()))"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
@@ -92,6 +93,7 @@ def test_each_level_of_reuse_may_be_off_and_changes_nothing(level: str) -> None:
             assert picture(without, frame, weather) == picture(alone, frame, weather)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [range(0, 60, 4), (0, 1, 30, 1, 2, 2, 31, 0, 9, 45, 9)], ids=["on", "to and fro"])
 @pytest.mark.parametrize("weather", STANDING_WATER)
 def test_what_still_water_mirrored_before_changes_nothing(weather: str, order: Sequence[int]) -> None:
@@ -104,6 +106,7 @@ def test_what_still_water_mirrored_before_changes_nothing(weather: str, order: S
         np.testing.assert_array_equal(keeping.shade(seen, plan, "street", frame, now), expected)
 
 
+@pytest.mark.slow
 def test_a_shadow_that_comes_onto_blades_in_the_wind_is_seen() -> None:
     """They are lit as the wind has turned them: a shadow's rim may take from them what it leaves to a still lawn."""
     looks, blades = {"lawn": {"blades": "#4c6b2c"}, "hero": {"shirt": "#b03030"}}, Surface("blades", Pattern.GRASS, 9)

@@ -33,6 +33,7 @@ WEATHERS: dict[str, dict[str, float]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("town", ["downtown", "suburb", "plaza", "highway"])
 def test_dusk_is_darker_than_day_and_night_than_dusk(town: str) -> None:
     variant = compiled(ROOT / f"recipes/towns/{town}.yaml").variants[0]

@@ -173,6 +173,7 @@ print(digest.hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_the_same_bytes_twice_and_whatever_the_processor_can() -> None:
     masked = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4", "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3"}
     seen = set()

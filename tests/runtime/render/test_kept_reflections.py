@@ -61,6 +61,7 @@ def moved(draw: random.Random, places: list[list[float]]) -> None:
             place[2] += 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [149, 161, 169, 175, 184, 191, 247, 297])
 def test_kept_mirror_images_are_those_of_a_fresh_renderer(seed: int) -> None:
     draw = random.Random(seed)

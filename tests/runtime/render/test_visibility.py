@@ -64,6 +64,7 @@ def test_a_balls_silhouette_is_a_discs() -> None:
     assert max(abs(p - b) for p, b in zip(view.projected, view.amodal_box, strict=True)) < 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [(5.0, 0.0, 0.0), (6.0, 1.0, -2.0)])
 def test_a_balls_outline_is_the_conic_that_its_cone_of_sights_cuts(place: tuple[float, float, float]) -> None:
     renderer = Renderer(actors(ball(1.0, SHIRT, rings=96)))

@@ -137,6 +137,7 @@ def test_clouds_soften_the_sun_and_hide_the_sky() -> None:
     falls(blue)
 
 
+@pytest.mark.slow
 def test_rain_lowers_contrast_and_adds_streaks() -> None:
     amounts = (0.0, 25.0, 50.0, 75.0, 100.0)
     falls([far_contrast(plain(precipitation=amount)) for amount in amounts], 0.05)
@@ -268,6 +269,7 @@ def test_scattering_makes_halos_about_the_sun_and_about_lamps_in_fog() -> None:
     )  # clear air scatters little
 
 
+@pytest.mark.slow
 def test_mie_scattering_gathers_light_about_the_sun() -> None:
     values = (0.0, 0.03, 0.5, 2.0, 5.0)
     skies = [looked(scene(), Pose(z=1.6, pitch=-30), plain(30.0, 0.0, mie_scattering_scale=v)) for v in values]
@@ -287,6 +289,7 @@ def test_rayleigh_scattering_makes_zeniths_bluer_and_sunsets_redder() -> None:
     rises([float(s[..., 0].mean() / s[..., 2].mean()) for s in sunsets])
 
 
+@pytest.mark.slow
 def test_dust_is_brown_and_hides_what_is_far() -> None:
     values = (0.0, 30.0, 60.0, 100.0)
     falls([far_contrast(plain(dust_storm=v)) for v in values], 0.05)

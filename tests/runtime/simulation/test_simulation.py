@@ -57,6 +57,7 @@ def base(trace: Trace, name: str) -> NDArray[np.float64]:
     return trace.positions[:, trace.base_part(name)] / METRE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tunables", [None, "glibc.malloc.check=0", PINNED["GLIBC_TUNABLES"]])
 def test_bits_do_not_depend_on_the_parents_environment(tunables: str | None) -> None:
     code = (
@@ -81,6 +82,7 @@ def test_bits_do_not_depend_on_the_parents_environment(tunables: str | None) -> 
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 def test_an_actor_far_away_changes_no_bit_of_the_others() -> None:
     alone = simulate(scene(HERO1, CAR, frames=40))
     more = simulate(scene(FAR, HERO1, CAR, frames=40))
@@ -88,6 +90,7 @@ def test_an_actor_far_away_changes_no_bit_of_the_others() -> None:
         assert more.actor_digest(name) == alone.actor_digest(name)
 
 
+@pytest.mark.slow
 @given(frames=st.integers(1, 20))
 @settings(max_examples=4, deadline=None)
 def test_fewer_frames_are_a_prefix(frames: int) -> None:
@@ -102,6 +105,7 @@ def _twenty() -> Trace:
     return simulate(scene(HERO1, HERO2, CAR, frames=20))
 
 
+@pytest.mark.slow
 def test_frame_0_is_the_start() -> None:
     for plan in (HERO1, CAR):
         x, y, _ = base(meeting(), plan.name)[0]
@@ -158,6 +162,7 @@ def test_wheels_roll_without_slipping_and_stand_on_the_road() -> None:
     assert np.abs(hubs - CAR.shape["wheel"]).max() < 0.005
 
 
+@pytest.mark.slow
 def test_a_vehicle_stops_behind_another() -> None:
     parked = actor("parked", "vehicle.van.a", 1.5, 4, 90, (1.5, 4), 0.0)
     trace = simulate(scene(CAR, parked, frames=240))
@@ -167,6 +172,7 @@ def test_a_vehicle_stops_behind_another() -> None:
     assert np.abs(trace.linear[-1, 0]).max() / METRE < 0.05
 
 
+@pytest.mark.slow
 def test_vehicles_follow_drawn_routes_along_their_lanes() -> None:
     point = next(p for p in TOWN.spawn_points if p.category == "vehicle")
     blueprint = blueprints.match("vehicle.hatchback.a")[0]
@@ -212,6 +218,7 @@ def test_a_full_folder_for_temporary_files_is_named(monkeypatch: pytest.MonkeyPa
         simulate(scene(frames=2))
 
 
+@pytest.mark.slow
 def test_vehicles_take_turns_at_a_junction() -> None:
     """Two whose ways cross in one junction: they never touch, and both get through."""
     north = actor("north", "vehicle.sedan.a", 1.5, 8, 90, (1.5, 66), 8.0)
@@ -228,6 +235,7 @@ def test_vehicles_take_turns_at_a_junction() -> None:
     assert base(trace, "west")[-1, 0] < -15
 
 
+@pytest.mark.slow
 def test_a_pedestrian_waits_for_a_car() -> None:
     walker = actor("walker", "walker.pedestrian.0001", -4, 0, 0, (6, 0), 1.4)
     car = actor("car", "vehicle.sedan.a", -1.5, 22, -90, (-1.5, -30), 8.0)
@@ -262,6 +270,7 @@ def test_what_is_no_number_is_an_error_and_no_trace(value: float) -> None:
         _snap(np.array([0.0, value]), METRE)
 
 
+@pytest.mark.slow
 def test_a_parked_car_never_moves_and_traffic_passes_it() -> None:
     """Two cars stand in the bays on either side of a lane; a third drives by between them and the centre line."""
     street = next(e for e in TOWN.plan.elements if e.kind == "road" and e.shape["bays"] > 0 and e.pose.yaw == 0)

@@ -36,6 +36,7 @@ def exported(dataset: Dataset, out: Path, shard_bytes: int = SMALL) -> list[Path
     return [out / row["file"] for row in index["shards"]]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:unclosed:ResourceWarning")
 def test_webdataset_reads_every_frame(built: Dataset, tmp_path: Path) -> None:
     """By the library's own pipeline: keys, pictures decoded by Pillow, and the records of every frame, in order."""

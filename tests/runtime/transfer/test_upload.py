@@ -108,6 +108,7 @@ def test_an_older_dataset_is_never_half_another(url: str, built: Path, monkeypat
     assert there(url) == local(built)
 
 
+@pytest.mark.slow
 def test_a_copy_from_elsewhere_meanwhile_is_believed_and_the_old_note_is_not(
     url: str, built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

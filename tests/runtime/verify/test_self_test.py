@@ -127,6 +127,7 @@ def test_the_fingerprint_names_no_host_user_or_place() -> None:
         assert len(private) < 3 or private not in told
 
 
+@pytest.mark.slow
 def test_this_host_makes_the_bytes_that_ship() -> None:
     found = self_test.examine(quiet, gpus=[])
     assert [(c.stage, c.state, c.reason) for c in found.checks] == [(s, "equal", "") for s in self_test.STAGES]

@@ -79,6 +79,7 @@ def test_a_sample_is_repeatable_by_its_nonce(locked: Lockfile) -> None:
     assert len(samples[0]) == 5
 
 
+@pytest.mark.slow
 def test_workers_do_not_matter(locked: Lockfile) -> None:
     options = Options(nonce=1, everything=True, workers=2)
     assert verify(PLAN, locked, options, quiet, engines=fakes.ENGINES).verdict == "PASS"
