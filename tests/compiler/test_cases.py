@@ -20,16 +20,15 @@ def test_there_are_at_least_forty_broken_recipes() -> None:
     assert {path.name for path in FAILING} == {path.name for path in CASES.glob("failing/*")}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("folder", FAILING, ids=lambda path: path.name)
 def test_broken_recipe_is_refused_with_its_exact_text(folder: Path) -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(InputError) as caught:
         compile_recipe(folder / "recipe.yaml")
     text = str(caught.value).replace(f"{folder}/", "") + "\n"
     assert text == (folder / "error.txt").read_text(encoding="utf-8")
     assert text.replace("\n", "").isprintable()  # nothing that a terminal would obey
-    assert time.perf_counter() - started < 5.0  # however hostile
+    assert time.process_time() - started < 5.0  # however hostile
 
 
 @pytest.mark.parametrize("path", [*(folder / "recipe.yaml" for folder in GOOD), *RECIPES], ids=str)
