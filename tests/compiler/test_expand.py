@@ -50,6 +50,6 @@ def test_meetings_of_thousands_of_paths_are_found_quickly() -> None:
     root, problems = parse(text.encode(), "x.yaml")
     assert root is not None and not problems
     axes = {name: dict(values.map) for name, values in root.map.items()}
-    started = time.perf_counter()
+    started = time.process_time()
     assert clashes(root, axes, Sweep()) == []
-    assert time.perf_counter() - started < 2.0
+    assert time.process_time() - started < 2.0

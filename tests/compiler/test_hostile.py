@@ -58,10 +58,10 @@ PATHOLOGICAL: dict[str, Callable[[], bytes]] = {
 def test_pathological_files_are_refused_quickly(tmp_path: Path, name: str) -> None:
     path = tmp_path / "recipe.yaml"
     path.write_bytes(PATHOLOGICAL[name]())
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(InputError) as caught:
         compile_recipe(path)
-    assert time.perf_counter() - started < 20
+    assert time.process_time() - started < 20
     assert len(str(caught.value).splitlines()[0]) < 1000 + len(str(path))
 
 
