@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Callable
@@ -110,6 +111,25 @@ def test_a_dataset_that_came_from_elsewhere_is_not_replaced_unasked(recipe: Run)
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
     write("a.yaml", OTHER_PLAN)
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
+
+
+def test_a_whole_dataset_whose_recipe_cannot_be_recorded_is_no_error(
+    recipe: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A dataset on a full or read-only disk: the build is done, and nothing half-written lies beside it."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    write("a.yaml", RECIPE)
+    with monkeypatch.context() as patch:
+        patch.setattr(provenance, "write_atomic", full)
+        assert recipe("build", "a.yaml", "--out", "sets/small").exit_code == 0
+        assert "there already" in recipe("build", "a.yaml", "--out", "sets/small").stdout
+    assert [p.name for p in Path("sets").iterdir()] == ["small"]
+    killed = write("sets/..small.source.json.4711.0.tmp", "{")  # by a build that was killed while it wrote the record
+    assert recipe("build", "a.yaml", "--out", "sets/small").exit_code == 0
+    assert provenance.record_path(Path("sets/small")).is_file() and not killed.exists()
 
 
 def test_no_folder_of_the_recipe_enters_the_dataset(recipe: Run) -> None:

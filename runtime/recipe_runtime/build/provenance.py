@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import json
 import os
+from contextlib import suppress
+from glob import escape
 from pathlib import Path
 
 from recipe_compiler.ir.bounded_reads import read_regular
@@ -18,7 +20,7 @@ from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import DatasetPlan
 
-from recipe_runtime.core.files import host_errors, write_atomic
+from recipe_runtime.core.files import write_atomic
 from recipe_runtime.dataset.manifest_types import Manifest
 
 _FORMAT = "recipe/source/1"
@@ -31,12 +33,18 @@ def record_path(out: Path) -> Path:
 
 
 def record(out: Path, manifest: Manifest, source: Path | None) -> None:
-    """Note that the dataset in `out` was built from the recipe file `source`, unless a recipe is noted already."""
+    """Note that the dataset in `out` was built from the recipe file `source`, unless a recipe is noted already.
+
+    The dataset is whole and in its place, so that a disk that takes no record stops nothing: without one, the next
+    change of the recipe asks for `--replace`.
+    """
     if source is None or _recorded(out, manifest) is not None:
         return
     row = {"format": _FORMAT, "recipe": manifest["recipe"], "identity": manifest["identity"]}
     path = record_path(out)
-    with host_errors(str(path), "allow writing, then build again"):
+    with suppress(OSError):
+        for unfinished in out.parent.glob(f"{escape(f'.{path.name}')}.*.tmp"):  # of a build that was killed here
+            unfinished.unlink(missing_ok=True)
         write_atomic(path, pretty({**row, "source": _from(out, source)}).encode())
 
 
