@@ -126,7 +126,7 @@ def check_names(whole: Whole, folder: Path) -> None:
 
 
 def check_whole(whole: Whole, folder: Path) -> None:
-    """The dataset is the same, and nothing lies beside it."""
+    """The dataset is the same, and nothing lies beside it but the record of its recipe."""
     assert tree(folder / "out") == whole.files
     assert json.loads((folder / "out" / "manifest.json").read_text())["identity"] == whole.identity
     assert sorted(p.name for p in folder.iterdir()) == [".out.source.json", "cache", "out"]
