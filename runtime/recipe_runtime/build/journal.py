@@ -2,11 +2,13 @@
 
 A build keeps its journal in its workspace, as files. `lock` and `verify --all` keep theirs in the cache, as entries
 under the key of everything that the frames depend on, until the run is finished. A record appears whole or not at all,
-and is sealed by a digest.
+and is sealed: by a digest in the cache, which only this host's user writes, and by a key of that cache in a workspace,
+which lies in the output folder, where anyone's files may be put.
 """
 
 from __future__ import annotations
 
+import hmac
 import json
 import re
 from abc import ABC, abstractmethod
@@ -33,7 +35,7 @@ class ShardJournal(ABC):
         try:
             kept = json.loads(self._get(shard, view) or b"null")
             records: list[FrameRecord] = kept["records"]
-            whole = kept["seal"] == digest("shard-record/1", records)
+            whole = hmac.compare_digest(kept["seal"], self._seal(shard, view, records))
             for record in records if whole else ():
                 record["files"] = {path: (row[0], row[1], *row[2:]) for path, row in record["files"].items()}
         except (OSError, ValueError, KeyError, TypeError):
@@ -42,8 +44,12 @@ class ShardJournal(ABC):
 
     def write(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
         """Record a finished shard; OSError or RunError if that is not possible."""
-        body = {"seal": digest("shard-record/1", list(records)), "records": list(records)}
+        body = {"seal": self._seal(shard, view, list(records)), "records": list(records)}
         self._put(shard, view, json.dumps(body).encode())
+
+    def _seal(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> str:
+        """What shows that a record is whole."""
+        return digest("shard-record/1", list(records))
 
     @abstractmethod
     def frames(self) -> int:
@@ -59,10 +65,13 @@ class ShardJournal(ABC):
 
 
 class FolderJournal(ShardJournal):
-    """A file a shard, in a folder; its name is the shard's digest and its number of frames."""
+    """A file a shard, in a folder; its name is the shard's digest and its number of frames.
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    Records count only if they were sealed with the same `key`.
+    """
+
+    def __init__(self, folder: Path, key: bytes) -> None:
+        self.folder, self._key = folder, key
 
     def __contains__(self, key: tuple[Shard, View]) -> bool:
         """Whether a shard is recorded; what the record says is for `read` to check."""
@@ -75,6 +84,10 @@ class FolderJournal(ShardJournal):
         except OSError:
             return 0
         return sum(int(name.partition("-")[2]) for name in names if re.fullmatch(r"[0-9a-f]{32}-[0-9]+", name))
+
+    def _seal(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> str:
+        text = digest("shard-record/2", [_shard_digest(shard, view), list(records)])
+        return hmac.new(self._key, text.encode(), "sha256").hexdigest()
 
     def _get(self, shard: Shard, view: View) -> bytes | None:
         return self._path(shard, view).read_bytes()

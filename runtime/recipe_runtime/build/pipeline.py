@@ -30,6 +30,7 @@ from recipe_runtime.build.reuse import Reuse, earlier, reasons, remember
 from recipe_runtime.build.worker import Job
 from recipe_runtime.build.workspace import Workspace, check_out, read_manifest
 from recipe_runtime.cache import pruning
+from recipe_runtime.cache.journal_key import journal_key, read_key
 from recipe_runtime.cache.store import Store, default_cache
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.timings import Stopwatch
@@ -138,7 +139,7 @@ def _build(
         provenance.check_replaceable(out, manifest, dataset, source)
     # A repair renders only damaged frames. A dataset that another program built stays untrusted after it.
     trusted = not damage or earlier(store, out) is not None
-    with pruning.leased(store.root), _workspace(dataset, out, replace_other) as work:
+    with pruning.leased(store.root), _workspace(dataset, out, journal_key(store.root), replace_other) as work:
         counts = stages.run_all(work, out, recipe_files)
     if trusted:
         remember(store, out, dataset)
@@ -162,13 +163,14 @@ def _build(
     )
 
 
-def kept_frames(dataset: DatasetPlan, out: Path) -> int:
-    """How many frames of a stopped build the next build of this dataset continues with."""
-    return _workspace(dataset, out.absolute()).kept()
+def kept_frames(dataset: DatasetPlan, out: Path, cache: Path | None = None) -> int:
+    """How many frames of a stopped build the next build of this dataset, with that cache, continues with."""
+    key = read_key(cache or default_cache())
+    return 0 if key is None else _workspace(dataset, out.absolute(), key).kept()
 
 
-def _workspace(dataset: DatasetPlan, out: Path, replace: bool = False) -> Workspace:
-    return Workspace(out, {**head(dataset), "builder": builder()}, replace=replace)
+def _workspace(dataset: DatasetPlan, out: Path, key: bytes, replace: bool = False) -> Workspace:
+    return Workspace(out, {**head(dataset), "builder": builder()}, replace=replace, key=key)
 
 
 def _no_progress(stage: str, done: int, total: int) -> None:

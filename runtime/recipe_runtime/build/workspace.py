@@ -1,12 +1,13 @@
 """Where a build works until its dataset is whole: a sibling folder, from which one rename publishes.
 
     .<name>.partial/
-        job.json      which plan this is the work of, and of which tools and code
+        job.json      which plan this is the work of, and of which tools and code; sealed with this host's key
         shards/       a record for every finished shard, written when its files are in place; its name ends in a count
         dataset/      the files so far
         old/          a dataset that is being replaced, for the instant between two renames
 
-A build that was stopped, whatever stopped it, is taken up here by the next one of the same plan. One build at a time
+A build that was stopped, whatever stopped it, is taken up here by the next one of the same plan, if the seals prove that
+this user's cache knows it: a folder that somebody shipped along with a recipe is cleared, and begun afresh. One build at a time
 holds the folder, by a lock that ends with its process.
 """
 
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
+import hmac
 import json
 import os
 import shutil
@@ -57,14 +59,16 @@ class Workspace:
         out: the dataset's folder.
         job: what is built; None for `settle`, which continues no work.
         replace: whether another recipe's unfinished work may be discarded.
+        key: seals the job and the records (`cache.journal_key`); work that was sealed with another is not taken up.
     """
 
-    def __init__(self, out: Path, job: BuildJob | None, *, replace: bool = False) -> None:
+    def __init__(self, out: Path, job: BuildJob | None, *, replace: bool = False, key: bytes = b"") -> None:
         self.out = out
         self._recipe, self._replace = job and job["recipe"], replace
-        self._job = pretty(job)
+        seal = hmac.new(key, pretty(job).encode(), "sha256").digest()
+        self._job = pretty({**(job or {}), "seal": seal.hex()})
         self._partial = out.parent / f".{out.name}.partial"
-        self._shards = FolderJournal(self._partial / "shards")
+        self._shards = FolderJournal(self._partial / "shards", hmac.digest(key, seal, "sha256"))
         self.dataset = self._partial / "dataset"
         self._lock = -1
 

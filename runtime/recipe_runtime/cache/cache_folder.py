@@ -2,6 +2,7 @@
 
     <cache>/CACHEDIR.TAG              Cache Directory Tagging Specification: backups skip the folder
     <cache>/dataset-recipe-cache      the project's marker; its first line is the version of the layout
+    <cache>/journal-key               the secret that seals the journals of this user's builds; it is never pruned
     <cache>/in-use/<process>.<n>      leases
     <cache>/<kind>/<ab>/<ab...>       entries of the store: 2, then all 64 hexadecimal digits of the key
     <cache>/kernels/<release>-<machine>/<Warp version>/wp_<module>_<7 hex>/      compiled kernels
@@ -27,6 +28,7 @@ from recipe_runtime.cache.store import KINDS, default_cache
 from recipe_runtime.core.files import write_atomic
 
 TAG, MARKER, LEASES = "CACHEDIR.TAG", "dataset-recipe-cache", "in-use"
+KEY = "journal-key"
 _FORM = b"recipe/cache/1\n"
 _MARKS = {
     TAG: b"Signature: 8a477f597d28d172789f06886806bc55\n"
@@ -48,7 +50,7 @@ _ENTRY = re.compile(
 )
 _KERNEL = re.compile(rf"{_MODULE}/((?P=module)\.({_COMPILED})|\.(?P=module)\.sha256\.\d+\.\d+\.tmp)")
 _LEASE = re.compile(rf"{LEASES}/\d+\.\d+")
-_MARK = re.compile(rf"{re.escape(TAG)}|{MARKER}|\.({re.escape(TAG)}|{MARKER})\.\d+\.\d+\.tmp")
+_MARK = re.compile(rf"{re.escape(TAG)}|{MARKER}|{KEY}|\.({re.escape(TAG)}|{MARKER}|{KEY})\.\d+\.\d+\.tmp")
 
 
 @dataclass

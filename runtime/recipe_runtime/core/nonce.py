@@ -1,4 +1,4 @@
-"""The only source of entropy: the verifier's nonce. It never affects the bytes of a dataset."""
+"""The only source of entropy: the verifier's nonce and the key of this host's journals. Neither affects a dataset's bytes."""
 
 import secrets
 
@@ -6,3 +6,8 @@ import secrets
 def fresh_nonce() -> int:
     """Return a number that the author of a dataset could not have predicted."""
     return secrets.randbits(53)
+
+
+def fresh_key() -> bytes:
+    """A secret that seals what only this host may have written."""
+    return secrets.token_bytes(32)

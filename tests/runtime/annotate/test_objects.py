@@ -87,7 +87,7 @@ def test_records_have_the_fields_of_their_types() -> None:
 def test_a_journal_returns_the_records_written(tmp_path: Path) -> None:
     """JSON has no tuples: file rows come back as what their type says, so that they compare equal."""
     plan = dataset_plan()
-    shard, journal = all_shards(plan)[0], FolderJournal(tmp_path)
+    shard, journal = all_shards(plan)[0], FolderJournal(tmp_path, b"key")
     record: FrameRecord = {
         "frame": 0,
         "objects": [],

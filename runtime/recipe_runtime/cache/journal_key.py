@@ -1,0 +1,62 @@
+"""The secret that seals the journal of a build, so that nobody but this host's user can write one that is believed.
+
+It is 32 random bytes in the cache folder, made once. No byte of a dataset depends on it.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from recipe_compiler.ir.errors import RecipeError
+
+from recipe_runtime.cache.cache_folder import KEY, claim
+from recipe_runtime.core.nonce import fresh_key
+
+_BYTES = 32
+
+
+def read_key(cache: Path) -> bytes | None:
+    """The key of a cache folder; None if it has none that is whole."""
+    try:
+        with os.fdopen(os.open(cache / KEY, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+            key = file.read(_BYTES + 1)
+    except OSError:
+        return None
+    return key if len(key) == _BYTES else None
+
+
+def journal_key(cache: Path) -> bytes:
+    """The key of a cache folder, made if it has none.
+
+    Where it can neither be read nor written, the key is new on each call: then a build that stops is begun afresh,
+    since nothing on this host can prove that the work is its own.
+    """
+    key = read_key(cache)
+    if key is None:
+        with suppress(OSError, RecipeError):
+            claim(cache)
+            _make(cache / KEY)
+        key = read_key(cache)
+    return fresh_key() if key is None else key
+
+
+def _make(path: Path) -> None:
+    """Write a new key, which only the user may read; of two processes at once, the first one's stays."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.0.tmp")
+    temporary.unlink(missing_ok=True)
+    try:
+        with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600), "wb") as file:
+            file.write(fresh_key())
+        if read_key(path.parent) is not None:
+            return
+        path.unlink(missing_ok=True)  # damaged
+        try:
+            os.link(temporary, path)
+        except FileExistsError:
+            pass
+        except OSError:  # a file system without links
+            temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,63 @@
+"""A work folder that somebody shipped beside a recipe is not taken up: only this user's cache can seal one."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+import pytest
+from recipe_compiler.ir.errors import RunError
+from recipe_runtime.build.pipeline import BuildResult, build, kept_frames
+from recipe_runtime.cache.cache_folder import KEY, MARKER, recognised
+from recipe_runtime.cache.journal_key import journal_key, read_key
+
+from tests.runtime.fakes import BROKEN, ENGINES, dataset_plan, tree
+
+PLAN = dataset_plan()
+
+
+def made(folder: Path, cache: Path) -> BuildResult:
+    return build(PLAN, folder / "tiny", workers=0, cache=cache, engines=ENGINES, shard_frames=2)
+
+
+def stopped(folder: Path, cache: Path) -> None:
+    with pytest.raises(RunError):
+        build(PLAN, folder / "tiny", workers=0, cache=cache, engines=BROKEN, shard_frames=2)
+
+
+def test_only_the_cache_that_sealed_a_stopped_build_resumes_it(tmp_path: Path) -> None:
+    """The same plan and code, and records whose files have the digests that they say, of another user's making."""
+    truth = tree(made(tmp_path / "truth", tmp_path / "cache").path)
+    stopped(tmp_path / "own", tmp_path / "cache")
+    stopped(tmp_path / "forged", tmp_path / "strangers")
+    assert kept_frames(PLAN, tmp_path / "own/tiny", tmp_path / "cache") > 0
+    assert kept_frames(PLAN, tmp_path / "forged/tiny", tmp_path / "cache") == 0
+    own, forged = (made(tmp_path / name, tmp_path / "cache") for name in ("own", "forged"))
+    assert own.resumed > 0
+    assert forged.resumed == 0
+    assert tree(own.path) == tree(forged.path) == truth
+
+
+def test_a_record_of_another_seal_is_made_again(tmp_path: Path) -> None:
+    """A stranger who knows the job's seal still cannot write a record, nor put one shard's in another's place."""
+    stopped(tmp_path, tmp_path / "cache")
+    records = sorted((tmp_path / ".tiny.partial/shards").iterdir())
+    assert len(records) > 1
+    records[0].write_bytes(records[1].read_bytes())
+    records[1].write_text('{"seal": "0", "records": []}')
+    assert made(tmp_path, tmp_path / "cache").resumed == len(records) - 2
+
+
+def test_the_key_is_made_once_and_is_the_users_alone(tmp_path: Path) -> None:
+    key = journal_key(tmp_path)
+    assert len(key) == 32
+    assert journal_key(tmp_path) == read_key(tmp_path) == key
+    assert stat.S_IMODE((tmp_path / KEY).stat().st_mode) == 0o600
+    (tmp_path / MARKER).unlink()
+    assert recognised(tmp_path)  # the key is this project's file
+
+
+def test_without_a_cache_to_write_each_key_is_new(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    assert journal_key(tmp_path / "file") != journal_key(tmp_path / "file")
+    assert read_key(tmp_path / "file") is None
