@@ -6,9 +6,9 @@
         dataset/      the files so far
         old/          a dataset that is being replaced, for the instant between two renames
 
-A build that was stopped, whatever stopped it, is taken up here by the next one of the same plan, if the seals prove that
-this user's cache knows it: a folder that somebody shipped along with a recipe is cleared, and begun afresh. One build at a time
-holds the folder, by a lock that ends with its process.
+The next build of the same plan continues a stopped one, if the seals prove that this user's cache knows it: a folder
+that came with a recipe from elsewhere is cleared and begun afresh. One build at a time holds the folder, by a lock that
+ends with its process.
 """
 
 from __future__ import annotations

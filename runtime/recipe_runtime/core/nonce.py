@@ -1,4 +1,4 @@
-"""The only source of entropy: the verifier's nonce and the key of this host's journals. Neither affects a dataset's bytes."""
+"""The only source of entropy: the nonce of the verifier and the key of journals. Neither affects a dataset's bytes."""
 
 import secrets
 

@@ -15,9 +15,8 @@ from types import MappingProxyType
 
 from recipe_compiler.ir import canonical
 from recipe_compiler.ir.errors import RunError
-from recipe_compiler.ir.lockfile import BodyMotion, FrameKey, Lockfile, VariantRow
+from recipe_compiler.ir.lockfile import FrameKey, Lockfile, VariantRow
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
-from recipe_compiler.ir.plurals import count, form
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.journal import CacheJournal
@@ -29,6 +28,7 @@ from recipe_runtime.core import host, layout
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.files import file_sha256
 from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import builder
 from recipe_runtime.dataset import digests
@@ -36,7 +36,7 @@ from recipe_runtime.dataset.reader import Dataset, Fault, damaged_files, regular
 from recipe_runtime.dataset.schedule import chosen_shards
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.shot import shot
-from recipe_runtime.report.difference import first_difference, write_difference
+from recipe_runtime.report.difference import first_difference, read_pixels, write_difference
 from recipe_runtime.verify import locking
 from recipe_runtime.verify.compare import (
     compare_datasets,
@@ -47,6 +47,7 @@ from recipe_runtime.verify.compare import (
     text_note,
 )
 from recipe_runtime.verify.excuses import excuse_of
+from recipe_runtime.verify.motion_comparison import OtherMotion, parting
 from recipe_runtime.verify.recipe_comparison import recipe_differences
 from recipe_runtime.verify.sampling import Bound, draw, sample_size
 from recipe_runtime.verify.verdict import Difference, Report
@@ -113,8 +114,8 @@ def verify(
         if dataset is not None:
             differences += recipe_differences(dataset, options.allow_large)
             differences += _not_yet_reported(differences, damaged_files(dataset, progress))
-            excuses = {layout.CARD: excuse_of("card", lock)}
-            faults = text_differences(dataset, check.traces)
+            excuses = {layout.CARD: excuse_of("card", lock), **check.track_excuses()}
+            faults = text_differences(dataset, check.simulated())
             differences += _not_yet_reported(differences, faults, excuse_of("texts", lock), excuses)
         if options.pictures is not None:
             pictures = check.draw(differences, options.pictures)
@@ -192,6 +193,7 @@ class _Check:
     dataset: Dataset | None
     locked_traces: Mapping[str, Trace]
     traces: dict[str, Trace] = field(default_factory=dict)  # by scene, those that are the locked ones
+    other: dict[str, OtherMotion] = field(default_factory=dict)  # by scene, this host's where it need not be the locked
     cache: Path | None = None  # where the journal is kept
     resumed: int = 0  # frames taken up from the journal of a run that was stopped
     _journal: CacheJournal | None = None
@@ -208,33 +210,41 @@ class _Check:
         return len(chosen), found + self._frames(chosen)
 
     def _motions(self, scenes: dict[str, ScenePlan]) -> tuple[set[str], list[Difference]]:
-        """Simulate the scenes: those whose locked motion is at hand, and what differs.
+        """Simulate the scenes: those whose frames are to be compared, and what differs.
 
-        Where this host need not agree, and the locked Trace lies beside the lockfile, frames are made from that.
+        Where this host need not agree, frames are made from the locked Trace if it lies beside the lockfile, else from
+        this host's own: a digest of other motion, which anyone can write, spares no frame from being compared.
         """
         store, excuse = Store(self.folder), excuse_of("trace", self.lock)
         whole, found = set(), []
         for number, (digest, scene) in enumerate(scenes.items()):
             self.progress("simulate", number, len(scenes))
             kept = self.locked_traces.get(digest)
+            trace: Trace | None = None
+            agreed = 0
             try:
-                trace = store.keep_trace(scene, self.engines.simulate(scene))
-                Store().replace_bad_trace(scene, trace)
+                made = store.keep_trace(scene, self.engines.simulate(scene))
+                Store().replace_bad_trace(scene, made)
             except RunError as error:
                 if kept is None:
                     raise
                 message, reason = "it was not simulated here", str(error).splitlines()[0]
             else:
-                reason = excuse or ""
-                if self.lock.traces.get(digest) == trace.digest:
-                    self.traces[digest] = trace
+                trace, reason = made, excuse or ""
+                if self.lock.traces.get(digest) == made.digest:
+                    self.traces[digest] = made
                     whole.add(digest)
                     continue
-                message = _divergence(self.lock, scene, digests.body_motions(trace))
+                message, agreed, contradiction = parting(self.lock, scene, made)
+                reason = "" if contradiction else reason
             if kept is not None and reason:
                 self.traces[digest] = store.keep_trace(scene, kept)
                 whole.add(digest)
                 message += "; frames are compared from the locked motion on"
+            elif trace is not None and reason:
+                self.other[digest] = OtherMotion(trace, reason, agreed)
+                whole.add(digest)
+                message += "; frames are compared with those of this host's motion"
             found.append(Difference("trace", message, reason or None))
         self.progress("simulate", len(scenes), len(scenes))
         return whole, found
@@ -254,11 +264,20 @@ class _Check:
         made = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
         return differences + [d for path in made if (d := self._file(root, path, self.dataset)) is not None]
 
+    def simulated(self) -> dict[str, Trace]:
+        """The motion by scene: the locked one, or this host's."""
+        return {**self.traces, **{scene: other.trace for scene, other in self.other.items()}}
+
+    def track_excuses(self) -> dict[str, str]:
+        """Why `tracks.csv` may differ, by its path: it holds motion that this host need not agree with."""
+        found = [(v, self.other.get(v.scene.digest)) for v in self.plan.variants]
+        return {layout.tracks_file(v.variant): other.reason for v, other in found if other is not None}
+
     def _resumption(self, job: Job) -> locking.Resumption | None:
         """The journal of a run of the same plan and motion by the same code, on this very host and device."""
         if self.cache is None:
             return None
-        traces = {scene: trace.digest for scene, trace in self.traces.items()}
+        traces = {scene: trace.digest for scene, trace in self.simulated().items()}
         parts = [self.plan.digest, builder(), traces, host.name(), list(job.devices)]
         self._journal = CacheJournal(self.cache, canonical.digest("journal/verify/1", parts), self.plan)
         return locking.Resumption(self._journal, self._are_the_datasets)
@@ -281,13 +300,14 @@ class _Check:
         for modality in self._modalities(choice, ("depth", "instance", "semantic", "labels", "rgb")):
             row = (key.frame_key(modality), sensor, modality, frame)
             if self.lock.frames.get(row) != rows[row]:
-                stage = stage_of(modality)
+                stage, other = stage_of(modality), self.other.get(key.scene)
+                excused = other is not None and row in self.lock.frames and other.excuses(modality, frame)
                 what = "differs" if row in self.lock.frames else "has no digest there"
                 message = f"{name}, {sensor}, frame {frame}: {modality} {what}"
                 return Difference(
                     stage,
                     message,
-                    excuse_of(stage, self.lock),
+                    other.reason if other is not None and excused else excuse_of(stage, self.lock),
                     *(name, sensor, frame, modality),
                     recorded=self.lock.frames.get(row),
                     rendered=rows[row],
@@ -295,23 +315,60 @@ class _Check:
         return None
 
     def _file(self, root: Path, path: str, dataset: Dataset) -> Difference | None:
-        """How a file of the dataset differs from the one made here; equal pixels are a matter of encoding."""
+        """How a file of the dataset differs from the one made here; equal pixels are a matter of encoding.
+
+        A picture of which the dataset's own digest is another is compared with that digest.
+        """
         made, there = root / path, dataset.root / path
         if regular_file(dataset.root, path) is None:
             return Difference("file", f"{path} is missing", path=path)
         if made.stat().st_size == there.stat().st_size and made.read_bytes() == there.read_bytes():
             return None
         at = self._origin(path)
-        pixels = first_difference(there, made)
-        if pixels is not None and not pixels.count:
+        if self._excused(path, at):
+            return self._unlisted_pixels(path, at, dataset)
+        unequal = first_difference(there, made)
+        if unequal is not None and not unequal.count:
             message = f"{path}: equal pixels, encoded otherwise"
             found = Difference("encoding", message, excuse_of("encoding", self.lock), *at)
-        elif pixels is None:
+        elif unequal is None:
             found = Difference("file", f"{path} is another picture, or none", None, *at)
         else:
-            found = Difference("file", f"{path}: {pixels}", None, *at)
-            found = replace(found, recorded=pixels.recorded, rendered=pixels.rendered)
+            found = Difference("file", f"{path}: {unequal}", None, *at)
+            found = replace(found, recorded=unequal.recorded, rendered=unequal.rendered)
         return replace(found, path=path)
+
+    def _excused(self, path: str, at: tuple[str, str, int, str] | tuple[()]) -> bool:
+        """Whether a file shows motion that this host need not agree with."""
+        for variant in self.plan.variants:
+            other = self.other.get(variant.scene.digest)
+            if other is not None and at:
+                if variant.variant == at[0]:
+                    return at[2] >= other.agreed
+            elif other is not None:
+                frames = range(other.agreed, variant.scene.clock.frames)
+                names = [sensor.name for sensor in variant.rig.sensors]
+                if any(path == layout.mots_png_file(variant.variant, name, k) for name in names for k in frames):
+                    return True
+        return False
+
+    def _unlisted_pixels(
+        self, path: str, at: tuple[str, str, int, str] | tuple[()], dataset: Dataset
+    ) -> Difference | None:
+        """A picture whose pixels are not those of which the dataset's manifest has the digest; not of packed depth.
+
+        Depth in a PNG is rounded, and the digest is of what it was before.
+        """
+        if not at or (at[3] == "depth" and not path.endswith(".npy")):
+            return None
+        name, sensor, frame, modality = at
+        row = (digests.bare(self.plan, "", {}).variants[name].frame_key(modality), sensor, modality, frame)
+        pixels = read_pixels(dataset.root / path)
+        if pixels is not None and pixel_digest(modality, pixels) == dataset.lock.frames.get(row):
+            return None
+        return Difference(
+            "file", f"{path} does not hold the pixels whose digest the manifest has", None, *at, path=path
+        )
 
     def _origin(self, path: str) -> tuple[str, str, int, str] | tuple[()]:
         """Variant, sensor, frame and modality of a picture's path; nothing for other files."""
@@ -360,19 +417,3 @@ class _Check:
 def _has_bytes(root: Path, path: str, size: int, sha256: str) -> bool:
     there = regular_file(root, path)
     return there is not None and there.st_size == size and file_sha256(root / path) == sha256
-
-
-def _divergence(lock: Lockfile, scene: ScenePlan, ours: dict[str, BodyMotion]) -> str:
-    """Describe which body's motion diverges first, and about when."""
-    divergences = []
-    for actor, motion in ours.items():
-        locked = lock.bodies.get((scene.digest, actor))
-        at = digests.first_divergence(locked, motion) if locked else None
-        if at:
-            divergences.append((at[0], actor, at[1]))
-    if not divergences:
-        return "the motion differs from the one that was locked"
-    first, actor, last = min(divergences)
-    where = f"{digests.divergence_text(first, last)} (from step {first * scene.clock.steps_per_frame})"
-    bodies = f"{len(divergences)} of {count(len(ours), 'body', 'bodies')} {form(len(divergences), 'differs', 'differ')}"
-    return f"body {actor} parts {where}; {bodies}"
