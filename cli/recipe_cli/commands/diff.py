@@ -60,9 +60,10 @@ def _side(path: Path, allow_large: bool) -> Side:
 
     if path.is_dir():
         held = reader.read(path)
-        return Side(str(path), held.lock, held.plan, {name: sha256 for name, (_, sha256) in held.files.items()})
+        listed = {name: sha256 for name, (_, sha256) in held.files.items()}
+        return Side(str(path), held.lock, held.plan, listed, finished=True)
     if path.suffix == ".lock":
-        return Side(str(path), lockfile.read(path), None)
+        return Side(str(path), lockfile.read(path), None, finished=True)
     if path.suffix == ".json":
         plan = reader.plan_alone(path)
         return Side(str(path), bare(plan, "", {}), plan)

@@ -35,6 +35,7 @@ class Side:
         plan: the plan, if there is one.
         listed: SHA-256 by path, of the files that a dataset's manifest lists.
         note: a remark on this side for the user.
+        finished: whether it is a lockfile or a dataset, in which absent rows of motion and pixels are a difference.
     """
 
     name: str
@@ -42,18 +43,22 @@ class Side:
     plan: DatasetPlan | None
     listed: Mapping[str, str] | None = None
     note: str | None = None
+    finished: bool = False
 
     @property
     def locked(self) -> bool:
         """Whether it has digests of motion and pixels."""
-        return bool(self.lock.frames or self.lock.traces)
+        return self.finished or bool(self.lock.frames or self.lock.traces)
 
 
 def differences(a: Side, b: Side) -> list[Difference]:
     """Every difference, in the order of the stages: recipe, tools, plan, trace, observation, labels, shading, file."""
-    found = [*_files(a, b), *_versions(a, b), *_variants(a, b)]
+    found = [*_seals(a, b), *_files(a, b), *_versions(a, b), *_variants(a, b)]
     if a.locked and b.locked:
         found += [*_traces(a, b), *_frames(a, b)]
+        found += _rows_of_one_side(a, b)
+        if not found and a.lock.identity != b.lock.identity:
+            found.append(Difference("lockfile", f"the identities differ: {a.lock.identity} and {b.lock.identity}"))
     return found + _listed(a, b, only_count=bool(found))
 
 
@@ -74,6 +79,37 @@ def left_out(a: Side, b: Side) -> list[str]:
         what = f"{' and '.join(folders)} {form(len(folders), 'was', 'were')} compared by {whose}"
         notes.append(f"{what}; `recipe verify --integrity` checks that the files are those")
     return notes
+
+
+def _seals(a: Side, b: Side) -> Iterator[Difference]:
+    """Lockfiles and manifests that were edited, and the name that is part of their identities."""
+    for side in (a, b):
+        if not side.lock.sealed:
+            yield Difference("lockfile", f"{side.name} was damaged or edited: its digests do not add up")
+    if a.locked and b.locked and a.lock.recipe != b.lock.recipe:
+        yield Difference("recipe", f"{a.name} is of the recipe {a.lock.recipe!r}, {b.name} of {b.lock.recipe!r}")
+
+
+def _rows_of_one_side(a: Side, b: Side) -> Iterator[Difference]:
+    """Rows that only one of two has, though both are of the same variants; and bodies that contradict their Trace."""
+    if a.lock.variants != b.lock.variants:
+        return
+    lockfiles = a.listed is None and b.listed is None  # a dataset has no rows of bodies, and fewer tools
+    kinds: list[tuple[str, Mapping[Any, Any], Mapping[Any, Any]]] = [("stage", a.lock.stages, b.lock.stages)]
+    kinds += [("tool", a.lock.tools, b.lock.tools)] if lockfiles else []
+    kinds += [("trace", a.lock.traces, b.lock.traces)]
+    kinds += [("body", a.lock.bodies, b.lock.bodies)] if lockfiles else []
+    kinds += [("frame", a.lock.frames, b.lock.frames)]
+    for kind, ours, theirs in kinds:
+        for side, only in ((a, ours.keys() - theirs.keys()), (b, theirs.keys() - ours.keys())):
+            if only:
+                rows = f"{count(len(only), f'{kind} row')} {form(len(only), 'is', 'are')}"
+                yield Difference("lockfile", f"{rows} in {side.name} only, {min(map(str, only))} the first")
+    other = [key for key in a.lock.bodies.keys() & b.lock.bodies.keys() if a.lock.bodies[key] != b.lock.bodies[key]]
+    other = [(scene, actor) for scene, actor in other if a.lock.traces.get(scene) == b.lock.traces.get(scene)]
+    if other:
+        rows = f"{count(len(other), 'body row')} {form(len(other), 'differs', 'differ')}"
+        yield Difference("lockfile", f"{rows} though the trace rows agree, {min(other)[1]} the first")
 
 
 def _files(a: Side, b: Side) -> Iterator[Difference]:

@@ -177,3 +177,29 @@ def test_committed_lockfiles_differ_from_each_other_in_their_variants() -> None:
     paths: list[Path] = sorted((ROOT / "lockfiles").glob("*.lock"))
     a, b = (Side(path.name, read(path), None) for path in paths[:2])
     assert {f.stage for f in differences(a, b)} >= {"recipe", "plan"}
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda lock: {"frames": {}}, "frame rows are in ours only"),
+        (lambda lock: {"traces": {}}, "1 trace row is in ours only"),
+        (lambda lock: {"frames": {}, "traces": {}}, "1 trace row is in ours only"),
+        (lambda lock: {"frames": dict(list(lock.frames.items())[1:])}, "1 frame row is in ours only"),
+        (lambda lock: {"frames": {**lock.frames, ("0", "x", "rgb", 0): "0"}}, "1 frame row is in theirs only"),
+        (lambda lock: {"bodies": dict(list(lock.bodies.items())[1:])}, "1 body row is in ours only"),
+        (lambda lock: {"stages": {}}, "stage rows are in ours only"),
+        (lambda lock: {"recipe": "other"}, "ours is of the recipe 'tiny', theirs of 'other'"),
+        (lambda lock: {"sealed": False}, "theirs was damaged or edited"),
+        (lambda lock: {"plan": "0" * 64}, "the identities differ"),
+        (
+            lambda lock: {"bodies": {key: replace(row, digest="0" * 64) for key, row in lock.bodies.items()}},
+            "3 body rows differ though the trace rows agree",
+        ),
+    ],
+)
+def test_lockfiles_of_which_one_lacks_something_differ(ours: Side, change: Any, says: str) -> None:
+    """Exit code 0 says that two are the same: rows on one side only, another name and a broken seal are not."""
+    side = replace(_with(ours, **change(ours.lock)), finished=True)
+    assert any(says in str(finding) for finding in differences(ours, side))
+    assert differences(side, ours)
