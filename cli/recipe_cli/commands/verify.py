@@ -27,6 +27,7 @@ from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recip
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
+    from recipe_compiler.ir.plan import DatasetPlan
     from recipe_runtime.verify.verdict import Report
     from recipe_runtime.verify.verify import Options
 
@@ -152,6 +153,20 @@ def _integrity(target: Path | str, options: Options) -> Report:
         return verify_files(reader.read(folder, shown(target)), options, progress)
 
 
+def _check_cost(plan: DatasetPlan, name: str, allow_large: bool) -> None:
+    """InputError for a dataset's plan over the limits that a recipe has: the folder may be anyone's."""
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.lowering.workload import plan_cost
+
+    reasons = [] if allow_large else plan_cost(plan).over()
+    if reasons:
+        raise InputError(
+            f"{name}: to render its plan, {', and '.join(reasons)}",
+            help="pass --allow-large if that is meant, or hash the files alone (--integrity)",
+            code=Code.SIZE_LIMIT,
+        )
+
+
 def _verify(target: Path | str, options: Options, allow_large: bool, against: Path | str | None) -> Report:
     from recipe_compiler.ir import lockfile
     from recipe_runtime.cache.store import default_cache
@@ -162,6 +177,7 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
     with Progress() as progress, ExitStack() as stack:
         if not isinstance(target, Path) or target.is_dir():
             folder = reader.read(stack.enter_context(dataset_at(target, progress)), shown(target))
+            _check_cost(folder.plan, shown(target), allow_large)
             return verify(folder.plan, folder.lock, options, progress, dataset=folder, cache=default_cache())
         held = None
         if against is not None:

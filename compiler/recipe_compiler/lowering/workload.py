@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from typing import Protocol
 
 from recipe_compiler import limits
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir import optics
-from recipe_compiler.ir.plan import ScenarioPlan
+from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library import towns
 from recipe_compiler.lowering.actors import MAX_ROUTE
 from recipe_compiler.schema.camera import Motion
@@ -100,3 +101,10 @@ def measured(plan: ScenarioPlan) -> limits.Load:
         views=views,
         elements=len(plan.scene.town.elements),
     )
+
+
+def plan_cost(plan: DatasetPlan) -> limits.Cost:
+    """Return the cost of building a plan, such as one from a dataset's folder. It includes no compiling."""
+    cost = limits.total(map(measured, plan.variants), plan.depth)
+    memory = cost.main_memory - cost.compile_bytes
+    return dataclasses.replace(cost, compile_seconds=0.0, compile_bytes=0, main_memory=memory)

@@ -94,6 +94,13 @@ def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
     return [Difference("lockfile", message) for message in found]
 
 
+def lacks_frames(plan: DatasetPlan, lock: Lockfile) -> bool:
+    """Whether a lockfile of just this plan has no digest of some of its frames."""
+    if digests.bare(plan, "", {}).variants != lock.variants:
+        return False
+    return any(key not in lock.frames for key in digests.frame_keys(plan))
+
+
 def _uneven(kind: str, missing: list[str], surplus: list[str]) -> list[str]:
     rows = ((missing, "lacks"), (surplus, "has, of nothing in the recipe,"))
     return [f"it {word} {count(len(keys), f'{kind} row')}, {keys[0]} the first" for keys, word in rows if keys]

@@ -43,6 +43,7 @@ from recipe_runtime.verify.compare import (
     compare_files,
     compare_plans,
     compare_rows,
+    lacks_frames,
     stage_of,
     text_note,
 )
@@ -105,6 +106,8 @@ def verify(
         differences += compare_datasets(plan, lock, dataset.lock, dataset.name)
     other = {d.variant for d in differences if d.stage == "plan"}
     chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
+    if lacks_frames(plan, lock):  # the verdict is FAIL already, and the plan may ask for anything
+        chosen = []
     pictures: list[str] = []
     with leased(), tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
         check = _Check(plan, lock, engines, options, progress, Path(folder), dataset, traces or {})
@@ -220,8 +223,7 @@ class _Check:
         for number, (digest, scene) in enumerate(scenes.items()):
             self.progress("simulate", number, len(scenes))
             kept = self.locked_traces.get(digest)
-            trace: Trace | None = None
-            agreed = 0
+            own: OtherMotion | None = None
             try:
                 made = store.keep_trace(scene, self.engines.simulate(scene))
                 Store().replace_bad_trace(scene, made)
@@ -230,19 +232,20 @@ class _Check:
                     raise
                 message, reason = "it was not simulated here", str(error).splitlines()[0]
             else:
-                trace, reason = made, excuse or ""
+                reason = excuse or ""
                 if self.lock.traces.get(digest) == made.digest:
                     self.traces[digest] = made
                     whole.add(digest)
                     continue
                 message, agreed, contradiction = parting(self.lock, scene, made)
                 reason = "" if contradiction else reason
+                own = OtherMotion(made, reason, agreed)
             if kept is not None and reason:
                 self.traces[digest] = store.keep_trace(scene, kept)
                 whole.add(digest)
                 message += "; frames are compared from the locked motion on"
-            elif trace is not None and reason:
-                self.other[digest] = OtherMotion(trace, reason, agreed)
+            elif own is not None and reason:
+                self.other[digest] = own
                 whole.add(digest)
                 message += "; frames are compared with those of this host's motion"
             found.append(Difference("trace", message, reason or None))
@@ -389,8 +392,9 @@ class _Check:
     def draw(self, differences: list[Difference], out: Path) -> list[str]:
         """Pictures of the first frames that differ: as recorded in the dataset, as rendered here, and where."""
         pictures: list[str] = []
-        cases = [d for d in differences if d.modality not in (None, "labels")]
-        for case in cases[:MAX_PICTURES]:
+        drawn = (d for d in differences if d.modality not in (None, "labels"))
+        cases = {(d.variant, d.sensor, d.frame, d.modality): d for d in drawn}  # the row and the file of one picture
+        for case in list(cases.values())[:MAX_PICTURES]:
             assert case.variant is not None and case.sensor is not None
             scenario = next(v for v in self.plan.variants if v.variant == case.variant)
             made = shot(
