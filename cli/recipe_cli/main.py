@@ -84,6 +84,9 @@ def main() -> None:
     try:
         code = recipe.main(prog_name="recipe", complete_var="_RECIPE_COMPLETE", standalone_mode=False, obj=run)
         sys.exit(code or 0)  # what it returns is the code of an Exit
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message(), err=True)
+        sys.exit(error.exit_code)
     except Exception as error:
         problems, code = _explained(error)
         fail(problems, run)

@@ -93,6 +93,14 @@ def test_every_command_explains_itself(command: str, tmp_path: Path) -> None:
     assert shown.stdout.startswith(f"Usage: recipe {command}") or f"{command} [OPTIONS]" in shown.stdout
 
 
+def test_recipe_alone_prints_its_help_as_plain_text(tmp_path: Path) -> None:
+    done = run(cwd=tmp_path)
+    lines = done.stderr.splitlines()
+    assert (done.returncode, done.stdout) == (2, "")
+    assert lines[0].startswith("Usage: recipe [OPTIONS] COMMAND") and "Commands:" in lines
+    assert "error[" not in done.stderr and "\\n" not in done.stderr
+
+
 def test_a_mistyped_command_is_answered_with_the_nearest(tmp_path: Path) -> None:
     shown = run("biuld", cwd=tmp_path)
     assert (shown.returncode, shown.stdout) == (2, "")

@@ -69,6 +69,26 @@ def test_another_recipes_finished_dataset_is_not_replaced_unasked(recipe: Run) -
     assert manifest("X")["recipe"] == "other"
 
 
+def test_the_commands_of_a_datasets_readme_leave_the_dataset_whole(recipe: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A build inside a dataset would add files to it, and its verification would fail."""
+    write("a.yaml", RECIPE)
+    assert recipe("build", "a.yaml").exit_code == 0
+    dataset = Path("datasets/small").resolve()
+    text = (dataset / "README.md").read_text()
+    commands = [line.split()[1:] for line in text.splitlines() if line.startswith("    recipe ")]
+    assert [arguments[0] for arguments in commands] == ["verify", "build"]
+    monkeypatch.chdir(dataset)
+    before = sorted(dataset.rglob("*"))
+    with pytest.raises(InputError, match=r"datasets/small is inside the dataset .*/small; choose a folder outside it"):
+        recipe("build", "recipe/a.yaml")
+    assert sorted(dataset.rglob("*")) == before
+    for _ in range(2):
+        for arguments in commands:
+            extra = ["--integrity"] if arguments[0] == "verify" else []  # with these engines, the rest says nothing
+            assert recipe(*arguments, *extra).exit_code == 0
+    assert manifest("../small-again") == manifest(".")
+
+
 def test_two_recipes_of_one_name_do_not_share_a_dataset(recipe: Run) -> None:
     write("a/r.yaml", RECIPE)
     write("b/r.yaml", OTHER_PLAN)

@@ -263,7 +263,9 @@ class Workspace:
     def _clear(self) -> None:
         """Begin afresh. What is not a build's work is left alone, and another recipe's without `replace`."""
         if any(self._partial.iterdir()) and not (self._partial / "job.json").is_file():
-            raise InputError(f"{self._partial} is in the way and is not a build's work; move it away")
+            raise InputError(
+                f"{self._partial} is in the way and is not a build's work; move it away", code=Code.OUTPUT_IN_THE_WAY
+            )
         other = self._other_recipe()
         if other is not None and not self._replace:
             raise InputError(
@@ -285,6 +287,7 @@ def check_out(out: Path) -> None:
     if out.is_mount():  # one rename publishes, and none can put a folder there
         remedy = f"choose a folder in it, such as {out / 'dataset'}"
         raise InputError(f"{out} is where a disk is mounted", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
+    _check_outside_datasets(out)
     if not out.is_dir() or not any(out.iterdir()):
         return
     manifest = read_manifest(out)
@@ -304,6 +307,17 @@ def check_out(out: Path) -> None:
         raise InputError(
             f"{out} holds a file that is not the dataset's, {foreign[0]}; move it away before it is replaced"
         )
+
+
+def _check_outside_datasets(out: Path) -> None:
+    """InputError if a parent of `out` is a dataset: a dataset holds the files of its manifest and no others."""
+    for folder in out.resolve().parents:
+        if read_manifest(folder) is not None:
+            raise InputError(
+                f"{out} is inside the dataset {folder}",
+                help=f"choose a folder outside it (--out {folder.parent / (out.name + '-again')})",
+                code=Code.OUTPUT_IN_THE_WAY,
+            )
 
 
 def read_manifest(out: Path) -> Manifest | None:

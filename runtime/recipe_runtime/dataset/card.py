@@ -40,12 +40,12 @@ def card(dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_fi
 
 def _again(dataset: DatasetPlan, recipe_file: str | None) -> list[str]:
     """How to make the dataset again; what a shell reads is quoted."""
-    recipe = shlex.quote(recipe_file or f"{dataset.recipe}.yaml")
+    recipe, again = shlex.quote(recipe_file or f"{dataset.recipe}.yaml"), shlex.quote(f"../{dataset.recipe}-again")
     return [
         "## The same again",
         "This dataset is made by a recipe, and can be made again, byte for byte, from the recipe alone, with "
         "Dataset Recipe (`manifest.json` names the version):",
-        f"    recipe build {recipe}\n    recipe verify {'.' if recipe_file else recipe}",
+        f"    recipe verify .\n    recipe build {recipe} --out {again}",
         *([f"`{layout.RECIPE}/` holds the recipe and every file that it uses."] if recipe_file else []),
     ]
 
