@@ -69,10 +69,18 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    cls=LazyGroup,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.version_option(package_name="dataset-recipe", prog_name="recipe")
-def recipe() -> None:
+@click.pass_context
+def recipe(context: click.Context) -> None:
     """Share a recipe instead of a dataset: the same bytes, rebuilt and verified on any machine."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help(), err=True)
+        context.exit(2)
 
 
 def main() -> None:
@@ -84,9 +92,6 @@ def main() -> None:
     try:
         code = recipe.main(prog_name="recipe", complete_var="_RECIPE_COMPLETE", standalone_mode=False, obj=run)
         sys.exit(code or 0)  # what it returns is the code of an Exit
-    except click.exceptions.NoArgsIsHelpError as error:
-        click.echo(error.format_message(), err=True)
-        sys.exit(error.exit_code)
     except Exception as error:
         problems, code = _explained(error)
         fail(problems, run)
