@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 from recipe_cli import places
 from recipe_cli.commands import blueprints, build, diff, lock, pack, schema, shot, verify
 from recipe_compiler.ir import lockfile
-from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.errors import Code, InputError, Problem
 from recipe_runtime.build import provenance
 from recipe_runtime.cache import pruning
 
@@ -69,7 +69,7 @@ def test_another_recipes_finished_dataset_is_not_replaced_unasked(recipe: Run) -
     assert manifest("X")["recipe"] == "other"
 
 
-def test_the_commands_of_a_datasets_readme_leave_the_dataset_whole(recipe: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_commands_of_a_datasets_readme_keep_it_whole(recipe: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """A build inside a dataset would add files to it, and its verification would fail."""
     write("a.yaml", RECIPE)
     assert recipe("build", "a.yaml").exit_code == 0
@@ -247,7 +247,6 @@ def test_a_comment_or_another_file_name_is_not_another_recipe(recipe: Run) -> No
     write("small.yaml", RECIPE)
     assert recipe("lock", "small.yaml").exit_code == 0
     locked = Path("lockfiles/small.lock").read_bytes()
-    Path("small.yaml").unlink()
     write("renamed.yaml", f"# a remark\n\n{RECIPE}description: The same plan.\n")
     note = "the text of renamed.yaml has changed since it was locked; the plan has not"
     verified = recipe("verify", "renamed.yaml", "--frames", "1")
@@ -267,6 +266,66 @@ def test_a_comment_or_another_file_name_is_not_another_recipe(recipe: Run) -> No
     assert "the text of plain.yaml and renamed.yaml differs; the plan does not" in compared.stderr
     assert "written" in recipe("lock", "renamed.yaml", "--update").stdout
     assert "note" not in recipe("verify", "renamed.yaml", "--frames", "1").stdout
+
+
+def test_a_renamed_recipe_keeps_its_lockfile_from_others(recipe: Run) -> None:
+    """A lockfile that names no file is anyone's; so locking the renamed recipe records where it is now."""
+    write("small.yaml", RECIPE)
+    recipe("lock", "small.yaml")
+    before = lockfile.read(Path("lockfiles/small.lock"))
+    Path("small.yaml").rename("renamed.yaml")
+    told = recipe("lock", "renamed.yaml")
+    says = "lockfiles/small.lock now names ../renamed.yaml; ../small.yaml, which it named, does not exist\n"
+    assert (told.exit_code, told.stdout.startswith(says)) == (0, True), told.stdout
+    after = lockfile.read(Path("lockfiles/small.lock"))
+    assert after.source == "../renamed.yaml" and set(after.files) == {"renamed.yaml"}
+    assert after.means_the_same(before) and after.identity == before.identity
+    write("other.yaml", OTHER_PLAN)
+    for arguments in (("lock", "other.yaml", "--update"), ("verify", "other.yaml"), ("build", "other.yaml")):
+        with pytest.raises(InputError, match=r"small\.lock is the lockfile of renamed\.yaml, another recipe"):
+            recipe(*arguments)
+    assert recipe("verify", "lockfiles/small.lock", "--frames", "1").exit_code == 0
+    assert recipe("build", "renamed.yaml", "--locked").exit_code == 0
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_verify_goes_on_after_a_lockfile_whose_recipe_is_gone(recipe: Run, changed: bool) -> None:
+    """The last of the lockfiles is checked, too, and a FAIL is not hidden."""
+    write("first.yaml", RECIPE.replace("recipe: small", "recipe: aa"))
+    write("second.yaml", RECIPE.replace("recipe: small", "recipe: bb"))
+    recipe("lock", "first.yaml", "second.yaml")
+    Path("first.yaml").unlink()
+    if changed:
+        write("second.yaml", OTHER_PLAN.replace("recipe: small", "recipe: bb"))
+    for options in ([], ["--json"]):
+        problems = (
+            Problem(
+                "lockfiles/aa.lock names first.yaml, which does not exist",
+                help="if it was renamed: `recipe verify NEW.yaml`, then `recipe lock NEW.yaml --update`",
+                code=Code.FILE_NOT_FOUND,
+            ),
+        )
+        if changed:
+            done = recipe("verify", "--frames", "1", *options)
+            assert done.exit_code == 1
+            if options:
+                document = json.loads(done.stdout)
+                assert [report["verdict"] for report in document["reports"]] == ["FAIL"]
+                assert [error["message"] for error in document["errors"]] == [problems[0].message]
+            else:
+                assert done.stdout.startswith("FAIL at recipe  lockfiles/bb.lock")
+                assert problems[0].message in done.stderr
+        else:
+            with pytest.raises(InputError) as caught:
+                recipe("verify", "--frames", "1", *options)
+            assert caught.value.problems == problems
+
+
+def test_a_pack_cannot_be_locked(recipe: Run) -> None:
+    write("small.yaml", RECIPE)
+    recipe("pack", "small.yaml")
+    with pytest.raises(InputError, match=r"small\.recipe is a pack; lock the recipe in it"):
+        recipe("lock", "small.recipe")
 
 
 def test_a_changed_plan_still_fails_and_names_the_file(recipe: Run) -> None:

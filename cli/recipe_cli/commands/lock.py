@@ -21,12 +21,13 @@ from recipe_cli.arguments import (
     engines_for,
     worker_count,
 )
-from recipe_cli.console import print_json, say
+from recipe_cli.console import fail, print_json, say
 from recipe_cli.places import check_lockfile_is_of, lockfile_path, source_of
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
+    from recipe_compiler.ir.errors import InputError, Problem
     from recipe_compiler.ir.lockfile import Lockfile
     from recipe_runtime.build.known_frames import Known
     from recipe_runtime.core.trace import Trace
@@ -60,6 +61,11 @@ def command(
     Frames are rendered, and not kept; those of the dataset that `recipe build` made of the same plan here are taken
     over, once its files have been hashed. A lock that was stopped goes on where it was.
     """
+    from recipe_compiler.ir.errors import Code, InputError
+
+    for recipe in recipes:
+        if recipe.suffix == ".recipe":
+            raise InputError(f"{recipe} is a pack; lock the recipe in it", code=Code.USAGE)
     count = worker_count(workers, device)
     compiled = [compile_quietly(recipe, allow_large=allow_large, workers=count) for recipe in recipes]
     places = [lockfile_path(recipe, one.plan.recipe) for recipe, one in zip(recipes, compiled, strict=True)]
@@ -96,6 +102,7 @@ class Locked:
     path: Path
     lock: Lockfile
     previous: Lockfile | None  # the lockfile that was there, unless it was to be replaced
+    renamed: bool  # the recipe that `previous` names does not exist; the lockfile names this one now
     written: bool
     taken_frames: int
     resumed_frames: int
@@ -121,18 +128,18 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
         InputError: there is a lockfile with other digests, and `options.update` is not set.
     """
     from recipe_compiler.ir import lockfile
-    from recipe_compiler.ir.errors import InputError
     from recipe_runtime.build.reuse import known_frames
     from recipe_runtime.verify import trace_bundle
     from recipe_runtime.verify.locking import lock
 
+    source = source_of(recipe, path)
     motion: dict[str, Trace] = {}
     known = known_frames(compiled.plan)
     try:
         with Progress() as progress:
             made = lock(
                 compiled.plan,
-                source_of(recipe, path),
+                source,
                 compiled.files,
                 workers=options.workers,
                 progress=progress,
@@ -142,23 +149,27 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
                 known=known,
             )
     except KeyboardInterrupt:
-        say(_interrupted(recipe, known), err=True)
+        fail([_interrupted(recipe, known)])
         raise click.exceptions.Exit(130) from None
     previous = lockfile.read(path) if path.exists() and not options.update else None
     if previous is not None and not previous.means_the_same(made):
-        raise InputError(_otherwise(path, recipe))
-    written = previous is None and made.write(path, replace=options.replace)
+        raise _outdated(path, recipe)
+    renamed = previous is not None and previous.source != source and not (path.parent / previous.source).exists()
+    written = (previous is None or renamed) and made.write(path, replace=options.replace)
     traces = trace_bundle.beside(path)
     if options.with_traces or traces.exists():  # an existing file of traces must not become outdated
         written |= trace_bundle.write(traces, motion, replace=options.replace)
     known.close()
-    return Locked(recipe, path, made, previous, written, known.taken_frames, known.resumed_frames)
+    return Locked(recipe, path, made, previous, renamed, written, known.taken_frames, known.resumed_frames)
 
 
 def _print(locked: Locked) -> None:
     """Print a locked recipe for a person."""
-    note = _note(locked.previous, locked.lock)
-    say(f"{locked.path} {'written' if locked.written else 'is up to date'}{note}")
+    if locked.renamed and locked.previous is not None:
+        say(f"{locked.path} now names {locked.lock.source}; {locked.previous.source}, which it named, does not exist")
+    else:
+        note = _note(locked.previous, locked.lock)
+        say(f"{locked.path} {'written' if locked.written else 'is up to date'}{note}")
     say(locked.lock.identity)
     for number, origin in (
         (locked.taken_frames, "the dataset built here"),
@@ -189,9 +200,13 @@ def _check_apart(recipes: tuple[Path, ...], places: list[Path]) -> None:
             )
 
 
-def _interrupted(recipe: Path, known: Known) -> str:
-    kept = known.kept_frames()
-    return f"interrupted; {counted(kept, 'frame')} kept; lock {recipe} again to go on" if kept else "interrupted"
+def _interrupted(recipe: Path, known: Known) -> Problem:
+    from recipe_compiler.ir.errors import Code, Problem
+
+    kept, code = known.kept_frames(), Code.INTERRUPTED
+    if not kept:
+        return Problem("interrupted", help=f"lock {recipe} again to start over", code=code)
+    return Problem(f"interrupted; {counted(kept, 'frame')} kept", help=f"lock {recipe} again to go on", code=code)
 
 
 def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, replace: bool) -> None:
@@ -222,10 +237,13 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, re
 def _check_is_of_recipe(recipe: Path, compiled: Compiled, path: Path, update: bool) -> None:
     """InputError unless the existing file is a lockfile of this recipe and, without `update`, of this plan."""
     from recipe_compiler.ir import lockfile
-    from recipe_compiler.ir.errors import InputError
+    from recipe_compiler.ir.errors import Code, InputError
 
     if update and not lockfile.is_lockfile(path):
-        raise InputError(f"{path} is there already and is not a lockfile; move it away, or add --replace")
+        raise InputError(
+            f"{path} is there already and is not a lockfile; move it away, or add --replace",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
     try:
         there = lockfile.read(path)
     except InputError:
@@ -234,8 +252,11 @@ def _check_is_of_recipe(recipe: Path, compiled: Compiled, path: Path, update: bo
         return  # damaged, and about to be rewritten
     check_lockfile_is_of(recipe, compiled.plan, path, there)
     if not update and there.plan != compiled.plan.digest:
-        raise InputError(_otherwise(path, recipe))
+        raise _outdated(path, recipe)
 
 
-def _otherwise(path: Path, recipe: Path) -> str:
-    return f"{path} says something else than {recipe} makes now; --update replaces it"
+def _outdated(path: Path, recipe: Path) -> InputError:
+    from recipe_compiler.ir.errors import Code, InputError
+
+    what = f"{path} says something else than {recipe} makes now; --update replaces it"
+    return InputError(what, code=Code.OUTDATED_LOCKFILE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,11 +23,13 @@ from recipe_cli.arguments import (
     shown,
     worker_count,
 )
-from recipe_cli.console import COLOURS, Styled, print_json, row, say, state
+from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, state
 from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
+    from recipe_compiler.ir.errors import Problem
+    from recipe_compiler.ir.lockfile import Lockfile
     from recipe_compiler.ir.plan import DatasetPlan
     from recipe_runtime.verify.verdict import Report
     from recipe_runtime.verify.verify import Options
@@ -91,9 +94,10 @@ def command(
 
     A target is a recipe (with its lockfile), a pack, a lockfile (with its recipe), or a dataset, as a folder or a URL
     (s3://bucket/name); without any, all lockfiles. With --against, the dataset is compared with the recipe and its
-    lockfile (its own digests, without one). Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE.
+    lockfile (its own digests, without one). Exit code 0: PASS, 1: FAIL, 3: INCONCLUSIVE. Of several targets the exit
+    code is the first of 1, 2 (a target cannot be read), 3 and 0 that one of them has.
     """
-    from recipe_compiler.ir.errors import InputError
+    from recipe_compiler.ir.errors import Code, InputError, Problem
     from recipe_runtime.core.nonce import fresh_nonce
     from recipe_runtime.verify.verify import Options
 
@@ -108,23 +112,65 @@ def command(
         pictures=pictures,
         allow_large=allow_large,
     )
-    reports, run = [], state()
     if against is not None and (len(targets) != 1 or _is_dataset(targets[0]) or integrity):
         raise InputError("--against holds a dataset against one recipe or lockfile; name that one")
-    for target in targets or _all_lockfiles():
+
+    def check(target: Path | str) -> Report:
         if integrity:
-            report = _integrity(target, options)
-        else:
-            with opened(target) if isinstance(target, Path) else nullcontext(target) as place:
-                report = _verify(place, options, allow_large, against)
-        reports.append(report)
+            return _integrity(target, options)
+        with opened(target) if isinstance(target, Path) else nullcontext(target) as place:
+            return _verify(place, options, allow_large, against)
+
+    try:
+        verdicts, problems = _each(targets or _all_lockfiles(), check, as_json)
+    except KeyboardInterrupt:
+        again = "with --all, it is resumed" if everything else f"--nonce {options.nonce} draws this sample again"
+        fail([Problem("interrupted", help=f"verify again; {again}", code=Code.INTERRUPTED)])
+        raise click.exceptions.Exit(130) from None
+    if problems and "FAIL" not in verdicts:
+        raise InputError(problems)
+    if problems:
+        fail(problems)
+    elif as_json:
+        print_json(state().partial["reports"])
+    raise click.exceptions.Exit(min((_EXIT[verdict] for verdict in verdicts), key=(1, 3, 0).index))
+
+
+def _each(
+    targets: Sequence[Path | str], check: Callable[[Path | str], Report], as_json: bool
+) -> tuple[list[str], list[Problem]]:
+    """The verdict of each target, and the problems of those that cannot be read; each report is printed or kept."""
+    from recipe_compiler.ir.errors import InputError
+
+    verdicts: list[str] = []
+    problems: list[Problem] = []
+    unread: list[Problem] = []  # the warnings of targets without a report
+    run = state()
+    for target in targets:
+        try:
+            report = check(target)
+        except InputError as error:
+            problems += error.problems
+            unread, run.warnings = [*unread, *run.warnings], []
+            continue
+        verdicts.append(report.verdict)
         warnings, run.warnings = [row(warning) for warning in run.warnings], []
         run.partial.setdefault("reports", []).append({**report.document(), "warnings": warnings})
         if not as_json:
             _say(target, report)
-    if as_json:
-        print_json(run.partial["reports"])
-    raise click.exceptions.Exit(min((_EXIT[r.verdict] for r in reports), key=(1, 3, 0).index))
+    run.warnings = unread
+    return verdicts, problems
+
+
+def _recipe_of(path: Path, lock: Lockfile) -> Path:
+    """The recipe that a lockfile names; InputError if it is not there."""
+    from recipe_compiler.ir.errors import Code, InputError
+
+    recipe = recipe_of(path, lock)
+    if not recipe.exists():
+        remedy = "if it was renamed: `recipe verify NEW.yaml`, then `recipe lock NEW.yaml --update`"
+        raise InputError(f"{path} names {recipe}, which does not exist", help=remedy, code=Code.FILE_NOT_FOUND)
+    return recipe
 
 
 def _all_lockfiles() -> list[Path]:
@@ -184,7 +230,7 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
             held = reader.read(stack.enter_context(dataset_at(against, progress)), shown(against))
         if target.suffix == ".lock":
             path, lock = target, lockfile.read(target)
-            compiled = compile_quietly(recipe_of(path, lock), allow_large=allow_large)
+            compiled = compile_quietly(_recipe_of(path, lock), allow_large=allow_large)
         else:
             compiled = compile_quietly(target, allow_large=allow_large)
             path = lockfile_path(target, compiled.plan.recipe)
