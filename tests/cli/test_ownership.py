@@ -62,8 +62,9 @@ def test_another_recipes_finished_dataset_is_not_replaced_unasked(recipe: Run) -
     before = manifest("X")
     with pytest.raises(
         InputError, match=r"X holds the dataset of another recipe, 'small', and this is 'other'.*--repl"
-    ):
+    ) as caught:
         recipe("build", "b.yaml", "--out", "X")
+    assert caught.value.problems[0].code is Code.OUTPUT_IN_THE_WAY
     assert manifest("X") == before
     assert recipe("build", "b.yaml", "--out", "X", "--replace").exit_code == 0
     assert manifest("X")["recipe"] == "other"

@@ -34,7 +34,10 @@ def command(name: str, folder: Path, replace: bool, as_json: bool) -> None:
     path = folder / f"{name}.yaml"
     try:
         if not replace and os.path.lexists(path):
-            raise InputError(f"{path} is there already; choose another name, or add --replace to write over it")
+            raise InputError(
+                f"{path} is there already; choose another name, or add --replace to write over it",
+                code=Code.OUTPUT_IN_THE_WAY,
+            )
         folder.mkdir(parents=True, exist_ok=True)
         path.write_text(template(name), encoding="utf-8")
     except OSError as error:

@@ -34,10 +34,10 @@ def explain(problem: str, context: str, opened: int | None, text: str, place: Pl
     line = lines[place.line - 1] if place.line <= len(lines) else ""
     if "\t" in line[: len(line) - len(line.lstrip())]:
         return Problem("a tab cannot indent YAML", place, "use spaces", Code.YAML_SYNTAX)
-    wrong = _indentation(lines, place)
+    wrong = _open_quote(problem, context, opened, lines, place) or _key_without_colon(problem, opened, lines, place)
+    wrong = wrong or _indentation(lines, place)
     if wrong is not None:
-        start = Place(place.file, place.line, len(line) - len(line.lstrip(" ")) + 1)
-        return Problem(wrong[0], start, wrong[1], Code.YAML_SYNTAX)
+        return wrong
     known = _known(problem, context, opened)
     if known is not None:
         return Problem(known[0], place, known[1], Code.YAML_SYNTAX)
@@ -58,8 +58,6 @@ def _known(problem: str, context: str, line: int | None) -> tuple[str, str] | No
         if kind in context and problem.startswith("expected ','"):
             what = f"a `,` is missing before this, or the `{brackets[0]}` of {opened} is not closed"
             return what, f"put `,` between entries, and `{brackets[1]}` after the last"
-    if "quoted scalar" in context and "end of stream" in problem:
-        return f"the quote of {opened} is not closed", "add the closing quote"
     if "escape" in problem:
         return f"a backslash in double quotes starts an escape, and this is none ({problem})", "use single quotes"
     if "simple key" in context and "could not find expected ':'" in problem:
@@ -76,19 +74,59 @@ def _known(problem: str, context: str, line: int | None) -> tuple[str, str] | No
     return None
 
 
-def _indentation(lines: list[str], place: Place) -> tuple[str, str] | None:
+def _open_quote(problem: str, context: str, opened: int | None, lines: list[str], place: Place) -> Problem | None:
+    """A quote that nothing closes, or that the next quote, meant to open, closes."""
+    at, quote = None, ""
+    if "quoted scalar" in context and "end of stream" in problem and opened and opened <= len(lines):
+        starting = re.findall(r"(?:[:,\[{]|-|\A)\s*(['\"])", lines[opened - 1])
+        at, quote = (opened, starting[-1]) if starting else (None, "")
+    elif problem.endswith("but found '<scalar>'") and place.column > 1 and place.line <= len(lines):
+        quote = lines[place.line - 1][place.column - 2 : place.column - 1]
+        above = range(place.line - 1, 0, -1) if quote in ("'", '"') else ()
+        starts = re.compile(rf"(?:[:,\[{{]|-)\s*{quote}")
+        at = next((n for n in above if lines[n - 1].count(quote) % 2 and starts.search(lines[n - 1])), None)
+    if at is None:
+        return None
+    start = re.search(rf"(?:[:,\[{{]|-|\A)\s*{quote}(?=[^{quote}]*\Z)", lines[at - 1])
+    where = Place(place.file, at, start.end() if start else lines[at - 1].rindex(quote) + 1)
+    return Problem(f"the quote opened on line {at} is never closed", where, "add the closing quote", Code.YAML_SYNTAX)
+
+
+def _key_without_colon(problem: str, opened: int | None, lines: list[str], place: Place) -> Problem | None:
+    """A key with no `:` after it, or with no space after the `:`, on the line of the key or on the one above."""
+    line = lines[place.line - 1] if place.line <= len(lines) else ""
+    if "mapping values are not allowed" in problem and ": " not in line[: place.column - 1]:
+        above = (n for n in range(min(place.line - 1, len(lines)), 0, -1) if _is_entry(lines[n - 1]))
+        number = next(above, None)
+    else:
+        number = opened if "could not find expected ':'" in problem else None
+    if number is None or not 0 < number <= len(lines) or len(lines[number - 1]) > 200:
+        return None  # the pattern below takes its time over a long line
+    found = re.match(r"(\s*(?:- )?[A-Za-z_][\w.-]*)(:?)(\S*)\s*(?:#.*)?\Z", lines[number - 1])
+    if found is None or (found[3] and not found[2]) or (found[2] and not found[3]):
+        return None
+    where = Place(place.file, number, found.end(1) + 1)
+    if found[2]:
+        return Problem(f"line {number}: no space after the `:`", where, "put a space after the colon", Code.YAML_SYNTAX)
+    return Problem(f"line {number}: a key needs a `:`", where, "write `key:` or `key: value`", Code.YAML_SYNTAX)
+
+
+def _is_entry(line: str) -> bool:
+    return bool(line.strip()) and not line.lstrip().startswith("#")
+
+
+def _indentation(lines: list[str], place: Place) -> Problem | None:
     """What is wrong with a line that starts in a column where no map or list above it does."""
     own = lines[place.line - 1] if place.line <= len(lines) else ""
-    indent = len(own) - len(own.lstrip(" "))
+    indent = _column(own)
     open_columns: dict[int, int] = {}  # column -> line of the last entry there, of what is open
     last = ""
     for number, line in enumerate(lines[: place.line - 1], 1):
-        stripped = line.strip()
-        if not stripped or stripped.startswith("#"):
+        if not _is_entry(line):
             continue
-        column = len(line) - len(line.lstrip(" "))
+        column = _column(line)
         open_columns = {c: n for c, n in open_columns.items() if c < column} | {column: number}
-        last = stripped.split(" #")[0].rstrip()
+        last = line.strip().split(" #")[0].rstrip()
     deeper = not open_columns or indent > max(open_columns)
     if not open_columns or indent in open_columns or (deeper and re.search(r"[:|>,{\[]\Z|\A-", last)):
         return None
@@ -96,8 +134,30 @@ def _indentation(lines: list[str], place: Place) -> tuple[str, str] | None:
         return None
     near = min(open_columns, key=lambda column: (abs(column - indent), -column))
     beside = open_columns[near]
-    what = f"wrong indentation: this line starts with {_spaces(indent)}, line {beside} above it with {_spaces(near)}"
-    return what, f"start it with {_spaces(near)}, as line {beside}: the keys of one map start in the same column"
+    what = (
+        f"wrong indentation: lines {beside} and {place.line} belong to one map, and start with {near} and"
+        f" {_spaces(indent)}"
+    )
+    wrong, right = (place.line, near)
+    if _siblings(lines, beside, indent, min(near, indent)) > _siblings(lines, beside, near, min(near, indent)):
+        wrong, right = beside, indent
+    start = Place(place.file, wrong, _column(lines[wrong - 1]) + 1)
+    remedy = f"give them the same indentation: start line {wrong} with {_spaces(right)}"
+    return Problem(what, start, remedy, Code.YAML_SYNTAX)
+
+
+def _siblings(lines: list[str], among: int, column: int, least: int) -> int:
+    """How many entries start in a column, of the lines about line `among` that start in column `least` or further."""
+    first, after = among - 1, among
+    while first > 0 and (not _is_entry(lines[first - 1]) or _column(lines[first - 1]) >= least):
+        first -= 1
+    while after < len(lines) and (not _is_entry(lines[after]) or _column(lines[after]) >= least):
+        after += 1
+    return sum(_is_entry(line) and _column(line) == column for line in lines[first:after])
+
+
+def _column(line: str) -> int:
+    return len(line) - len(line.lstrip(" "))
 
 
 def _spaces(number: int) -> str:

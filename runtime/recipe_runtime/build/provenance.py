@@ -17,7 +17,7 @@ from pathlib import Path
 
 from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.canonical import pretty
-from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core.files import write_atomic
@@ -62,16 +62,23 @@ def check_replaceable(out: Path, manifest: Manifest | None, plan: DatasetPlan, s
     name, ours = str(manifest.get("recipe"))[:100], str(source) if source else plan.recipe
     remedy = f"choose another folder with --out, or replace that dataset with {ours}'s (--replace)"
     if name != plan.recipe:
-        raise InputError(f"{out} holds the dataset of another recipe, {name!r}, and this is {plan.recipe!r}; {remedy}")
+        raise InputError(
+            f"{out} holds the dataset of another recipe, {name!r}, and this is {plan.recipe!r}; {remedy}",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
     if source is None or manifest.get("plan") == plan.digest:
         return
     there = _recorded(out, manifest)
     if there is None:
-        raise InputError(f"{out} holds a dataset named {name!r} that is not known to be built from {source}; {remedy}")
+        raise InputError(
+            f"{out} holds a dataset named {name!r} that is not known to be built from {source}; {remedy}",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
     if there != _from(out, source):
         other = os.path.relpath(out.resolve().parent / there)
         raise InputError(
-            f"{out} holds the dataset of {other}, another recipe that is named {name!r} as {source} is; {remedy}"
+            f"{out} holds the dataset of {other}, another recipe that is named {name!r} as {source} is; {remedy}",
+            code=Code.OUTPUT_IN_THE_WAY,
         )
 
 

@@ -8,7 +8,7 @@ import stat
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.errors import Code, InputError
 
 from recipe_runtime.core.files import write_atomic
 
@@ -21,7 +21,10 @@ def check_output(path: Path, *, replace: bool = False) -> None:
     if replace or not os.path.lexists(path):
         return
     if path.is_file() or (path.is_symlink() and not path.exists()):
-        raise InputError(f"{path} is there already; name another file, or add --replace to write over it")
+        raise InputError(
+            f"{path} is there already; name another file, or add --replace to write over it",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
 
 
 def write_output(path: Path, body: bytes, *, replace: bool = False) -> None:
