@@ -27,7 +27,7 @@ from recipe_cli.console import print_json, say
 @JSON
 def command(name: str, folder: Path, replace: bool, as_json: bool) -> None:
     """Write NAME.yaml: a street with people and cars, a camera, three weathers; and what to run next."""
-    from recipe_compiler.ir.errors import InputError, RunError
+    from recipe_compiler.ir.errors import Code, InputError, RunError
     from recipe_compiler.schema import template
 
     _check_name(name)

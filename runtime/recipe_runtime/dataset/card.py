@@ -45,7 +45,7 @@ def _again(dataset: DatasetPlan, recipe_file: str | None) -> list[str]:
         "## The same again",
         "This dataset is made by a recipe, and can be made again, byte for byte, from the recipe alone, with "
         "Dataset Recipe (`manifest.json` names the version):",
-        f"    recipe verify .\n    recipe build {recipe} --out {again}",
+        f"    recipe verify .\n    recipe build {recipe} --output {again}",
         *([f"`{layout.RECIPE}/` holds the recipe and every file that it uses."] if recipe_file else []),
     ]
 

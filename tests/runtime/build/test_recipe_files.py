@@ -76,7 +76,7 @@ def test_the_recipe_and_all_that_it_uses_lie_in_the_dataset(original: Path) -> N
     assert manifest["files"]["recipe/recipe.yaml"]["sha256"] == COMPILED.files["recipe.yaml"]
     known = lockfile.loads(lock_there.decode(), "assets.lock")
     assert known.sealed and known.source == "../recipe.yaml" and known.files == COMPILED.files
-    commands = "    recipe verify .\n    recipe build recipe/recipe.yaml --out ../assets-again\n"
+    commands = "    recipe verify .\n    recipe build recipe/recipe.yaml --output ../assets-again\n"
     assert commands in (original / "README.md").read_text()
 
 
