@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from recipe_compiler.ir.errors import RunError
 from recipe_runtime.build.pipeline import BuildResult, build, kept_frames
-from recipe_runtime.cache.cache_folder import KEY, MARKER, recognised
+from recipe_runtime.cache.cache_folder import KEY, MARKER, is_cache_folder
 from recipe_runtime.cache.journal_key import journal_key, read_key
 
 from tests.runtime.fakes import BROKEN, ENGINES, dataset_plan, tree
@@ -54,7 +54,7 @@ def test_the_key_is_made_once_and_is_the_users_alone(tmp_path: Path) -> None:
     assert journal_key(tmp_path) == read_key(tmp_path) == key
     assert stat.S_IMODE((tmp_path / KEY).stat().st_mode) == 0o600
     (tmp_path / MARKER).unlink()
-    assert recognised(tmp_path)  # the key is this project's file
+    assert is_cache_folder(tmp_path)  # the key is this project's file
 
 
 def test_without_a_cache_to_write_each_key_is_new(tmp_path: Path) -> None:
