@@ -43,7 +43,9 @@ def record(out: Path, manifest: Manifest, source: Path | None) -> None:
     row = {"format": _FORMAT, "recipe": manifest["recipe"], "identity": manifest["identity"]}
     path = record_path(out)
     with suppress(OSError):
-        for unfinished in out.parent.glob(f"{escape(f'.{path.name}')}.*.tmp"):  # of a build that was killed here
+        for unfinished in sorted(
+            out.parent.glob(f"{escape(f'.{path.name}')}.*.tmp")
+        ):  # of a build that was killed here
             unfinished.unlink(missing_ok=True)
         write_atomic(path, pretty({**row, "source": _from(out, source)}).encode())
 
