@@ -315,7 +315,7 @@ def _check_outside_datasets(out: Path) -> None:
         if read_manifest(folder) is not None:
             raise InputError(
                 f"{out} is inside the dataset {folder}",
-                help=f"choose a folder outside it (--output {folder.parent / (out.name + '-again')})",
+                help=f"choose a folder outside it, such as {folder.parent / (out.name + '-again')}",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
 
