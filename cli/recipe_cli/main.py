@@ -80,7 +80,8 @@ class LazyGroup(click.Group):
 def recipe(context: click.Context) -> None:
     """Share a recipe instead of a dataset: the same bytes, rebuilt and verified on any machine."""
     if context.invoked_subcommand is None:
-        click.echo(context.get_help(), err=True)
+        for line in context.get_help().splitlines():
+            say(line, err=True)
         context.exit(2)
 
 

@@ -11,9 +11,10 @@ yaw about fixed axes (R = Rz(yaw) Ry(pitch) Rx(roll)); positive pitch looks down
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel
 
@@ -51,6 +52,9 @@ Shape = Annotated[dict[Name, Number], Field(max_length=32)]
 Slots = Annotated[dict[Slot, Colour], Field(max_length=MAX_SLOTS)]
 
 
+P = TypeVar("P", bound="Plan")
+
+
 class Plan(BaseModel):
     """A frozen value with a canonical form."""
 
@@ -59,6 +63,13 @@ class Plan(BaseModel):
     def document(self) -> dict[str, JsonValue]:
         """This plan as plain JSON values."""
         return self.model_dump(mode="json")
+
+    def model_copy(self: P, *, update: Mapping[str, object] | None = None, deep: bool = False) -> P:
+        """Copy the plan. The copy computes its own digests: pydantic would keep those of the original."""
+        copied = super().model_copy(update=update, deep=deep)
+        for name in copied.__dict__.keys() - type(copied).model_fields.keys():
+            del copied.__dict__[name]
+        return copied
 
 
 class Pose(Plan):

@@ -6,6 +6,7 @@ import rfc8785
 from hypothesis import given
 from hypothesis import strategies as st
 from recipe_compiler.ir.canonical import canonical_bytes, digest, digest_array, pretty
+from recipe_compiler.ir.plan import TownPlan
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**53) + 1, 2**53 - 1) | st.text(max_size=6),
@@ -63,3 +64,11 @@ def test_an_array_is_its_dtype_shape_and_bytes() -> None:
     assert digest_array("a", array) != digest_array("a", array.reshape(2, 3))
     assert digest_array("a", array) != digest_array("a", array.astype(np.uint8))
     assert digest_array("a", array) != digest_array("b", array)
+
+
+def test_a_copy_of_a_plan_has_a_digest_of_its_own() -> None:
+    """pydantic copies cached properties along, so a changed copy kept the digest of the original."""
+    town = TownPlan(name="plain", elements=())
+    before = town.digest
+    assert town.model_copy(update={"name": "other"}).digest == TownPlan(name="other", elements=()).digest != before
+    assert town.model_copy().digest == before
