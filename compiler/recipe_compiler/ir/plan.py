@@ -91,11 +91,17 @@ class Point(Plan):
 
 
 class Clock(Plan):
-    """When frames are taken: frame k at physics step k * (physics / fps), frame 0 before the first step."""
+    """When frames are taken: frame k is k / fps seconds after frame 0, which the warm-up precedes."""
 
     fps: Annotated[int, Field(ge=1, le=1000)]
     frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)]
     physics: Annotated[int, Field(ge=1, le=1000)]  # steps a second
+    warmup: Annotated[Number, Field(ge=0, le=600)] = 0.0  # seconds simulated before frame 0
+
+    @property
+    def warmup_steps(self) -> int:
+        """Physics steps before frame 0."""
+        return int(self.warmup * self.physics + 0.5)
 
     @property
     def steps_per_frame(self) -> int:
@@ -125,6 +131,13 @@ class TownPlan(Plan):
         return digest("plan/town/1", self.document())
 
 
+class Pause(Plan):
+    """A pedestrian stands at a waypoint of its route for some seconds."""
+
+    waypoint: Annotated[int, Field(ge=0, lt=MAX_POINTS)]  # index into the route
+    seconds: Annotated[Number, Field(ge=0, le=3600)]
+
+
 class ActorPlan(Plan):
     """One moving body: its blueprint, start pose and route."""
 
@@ -138,7 +151,12 @@ class ActorPlan(Plan):
     route: Annotated[
         tuple[Point, ...], Field(max_length=MAX_POINTS)
     ]  # after the start, the goal last; empty: it stands
-    speed: Annotated[Number, Field(ge=0, le=1000)]  # m/s
+    speed: Annotated[Number, Field(ge=0, le=1000)]  # m/s; a vehicle's where no speed limit is lower
+    held: bool = False  # stands at its start until frame 0, and then moves off at its speed
+    obeys: bool = True  # traffic lights
+    entry: Pose | None = None  # a vehicle that reaches its goal leaves, and enters again here when there is room
+    pauses: Annotated[tuple[Pause, ...], Field(max_length=MAX_POINTS)] = ()  # in order of their waypoints
+    companion: Name | None = None  # the pedestrian beside whom it walks; its route is then not used
 
 
 class FilePlan(Plan):

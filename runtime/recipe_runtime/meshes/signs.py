@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.signals import light
 
 from recipe_runtime.meshes.builder import Builder, circle, tube
 from recipe_runtime.meshes.glyphs import Point, arrow, stroke, width, write
@@ -37,10 +38,10 @@ def _lens(slot: str, lit: bool) -> Surface:
 def traffic_light(b: Builder, e: Element) -> None:
     """A mast with lights beside the street, and an arm with lights over the lane, along -y; a small one for walkers.
 
-    `shape`: `arm`, the arm's length; `go`, 1 where traffic has green; walkers across it then have red.
+    `shape`: `arm`, the arm's length, and the times of `ir.signals`; walkers across it have red while it is green.
     """
     _, _, height = e.size
-    arm, go = e.shape["arm"], e.shape["go"] > 0
+    arm, go = e.shape["arm"], light(e.shape, 0.0) == "green"
     b.grid(_POLE, tube([(0, 0, 0), (0, 0, 0.6), (0, 0, 0.7), (0, 0, height)], [0.13, 0.12, 0.085, 0.06], 8), crease=0.5,
            caps=(None, _POLE))  # fmt: skip
     if arm > 0:

@@ -18,6 +18,7 @@ from recipe_compiler.library.towns.streets import cut
 from recipe_compiler.library.towns.town import Parameter, Span, SpawnPoint, Town
 
 LANE, SHOULDER, STRIP, MEDIAN = 3.6, 2.6, 0.8, 1.5  # widths; the median's is half of it
+LIMIT = 120  # km/h
 STRETCH = 48.0  # of asphalt and rails, in one piece
 BEYOND = 288.0  # how far the road goes on at both ends
 PATH = 8.0  # from the asphalt's edge to the foot path's middle
@@ -111,8 +112,8 @@ def _stretch(site: Site, road: Motorway, n: int) -> None:
     y, wide = STRETCH * (n + 0.5), road.edge - MEDIAN
     for yaw, sign in ((90, 1), (270, -1)):
         middle = Pose(x=sign * (MEDIAN + wide / 2), y=y, yaw=yaw)
-        site.keyed(f"carriageway.{yaw}.{n}", "carriageway", middle, (STRETCH, wide, 0.0), lanes=road.lanes, lane=LANE,
-                   shoulder=SHOULDER)  # fmt: skip
+        site.keyed(f"carriageway.{yaw}.{n}", "carriageway", middle, (STRETCH, wide, 0.0), limit=LIMIT, lanes=road.lanes,
+                   lane=LANE, shoulder=SHOULDER)  # fmt: skip
         rail = Pose(x=sign * (road.edge + 0.25), y=y, yaw=180 if sign > 0 else 0)
         site.add(f"guardrail.{yaw}.{n}", "guardrail", rail, (0.3, STRETCH, 0.75), double=0)
     site.add(f"guardrail.median.{n}", "guardrail", Pose(y=y), (0.5, STRETCH, 0.8), double=1)
@@ -134,7 +135,7 @@ def _gantry(site: Site, road: Motorway, name: str, yaw: int, along: float, n: in
 def _limit(site: Site, road: Motorway, name: str, yaw: int, along: float) -> None:
     """A speed limit beyond the hard shoulder."""
     pose = beside(_heading(road, yaw, along, road.edge + 0.9), 0.0, 0.0, 180.0)
-    site.add(f"sign.speed.{name}", "sign", pose, (0.1, 0.95, 3.0), face=FACES["speed"], value=120)
+    site.add(f"sign.speed.{name}", "sign", pose, (0.1, 0.95, 3.0), face=FACES["speed"], value=LIMIT)
 
 
 def _beside(site: Site, road: Motorway) -> None:

@@ -63,12 +63,12 @@ def blocks(streets: StreetGrid) -> Iterator[Block]:
             yield Block(f"{i - 1}.{j - 1}", x, y, tuple(sides))
 
 
-def roads(site: Site, streets: StreetGrid) -> None:
-    """Carriageways between junctions, dead ends beyond the outermost, and the junctions."""
+def roads(site: Site, streets: StreetGrid, limit: int) -> None:
+    """Carriageways between junctions, dead ends beyond the outermost, and the junctions; `limit` is in km/h."""
     for i in range(len(streets.xs)):
-        _street(site, streets, i, True)
+        _street(site, streets, i, True, limit)
     for j in range(len(streets.ys)):
-        _street(site, streets, j, False)
+        _street(site, streets, j, False, limit)
     for i, x in enumerate(streets.xs):
         for j, y in enumerate(streets.ys):
             (rx, ry), name = streets.reach((i, j)), f"junction.{i}.{j}"
@@ -79,7 +79,7 @@ def roads(site: Site, streets: StreetGrid) -> None:
             )  # fmt: skip
 
 
-def _street(site: Site, streets: StreetGrid, n: int, along_y: bool) -> None:
+def _street(site: Site, streets: StreetGrid, n: int, along_y: bool, limit: int) -> None:
     """All stretches of one street, the two dead ends with a rail across and a sign before it."""
     lines, across = (streets.ys, streets.xs[n]) if along_y else (streets.xs, streets.ys[n])
     bays = (streets.bays_x if along_y else streets.bays_y)[n]
@@ -96,7 +96,7 @@ def _street(site: Site, streets: StreetGrid, n: int, along_y: bool) -> None:
         first, count = _bays(b - a, stop_a, stop_b) if bays and part not in ("start", "end") else (0.0, 0)
         site.keyed(
             name, "road", pose, (b - a, 2 * (LANE + bays), 0.0),
-            stop_a=stop_a, stop_b=stop_b, bay=bays, bay_from=first, bays=count, bay_length=BAY_LENGTH,
+            limit=limit, stop_a=stop_a, stop_b=stop_b, bay=bays, bay_from=first, bays=count, bay_length=BAY_LENGTH,
         )  # fmt: skip
         for k in range(count):
             for sign in (1, -1):  # -1 is on the right of who goes along the street's own x
@@ -126,8 +126,18 @@ def _post(site: Site, name: str, pose: Pose, face: str, value: int = 0) -> None:
     site.add(name, "sign", raised, (0.1, across, height), face=FACES[face], value=value)
 
 
+CYCLE, GREEN, AMBER = 44.0, 18.0, 3.0  # seconds; the rest of half a cycle is red for all
+
+
+def _times(site: Site, junction: str, along_y: bool) -> dict[str, float]:
+    """The times of a traffic light; the two streets of a junction are green in turn. See `ir.signals`."""
+    begin = float(site.stream("signals", junction).integer(0, int(CYCLE) - 1))
+    half = 0.0 if along_y else CYCLE / 2
+    return {"cycle": CYCLE, "green_from": (begin + half) % CYCLE, "green": GREEN, "amber": AMBER}
+
+
 def signals(site: Site, streets: StreetGrid, main: int | None, speed: int) -> None:
-    """Traffic lights where the main street (along y, the one of that index) is crossed: green along it, red across.
+    """Traffic lights where the main street (along y, the one of that index) is crossed.
 
     Elsewhere those along x stop and those along y go first. Behind each junction stands the speed limit.
     """
@@ -145,7 +155,14 @@ def signals(site: Site, streets: StreetGrid, main: int | None, speed: int) -> No
                 if i == main:
                     arm = aside - LANE / 2 + 0.45
                     size = (0.26, 0.26, 5.6)
-                    site.add(f"traffic_light.{name}", "traffic_light", corner, size, arm=arm, go=int(along_y))
+                    site.add(
+                        f"traffic_light.{name}",
+                        "traffic_light",
+                        corner,
+                        size,
+                        arm=arm,
+                        **_times(site, f"{i}.{j}", along_y),
+                    )
                 elif not along_y:
                     _post(site, f"sign.stop.{name}", corner, "stop")
                 elif site.chance(0.5, "sign", name):
