@@ -5,7 +5,6 @@ Parts that variants share are lowered once and are the same objects in each plan
 
 from __future__ import annotations
 
-import functools
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -27,9 +26,9 @@ from recipe_compiler.ir.plan import (
     TexturePlan,
     Weather,
 )
-from recipe_compiler.library import towns, weather
+from recipe_compiler.library import weather
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering import camera_motion, enclosures, lint, props, sun
+from recipe_compiler.lowering import camera_motion, enclosures, lint, props, sun, traffic
 from recipe_compiler.lowering.actors import ActorLowering
 from recipe_compiler.lowering.asset_files import AssetFile
 from recipe_compiler.schema.camera import Camera
@@ -86,10 +85,12 @@ class Lowering:
 
     def scenario(self, variant: Variant, base: Base) -> ScenarioPlan | None:
         """The variant's plans; None if it has problems."""
-        cast = (base.clock, base.town, base.actors, base.traffic, base.props)
+        cast = [base.clock, base.town, base.actors, base.traffic, base.props]
+        if base.traffic.near is not None:
+            cast.append(base.sensors)
         key = ("scene", *map(id, cast), variant.seed)
         scene = self._once_reporting(key, cast, lambda: self._scene(variant, base))
-        if scene is None:
+        if scene is None or not self._carriers_exist(variant, base, scene):
             return None
         rig = self._once(
             ("rig", id(base.clock), id(base.sensors), variant.seed),
@@ -111,6 +112,19 @@ class Lowering:
         )
         return ScenarioPlan(variant=variant.name, scene=scene.plan, rig=rig, appearance=appearance)
 
+    def _carriers_exist(self, variant: Variant, base: Base, scene: _Scene) -> bool:
+        """Report each sensor that is mounted on an actor that the scene does not have."""
+        names = {actor.name for actor in scene.plan.actors}
+        missing = [name for name, sensor in base.sensors.items() if sensor.mount.on not in {None, *names}]
+        for name in missing:
+            on = base.sensors[name].mount.on
+            message = f"sensors.{name}.mount.on: there is no actor {show(on)}; the traffic has fewer"
+            place = variant.base.place_of("sensors", name, "mount", "on")
+            self.problems.append(
+                Problem(message, place, "raise `traffic.density`, or mount it elsewhere", Code.UNKNOWN_NAME)
+            )
+        return not missing
+
     # Scene
 
     def _scene(self, variant: Variant, base: Base) -> _Scene | None:
@@ -126,7 +140,8 @@ class Lowering:
         routed = {name for name, actor in base.actors.items() if actor.goal is not None or actor.route is not None}
         self.warnings += lint.of_starts(variant.base, given, town)
         self.warnings += enclosures.of_enclosed_starts(variant.base, given, routed, town)
-        clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics)
+        seconds = traffic.warmup(base)
+        clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics, warmup=seconds)
         # Every colour is a palette's or has been checked; to check and copy a town's again would take the longest here.
         looks = Looks.model_construct(root={**town.looks, **cast.looks, **stage.looks})
         plan = ScenePlan(clock=clock, town=town.plan, actors=actors, props=stage.plans)
@@ -134,7 +149,7 @@ class Lowering:
 
     def _town(self, spec: TownSpec) -> Town:
         key = (spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))
-        return self._once(("town", *key), None, lambda: _built(*key))
+        return self._once(("town", *key), None, lambda: traffic.built(*key))
 
     # Rig
 
@@ -188,11 +203,6 @@ class Lowering:
             message = f"weather.sun_altitude_angle is set by hand and wins: {by_time} does not move the sun up or down"
             place = variant.base.place_of("weather", "sun_altitude_angle")
             self.warnings.append(Problem(message, place, "remove one of the two", Code.OVERRIDDEN))
-
-
-@functools.lru_cache(maxsize=8)
-def _built(name: str, seed: int, parameters: str) -> Town:
-    return towns.build(name, seed, json.loads(parameters))
 
 
 _EFFECTS = (

@@ -14,7 +14,7 @@ from recipe_compiler.ir.plan import Point, Pose
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.towns.network import FACES
 from recipe_compiler.library.towns.site import Site, beside, ground
-from recipe_compiler.library.towns.streets import cut
+from recipe_compiler.library.towns.streets import until
 from recipe_compiler.library.towns.town import Parameter, Span, SpawnPoint, Town
 
 LANE, SHOULDER, STRIP, MEDIAN = 3.6, 2.6, 0.8, 1.5  # widths; the median's is half of it
@@ -61,9 +61,14 @@ class Motorway:
         return 0.0
 
     def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
-        """Straight on, in the lane where it starts, at most to the end of the road."""
+        """Straight on, in the lane where it starts, to the end of the road."""
         way = 1.0 if exact.sin_deg(start.yaw) >= 0 else -1.0
-        return cut((start.x, start.y), [(start.x, way * (self.half + BEYOND))], length_m)
+        return until((start.x, start.y), [(start.x, way * (self.half + BEYOND))], length_m)
+
+    def entry(self, start: Pose) -> Pose | None:
+        """The beginning of the lane where a vehicle starts."""
+        way = 1.0 if exact.sin_deg(start.yaw) >= 0 else -1.0
+        return Pose(x=start.x, y=-way * (self.half + BEYOND), yaw=start.yaw)
 
     def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """Along the path, and back again from its ends."""
@@ -74,7 +79,7 @@ class Motorway:
             points.append((x, way * self.half))
             left -= abs(way * self.half - y)
             y, way = way * self.half, -way
-        return cut((start.x, start.y), points, length_m)
+        return until((start.x, start.y), points, length_m)
 
 
 def elements(*, lanes: int, length: int, gantries: int) -> int:
@@ -185,11 +190,12 @@ def _distance(site: Site, road: Motorway) -> None:
 
 
 def _spawn_points(road: Motorway) -> Iterator[SpawnPoint]:
-    """Vehicles 30 metres apart in each lane, staggered; pedestrians on the path."""
+    """Vehicles 30 metres apart in each lane of the whole road, staggered; pedestrians on the path."""
+    reach = road.half + BEYOND
     for yaw in (90, 270):
         for n in range(road.lanes):
-            for k in range(int((2 * road.half - 40.0) / 30.0)):
-                along = -road.half + 20.0 + 30.0 * k + 10.0 * (n % 3)
+            for k in range(int((2 * reach - 40.0) / 30.0)):
+                along = -reach + 20.0 + 30.0 * k + 10.0 * (n % 3)
                 yield SpawnPoint("vehicle", _heading(road, yaw, along, road.lane(n)))
     for k in range(int((2 * road.half - 40.0) / 9.0)):
         yield SpawnPoint("pedestrian", Pose(x=road.path, y=-road.half + 20.0 + 9.0 * k, yaw=90 if k % 2 else 270))

@@ -15,6 +15,7 @@ from recipe_compiler.library.towns.town import SpawnPoint
 WALK = 6.0  # from the kerb to the building fronts
 BAY_LENGTH = 6.2
 FACES = {"stop": 0, "speed": 1, "crossing": 2, "give_way": 3, "parking": 4, "ahead": 5, "dead_end": 6}
+_SPACING = 9.0  # metres between the starts of two vehicles in a lane
 _STAND = BAY - 0.15 - 1.0  # from the lane's edge to the middle of a parked car
 
 
@@ -188,8 +189,8 @@ def spawn_points(streets: StreetGrid) -> Iterator[SpawnPoint]:
 
 def _along(middle: Pose, pitch: float, aside: float) -> Iterator[SpawnPoint]:
     """One direction of one stretch: its lane and its sidewalk are on the right."""
-    for k in range(int((pitch - 32.0) / 12.0) + 1):
-        yield SpawnPoint("vehicle", beside(middle, -(pitch - 32.0) / 2 + 12.0 * k, -LANE / 2))
+    for k in range(int((pitch - 32.0) / _SPACING) + 1):
+        yield SpawnPoint("vehicle", beside(middle, -(pitch - 32.0) / 2 + _SPACING * k, -LANE / 2))
     count = 2 * int((pitch / 2 - 15.0) / 7.0) + 1
     for n in range(count):
         walker = beside(middle, 7.0 * (n - count // 2), -aside, 180.0 * (n % 2))

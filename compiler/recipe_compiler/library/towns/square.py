@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Point, Pose
 from recipe_compiler.ir.streams import Stream
-from recipe_compiler.library.towns.streets import SIDE, XY, StreetGrid, cut
+from recipe_compiler.library.towns.streets import SIDE, XY, StreetGrid, until
 
 CELL, HEART = 6.0, 10.0  # between two lines of the lattice; between the two about the middle
 
@@ -51,7 +51,7 @@ class SquareGrid(StreetGrid):
             at = aim
             step = self._turn(axes, node, step, stream)
             node = (node[0] + step[0], node[1] + step[1])
-        return cut((start.x, start.y), points, length_m)
+        return until((start.x, start.y), points, length_m)
 
     def _ahead(self, axes: tuple[tuple[float, ...], ...], start: Pose, step: tuple[int, int]) -> tuple[int, int]:
         """The node that lies ahead on the line on which somebody starts."""

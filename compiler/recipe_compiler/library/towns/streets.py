@@ -53,8 +53,11 @@ def _arc(centre: XY, start: XY, end: XY, steps: int = 6) -> list[XY]:
     return points
 
 
-def cut(start: XY, points: list[XY], length: float) -> tuple[Point, ...]:
-    """The way from `start` through `points`, ended at that length."""
+def until(start: XY, points: list[XY], length: float) -> tuple[Point, ...]:
+    """Return the points of a way up to the first one that is `length` metres or more from `start` along it.
+
+    A longer way therefore begins with the points of a shorter one.
+    """
     route: list[Point] = []
     at, left = start, length
     for point in points:
@@ -62,11 +65,10 @@ def cut(start: XY, points: list[XY], length: float) -> tuple[Point, ...]:
         step = math.sqrt(dx * dx + dy * dy)
         if step < 1e-6:
             continue
-        if step >= left:
-            route.append(Point(x=at[0] + dx * left / step, y=at[1] + dy * left / step))
-            return tuple(route)
         route.append(Point(x=point[0], y=point[1]))
         at, left = point, left - step
+        if left <= 0.0:
+            break
     return tuple(route)
 
 
@@ -150,7 +152,7 @@ class StreetGrid:
             d, junction = new, (junction[0] + new[0], junction[1] + new[1])
             if not turns or way.length >= length_m:
                 break
-        return cut((start.x, start.y), way.points, length_m)
+        return until((start.x, start.y), way.points, length_m)
 
     def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """A way along the sidewalks: at each corner over a crossing or round the corner, as drawn."""
@@ -170,7 +172,11 @@ class StreetGrid:
                 junction = (junction[0] + d[0], junction[1] + d[1])
                 corner = (corner[0] - 2 * d[0], corner[1] - 2 * d[1])
             way.extend([self._corner(junction, corner, offset)])
-        return cut((start.x, start.y), way.points, length_m)
+        return until((start.x, start.y), way.points, length_m)
+
+    def entry(self, start: Pose) -> Pose | None:
+        """None: nobody leaves a street grid."""
+        return None
 
     def _lane_ahead(self, start: Pose) -> tuple[Cell, Cell]:
         """The direction of travel along the nearest street, and the junction ahead."""

@@ -65,6 +65,9 @@ class Ways(Protocol):
     def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """A way for somebody on foot."""
 
+    def entry(self, start: Pose) -> Pose | None:
+        """Where a vehicle that starts here enters again after it has left; None on roads that nobody leaves."""
+
 
 @dataclass(frozen=True)
 class Town:
@@ -100,3 +103,15 @@ class Town:
     def ground(self, x: float, y: float) -> float:
         """Height of the ground in metres: 0 on the road, the kerb's height on a sidewalk."""
         return self.streets.ground(x, y)
+
+    @cached_property
+    def lane_metres(self) -> float:
+        """Length of all lanes together."""
+        roads = sum(2.0 * e.size[0] for e in self.plan.elements if e.kind == "road")
+        return roads + sum(e.shape["lanes"] * e.size[0] for e in self.plan.elements if e.kind == "carriageway")
+
+    @cached_property
+    def sidewalk_metres(self) -> float:
+        """Length of all sidewalks and footpaths together, both sides of a street counted."""
+        roads = sum(2.0 * e.size[0] for e in self.plan.elements if e.kind == "road")
+        return roads + sum(e.size[0] for e in self.plan.elements if e.kind == "path" and not e.shape["drive"])
