@@ -292,9 +292,9 @@ def test_warnings_are_in_the_document_of_a_command_that_succeeds(tmp_path: Path)
         answer = json.loads(done.stdout)
         assert (done.exit_code, done.stderr, answer["errors"]) == (0, "", [])
         (warning,) = answer["warnings"]
-        assert (warning["code"], warning["line"], warning["help"]) == ("placement", 1, "move one of the two")
+        assert (warning["code"], warning["line"], warning["help"]) == ("placement", 1, "move one of them")
     done = CliRunner().invoke(plan.command, [str(tmp_path / "r.yaml")], catch_exceptions=False)
-    assert done.stderr.startswith("warning[placement]: actors.b.start: its body is in that of a\n --> ")
+    assert done.stderr.startswith("warning[placement]: actors.b.start: its body overlaps the body of a\n --> ")
 
 
 def test_an_unexpected_exception_is_escaped_too(

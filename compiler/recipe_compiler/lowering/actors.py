@@ -1,4 +1,4 @@
-"""Lowering of actors: blueprints, colours, start poses and routes, for named actors, traffic and parked cars."""
+"""Lowers actors: chooses blueprints, colours, start poses and routes of named actors, traffic and parked cars."""
 
 from __future__ import annotations
 
@@ -20,14 +20,16 @@ from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import show
 
-MAX_ROUTE = 20_000.0  # metres; generated routes end there
+MAX_ROUTE = 20_000.0  # length limit of generated routes, metres
 _AHEAD = {"vehicle": 150.0, "pedestrian": 20.0}  # metres of a route beyond the farthest place that an actor can reach
 
 
 class ActorLowering:
-    """Chooses, colours, places and routes the actors of one scene.
+    """Lowers the actors of one scene.
 
-    `problems` collects what cannot be lowered, `looks` the colours by actor and slot.
+    Attributes:
+        looks: colours, by actor and slot.
+        problems: problems found so far.
     """
 
     def __init__(self, variant: Variant, base: Base, town: Town, instances: Mapping[str, int]) -> None:
@@ -46,7 +48,7 @@ class ActorLowering:
         return Stream(self._variant.seed if own is None else own, "actor", name, *purpose)
 
     def plans(self) -> tuple[ActorPlan, ...] | None:
-        """Plans of all actors: the named ones in file order, then traffic; None if there are problems."""
+        """Return the plans of all actors, named actors in file order and then traffic; None if there are problems."""
         for name, actor in self._base.actors.items():
             if actor.start is not None:
                 x, y = actor.start.x, actor.start.y
@@ -87,7 +89,7 @@ class ActorLowering:
         return traffic.View.of(self._base, sensor, way)
 
     def _choose(self, name: str, actor: Actor) -> Blueprint:
-        """The blueprint of a named actor, drawn from those that its glob matches."""
+        """Draw the blueprint of a named actor from those that its glob pattern matches."""
         blueprint = self._stream(name, "blueprint").choice(blueprints.match(actor.blueprint))
         parent = self._variant.base.get("actors", name, "look")
         for slot in actor.look:
@@ -151,13 +153,13 @@ class ActorLowering:
         return plan.model_copy(update={"obeys": not ignores, "entry": entry})
 
     def _parked(self, index: int) -> ActorPlan | None:
-        """A parked car, in a free parking place."""
+        """Return the plan of a parked car in a free parking place; None, with a problem, if no place is free."""
         name = f"traffic.parked.{index}"
         place = self._parking.take(self._stream(name, "start"))
         if place is None:
             if not self._reported("traffic.parked"):
                 places = len(self._town.parking)
-                message = f"traffic.parked: no free place left to park, of the {places} that the town has"
+                message = f"traffic.parked: no free parking place is left; the town has {places} in total"
                 message += "; lower it, or choose a larger town"
                 self._report_no_room(("traffic", "parked"), message)
             return None
@@ -170,13 +172,13 @@ class ActorLowering:
         self.problems.append(Problem(message, self._variant.base.place_of(*path), code=Code.NO_ROOM))
 
     def _reported(self, key: str) -> bool:
-        """Whether a problem found so far names a key."""
+        """Whether a problem that names this key has been reported."""
         return any(key in problem.message for problem in self.problems)
 
     def _full(self, category: Category) -> str:
         places = len(self._town.spots[category])
-        remedy = "lower `traffic`, give a start, or ask for a larger town"
-        return f"no free spot left for a {category}, of the {places} that the town has; {remedy}"
+        remedy = "lower `traffic`, give a start, or choose a larger town"
+        return f"no free spawn point is left for a {category}; the town has {places} in total; {remedy}"
 
     def _route(self, name: str, blueprint: Blueprint, start: Pose, speed: float) -> tuple[Point, ...]:
         seconds = self._warmup + self._base.clock.frames / self._base.clock.fps

@@ -1,7 +1,8 @@
-"""Asset files of a recipe: located below its folder, read once, hashed and validated before any work.
+"""Locates, reads, hashes and validates the asset files of a recipe, which must be below the recipe's folder.
 
-The same bytes are hashed and decoded, so that an invalid file is reported with its place in the recipe. Plans need only
-the digest, size, bounding box and materials; the runtime reads the file again and checks the digest.
+Each file is read once; the same bytes are hashed and decoded. Plans hold only the digest, size, bounding box and
+materials; the runtime reads the file again and checks the digest. A problem is reported at the place in the recipe
+that names the file.
 """
 
 from __future__ import annotations
@@ -21,38 +22,41 @@ from recipe_compiler.source.yaml_reader import Value, printable, show
 MESH_BYTES, IMAGE_BYTES, ALL_BYTES = 32 << 20, 16 << 20, 128 << 20
 ALL_TRIANGLES, ALL_PIXELS = 2_000_000, 64 << 20
 _KINDS = {"mesh": ("glb", "gltf", "obj", "stl"), "image": ("png",)}
-_WHY = {"mesh": "export it as one of these", "image": "save it so: a PNG decodes to the same pixels everywhere"}
+_WHY = {
+    "mesh": "export it in one of these formats",
+    "image": "save it as PNG, which decodes to the same pixels on every host",
+}
 
 Corner = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Material:
-    """A part of a mesh: its colour, its picture within the file, and whether an image can be laid on it."""
+    """A material of a mesh."""
 
-    colour: str
-    picture: int | None
-    repeat: bool
-    mapped: bool
+    colour: str  # "#rrggbb"
+    picture: int | None  # number of its texture image within the file
+    repeat: bool  # whether the texture repeats beyond its edges
+    mapped: bool  # whether it has texture coordinates
 
 
 @dataclass(frozen=True)
 class AssetFile:
-    """An asset: its path and content; for a mesh its bounding box, in the file's unit, with x forward, y left, z up."""
+    """A validated asset. Coordinates of a mesh are in the file's unit, with x forward, y left, z up."""
 
     name: str
     path: str  # relative to the recipe's folder
     file: FilePlan
-    up: str = "z"
+    up: str = "z"  # the axis of the file that points up
     triangles: int = 0
-    pixels: tuple[int, int] = (0, 0)  # width, height of an image
-    low: Corner = (0.0, 0.0, 0.0)
-    high: Corner = (0.0, 0.0, 0.0)
+    pixels: tuple[int, int] = (0, 0)  # width and height of an image; for a mesh, all pixels of its textures and 1
+    low: Corner = (0.0, 0.0, 0.0)  # minimum corner of the bounding box
+    high: Corner = (0.0, 0.0, 0.0)  # maximum corner
     materials: Mapping[str, Material] = field(default_factory=dict)  # by slot
 
     @property
     def contents(self) -> str:
-        """A description of its content."""
+        """A one-line summary of the content."""
         if self.file.kind == "png":
             return f"{self.pixels[0]} x {self.pixels[1]} pixels"
         return f"{self.triangles} triangles in {', '.join(self.materials)}"
@@ -94,19 +98,19 @@ def read(
         sources.files[path] = one.file.sha256
         if asset.sha256 is not None and asset.sha256 != one.file.sha256:
             message = f"assets.{name}.sha256: {show(path)} is another file: its digest is {one.file.sha256}"
-            remedy = "put the right file there, or write this digest if the new file is meant"
+            remedy = "restore the original file, or write this digest if the new file is intended"
             problems.append(Problem(message, root.place_of("assets", name, "sha256"), remedy, Code.INVALID_ASSET))
         total, triangles = total + one.file.bytes, triangles + one.triangles
         pixels += one.pixels[0] * one.pixels[1]
         for count, what, most in _sums(total, triangles, pixels):
-            message = f"assets: {count} {what} up to here are more than the most allowed together, {most}"
-            problems.append(Problem(message, place, "bring fewer", Code.INPUT_LIMIT))
+            message = f"assets: {count} {what} in total up to here exceed the limit of {most}"
+            problems.append(Problem(message, place, "use fewer or smaller assets", Code.INPUT_LIMIT))
             return found, problems
     return found, problems
 
 
 def named(root: Value, folder: Path, sources: Sources) -> set[str]:
-    """The paths of all assets of a recipe, relative to its folder. The files are not read."""
+    """Return the paths of all assets of a recipe, relative to its folder, without reading the files."""
     names = {printable(str(folder / name)): name for name in sources.files}
     assets, found = root.get("assets"), set()
     for name, asset in (assets.map if assets else {}).items():
@@ -118,31 +122,42 @@ def named(root: Value, folder: Path, sources: Sources) -> set[str]:
 
 
 def _path(names_it: str, given: str) -> str:
-    """The path of an asset from the recipe's folder, of one that is given relative to a file."""
+    """Return a path relative to the recipe's folder.
+
+    Args:
+        names_it: the file that names the asset, relative to the recipe's folder.
+        given: the path written there, relative to that file.
+    """
     return str(PurePosixPath(names_it).parent / given)
 
 
 def _sums(total: int, triangles: int, pixels: int) -> Iterator[tuple[int, str, int]]:
+    """Yield the exceeded limits: count, unit, limit."""
     every = ((total, "bytes", ALL_BYTES), (triangles, "triangles", ALL_TRIANGLES), (pixels, "pixels", ALL_PIXELS))
     return (row for row in every if row[0] > row[2])
 
 
 def _read_one(name: str, asset: Asset, folder: Path, path: str) -> AssetFile:
-    """One asset; ValueError, or OSError, with what is wrong with its path or its content."""
+    """Read one asset.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: the path is not allowed, or the content is invalid.
+    """
     key, given = ("mesh", asset.mesh) if asset.mesh is not None else ("image", asset.image or "")
     assert given is not None
     if not given:
-        raise ValueError("is no path; name a file below the recipe's folder")
+        raise ValueError("is not a path; name a file below the recipe's folder")
     problem = forbidden(given)
     if problem:
         raise ValueError(problem)
     if not stays_below(folder, path):
-        raise ValueError("it leads out of the recipe's folder through a symbolic link; put the file itself there")
+        raise ValueError("leaves the recipe's folder through a symbolic link; put a copy of the file in the folder")
     kind = PurePosixPath(path).suffix[1:].lower()
     if kind not in _KINDS[key]:
         kinds = ", ".join(f".{k}" for k in _KINDS[key])
         article = "an" if key == "image" else "a"
-        raise ValueError(f"is not {article} {key} of a kind that is read here, {kinds}; {_WHY[key]}")
+        raise ValueError(f"is not {article} {key} in a supported format ({kinds}); {_WHY[key]}")
     most = MESH_BYTES if key == "mesh" else IMAGE_BYTES
     content = read_regular(folder / path, most)
     if len(content) > most:
@@ -174,5 +189,5 @@ def _mesh(name: str, path: str, file: FilePlan, up: str | None, content: bytes) 
         height, width, _ = assets.image(content, file.kind, number).shape
         pixels += height * width
         if pixels > ALL_PIXELS:
-            raise ValueError(f"its pictures have more than {ALL_PIXELS >> 20} Mpx together; make them smaller")
+            raise ValueError(f"its textures have more than {ALL_PIXELS >> 20} Mpx in total; make them smaller")
     return AssetFile(name, path, file, up, mesh.triangles, (pixels, 1), mesh.low, mesh.high, materials)

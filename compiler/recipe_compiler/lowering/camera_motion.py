@@ -1,8 +1,7 @@
-"""A rig's poses, frame by frame: linear motion, rotation and jitter, together.
+"""Computes the pose of a sensor at every frame from its mount, linear motion, rotation and jitter.
 
-Jitter is drawn per rig, frame and axis from streams keyed by name, uniform between -m and m, so its mean is zero
-whatever the number of frames; it is added to the frame's own pose and never carried on to the next. So more frames
-change no earlier pose, and another sensor's jitter shares nothing with this one's.
+Jitter is drawn independently for every sensor, frame and axis, uniformly between -m and m, from streams keyed by name,
+and does not accumulate. Adding frames or sensors therefore changes no existing pose.
 """
 
 from __future__ import annotations
@@ -18,7 +17,18 @@ _AXES = ("x", "y", "z", "yaw", "pitch", "roll")
 
 
 def poses(name: str, sensor: Sensor, *, seed: int, fps: int, frames: int) -> tuple[Pose, ...]:
-    """The poses of a rig in its mount's frame: one if it never moves, else one a frame."""
+    """Return the poses of a sensor in the frame of its mount.
+
+    Args:
+        name: the sensor's name, the key of its jitter.
+        sensor: the sensor.
+        seed: the variant's seed.
+        fps: frames per second.
+        frames: the number of frames.
+
+    Returns:
+        One pose if all are equal, else one per frame.
+    """
     motion = sensor.motion
     moves = [
         motion.linear is not None,

@@ -1,4 +1,8 @@
-"""Starts from which an actor gets nowhere: inside a building, or in a yard with buildings and walls all round."""
+"""Warns of actors that start inside a building, or in a yard that is enclosed by buildings and walls.
+
+Walls, fences and buildings are rectangles on the ground. A breadth-first search on a grid of square cells decides
+whether a lane or a sidewalk can be reached from the start.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +18,11 @@ from recipe_compiler.library.towns import Town
 from recipe_compiler.source.yaml_reader import Value
 
 _BUILDINGS = ("building", "house", "tower")
-_BEHIND = ("building", "house", "wall")  # elements whose pose is the middle of their front
-_AROUND = ("fence", "guardrail", "hedge", "tower")  # elements whose pose is their middle
-_CELL = 0.5  # metres
-_REACH = 40.0  # metres; who gets so far is not enclosed
-_REMEDY = "move it to a lane or a sidewalk, as a map of the town shows them"
+_BEHIND = ("building", "house", "wall")  # elements with the origin in the middle of their front
+_AROUND = ("fence", "guardrail", "hedge", "tower")  # elements with the origin in their middle
+_CELL = 0.5  # edge length of a cell, metres
+_REACH = 40.0  # metres; a start from which cells at this distance can be reached is not enclosed
+_REMEDY = "move it to a lane or a sidewalk, which a map of the town shows"
 
 Cell = tuple[int, int]
 
@@ -26,13 +30,13 @@ Cell = tuple[int, int]
 def of_enclosed_starts(
     base: Value, actors: Sequence[ActorPlan], routed: Collection[str], town: Town
 ) -> Iterator[Problem]:
-    """Warnings of starts inside a building, and of starts in a yard that the actor cannot leave.
+    """Yield warnings for starts inside a building, and for starts in a yard that the actor cannot leave.
 
     Args:
-        base: The recipe's base, for the places of its values.
-        actors: Those whose start the recipe gives.
-        routed: Names of those whose way the recipe gives too; they may stay within a yard.
-        town: Where they are.
+        base: the recipe's base, for the places of its values.
+        actors: the actors whose start is given in the recipe.
+        routed: names of the actors whose route or goal is given too; their route may stay within a yard.
+        town: the town.
     """
     ground = _Ground(town) if actors else None
     for actor in actors:
@@ -45,23 +49,23 @@ def of_enclosed_starts(
             yard = ground.yard(x, y)
             if not yard or (actor.name in routed and all(_cell(p.x, p.y) in yard for p in actor.route)):
                 continue
-            what = "it is in a yard that it cannot leave, with buildings and walls all round"
+            what = "it is in a yard enclosed by buildings and walls, which the actor cannot leave"
         place = base.place_of("actors", actor.name, "start")
         yield Problem(f"actors.{actor.name}.start: {what}", place, _REMEDY, Code.PLACEMENT)
 
 
 @dataclass(frozen=True)
 class _Obstacle:
-    """The ground plan of what nobody walks through: a rectangle about its middle, in metres."""
+    """The ground plan of an obstacle: a rotated rectangle, in metres."""
 
     name: str
     building: bool
-    x: float
+    x: float  # of its middle
     y: float
-    cos: float
+    cos: float  # of its yaw
     sin: float
-    depth: float  # half of it
-    width: float  # half of it
+    depth: float  # half its depth
+    width: float  # half its width
 
     @classmethod
     def of(cls, element: Element) -> _Obstacle:
@@ -73,7 +77,7 @@ class _Obstacle:
         return cls(element.name, element.kind in _BUILDINGS, x, y, c, s, depth, width)
 
     def covers(self, x: float, y: float, margin: float = 0.0) -> bool:
-        """Whether the ground plan, wider by a margin on all sides, holds a point."""
+        """Whether a point is inside the rectangle, enlarged by a margin on all sides."""
         dx, dy, reach = x - self.x, y - self.y, self.depth + self.width + margin
         if abs(dx) > reach or abs(dy) > reach:
             return False
@@ -82,21 +86,25 @@ class _Obstacle:
 
 
 class _Ground:
-    """A town's ground, in square cells, and what stands on it."""
+    """The ground of a town as a grid of square cells, and the obstacles on it."""
 
     def __init__(self, town: Town) -> None:
         kinds = (*_BEHIND, *_AROUND)
         self._obstacles = [_Obstacle.of(e) for e in town.plan.elements if e.kind in kinds]
         self._spots = {_cell(point.pose.x, point.pose.y) for point in town.spawn_points}
         self._yards: list[set[Cell]] = []  # found so far
-        self._open: set[Cell] = set()  # cells that are known to lead out
+        self._open: set[Cell] = set()  # cells known not to be enclosed
 
     def building(self, x: float, y: float) -> str | None:
-        """The name of the building over a point."""
+        """Return the name of the building that covers a point, or None."""
         return next((o.name for o in self._obstacles if o.building and o.covers(x, y)), None)
 
     def yard(self, x: float, y: float) -> set[Cell]:
-        """All cells that can be reached from a point; empty if one of them is a lane's, a sidewalk's or far away."""
+        """Return the cells that can be reached from a point.
+
+        The result is empty if the point is not enclosed: if a spawn point, or a cell `_REACH` metres away, can be
+        reached.
+        """
         start = _cell(x, y)
         for yard in self._yards:
             if start in yard:
@@ -121,6 +129,6 @@ def _cell(x: float, y: float) -> Cell:
 
 
 def _blocked(obstacles: Sequence[_Obstacle], cell: Cell) -> bool:
-    """Whether an obstacle is over a cell's middle, or so near that nobody passes."""
+    """Whether an obstacle covers the middle of a cell or comes within half a cell of it."""
     x, y = (cell[0] + 0.5) * _CELL, (cell[1] + 0.5) * _CELL
     return any(o.covers(x, y, _CELL / 2) for o in obstacles)

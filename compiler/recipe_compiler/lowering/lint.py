@@ -1,4 +1,4 @@
-"""Warnings about probable mistakes: overlapping bodies, bodies far from the town, cameras inside ground or walls."""
+"""Warns of probable mistakes: overlapping bodies, starts far from the town, cameras in the ground or in buildings."""
 
 from __future__ import annotations
 
@@ -11,14 +11,20 @@ from recipe_compiler.ir.plan import ActorPlan, Element, Pose, RigPlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.source.yaml_reader import Value
 
-FAR = 100.0  # metres beyond the town's outermost sidewalks
-_SHOULDER = 0.25  # metres, half a pedestrian's width
+FAR = 100.0  # distance from the town's bounds that causes a warning, metres
+_SHOULDER = 0.25  # half a pedestrian's width, metres
 
 Disc = tuple[float, float, float]  # x, y, radius
 
 
 def of_starts(base: Value, actors: Sequence[ActorPlan], town: Town) -> Iterator[Problem]:
-    """Warnings of starts that the recipe gives: one that overlaps an earlier one, one far from the town."""
+    """Yield warnings for starts that overlap the start of an earlier actor, or that are far from the town.
+
+    Args:
+        base: the recipe's base, for the places of its values.
+        actors: the actors whose start is given in the recipe.
+        town: the town.
+    """
     (x0, x1), (y0, y1) = town.streets.bounds
     before: list[tuple[str, list[Disc]]] = []
     for actor in actors:
@@ -26,20 +32,25 @@ def of_starts(base: Value, actors: Sequence[ActorPlan], town: Town) -> Iterator[
         x, y = actor.start.x, actor.start.y
         if max(x0 - x, x - x1, y0 - y, y - y1) > FAR:
             spans = f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g}"
-            message = f"actors.{actor.name}.start: far outside the town, which spans {spans}"
+            message = f"actors.{actor.name}.start: is far outside the town, whose bounds are {spans}"
             yield Problem(message, place, "move it into the town", Code.PLACEMENT)
         discs = _discs(actor)
         other = next((name for name, others in before if _touch(discs, others)), None)
         if other is not None:
-            message = f"actors.{actor.name}.start: its body is in that of {other}"
-            yield Problem(message, place, "move one of the two", Code.PLACEMENT)
+            message = f"actors.{actor.name}.start: its body overlaps the body of {other}"
+            yield Problem(message, place, "move one of them", Code.PLACEMENT)
         before.append((actor.name, discs))
 
 
 def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
-    """Warnings of cameras that are, at any frame, at or below the ground (on an actor: its feet or wheels).
+    """Yield warnings for cameras that are at any frame below the ground or inside a building, which has no interior.
 
-    Also of cameras inside a house, which has no interior.
+    For a camera mounted on an actor, the ground is the height of the actor's origin.
+
+    Args:
+        base: the recipe's base, for the places of its values.
+        rig: the sensors and their poses.
+        town: the town.
     """
     houses = [element for element in town.plan.elements if element.kind in ("building", "house")]
     for sensor in rig.sensors:
@@ -49,7 +60,7 @@ def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
         frame, house = next(inside, (0, None))
         if house is not None:
             when = f" at frame {frame}" if frame else ""
-            message = f"sensors.{sensor.name}: it is inside {house.name}{when}, and sees its walls from within"
+            message = f"sensors.{sensor.name}: it is inside {house.name}{when}, which has no interior"
             place = base.place_of("sensors", sensor.name, "mount")
             yield Problem(message, place, "move the mount", Code.PLACEMENT)
         for frame, pose in enumerate(sensor.poses):
@@ -64,7 +75,7 @@ def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
 
 
 def _about(houses: Sequence[Element], poses: Sequence[Pose]) -> list[Element]:
-    """The houses near a path of poses: those whose surroundings intersect its bounding box."""
+    """Return the houses whose enlarged bounding box intersects the bounding box of the poses."""
     if not poses:
         return []
     west, east = min(pose.x for pose in poses), max(pose.x for pose in poses)
@@ -79,7 +90,7 @@ def _about(houses: Sequence[Element], poses: Sequence[Pose]) -> list[Element]:
 
 
 def _within(house: Element, pose: Pose) -> bool:
-    """Whether a pose is inside a building, which stands behind the middle of its front, below the eaves."""
+    """Whether a pose is inside a building, below the eaves. The building's origin is the middle of its front."""
     depth, width, height = house.size
     dx, dy, up = pose.x - house.pose.x, pose.y - house.pose.y, pose.z - house.pose.z
     if abs(dx) + abs(dy) > depth + width or not 0.0 < up < height:
@@ -90,7 +101,7 @@ def _within(house: Element, pose: Pose) -> bool:
 
 
 def _discs(actor: ActorPlan) -> list[Disc]:
-    """The ground that a body covers, as discs in a row along it."""
+    """Approximate the ground plan of a body by discs in a row."""
     x, y = actor.start.x, actor.start.y
     if actor.category == "pedestrian":
         return [(x, y, _SHOULDER)]

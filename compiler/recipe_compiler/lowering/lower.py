@@ -1,6 +1,6 @@
-"""Lowers variants to plans: presets, globs, spawn points, routes and angles become numbers.
+"""Lowers variants to plans: resolves presets, glob patterns, spawn points, routes and angles to numbers.
 
-Parts that variants share are lowered once and are the same objects in each plan, so their digests are computed once.
+Parts that variants share are lowered once. Their plans are the same objects, so their digests are computed once too.
 """
 
 from __future__ import annotations
@@ -58,7 +58,13 @@ class Lowering:
         self._made: dict[tuple[object, ...], tuple[object, object]] = {}
 
     def _once(self, key: tuple[object, ...], holding: object, make: Callable[[], T]) -> T:
-        """The cached result of `make` for a key. Keys contain ids; `holding` keeps the identified objects alive."""
+        """Return the cached result of `make` for a key.
+
+        Args:
+            key: may contain `id()` values.
+            holding: the objects with these ids. The cache keeps them alive, so that no id is reused.
+            make: called if the key is new.
+        """
         if key not in self._made:
             self._made[key] = (holding, make())
         return cast("T", self._made[key][1])
@@ -69,7 +75,7 @@ class Lowering:
         return {made.plan.digest: made for _, made in self._made.values() if isinstance(made, Town)}
 
     def _once_reporting(self, key: tuple[object, ...], holding: object, make: Callable[[], T]) -> T:
-        """As `_once`; its problems and warnings are reported again for each variant that shares the result."""
+        """As `_once`, but reports the problems and warnings again for each variant that shares the result."""
 
         def noted() -> tuple[T, list[Problem], list[Problem]]:
             problems, warnings = len(self.problems), len(self.warnings)
@@ -84,7 +90,7 @@ class Lowering:
         return made
 
     def scenario(self, variant: Variant, base: Base) -> ScenarioPlan | None:
-        """The variant's plans; None if it has problems."""
+        """Return the plans of a variant; None, with entries in `problems`, if it cannot be lowered."""
         cast = [base.clock, base.town, base.actors, base.traffic, base.props]
         if base.traffic.near is not None:
             cast.append(base.sensors)
@@ -142,7 +148,7 @@ class Lowering:
         self.warnings += enclosures.of_enclosed_starts(variant.base, given, routed, town)
         seconds = traffic.warmup(base)
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics, warmup=seconds)
-        # Every colour is a palette's or has been checked; to check and copy a town's again would take the longest here.
+        # All colours come from a palette or are validated. Validating a town's again would be the slowest step here.
         looks = Looks.model_construct(root={**town.looks, **cast.looks, **stage.looks})
         plan = ScenePlan(clock=clock, town=town.plan, actors=actors, props=stage.plans)
         return _Scene(plan, looks, stage.textures)
@@ -200,7 +206,7 @@ class Lowering:
     def _warn_of_sun(self, variant: Variant, time: str) -> None:
         if variant.base.get("weather", "sun_altitude_angle") is not None:
             by_time = f"time {show(time)} of line {variant.base.place_of('time').line}"
-            message = f"weather.sun_altitude_angle is set by hand and wins: {by_time} does not move the sun up or down"
+            message = f"weather.sun_altitude_angle overrides the altitude that follows from {by_time}"
             place = variant.base.place_of("weather", "sun_altitude_angle")
             self.warnings.append(Problem(message, place, "remove one of the two", Code.OVERRIDDEN))
 

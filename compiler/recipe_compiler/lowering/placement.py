@@ -1,11 +1,11 @@
-"""Where actors start and which instance number each has, so that adding one moves no other.
+"""Start positions and instance numbers of actors, chosen so that adding an actor moves no other.
 
-Starts are drawn by name. Actors whose recipe says where they start stand there; traffic and then the actors without a
-start take the first spot of their own random order that is free. So one that is added can only ever push away one
-that would have stood on the very same spot.
+Starts are drawn from streams keyed by the actor's name. Actors with a start in the recipe are placed first. Traffic,
+then the named actors without a start, take the first free spawn point in their own random order. An added actor
+therefore displaces another one only if both would take the same spawn point.
 
-Instance numbers are the recipe's, not the variant's: an actor has the same one in every variant. They are unique
-across all categories, from blocks of their own, so that traffic and deltas shift nobody.
+Instance numbers are assigned per recipe, so an actor has the same number in every variant. Named actors, traffic and
+parked cars have separate ranges of numbers, so that none depends on how many of the others there are.
 """
 
 from __future__ import annotations
@@ -21,30 +21,36 @@ from recipe_compiler.library.blueprints import Blueprint
 from recipe_compiler.library.towns.town import Category
 
 BASE_NUMBERS = (1, 299)  # actors of the base, in file order
-DELTA_NUMBERS = (300, 399)  # actors that only deltas have, by a hash of the name
-PARKED_NUMBERS = 400  # traffic.parked.0 and on, 100 of them
-PEDESTRIAN_NUMBERS = 500  # traffic.pedestrian.0 and on, 250 of them
-VEHICLE_NUMBERS = 750
+DELTA_NUMBERS = (300, 399)  # actors that occur only in deltas, by a hash of the name
+PARKED_NUMBERS = 400  # first of 100 numbers for traffic.parked.*
+PEDESTRIAN_NUMBERS = 500  # first of 250 numbers for traffic.pedestrian.*
+VEHICLE_NUMBERS = 750  # first of the numbers for traffic.vehicle.*
 _ALONG, _ASIDE = 1.5, 0.25  # metres kept free before and behind a vehicle, and beside it
 _PERSON = 0.6  # metres around a pedestrian
 _CELL = 14.0  # metres, more than two bodies that touch can be apart
 _TRIES = 64
 _CANDIDATES = 24  # free spawn points that are compared where a score is given
-_PLACE = (5.0, 2.3)  # metres along and across a parking place within which a body is in it
+_PLACE = (5.0, 2.3)  # a body occupies a parking place within this distance of its middle, along and across; metres
 
 
 def instance_numbers(base: Sequence[str], deltas: Sequence[str]) -> dict[str, int]:
-    """Instance numbers of the base's actors and of those that only deltas name; ValueError if there are too many."""
+    """Assign instance numbers to the named actors of a recipe.
+
+    Args:
+        base: names of the base's actors, in file order.
+        deltas: names of the actors that occur only in deltas.
+
+    Raises:
+        ValueError: there are more actors than numbers.
+    """
     first, last = BASE_NUMBERS
     if len(base) > last - first + 1:
-        raise ValueError(
-            f"{len(base)} actors are more than the most allowed, {last - first + 1}; use `traffic` for crowds"
-        )
+        raise ValueError(f"{len(base)} actors exceed the limit of {last - first + 1}; use `traffic` for crowds")
     numbers = {name: first + index for index, name in enumerate(base)}
     low, high = DELTA_NUMBERS
     if len(deltas) > high - low + 1:
         most = f"{high - low + 1}; use `traffic` for crowds"
-        raise ValueError(f"{len(deltas)} actors that only deltas have are more than the most allowed, {most}")
+        raise ValueError(f"{len(deltas)} actors that occur only in deltas exceed the limit of {most}")
     taken: set[int] = set()
     for name in deltas:
         number = Stream(0, "instance", name).integer(low, high)
@@ -56,7 +62,7 @@ def instance_numbers(base: Sequence[str], deltas: Sequence[str]) -> dict[str, in
 
 
 def _cell(x: float, y: float) -> tuple[int, int]:
-    """The square of a grid in which a point lies: two bodies that touch are in the same or in neighbouring ones."""
+    """Return the grid cell of a point. Two bodies that touch are in the same cell or in neighbouring cells."""
     return math.floor(x / _CELL), math.floor(y / _CELL)
 
 
@@ -153,17 +159,16 @@ class Spots:
 
 @dataclass
 class Parking:
-    """A town's places for parked cars, and which are taken.
+    """The parking places of a town, and which are occupied.
 
-    They are apart from the lanes, so that cars that stand and cars that drive never take one another's place; only
-    bodies that the recipe itself puts into a place keep it free.
+    Parking places are apart from the lanes, so traffic never occupies one; only actors with a start in the recipe do.
     """
 
     places: Sequence[Pose]
     _taken: set[int] = field(default_factory=set)
 
     def occupy(self, x: float, y: float) -> None:
-        """Note that a body stands here."""
+        """Mark the parking places that a body at this position occupies."""
         for index, place in enumerate(self.places):
             s, c = exact.sin_cos_deg(place.yaw)
             dx, dy = x - place.x, y - place.y
@@ -171,7 +176,7 @@ class Parking:
                 self._taken.add(index)
 
     def take(self, stream: Stream) -> Pose | None:
-        """The first free place in the stream's order, now taken; None if none is left."""
+        """Occupy and return the first free parking place in a random order; None if all are occupied."""
         for attempt in range(_TRIES + len(self.places)):
             if not self.places:
                 break

@@ -15,12 +15,12 @@ from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.scene import Prop
 from recipe_compiler.source.yaml_reader import Value, show
 
-PREFIX = "prop."  # keeps names of props apart from those of actors and town elements
+PREFIX = "prop."  # keeps the names of props distinct from those of actors and town elements
 BOARD_THICKNESS = 0.02  # metres
 _BOARD_LOOK = {"face": "#909090", "back": "#b8b0a0"}
 _WHITE = "#ffffff"
-_SIZES = (0.001, 1000.0)  # metres; the smallest and the largest that a prop may be
-_TRIANGLES = 4_000_000  # of all props of a scene
+_SIZES = (0.001, 1000.0)  # limits of a prop's largest extent, metres
+_TRIANGLES = 4_000_000  # limit for all props of a scene
 _TAGS = {
     "Buildings": 3, "Walls": 4, "Fences": 5, "Poles": 6, "TrafficLight": 7, "TrafficSigns": 8, "Vegetation": 9,
     "Static": 20, "Dynamic": 21, "Other": 22, "Bridge": 26, "GuardRail": 28,
@@ -53,8 +53,8 @@ def lower(props: Mapping[str, Prop], assets: Mapping[str, AssetFile], base: Valu
         mesh = assets[prop.asset] if prop.asset is not None else None
         triangles += mesh.triangles if mesh else 4
         if triangles > _TRIANGLES:
-            message = f"props: {triangles} triangles up to here are more than the most allowed, {_TRIANGLES}"
-            remedy, place = "bring fewer or simpler meshes", base.place_of("props", name)
+            message = f"props: {triangles} triangles in total up to here exceed the limit of {_TRIANGLES}"
+            remedy, place = "use fewer or simpler meshes", base.place_of("props", name)
             lowered.problems.append(Problem(message, place, remedy, Code.INPUT_LIMIT))
             break
         wrong = [*_wrong_size(name, prop, mesh, base), *_wrong_slots(name, prop, mesh, base)]
@@ -85,7 +85,7 @@ def _plan(name: str, prop: Prop, mesh: AssetFile | None, town: Town) -> PropPlan
 
 
 def _box(prop: Prop, mesh: AssetFile | None) -> tuple[Corner, Corner]:
-    """A prop's box in its own frame, in metres."""
+    """Return the bounding box of a prop in its own frame, metres: minimum and maximum corner."""
     if mesh is None:
         assert prop.size is not None
         half, depth = prop.size.width / 2, BOARD_THICKNESS / 2
@@ -95,7 +95,14 @@ def _box(prop: Prop, mesh: AssetFile | None) -> tuple[Corner, Corner]:
 
 
 def _lowest(low: Corner, high: Corner, pitch: float, roll: float) -> float:
-    """The height of a box's lowest corner over its origin, tilted."""
+    """Return the height of a tilted box's lowest corner relative to its origin, metres.
+
+    Args:
+        low: the minimum corner of the box, metres.
+        high: the maximum corner.
+        pitch: degrees.
+        roll: degrees.
+    """
     sp, cp = exact.sin_cos_deg(pitch)
     sr, cr = exact.sin_cos_deg(roll)
     corners = itertools.product(*zip(low, high, strict=True))
@@ -104,7 +111,7 @@ def _lowest(low: Corner, high: Corner, pitch: float, roll: float) -> float:
 
 def _look(prop: Prop, mesh: AssetFile | None) -> dict[str, str]:
     own = {slot: material.colour for slot, material in mesh.materials.items()} if mesh else dict(_BOARD_LOOK)
-    if prop.image is not None:  # seen as it is, unless `look` says otherwise
+    if prop.image is not None:  # white leaves the colours of the image unchanged, unless `look` overrides it
         own |= dict.fromkeys(_imaged(mesh), _WHITE)
     own |= {slot: colour.lower() for slot, colour in prop.look.items()}
     return dict(sorted(own.items()))
@@ -122,7 +129,7 @@ def _textures(prop: Prop, mesh: AssetFile | None, assets: Mapping[str, AssetFile
 
 
 def _imaged(mesh: AssetFile | None) -> list[str]:
-    """The slots that an image is laid on."""
+    """Return the slots that the prop's image is applied to."""
     return ["face"] if mesh is None else [slot for slot, material in mesh.materials.items() if material.mapped]
 
 
@@ -130,10 +137,10 @@ def _wrong_size(name: str, prop: Prop, mesh: AssetFile | None, base: Value) -> I
     low, high = _box(prop, mesh)
     largest = max(b - a for a, b in zip(low, high, strict=True))
     if not _SIZES[0] <= largest <= _SIZES[1]:
-        message = f"props.{name}: is {largest:.4g} m large, not between {_SIZES[0]:g} and {_SIZES[1]:g} m"
+        message = f"props.{name}: its largest extent is {largest:.4g} m, not {_SIZES[0]:g} to {_SIZES[1]:g} m"
         yield Problem(message, base.place_of("props", name, "scale"), "set `scale`", Code.OUT_OF_RANGE)
     elif max(abs(v) for v in (*low, *high)) > 10 * _SIZES[1]:
-        message = f"props.{name}: lies {max(map(abs, (*low, *high))):.3g} m from its origin"
+        message = f"props.{name}: extends {max(map(abs, (*low, *high))):.3g} m from its origin"
         yield Problem(message, base.place_of("props", name, "asset"), "centre it in its file", Code.INVALID_ASSET)
 
 
@@ -146,4 +153,5 @@ def _wrong_slots(name: str, prop: Prop, mesh: AssetFile | None, base: Value) -> 
             yield Problem(message, parent.key_place(slot), nearest(slot, slots), Code.UNKNOWN_NAME)
     if prop.image is not None and not _imaged(mesh):
         message = f"props.{name}.image: the mesh {show(prop.asset)} has no texture coordinates"
-        yield Problem(message, base.place_of("props", name, "image"), "export it with them", Code.INVALID_ASSET)
+        remedy = "export it with texture coordinates"
+        yield Problem(message, base.place_of("props", name, "image"), remedy, Code.INVALID_ASSET)

@@ -1,4 +1,4 @@
-"""Where the sun stands: from time and place, and from CARLA's angles."""
+"""Position of the sun, from time and place or from CARLA's angles."""
 
 from __future__ import annotations
 
@@ -6,17 +6,27 @@ import datetime
 
 from recipe_compiler.ir.plan import Sun
 
-PLACES = 2  # decimals of a degree; coarse enough to hide the last bits of libm, which differ between CPUs
+PLACES = 2  # decimals of a degree: coarse enough to round away differences of libm between CPUs
 
 
 def from_time(
     time: str, *, date: str, latitude: float, longitude: float, utc_offset: float | None
 ) -> tuple[float, float]:
-    """Azimuth (counter-clockwise from world +x, which is east) and altitude of the sun, in degrees, to 0.01.
+    """Compute the position of the sun, without refraction, by the NOAA equations of the `astral` package.
 
-    The position is geometric, without refraction, by the NOAA equations of the `astral` package. `time` is HH:MM or
-    HH:MM:SS, `utc_offset` hours ahead of UTC; without it the zone is the nautical one, longitude / 15 rounded. No
-    time-zone database is asked: hosts differ in theirs. ValueError if the date does not exist.
+    Args:
+        time: local time, HH:MM or HH:MM:SS.
+        date: YYYY-MM-DD.
+        latitude: degrees north.
+        longitude: degrees east.
+        utc_offset: hours ahead of UTC. None means the nautical time zone, longitude / 15 rounded. Time-zone
+            databases are not used, because they differ between hosts.
+
+    Returns:
+        Azimuth (counter-clockwise from +x, which is east) and altitude, both in degrees rounded to 0.01.
+
+    Raises:
+        ValueError: the date does not exist.
     """
     from astral import Observer
     from astral.sun import zenith_and_azimuth
@@ -29,10 +39,13 @@ def from_time(
 
 
 def wrapped(azimuth: float) -> float:
-    """An angle in degrees as one in [0, 360), to 0.01."""
+    """Normalize an angle in degrees to [0, 360), rounded to 0.01."""
     return round(azimuth % 360.0, PLACES) % 360.0 + 0.0
 
 
 def from_carla(azimuth: float, altitude: float) -> Sun:
-    """The sun at CARLA's angles: its azimuth runs clockwise, seen from above, for its y axis points the other way."""
+    """Convert CARLA's sun angles, in degrees.
+
+    CARLA's y axis points the other way, so its azimuth increases clockwise seen from above.
+    """
     return Sun(azimuth=-azimuth % 360.0, altitude=altitude)

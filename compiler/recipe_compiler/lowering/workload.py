@@ -1,4 +1,4 @@
-"""The work that a variant takes, as input of the cost model in `limits`: estimated before lowering, measured after."""
+"""Computes the workload of a variant, the input of the cost model in `limits`, before or after lowering."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed
 
 
 def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
-    """The work of a variant before lowering, from its models.
+    """Estimate the workload of a variant before lowering, from its checked models.
 
     Args:
         variant: the variant.
         base: its checked base. Sections that are the same object in several variants count as shared.
-        changes: how many axes and draws are merged over the base.
+        changes: the number of axes and draws merged over the base.
     """
     scene = (*(id(part) for part in (base.clock, base.town, base.actors, base.traffic, base.props)), variant.seed)
     rig = (id(base.sensors), variant.seed)
@@ -62,7 +62,7 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
 
 
 class _ImageFilters(Protocol):
-    """The settings of filters that run on the shaded picture."""
+    """The settings of the filters applied to the shaded picture."""
 
     @property
     def motion_blur_intensity(self) -> float: ...
@@ -80,7 +80,7 @@ def _samples(camera: optics.Lens, supersample: int) -> int:
 
 
 def measured(plan: ScenarioPlan) -> limits.Load:
-    """The work of a variant after lowering, from its plan. Plans with the same digest count as shared."""
+    """Compute the workload of a variant from its plan. Plans with the same digest count as shared."""
     clock = plan.scene.clock
     responses = plan.appearance.responses
     views = tuple(
@@ -107,7 +107,7 @@ def measured(plan: ScenarioPlan) -> limits.Load:
 
 
 def plan_cost(plan: DatasetPlan) -> limits.Cost:
-    """Return the cost of building a plan, such as one from a dataset's folder. It includes no compiling."""
+    """Return the cost of building an existing plan, such as one from a dataset's folder, without compiling it."""
     cost = limits.total(map(measured, plan.variants), plan.depth)
     memory = cost.main_memory - cost.compile_bytes
     return dataclasses.replace(cost, compile_seconds=0.0, compile_bytes=0, main_memory=memory)

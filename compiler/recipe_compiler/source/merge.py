@@ -209,7 +209,7 @@ def _next(folder: Path, name: str, value: Value, seen: list[str], sources: Sourc
     problem, code = forbidden(extends.data), Code.PATH_REFUSED
     target = str(PurePosixPath(name).parent / extends.data) if not problem else ""
     if not problem and not stays_below(folder, target):
-        problem = "it leads out of the recipe's folder through a symbolic link; put the file itself there"
+        problem = "leaves the recipe's folder through a symbolic link; put a copy of the file in the folder"
     if not problem and target in seen:
         circle = " -> ".join([*seen[seen.index(target) :], target])
         problem, code = f"the files extend each other in a circle: {circle}; remove one `extends`", Code.EXTENDS_CYCLE

@@ -8,7 +8,7 @@ from recipe_runtime.body.kinematics import Quaternion, Vector, axis_rotation, co
 from recipe_runtime.body.skeleton import SIDES, Bike
 
 _WALKING = 0.9  # m/s
-_DEVELOPMENT = 4.2  # metres that a bicycle goes in one turn of its cranks
+_DEVELOPMENT = 4.2  # distance per revolution of a bicycle's cranks, metres
 
 
 def foot_down(speed: float) -> float:
@@ -56,7 +56,7 @@ def _degrees(distance: float, turn: float) -> float:
 
 
 def _arm(bike: Bike, side: float, fork: Quaternion, torso: Quaternion, pelvis: Quaternion) -> list[Quaternion]:
-    """Rotations of shoulder and elbow that put the palm on the grip."""
+    """Return the rotations of shoulder and elbow that put the palm on the grip."""
     f = bike.figure
     chest = _add(bike.hips, rotate(pelvis, (0.0, 0.0, f.chest - f.hip)))
     shoulder = _add(chest, rotate(torso, (0.0, side * f.shoulder, f.shoulders - f.chest)))
@@ -67,7 +67,7 @@ def _arm(bike: Bike, side: float, fork: Quaternion, torso: Quaternion, pelvis: Q
 
 
 def _leg(bike: Bike, side: float, crank: float, pelvis: Quaternion, foot_weight: float) -> list[Quaternion]:
-    """Rotations of hip, knee and ankle that put the ball of the foot on the pedal, or on the ground."""
+    """Return the rotations of hip, knee and ankle that put the ball of the foot on the pedal or on the ground."""
     f = bike.figure
     hip = _add(bike.hips, rotate(pelvis, (0.0, side * 0.05 * f.height, 0.0)))
     sole, pitch = pedal_position(bike, side, crank)

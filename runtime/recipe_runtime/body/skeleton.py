@@ -16,7 +16,7 @@ Offset = tuple[float, float, float]
 SIDES = (("left", 1.0), ("right", -1.0))
 
 BODIES = ("sedan", "hatchback", "suv", "van", "pickup", "bus", "truck", "motorcycle", "bicycle")
-"""Kinds of vehicle: `shape["body"]` counts them from 0, as the compiler's library does."""
+"""Vehicle bodies; `shape["body"]` of a blueprint is an index into this tuple."""
 PICKUP, BUS, TRUCK, MOTORCYCLE, BICYCLE = 4, 5, 6, 7, 8
 
 
@@ -36,17 +36,21 @@ def _at(*offset: float) -> Offset:
 
 @dataclass(frozen=True)
 class Figure:
-    """The proportions of a person in metres, from its blueprint's shape."""
+    """The proportions of a person, from the shape of its blueprint. Lengths are in metres."""
 
     height: float
     shoulder: float  # half the distance between the shoulder joints
-    girth: float
+    girth: float  # scale of the widths of the body
     head: float  # scale of the head
-    limb: float  # scale of the legs' length: children's are shorter for their height
+    limb: float  # scale of the legs, less than 1 for children
 
     @classmethod
     def of(cls, shape: Mapping[str, float]) -> Figure:
-        """The figure of a pedestrian's shape, or of a rider's, whose height is `rider`."""
+        """Return the figure of a pedestrian, or of the rider of a two-wheeler.
+
+        Args:
+            shape: the blueprint's shape; `rider`, if present, is the rider's height.
+        """
         height = shape.get("rider", shape["height"])
         return cls(height, 0.1 * height * shape["shoulder"], shape["girth"], shape["head"], shape["limb"])
 
@@ -62,17 +66,17 @@ class Figure:
 
     @cached_property
     def thigh(self) -> float:
-        """From hip to knee."""
+        """Length from hip to knee."""
         return 0.24 * self.height * self.limb
 
     @cached_property
     def shin(self) -> float:
-        """From knee to ankle."""
+        """Length from knee to ankle."""
         return 0.235 * self.height * self.limb
 
     @cached_property
     def upper_arm(self) -> float:
-        """From shoulder to elbow."""
+        """Length from shoulder to elbow."""
         return 0.172 * self.height
 
     @cached_property
@@ -92,7 +96,7 @@ class Figure:
 
     @cached_property
     def joints(self) -> tuple[Joint, ...]:
-        """All joints, parents first; the base part is `pelvis`, its origin on the ground."""
+        """All joints, parents first. The base part is `pelvis`, whose origin is on the ground."""
         return (
             Joint("torso", "pelvis", _at(0, 0, self.chest)),
             Joint("head", "torso", _at(0.004 * self.height, 0, self.neck - self.chest)),
@@ -101,7 +105,11 @@ class Figure:
         )
 
     def seated(self, seat: Offset) -> tuple[Joint, ...]:
-        """Return the joints of a rider, whose `pelvis` has its origin between the hips at `seat` of the chassis."""
+        """Return the joints of a rider.
+
+        Args:
+            seat: the point midway between the hips, in the frame of the chassis: the origin of `pelvis`.
+        """
         return (
             Joint("pelvis", "chassis", _at(*seat)),
             Joint("torso", "pelvis", _at(0, 0, self.chest - self.hip)),
@@ -131,7 +139,7 @@ class Figure:
 
 
 def is_person(shape: Mapping[str, float]) -> bool:
-    """Whether a shape is a pedestrian's."""
+    """Return whether a shape is that of a pedestrian."""
     return "body" not in shape
 
 
@@ -147,7 +155,7 @@ def is_parked(actor: ActorPlan) -> bool:
 
 @dataclass(frozen=True)
 class Bike:
-    """The dimensions of a two-wheeler in metres, in its chassis' frame: its origin on the ground between the wheels."""
+    """The dimensions of a two-wheeler, metres. The chassis frame has its origin on the ground between the wheels."""
 
     motor: bool
     wheel: float  # radius
@@ -156,17 +164,17 @@ class Bike:
 
     @classmethod
     def of(cls, shape: Mapping[str, float]) -> Bike:
-        """The measures of a shape with a rider."""
+        """Return the dimensions of a shape with a rider."""
         return cls(int(shape["body"]) == MOTORCYCLE, shape["wheel"], shape["wheelbase"], Figure.of(shape))
 
     @cached_property
     def tyre(self) -> float:
-        """Half a tyre's thickness."""
+        """Half the width of a tyre."""
         return 0.055 if self.motor else 0.02
 
     @cached_property
     def hips(self) -> Offset:
-        """Where the rider's hips are."""
+        """Position of the rider's hips."""
         h = self.figure.height
         if self.motor:
             return _at(-0.19 * self.wheelbase + 0.7 * (1.78 - h), 0, self.wheel + 0.285 * h)
@@ -174,7 +182,7 @@ class Bike:
 
     @cached_property
     def crank(self) -> Offset:
-        """The bottom bracket of a bicycle."""
+        """Position of a bicycle's bottom bracket."""
         return _at(-0.10 * self.wheelbase, 0, 0.285)
 
     @cached_property
@@ -184,18 +192,18 @@ class Bike:
 
     @cached_property
     def steering(self) -> Offset:
-        """The lower end of the steering axis, above the front hub and behind it."""
+        """Position of the lower end of the steering axis, above and behind the front hub."""
         return _at(self.wheelbase / 2 - 0.09, 0, self.wheel + 0.32)
 
     @cached_property
     def grips(self) -> Offset:
-        """The left handlebar grip, from the steering's origin."""
+        """Position of the left handlebar grip, relative to `steering`."""
         if self.motor:
             return _at(-0.22, 0.34, 0.40)
         return _at(-0.19, 0.28, 0.44)
 
     def joints(self) -> tuple[Joint, ...]:
-        """Fork, wheels, cranks if it has any, and the rider."""
+        """Return the joints: fork, wheels, cranks (bicycles only) and the rider's."""
         half, (sx, _, sz) = self.wheelbase / 2, self.steering
         found = [
             Joint("fork", "chassis", self.steering),
@@ -208,7 +216,7 @@ class Bike:
 
 
 def wheel_joints(shape: Mapping[str, float]) -> tuple[Joint, ...]:
-    """A car's wheels on its base part `chassis`: front left, front right, rear left, rear right."""
+    """Return the joints of a car's wheels, children of `chassis`: front left, front right, rear left, rear right."""
     track = shape["width"] / 2 - 0.13 - 0.03 * (shape["width"] > 2.1)
     found = []
     for end, x in (("front", 0.5), ("rear", -0.5)):
@@ -223,13 +231,13 @@ def axle_shift(shape: Mapping[str, float]) -> float:
 
 
 def joints_of(shape: Mapping[str, float]) -> tuple[Joint, ...]:
-    """All joints of an actor, parents first; the base part is the first one's parent."""
+    """Return all joints of an actor, parents first. The parent of the first joint is the base part."""
     if is_person(shape):
         return Figure.of(shape).joints
     return Bike.of(shape).joints() if has_rider(shape) else wheel_joints(shape)
 
 
 def part_names(shape: Mapping[str, float]) -> tuple[str, ...]:
-    """Names of an actor's parts in the Trace's order, its base first."""
+    """Return the names of an actor's parts in the order of the Trace, the base part first."""
     joints = joints_of(shape)
     return (joints[0].parent, *(joint.part for joint in joints))

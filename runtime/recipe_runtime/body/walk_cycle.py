@@ -1,8 +1,9 @@
 """The walk cycle of a pedestrian: joint rotations as a function of phase and speed.
 
-The phase counts strides: at 0 the left heel strikes, at 0.5 the right. It advances with the distance covered, so that
-a foot on the ground does not slide. Feet are placed first and legs follow by inverse kinematics; the pelvis drops
-when the legs are spread. Proportions after D. A. Winter, Biomechanics and Motor Control of Human Movement.
+The phase counts strides: the left heel strikes at 0, the right heel at 0.5. It advances with the distance covered, so
+that a foot on the ground does not slide. The feet are placed first, and the legs follow by inverse kinematics; the
+pelvis drops when the legs are spread. Proportions are from D. A. Winter, Biomechanics and Motor Control of Human
+Movement.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from recipe_compiler.ir import exact
 from recipe_runtime.body.kinematics import IDENTITY, Quaternion, axis_rotation, compose, forward_kinematics, rotate
 from recipe_runtime.body.skeleton import Figure
 
-_DUTY = 0.61  # part of a stride during which a foot is on the ground
+_DUTY = 0.61  # duty factor: the fraction of a stride during which a foot is on the ground
 
 
 def stride_length(figure: Figure, speed: float) -> float:
@@ -28,7 +29,7 @@ def stride_length(figure: Figure, speed: float) -> float:
 
 
 def pelvis_drop(figure: Figure, phase: float, speed: float) -> float:
-    """Return how far the pelvis is below its standing height, in metres: most when the legs are spread."""
+    """Return how far the pelvis is below its standing height, in metres; it is lowest when the legs are spread."""
     _, twice = exact.sin_cos_deg(720.0 * (phase - 0.05))
     deepest = min(0.029 * stride_length(figure, speed), 0.029 * figure.height)
     return _walk_weight(speed) * (0.003 * figure.height + deepest * 0.5 * (1.0 + twice))

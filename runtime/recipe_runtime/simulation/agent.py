@@ -50,17 +50,17 @@ class Agent(ABC):
 
     @property
     def moving(self) -> bool:
-        """Whether its speed is above 1 m/s."""
+        """Whether the agent is faster than 1 m/s."""
         return self.velocity[0] * self.velocity[0] + self.velocity[1] * self.velocity[1] > 1.0
 
     @property
     def radius(self) -> float:
-        """Half its width, metres."""
+        """Half the body's width, metres."""
         return 0.13 * self.actor.shape["height"] if is_person(self.actor.shape) else self.actor.shape["width"] / 2
 
     @property
     def reach(self) -> float:
-        """Half its length, metres."""
+        """Half the body's length, metres."""
         return self.radius if is_person(self.actor.shape) else self.actor.shape["length"] / 2
 
     def parts(self) -> list[PartPose]:

@@ -1,9 +1,9 @@
 """Adapter to PyBullet, the only module that imports it: creates, steps and reads a world.
 
-Every engine parameter is set explicitly, nothing sleeps, nothing is removed or restored, and each island of touching
-bodies is solved by itself. A pedestrian is a capsule and a vehicle a box on four balls; each is given a velocity
-before each step, which contacts then change. Limbs and wheels do not collide: `body.kinematics` poses them. Importing
-this module prints PyBullet's build line, so it is imported only in processes whose standard output is
+Every engine parameter is set explicitly. Bodies never sleep, no body is removed, and no state is restored. Each island
+of touching bodies is solved separately. A pedestrian is a capsule and a vehicle a box on four spheres; their velocity
+is set before each step, and contacts then change it. Limbs and visible wheels do not collide: `body.kinematics` poses
+them. Importing this module prints PyBullet's build line, so it is imported only in processes whose standard output is
 redirected (see `simulation.process`).
 """
 
@@ -41,7 +41,7 @@ def _quaternion(pose: Pose) -> Quaternion:
 
 
 def _centre_and_size(prop: PropPlan) -> tuple[Vector, Vector]:
-    """Return the box of a prop in its own frame, at least a millimetre thick."""
+    """Return the centre and the size of a prop's box in its own frame, metres; each extent is at least 1 mm."""
     (a, b, c), (d, e, f) = prop.low, prop.high
     return ((a + d) / 2, (b + e) / 2, (c + f) / 2), (max(d - a, 0.001), max(e - b, 0.001), max(f - c, 0.001))
 
@@ -94,7 +94,7 @@ class World:
             self._add_fixed(self._box(centre, size), prop.pose, _OBSTACLE)
 
     def close(self) -> None:
-        """End the client."""
+        """Disconnect the client."""
         pybullet.disconnect(physicsClientId=self._client)
 
     def step(self) -> None:

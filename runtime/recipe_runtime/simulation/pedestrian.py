@@ -14,8 +14,8 @@ from recipe_runtime.body.skeleton import Figure, is_person
 from recipe_runtime.simulation.agent import Agent, move_towards
 from recipe_runtime.simulation.bullet import GRAVITY, World
 
-_WALK_ACCELERATION, _TURN_RATE, _STEP_RATE = 3.5, 6.0, 0.9  # m/s2, rad/s, m/s up and down kerbs
-_SIDESTEP, _ROOM, _FORESIGHT = 0.55, 0.78, 2.5  # m/s, metres between two walkers' middles, seconds
+_WALK_ACCELERATION, _TURN_RATE, _STEP_RATE = 3.5, 6.0, 0.9  # m/s2; rad/s; vertical speed at kerbs, m/s
+_SIDESTEP, _ROOM, _FORESIGHT = 0.55, 0.78, 2.5  # lateral speed, m/s; distance between two pedestrians' axes, m; s
 
 
 class PedestrianAgent(Agent):
@@ -28,7 +28,7 @@ class PedestrianAgent(Agent):
         self._desired = (0.0, 0.0)
         self._commanded = (0.0, 0.0)
         self._pace = 0.0
-        self._pose_cache: tuple[float, float, Sequence[Quaternion]] = (-1.0, 0.0, ())  # phase, pace and turns
+        self._pose_cache: tuple[float, float, Sequence[Quaternion]] = (-1.0, 0.0, ())  # phase, pace, joint rotations
 
     def choose_motion(self, others: Sequence[Agent]) -> None:
         """Walk towards the next waypoint, slow down before the goal, and step aside to avoid others."""
@@ -66,7 +66,7 @@ class PedestrianAgent(Agent):
         return False
 
     def _velocity_to_goal(self) -> tuple[float, float]:
-        """Return the velocity towards the next waypoint, after dropping waypoints that are reached."""
+        """Return the velocity towards the next waypoint, in m/s, after skipping waypoints that have been reached."""
         while self._next < len(self._route):
             dx, dy = self._route[self._next][0] - self.x, self._route[self._next][1] - self.y
             distance = math.sqrt(dx * dx + dy * dy)
@@ -85,7 +85,7 @@ class PedestrianAgent(Agent):
         if abs(dx) > 12.0 or abs(dy) > 12.0:
             return 0.0, 1.0
         gap = dx * ahead[0] + dy * ahead[1]
-        side = dx * ahead[1] - dy * ahead[0]  # to the right of the way
+        side = dx * ahead[1] - dy * ahead[0]  # lateral offset, positive to the right
         ux, uy = ahead[0] * speed - other.velocity[0], ahead[1] * speed - other.velocity[1]
         closing = ux * ahead[0] + uy * ahead[1]
         room = _ROOM + other.radius - 0.23

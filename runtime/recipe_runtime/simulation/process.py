@@ -1,11 +1,13 @@
 """Simulates a scene in a child process whose floating-point results do not depend on the CPU.
 
-glibc selects its sin, cos, pow ... by CPU, with and without FMA, and Bullet calls them. The simulation therefore always
-runs in a child that hides those CPU features from glibc, whatever the parent's environment. The child reads the plan
-as JSON from its standard input and writes to its standard output as it runs: a line `parts` with their names as JSON;
-lines `progress STEP STEPS`; for each frame a line `frame NUMBER` and its bytes, on the Trace's integer grid; at the end
-a line `end`. Neither process keeps more than one frame in memory: the parent writes each to a temporary file, from
-which the Trace is read.
+Bullet calls glibc's sin, cos, pow and so on, and glibc selects an implementation by CPU, with or without FMA. The
+simulation therefore always runs in a child process in which those CPU features are hidden from glibc, whatever the
+parent's environment is.
+
+The child reads the plan as JSON from its standard input. While it runs, it writes to its standard output: a line
+`parts` with the names of the parts as JSON; lines `progress STEP STEPS`; for each frame a line `frame NUMBER`, followed
+by the frame's bytes on the Trace's integer grid; and at the end a line `end`. Neither process keeps more than one frame
+in memory: the parent writes each frame to a temporary file, from which the Trace is read.
 """
 
 from __future__ import annotations
@@ -40,13 +42,13 @@ PINNED = {
     "OPENBLAS_NUM_THREADS": "1",
     "LC_ALL": "C",
 }
-"""The numeric environment of every simulation."""
+"""Environment variables of the child process that fix its numeric behaviour."""
 
 Progress = Callable[[int, int], None]
 
 
 def simulate(scene: ScenePlan, progress: Progress | None = None, *, timeout: float = 3600.0) -> Trace:
-    """Return the motion of a scene.
+    """Simulate a scene in a child process and return its motion.
 
     Args:
         scene: The plan of the scene.
@@ -80,7 +82,10 @@ def simulate(scene: ScenePlan, progress: Progress | None = None, *, timeout: flo
 
 
 def _converse(child: subprocess.Popen[bytes], scene: ScenePlan, progress: Progress | None) -> Trace | None:
-    """Send the plan, report progress and write the frames; None if the child ended before the last frame."""
+    """Send the plan to the child, report its progress and store its frames.
+
+    Returns None if the child ended before the last frame.
+    """
     assert child.stdin is not None and child.stdout is not None
     with child.stdout as out, ExitStack() as stack:
         try:
@@ -112,7 +117,7 @@ def _keep(writer: TraceWriter, frame: int, data: bytes) -> None:
         writer.write(frame, data)
     except OSError as error:
         raise RunError(
-            f"the folder for temporary files, {tempfile.gettempdir()}, cannot hold the simulation's motion: "
+            f"cannot write the simulation's motion to the temporary folder {tempfile.gettempdir()}: "
             f"{error.strerror}; free some space there, or set TMPDIR to another folder"
         ) from error
 
@@ -152,7 +157,11 @@ def _run(scene: ScenePlan, take: Callable[[int, bytes], None], report: Progress)
 
 
 def _motion(world: World, create_agents: Sequence[Agent]) -> bytes:
-    """Return the current state as a frame of a Trace; of a rotation's two quaternions, the one with w > 0."""
+    """Return the current state as the bytes of a Trace frame.
+
+    A rotation corresponds to two quaternions; the one whose w is positive is stored. If w is 0, the last component
+    that is not 0 is positive.
+    """
     poses = [pose for m in create_agents for pose in m.parts()]
     velocities = [world.velocity(m.body) for m in create_agents]
     rotations = _snap(_rows([rotation for _, rotation in poses], 4), UNIT)
@@ -173,7 +182,9 @@ def _rows(values: Sequence[Sequence[float]], width: int) -> NDArray[np.float64]:
 
 def _snap(values: NDArray[np.float64], grid: int) -> NDArray[np.int64]:
     if not np.isfinite(values).all():
-        raise RunError("a body left the world: its position or velocity is no number; move what touches it apart")
+        raise RunError(
+            "the simulation diverged: a position or velocity is not a finite number; separate overlapping bodies"
+        )
     return np.floor(values * grid + 0.5).astype(np.int64)
 
 

@@ -1,4 +1,4 @@
-"""Height of the ground, from the town's plan: 0 on the road, the height of the kerb on a sidewalk."""
+"""Height of the ground according to the town's plan: 0 on roads, the height of the kerb on sidewalks."""
 
 from __future__ import annotations
 

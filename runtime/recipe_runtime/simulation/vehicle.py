@@ -17,8 +17,8 @@ from recipe_runtime.simulation.path import Path
 
 _ACCELERATION, _BRAKING, _SIDEWAYS = 2.0, 3.0, 2.2  # m/s2
 _STEERING = 90.0  # steering rate of the front wheels, degrees/s
-_LOCK = 0.27  # 1/m, largest curvature of any vehicle, and ...
-_SLOPE = 1.3  # ... the tangent of the largest steering angle
+_LOCK = 0.27  # largest curvature of any vehicle's path, 1/m
+_SLOPE = 1.3  # tangent of the largest steering angle
 _NEAREST = 1.7  # shortest look-ahead distance from the rear axle, metres
 _BEHIND, _PREPARE = 1.5, 6.0  # metres behind the rear axle and ahead of the front axle where bends count
 _TIP = 50.0  # lean rate of a two-wheeler, degrees/s
@@ -37,9 +37,9 @@ class JunctionReservations:
         self._holders: dict[int, VehicleAgent] = {}
 
     def distance_to_stop_line(self, driver: VehicleAgent) -> float:
-        """Return the metres to the stop line where a vehicle must wait, infinity if it need not.
+        """Return the distance in metres to the stop line at which a vehicle must wait, or infinity if there is none.
 
-        Reserves free junctions that are within the vehicle's stopping distance.
+        Free junctions within the vehicle's stopping distance are reserved for it.
         """
         way = math.inf
         for n, (x, y, half_x, half_y) in enumerate(self._areas):
@@ -86,11 +86,11 @@ class VehicleAgent(Agent):
 
     @property
     def stopping_distance(self) -> float:
-        """Metres that a gentle stop takes."""
+        """Distance of a comfortable stop from the current speed, metres."""
         return self._speed * self._speed / 4.0
 
     def choose_motion(self, others: Sequence[Agent]) -> None:
-        """Choose speed and steering."""
+        """Choose the desired speed and steering angle."""
         way = self._junctions.distance_to_stop_line(self)
         self.waiting = way < 60.0
         if self.arrived:
@@ -104,8 +104,8 @@ class VehicleAgent(Agent):
     def _steering(self) -> float:
         """Return the target steering angle in degrees.
 
-        In a bend the rear wheels run inside of the front ones. To the left, where there is road inside, the front
-        axle keeps to the lane and the rear cuts in; to the right, where the kerb is, the front swings out.
+        In a bend, the rear wheels take a tighter path than the front wheels. In left bends, which have road on the
+        inside, the front axle follows the lane. In right bends, which have the kerb on the inside, the rear axle does.
         """
         hx, hy = self.heading
         x, y = self.x - self._rear * hx, self.y - self._rear * hy
@@ -145,7 +145,7 @@ class VehicleAgent(Agent):
         return exact.atan2_deg(self._base * 2.0 * lateral, max(dx * dx + dy * dy, 1.0))
 
     def _remaining_on_leg(self) -> float:
-        """Return the metres to the end of the current leg of the route."""
+        """Return the distance in metres to the end of the current leg of the route."""
         while True:
             (ax, ay), (bx, by) = self._route[self._next], self._route[self._next + 1]
             length = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
@@ -155,7 +155,11 @@ class VehicleAgent(Agent):
             self._next += 1
 
     def _braking_limit(self, along: float) -> float:
-        """Return the highest speed from which all speed limits ahead can be met."""
+        """Return the highest speed from which the vehicle can brake to the speed limit at the end of the leg.
+
+        Args:
+            along: distance to the end of the leg, metres.
+        """
         if self._next >= len(self._route) - 2 and along < 0.05:
             self._next = len(self._route)
             return 0.0
@@ -163,7 +167,7 @@ class VehicleAgent(Agent):
         return min(self.actor.speed, math.sqrt(end * end + 2.0 * 1.6 * max(0.0, along)))
 
     def _following_speed(self, others: Sequence[Agent]) -> float:
-        """Return the highest speed from which it can stop behind every agent in its path."""
+        """Return the highest speed from which the vehicle can stop behind every agent in its path, m/s."""
         wish = self.actor.speed
         for other in others:
             dx, dy = other.x - self.x, other.y - self.y
@@ -174,7 +178,7 @@ class VehicleAgent(Agent):
             side = self.heading[0] * dy - self.heading[1] * dx - bend
             same = other.heading[0] * self.heading[0] + other.heading[1] * self.heading[1]
             if other.waiting and same < 0.5:
-                continue  # it stands at a stop line until this one has passed
+                continue  # the other vehicle waits at a stop line until this one has passed
             along = abs(same)
             wide = along * other.radius + (1.0 - along) * other.reach
             deep = along * other.reach + (1.0 - along) * other.radius
@@ -188,7 +192,7 @@ class VehicleAgent(Agent):
         return wish
 
     def apply_velocity(self) -> None:
-        """Set the velocity along the curve; gravity and contacts determine the rest."""
+        """Set the velocity along the current curve. Gravity and contacts determine the vertical motion and the tilt."""
         faster = self._desired > self._speed
         self._speed = move_towards(self._speed, self._desired, (_ACCELERATION if faster else 1.6 * _BRAKING) * self._dt)
         self._steer = move_towards(self._steer, self._steer_target, _STEERING * self._dt)
@@ -206,11 +210,11 @@ class VehicleAgent(Agent):
         )
 
     def update_distance(self) -> None:
-        """Add the distance rolled."""
+        """Add the distance covered in the last step."""
         self._distance += (self.velocity[0] * self.heading[0] + self.velocity[1] * self.heading[1]) * self._dt
 
     def _joint_rotations(self) -> Sequence[Quaternion]:
-        """Roll the wheels, each about its steered axle; the inner wheel is steered more (Ackermann)."""
+        """Return the rotations of the wheels: rolling and, in front, steering with Ackermann geometry."""
         shape = self.actor.shape
         rolled = self._distance / (2.0 * math.pi * shape["wheel"])
         spin = axis_rotation("y", 360.0 * (rolled - math.floor(rolled)))
@@ -233,7 +237,7 @@ class ParkedVehicle(VehicleAgent):
 
 
 class TwoWheeler(VehicleAgent):
-    """A two-wheeler with its rider: steered like a car, and leaning into its curves."""
+    """A two-wheeler with its rider: it is steered like a car and leans into bends."""
 
     def __init__(self, world: World, actor: ActorPlan, dt: float, junctions: JunctionReservations) -> None:
         super().__init__(world, actor, dt, junctions)
@@ -242,7 +246,7 @@ class TwoWheeler(VehicleAgent):
         self._lean = riding.resting_lean(self._bike, self._foot_weight)  # degrees to the left
 
     def update_distance(self) -> None:
-        """Add the distance rolled, and lean towards the angle that balances weight and centrifugal force."""
+        """Add the distance covered, and lean towards the angle that balances weight and centrifugal force."""
         super().update_distance()
         force = self._speed * self._speed * self._curvature / 9.81
         self._foot_weight = move_towards(self._foot_weight, riding.foot_down(self._speed), 2.0 * self._dt)
@@ -250,7 +254,7 @@ class TwoWheeler(VehicleAgent):
         self._lean = move_towards(self._lean, lean, _TIP * self._dt)
 
     def _base_pose(self) -> PartPose:
-        """Return the pose of the base, leaning about the tyres, which stay on the ground."""
+        """Return the pose of the base, which leans about the contact line of the tyres."""
         (x, y, z), orientation = super()._base_pose()
         lift = self._bike.tyre * (1.0 - exact.cos_deg(self._lean))
         return (x, y, z + lift), compose(orientation, axis_rotation("x", -self._lean))

@@ -183,7 +183,7 @@ def test_more_gardens_shift_no_other() -> None:
         ("plaza", {"size": [40, 121]}, "a list of 2 whole numbers from 40 to 120"),
         ("highway", {"lanes": 1}, "lanes is 1; it must be a whole number from 2 to 5"),
         ("highway", {"blocks": [2, 2]}, "no parameter 'blocks'; it has: lanes, length, gantries"),
-        ("downtown", {"storeys": [5, 4]}, "none below the one before it"),
+        ("downtown", {"storeys": [5, 4]}, "in ascending order"),
     ],
 )
 def test_wrong_parameters_are_refused(name: str, params: dict[str, object], message: str) -> None:

@@ -139,5 +139,5 @@ def test_wrong_parameters_are_refused(params: dict[str, object], message: str) -
 
 
 def test_an_unknown_town_is_refused() -> None:
-    with pytest.raises(ValueError, match="no town 'uptown'; there are: downtown, highway, plaza, suburb"):
+    with pytest.raises(ValueError, match="unknown town 'uptown'; the towns are: downtown, highway, plaza, suburb"):
         towns.build("uptown", 0, {})

@@ -37,7 +37,7 @@ def at(x: float, y: float, yaw: float = 0.0, blueprint: str = "walker.pedestrian
 )
 def test_a_start_in_another_body_is_warned_of(one: dict[str, Any], other: dict[str, Any]) -> None:
     assert warned({"one": one, "other": other}) == [
-        "actors.other.start: its body is in that of one; move one of the two"
+        "actors.other.start: its body overlaps the body of one; move one of them"
     ]
 
 
@@ -56,7 +56,7 @@ def test_bodies_side_by_side_are_not(one: dict[str, Any], other: dict[str, Any])
 
 def test_a_start_far_outside_the_town_is_warned_of() -> None:
     (message,) = warned({"lost": at(900, 0)})
-    assert message.startswith("actors.lost.start: far outside the town, which spans x ")
+    assert message.startswith("actors.lost.start: is far outside the town, whose bounds are x ")
     assert warned({"near": at(100, 0)}) == []
 
 
@@ -71,7 +71,7 @@ def test_a_camera_in_the_ground_is_warned_of() -> None:
 def test_a_camera_in_a_house_is_warned_of() -> None:
     (message,) = warned(x=-14, y=-19, z=6)
     assert message.startswith("sensors.street: it is inside building.")
-    assert message.endswith(", and sees its walls from within; move the mount")
+    assert message.endswith(", which has no interior; move the mount")
     assert warned(x=-14, y=-19, z=60) == []  # above the roofs
     assert warned(x=-8, y=-19, z=6) == []  # before the front
     recipe = small(clock={"fps": 10, "frames": 30})
@@ -80,7 +80,7 @@ def test_a_camera_in_a_house_is_warned_of() -> None:
         "motion": {"linear": {"to": {"x": -14}, "speed": 4}},
     }
     (warning,) = compiled(recipe).warnings
-    assert " at frame 8, and sees its walls from within" in warning.message
+    assert " at frame 8, which has no interior" in warning.message
 
 
 def test_a_camera_that_sinks_into_the_ground_is_warned_of_once() -> None:
@@ -95,12 +95,12 @@ def test_a_start_inside_a_building_is_warned_of() -> None:
     """A newcomer who guesses where the sidewalk is gets a picture without the actor, and no word why."""
     (message,) = warned({"lost": at(-14, -19)})
     assert message.startswith("actors.lost.start: it is inside building.")
-    assert message.endswith("; move it to a lane or a sidewalk, as a map of the town shows them")
+    assert message.endswith("; move it to a lane or a sidewalk, which a map of the town shows")
     assert warned({"early": at(-8, -19)}) == []  # on the sidewalk before it
 
 
 def test_a_start_in_a_closed_yard_is_warned_of() -> None:
-    yard = "actors.lost.start: it is in a yard that it cannot leave, with buildings and walls all round; "
+    yard = "actors.lost.start: it is in a yard enclosed by buildings and walls, which the actor cannot leave; "
     (message,) = warned({"lost": at(36, 0)})
     assert message.startswith(yard)
     assert warned({"lost": {**at(36, 0), "goal": {"x": -4, "y": 0}}})[0].startswith(yard)

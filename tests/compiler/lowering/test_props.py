@@ -154,5 +154,5 @@ def test_all_assets_together_are_bounded(
     limit: str, what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(asset_files, limit, 11)
-    with pytest.raises(InputError, match=rf"assets: \d+ {what}\w* up to here are more than the most allowed together"):
+    with pytest.raises(InputError, match=rf"assets: \d+ {what}\w* in total up to here exceed the limit of"):
         compiled(tmp_path, {})

@@ -1,7 +1,7 @@
-"""Procedural town layouts, as numbers.
+"""Procedural town layouts.
 
-`build` turns a town's name, a seed and its parameters into a `Town`: the plan that the runtime makes meshes and
-collision shapes from, the colours of everything in it, where actors may appear, and the ways they may go.
+`build` turns a town's name, a seed and parameters into a `Town`: the plan from which the runtime generates meshes and
+colliders, the colours of its elements, the spawn points of actors, and the generator of their routes.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,21 +16,38 @@ _BUILDERS: dict[str, Callable[..., Town]] = {name: module.build for name, module
 _SIZES: dict[str, Callable[..., int]] = {name: module.elements for name, module in _MODULES.items()}
 
 NAMES: tuple[str, ...] = tuple(sorted(_MODULES))
-"""The towns that there are."""
+"""Names of all towns, sorted."""
 
 PARAMETERS: dict[str, dict[str, Parameter]] = {name: module.PARAMETERS for name, module in _MODULES.items()}
-"""Town name -> parameter name -> what it may be."""
+"""Town name -> parameter name -> its range, default and description."""
 
 
 def elements(name: str, params: Mapping[str, object]) -> int:
-    """About how many elements the town of that name has, known without building it."""
+    """Estimate the number of elements of a town without building it.
+
+    Args:
+        name: one of `NAMES`.
+        params: parameters that differ from their defaults, already checked.
+    """
     return _SIZES[name](**{key: params.get(key, parameter.default) for key, parameter in PARAMETERS[name].items()})
 
 
 def build(name: str, seed: int, params: Mapping[str, object]) -> Town:
-    """The town of that name. `params` overrides the defaults of `PARAMETERS`; ValueError for what it refuses."""
+    """Generate a town.
+
+    Args:
+        name: one of `NAMES`.
+        seed: the seed of all random draws.
+        params: overrides the defaults in `PARAMETERS`.
+
+    Returns:
+        The town. Equal arguments return equal towns on every host.
+
+    Raises:
+        ValueError: the name or a parameter is unknown, or a value is out of range.
+    """
     if name not in _BUILDERS:
-        raise ValueError(f"no town {name!r}; there are: {', '.join(NAMES)}")
+        raise ValueError(f"unknown town {name!r}; the towns are: {', '.join(NAMES)}")
     declared = PARAMETERS[name]
     for key, value in params.items():
         if key not in declared:

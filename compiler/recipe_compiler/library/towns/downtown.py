@@ -1,8 +1,8 @@
 """Downtown: blocks of buildings on a grid of two-lane streets.
 
-The main street runs along y, centred on x = 0, and has no parking; the others have bays along both kerbs. Of the
-streets that cross it the nearest two are centred on y = -36 and y = 36, so for |y| < 25 its sidewalks, 3 < |x| < 9,
-run without a break.
+The main street runs along y, centred on x = 0, and has no parking; the other streets have parking bays along both
+kerbs. The two nearest cross streets are centred on y = -36 and y = 36, so the sidewalks of the main street
+(3 < |x| < 9) are uninterrupted for |y| < 25. All lengths are in metres.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from recipe_compiler.library.towns.site import Site, beside, ground, skyline
 from recipe_compiler.library.towns.streets import BAY, CORNER, KERB, StreetGrid
 from recipe_compiler.library.towns.town import Parameter, Town
 
-PITCH = 72.0  # from street to street
-EDGE = 29.3  # of the blocks beyond the outermost streets, from their centres
+PITCH = 72.0  # distance between the centre lines of neighbouring streets
+EDGE = 29.3  # distance from the outermost streets' centre lines to the outer edge of the blocks beyond them
 
 PARAMETERS: dict[str, Parameter] = {
     "blocks": Parameter(1, 9, (3, 3), "blocks along x and along y", 2),
@@ -25,13 +25,13 @@ PARAMETERS: dict[str, Parameter] = {
 
 
 def elements(*, blocks: tuple[int, int], storeys: tuple[int, int]) -> int:
-    """About how many elements such a town has."""
+    """Estimate the number of elements of the town."""
     nx, ny = blocks
     return 78 + 32 * (nx + ny) + 55 * nx * ny
 
 
 def build(seed: int, *, blocks: tuple[int, int], storeys: tuple[int, int]) -> Town:
-    """The town with that many blocks along x and along y."""
+    """Generate the town; `PARAMETERS` describes the arguments."""
     nx, ny = blocks
     xs = tuple(PITCH * (i - nx // 2) for i in range(nx + 1))
     ys = tuple(PITCH * (j - (ny + 1) // 2) + PITCH / 2 for j in range(ny + 1))
@@ -57,7 +57,7 @@ def build(seed: int, *, blocks: tuple[int, int], storeys: tuple[int, int]) -> To
     return Town(site.plan(), site.looks, points, streets, tuple(site.parking))
 
 
-# Along a sidewalk, measured from the middle of the block's side: what stands there. The middle is left free.
+# Positions of street furniture along a sidewalk, from the middle of the block's side. The middle stays free.
 _LAMPS = (-15.5, 15.5)
 _TREES = (-22.0, -11.5, 11.5, 20.0)
 _BENCHES = (-17.5, 18.0)
@@ -65,7 +65,7 @@ _BINS = (-13.5, 14.0)
 
 
 def _furniture(site: Site, block: Block, yaw: int) -> None:
-    """What stands along one side of a block, all within two metres of the kerb."""
+    """Place the street furniture along one side of a block, all of it within two metres of the kerb."""
     name = f"{block.name}.{yaw}"
     kerb, _ = block.side(yaw, 0.0)
 

@@ -1,7 +1,8 @@
-"""Highway: a straight motorway along y with a median at x = 0, and a foot path beside it.
+"""Highway: a straight motorway along y with its median at x = 0, and a footpath on its east side.
 
-Traffic towards +y is at x > 0. Between its lanes and the median's guard rail is a narrow strip; on its right a hard
-shoulder, a guard rail, a verge, and in the east the foot path.
+Traffic towards +y drives at x > 0. From the median outwards, each carriageway has the median's guard rail, a narrow
+strip, the lanes, a hard shoulder, a guard rail and a verge. Lengths are in metres. In this module, `heading` is the
+direction of travel of a carriageway, 90 or 270 degrees.
 """
 
 from __future__ import annotations
@@ -17,51 +18,51 @@ from recipe_compiler.library.towns.site import Site, beside, ground
 from recipe_compiler.library.towns.streets import until
 from recipe_compiler.library.towns.town import Parameter, Span, SpawnPoint, Town
 
-LANE, SHOULDER, STRIP, MEDIAN = 3.6, 2.6, 0.8, 1.5  # widths; the median's is half of it
-LIMIT = 120  # km/h
-STRETCH = 48.0  # of asphalt and rails, in one piece
-BEYOND = 288.0  # how far the road goes on at both ends
-PATH = 8.0  # from the asphalt's edge to the foot path's middle
+LANE, SHOULDER, STRIP, MEDIAN = 3.6, 2.6, 0.8, 1.5  # widths; MEDIAN is half the median's width
+LIMIT = 120  # speed limit, km/h
+STRETCH = 48.0  # length of one element of carriageway and guard rail
+BEYOND = 288.0  # length of the road beyond both ends of its middle part
+PATH = 8.0  # from the edge of the asphalt to the middle of the footpath
 
 PARAMETERS: dict[str, Parameter] = {
     "lanes": Parameter(2, 5, 3, "lanes in each direction"),
-    "length": Parameter(2, 20, 6, "hundreds of metres over which traffic may start"),
-    "gantries": Parameter(150, 900, 240, "metres from one gantry to the next"),
+    "length": Parameter(2, 20, 6, "length of the section where traffic may start, in hundreds of metres"),
+    "gantries": Parameter(150, 900, 240, "distance between gantries, metres"),
 }
 
 
 @dataclass(frozen=True)
 class Motorway:
-    """Two carriageways along y, and a path beside them."""
+    """Two carriageways along y and a footpath beside them."""
 
-    lanes: int
-    half: float  # of the length over which traffic may start
+    lanes: int  # per direction
+    half: float  # half the length over which traffic may start, metres
 
     @property
     def edge(self) -> float:
-        """From the middle of the median to the asphalt's outer edges."""
+        """Distance from the middle of the median to the outer edges of the asphalt."""
         return MEDIAN + STRIP + self.lanes * LANE + SHOULDER
 
     @property
     def path(self) -> float:
-        """x of the foot path."""
+        """x of the footpath's middle."""
         return self.edge + PATH
 
     @property
     def bounds(self) -> tuple[Span, Span]:
-        """What it spans along x and along y."""
+        """The ranges of x and of y that the town covers."""
         return (-self.path - 10.0, self.path + 10.0), (-self.half - BEYOND, self.half + BEYOND)
 
     def lane(self, n: int) -> float:
-        """From the middle of the median to that of a lane, counted from the median."""
+        """Distance from the middle of the median to the middle of lane `n`; lane 0 is next to the median."""
         return MEDIAN + STRIP + LANE * (n + 0.5)
 
     def ground(self, x: float, y: float) -> float:
-        """Height of the ground in metres: level everywhere."""
+        """Height of the ground, 0 everywhere."""
         return 0.0
 
     def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
-        """Straight on, in the lane where it starts, to the end of the road."""
+        """Route straight ahead in the starting lane, to the end of the road."""
         way = 1.0 if exact.sin_deg(start.yaw) >= 0 else -1.0
         return until((start.x, start.y), [(start.x, way * (self.half + BEYOND))], length_m)
 
@@ -71,7 +72,7 @@ class Motorway:
         return Pose(x=start.x, y=-way * (self.half + BEYOND), yaw=start.yaw)
 
     def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
-        """Along the path, and back again from its ends."""
+        """Route along the footpath, turning back at its ends."""
         way = 1.0 if exact.sin_deg(start.yaw) >= 0 else -1.0
         x, points, left, y = self.path + stream.uniform(-0.7, 0.7), [], length_m, start.y
         points.append((x, start.y + way * 2.0))
@@ -83,13 +84,13 @@ class Motorway:
 
 
 def elements(*, lanes: int, length: int, gantries: int) -> int:
-    """About how many elements such a town has."""
+    """Estimate the number of elements of the town."""
     metres = 100.0 * length + 2 * BEYOND
     return 90 + int(metres / STRETCH * 5 + metres / 40 * 3 + metres / 7.0 + 2 * 100 * length / gantries)
 
 
 def build(seed: int, *, lanes: int, length: int, gantries: int) -> Town:
-    """The motorway with that many lanes each way."""
+    """Generate the town; `PARAMETERS` describes the arguments."""
     road, site = Motorway(lanes, 50.0 * length), Site("highway", seed)
     ground(site, (0.0, 0.0))
     count = int((road.half + BEYOND) / STRETCH + 0.999)
@@ -107,13 +108,20 @@ def build(seed: int, *, lanes: int, length: int, gantries: int) -> Town:
 
 
 def _heading(road: Motorway, yaw: int, along: float, x: float) -> Pose:
-    """A place `x` metres from the median on the side of those who go towards `yaw`, `along` metres on their way."""
+    """Return a pose on the carriageway whose traffic has heading `yaw`.
+
+    Args:
+        road: the motorway.
+        yaw: the heading, 90 or 270 degrees.
+        along: the coordinate along the direction of travel, metres from the origin.
+        x: the distance from the middle of the median, metres.
+    """
     sign = 1 if yaw == 90 else -1
     return Pose(x=sign * x, y=sign * along, yaw=yaw)
 
 
 def _stretch(site: Site, road: Motorway, n: int) -> None:
-    """Asphalt, rails and path from y = 48 n to 48 (n + 1)."""
+    """Add asphalt, guard rails and footpath from y = 48 n to y = 48 (n + 1)."""
     y, wide = STRETCH * (n + 0.5), road.edge - MEDIAN
     for yaw, sign in ((90, 1), (270, -1)):
         middle = Pose(x=sign * (MEDIAN + wide / 2), y=y, yaw=yaw)
@@ -127,7 +135,7 @@ def _stretch(site: Site, road: Motorway, n: int) -> None:
 
 
 def _gantry(site: Site, road: Motorway, name: str, yaw: int, along: float, n: int) -> None:
-    """A gantry over one carriageway, from the median to beyond the rail."""
+    """Add a gantry over one carriageway, from the median to beyond the outer guard rail."""
     inner, outer = 0.75, road.edge + 0.75
     middle = (inner + outer) / 2
     pose = beside(_heading(road, yaw, along, middle), 0.0, 0.0, 180.0)
@@ -138,13 +146,13 @@ def _gantry(site: Site, road: Motorway, name: str, yaw: int, along: float, n: in
 
 
 def _limit(site: Site, road: Motorway, name: str, yaw: int, along: float) -> None:
-    """A speed limit beyond the hard shoulder."""
+    """Add a speed limit sign beyond the hard shoulder."""
     pose = beside(_heading(road, yaw, along, road.edge + 0.9), 0.0, 0.0, 180.0)
     site.add(f"sign.speed.{name}", "sign", pose, (0.1, 0.95, 3.0), face=FACES["speed"], value=LIMIT)
 
 
 def _beside(site: Site, road: Motorway) -> None:
-    """Lamps on the verges, benches by the path, trees and bushes, and now and then a billboard."""
+    """Add lamps on the verges, benches along the footpath, trees, bushes and billboards."""
     reach = road.half + 120.0
     for n in range(int(2 * reach / 40.0)):
         y = -reach + 40.0 * (n + 0.5)
@@ -163,7 +171,7 @@ def _beside(site: Site, road: Motorway) -> None:
 
 
 def _green(site: Site, road: Motorway, name: str, sign: int, y: float) -> None:
-    """Trees behind the path's verge, thick in some places and thin in others, and bushes before them."""
+    """Add a tree and a bush beyond the verge, each with some probability, on one side of the road."""
     stream = site.stream("verge", name)
     clear = road.path + 5.0 if sign > 0 else road.edge + 15.0
     if stream.unit() < 0.62:
@@ -176,7 +184,7 @@ def _green(site: Site, road: Motorway, name: str, sign: int, y: float) -> None:
 
 
 def _distance(site: Site, road: Motorway) -> None:
-    """Buildings far off on both sides, and at the ends of the road."""
+    """Add distant buildings on both sides and beyond the ends of the road."""
     for n in range(44):
         stream = site.stream(f"skyline.{n}")
         sign = 1 if n % 2 else -1

@@ -1,4 +1,7 @@
-"""A street grid's roads, junctions, blocks, signals and signs, its parking, and where its traffic may appear."""
+"""Elements of a street grid: roads, junctions, blocks, signals, signs, parking bays and spawn points.
+
+Lengths are in metres, yaws in degrees. Traffic keeps to the right.
+"""
 
 from __future__ import annotations
 
@@ -14,27 +17,36 @@ from recipe_compiler.library.towns.town import SpawnPoint
 
 WALK = 6.0  # from the kerb to the building fronts
 BAY_LENGTH = 6.2
+# Road sign -> the value of the `face` parameter of an element of kind "sign".
 FACES = {"stop": 0, "speed": 1, "crossing": 2, "give_way": 3, "parking": 4, "ahead": 5, "dead_end": 6}
 _SPACING = 9.0  # metres between the starts of two vehicles in a lane
-_STAND = BAY - 0.15 - 1.0  # from the lane's edge to the middle of a parked car
+_STAND = BAY - 0.15 - 1.0  # from the edge of the lane to the middle of a parked car
 
 
 @dataclass(frozen=True)
 class Block:
-    """A rectangle between streets, and those of its sides (a yaw each) that face one."""
+    """The rectangle between the kerbs of neighbouring streets."""
 
     name: str
     x: tuple[float, float]
     y: tuple[float, float]
-    sides: tuple[int, ...]
+    sides: tuple[int, ...]  # outward yaw of each side that faces a street section between two junctions
 
     @property
     def middle(self) -> Pose:
-        """Its middle, on the ground of its sidewalk."""
+        """The middle of the block, at the height of its sidewalk."""
         return Pose(x=(self.x[0] + self.x[1]) / 2, y=(self.y[0] + self.y[1]) / 2, z=KERB)
 
     def side(self, yaw: int, inset: float = WALK) -> tuple[Pose, float]:
-        """Middle of a line `inset` metres behind a side's kerb, facing the street, and that line's length."""
+        """Return a line parallel to one side, inside the block.
+
+        Args:
+            yaw: the outward direction of the side: 0, 90, 180 or 270.
+            inset: the distance of the line from the kerb.
+
+        Returns:
+            The pose of the line's middle, facing the street, and the line's length.
+        """
         s, c = exact.sin_cos_deg(yaw)
         half_x, half_y = (self.x[1] - self.x[0]) / 2, (self.y[1] - self.y[0]) / 2
         x, y = self.middle.x + c * (half_x - inset), self.middle.y + s * (half_y - inset)
@@ -42,7 +54,7 @@ class Block:
 
 
 def blocks(streets: StreetGrid) -> Iterator[Block]:
-    """All blocks: those between streets, and the shallow ones beyond the outermost."""
+    """Yield all blocks: those between streets, and the shallow ones beyond the outermost streets."""
 
     def spans(lines: tuple[float, ...], bays: tuple[float, ...]) -> list[tuple[float, float]]:
         kerbs = [LANE + bay for bay in bays]
@@ -65,7 +77,13 @@ def blocks(streets: StreetGrid) -> Iterator[Block]:
 
 
 def roads(site: Site, streets: StreetGrid, limit: int) -> None:
-    """Carriageways between junctions, dead ends beyond the outermost, and the junctions; `limit` is in km/h."""
+    """Add the road sections between junctions, the dead ends beyond the outermost junctions, and the junctions.
+
+    Args:
+        site: the elements are added to it.
+        streets: the street grid.
+        limit: the speed limit, km/h.
+    """
     for i in range(len(streets.xs)):
         _street(site, streets, i, True, limit)
     for j in range(len(streets.ys)):
@@ -81,7 +99,7 @@ def roads(site: Site, streets: StreetGrid, limit: int) -> None:
 
 
 def _street(site: Site, streets: StreetGrid, n: int, along_y: bool, limit: int) -> None:
-    """All stretches of one street, the two dead ends with a rail across and a sign before it."""
+    """Add all sections of one street with parking signs, and a guard rail across each of its two dead ends."""
     lines, across = (streets.ys, streets.xs[n]) if along_y else (streets.xs, streets.ys[n])
     bays = (streets.bays_x if along_y else streets.bays_y)[n]
     kerb = streets.kerb_y if along_y else streets.kerb_x
@@ -100,7 +118,7 @@ def _street(site: Site, streets: StreetGrid, n: int, along_y: bool, limit: int) 
             limit=limit, stop_a=stop_a, stop_b=stop_b, bay=bays, bay_from=first, bays=count, bay_length=BAY_LENGTH,
         )  # fmt: skip
         for k in range(count):
-            for sign in (1, -1):  # -1 is on the right of who goes along the street's own x
+            for sign in (1, -1):  # -1 is the right-hand side, looking along the street's own x axis
                 u = first + BAY_LENGTH * (k + 0.5)
                 site.parking.append(beside(pose, u, sign * (LANE + _STAND), 180.0 if sign > 0 else 0.0))
         if count:
@@ -114,14 +132,17 @@ def _street(site: Site, streets: StreetGrid, n: int, along_y: bool, limit: int) 
 
 
 def _bays(length: float, stop_a: float, stop_b: float) -> tuple[float, int]:
-    """Where a road's parking bays begin, along its own x, and how many there are: clear of stop lines and arrows."""
+    """Return the start of a road section's parking bays along its x axis, and their number.
+
+    The bays keep a distance of 5 m from stop lines, where lane arrows are painted.
+    """
     start, end = -length / 2 + stop_a + 5.0, length / 2 - stop_b - 5.0
     count = max(0, int((end - start) / BAY_LENGTH))
     return (start + end) / 2 - count * BAY_LENGTH / 2, count
 
 
 def _post(site: Site, name: str, pose: Pose, face: str, value: int = 0) -> None:
-    """A road sign on the sidewalk, facing along the pose's yaw."""
+    """Add a road sign on the sidewalk that faces along the pose's yaw."""
     raised = Pose(x=pose.x, y=pose.y, z=KERB, yaw=pose.yaw)
     across, height = (0.75, 2.75) if face == "stop" else (0.6, 2.6)
     site.add(name, "sign", raised, (0.1, across, height), face=FACES[face], value=value)
@@ -138,19 +159,27 @@ def _times(site: Site, junction: str, along_y: bool) -> dict[str, float]:
 
 
 def signals(site: Site, streets: StreetGrid, main: int | None, speed: int) -> None:
-    """Traffic lights where the main street (along y, the one of that index) is crossed.
+    """Add traffic lights and road signs at the junctions.
 
-    Elsewhere those along x stop and those along y go first. Behind each junction stands the speed limit.
+    Junctions of the main street have traffic lights. At other
+    junctions, streets along x have stop signs and some of those along y have crossing signs. Some approaches have a
+    speed limit sign behind the junction.
+
+    Args:
+        site: the elements are added to it.
+        streets: the street grid.
+        main: index of the main street in `streets.xs`, or None if the town has no main street.
+        speed: the speed limit shown, km/h.
     """
     for i, x in enumerate(streets.xs):
         for j, y in enumerate(streets.ys):
-            for yaw in (0, 90, 180, 270):  # of who comes
+            for yaw in (0, 90, 180, 270):  # direction of the approaching traffic
                 along_y = yaw in (90, 270)
                 ahead, aside = (streets.kerb_y(j), streets.kerb_x(i)) if along_y else (
                     streets.kerb_x(i), streets.kerb_y(j))  # fmt: skip
                 step = {0: (-1, 0), 180: (1, 0), 90: (0, -1), 270: (0, 1)}[yaw]
                 if not streets.exists((i + step[0], j + step[1])):
-                    continue  # nobody comes from a dead end
+                    continue  # a dead end has no approaching traffic
                 heading, name = Pose(x=x, y=y, z=KERB, yaw=yaw), f"{i}.{j}.{yaw}"
                 corner = beside(heading, -(ahead + SIDE + 2.0), -(aside + 0.45), 180.0)
                 if i == main:
@@ -174,21 +203,21 @@ def signals(site: Site, streets: StreetGrid, main: int | None, speed: int) -> No
 
 
 def spawn_points(streets: StreetGrid) -> Iterator[SpawnPoint]:
-    """Vehicles in mid-lane, pedestrians in mid-sidewalk, along every stretch between two junctions."""
+    """Yield spawn points for vehicles (mid-lane) and pedestrians (mid-sidewalk) on each section between junctions."""
     for lines, others, bays, is_y in (
         (streets.xs, streets.ys, streets.bays_x, True),
         (streets.ys, streets.xs, streets.bays_y, False),
     ):
         for line, bay in zip(lines, bays, strict=True):
             for a, b in pairwise(others):
-                for sign in (1, -1):  # +1 goes towards greater coordinates, on the right
+                for sign in (1, -1):  # +1: the lane towards increasing coordinates
                     yaw = (90 if sign > 0 else 270) if is_y else (0 if sign > 0 else 180)
                     middle = Pose(x=line, y=(a + b) / 2, yaw=yaw) if is_y else Pose(x=(a + b) / 2, y=line, yaw=yaw)
                     yield from _along(middle, b - a, LANE + bay + SIDE)
 
 
 def _along(middle: Pose, pitch: float, aside: float) -> Iterator[SpawnPoint]:
-    """One direction of one stretch: its lane and its sidewalk are on the right."""
+    """Yield the spawn points of one direction of one section: of its lane and of the sidewalk on its right."""
     for k in range(int((pitch - 32.0) / _SPACING) + 1):
         yield SpawnPoint("vehicle", beside(middle, -(pitch - 32.0) / 2 + _SPACING * k, -LANE / 2))
     count = 2 * int((pitch / 2 - 15.0) / 7.0) + 1

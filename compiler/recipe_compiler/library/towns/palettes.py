@@ -1,8 +1,8 @@
-"""Colours of a town: for each kind of element its slots, and the colours that each may have."""
+"""Colour palettes of town elements: kind of element -> slot -> colours to draw from, as "#rrggbb"."""
 
 from recipe_compiler.ir.streams import Stream
 
-# Muted, as the tone curve of a camera makes colours stronger.
+# Muted, because the tone curve of the camera increases saturation.
 _BRICK_TO_PLASTER = (
     "#86665a", "#957868", "#77625a", "#a38f7c", "#c2b8a6", "#d2cbbe", "#b7b4ac", "#a8a49e",
     "#b8a892", "#918a82", "#c8bca8", "#8f9396", "#b3a6a4", "#a39e8c", "#8a6f62", "#d8d4cb",
@@ -115,5 +115,5 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
 
 
 def look(kind: str, stream: Stream) -> dict[str, str]:
-    """A colour for every slot of a kind, drawn from the stream."""
+    """Draw a colour for every slot of a kind of element."""
     return {slot: stream.choice(colours) for slot, colours in PALETTES[kind].items()}

@@ -1,6 +1,7 @@
-"""Plaza: a paved square with a fountain in its middle, trees and benches round it, and stone facades on all sides.
+"""Plaza: a paved square with a fountain, trees and benches, surrounded by stone facades.
 
-The square's middle is (0, 0). Four streets with parking run round it; people walk over it between what stands there.
+The square is centred on (0, 0) and surrounded by four streets with parking. Pedestrians cross it along the lines of a
+lattice, whose cells hold the trees and the furniture (see `square`).
 """
 
 from __future__ import annotations
@@ -17,22 +18,22 @@ from recipe_compiler.library.towns.square import SquareGrid, lines
 from recipe_compiler.library.towns.streets import BAY, CORNER, KERB, LANE
 from recipe_compiler.library.towns.town import Parameter, SpawnPoint, Town
 
-EDGE = 29.3
+EDGE = 29.3  # distance from the streets' centre lines to the outer edge of the blocks beyond them, metres
 
 PARAMETERS: dict[str, Parameter] = {
-    "size": Parameter(40, 120, (64, 52), "metres that the square measures along x and along y", 2),
-    "storeys": Parameter(2, 8, 4, "storeys of the buildings round it"),
-    "trees": Parameter(0, 100, 80, "of a hundred places for a tree, how many have one"),
+    "size": Parameter(40, 120, (64, 52), "size of the square along x and along y, metres", 2),
+    "storeys": Parameter(2, 8, 4, "storeys of the surrounding buildings"),
+    "trees": Parameter(0, 100, 80, "percentage of tree positions that have a tree"),
 }
 
 
 def elements(*, size: tuple[int, int], storeys: int, trees: int) -> int:
-    """About how many elements such a town has."""
+    """Estimate the number of elements of the town."""
     return 140 + int((size[0] + size[1]) * 1.0 + size[0] * size[1] / 60.0)
 
 
 def build(seed: int, *, size: tuple[int, int], storeys: int, trees: int) -> Town:
-    """The square of that size, and what is round it."""
+    """Generate the town; `PARAMETERS` describes the arguments."""
     kerb = LANE + BAY
     half = (size[0] / 2, size[1] / 2)
     xs, ys = (-half[0] - kerb, half[0] + kerb), (-half[1] - kerb, half[1] + kerb)
@@ -70,7 +71,7 @@ def build(seed: int, *, size: tuple[int, int], storeys: int, trees: int) -> Town
 
 
 def _sidewalk(site: Site, block: Block, yaw: int) -> None:
-    """Lamps and bins before the facades."""
+    """Add lamps and bins on the sidewalk along one side of a block."""
     kerb, length = block.side(yaw, 0.0)
     name, count = f"{block.name}.{yaw}", max(2, int(length / 18.0))
     for n in range(count):
@@ -80,7 +81,7 @@ def _sidewalk(site: Site, block: Block, yaw: int) -> None:
 
 
 def _corner(site: Site, block: Block, trees: int) -> None:
-    """A corner block: a small green."""
+    """Add trees to a corner block, which has no buildings."""
     for n in range(4):
         if site.chance(trees / 100, "green", block.name, str(n)):
             at = Pose(x=block.middle.x + 9.0 * (n % 2) - 4.5, y=block.middle.y + 9.0 * (n // 2) - 4.5, z=KERB)
@@ -88,7 +89,7 @@ def _corner(site: Site, block: Block, trees: int) -> None:
 
 
 def _square(site: Site, half: tuple[float, float], trees: int) -> None:
-    """What stands on the square: along its rim, in the lattice's cells, and the fountain in its heart."""
+    """Add the square's elements: the fountain in the middle, those along its edges, and those in the lattice cells."""
     site.add("fountain", "fountain", Pose(z=KERB), (7.0, 7.0, 2.6))
     for yaw, reach, length in (
         (0, half[0], half[1]),
@@ -108,7 +109,7 @@ def _square(site: Site, half: tuple[float, float], trees: int) -> None:
 
 
 def _rim(site: Site, yaw: int, reach: float, length: float, trees: int) -> None:
-    """Bollards, lamps and trees along one edge of the square, within a metre and a half of its kerb."""
+    """Add bollards, lamps and trees along one edge of the square, within 1.5 m of its kerb."""
     edge = beside(Pose(z=KERB, yaw=yaw), reach, 0.0)
     count = int((length - 16.0) / 3.0)
     for n in range(count + 1):
@@ -122,7 +123,15 @@ def _rim(site: Site, yaw: int, reach: float, length: float, trees: int) -> None:
 
 
 def _cell(site: Site, name: str, middle: Pose, ring: int, trees: int) -> None:
-    """What stands in one cell of the lattice; nothing within 1.4 metres of its lines."""
+    """Add the elements of one lattice cell, at least 1.4 m from its lines.
+
+    Args:
+        site: the elements are added to it.
+        name: the key of the cell's random draws.
+        middle: the middle of the cell.
+        ring: number of cells between this one and the nearest edge of the square.
+        trees: the town's parameter, percent.
+    """
     stream = site.stream("cell", name)
     toward = Pose(x=middle.x, y=middle.y, z=KERB, yaw=90.0 * stream.integer(0, 3))
     draw = stream.unit()
@@ -145,7 +154,7 @@ def _cell(site: Site, name: str, middle: Pose, ring: int, trees: int) -> None:
 
 
 def _on_square(half: tuple[float, float]) -> Iterator[SpawnPoint]:
-    """Pedestrians in the middle between two nodes of the lattice, all over the square."""
+    """Yield pedestrian spawn points midway between neighbouring nodes of the lattice."""
     columns, lanes = lines(half[0]), lines(half[1])
     for i, x in enumerate(columns):
         for j, (a, b) in enumerate(pairwise(lanes)):

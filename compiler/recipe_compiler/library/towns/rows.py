@@ -1,4 +1,4 @@
-"""Rows of town buildings along the sides of a block, and the yards between them."""
+"""Rows of adjoining buildings along the sides of a block, and the gaps (yards) in them. Lengths are in metres."""
 
 from __future__ import annotations
 
@@ -10,27 +10,30 @@ from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.towns.network import WALK, Block
 from recipe_compiler.library.towns.site import Site, beside
 
-DEPTH = 12.0  # of a building
-GAP = 9.0  # width of the yard between two buildings
+DEPTH = 12.0  # depth of a building
+GAP = 9.0  # width of the gap in a row
 
 
 @dataclass(frozen=True)
 class Manner:
-    """How a town builds: its storeys, its styles (each as often as it is listed), its roofs, its shops' share."""
+    """The architecture of a town's buildings."""
 
-    storeys: tuple[int, int]
-    styles: tuple[int, ...] = (0, 0, 1, 1, 2, 3, 4, 5)
-    pitched: float = 0.25
-    shops: float = 0.65
-    awnings: float = 0.6
-    alike: bool = False  # as many storeys, as high, on all
-    yards: bool = True  # whether rows along y have a gap in their middle
+    storeys: tuple[int, int]  # fewest and most
+    styles: tuple[int, ...] = (0, 0, 1, 1, 2, 3, 4, 5)  # facade styles; a style's probability is its share of entries
+    pitched: float = 0.25  # probability of a pitched roof, for low buildings
+    shops: float = 0.65  # probability of a shop on the ground floor
+    awnings: float = 0.6  # probability that a shop has an awning
+    alike: bool = False  # whether all buildings have the same number of storeys and the same heights
+    yards: bool = True  # whether rows along y have a gap near their middle
 
 
 def row(site: Site, block: Block, yaw: int, manner: Manner) -> Pose | None:
-    """The buildings along one side of a block, and where a wall may close the gap in their middle.
+    """Add the buildings along one side of a block.
 
-    Sides along y reach the corners; those along x fit between.
+    Rows along y reach the corners of the block; rows along x fit between them.
+
+    Returns:
+        The pose of the gap, in the line of the facades, or None if the row has no gap.
     """
     name = f"{block.name}.{yaw}"
     front, length = block.side(yaw)
@@ -58,7 +61,7 @@ def row(site: Site, block: Block, yaw: int, manner: Manner) -> Pose | None:
 
 
 def _widths(stream: Stream, length: float) -> list[float]:
-    """Widths of the buildings in a row, between 10 and 18 metres, on a grid of half metres."""
+    """Draw the widths of the buildings in a row, about 10 to 18 m; all but the last end on a grid of 0.5 m."""
     count = max(1, int(length / 13.5 + 0.5))
     weights = [stream.uniform(0.8, 1.2) for _ in range(count)]
     total = sum(weights)
@@ -99,7 +102,7 @@ def _building(site: Site, name: str, pose: Pose, width: float, manner: Manner, f
 
 
 def close_yards(site: Site, yards: list[Pose]) -> None:
-    """Walls across the yards, counted outwards from wall.0, which is east of the middle of the main street."""
+    """Add a wall across each gap. wall.0 is the one nearest to the point (9, 0), east of the main street's middle."""
     front = 3.0 + WALK
     for n, pose in enumerate(sorted(yards, key=lambda p: (abs(p.x - front) + abs(p.y), p.x, p.y))):
         site.add(f"wall.{n}", "wall", pose, (0.25, GAP, 2.6))

@@ -1,4 +1,7 @@
-"""A town while it is being laid out. Draws are keyed by the name of what they shape, so no element shifts another."""
+"""Builder of a town's plan.
+
+Every random draw is keyed by the name of the element that it shapes, so that adding an element changes no other.
+"""
 
 from __future__ import annotations
 
@@ -14,29 +17,49 @@ Size = tuple[float, float, float]
 
 @dataclass
 class Site:
-    """Elements and their colours, in the order in which they are added, and where cars may be parked."""
+    """The elements of a town, in the order in which they are added, their colours, and the parking places."""
 
     name: str
     seed: int
     elements: list[Element] = field(default_factory=list)
-    looks: dict[str, dict[str, str]] = field(default_factory=dict)
-    parking: list[Pose] = field(default_factory=list)
+    looks: dict[str, dict[str, str]] = field(default_factory=dict)  # element -> slot -> "#rrggbb"
+    parking: list[Pose] = field(default_factory=list)  # each with the yaw of a car parked there
 
     def stream(self, *names: str) -> Stream:
-        """The random stream of that name."""
+        """Return the random stream with this name."""
         return Stream(self.seed, "town", *names)
 
     def chance(self, share: float, *names: str) -> bool:
-        """Whether something with that name is there, drawn for it alone."""
+        """Draw whether an element exists.
+
+        Args:
+            share: the probability.
+            names: the key of the draw.
+        """
         return self.stream(*names).unit() < share
 
     def add(self, name: str, kind: str, pose: Pose, size: Size, **shape: float) -> None:
-        """One more element, with colours drawn for its kind."""
+        """Add an element, with colours drawn from the palette of its kind.
+
+        Args:
+            name: its unique name.
+            kind: the mesh generator that builds it.
+            pose: the position and orientation of its origin.
+            size: its extents along x, y and z in its own frame, metres.
+            shape: further parameters of the mesh generator.
+        """
         self.elements.append(Element(name=name, kind=kind, pose=pose, size=size, shape=shape))
         self.looks[name] = palettes.look(kind, self.stream(name, "look"))
 
     def tree(self, name: str, pose: Pose, tallest: float, species: tuple[int, ...] = (0,)) -> None:
-        """A tree up to that tall, of one of the species."""
+        """Add a tree, at most `tallest` metres tall.
+
+        Args:
+            name: its unique name.
+            pose: its position; the yaw is drawn.
+            tallest: the upper limit of its height, metres.
+            species: the species to draw from; repeated entries have a higher probability.
+        """
         stream = self.stream(name)
         height = stream.uniform(0.75, 1.0) * tallest
         kind = stream.choice(species)
@@ -46,27 +69,41 @@ class Site:
         self.add(name, "tree", turned, size, trunk=0.07 + 0.012 * height, key=stream.integer(0, 1 << 20), species=kind)
 
     def keyed(self, name: str, kind: str, pose: Pose, size: Size, **shape: float) -> None:
-        """One more element whose mesh a key chooses."""
+        """Add an element with a drawn parameter `key`, which selects a variation of its mesh."""
         self.add(name, kind, pose, size, **shape, key=self.stream(name, "key").integer(0, 63))
 
     def plan(self) -> TownPlan:
-        """The layout, as it stands now."""
+        """Return the plan of the elements added so far."""
         return TownPlan(name=self.name, elements=tuple(self.elements))
 
 
 def beside(pose: Pose, out: float, along: float, turn: float = 0.0) -> Pose:
-    """The pose `out` metres before another and `along` metres to its left, turned by `turn` degrees."""
+    """Return a pose relative to another.
+
+    Args:
+        pose: the reference.
+        out: metres ahead of it.
+        along: metres to its left.
+        turn: degrees added to its yaw.
+    """
     s, c = exact.sin_cos_deg(pose.yaw)
     return Pose(x=pose.x + c * out - s * along, y=pose.y + s * out + c * along, z=pose.z, yaw=(pose.yaw + turn) % 360)
 
 
 def ground(site: Site, middle: tuple[float, float]) -> None:
-    """The plain that everything stands on."""
+    """Add the ground plane."""
     site.add("ground", "ground", Pose(x=middle[0], y=middle[1]), (2400.0, 2400.0, 0.05))
 
 
 def skyline(site: Site, middle: tuple[float, float], near: tuple[float, float], tallest: float = 52.0) -> None:
-    """Tall plain buildings far out, so that no street ends in nothing: on a rectangle, at one of three depths."""
+    """Add distant tower blocks around the town, so that every street has a background.
+
+    Args:
+        site: the elements are added to it.
+        middle: the centre of the town.
+        near: the half-extents of the rectangle that stays free, along x and y. Towers stand 15, 60 or 110 m beyond it.
+        tallest: the upper limit of their heights, metres.
+    """
     for n in range(56):
         stream = site.stream(f"skyline.{n}")
         angle = (n + stream.uniform(0.2, 0.8)) * 360 / 56

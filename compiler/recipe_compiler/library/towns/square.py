@@ -1,4 +1,4 @@
-"""A square among streets: people walk over it along the lines of a lattice, between what stands in its cells."""
+"""The walkable lattice of a square: pedestrians walk along its lines; trees and furniture stand in its cells."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from recipe_compiler.ir.plan import Point, Pose
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.towns.streets import SIDE, XY, StreetGrid, until
 
-CELL, HEART = 6.0, 10.0  # between two lines of the lattice; between the two about the middle
+CELL, HEART = 6.0, 10.0  # distance between lattice lines, and between the two on either side of the middle; metres
 
 
 def lines(half: float) -> tuple[float, ...]:
-    """The lattice's lines over a square that reaches `half` metres from its middle; the outermost are its rim's."""
+    """Return the coordinates of the lattice lines along one axis; the outermost ones follow the square's edges.
+
+    Args:
+        half: half the square's extent along this axis, metres.
+    """
     found, at = [], HEART / 2
     while at < half - SIDE - 4.0:
         found.append(at)
@@ -24,16 +28,16 @@ def lines(half: float) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class SquareGrid(StreetGrid):
-    """Four streets about a square, which reaches `half` metres from (0, 0) along x and along y."""
+    """Four streets around a square that is centred on (0, 0)."""
 
-    half: tuple[float, float] = (0.0, 0.0)
+    half: tuple[float, float] = (0.0, 0.0)  # half the square's extents along x and y, metres
 
     def on_square(self, x: float, y: float) -> bool:
         """Whether a point is on the square."""
         return abs(x) < self.half[0] and abs(y) < self.half[1]
 
     def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
-        """A way along the sidewalks, or from where it starts on the square, over the square."""
+        """Generate a pedestrian's route: on the square's lattice if it starts on the square, else on the sidewalks."""
         if not self.on_square(start.x, start.y):
             return super().walk(start, length_m, stream)
         offset = stream.uniform(-0.5, 0.5)
@@ -54,7 +58,7 @@ class SquareGrid(StreetGrid):
         return until((start.x, start.y), points, length_m)
 
     def _ahead(self, axes: tuple[tuple[float, ...], ...], start: Pose, step: tuple[int, int]) -> tuple[int, int]:
-        """The node that lies ahead on the line on which somebody starts."""
+        """Return the next lattice node ahead of `start` in the direction `step`."""
         i, j = (min(range(len(a)), key=lambda k: abs(a[k] - v)) for a, v in zip(axes, (start.x, start.y), strict=True))
         near = [axes[0][i], axes[1][j]]
         for axis, (here, way) in enumerate(((start.x, step[0]), (start.y, step[1]))):
@@ -67,12 +71,12 @@ class SquareGrid(StreetGrid):
     def _turn(
         self, axes: tuple[tuple[float, ...], ...], node: tuple[int, int], step: tuple[int, int], stream: Stream
     ) -> tuple[int, int]:
-        """The next step: straight on as often as not, else to a side; back only where there is no other."""
+        """Draw the next step: straight on (weight 2), left or right (weight 1 each); back only at a dead end."""
         sides = [(step[1], -step[0]), (-step[1], step[0])]
         options = [s for s in (step, step, *sides) if self._open(axes, node, s)]
         return stream.choice(options) if options else (-step[0], -step[1])
 
     def _open(self, axes: tuple[tuple[float, ...], ...], node: tuple[int, int], step: tuple[int, int]) -> bool:
-        """Whether the lattice goes on that way."""
+        """Whether the lattice has a node one step ahead."""
         i, j = node[0] + step[0], node[1] + step[1]
         return 0 <= i < len(axes[0]) and 0 <= j < len(axes[1])

@@ -1,8 +1,8 @@
-"""A grid of streets: where its sidewalks lie, and ways through it.
+"""A grid of streets: its dimensions, the height of its ground, and random routes through it.
 
-Streets along y stand at `xs`, streets along x at `ys`; where two meet is a junction. A street has two lanes and
-right-hand traffic, and may have parking bays along both kerbs. Sidewalks turn round every junction's four corners
-with the kerb's radius.
+Streets along y are centred on the coordinates `xs`, streets along x on `ys`; they cross at junctions. A street has two
+lanes with right-hand traffic, and may have parking bays along both kerbs. Kerbs are rounded at the four corners of
+every junction. Lengths are in metres.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from recipe_compiler.ir.plan import Point, Pose, fixed
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.towns.town import Span
 
-LANE = 3.0  # width; a street's carriageway is two of them
+LANE = 3.0  # width of a lane; a carriageway has two
 BAY = 2.3  # width of the parking bays along a kerb
-KERB = 0.15  # height
+KERB = 0.15  # height of a kerb
 CORNER = 3.0  # radius of the kerb at a junction
-SIDE = 3.5  # from the kerb to the middle of the sidewalk, where people walk, and of the crossings
-STOP = SIDE + 2.5  # from the crossing street's kerb to the stop line
+SIDE = 3.5  # from the kerb to the middle of the sidewalk, and from the cross street's kerb to the middle of a crossing
+STOP = SIDE + 2.5  # from the cross street's kerb to the stop line
 
-Cell = tuple[int, int]  # a direction (one of the four), or a junction's indices
+Cell = tuple[int, int]  # a unit step along x or y, or the indices of a junction
 XY = tuple[float, float]
 
 
 def _direction(yaw: float) -> Cell:
-    """The grid direction nearest to a yaw in degrees."""
+    """Return the grid direction nearest to a yaw in degrees."""
     s, c = exact.sin_cos_deg(yaw)
     if abs(c) >= abs(s):
         return (1 if c > 0 else -1, 0)
@@ -43,7 +43,10 @@ def _left(d: Cell) -> Cell:
 
 
 def _arc(centre: XY, start: XY, end: XY, steps: int = 6) -> list[XY]:
-    """A quarter circle from `start` to `end`, whose radii are perpendicular; `start` left out."""
+    """Return points on the quarter circle from `start` to `end`, without `start`.
+
+    The radii from `centre` to `start` and to `end` must be perpendicular and of equal length.
+    """
     ax, ay = start[0] - centre[0], start[1] - centre[1]
     bx, by = end[0] - centre[0], end[1] - centre[1]
     points = []
@@ -73,7 +76,7 @@ def until(start: XY, points: list[XY], length: float) -> tuple[Point, ...]:
 
 
 class _Way:
-    """A way as it grows, and its length in metres."""
+    """A polyline under construction, and its length in metres."""
 
     def __init__(self, start: Pose) -> None:
         self.points: list[XY] = []
@@ -81,7 +84,7 @@ class _Way:
         self._at = (start.x, start.y)
 
     def extend(self, points: list[XY]) -> None:
-        """Go on to these points."""
+        """Append points."""
         for point in points:
             dx, dy = point[0] - self._at[0], point[1] - self._at[1]
             self.length += math.sqrt(dx * dx + dy * dy)
@@ -91,36 +94,36 @@ class _Way:
 
 @dataclass(frozen=True)
 class StreetGrid:
-    """Streets along y at `xs` and along x at `ys`, ascending, in metres; `bays` are the widths of their parking."""
+    """A grid of streets; all values in metres."""
 
-    xs: tuple[float, ...]
-    ys: tuple[float, ...]
-    bays_x: tuple[float, ...]  # of the streets at xs
-    bays_y: tuple[float, ...]
-    edge: float  # how far the sidewalks beyond the outermost streets reach from their centres
+    xs: tuple[float, ...]  # x of the streets along y, ascending
+    ys: tuple[float, ...]  # y of the streets along x, ascending
+    bays_x: tuple[float, ...]  # width of the parking bays along the streets at `xs`; 0 if there are none
+    bays_y: tuple[float, ...]  # the same for the streets at `ys`
+    edge: float  # distance from the outermost streets' centre lines to the outer edge of the blocks beyond them
 
     @property
     def bounds(self) -> tuple[Span, Span]:
-        """What the town spans along x and along y."""
+        """The ranges of x and of y that the town covers."""
         return (
             (self.xs[0] - self.edge, self.xs[-1] + self.edge),
             (self.ys[0] - self.edge, self.ys[-1] + self.edge),
         )
 
     def kerb_x(self, i: int) -> float:
-        """From the centre of a street along y to its kerbs."""
+        """Distance from the centre line of a street along y to its kerbs."""
         return LANE + self.bays_x[i]
 
     def kerb_y(self, j: int) -> float:
-        """From the centre of a street along x to its kerbs."""
+        """Distance from the centre line of a street along x to its kerbs."""
         return LANE + self.bays_y[j]
 
     def reach(self, junction: Cell) -> XY:
-        """From a junction's centre to where its streets become straight, along x and along y."""
+        """Half the extents of a junction along x and y, up to the ends of its rounded corners."""
         return self.kerb_x(junction[0]) + CORNER, self.kerb_y(junction[1]) + CORNER
 
     def ground(self, x: float, y: float) -> float:
-        """Height of the ground in metres."""
+        """Height of the ground at a point: `KERB` on blocks, 0 on streets and outside the town."""
         (x0, x1), (y0, y1) = self.bounds
         if not (x0 < x < x1 and y0 < y < y1):
             return 0.0
@@ -134,15 +137,15 @@ class StreetGrid:
         return KERB
 
     def exists(self, junction: Cell) -> bool:
-        """Whether the grid has that junction."""
+        """Whether the grid has a junction with these indices."""
         return 0 <= junction[0] < len(self.xs) and 0 <= junction[1] < len(self.ys)
 
     def centre(self, junction: Cell) -> XY:
-        """A junction's centre."""
+        """The centre of a junction."""
         return self.xs[junction[0]], self.ys[junction[1]]
 
     def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
-        """A way along the lanes: straight on, right or left at each junction, as drawn."""
+        """Generate a route along the lanes; straight on, right or left are drawn at each junction."""
         d, junction = self._lane_ahead(start)
         way = _Way(start)
         while self.exists(junction) and len(way.points) < 10_000:
@@ -155,7 +158,7 @@ class StreetGrid:
         return until((start.x, start.y), way.points, length_m)
 
     def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
-        """A way along the sidewalks: at each corner over a crossing or round the corner, as drawn."""
+        """Generate a route along the sidewalks; at each corner, a crossing or a sidewalk is drawn."""
         d, junction = self._lane_ahead(start)
         offset = stream.uniform(-0.9, 0.9)
         cx, cy = self.centre(junction)
@@ -166,7 +169,7 @@ class StreetGrid:
             steps = self._steps(junction, corner)
             back = (-d[0], -d[1])
             d = stream.choice([s for s in steps if s != back] or steps)
-            if (corner[0] * d[0] + corner[1] * d[1]) < 0:  # the street lies that way: cross it
+            if (corner[0] * d[0] + corner[1] * d[1]) < 0:  # towards the street: cross it
                 corner = (corner[0] + 2 * d[0], corner[1] + 2 * d[1])
             else:
                 junction = (junction[0] + d[0], junction[1] + d[1])
@@ -179,7 +182,7 @@ class StreetGrid:
         return None
 
     def _lane_ahead(self, start: Pose) -> tuple[Cell, Cell]:
-        """The direction of travel along the nearest street, and the junction ahead."""
+        """Return the direction of travel along the nearest street, and the next junction ahead."""
         i = min(range(len(self.xs)), key=lambda k: abs(start.x - self.xs[k]))
         j = min(range(len(self.ys)), key=lambda k: abs(start.y - self.ys[k]))
         along_y = abs(start.x - self.xs[i]) <= abs(start.y - self.ys[j])
@@ -193,7 +196,7 @@ class StreetGrid:
         return (d, (ahead[0] if d[0] > 0 else ahead[-1], j)) if ahead else ((-d[0], 0), (i, j))
 
     def _through(self, junction: Cell, d: Cell, new: Cell) -> list[XY]:
-        """Waypoints through a junction, from heading `d` to heading `new`."""
+        """Return the waypoints of a vehicle through a junction, from direction `d` to direction `new`."""
         (cx, cy), (tx, ty) = self.centre(junction), self.reach(junction)
 
         def lane(heading: Cell, sign: int) -> XY:
@@ -212,7 +215,7 @@ class StreetGrid:
         return fixed(cx + corner[0] * x), fixed(cy + corner[1] * y)
 
     def _steps(self, junction: Cell, corner: Cell) -> list[Cell]:
-        """Directions in which one can leave a corner: over either street, or along to the next junction."""
+        """Return the directions in which a pedestrian can leave a corner: across a street, or along a sidewalk."""
         crossings = [(-corner[0], 0), (0, -corner[1])]
         along = [(corner[0], 0), (0, corner[1])]
         return crossings + [a for a in along if self.exists((junction[0] + a[0], junction[1] + a[1]))]

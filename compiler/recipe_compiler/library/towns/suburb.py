@@ -1,7 +1,7 @@
 """Suburb: detached houses in gardens along quiet streets, with fences, hedges, driveways and grass verges.
 
-As downtown, the main street runs along y at x = 0. Blocks are two rows of lots back to back, which face the streets
-along y; cars stand on the driveways.
+As in downtown, the main street runs along y at x = 0. A block has two rows of lots back to back, which face the
+streets along y. Cars are parked on the driveways. Lengths are in metres.
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ from recipe_compiler.library.towns.site import Site, beside, ground, skyline
 from recipe_compiler.library.towns.streets import CORNER, KERB, StreetGrid
 from recipe_compiler.library.towns.town import Parameter, Town
 
-PITCH = (78.0, 108.0)  # from street to street, along x and along y
-EDGE = 39.0
-VERGE, PAVED = 2.2, 5.0  # from the kerb to the paving's two edges
+PITCH = (78.0, 108.0)  # distance between the centre lines of neighbouring streets, along x and along y
+EDGE = 39.0  # distance from the outermost streets' centre lines to the outer edge of the blocks beyond them
+VERGE, PAVED = 2.2, 5.0  # from the kerb to the near and to the far edge of the pavement
 GARDEN = 5.9  # from the kerb to the front fence
 FRONT = 11.5  # from the kerb to the house
 
 PARAMETERS: dict[str, Parameter] = {
     "blocks": Parameter(1, 6, (2, 2), "blocks along x and along y", 2),
     "lot": Parameter(16, 40, 22, "width of a lot in metres"),
-    "trees": Parameter(0, 100, 60, "of a hundred places for a tree, how many have one"),
+    "trees": Parameter(0, 100, 60, "percentage of tree positions that have a tree"),
 }
 
 
 def elements(*, blocks: tuple[int, int], lot: int, trees: int) -> int:
-    """About how many elements such a town has."""
+    """Estimate the number of elements of the town."""
     nx, ny = blocks
     rows, lots = 2 * (nx + 1) * ny, int(86.0 / lot)
     return 110 + 30 * (nx + ny) + int(rows * lots * (9.5 + 0.03 * trees))
 
 
 def build(seed: int, *, blocks: tuple[int, int], lot: int, trees: int) -> Town:
-    """The suburb with that many blocks along x and along y."""
+    """Generate the town; `PARAMETERS` describes the arguments."""
     nx, ny = blocks
     xs = tuple(PITCH[0] * (i - nx // 2) for i in range(nx + 1))
     ys = tuple(PITCH[1] * (j - (ny + 1) // 2) + PITCH[1] / 2 for j in range(ny + 1))
@@ -62,7 +62,7 @@ def build(seed: int, *, blocks: tuple[int, int], lot: int, trees: int) -> Town:
 
 
 def _verge(site: Site, block: Block, yaw: int, trees: int) -> None:
-    """Street trees and lamps in the grass between kerb and paving."""
+    """Add street trees and lamps on the grass between kerb and pavement."""
     kerb, length = block.side(yaw, 0.0)
     name, half = f"{block.name}.{yaw}", length / 2 - 13.0
     for n, at in enumerate((-half, 0.0, half)):
@@ -75,7 +75,7 @@ def _verge(site: Site, block: Block, yaw: int, trees: int) -> None:
 
 
 def _lots(site: Site, block: Block, yaw: int, lot: int, trees: int) -> None:
-    """The lots along one side of a block, from one crossing street's gardens to the other's."""
+    """Add the lots along one side of a block."""
     kerb, length = block.side(yaw, 0.0)
     room = length - 2 * GARDEN
     count = max(1, int(room / lot))
@@ -92,7 +92,17 @@ def _lots(site: Site, block: Block, yaw: int, lot: int, trees: int) -> None:
 
 
 def _lot(site: Site, name: str, kerb: Pose, wide: float, depth: float, trees: int, last: bool) -> None:
-    """One lot: its house, driveway, fences and garden. `kerb` is the middle of its side at the street."""
+    """Add one lot: house, driveway, fences and garden.
+
+    Args:
+        site: the elements are added to it.
+        name: the name of the lot.
+        kerb: the pose of the middle of its street side, facing the street.
+        wide: its width along the street.
+        depth: its depth from the kerb.
+        trees: the town's parameter, percent.
+        last: whether it is the last lot of its row, which ends with a hedge instead of a fence.
+    """
     stream = site.stream("lot", name)
     floors = stream.choice((1, 2, 2, 2))
     garage = int(stream.unit() < 0.65)
@@ -122,7 +132,15 @@ def _lot(site: Site, name: str, kerb: Pose, wide: float, depth: float, trees: in
 
 
 def _driveway(site: Site, name: str, kerb: Pose, gate: float, far: float) -> None:
-    """Concrete from the street to the gate, and room for a car on it."""
+    """Add a concrete driveway and its parking place.
+
+    Args:
+        site: the elements are added to it.
+        name: the name of the lot.
+        kerb: the pose of the middle of the lot's street side.
+        gate: the position of the driveway's middle along the street, from `kerb` to the left.
+        far: the distance of its far end from the kerb.
+    """
     near = 0.16
     flat = beside(kerb, -(near + far) / 2, gate)
     site.add(f"path.{name}.drive", "path", flat, (far - near, 3.0, 0.006), drive=1)
@@ -130,7 +148,7 @@ def _driveway(site: Site, name: str, kerb: Pose, gate: float, far: float) -> Non
 
 
 def _front(site: Site, name: str, kerb: Pose, wide: float, gap: tuple[float, float], style: int) -> None:
-    """A fence or a hedge along the sidewalk, open at the driveway."""
+    """Add a fence or a hedge along the sidewalk, with a gap at the driveway."""
     hedge = site.chance(0.4, "front", name)
     for n, (a, b) in enumerate(((-wide / 2 + 0.3, gap[0]), (gap[1], wide / 2 - 0.3))):
         if b - a < 0.8:
@@ -145,7 +163,7 @@ def _front(site: Site, name: str, kerb: Pose, wide: float, gap: tuple[float, flo
 def _garden(
     site: Site, name: str, kerb: Pose, sizes: tuple[float, float, float], ways: tuple[float, float], trees: int
 ) -> None:
-    """Trees before and behind the house, and bushes at its walls."""
+    """Add trees in front of and behind the house, and bushes along its front."""
     wide, setback, deep = sizes
     stream = site.stream("garden", name)
     left = max(ways) + 2.6
@@ -162,7 +180,7 @@ def _garden(
 
 
 def _grove(site: Site, block: Block, trees: int) -> None:
-    """A corner block without a street: trees on grass."""
+    """Add trees to a corner block, which has no lots."""
     for n in range(6):
         if site.chance(trees / 100, "grove", block.name, str(n)):
             at = Pose(x=block.middle.x + 9.0 * (n % 3 - 1), y=block.middle.y + 8.0 * (n // 3) - 4.0, z=KERB)
@@ -170,7 +188,7 @@ def _grove(site: Site, block: Block, trees: int) -> None:
 
 
 def _wood(site: Site, middle: tuple[float, float], near: tuple[float, float]) -> None:
-    """Trees around the suburb, before the sky line."""
+    """Add trees around the suburb, in front of the skyline."""
     for n in range(48):
         stream = site.stream("wood", str(n))
         along, out = stream.uniform(-1.0, 1.0), stream.uniform(0.0, 40.0) - 45.0

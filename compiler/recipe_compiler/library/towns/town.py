@@ -1,4 +1,7 @@
-"""What a town is: its plan, its colours, where actors may appear, and the ways they may go."""
+"""The result of generating a town: its plan, colours, spawn points, parking places and routes.
+
+Lengths are in metres and yaws in degrees, in the world frame: x east, y north, z up.
+"""
 
 from __future__ import annotations
 
@@ -15,25 +18,29 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True)
 class Parameter:
-    """A whole number between `low` and `high`, or, where `length` is given, a list of so many."""
+    """An integer parameter of a town, or a list of integers if `length` is given."""
 
     low: int
     high: int
     default: int | tuple[int, ...]
-    description: str
-    length: int | None = None
-    rising: bool = False  # none is below the one before it
+    description: str  # shown in error messages and in the JSON Schema
+    length: int | None = None  # number of items of a list; None for a single number
+    rising: bool = False  # whether the items of a list must not decrease
 
     @property
     def wanted(self) -> str:
-        """What a value must be, in words."""
+        """A description of the valid values, for error messages."""
         if self.length is None:
             return f"a whole number from {self.low} to {self.high}"
-        order = ", none below the one before it" if self.rising else ""
+        order = ", in ascending order" if self.rising else ""
         return f"a list of {self.length} whole numbers from {self.low} to {self.high}{order}"
 
     def check(self, name: str, value: object) -> None:
-        """ValueError unless `value` is allowed."""
+        """Check a value.
+
+        Raises:
+            ValueError: the value has another type or length, or is out of range.
+        """
         values = [value] if self.length is None else value
         whole = [v for v in values if type(v) is int] if isinstance(values, list | tuple) else []
         valid = isinstance(values, list | tuple) and len(whole) == len(values) == (self.length or 1)
@@ -43,27 +50,27 @@ class Parameter:
 
 @dataclass(frozen=True)
 class SpawnPoint:
-    """A place where an actor may appear: on the ground, facing the way it would go."""
+    """A place where an actor may start, on the ground, facing its direction of travel."""
 
     category: Category
     pose: Pose
 
 
 class Ways(Protocol):
-    """A town's ground, and the ways over it."""
+    """The height of a town's ground and the routes through the town."""
 
     @property
     def bounds(self) -> tuple[Span, Span]:
-        """What the town spans along x and along y."""
+        """The ranges of x and of y that the town covers."""
 
     def ground(self, x: float, y: float) -> float:
-        """Height of the ground in metres."""
+        """Height of the ground at a point."""
 
     def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
-        """A way along the lanes."""
+        """Generate a vehicle's route along the lanes."""
 
     def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
-        """A way for somebody on foot."""
+        """Generate a pedestrian's route."""
 
     def entry(self, start: Pose) -> Pose | None:
         """Where a vehicle that starts here enters again after it has left; None on roads that nobody leaves."""
@@ -71,37 +78,40 @@ class Ways(Protocol):
 
 @dataclass(frozen=True)
 class Town:
-    """A town as numbers, and the questions that placing actors asks of it.
-
-    Its traffic drives `pace` times as fast as its vehicles do of their own accord; bicycles are `barred` from a
-    motorway. `parking` holds the places where cars stand, each with the yaw of a car in it.
-    """
+    """A generated town."""
 
     plan: TownPlan
     looks: dict[str, dict[str, str]]  # element -> slot -> "#rrggbb"
     spawn_points: tuple[SpawnPoint, ...]
     streets: Ways
-    parking: tuple[Pose, ...] = ()
-    pace: float = 1.0
-    barred: tuple[str, ...] = ()  # blueprints whose ids begin so
+    parking: tuple[Pose, ...] = ()  # parking places, each with the yaw of a car parked there
+    pace: float = 1.0  # factor on the default speed of vehicles in traffic
+    barred: tuple[str, ...] = ()  # prefixes of blueprint ids that traffic must not use here
 
     @cached_property
     def spots(self) -> dict[Category, tuple[Pose, ...]]:
-        """Where each category may appear, in the order of the spawn points."""
+        """The spawn points of each category, in plan order."""
         categories: tuple[Category, ...] = ("vehicle", "pedestrian")
         return {c: tuple(point.pose for point in self.spawn_points if point.category == c) for c in categories}
 
     def route(self, category: Category, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
-        """Waypoints of a way of about `length_m` metres from `start`, turns drawn from `stream`.
+        """Generate a random route: vehicles on right-hand lanes, pedestrians on sidewalks and crossings.
 
-        Vehicles keep to the right-hand lanes; pedestrians to sidewalks, over crossings.
+        Args:
+            category: the category of the actor.
+            start: where it starts; the yaw decides the direction.
+            length_m: the longest length, metres.
+            stream: the random stream for the turns.
+
+        Returns:
+            Waypoints in the world frame, without the start.
         """
         if category == "vehicle":
             return self.streets.drive(start, length_m, stream)
         return self.streets.walk(start, length_m, stream)
 
     def ground(self, x: float, y: float) -> float:
-        """Height of the ground in metres: 0 on the road, the kerb's height on a sidewalk."""
+        """Height of the ground at a point: 0 on the road, the height of the kerb on a sidewalk."""
         return self.streets.ground(x, y)
 
     @cached_property
