@@ -45,12 +45,12 @@ def instance_numbers(base: Sequence[str], deltas: Sequence[str]) -> dict[str, in
     """
     first, last = BASE_NUMBERS
     if len(base) > last - first + 1:
-        raise ValueError(f"{len(base)} actors exceed the limit of {last - first + 1}; use `traffic` for crowds")
+        raise ValueError(f"the limit of {last - first + 1} actors is exceeded, {len(base)}; use `traffic` for crowds")
     numbers = {name: first + index for index, name in enumerate(base)}
     low, high = DELTA_NUMBERS
     if len(deltas) > high - low + 1:
         most = f"{high - low + 1}; use `traffic` for crowds"
-        raise ValueError(f"{len(deltas)} actors that occur only in deltas exceed the limit of {most}")
+        raise ValueError(f"the limit of actors that occur only in deltas is exceeded, {len(deltas)}: it is {most}")
     taken: set[int] = set()
     for name in deltas:
         number = Stream(0, "instance", name).integer(low, high)

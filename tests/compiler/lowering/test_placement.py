@@ -53,7 +53,7 @@ def test_an_actor_has_the_same_number_in_every_variant() -> None:
 def test_numbers_are_unique_up_to_the_last() -> None:
     numbers = instance_numbers([f"a{n}" for n in range(299)], [f"d{n}" for n in range(100)])
     assert sorted(numbers.values()) == list(range(1, 400))
-    with pytest.raises(ValueError, match="300 actors exceed the limit of 299"):
+    with pytest.raises(ValueError, match="the limit of 299 actors is exceeded, 300"):
         instance_numbers([f"a{n}" for n in range(300)], [])
 
 
