@@ -5,9 +5,9 @@ contact is horizontal and nothing is lifted. A vehicle is a box with the mass of
 pedestrian a sphere, and an obstacle the outline of its box. There is no gravity and no ground: the control loop sets
 velocities, and computes height, pitch and roll from the ground (`simulation.suspension`).
 
-Every engine parameter is set explicitly, nothing sleeps, nothing is removed or restored, and each island of touching
-bodies is solved by itself. Importing this module prints PyBullet's build line, so it is imported only in processes
-whose standard output is redirected (see `simulation.process`).
+Every engine parameter is set explicitly. Bodies never sleep, no body is removed, and no state is restored. Each island
+of touching bodies is solved separately. Importing this module prints PyBullet's build line, so it is imported only in
+processes whose standard output is redirected (see `simulation.process`).
 """
 
 from __future__ import annotations

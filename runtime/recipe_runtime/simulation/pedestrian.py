@@ -38,9 +38,11 @@ class PedestrianAgent(Agent):
 
     @property
     def mass(self) -> float:
+        """Kilograms."""
         return _MASS
 
     def collide(self, other: Agent | None, impulse: float, seconds: float) -> None:
+        """Stop after a hard collision."""
         if impulse / _MASS > _KNOCKED:
             self.stand_still(seconds + STANDSTILL)
             self._desired = (0.0, 0.0)

@@ -1,11 +1,14 @@
 """Simulates a scene in a child process whose floating-point results do not depend on the CPU.
 
-glibc selects its sin, cos, pow ... by CPU, with and without FMA, and Bullet calls them. The simulation therefore always
-runs in a child that hides those CPU features from glibc, whatever the parent's environment. The child reads the plan
-as JSON from its standard input and writes to its standard output as it runs: a line `parts` with their names as JSON;
-lines `progress STEP STEPS`; for each frame a line `frame NUMBER` and its bytes, on the Trace's integer grid; at the end
-a line `event` with each contact of two bodies as JSON, and a line `end`. Neither process keeps more than one frame in memory: the parent writes each to a temporary file, from
-which the Trace is read.
+Bullet calls glibc's sin, cos, pow and so on, and glibc selects an implementation by CPU, with or without FMA. The
+simulation therefore always runs in a child process in which those CPU features are hidden from glibc, whatever the
+parent's environment is.
+
+The child reads the plan as JSON from its standard input. While it runs, it writes to its standard output: a line
+`parts` with the names of the parts as JSON; lines `progress STEP STEPS`; for each frame a line `frame NUMBER`, followed
+by the frame's bytes on the Trace's integer grid; and at the end a line `event` with each contact of two bodies as JSON,
+and a line `end`. Neither process keeps more than one frame in memory: the parent writes each frame to a temporary file,
+from which the Trace is read.
 """
 
 from __future__ import annotations

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 
 
 def record_frame(agents: Sequence[Agent]) -> bytes:
-    """Return the current state as a frame of a Trace; of a rotation's two quaternions, the one with w > 0."""
+    """Return the current state as the bytes of a Trace frame.
+
+    A rotation corresponds to two quaternions; the one whose w is positive is stored. If w is 0, the last component
+    that is not 0 is positive.
+    """
     poses = [pose for agent in agents for pose in agent.parts()]
     velocities = [agent.velocities() for agent in agents]
     rotations = snap(_rows([rotation for _, rotation in poses], 4), UNIT)
@@ -39,8 +43,10 @@ def snap(values: NDArray[np.float64], grid: int) -> NDArray[np.int64]:
     """Return values in units of 1/grid, rounded to the nearest.
 
     Raises:
-        RunError: A value is no finite number.
+        RunError: A value is not finite.
     """
     if not np.isfinite(values).all():
-        raise RunError("a body left the world: its position or velocity is no number; move what touches it apart")
+        raise RunError(
+            "the simulation diverged: a position or velocity is not a finite number; separate overlapping bodies"
+        )
     return np.floor(values * grid + 0.5).astype(np.int64)

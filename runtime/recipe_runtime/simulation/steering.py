@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from recipe_runtime.simulation.path import Path
 
-_LOCK = 0.27  # 1/m, largest curvature of any vehicle, and ...
-_SLOPE = 1.3  # ... the tangent of the largest steering angle
+_LOCK = 0.27  # largest curvature of any vehicle's path, 1/m
+_SLOPE = 1.3  # tangent of the largest steering angle
 _NEAREST = 1.7  # shortest look-ahead distance from the rear axle, metres
 _BEHIND, _PREPARE = 1.5, 6.0  # metres behind the rear axle and ahead of the front axle where bends count
 
@@ -33,8 +33,8 @@ class Steering:
     def target(self, place: Vector2, heading: Vector2, speed: float, offset: Vector2) -> float:
         """Return the wanted tangent of the steering angle, positive to the left.
 
-        In a bend the rear wheels run inside of the front ones. To the left, where there is road inside, the front
-        axle keeps to the lane and the rear cuts in; to the right, where the kerb is, the front swings out.
+        In a bend, the rear wheels take a tighter path than the front wheels. In left bends, which have road on the
+        inside, the front axle follows the lane. In right bends, which have the kerb on the inside, the rear axle does.
 
         Args:
             place: The vehicle's origin, metres in the world frame.

@@ -81,6 +81,7 @@ class VehicleAgent(Agent):
 
     @property
     def mass(self) -> float:
+        """Kilograms, with driver and rider."""
         return self._kind.mass
 
     @property
@@ -94,6 +95,7 @@ class VehicleAgent(Agent):
         return self.progress >= self.path.length - (0.05 if self.actor.entry is None else 0.5)
 
     def enter(self, pose: Pose, speed: float) -> None:
+        """Enter the scene again, and follow the part of the route that is ahead."""
         super().enter(pose, speed)
         self._suspension = Suspension.on_ground(self._wheels, self._world.ground, (self.x, self.y), self.heading)
         self.z = self._suspension.height
@@ -104,11 +106,13 @@ class VehicleAgent(Agent):
         self._follow_path(Path([(self.x, self.y), *route[ahead:]]))
 
     def collide(self, other: Agent | None, impulse: float, seconds: float) -> None:
+        """Brake and stand after a hard collision, or after one with a person while it moves."""
         person = other is not None and is_person(other.actor.shape) and self.moving
         if impulse / self.mass > (_HIT if person else _HARD):
             self.stand_still(seconds + STANDSTILL)
 
     def decide(self, others: Sequence[Agent], seconds: float) -> None:
+        """Let the driver decide."""
         if seconds >= self._stands_until:
             self._stands_until = -math.inf
         self._command = self.driver.decide(self, others, seconds)
@@ -160,6 +164,7 @@ class VehicleAgent(Agent):
         return ahead, max(-most, min(most, left))
 
     def velocities(self) -> tuple[Vector, Vector]:
+        """Linear and angular velocity of the base; without a two-wheeler's lean."""
         linear, _ = super().velocities()
         (roll, pitch), (hx, hy) = self._tilt_rates, self.heading
         return linear, (roll * hx - pitch * hy, roll * hy + pitch * hx, self.yaw_rate)
