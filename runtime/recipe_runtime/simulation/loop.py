@@ -19,6 +19,7 @@ from recipe_runtime.simulation.contacts import ContactRecorder
 from recipe_runtime.simulation.events import ContactEvent
 from recipe_runtime.simulation.neighbours import NeighbourGrid
 from recipe_runtime.simulation.recording import record_frame
+from recipe_runtime.simulation.traffic.junctions import JunctionControl
 
 CONTROL_RATE, DECISION_RATE = 60, 10  # times a second
 
@@ -38,7 +39,7 @@ def run(scene: ScenePlan, take: Callable[[int, bytes], None], report: Callable[[
     control = max(1, clock.physics // CONTROL_RATE)  # steps
     decision = control * max(1, clock.physics // (DECISION_RATE * control))
     world = World(scene.town, clock.physics, scene.props)
-    agents = create_agents(world, scene, control * world.dt)
+    agents, junctions = create_agents(world, scene, control * world.dt)
     contacts = ContactRecorder(world, agents)
     steps = clock.warmup_steps + (clock.frames - 1) * clock.steps_per_frame
     for step in range(steps + 1):
@@ -56,7 +57,7 @@ def run(scene: ScenePlan, take: Callable[[int, bytes], None], report: Callable[[
         if step == steps:
             break
         if step % decision == 0:
-            _decide(agents, since_zero * world.dt)
+            _decide(agents, junctions, since_zero * world.dt)
         if step % control == 0:
             for agent in agents:
                 if agent.present:
@@ -85,7 +86,8 @@ def _at_step(agents: Sequence[Agent], seconds: float) -> Sequence[Agent]:
     return copies
 
 
-def _decide(agents: Sequence[Agent], seconds: float) -> None:
+def _decide(agents: Sequence[Agent], junctions: JunctionControl, seconds: float) -> None:
+    junctions.update(agents, seconds)
     neighbours = NeighbourGrid(agents)
     for agent in agents:
         if agent.present:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
 
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, Pose
@@ -14,32 +13,17 @@ from recipe_runtime.body.kinematics import PartPose, Quaternion, Vector, axis_ro
 from recipe_runtime.body.skeleton import Bike, axle_shift, has_rider, is_parked, is_person, wheel_joints
 from recipe_runtime.simulation.agent import STANDSTILL, Agent, move_towards
 from recipe_runtime.simulation.bullet import World, orientation
-from recipe_runtime.simulation.command import Command
 from recipe_runtime.simulation.path import Path
-from recipe_runtime.simulation.speed_profile import SpeedProfile
 from recipe_runtime.simulation.steering import Steering
 from recipe_runtime.simulation.suspension import Suspension, Wheels
+from recipe_runtime.simulation.traffic.driver import Command, Driver
 from recipe_runtime.simulation.vehicle_kinds import GRIP, vehicle_kind, yaw_inertia
 
 _STEERING = 1.57  # steering rate of the front wheels, rad/s
-_SLOWING, _STOPPING = 4.8, 5.0  # m/s2, to meet a limit of its path, and after a collision
+_STOPPING = 5.0  # m/s2, after a collision
 _HARD, _HIT = 0.3, 0.01  # m/s, change of the speed that stops it: by anything, and by a person while it moves
 _SIDESTEP, _SIDESTEP_SLOPE = 1.0, 0.2  # lateral speed of a lane change: m/s, and of its speed
 _TIP = 50.0  # lean rate of a two-wheeler, degrees/s
-_SIGHT = (60.0, 4.0, 200.0)  # metres at standstill, more per m/s, and at most
-
-
-class Driver(Protocol):
-    """Decides for one vehicle."""
-
-    def decide(self, vehicle: VehicleAgent, neighbours: Sequence[Agent], seconds: float) -> Command:
-        """Return what it wants until the next decision, in 0.1 s.
-
-        Args:
-            vehicle: Its vehicle.
-            neighbours: Other agents in sight, in plan order.
-            seconds: Time since frame 0; negative during the warm-up.
-        """
 
 
 class VehicleAgent(Agent):
@@ -58,13 +42,12 @@ class VehicleAgent(Agent):
         inertia = yaw_inertia(self._kind.mass, shape["length"], shape["width"])
         super().__init__(world, actor, world.add_vehicle(actor, self.mass, inertia), control_dt)
         self.driver = driver
-        self.sight = min(_SIGHT[0] + _SIGHT[1] * actor.speed, _SIGHT[2])
         self._base = shape["wheelbase"]
         self._rear = shape["wheelbase"] / 2 - axle_shift(shape)  # the rear axle lies this far behind the origin
         self._twist = GRIP * self._base / 2 * self._kind.mass / inertia  # rad/s2, the most by the tyres
-        self._command = Command(0.0)
+        self._command = Command(0.0, 0.0)
         self._steer = 0.0  # tangent of the angle
-        self._line = 0.0  # metres to the left of the path where it steers to
+        self._line = driver.base_offset  # metres to the left of the path where it steers to
         self._distance = 0.0  # metres that its wheels have rolled
         self._wheels = self._wheel_places()
         self._suspension = Suspension.on_ground(self._wheels, world.ground, (self.x, self.y), self.heading)
@@ -76,7 +59,6 @@ class VehicleAgent(Agent):
         self.path = path
         self._leg = 0
         self._steering = Steering(path, self._base, self._rear)
-        self._profile = SpeedProfile(path, self.actor.speed, stops=self.actor.entry is None)
         self.progress, self.offset, self._leg = path.locate(self.x, self.y, 0)
 
     @property
@@ -91,15 +73,15 @@ class VehicleAgent(Agent):
 
     @property
     def arrived(self) -> bool:
-        """Whether it is at the end of its path, for good or to leave the scene."""
-        return self.progress >= self.path.length - (0.05 if self.actor.entry is None else 0.5)
+        """Whether it is at the end of its path."""
+        return self.progress >= self.path.length - 0.5
 
     def enter(self, pose: Pose, speed: float) -> None:
         """Enter the scene again, and follow the part of the route that is ahead."""
         super().enter(pose, speed)
         self._suspension = Suspension.on_ground(self._wheels, self._world.ground, (self.x, self.y), self.heading)
         self.z = self._suspension.height
-        self._steer = self._line = 0.0
+        self._steer, self._line = 0.0, self.driver.base_offset
         hx, hy = self.heading
         route = [(p.x, p.y) for p in self.actor.route]
         ahead = next((n for n, (x, y) in enumerate(route) if (x - self.x) * hx + (y - self.y) * hy > 0.0), len(route))
@@ -116,6 +98,7 @@ class VehicleAgent(Agent):
         if seconds >= self._stands_until:
             self._stands_until = -math.inf
         self._command = self.driver.decide(self, others, seconds)
+        self.waiting, self.sight = self.driver.waiting, self.driver.horizon
 
     def control(self) -> None:
         """Steer, drive and brake by what engine and tyres can do until the next call."""
@@ -142,9 +125,7 @@ class VehicleAgent(Agent):
         if self._stands_until > -math.inf or ahead < 0.0:
             return move_towards(ahead, 0.0, _STOPPING * self._dt)
         kind = self._kind
-        speed = max(0.0, ahead + max(-kind.brake, min(kind.drive, self._command.acceleration)) * self._dt)
-        limit = self._profile.at(self.progress, self._leg)
-        return speed if speed <= limit else max(limit, ahead - _SLOWING * self._dt)
+        return max(0.0, ahead + max(-kind.brake, min(kind.drive, self._command.acceleration)) * self._dt)
 
     def _steer_to_path(self, speed: float) -> None:
         shift = min(_SIDESTEP, _SIDESTEP_SLOPE * speed)
