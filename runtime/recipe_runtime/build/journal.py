@@ -2,8 +2,7 @@
 
 A build keeps its journal in its workspace, as files. `lock` and `verify --all` keep theirs in the cache, as entries
 under the key of everything that the frames depend on, until the run is finished. A record appears whole or not at all,
-and is sealed: by a digest in the cache, which only this host's user writes, and by a key of that cache in a workspace,
-which lies in the output folder, where anyone's files may be put.
+and is sealed with the key of this user's cache (`cache.journal_key`): others may have put files into the output folder.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.records import FrameRecord
+from recipe_runtime.cache.journal_key import journal_key
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.files import write_atomic
 from recipe_runtime.dataset.schedule import Shard, View, all_shards, views
@@ -28,7 +28,10 @@ _KIND = "shards"
 
 
 class ShardJournal(ABC):
-    """The records of finished shards."""
+    """The records of finished shards. They count only if they were sealed with the same `key`."""
+
+    def __init__(self, key: bytes) -> None:
+        self._key = key
 
     def read(self, shard: Shard, view: View) -> list[FrameRecord] | None:
         """The records of a finished shard; None if there are none, or they are damaged."""
@@ -48,8 +51,9 @@ class ShardJournal(ABC):
         self._put(shard, view, json.dumps(body).encode())
 
     def _seal(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> str:
-        """What shows that a record is whole."""
-        return digest("shard-record/1", list(records))
+        """What proves that this user's build wrote a record, for this shard."""
+        text = digest("shard-record/2", [_shard_digest(shard, view), list(records)])
+        return hmac.new(self._key, text.encode(), "sha256").hexdigest()
 
     @abstractmethod
     def frames(self) -> int:
@@ -65,13 +69,11 @@ class ShardJournal(ABC):
 
 
 class FolderJournal(ShardJournal):
-    """A file a shard, in a folder; its name is the shard's digest and its number of frames.
-
-    Records count only if they were sealed with the same `key`.
-    """
+    """A file a shard, in a folder; its name is the shard's digest and its number of frames."""
 
     def __init__(self, folder: Path, key: bytes) -> None:
-        self.folder, self._key = folder, key
+        super().__init__(key)
+        self.folder = folder
 
     def __contains__(self, key: tuple[Shard, View]) -> bool:
         """Whether a shard is recorded; what the record says is for `read` to check."""
@@ -84,10 +86,6 @@ class FolderJournal(ShardJournal):
         except OSError:
             return 0
         return sum(int(name.partition("-")[2]) for name in names if re.fullmatch(r"[0-9a-f]{32}-[0-9]+", name))
-
-    def _seal(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> str:
-        text = digest("shard-record/2", [_shard_digest(shard, view), list(records)])
-        return hmac.new(self._key, text.encode(), "sha256").hexdigest()
 
     def _get(self, shard: Shard, view: View) -> bytes | None:
         return self._path(shard, view).read_bytes()
@@ -103,10 +101,11 @@ class CacheJournal(ShardJournal):
     """An entry of the cache a shard, for the run with that key over a plan."""
 
     def __init__(self, cache: Path, run: str, plan: DatasetPlan) -> None:
+        super().__init__(hmac.digest(journal_key(cache), run.encode(), "sha256"))
         self._store, self._run, seen = Store(cache), run, views(plan)
         self._pictures: dict[str, int] = {}  # by key, of every shard that may be recorded
         for shard in all_shards(plan):
-            self._key(shard, seen[shard.view])
+            self._entry(shard, seen[shard.view])
 
     def frames(self) -> int:
         """The number of frames of all recorded shards."""
@@ -119,12 +118,12 @@ class CacheJournal(ShardJournal):
                 self._store.path(_KIND, key).unlink(missing_ok=True)
 
     def _get(self, shard: Shard, view: View) -> bytes | None:
-        return self._store.get(_KIND, self._key(shard, view))
+        return self._store.get(_KIND, self._entry(shard, view))
 
     def _put(self, shard: Shard, view: View, body: bytes) -> None:
-        self._store.put(_KIND, self._key(shard, view), body)
+        self._store.put(_KIND, self._entry(shard, view), body)
 
-    def _key(self, shard: Shard, view: View) -> str:
+    def _entry(self, shard: Shard, view: View) -> str:
         key = digest("store/shard/1", [self._run, _shard_digest(shard, view)])
         self._pictures[key] = shard.pictures
         return key

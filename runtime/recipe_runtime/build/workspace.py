@@ -33,8 +33,12 @@ from recipe_runtime.core.files import (
     atomic_file,
     file_sha256,
     host_errors,
+    is_folder,
     link_or_copy,
+    make_folder,
+    open_folder,
     regular_file,
+    remove_tree,
     stamp_of,
     write_atomic,
 )
@@ -43,6 +47,7 @@ from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest_types import Manifest, ManifestHead
 from recipe_runtime.dataset.schedule import Shard, View
 
+_JOB = "job.json"
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
 
 
@@ -79,8 +84,8 @@ class Workspace:
                 self._recover()
                 if not self._is_mine():
                     self._clear()
-                self.dataset.mkdir(exist_ok=True)
-                self._shards.folder.mkdir(exist_ok=True)
+                make_folder(self.dataset)
+                make_folder(self._shards.folder)
             except BaseException:
                 os.close(self._lock)
                 raise
@@ -154,8 +159,10 @@ class Workspace:
     def settle(cls, out: Path) -> None:
         """Finish what a build that ended within `publish` left: put the old dataset back, or clear it away."""
         work = cls(out, None)
-        ended = work._partial.is_dir() and out.exists() and not work.dataset.exists()
-        if not ended and not (work._partial / "old").is_dir():
+        if not is_folder(work._partial):
+            return
+        ended = out.exists() and not work.dataset.exists()
+        if not ended and not is_folder(work._partial / "old"):
             return
         with host_errors(str(work._partial), _REMEDY):
             work._take()
@@ -192,8 +199,8 @@ class Workspace:
     def _remove(self) -> None:
         """Remove the folder; `job.json` goes last, so that the next build can continue if this is interrupted."""
         for child in sorted(self._partial.iterdir()):
-            if child.is_dir():
-                shutil.rmtree(child)
+            if child.name != _JOB:
+                remove_tree(child)
         shutil.rmtree(self._partial)
 
     def _as_written(self, path: str, row: FileRow) -> bool:
@@ -216,8 +223,14 @@ class Workspace:
         """Make the folder and lock it; a lock on a folder that was published meanwhile is no lock."""
         self.out.parent.mkdir(parents=True, exist_ok=True)
         while True:
+            if self._partial.is_symlink():
+                raise InputError(
+                    f"{self._partial} is a symbolic link, and a build works in no folder that a link points to",
+                    help="remove the link, or choose another folder",
+                    code=Code.OUTPUT_IN_THE_WAY,
+                )
             self._partial.mkdir(exist_ok=True)
-            self._lock = os.open(self._partial, os.O_RDONLY)
+            self._lock = open_folder(self._partial)
             try:
                 fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -243,26 +256,26 @@ class Workspace:
     def _recover(self) -> None:
         """A build that ended between the two renames of `publish` left the old dataset here: put it back."""
         old = self._partial / "old"
-        if old.is_dir() and not self.out.exists():
+        if is_folder(old) and not self.out.exists():
             old.rename(self.out)
-        elif old.is_dir():
-            shutil.rmtree(old)
+        elif is_folder(old) or old.is_symlink():
+            remove_tree(old)
 
     def _is_mine(self) -> bool:
-        path = self._partial / "job.json"
+        path = self._partial / _JOB
         return path.is_file() and path.read_text() == self._job
 
     def _other_recipe(self) -> str | None:
         """The name of the recipe whose unfinished frames are here, if it is another."""
         try:
-            name = json.loads((self._partial / "job.json").read_text())["recipe"]
+            name = json.loads((self._partial / _JOB).read_text())["recipe"]
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None
         return str(name)[:100] if name != self._recipe and self._shards.frames() else None
 
     def _clear(self) -> None:
         """Begin afresh. What is not a build's work is left alone, and another recipe's without `replace`."""
-        if any(self._partial.iterdir()) and not (self._partial / "job.json").is_file():
+        if any(self._partial.iterdir()) and not (self._partial / _JOB).is_file():
             raise InputError(
                 f"{self._partial} is in the way and is not a build's work; move it away", code=Code.OUTPUT_IN_THE_WAY
             )
@@ -275,9 +288,9 @@ class Workspace:
                 code=Code.OUTPUT_IN_THE_WAY,
             )
         for child in sorted(self._partial.iterdir()):
-            if child.is_dir() and child.name in ("dataset", "shards"):
-                shutil.rmtree(child)
-        write_atomic(self._partial / "job.json", self._job.encode())
+            if child.name in ("dataset", "shards"):
+                remove_tree(child)
+        write_atomic(self._partial / _JOB, self._job.encode())
 
 
 def check_out(out: Path) -> None:
