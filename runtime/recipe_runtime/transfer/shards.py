@@ -1,4 +1,4 @@
-"""A dataset as WebDataset shards: tar files in which a frame's files lie side by side under one key.
+"""Exports a dataset as WebDataset shards: tar files in which the files of a frame are adjacent and share a key.
 
     weather_sweep-000000.tar
         weather=sunny/street/000000.depth.png     the dataset's own files, byte for byte
@@ -6,8 +6,8 @@
         weather=sunny/street/000000.rgb.png
     index.json                                    the dataset's identity; samples, size and SHA-256 of every shard
 
-Equal datasets give equal shards: order is the dataset's, and nothing of the host is in a header. Every file is held
-against the manifest while it is copied, so that no damage travels on.
+Equal datasets give equal shards: samples are in the dataset's order, and headers contain no data of the host. Every
+file is compared with the manifest while it is copied, so damaged files are never exported.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _REMEDY = "free some space or choose another folder, then export again"
 
 
 class ShardRecord(TypedDict):
-    """A shard in the index: its file's name, its number of samples, its size in bytes and its SHA-256."""
+    """A shard in the index: file name, number of samples, size in bytes and SHA-256."""
 
     file: str
     samples: int
@@ -76,13 +76,13 @@ class _Shard:
         self.tar = tarfile.TarFile(self.path, "w", format=tarfile.PAX_FORMAT)
 
     def add(self, sample: Sample) -> None:
-        """The files of one frame, by name."""
+        """Add the files of one frame, sorted by name."""
         for entry, body in sample:
             self.tar.addfile(entry, io.BytesIO(body))
         self.samples += 1
 
     def close(self) -> ShardRecord:
-        """Its row in the index."""
+        """Close the shard and return its row of the index."""
         self.tar.close()
         size, digest = self.path.stat().st_size, file_sha256(self.path)
         return {"file": self.path.name, "samples": self.samples, "size": size, "sha256": digest}
@@ -91,11 +91,20 @@ class _Shard:
 def webdataset(
     dataset: Dataset, out: Path, progress: Progress, shard_bytes: int = SHARD_BYTES, *, replace: bool = False
 ) -> ExportIndex:
-    """Write all frames into `out`, a folder that is not there yet, and give its index; with `replace`, over an export.
+    """Export all frames of a dataset, and return the index.
 
-    A shard is closed before the sample that would make it larger than `shard_bytes`; only one frame alone may. The
-    folder gets its name when it is whole. InputError if it is there already with something else in it, or a file of
-    the dataset is damaged; RunError if the host will not have it, or another export writes there.
+    Args:
+        dataset: the dataset.
+        out: the folder to create; it appears when the export is complete.
+        progress: reports progress.
+        shard_bytes: the size limit of a shard. A shard is closed before the sample that would exceed it, so only a
+        shard
+            with a single sample can be larger.
+        replace: whether an existing export may be replaced.
+
+    Raises:
+        InputError: `out` exists and is not an export, or a file of the dataset is damaged.
+        RunError: the files cannot be written, or another export writes to `out`.
     """
     known = _index_of(out)
     same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
@@ -126,7 +135,10 @@ def webdataset(
 
 @contextmanager
 def _alone(out: Path) -> Iterator[Path]:
-    """An empty folder beside `out`, this export's alone, and gone in the end; what a killed export left is cleared."""
+    """Yield an empty work folder beside `out` and remove it afterwards.
+
+    Leftovers of a killed export are removed first.
+    """
     work = out.with_name(f".{out.name}.export")
     if work.is_symlink() or (work.exists() and not _is_work(work)):
         raise InputError(f"{work} is in the way and is not an export's work; move it away")
@@ -175,7 +187,7 @@ def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -
 
 
 def _samples(dataset: Dataset) -> Iterator[Sample]:
-    """The files of every frame, in the order of their names."""
+    """Yield the files of every frame, sorted by name."""
     for variant in dataset.plan.variants:
         for sensor in variant.rig.sensors:
             try:
@@ -200,14 +212,14 @@ def _samples(dataset: Dataset) -> Iterator[Sample]:
 
 
 def _entry(name: str, body: bytes) -> tarfile.TarInfo:
-    """Owner 0, time 0, mode 0644."""
+    """Return a tar header with owner 0, time 0 and mode 0644."""
     entry = tarfile.TarInfo(name)
     entry.size = len(body)
     return entry
 
 
 def _whole(dataset: Dataset, path: str) -> bytes:
-    """A file's bytes, which are the manifest's."""
+    """Return the content of a file, after comparing it with the manifest."""
     size, sha256 = dataset.files.get(path, (-1, ""))
     there = regular_file(dataset.root, path)
     if there is None:

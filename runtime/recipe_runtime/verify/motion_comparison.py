@@ -1,7 +1,7 @@
-"""A scene's motion as it is locked and as this host simulates it: where they part, and what that may excuse.
+"""Compares the locked motion of a scene with this host's simulation, and decides which frames may differ for it.
 
-A lockfile or manifest may be anyone's, and so may the digest of its motion. A claim of other motion excuses a frame
-only if the frame's own labels bear it out.
+A lockfile or manifest may have been written by anyone, including the digest of its motion. A claim of different motion
+therefore excuses a frame only if labels of that frame differ too.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ CONTRADICTION = "the motion of every body agrees, and the digest of the whole do
 
 @dataclass(frozen=True)
 class OtherMotion:
-    """Motion that differs from the locked one: this host's Trace, from which frames are compared nevertheless."""
+    """Motion that differs from the locked motion. Frames are still rendered from this host's Trace and compared."""
 
     trace: Trace
     reason: str  # why this host need not agree
-    agreed: int = 0  # frames at the start in which, by the locked bodies, the motion is this host's
+    agreed: int = 0  # number of frames at the start in which the motion agrees, according to the locked bodies
 
     def excuses(self, modality: str, frame: int) -> bool:
-        """Whether a frame whose first difference is in that modality may differ.
+        """Whether a frame may differ whose first difference is in a given modality.
 
-        Colours may not: where depth, instances and labels agree, so does the motion that is seen.
+        Colours may not: if depth, instances and labels agree, the visible motion agrees too.
         """
         return modality != "rgb" and frame >= self.agreed
 
 
 def parting(lock: Lockfile, scene: ScenePlan, trace: Trace) -> tuple[str, int, bool]:
-    """Where motion of another digest parts from the locked one.
+    """Find where motion with another digest starts to differ from the locked motion.
 
     Returns:
-        Which body parts first, and about when, in words; the number of frames before that, 0 if it is not known; and
-        whether the lockfile contradicts itself, since it says that no body parts.
+        A description of the first body that differs, and when; the number of frames before that, or 0 if unknown; and
+        whether the lockfile contradicts itself, because according to it no body differs.
     """
     ours, partings = digests.body_motions(trace), []
     locked = {actor: lock.bodies.get((scene.digest, actor)) for actor in ours}
