@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from recipe_compiler.ir.modalities import MODALITIES
+
 _WALKERS: dict[str, Any] = {
     "hero1": {"blueprint": "walker.pedestrian.*", "speed": 1.4, "start": {"x": -4, "y": -10, "yaw": 90}},
     "hero2": {"blueprint": "walker.pedestrian.*", "speed": 2.0, "start": {"x": -4, "y": 10, "yaw": -90}},
 }
-_ALL = ["rgb", "depth", "instance", "semantic"]
+_ALL = list(MODALITIES)
 
 
 def _sensor(width: int, height: int, capture: list[str], **camera: float) -> dict[str, Any]:

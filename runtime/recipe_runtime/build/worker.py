@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.errors import RecipeError, RunError
+from recipe_compiler.ir.modalities import LABEL_MODALITIES
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.mots import mots_picture
@@ -24,7 +25,7 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs, layout
 from recipe_runtime.core.files import link_or_copy, stamp_of, write_atomic
 from recipe_runtime.core.interfaces import Observed
-from recipe_runtime.core.modalities import LABEL_MODALITIES, label_array, pixel_digest
+from recipe_runtime.core.modalities import label_array, pixel_digest
 from recipe_runtime.core.timings import Stopwatch
 from recipe_runtime.dataset.schedule import Shard, View, views
 from recipe_runtime.frames.engines import Engines, SceneRenderer

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 _WALL = Surface("wall", Pattern.BRICK, Tag.WALLS)
 _COPING = Surface("coping", Pattern.CONCRETE, Tag.WALLS)

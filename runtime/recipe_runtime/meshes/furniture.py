@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, Vec, noise, tube
 from recipe_runtime.meshes.facades import Facade
 from recipe_runtime.meshes.lettering import write
 from recipe_runtime.meshes.mesh import Light, Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.vectors import Array
 
 

@@ -7,12 +7,12 @@ beyond it.
 from __future__ import annotations
 
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, noise
 from recipe_runtime.meshes.facades import Facade, Hole, Quad, around, niches, pane_uv, pierced
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.roofs import chimney, gable, hip
-from recipe_runtime.meshes.tags import Tag
 
 EAVES = 0.45  # overhang of the roof beyond the walls, metres
 PORCH = 1.6  # depth of a porch, metres

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, icosphere, noise, tube
 from recipe_runtime.meshes.furniture import upright
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 _STONE = Surface("stone", Pattern.STONE, Tag.STATIC)
 _SMOOTH = Surface("stone", Pattern.CONCRETE, Tag.STATIC)

@@ -13,10 +13,10 @@ from functools import cache
 import numpy as np
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, icosphere, noise, noises, tube
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.vectors import Array, Index, cross, unit
 
 _BARK = Surface("bark", Pattern.BARK, Tag.VEGETATION)

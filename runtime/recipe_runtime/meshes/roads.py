@@ -6,10 +6,10 @@ from itertools import pairwise
 
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, Vec, circle, noise
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 _ASPHALT = Surface("asphalt", Pattern.ASPHALT, Tag.ROADS)
 _PATCH = Surface("patch", Pattern.ASPHALT, Tag.ROADS)

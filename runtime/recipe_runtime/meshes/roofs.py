@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, Vec, noise
 from recipe_runtime.meshes.facades import Facade, Quad, pane_uv
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.vectors import cross, unit
 
 _TILES = Surface("roof", Pattern.ROOF, Tag.BUILDINGS)

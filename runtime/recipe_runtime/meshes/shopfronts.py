@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, noise
 from recipe_runtime.meshes.facades import Facade, Hole, Quad, niches, pane_uv, pierced
 from recipe_runtime.meshes.lettering import WORDS, length, write
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 
 def _surface(slot: str, pattern: Pattern) -> Surface:

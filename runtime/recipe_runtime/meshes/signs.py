@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, circle, tube
 from recipe_runtime.meshes.glyphs import Point, arrow, stroke, width, write
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 _POLE = Surface("metal", Pattern.METAL, Tag.POLES)
 _HOUSING = Surface("housing", Pattern.PLAIN, Tag.TRAFFIC_LIGHT)

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, Vec, noise
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 _WALL = Surface("wall", Pattern.CONCRETE, Tag.BUILDINGS)
 _FACADE = Surface("window", Pattern.FACADE, Tag.BUILDINGS)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from recipe_compiler.ir.semantic_tags import Tag
+
 from recipe_runtime.body.skeleton import Bike
 from recipe_runtime.meshes.builder import Builder, circle
 from recipe_runtime.meshes.lofts import loft, tube
 from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
 from recipe_runtime.meshes.pedestrian import rider_parts
-from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.wheels import spoked_wheel
 
 

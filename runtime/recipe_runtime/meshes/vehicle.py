@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from recipe_runtime.body.skeleton import BODIES, BUS, PICKUP, TRUCK, wheel_joints
+from recipe_compiler.ir.actor_kinds import BODIES
+
+from recipe_runtime.body.skeleton import BUS, PICKUP, TRUCK, wheel_joints
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.coachwork import Finish, Shell
 from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from recipe_compiler.ir.lockfile import Lockfile
+from recipe_compiler.ir.modalities import DIGEST_KINDS
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.ir.plurals import count, form
 
@@ -298,8 +299,7 @@ def _made(path: str) -> tuple[int, str]:
 
 
 def _order(place: tuple[str, str, str]) -> tuple[int, str, str]:
-    modalities = ("depth", "instance", "semantic", "labels", "rgb")
-    return (modalities.index(place[2]) if place[2] in modalities else len(modalities), place[1], place[0])
+    return (DIGEST_KINDS.index(place[2]) if place[2] in DIGEST_KINDS else len(DIGEST_KINDS), place[1], place[0])
 
 
 def _some(names: Iterable[str], what: str) -> str:

@@ -16,6 +16,7 @@ from types import MappingProxyType
 from recipe_compiler.ir import canonical
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.lockfile import FrameKey, Lockfile, VariantRow
+from recipe_compiler.ir.modalities import DIGEST_KINDS
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime.annotate.records import FrameRecord
@@ -300,7 +301,7 @@ class _Check:
     def _frame(self, choice: Choice, key: VariantRow, rows: dict[FrameKey, str]) -> Difference | None:
         """The first of a frame's modalities that differs from the lockfile; what comes later follows from it."""
         name, sensor, frame = choice
-        for modality in self._modalities(choice, ("depth", "instance", "semantic", "labels", "rgb")):
+        for modality in self._modalities(choice, DIGEST_KINDS):
             row = (key.frame_key(modality), sensor, modality, frame)
             if self.lock.frames.get(row) != rows[row]:
                 stage, other = stage_of(modality), self.other.get(key.scene)

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import ActorPlan, Pose
+from recipe_compiler.ir.semantic_tags import Tag
 from recipe_compiler.library import towns
 from recipe_compiler.library.blueprints import LIBRARY, Blueprint
 from recipe_runtime.body.skeleton import part_names
@@ -21,7 +22,6 @@ from recipe_runtime.meshes import builder as builder_module
 from recipe_runtime.meshes.builder import Builder, icosphere, noise, noises
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.meshes.smoothing import Sheet, flatten
-from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.vectors import cross, unit
 
 TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
