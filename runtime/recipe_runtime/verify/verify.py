@@ -21,6 +21,7 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.journal import CacheJournal
 from recipe_runtime.build.recipe_files import asset_places
+from recipe_runtime.build.resume import Resumption
 from recipe_runtime.build.worker import Job
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
@@ -36,7 +37,6 @@ from recipe_runtime.dataset.schedule import chosen_shards
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.shot import shot
 from recipe_runtime.report.difference import write_difference
-from recipe_runtime.verify import locking
 from recipe_runtime.verify.compare import (
     compare_datasets,
     compare_files,
@@ -48,6 +48,7 @@ from recipe_runtime.verify.compare import (
 )
 from recipe_runtime.verify.excuses import excuse_of
 from recipe_runtime.verify.file_comparison import FileComparison
+from recipe_runtime.verify.locking import render_rows
 from recipe_runtime.verify.motion_comparison import OtherMotion, parting
 from recipe_runtime.verify.recipe_comparison import recipe_differences
 from recipe_runtime.verify.sampling import Bound, draw, sample_size
@@ -271,9 +272,7 @@ class _Check:
         root = self.folder / "made" if self.dataset else None
         shards, options = chosen_shards(self.plan, chosen), self.options
         job = Job(self.plan, self.engines, devices(options.device), self.folder, root)
-        resumption = self._resumption(job)
-        rows = locking.render_rows(job, shards, options.workers, self.progress, resumption)
-        self.resumed = resumption.frames if resumption else 0
+        rows, self.resumed = render_rows(job, shards, options.workers, self.progress, self._resumption(job))
         keys = digests.bare(self.plan, "", {}).variants
         found = [self._frame(choice, keys[choice[0]], rows) for choice in chosen]
         differences = [difference for difference in found if difference is not None]
@@ -290,14 +289,14 @@ class _Check:
         found = [(v, self.other.get(v.scene.digest)) for v in self.plan.variants]
         return {layout.tracks_file(v.variant): other.reason for v, other in found if other is not None}
 
-    def _resumption(self, job: Job) -> locking.Resumption | None:
+    def _resumption(self, job: Job) -> Resumption | None:
         """The journal of a run of the same plan and motion by the same code, on this very host and device."""
         if self.cache is None:
             return None
         traces = {scene: trace.digest for scene, trace in self.simulated().items()}
         parts = [self.plan.digest, builder(), traces, host.name(), list(job.devices)]
         self._journal = CacheJournal(self.cache, canonical.digest("journal/verify/1", parts), self.plan)
-        return locking.Resumption(self._journal, self._are_the_datasets)
+        return Resumption(self._journal, self._are_the_datasets)
 
     def _are_the_datasets(self, records: list[FrameRecord]) -> bool:
         """Whether the files made of these frames were those that the dataset has; they themselves were not kept."""
