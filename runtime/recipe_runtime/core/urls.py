@@ -16,7 +16,9 @@ MASK = "***"
 
 _URL = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]*):(?P<slashes>/+)(?P<rest>\S*)")
 _COLON = re.compile(r":|%3A", re.IGNORECASE)
-_PARAMETERS = re.compile(r";[^;?#]*?=(?:(?!::[A-Za-z][A-Za-z0-9+.-]*:/).)*")  # `;sig=...`, up to a URL that is chained to this one
+_PARAMETERS = re.compile(
+    r";[^;?#]*?=(?:(?!::[A-Za-z][A-Za-z0-9+.-]*:/).)*"
+)  # `;sig=...`, up to a URL that is chained to this one
 _PATHS = {"file", "local"}  # URLs of these are paths alone
 _END = re.compile(r"""['"`:;,.)\]}>]*\Z""")  # punctuation of the sentence around a URL
 _PORTS = {"http", "https", "ftp", "ftps", "sftp", "ssh", "smb", "hdfs", "webhdfs", "memory"}  # `host:21`, not `key:21`

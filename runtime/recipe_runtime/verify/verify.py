@@ -49,7 +49,7 @@ from recipe_runtime.verify.compare import (
 from recipe_runtime.verify.excuses import excuse_of
 from recipe_runtime.verify.file_comparison import FileComparison
 from recipe_runtime.verify.locking import render_rows
-from recipe_runtime.verify.motion_comparison import OtherMotion, parting
+from recipe_runtime.verify.motion_comparison import MotionDifference, OtherMotion, motion_difference, tracks_differ
 from recipe_runtime.verify.recipe_comparison import recipe_differences
 from recipe_runtime.verify.sampling import Bound, draw, sample_size
 from recipe_runtime.verify.verdict import Difference, Report
@@ -253,9 +253,9 @@ class _Check:
                     self.traces[digest] = made
                     whole.add(digest)
                     continue
-                message, agreed, contradiction = parting(self.lock, scene, made)
-                reason = "" if contradiction else reason
-                own = OtherMotion(made, reason, agreed)
+                difference = motion_difference(self.lock, scene, made)
+                message, reason = difference.message, "" if difference.contradiction else reason
+                own = self._other_motion(scene, made, reason, difference)
             if kept is not None and reason:
                 self.traces[digest] = store.keep_trace(scene, kept)
                 whole.add(digest)
@@ -267,6 +267,11 @@ class _Check:
             found.append(Difference("trace", message, reason or None))
         self.progress("simulate", len(scenes), len(scenes))
         return whole, found
+
+    def _other_motion(self, scene: ScenePlan, made: Trace, reason: str, difference: MotionDifference) -> OtherMotion:
+        """This host's motion, and what it may excuse."""
+        recorded = difference.recorded or (self.dataset is not None and tracks_differ(self.dataset, scene, made))
+        return OtherMotion(made, reason, difference.agreed, recorded)
 
     def _frames(self, chosen: list[Choice]) -> list[Difference]:
         root = self.folder / "made" if self.dataset else None
