@@ -289,6 +289,26 @@ def test_a_renamed_recipe_keeps_its_lockfile_from_others(recipe: Run) -> None:
     assert recipe("build", "renamed.yaml", "--locked").exit_code == 0
 
 
+def test_a_recipe_that_was_renamed_and_not_locked_again_keeps_its_lockfile(recipe: Run) -> None:
+    write("small.yaml", RECIPE)
+    recipe("lock", "small.yaml")
+    path = Path("lockfiles/small.lock")
+    locked = path.read_bytes()
+    Path("small.yaml").rename("renamed.yaml")
+    write("other.yaml", OTHER_PLAN)
+    with pytest.raises(InputError) as caught:
+        recipe("lock", "other.yaml", "--update")
+    (problem,) = caught.value.problems
+    assert problem.message.startswith("lockfiles/small.lock is the lockfile of small.yaml, which does not exist")
+    assert "`recipe lock NEW.yaml`" in problem.help and "--replace" in problem.help
+    with pytest.raises(InputError, match="which does not exist, and has another plan"):  # in Python
+        lockfile.replace(lockfile.read(path), plan="0" * 64, source="../other.yaml").write(path)
+    assert path.read_bytes() == locked
+    assert "now names ../renamed.yaml" in recipe("lock", "renamed.yaml").stdout  # the remedy
+    Path("renamed.yaml").unlink()
+    assert recipe("lock", "other.yaml", "--replace").exit_code == 0
+
+
 @pytest.mark.parametrize("changed", [False, True])
 def test_verify_goes_on_after_a_lockfile_whose_recipe_is_gone(recipe: Run, changed: bool) -> None:
     """The last of the lockfiles is checked, too, and a FAIL is not hidden."""

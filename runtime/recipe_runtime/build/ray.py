@@ -25,7 +25,7 @@ from recipe_compiler.ir.errors import Code, InputError, RunError
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.local import PINNED, Done, Seconds
-from recipe_runtime.build.pipeline import Runner
+from recipe_runtime.build.resume import Runner
 from recipe_runtime.build.worker import Job, Worker
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.asset_files import Assets
