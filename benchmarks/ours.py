@@ -83,11 +83,14 @@ def runner(on_ray: bool) -> Iterator[Runner]:
 
 def part_of(dataset: DatasetPlan, variants: list[str], frames: int) -> DatasetPlan:
     """Return the dataset with only those variants and the first frames."""
-    document = dataset.document()
-    document["variants"] = [v for v in document["variants"] if v["variant"] in variants]
-    for variant in document["variants"]:
-        variant["scene"]["clock"]["frames"] = frames
-    return DatasetPlan.model_validate(document)
+    chosen = []
+    for variant in dataset.variants:
+        if variant.variant in variants:
+            clock = variant.scene.clock.model_copy(update={"frames": frames})
+            scene = variant.scene.model_copy(update={"clock": clock})
+            chosen.append(variant.model_copy(update={"scene": scene}))
+    part = dataset.model_copy(update={"variants": tuple(chosen)})
+    return DatasetPlan.model_validate(part.document())  # as if read from a file: no digest is known
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import errno
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -203,7 +204,7 @@ def test_a_lockfile_in_python_is_not_written_over_another_recipes(recipe: Run) -
     recipe("lock", "a/r.yaml")
     path = Path("lockfiles/small.lock")
     mine = lockfile.read(path)
-    theirs = lockfile.replace(mine, plan="0" * 64, source="../b/r.yaml")
+    theirs = replace(mine, plan="0" * 64, source="../b/r.yaml")
     with pytest.raises(InputError, match=r"another recipe, a/r\.yaml, and not of b/r\.yaml"):
         theirs.write(path)
     notes = write("lockfiles/notes.lock", "mine\n")
