@@ -59,7 +59,7 @@ def check(mesh: Mesh) -> None:
 
 def face_normals(mesh: Mesh) -> NDArray[np.float64]:
     a, b, c = (mesh.vertices[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
-    return np.cross(b - a, c - a)
+    return np.cross(b - a, c - a).astype(np.float64, copy=False)
 
 
 def digest(bodies: tuple[Body, ...]) -> str:

@@ -98,7 +98,7 @@ def test_a_name_that_leads_away_is_refused(built: Dataset, tmp_path: Path) -> No
 
 
 def test_two_exports_at_once_and_a_folder_in_the_way(built: Dataset, tmp_path: Path) -> None:
-    met = []
+    met: list[int] = []
 
     def meet(stage: str, done: int, total: int) -> None:
         if not met:

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.lockfile import Lockfile
-from recipe_compiler.ir.plan import CameraPlan, Pose, ScenePlan
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, Pose, ScenePlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core.trace import METRE, Trace
 from recipe_runtime.core.transforms import from_pose
@@ -106,8 +107,8 @@ class ShadowRenderer(fakes.Renderer):
         self._red = int(parts[2][1, 3] * 8) % 128
         return super().observe(camera, world_from_sensor, parts)
 
-    def shade(self, obs: fakes.Seen, *rest: Any) -> Any:
-        colours = super().shade(obs, *rest)
+    def picture(self, obs: fakes.Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
+        colours = super().picture(obs, appearance, frame)
         colours[..., 0] = colours[..., 0] // 2 + self._red
         return colours
 
@@ -188,7 +189,7 @@ def test_a_rendered_body_outside_the_picture_changes_colours_alone() -> None:
     pictures = [renderer.shade(one, low_sun, "street", 0, 0.0) for one in seen]
     for name in ("depth", "instance", "semantic"):
         assert np.array_equal(getattr(seen[0], name), getattr(seen[1], name))
-    assert not np.array_equal(*pictures)
+    assert not np.array_equal(pictures[0], pictures[1])
 
 
 @pytest.fixture(scope="module")
