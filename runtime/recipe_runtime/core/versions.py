@@ -10,7 +10,7 @@ from pathlib import Path
 from recipe_compiler.ir.canonical import digest, digest_bytes
 
 # In pipeline order; a difference is reported at the first stage that shows it.
-STAGES: dict[str, int] = {"plan": 1, "simulate": 1, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
+STAGES: dict[str, int] = {"plan": 1, "simulate": 2, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
 
 # Packages whose code decides a Trace, and those whose code decides a frame's record: each stage's and those below it.
 SIMULATION_PACKAGES = frozenset({"core", "body", "meshes", "simulation"})

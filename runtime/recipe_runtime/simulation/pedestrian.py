@@ -11,29 +11,47 @@ from recipe_compiler.ir.plan import ActorPlan
 from recipe_runtime.body import walk_cycle
 from recipe_runtime.body.kinematics import PartPose, Quaternion
 from recipe_runtime.body.skeleton import Figure, is_person
-from recipe_runtime.simulation.agent import Agent, move_towards
-from recipe_runtime.simulation.bullet import GRAVITY, World
+from recipe_runtime.simulation.agent import STANDSTILL, Agent, move_towards
+from recipe_runtime.simulation.bullet import World
 
-_WALK_ACCELERATION, _TURN_RATE, _STEP_RATE = 3.5, 6.0, 0.9  # m/s2; rad/s; vertical speed at kerbs, m/s
-_SIDESTEP, _ROOM, _FORESIGHT = 0.55, 0.78, 2.5  # lateral speed, m/s; distance between two pedestrians' axes, m; s
+_MASS = 75.0  # kg
+_WALK_ACCELERATION, _TURN_RATE, _STEP_RATE = 3.5, 6.0, 0.9  # m/s2, rad/s, m/s up and down kerbs
+_TURN_ACCELERATION = 40.0  # rad/s2
+_KNOCKED = 2.0  # m/s, the change of its speed that makes a pedestrian stop
+_SIDESTEP, _ROOM, _FORESIGHT = 0.55, 0.78, 2.5  # m/s, metres between two walkers' middles, seconds
 
 
 class PedestrianAgent(Agent):
     """A pedestrian."""
 
-    def __init__(self, world: World, actor: ActorPlan, dt: float) -> None:
-        super().__init__(world, actor, world.add_pedestrian(actor), dt)
+    def __init__(self, world: World, actor: ActorPlan, control_dt: float) -> None:
+        radius = 0.13 * actor.shape["height"]
+        super().__init__(world, actor, world.add_pedestrian(actor, radius, _MASS), control_dt)
+        self._route = [(point.x, point.y) for point in actor.route]
+        self._next = 0
+        self.z = world.ground.height(self.x, self.y)
         self._figure = Figure.of(actor.shape)
         self._phase = zlib.crc32(actor.name.encode()) / 2.0**32
         self._desired = (0.0, 0.0)
-        self._commanded = (0.0, 0.0)
         self._pace = 0.0
         self._pose_cache: tuple[float, float, Sequence[Quaternion]] = (-1.0, 0.0, ())  # phase, pace, joint rotations
 
-    def choose_motion(self, others: Sequence[Agent]) -> None:
+    @property
+    def mass(self) -> float:
+        """Kilograms."""
+        return _MASS
+
+    def collide(self, other: Agent | None, impulse: float, seconds: float) -> None:
+        """Stop after a hard collision."""
+        if impulse / _MASS > _KNOCKED:
+            self.stand_still(seconds + STANDSTILL)
+            self._desired = (0.0, 0.0)
+
+    def decide(self, others: Sequence[Agent], seconds: float) -> None:
         """Walk towards the next waypoint, slow down before the goal, and step aside to avoid others."""
         wish = self._velocity_to_goal()
-        if wish == (0.0, 0.0):
+        if wish == (0.0, 0.0) or self.held or seconds < self._stands_until:
+            wish = (0.0, 0.0)
             self._desired = wish
             return
         if self._must_wait(wish, others):
@@ -101,14 +119,13 @@ class PedestrianAgent(Agent):
         near = gap < 0.7 and abs(side) < 0.45
         return (-step if left else step), (0.35 if near else 1.0)
 
-    def apply_velocity(self) -> None:
-        """Set the velocity: walk upright, turn into the direction of motion, and follow the ground."""
+    def control(self) -> None:
+        """Accelerate and turn as far as legs can, and face the way that it goes."""
         max_change = _WALK_ACCELERATION * self._dt
-        self._commanded = (
-            move_towards(self._commanded[0], self._desired[0], max_change),
-            move_towards(self._commanded[1], self._desired[1], max_change),
-        )
-        vx, vy = self._commanded
+        dx, dy = self._desired[0] - self.velocity[0], self._desired[1] - self.velocity[1]
+        size = math.sqrt(dx * dx + dy * dy)
+        part = 1.0 if size <= max_change else max_change / size
+        vx, vy = self.velocity[0] + part * dx, self.velocity[1] + part * dy
         speed = math.sqrt(vx * vx + vy * vy)
         turn = 0.0
         if speed > 0.15:
@@ -116,24 +133,21 @@ class PedestrianAgent(Agent):
             cosine = (self.heading[0] * vx + self.heading[1] * vy) / speed
             turn = 7.0 * (sine if cosine > 0 else (1.0 if sine >= 0 else -1.0))
             turn = max(-_TURN_RATE, min(_TURN_RATE, turn))
-        target = self._world.ground.height(self.x, self.y) - walk_cycle.pelvis_drop(
-            self._figure, self._phase, self._pace
-        )
-        rise = (target - self.z) / self._dt
-        rise = max(-_STEP_RATE, min(_STEP_RATE, rise)) + GRAVITY * self._dt
-        lean = self._tilt
-        self._world.set_velocity(self.body, (vx, vy, rise), (20.0 * lean[1], -20.0 * lean[0], turn))
+        turn = move_towards(self.yaw_rate, turn, _TURN_ACCELERATION * self._dt)
+        if (vx, vy) != self.velocity or turn != self.yaw_rate:
+            self._world.set_velocity(self.body, vx, vy, turn)
 
-    def update_distance(self) -> None:
-        """Advance the walk cycle by the distance covered."""
+    def _follow(self, dx: float, dy: float, seconds: float) -> None:
+        """Advance the walk cycle by the distance covered, and follow the ground."""
+        distance = math.sqrt(dx * dx + dy * dy)
         self._pace = math.sqrt(self.velocity[0] * self.velocity[0] + self.velocity[1] * self.velocity[1])
-        self._phase += self._pace * self._dt / walk_cycle.stride_length(self._figure, self._pace)
+        self._phase += distance / walk_cycle.stride_length(self._figure, self._pace)
+        z = move_towards(self.z, self._world.ground.height(self.x, self.y), _STEP_RATE * seconds)
+        self.vertical_speed, self.z = (z - self.z) / seconds, z
 
     def _base_pose(self) -> PartPose:
-        """Return the pose of the base, corrected in height so that the lower sole touches the ground."""
-        (x, y, z), orientation = super()._base_pose()
-        low = walk_cycle.pelvis_drop(self._figure, self._phase, self._pace)
-        return (x, y, z + low - walk_cycle.lowest_sole(self._figure, self._joint_rotations())), orientation
+        """Return the pose of the base, at the height where the lower sole touches the ground."""
+        return (self.x, self.y, self.z - walk_cycle.lowest_sole(self._figure, self._joint_rotations())), self._yaw()
 
     def _joint_rotations(self) -> Sequence[Quaternion]:
         if self._pose_cache[:2] != (self._phase, self._pace):

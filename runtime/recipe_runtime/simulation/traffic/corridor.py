@@ -1,0 +1,134 @@
+"""What lies in the way: the agents in the corridor that a vehicle's path sweeps, bends included."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from recipe_runtime.simulation.path import Leg, nearest_on
+from recipe_runtime.simulation.traffic.agents import Body, Vehicle
+
+CLEARANCE = 0.3  # metres to both sides of a moving vehicle
+_TIGHT = 0.05  # the same beside what its front has reached, metres
+_LONG = 2.9  # metres; longer halves are looked at in three pieces
+_PERSON = 0.55  # metres to both sides of a pedestrian
+_FORESIGHT = 2.5  # seconds ahead for which a pedestrian's way is foreseen
+
+
+@dataclass(frozen=True, slots=True)
+class Corridor:
+    """The strip ahead of a vehicle."""
+
+    legs: Sequence[Leg]  # of the path
+    start: float  # arc length of the vehicle's middle
+    reach: float  # half its length
+    length: float  # metres ahead of its front
+    right: float  # edges, metres to the left of the path, without clearance
+    left: float
+    speed: float  # of the vehicle
+    open_end: bool  # whether the last leg is the path's last
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, length: float, offsets: tuple[float, float]) -> Corridor:
+        """Return the strip that a vehicle covers while it is between two offsets."""
+        path, start = vehicle.path, vehicle.progress
+        end = start + vehicle.reach + length
+        right, left = min(offsets) - vehicle.radius, max(offsets) + vehicle.radius
+        legs = path.window(start - 2.0, end)
+        return cls(legs, start, vehicle.reach, length, right, left, vehicle.speed, end >= path.length)
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """Somebody in a corridor."""
+
+    body: Body
+    gap: float  # metres from the vehicle's front to its nearest part, along the path
+    speed: float  # along the path, m/s
+    right: float  # its edges, metres to the left of the path
+    left: float
+    person: bool
+
+
+def obstacles(corridor: Corridor, neighbours: Sequence[Body]) -> list[Obstacle]:
+    """Return the agents in a corridor, in the order of the neighbours."""
+    c, found = corridor, []
+    low_x, low_y, high_x, high_y = _bounds(c)
+    for body in neighbours:
+        x, y, size = body.x, body.y, body.reach
+        if x < low_x - size or x > high_x + size or y < low_y - size or y > high_y + size:
+            continue
+        if body.actor.category == "pedestrian":
+            obstacle = _person(c, body)
+        elif size <= _LONG:
+            obstacle = _vehicle(c, body, x, y, size)
+        else:
+            hx, hy = body.heading[0] * size / 1.5, body.heading[1] * size / 1.5
+            pieces = [_vehicle(c, body, x + k * hx, y + k * hy, size / 3.0) for k in (-1.0, 0.0, 1.0)]
+            obstacle = min((p for p in pieces if p is not None), key=lambda p: p.gap, default=None)
+        if obstacle is not None:
+            found.append(obstacle)
+    return found
+
+
+def _bounds(c: Corridor) -> tuple[float, float, float, float]:
+    """Return the box of a corridor: least x, least y, greatest x, greatest y."""
+    side = max(abs(c.right), abs(c.left)) + 3.0
+    end = c.start + c.reach + c.length
+    low_x = low_y = math.inf
+    high_x = high_y = -math.inf
+    for ax, ay, tx, ty, start, length in c.legs:
+        a, b = max(0.0, c.start - start), min(length, end - start) if not c.open_end else end - start
+        for x, y in ((ax + tx * a, ay + ty * a), (ax + tx * b, ay + ty * b)):
+            low_x, low_y = min(low_x, x), min(low_y, y)
+            high_x, high_y = max(high_x, x), max(high_y, y)
+    return low_x - side, low_y - side, high_x + side, high_y + side
+
+
+def _direction(c: Corridor, metres: float) -> tuple[float, float]:
+    """Return the direction of the path at an arc length."""
+    for _, _, tx, ty, start, length in c.legs:
+        if metres <= start + length:
+            return tx, ty
+    return c.legs[-1][2], c.legs[-1][3]
+
+
+def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstacle | None:
+    """Return a vehicle, or a piece of one that reaches `size` metres to both ends, if it is in the corridor."""
+    metres, aside = nearest_on(c.legs, x, y, False, c.open_end)
+    if metres <= c.start or aside > c.left + size + 1.5 or aside < c.right - size - 1.5:
+        return None
+    tx, ty = _direction(c, metres)
+    hx, hy = body.heading
+    cosine, sine = abs(hx * tx + hy * ty), abs(hx * ty - hy * tx)
+    half = cosine * body.radius + sine * size
+    gap = metres - cosine * size - sine * body.radius - c.start - c.reach
+    if gap > c.length:
+        return None
+    room = CLEARANCE if gap > 0.3 else _TIGHT
+    if aside - half > c.left + room or aside + half < c.right - room:
+        return None
+    vx, vy = body.velocity
+    return Obstacle(body, gap, vx * tx + vy * ty, aside - half, aside + half, False)
+
+
+def _person(c: Corridor, body: Body) -> Obstacle | None:
+    """Return a pedestrian who is in the corridor, or will step into it before the vehicle has passed."""
+    metres, aside = nearest_on(c.legs, body.x, body.y, False, c.open_end)
+    gap = metres - c.start - c.reach - body.radius
+    if metres <= c.start or gap > c.length:
+        return None
+    tx, ty = _direction(c, metres)
+    vx, vy = body.velocity
+    along, across = vx * tx + vy * ty, vy * tx - vx * ty
+    room = body.radius + (_PERSON if gap > 0.3 else _TIGHT)
+    to_right, to_left = c.right - room - aside, aside - c.left - room  # metres to the corridor, if positive
+    if to_right > 0.0 or to_left > 0.0:
+        distance, approach = (to_right, across) if to_right > 0.0 else (to_left, -across)
+        if approach < 0.2 or distance > _FORESIGHT * approach:
+            return None
+        passed = (gap + 2.0 * c.reach + 1.0) / max(c.speed, 0.5)
+        if passed < distance / approach:
+            return None
+    return Obstacle(body, gap, min(along, c.speed), aside - body.radius, aside + body.radius, True)

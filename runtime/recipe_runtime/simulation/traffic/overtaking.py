@@ -1,0 +1,188 @@
+"""Overtaking over the oncoming lane of a street: bicycles, and what stands in the lane.
+
+A vehicle overtakes if it can be back in its lane before the next junction, bend and oncoming vehicle. It gives up and
+stays behind while it is not yet beside the other one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from recipe_runtime.body.skeleton import BICYCLE, is_person
+from recipe_runtime.simulation.traffic.agents import Body, Vehicle
+from recipe_runtime.simulation.traffic.corridor import Corridor, Obstacle, obstacles
+from recipe_runtime.simulation.traffic.passage import Passage
+
+_BESIDE_RIDER, _BESIDE_CAR = 1.2, 0.6  # metres between the sides
+_LEFT_EDGE = 4.3  # metres to the left of the lane's middle that the vehicle's side may reach
+_LATERAL = 1.0  # m/s, sideways
+_NEAR = 22.0  # metres; farther leaders are not overtaken yet
+_AFTER = 3.0  # metres between the two when it is back in its lane
+_STANDS = 4.0  # seconds after which what stands is passed
+_TICK = 0.1  # seconds
+
+
+@dataclass(slots=True)
+class _Plan:
+    """An overtaking that is under way."""
+
+    body: Body
+    offset: float
+
+
+class Overtaking:
+    """Whether one vehicle overtakes, and whom."""
+
+    def __init__(self) -> None:
+        self._plan: _Plan | None = None
+        self._behind: Body | None = None
+        self._seconds = 0.0  # for which it has been behind somebody who stands
+
+    def passes(self, obstacle: Obstacle, vehicle: Vehicle) -> bool:
+        """Return whether an obstacle is being overtaken and the vehicle will be beside its way in time."""
+        plan = self._plan
+        if plan is None or obstacle.body is not plan.body:
+            return False
+        if plan.offset - vehicle.radius < obstacle.left + 0.2:
+            return False
+        aside = max(0.0, obstacle.left + 0.3 - (vehicle.offset - vehicle.radius))
+        closing = max(0.0, vehicle.speed - obstacle.speed)
+        return obstacle.gap > closing * aside / _LATERAL + 0.7
+
+    def decide(
+        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, room: float, desired: float
+    ) -> float | None:
+        """Return the offset for overtaking, metres to the left of the path; None to stay in the lane.
+
+        Args:
+            vehicle: The vehicle, on a street.
+            neighbours: Agents in its neighbourhood, in plan order.
+            nearest: The nearest obstacle in its corridor that is not being overtaken.
+            room: Metres of straight road ahead of its front without a junction.
+            desired: The speed that it would have on a free road, m/s.
+        """
+        self._count(nearest)
+        if self._plan is not None:
+            return self._go_on(vehicle, neighbours, self._plan, room, desired)
+        if nearest is None or not self._wants(nearest, desired) or nearest.gap > _NEAR:
+            return None
+        rider = nearest.person or _is_bicycle(nearest.body)
+        offset = nearest.left + (_BESIDE_RIDER if rider else _BESIDE_CAR) + vehicle.radius
+        if offset + vehicle.radius > _LEFT_EDGE or nearest.right > 1.0:
+            return None
+        if not _free(vehicle, neighbours, nearest.body, (nearest.gap, nearest.speed), offset, room, desired):
+            return None
+        self._plan = _Plan(nearest.body, offset)
+        return offset
+
+    def _count(self, nearest: Obstacle | None) -> None:
+        """Measure for how long the same body has stood ahead without waiting for others."""
+        stands = nearest is not None and abs(nearest.speed) < 0.2 and nearest.gap < 12.0 and _is_stalled(nearest.body)
+        if nearest is None or not stands or nearest.body is not self._behind:
+            self._seconds = 0.0
+        self._behind = nearest.body if nearest is not None else None
+        self._seconds += _TICK
+
+    def _wants(self, nearest: Obstacle, desired: float) -> bool:
+        """Return whether a leader is one to be overtaken."""
+        if abs(nearest.speed) < 0.3:
+            return self._seconds > _STANDS
+        return _is_bicycle(nearest.body) and 0.0 < nearest.speed < 0.75 * desired
+
+    def _go_on(
+        self, vehicle: Vehicle, neighbours: Sequence[Body], plan: _Plan, room: float, desired: float
+    ) -> float | None:
+        """Continue, end or give up."""
+        tx, ty = vehicle.path.tangent(vehicle.progress)
+        body = plan.body
+        ahead = (body.x - vehicle.x) * tx + (body.y - vehicle.y) * ty
+        sizes = vehicle.reach + body.reach
+        if ahead < -sizes - 1.0 - 0.2 * vehicle.speed or ahead > 40.0 or not body.present:
+            self._plan = None
+            return None
+        if ahead > sizes:  # not yet beside
+            speed = body.velocity[0] * tx + body.velocity[1] * ty
+            if not _free(vehicle, neighbours, body, (ahead - sizes, speed), plan.offset, room + 4.0, desired):
+                self._plan = None
+                return None
+        return plan.offset
+
+
+def room_ahead(vehicle: Vehicle, passage: Passage) -> float:
+    """Return the metres of straight road ahead of a vehicle's front without a junction; 0 in a junction."""
+    if passage.left < passage.entered:
+        return 0.0
+    path, front = vehicle.path, vehicle.progress + vehicle.reach
+    crossing = passage.next
+    end = path.length if crossing is None else crossing.entry
+    tx, ty = path.tangent(vehicle.progress)
+    for leg in path.window(vehicle.progress, end - 1.0)[1:]:
+        if leg[2] * tx + leg[3] * ty < 0.999:
+            end = min(end, leg[4])
+            break
+    return end - front
+
+
+def _free(
+    vehicle: Vehicle,
+    neighbours: Sequence[Body],
+    body: Body,
+    leader: tuple[float, float],
+    offset: float,
+    room: float,
+    desired: float,
+) -> bool:
+    """Return whether there is time and room to pass a body.
+
+    Args:
+        vehicle: The vehicle.
+        neighbours: Agents in its neighbourhood.
+        body: Who is to be passed.
+        leader: Its distance from the vehicle's front, and its speed, m and m/s.
+        offset: The offset while passing.
+        room: Metres without a junction ahead.
+        desired: Speed while passing.
+    """
+    gap, speed = leader
+    pace = max(1.5, (vehicle.speed + 2.0 * desired) / 3.0)
+    if pace - speed < 1.0:
+        return False
+    seconds = (gap + 2.0 * (body.reach + vehicle.reach) + _AFTER) / (pace - max(0.0, speed)) + 0.5
+    way = pace * seconds
+    if way > room:
+        return False
+    back = vehicle.offset if vehicle.offset < 0.5 else 0.0
+    strip = Corridor.of(vehicle, min(2.5 * way + 15.0, vehicle.driver.horizon), (offset, back))
+    for other in obstacles(strip, neighbours):
+        if other.body is body:
+            continue
+        at = other.gap + other.speed * seconds  # of its nearest part when the vehicle is back
+        if at < way + 3.0:
+            return False
+    return not _overtaken(vehicle, neighbours, offset)
+
+
+def _overtaken(vehicle: Vehicle, neighbours: Sequence[Body], offset: float) -> bool:
+    """Return whether somebody behind is beside or about to overtake."""
+    tx, ty = vehicle.path.tangent(vehicle.progress)
+    for body in neighbours:
+        dx, dy = body.x - vehicle.x, body.y - vehicle.y
+        along, aside = dx * tx + dy * ty, dy * tx - dx * ty
+        if -25.0 < along <= 0.0 and 0.3 < aside - body.radius + vehicle.radius and aside < offset + 2.0:
+            speed = body.velocity[0] * tx + body.velocity[1] * ty
+            if along + body.reach > -vehicle.reach - 1.0 and abs(aside) < 3.5 and speed > -0.5:
+                return True
+            if speed > vehicle.speed + 0.5 and aside > 0.8:
+                return True
+    return False
+
+
+def _is_bicycle(body: Body) -> bool:
+    return not is_person(body.actor.shape) and int(body.actor.shape["body"]) == BICYCLE
+
+
+def _is_stalled(body: Body) -> bool:
+    """Return whether a body stands for a reason of its own: not in a queue, nor at a stop line."""
+    driver = getattr(body, "driver", None)
+    return driver is None or driver.stalled
