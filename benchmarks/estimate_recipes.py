@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
+
+from recipe_compiler.ir.modalities import MODALITIES
 
 _WALKERS: dict[str, Any] = {
     "hero1": {"blueprint": "walker.pedestrian.*", "speed": 1.4, "start": {"x": -4, "y": -10, "yaw": 90}},
     "hero2": {"blueprint": "walker.pedestrian.*", "speed": 2.0, "start": {"x": -4, "y": 10, "yaw": -90}},
 }
-_ALL = ["rgb", "depth", "instance", "semantic"]
+_ALL = list(MODALITIES)
 
 
-def _sensor(width: int, height: int, capture: list[str], **camera: float) -> dict[str, Any]:
+def _sensor(width: int, height: int, capture: Sequence[str], **camera: float) -> dict[str, Any]:
     view = {"width": width, "height": height, "fov": 90, **camera}
-    return {"mount": {"x": -8, "y": 0, "z": 1.6, "yaw": 0}, "camera": view, "capture": capture}
+    return {"mount": {"x": -8, "y": 0, "z": 1.6, "yaw": 0}, "camera": view, "capture": list(capture)}
 
 
-def _driving(width: int, height: int, capture: list[str], **camera: float) -> dict[str, Any]:
+def _driving(width: int, height: int, capture: Sequence[str], **camera: float) -> dict[str, Any]:
     return _sensor(width, height, capture, **camera) | {"mount": {"on": "ego", "x": 0.6, "z": 1.5}}
 
 

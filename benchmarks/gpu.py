@@ -27,8 +27,8 @@ _SHIFT = 0.01  # metres a frame that the moving camera goes ahead
 def take_of(variant: ScenarioPlan, trace: Trace, count: int, moving: bool) -> FrameBatch:
     """Return frames of the first sensor, back and forth over the clip, with a slow camera motion if requested."""
     clock, sensor = variant.scene.clock, variant.rig.sensors[0]
-    numbers = np.arange(count) % (2 * clock.frames)
-    numbers = np.where(numbers < clock.frames, numbers, 2 * clock.frames - 1 - numbers)
+    there_and_back = np.arange(count) % (2 * clock.frames)
+    numbers = np.minimum(there_and_back, 2 * clock.frames - 1 - there_and_back)
     known = np.stack([sensor_transform(sensor, trace, frame) for frame in range(clock.frames)])
     poses: Array = known[numbers]
     if moving:

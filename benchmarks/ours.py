@@ -21,7 +21,8 @@ from pathlib import Path
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.build import local
-from recipe_runtime.build.pipeline import Runner, build
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.resume import Runner
 
 
 def main() -> None:
@@ -83,11 +84,14 @@ def runner(on_ray: bool) -> Iterator[Runner]:
 
 def part_of(dataset: DatasetPlan, variants: list[str], frames: int) -> DatasetPlan:
     """Return the dataset with only those variants and the first frames."""
-    document = dataset.document()
-    document["variants"] = [v for v in document["variants"] if v["variant"] in variants]
-    for variant in document["variants"]:
-        variant["scene"]["clock"]["frames"] = frames
-    return DatasetPlan.model_validate(document)
+    chosen = []
+    for variant in dataset.variants:
+        if variant.variant in variants:
+            clock = variant.scene.clock.model_copy(update={"frames": frames})
+            scene = variant.scene.model_copy(update={"clock": clock})
+            chosen.append(variant.model_copy(update={"scene": scene}))
+    part = dataset.model_copy(update={"variants": tuple(chosen)})
+    return DatasetPlan.model_validate(part.document())  # as if read from a file: no digest is known
 
 
 if __name__ == "__main__":

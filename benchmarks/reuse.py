@@ -67,7 +67,7 @@ def compare(variant: ScenarioPlan, trace: Trace, reuse: TemporalReuse, frames: i
             pictures.append(sources[place].shade(seen, variant.appearance, sensor, frame))
             if frame >= begin + WARM:
                 seconds[place] += time.thread_time() - start
-        if not np.array_equal(*pictures):
+        if not np.array_equal(pictures[0], pictures[1]):
             raise SystemExit(f"frame {frame} differs without {reuse}")
     return [1000 * s / frames for s in seconds]
 

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tests.sources import imports, modules
+from tests.sources import PACKAGES, imports, modules
 
 # From the lowest layer to the highest. A name that is not a package stands for the module of that name in the root.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
@@ -38,6 +38,9 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
 MAX_ROOT_MODULES = 6
 MAX_PACKAGE_MODULES = 15
 LARGE_PACKAGES = {"recipe_runtime/meshes"}
+MAX_MODULE_LINES = 400
+MAX_FUNCTION_LINES = 60
+LONG_KERNELS = {"shade_samples", "fill_triangle", "detail_of", "reflect"}  # see docs/open-work.md
 
 
 def layer_of(top: str, part: str) -> int:
@@ -89,6 +92,23 @@ def test_packages_stay_small(top: str) -> None:
     assert count[top] <= MAX_ROOT_MODULES
     too_large = {folder for folder, number in count.items() if number > MAX_PACKAGE_MODULES}
     assert too_large <= LARGE_PACKAGES, {folder: count[folder] for folder in too_large}
+
+
+@pytest.mark.parametrize("top", PACKAGES)
+def test_modules_and_functions_stay_short(top: str) -> None:
+    long, seen = [], 0
+    for path, tree in modules(top):
+        seen += 1
+        lines = (PACKAGES[top].parent / path).read_text(encoding="utf-8").count("\n")
+        long += [path] * (lines > MAX_MODULE_LINES)
+        functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+        long += [
+            f"{path}: {node.name}"
+            for node in functions
+            if (node.end_lineno or 0) - node.lineno >= MAX_FUNCTION_LINES and node.name not in LONG_KERNELS
+        ]
+    assert seen > 10
+    assert not long
 
 
 def test_reading_a_dataset_loads_no_builder_verifier_or_transfer() -> None:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 from click.shell_completion import CompletionItem
+from recipe_compiler.ir.modalities import MODALITIES
 
 if TYPE_CHECKING:
     from recipe_compiler.checks.outline import Outline
 
 Completer = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
-_MODALITIES = ("rgb", "depth", "instance", "semantic")
 _MAX_FILES = 500
 SUFFIXES = (".yaml", ".yml", ".recipe")
 
@@ -45,7 +45,7 @@ def sensors(context: click.Context, parameter: click.Parameter, incomplete: str)
 
 def modalities(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """The modalities that the recipe captures, else all."""
-    return _items(_outline(context).modalities or _MODALITIES, incomplete)
+    return _items(_outline(context).modalities or MODALITIES, incomplete)
 
 
 def devices(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
+from recipe_compiler.ir.modalities import MODALITIES
 
 from recipe_runtime.core.codecs import metres_from_carla
-
-_PICTURES = {"rgb", "instance", "semantic", "depth"}
 
 
 def decode(key: str, data: bytes) -> Any:
@@ -43,7 +42,7 @@ def decode(key: str, data: bytes) -> Any:
         return json.loads(data)
     if ending == "npy" and name == "depth":
         return _metres(data)
-    if ending != "png" or name not in _PICTURES:
+    if ending != "png" or name not in MODALITIES:
         return None
     pixels = _pixels(key, data)
     kind, axes = {"instance": ("uint16", 2), "semantic": ("uint8", 2)}.get(name, ("uint8", 3))

@@ -22,7 +22,8 @@ def run_here(*arguments: str | Path, cwd: Path, **environment: str) -> subproces
     For tests of what a command says and writes. Those of processes, signals and start-up need a process.
     """
     command = ["recipe", *map(str, arguments)]
-    out, errors = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    written = [io.BytesIO(), io.BytesIO()]
+    out, errors = (io.TextIOWrapper(body, encoding="utf-8", write_through=True) for body in written)
     handler = signal.getsignal(signal.SIGTERM)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(cwd)
@@ -39,5 +40,4 @@ def run_here(*arguments: str | Path, cwd: Path, **environment: str) -> subproces
         finally:
             signal.signal(signal.SIGTERM, handler)
     assert isinstance(code, int)
-    texts = [stream.buffer.getvalue().decode() for stream in (out, errors)]  # type: ignore[attr-defined]
-    return subprocess.CompletedProcess(command, code, *texts)
+    return subprocess.CompletedProcess(command, code, *[body.getvalue().decode() for body in written])

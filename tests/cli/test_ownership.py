@@ -6,6 +6,7 @@ import errno
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -203,7 +204,7 @@ def test_a_lockfile_in_python_is_not_written_over_another_recipes(recipe: Run) -
     recipe("lock", "a/r.yaml")
     path = Path("lockfiles/small.lock")
     mine = lockfile.read(path)
-    theirs = lockfile.replace(mine, plan="0" * 64, source="../b/r.yaml")
+    theirs = replace(mine, plan="0" * 64, source="../b/r.yaml")
     with pytest.raises(InputError, match=r"another recipe, a/r\.yaml, and not of b/r\.yaml"):
         theirs.write(path)
     notes = write("lockfiles/notes.lock", "mine\n")
@@ -287,6 +288,26 @@ def test_a_renamed_recipe_keeps_its_lockfile_from_others(recipe: Run) -> None:
             recipe(*arguments)
     assert recipe("verify", "lockfiles/small.lock", "--frames", "1").exit_code == 0
     assert recipe("build", "renamed.yaml", "--locked").exit_code == 0
+
+
+def test_a_recipe_that_was_renamed_and_not_locked_again_keeps_its_lockfile(recipe: Run) -> None:
+    write("small.yaml", RECIPE)
+    recipe("lock", "small.yaml")
+    path = Path("lockfiles/small.lock")
+    locked = path.read_bytes()
+    Path("small.yaml").rename("renamed.yaml")
+    write("other.yaml", OTHER_PLAN)
+    with pytest.raises(InputError) as caught:
+        recipe("lock", "other.yaml", "--update")
+    (problem,) = caught.value.problems
+    assert problem.message.startswith("lockfiles/small.lock is the lockfile of small.yaml, which does not exist")
+    assert problem.help is not None and "`recipe lock NEW.yaml`" in problem.help and "--replace" in problem.help
+    with pytest.raises(InputError, match="which does not exist, and has another plan"):  # in Python
+        replace(lockfile.read(path), plan="0" * 64, source="../other.yaml").write(path)
+    assert path.read_bytes() == locked
+    assert "now names ../renamed.yaml" in recipe("lock", "renamed.yaml").stdout  # the remedy
+    Path("renamed.yaml").unlink()
+    assert recipe("lock", "other.yaml", "--replace").exit_code == 0
 
 
 @pytest.mark.parametrize("changed", [False, True])

@@ -143,7 +143,8 @@ def test_the_text_of_many_errors_ends_with_their_number() -> None:
 
 def test_the_same_problem_of_thousands_of_variants_is_kept_once() -> None:
     from recipe_compiler.expand import Variant
-    from recipe_compiler.source.yaml_reader import Place, Value
+    from recipe_compiler.ir.errors import Place
+    from recipe_compiler.source.yaml_reader import Value
 
     base, problem, found = Value({}, Place("f", 1, 1)), Problem("wrong"), Findings()
     for number in range(3000):

@@ -118,7 +118,7 @@ def by_name(plan: ScenarioPlan) -> dict[str, ActorPlan]:
     return {actor.name: actor for actor in plan.scene.actors}
 
 
-AXES = {
+AXES: dict[str, dict[str, dict[str, object]]] = {
     "weather": {"sunny": {}, "rainy": {"weather": "MidRainyNoon"}},
     "jitter": {"still": {"sensors": {"street": {"motion": None}}}, "shaky": {}},
 }

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 from recipe_compiler.ir.plan import (
     ActorPlan,
     AppearancePlan,
@@ -28,6 +30,7 @@ from recipe_compiler.ir.plan import (
 )
 from recipe_compiler.library.blueprints import match
 from recipe_runtime.core.trace import METRE, UNIT, Trace
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.meshes.mesh import Body, Mesh
 
@@ -56,10 +59,13 @@ def scene_plan(frames: int = 12, speed: float = 1.0) -> ScenePlan:
     )
 
 
-def sensor_plan(name: str = "street", shake: float = 0.0, frames: int = 12, capture: Any = None) -> SensorPlan:
+def sensor_plan(
+    name: str = "street", shake: float = 0.0, frames: int = 12, capture: Sequence[str] | None = None
+) -> SensorPlan:
     poses = tuple(Pose(z=1.0, y=shake * (k % 3 - 1)) for k in range(frames if shake else 1))
+    camera = CameraPlan(width=64, height=48, fov=90)
     capture = capture or ("rgb", "depth", "instance", "semantic")
-    return SensorPlan(name=name, camera=CameraPlan(width=64, height=48, fov=90), capture=capture, poses=poses)
+    return SensorPlan(name=name, camera=camera, capture=tuple(capture), poses=poses)
 
 
 def appearance_plan(clouds: float = 0.0) -> AppearancePlan:
@@ -69,7 +75,7 @@ def appearance_plan(clouds: float = 0.0) -> AppearancePlan:
     return AppearancePlan(seed=1, weather=weather, sun=Sun(azimuth=0, altitude=45), looks={}, responses=responses)
 
 
-def dataset_plan(frames: int = 12, weathers: int = 2, **outputs: Any) -> DatasetPlan:
+def dataset_plan(frames: int = 12, weathers: int = 2, **outputs: object) -> DatasetPlan:
     """Two rigs by so many weathers; the second sensor stands still in both rigs."""
     scene = scene_plan(frames)
     variants = []
@@ -80,7 +86,7 @@ def dataset_plan(frames: int = 12, weathers: int = 2, **outputs: Any) -> Dataset
             name = f"weather=w{w},jitter={jitter}"
             appearance = appearance_plan(10.0 * w)
             variants.append(ScenarioPlan(variant=name, scene=scene, rig=rig, appearance=appearance))
-    fields: dict[str, Any] = {
+    fields: dict[str, object] = {
         "recipe": "tiny",
         "description": "Boxes slide past.",
         "annotations": ("kwcoco", "coco", "mots_txt", "mots_png"),
@@ -121,9 +127,9 @@ class View:
 
 @dataclass(frozen=True)
 class Seen:
-    depth: Any
-    instance: Any
-    semantic: Any
+    depth: NDArray[np.float32]
+    instance: NDArray[np.uint16]
+    semantic: NDArray[np.uint8]
     objects: list[View]
 
 
@@ -133,7 +139,7 @@ class Renderer:
     def __init__(self, scene: ScenePlan) -> None:
         self._instances = [a.tag * 1000 + a.instance for a in scene.actors]
 
-    def observe(self, camera: CameraPlan, world_from_sensor: Any, parts: Any) -> Seen:
+    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
         h, w = camera.height, camera.width
         depth, instance = np.full((h, w), camera.far, np.float32), np.zeros((h, w), np.uint16)
         views = []
@@ -148,7 +154,22 @@ class Renderer:
         semantic = np.where(instance > 0, instance // 1000, 11).astype(np.uint8)
         return Seen(depth, instance, semantic, views)
 
-    def shade(self, obs: Seen, appearance: AppearancePlan, sensor_name: str, frame: int, time: float) -> Any:
+    def shade(
+        self,
+        obs: Seen,
+        appearance: AppearancePlan,
+        sensor_name: str,
+        frame: int,
+        time: float,
+        *,
+        moment: object = None,
+    ) -> NDArray[np.uint8]:
+        return self.picture(obs, appearance, frame)
+
+    def reel(self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int) -> NoReturn:
+        raise AssertionError("a CPU renders its frames one by one")
+
+    def picture(self, obs: Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         grey = (obs.depth.astype(np.int64) + int(appearance.weather.cloudiness) + frame) % 256
         return np.stack([grey, obs.semantic, obs.instance % 251], axis=-1).astype(np.uint8)
 
@@ -156,7 +177,7 @@ class Renderer:
 class SlowRenderer(Renderer):
     """So slow that a build can be caught in the middle."""
 
-    def observe(self, camera: CameraPlan, world_from_sensor: Any, parts: Any) -> Seen:
+    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
         time.sleep(0.05)
         return super().observe(camera, world_from_sensor, parts)
 
@@ -164,19 +185,19 @@ class SlowRenderer(Renderer):
 class BrokenRenderer(Renderer):
     """Fails at frame 7, as an engine would."""
 
-    def shade(self, obs: Seen, appearance: AppearancePlan, sensor_name: str, frame: int, time: float) -> Any:
+    def picture(self, obs: Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         if frame == 7:
             raise ArithmeticError("the lamp went out")
-        return super().shade(obs, appearance, sensor_name, frame, time)
+        return super().picture(obs, appearance, frame)
 
 
 class DyingRenderer(Renderer):
     """Takes its whole process with it at frame 7."""
 
-    def shade(self, obs: Seen, appearance: AppearancePlan, sensor_name: str, frame: int, time: float) -> Any:
+    def picture(self, obs: Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         if frame == 7:
             os.kill(os.getpid(), signal.SIGKILL)
-        return super().shade(obs, appearance, sensor_name, frame, time)
+        return super().picture(obs, appearance, frame)
 
 
 def _noted(scene: ScenePlan, device: str) -> Renderer:

@@ -47,7 +47,7 @@ def test_rendered_on_demand_equals_the_built_files(built: Path) -> None:
                 ours = scenario.render(frame, sensor, modality)
                 file = _read(built / layout.frame_file(RAIN, sensor, modality, frame, "carla"))
                 if modality == "depth":
-                    ours = codecs.carla_depth(ours)
+                    ours = codecs.carla_depth(ours.astype(np.float32))
                 np.testing.assert_array_equal(ours, file, err_msg=f"{frame} {sensor} {modality}")
 
 
@@ -177,6 +177,8 @@ def test_a_frame_that_is_stopped_takes_its_renderer_along(before: int, monkeypat
     """What a renderer keeps from frame to frame may be half made then, so nothing of it is believed any more."""
     from recipe_runtime.render.device.setup import wp
 
+    launch, launches = wp.launch, 0
+
     def stops(*arguments: Any, **named: Any) -> None:
         nonlocal launches
         launches += 1
@@ -184,7 +186,6 @@ def test_a_frame_that_is_stopped_takes_its_renderer_along(before: int, monkeypat
             raise KeyboardInterrupt
         launch(*arguments, **named)
 
-    launch, launches = wp.launch, 0
     with recipe_runtime.open(TINY, variant=RAIN) as fresh:
         wanted = [fresh.render(frame) for frame in range(4)]
     with recipe_runtime.open(TINY, variant=RAIN) as scenario:

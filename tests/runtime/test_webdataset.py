@@ -50,8 +50,8 @@ def exported(plan: DatasetPlan, folder: Path) -> Dataset:
 def test_what_is_decoded_are_the_frames_that_were_rendered(tmp_path: Path, depth: str) -> None:
     plan = plan_of(depth=depth)
     exported(plan, tmp_path)
-    made = [str(path) for path in sorted(tmp_path.glob("shards/*/*.tar"))]
-    samples = list(webdataset.WebDataset(made, shardshuffle=False).decode(decode))
+    tars = [str(path) for path in sorted(tmp_path.glob("shards/*/*.tar"))]
+    samples = list(webdataset.WebDataset(tars, shardshuffle=False).decode(decode))
     gc.collect()
     (variant,) = plan.variants
     source = FrameSource(variant, simulate(variant.scene), engines=ENGINES)
@@ -64,7 +64,7 @@ def test_what_is_decoded_are_the_frames_that_were_rendered(tmp_path: Path, depth
         assert sample["instance.png"].max() > 255
         metres = sample["depth.npy" if depth == "npy" else "depth.png"]
         assert metres.dtype == np.float32
-        np.testing.assert_allclose(metres, made["depth"], atol=0 if depth == "npy" else 4e-5, rtol=0)
+        np.testing.assert_allclose(metres, made["depth"].astype(np.float32), atol=0 if depth == "npy" else 4e-5, rtol=0)
         seen = {int(value) for value in np.unique(made["instance"])} - {0}
         assert {thing["instance"] for thing in sample["json"]["objects"]} == seen
         assert sample["json"]["frame"] == number

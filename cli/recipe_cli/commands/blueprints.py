@@ -53,7 +53,7 @@ def _matching(pattern: str) -> tuple[Blueprint, ...]:
 
 
 def _row(blueprint: Blueprint) -> dict[str, object]:
-    from recipe_compiler.library.blueprints import TAG_NAMES
+    from recipe_compiler.ir.semantic_tags import Tag
     from recipe_runtime.meshes.dashcam import dashcam_mount
 
     shape, mount = blueprint.shape, dashcam_mount(blueprint.shape)
@@ -61,7 +61,7 @@ def _row(blueprint: Blueprint) -> dict[str, object]:
         "id": blueprint.id,
         "category": blueprint.category,
         "tag": blueprint.tag,
-        "class": TAG_NAMES[blueprint.tag],
+        "class": Tag(blueprint.tag).label,
         "attributes": blueprint.attributes,
         "size": {key: shape[key] for key in ("length", "width", "height") if key in shape},
         "speed": blueprint.default_speed,
@@ -71,14 +71,14 @@ def _row(blueprint: Blueprint) -> dict[str, object]:
 
 
 def _print_table(found: tuple[Blueprint, ...]) -> None:
-    from recipe_compiler.library.blueprints import TAG_NAMES
+    from recipe_compiler.ir.semantic_tags import Tag
     from recipe_runtime.meshes.dashcam import dashcam_mount
 
     rows = [("blueprint", "kind", "size, m", "tag", "m/s", "dashcam", "colours")]
     for blueprint in found:
         kind = blueprint.attributes.get("base_type") or blueprint.attributes["generation"]
         size = " x ".join(f"{blueprint.shape[k]:.2f}" for k in ("length", "width", "height") if k in blueprint.shape)
-        tag = f"{blueprint.tag} {TAG_NAMES[blueprint.tag]}"
+        tag = f"{blueprint.tag} {Tag(blueprint.tag).label}"
         slots = ", ".join(sorted(blueprint.palette))
         mount = dashcam_mount(blueprint.shape)
         dashcam = f"x: {mount[0]:g}, z: {mount[2]:g}" if mount else "-"

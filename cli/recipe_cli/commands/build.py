@@ -37,8 +37,9 @@ if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
     from recipe_compiler.ir.lockfile import Lockfile
     from recipe_compiler.ir.plan import DatasetPlan
-    from recipe_runtime.build.pipeline import BuildResult, Runner
+    from recipe_runtime.build.pipeline import BuildResult
     from recipe_runtime.build.recipe_files import RecipeFiles
+    from recipe_runtime.build.resume import Runner
     from recipe_runtime.transfer.upload import Target
 
 

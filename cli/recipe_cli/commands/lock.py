@@ -251,6 +251,14 @@ def _check_is_of_recipe(recipe: Path, compiled: Compiled, path: Path, update: bo
             raise
         return  # damaged, and about to be rewritten
     check_lockfile_is_of(recipe, compiled.plan, path, there)
+    gone = there.missing_recipe(path, recipe, compiled.plan.digest) if update else None
+    if gone is not None:
+        raise InputError(
+            f"{path} is the lockfile of {gone}, which does not exist, and has another plan than {recipe}",
+            help=f"if {gone.name} was renamed, lock it under its new name first (`recipe lock NEW.yaml`), and give"
+            f" {recipe} another name (`recipe: NAME`); else --replace takes the lockfile for {recipe}",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
     if not update and there.plan != compiled.plan.digest:
         raise _outdated(path, recipe)
 

@@ -105,6 +105,24 @@ class Lockfile:
         except (OSError, ValueError):  # a name that cannot be
             return None
 
+    def missing_recipe(self, path: Path, recipe: Path, plan: str) -> Path | None:
+        """The recipe file that this lockfile was made of and that is gone, unless it is one of the same name or plan.
+
+        The recipe may have been renamed and not locked since; then this is its only lockfile.
+
+        Args:
+            path: where this lockfile is.
+            recipe: the recipe file at hand.
+            plan: the digest of its plan.
+        """
+        if self.plan == plan or Path(self.source).is_absolute():
+            return None
+        source = Path(os.path.normpath(path.parent / self.source))
+        try:
+            return None if os.path.lexists(source) or source.resolve() == recipe.resolve() else source
+        except (OSError, ValueError):  # a name that cannot be
+            return None
+
     def write(self, path: Path, *, replace: bool = False) -> bool:
         """Write it, unless the file differs in tool versions at most.
 
@@ -112,7 +130,8 @@ class Lockfile:
             Whether it was written.
 
         Raises:
-            InputError: the file there is not a lockfile, or is the lockfile of another recipe, and not `replace`.
+            InputError: the file there is not a lockfile, or is the lockfile of another recipe or of one that is gone,
+                and not `replace`.
         """
         if os.path.lexists(path):
             if not replace:
@@ -147,6 +166,13 @@ class Lockfile:
             raise InputError(
                 f"{path} is the lockfile of another recipe, {other or there.recipe}, and not of {own};"
                 " give one of them another name, or replace it"
+            )
+        gone = there.missing_recipe(path, own, self.plan)
+        if gone is not None:
+            raise InputError(
+                f"{path} is the lockfile of {gone}, which does not exist, and has another plan than {own}",
+                help="if that recipe was renamed, lock it under its new name first; else replace the lockfile",
+                code=Code.OUTPUT_IN_THE_WAY,
             )
 
     def _lines(self) -> Iterator[str]:

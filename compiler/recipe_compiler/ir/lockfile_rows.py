@@ -13,6 +13,7 @@ from urllib.parse import unquote
 
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
+from recipe_compiler.ir.modalities import DIGEST_KINDS
 from recipe_compiler.ir.plan import DatasetPlan
 
 FORMAT = 1
@@ -30,7 +31,7 @@ MAX_ROWS = {
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 _CHECKPOINTS = re.compile(r"-|[0-9a-f]{8}(,[0-9a-f]{8}){0,63}")
 _WHOLE = re.compile(r"[0-9]{1,9}")
-_MODALITIES = {name: name for name in ("rgb", "depth", "instance", "semantic", "labels")}
+_KINDS = {name: name for name in DIGEST_KINDS}
 
 FrameKey = tuple[str, str, str, int]  # key, sensor, modality, frame
 
@@ -164,9 +165,9 @@ class RowParser:
         rows = self._rows
         if kind == "frame":
             key, sensor, modality, number, value = cells
-            if modality not in _MODALITIES:
+            if modality not in _KINDS:
                 raise ValueError(f"there is no modality {modality[:40]!r}")
-            place = (self._unquoted(key), self._unquoted(sensor), _MODALITIES[modality], _whole(number))
+            place = (self._unquoted(key), self._unquoted(sensor), _KINDS[modality], _whole(number))
             rows.frames[place] = _digest(value)
         elif kind == "body":
             scene, stride, actor, value, checkpoints = cells

@@ -18,8 +18,10 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel
 
+from recipe_compiler.ir.actor_kinds import Category
 from recipe_compiler.ir.canonical import JsonValue, digest
 from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.modalities import MODALITIES, Modality
 
 # Limits of a plan, whether it was compiled here or read from a file. `plan_bounds` has the ranges
 # of bodies' shapes, and how many things a town may have of each kind.
@@ -143,7 +145,7 @@ class ActorPlan(Plan):
 
     name: Name
     blueprint: Name  # an id of the library, such as walker.pedestrian.0003
-    category: Literal["pedestrian", "vehicle"]
+    category: Category
     tag: Tag
     instance: Annotated[int, Field(ge=1, le=999)]  # unique within the tag, the same in every variant
     shape: Shape  # parameters of its mesh and joints
@@ -224,7 +226,7 @@ class SensorPlan(Plan):
     name: Name
     on: Name | None = None  # an actor; None: the world
     camera: CameraPlan
-    capture: Annotated[tuple[Literal["rgb", "depth", "instance", "semantic"], ...], Field(max_length=4)]
+    capture: Annotated[tuple[Modality, ...], Field(max_length=len(MODALITIES))]
     poses: Annotated[
         tuple[Pose, ...], Field(max_length=MAX_FRAMES)
     ]  # one if it never moves, else one a frame; in the frame of `on`

@@ -11,8 +11,10 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from recipe_compiler.ir.actor_kinds import BODIES, BODY_TAGS
 from recipe_compiler.ir.plan import ActorPlan, Element
 from recipe_compiler.ir.plurals import count
+from recipe_compiler.ir.semantic_tags import Tag
 
 Range = tuple[float, float]
 
@@ -141,11 +143,6 @@ _TWO_WHEELER: dict[str, Range] = {
     "wheel": (0.24, 0.38), "clearance": (0.1, 0.2), "rider": (1.2, 2.0), **_PERSON,
 }  # fmt: skip
 
-_BODIES = {
-    "sedan": 0, "hatchback": 1, "suv": 2, "van": 3, "pickup": 4, "bus": 5, "truck": 6, "motorcycle": 7, "bicycle": 8,
-}  # fmt: skip
-_TAGS = {"bus": 16, "truck": 15, "motorcycle": 18, "bicycle": 19}  # CARLA's semantic tags; other vehicles are cars, 14
-
 
 def town_faults(elements: Iterable[Element]) -> Iterator[str]:
     """What is wrong with the elements of a town, in words: each one's shape and size, and how many there are."""
@@ -180,7 +177,7 @@ def actor_fault(actor: ActorPlan) -> str | None:
     if not ranges:
         return f"there is no blueprint {actor.blueprint!r}"
     family, kind = actor.blueprint.split(".")[:2]
-    category, tag = ("pedestrian", 12) if family == "walker" else ("vehicle", _TAGS.get(kind, 14))
+    category, tag = ("pedestrian", Tag.PEDESTRIAN) if family == "walker" else ("vehicle", BODY_TAGS[kind])
     if (actor.category, actor.tag) != (category, tag):
         return f"a {actor.blueprint} is no {actor.category} of tag {actor.tag}"
     return _shape_fault(actor.blueprint, actor.shape, ranges)
@@ -192,9 +189,9 @@ def shape_of(blueprint: str) -> Mapping[str, Range]:
         return _WALKER
     family, _, rest = blueprint.partition(".")
     body = rest.partition(".")[0]
-    if family == "vehicle" and body in _BODIES:
-        number = _BODIES[body]
-        return {**(_TWO_WHEELER if number >= _BODIES["motorcycle"] else _CAR), "body": (number, number)}
+    if family == "vehicle" and body in BODIES:
+        number = BODIES.index(body)
+        return {**(_TWO_WHEELER if number >= BODIES.index("motorcycle") else _CAR), "body": (number, number)}
     return {}
 
 

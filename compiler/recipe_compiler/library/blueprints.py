@@ -6,12 +6,12 @@ import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Literal
 
+from recipe_compiler.ir.actor_kinds import BODIES, BODY_TAGS, Category
 from recipe_compiler.ir.plan import ActorPlan, Pose
+from recipe_compiler.ir.semantic_tags import Tag
 from recipe_compiler.ir.streams import Stream
 
-PEDESTRIAN, CAR, TRUCK, BUS, MOTORCYCLE, BICYCLE = 12, 14, 15, 16, 18, 19  # CARLA 0.9.14+ semantic tags
 Palette = dict[str, tuple[str, ...]]
 
 
@@ -24,7 +24,7 @@ class Blueprint:
     """
 
     id: str
-    category: Literal["pedestrian", "vehicle"]
+    category: Category
     tag: int
     shape: dict[str, float]
     palette: Palette
@@ -53,7 +53,6 @@ _PAINT = (
 
 CROPPED, SHORT, LONG, TIED, CAP, BEANIE, CYCLIST, FULL = range(8)  # hair and hats
 BACKPACK, SATCHEL = 1, 2
-_BODIES = ("sedan", "hatchback", "suv", "van", "pickup", "bus", "truck", "motorcycle", "bicycle")  # shape's `body`
 
 
 def _person(
@@ -98,7 +97,7 @@ def _walker(number: int, height: float, speed: float = 1.4, **person: float) -> 
     return Blueprint(
         f"walker.pedestrian.{number:04d}",
         "pedestrian",
-        PEDESTRIAN,
+        Tag.PEDESTRIAN.value,
         {"height": height} | shape,
         _clothing(child, _HATS, shape),
         speed,
@@ -126,7 +125,6 @@ def _vehicle(
     wheelbase: float,
     wheel: float,
     clearance: float,
-    tag: int = CAR,
     speed: float = 9.0,
     paint: tuple[str, ...] = _PAINT,
     spokes: int = 5,
@@ -137,7 +135,7 @@ def _vehicle(
     taxi's lit `sign` is so many of its metres high.
     """
     kind, _, _ = name.partition(".")
-    shape = {"body": _BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
+    shape = {"body": BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
     shape |= {
         "wheelbase": wheelbase,
         "wheel": wheel,
@@ -149,6 +147,7 @@ def _vehicle(
     numbers = {key: float(value) for key, value in shape.items()}
     base = kind if kind in ("van", "truck", "bus") else "car"
     attributes = {"base_type": base, "number_of_wheels": "4"}
+    tag = BODY_TAGS[kind].value
     return Blueprint(f"vehicle.{name}", "vehicle", tag, numbers, _coloured(paint), speed, attributes)
 
 
@@ -165,15 +164,14 @@ def _twowheeler(
 ) -> Blueprint:
     """A two-wheeler with somebody `rider` metres tall on it; the size is of both together."""
     kind, _, _ = name.partition(".")
-    tag = MOTORCYCLE if kind == "motorcycle" else BICYCLE
-    shape = {"body": _BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
+    shape = {"body": BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
     shape |= {"wheelbase": wheelbase, "wheel": wheel, "clearance": 0.15, "rider": rider}
     numbers = {key: float(value) for key, value in shape.items()} | _person(**person)  # type: ignore[arg-type]
     palette = _clothing(rider < _GROWN, _HELMETS, numbers) | _coloured(paint)
-    for absent in ("glass",) if tag == MOTORCYCLE else ("glass", "plate"):
+    for absent in ("glass",) if kind == "motorcycle" else ("glass", "plate"):
         del palette[absent]
     attributes = {"base_type": kind, "number_of_wheels": "2"}
-    return Blueprint(f"vehicle.{name}", "vehicle", tag, numbers, palette, speed, attributes)
+    return Blueprint(f"vehicle.{name}", "vehicle", BODY_TAGS[kind].value, numbers, palette, speed, attributes)
 
 
 _PEOPLE = (
@@ -215,19 +213,19 @@ _CARS = (
     ),
     _vehicle("pickup.a", (5.25, 1.92, 1.80), wheelbase=3.22, wheel=0.385, clearance=0.25),
     _vehicle(
-        "bus.city", (8.3, 2.35, 2.95), wheelbase=3.95, wheel=0.46, clearance=0.26, tag=BUS, speed=7.0,
+        "bus.city", (8.3, 2.35, 2.95), wheelbase=3.95, wheel=0.46, clearance=0.26, speed=7.0,
         paint=("#b5382f", "#2f6fa3", "#d8a531", "#e4e2da", "#3f7d55"),
     ),
     _vehicle(
-        "bus.school", (7.6, 2.3, 2.85), wheelbase=3.9, wheel=0.43, clearance=0.28, tag=BUS, speed=7.0,
+        "bus.school", (7.6, 2.3, 2.85), wheelbase=3.9, wheel=0.43, clearance=0.28, speed=7.0,
         paint=("#e0a21c", "#e8b53a"),
     ),
     _vehicle(
-        "truck.box", (7.2, 2.3, 3.1), wheelbase=4.1, wheel=0.45, clearance=0.3, tag=TRUCK, speed=7.0,
+        "truck.box", (7.2, 2.3, 3.1), wheelbase=4.1, wheel=0.45, clearance=0.3, speed=7.0,
         paint=("#e4e2da", "#2f5e8c", "#c0c4c6", "#8a2f2c", "#d8a531"),
     ),
     _vehicle(
-        "truck.small", (6.0, 2.12, 2.75), wheelbase=3.35, wheel=0.39, clearance=0.27, tag=TRUCK, speed=7.5,
+        "truck.small", (6.0, 2.12, 2.75), wheelbase=3.35, wheel=0.39, clearance=0.27, speed=7.5,
         paint=("#e4e2da", "#c0c4c6", "#37704f", "#b5382f"),
     ),
 )  # fmt: skip
@@ -256,16 +254,6 @@ _RIDDEN = (
 
 LIBRARY: tuple[Blueprint, ...] = tuple(sorted((*_PEOPLE, *_CARS, *_RIDDEN), key=lambda blueprint: blueprint.id))
 """All blueprints, sorted by id."""
-
-
-TAG_NAMES = {
-    PEDESTRIAN: "Pedestrian",
-    CAR: "Car",
-    TRUCK: "Truck",
-    BUS: "Bus",
-    MOTORCYCLE: "Motorcycle",
-    BICYCLE: "Bicycle",
-}
 
 
 def specimen(blueprint: Blueprint) -> tuple[ActorPlan, dict[str, str]]:

@@ -12,6 +12,7 @@ from typing import TypeVar, cast
 
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.plan import (
     AppearancePlan,
     CameraPlan,
@@ -38,7 +39,6 @@ from recipe_compiler.schema.weather import Geography
 from recipe_compiler.source.yaml_reader import show
 
 T = TypeVar("T")
-MODALITIES = ("rgb", "depth", "instance", "semantic")
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from recipe_compiler.ir import exact
+from recipe_compiler.ir.actor_kinds import Category
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.blueprints import Blueprint
-from recipe_compiler.library.towns.town import Category
 
 BASE_NUMBERS = (1, 299)  # actors of the base, in file order
 DELTA_NUMBERS = (300, 399)  # actors that occur only in deltas, by a hash of the name

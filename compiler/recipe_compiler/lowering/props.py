@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import Pose, PropPlan, TexturePlan
+from recipe_compiler.ir.semantic_tags import TAG_OF_LABEL
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.asset_files import AssetFile
 from recipe_compiler.schema.messages import nearest
@@ -21,10 +22,6 @@ _BOARD_LOOK = {"face": "#909090", "back": "#b8b0a0"}
 _WHITE = "#ffffff"
 _SIZES = (0.001, 1000.0)  # limits of a prop's largest extent, metres
 _TRIANGLES = 4_000_000  # limit for all props of a scene
-_TAGS = {
-    "Buildings": 3, "Walls": 4, "Fences": 5, "Poles": 6, "TrafficLight": 7, "TrafficSigns": 8, "Vegetation": 9,
-    "Static": 20, "Dynamic": 21, "Other": 22, "Bridge": 26, "GuardRail": 28,
-}  # fmt: skip
 
 Corner = tuple[float, float, float]
 
@@ -78,7 +75,7 @@ def _plan(name: str, prop: Prop, mesh: AssetFile | None, town: Town) -> PropPlan
         up="y" if mesh and mesh.up == "y" else "z",
         scale=prop.scale if mesh else 1.0,
         pose=Pose(x=at.x, y=at.y, z=z, yaw=at.yaw, pitch=at.pitch, roll=at.roll),
-        tag=_TAGS[prop.tag],
+        tag=TAG_OF_LABEL[prop.tag].value,
         low=low,
         high=high,
     )

@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.ir import exact
+from recipe_compiler.ir.actor_kinds import Category
 from recipe_compiler.ir.plan import Point, Pose
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints, towns
 from recipe_compiler.library.blueprints import Blueprint
 from recipe_compiler.library.towns import Town
-from recipe_compiler.library.towns.town import Category
 from recipe_compiler.schema import scene
 from recipe_compiler.schema.camera import Sensor
 from recipe_compiler.schema.fields import TRAFFIC_LIMIT

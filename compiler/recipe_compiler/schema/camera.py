@@ -8,13 +8,13 @@ from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from recipe_compiler.ir import optics
+from recipe_compiler.ir.modalities import Modality
 from recipe_compiler.schema.fields import (
     ActorName,
     Degrees,
     Loose,
     Magnitude,
     Metres,
-    Modality,
     Model,
     Turn,
     distinct,

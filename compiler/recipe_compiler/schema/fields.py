@@ -6,7 +6,7 @@ validation. Lengths are in metres, times in seconds, angles in degrees, speeds i
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 from pydantic_core import PydanticCustomError
@@ -32,7 +32,6 @@ Degrees = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)]
 Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 Magnitude = Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)]
 Turn = Annotated[float, Field(ge=0, le=180, allow_inf_nan=False)]
-Modality = Literal["rgb", "depth", "instance", "semantic"]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
 Loose = Field(strict=False)  # a list stands for a tuple
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, StringConstraints, model_validator
 from pydantic_core import PydanticCustomError
 
+from recipe_compiler.ir.semantic_tags import PropLabel
 from recipe_compiler.schema.fields import (
     BLUEPRINT,
     MAX_FRAMES,
@@ -23,11 +24,6 @@ from recipe_compiler.schema.fields import (
     Seed,
     Weight,
 )
-
-PropTag = Literal[
-    "Buildings", "Walls", "Fences", "Poles", "TrafficLight", "TrafficSigns", "Vegetation", "Static", "Dynamic", "Other",
-    "Bridge", "GuardRail",
-]  # fmt: skip
 
 
 class Clock(Model):
@@ -221,7 +217,7 @@ class Prop(Model):
     scale: Annotated[
         float, Field(ge=1e-4, le=1e4, allow_inf_nan=False, description="Metres of one unit of the mesh's file.")
     ] = 1.0
-    tag: Annotated[PropTag, Field(description="What it is to the semantic camera; CARLA's names.")] = "Static"
+    tag: Annotated[PropLabel, Field(description="What it is to the semantic camera; CARLA's names.")] = "Static"
     look: Annotated[
         dict[str, Colour], Field(description="Colours by slot; a board has `face` and `back`, a mesh its materials.")
     ] = {}

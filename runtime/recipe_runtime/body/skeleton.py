@@ -10,14 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+from recipe_compiler.ir.actor_kinds import BODIES
 from recipe_compiler.ir.plan import ActorPlan
 
 Offset = tuple[float, float, float]
 SIDES = (("left", 1.0), ("right", -1.0))
 
-BODIES = ("sedan", "hatchback", "suv", "van", "pickup", "bus", "truck", "motorcycle", "bicycle")
-"""Vehicle bodies; `shape["body"]` of a blueprint is an index into this tuple."""
-PICKUP, BUS, TRUCK, MOTORCYCLE, BICYCLE = 4, 5, 6, 7, 8
+PICKUP, BUS, TRUCK = BODIES.index("pickup"), BODIES.index("bus"), BODIES.index("truck")
+MOTORCYCLE, BICYCLE = BODIES.index("motorcycle"), BODIES.index("bicycle")
 
 
 @dataclass(frozen=True)

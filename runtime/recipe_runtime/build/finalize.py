@@ -1,4 +1,4 @@
-"""What is written once all frames are known: annotation files and their check, plans, pictures, card, manifest."""
+"""Writes what depends on all frames: annotation files and their check, plans, contact sheets, README and manifest."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Task = Callable[[], dict[str, FileRow]]
 
 @dataclass
 class Finisher:
-    """The end of one build."""
+    """Writes the files that complete a dataset after all of its frames are rendered."""
 
     dataset: DatasetPlan
     harvest: FrameAssembly
@@ -39,7 +39,7 @@ class Finisher:
     sources: RecipeFiles | None = None
     videos: list[Video] = field(init=False)
     identity: str = field(init=False)
-    labels: dict[str, tuple[str, list[str]]] = field(init=False)  # by view: the text, and its files
+    labels: dict[str, tuple[str, list[str]]] = field(init=False)  # view -> text, and the files that get it
 
     def __post_init__(self) -> None:
         self.identity = self.harvest.identity()
@@ -56,7 +56,7 @@ class Finisher:
             self.labels[home][1].append(layout.labels_file(video.variant, video.sensor.name))
 
     def finish(self, trace: Callable[[ScenePlan], Trace]) -> dict[str, FileRow]:
-        """Write all of it; the rows of every file that belongs to the dataset, by path."""
+        """Write all files, and return the manifest rows of every file of the dataset, by path."""
         files = self.harvest.files()
         known = self.dataset, self.identity, self.videos
         annotate = [self._labels, *self._texts(annotation_texts(*known)), lambda: self._tracks(trace), self._check]
@@ -81,7 +81,7 @@ class Finisher:
             yield lambda path=path, make=make: self._write(path, make())  # type: ignore[misc]
 
     def _labels(self) -> dict[str, FileRow]:
-        """A `labels.jsonl` a view, under the name of each of its variants."""
+        """Write one `labels.jsonl` per view, linked into the folder of each of its variants."""
         files: dict[str, FileRow] = {}
         for text, (first, *others) in self.labels.values():
             files |= self._linked(first, others, text)
@@ -96,7 +96,7 @@ class Finisher:
         return dict.fromkeys([first, *others], row)
 
     def _tracks(self, trace: Callable[[ScenePlan], Trace]) -> dict[str, FileRow]:
-        """A `tracks.csv` a scene, under the name of each of its variants."""
+        """Write one `tracks.csv` per scene, linked into the folder of each of its variants."""
         files: dict[str, FileRow] = {}
         for scene in simulations(self.dataset):
             names = [v.variant for v in self.dataset.variants if v.scene.digest == scene.digest]
@@ -105,7 +105,11 @@ class Finisher:
         return files
 
     def _check(self) -> dict[str, FileRow]:
-        """RunError if an annotation file does not hold what the pixels say: a fault of ours, never of the recipe."""
+        """Check that the annotation files agree with the pixels.
+
+        Raises:
+            RunError: an annotation file is wrong, which is an error of this program and not of the recipe.
+        """
         root = self.work.dataset
         for path, start in ((layout.KWCOCO, None), (layout.coco_file("rgb"), root)):
             found = problems(root / path, start) if (root / path).is_file() else []
@@ -115,7 +119,7 @@ class Finisher:
         return {}
 
     def _recipe(self) -> dict[str, FileRow]:
-        """The recipe, all that it uses, and its lockfile if that is of this identity."""
+        """Write the recipe, the files that it uses, and its lockfile if that has the dataset's identity."""
         files: dict[str, FileRow] = {}
         found = self.sources.contents(self.dataset.recipe, self.identity) if self.sources else {}
         for path, body in sorted(found.items()):

@@ -1,4 +1,4 @@
-"""Describe exceptions that are failures of the host, such as a full disk, with a remedy."""
+"""Describes exceptions caused by the host, such as a full disk, with a remedy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,12 @@ _WRITING = (
 
 
 def describe(error: Exception, again: str) -> str:
-    """What failed, and what to do before `again`; other errors keep their own text."""
+    """Return a message for an exception, with a remedy if the host is the cause.
+
+    Args:
+        error: the exception.
+        again: how to repeat the operation, such as "build again"; it ends the remedy.
+    """
     if isinstance(error, OSError) and error.errno in _WRITING:
         where = f" {error.filename}" if error.filename is not None else ""
         return f"cannot write{where}: {error.strerror}; free some space or allow writing, then {again}"

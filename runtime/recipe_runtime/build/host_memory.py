@@ -1,4 +1,4 @@
-"""What this host lets a process have of memory: of the machine, of its control groups, and of its own limits."""
+"""Memory available to a process: the machine's, limited by its control groups and by the process' own limits."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ import resource
 from collections.abc import Iterator
 from pathlib import Path
 
-_UNLIMITED = 1 << 60  # version 1 of control groups writes a number beyond any memory for "no limit"
+_UNLIMITED = 1 << 60  # control groups version 1 write a very large number for "no limit"
 
 
 def total(root: Path = Path("/")) -> int:
-    """Bytes of memory that this process and its children may take: of the machine, or of a control group.
+    """Return the bytes of memory available to this process and its children together.
 
     Args:
-        root: where `proc` and `sys` lie.
+        root: the folder that contains `proc` and `sys`.
     """
     return min([os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), *_group_limits(root)])
 
 
 def per_process() -> int | None:
-    """Bytes that one process may take (RLIMIT_AS); None without a limit."""
+    """Return the limit of one process' address space in bytes (RLIMIT_AS), or None if there is none."""
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)
     return None if soft == resource.RLIM_INFINITY else soft
 
 
 def _group_limits(root: Path) -> Iterator[int]:
-    """The limits of this process's control groups, of versions 1 and 2, and of all groups above them."""
+    """Yield the limits of this process' control groups, of versions 1 and 2, and of all groups above them."""
     try:
         rows = (root / "proc/self/cgroup").read_text().splitlines()
     except OSError:
@@ -37,7 +37,7 @@ def _group_limits(root: Path) -> Iterator[int]:
             continue
         top = root / "sys/fs/cgroup" / ("memory" if controllers else "")
         name = "memory.limit_in_bytes" if controllers else "memory.max"
-        group = top / path.lstrip("/")  # (in a container it may not be there; the folder at the top is its own then)
+        group = top / path.lstrip("/")  # may not exist in a container, whose own group is then `top`
         for folder in (group, *group.parents):
             if folder.is_relative_to(top):
                 yield from _limit(folder / name)

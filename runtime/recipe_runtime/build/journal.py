@@ -1,9 +1,8 @@
-"""Journals of finished shards: a run that was stopped, by whatever, continues where it was.
+"""Journals of finished shards, from which an interrupted run is resumed.
 
-A build keeps its journal in its workspace, as files. `lock` and `verify --all` keep theirs in the cache, as entries
-under the key of everything that the frames depend on, until the run is finished. A record appears whole or not at all,
-and is sealed: by a digest in the cache, which only this host's user writes, and by a key of that cache in a workspace,
-which lies in the output folder, where anyone's files may be put.
+A build keeps its journal as files in its workspace. `lock` and `verify --all` keep theirs as cache entries, whose key
+covers everything that the frames depend on, until the run is finished. Records are written atomically and sealed with
+the key of this user's cache (`cache.journal_key`), because others may have put files into the output folder.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.records import FrameRecord
+from recipe_runtime.cache.journal_key import journal_key
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.files import write_atomic
 from recipe_runtime.dataset.schedule import Shard, View, all_shards, views
@@ -28,10 +28,13 @@ _KIND = "shards"
 
 
 class ShardJournal(ABC):
-    """The records of finished shards."""
+    """The records of finished shards. Records sealed with another `key` are ignored."""
+
+    def __init__(self, key: bytes) -> None:
+        self._key = key
 
     def read(self, shard: Shard, view: View) -> list[FrameRecord] | None:
-        """The records of a finished shard; None if there are none, or they are damaged."""
+        """Return the records of a finished shard, or None if they are missing or damaged."""
         try:
             kept = json.loads(self._get(shard, view) or b"null")
             records: list[FrameRecord] = kept["records"]
@@ -43,21 +46,27 @@ class ShardJournal(ABC):
         return records if whole else None
 
     def write(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
-        """Record a finished shard; OSError or RunError if that is not possible."""
+        """Record a finished shard.
+
+        Raises:
+            OSError: the record cannot be written.
+            RunError: the cache cannot be written.
+        """
         body = {"seal": self._seal(shard, view, list(records)), "records": list(records)}
         self._put(shard, view, json.dumps(body).encode())
 
     def _seal(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> str:
-        """What shows that a record is whole."""
-        return digest("shard-record/1", list(records))
+        """Return the seal of a record, which proves that this user's build wrote it for this shard."""
+        text = digest("shard-record/2", [_shard_digest(shard, view), list(records)])
+        return hmac.new(self._key, text.encode(), "sha256").hexdigest()
 
     @abstractmethod
     def frames(self) -> int:
-        """The number of frames of all recorded shards."""
+        """Return the number of frames in all recorded shards."""
 
     @abstractmethod
     def _get(self, shard: Shard, view: View) -> bytes | None:
-        """A record's bytes; None or OSError if it is absent."""
+        """Return the bytes of a record; None or OSError if there is none."""
 
     @abstractmethod
     def _put(self, shard: Shard, view: View, body: bytes) -> None:
@@ -65,29 +74,23 @@ class ShardJournal(ABC):
 
 
 class FolderJournal(ShardJournal):
-    """A file a shard, in a folder; its name is the shard's digest and its number of frames.
-
-    Records count only if they were sealed with the same `key`.
-    """
+    """One file per shard in a folder, named by the shard's digest and its number of frames."""
 
     def __init__(self, folder: Path, key: bytes) -> None:
-        self.folder, self._key = folder, key
+        super().__init__(key)
+        self.folder = folder
 
     def __contains__(self, key: tuple[Shard, View]) -> bool:
-        """Whether a shard is recorded; what the record says is for `read` to check."""
+        """Whether a shard has a record; `read` checks the content."""
         return self._path(*key).is_file()
 
     def frames(self) -> int:
-        """The number of frames of all recorded shards, by the names of the files."""
+        """Return the number of frames in all recorded shards, according to the names of the files."""
         try:
             names = [path.stem for path in sorted(self.folder.iterdir())]
         except OSError:
             return 0
         return sum(int(name.partition("-")[2]) for name in names if re.fullmatch(r"[0-9a-f]{32}-[0-9]+", name))
-
-    def _seal(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> str:
-        text = digest("shard-record/2", [_shard_digest(shard, view), list(records)])
-        return hmac.new(self._key, text.encode(), "sha256").hexdigest()
 
     def _get(self, shard: Shard, view: View) -> bytes | None:
         return self._path(shard, view).read_bytes()
@@ -100,38 +103,39 @@ class FolderJournal(ShardJournal):
 
 
 class CacheJournal(ShardJournal):
-    """An entry of the cache a shard, for the run with that key over a plan."""
+    """One cache entry per shard, for the run with a given key over a plan."""
 
     def __init__(self, cache: Path, run: str, plan: DatasetPlan) -> None:
+        super().__init__(hmac.digest(journal_key(cache), run.encode(), "sha256"))
         self._store, self._run, seen = Store(cache), run, views(plan)
-        self._pictures: dict[str, int] = {}  # by key, of every shard that may be recorded
+        self._pictures: dict[str, int] = {}  # number of pictures by key, for every shard that may be recorded
         for shard in all_shards(plan):
-            self._key(shard, seen[shard.view])
+            self._entry(shard, seen[shard.view])
 
     def frames(self) -> int:
-        """The number of frames of all recorded shards."""
+        """Return the number of frames in all recorded shards."""
         return sum(count for key, count in self._pictures.items() if self._store.path(_KIND, key).is_file())
 
     def remove(self) -> None:
-        """Delete the journal: its run is finished. Not an error where it cannot be deleted."""
+        """Delete the journal of a finished run; failure to delete it is not an error."""
         for key in self._pictures:
             with suppress(OSError):
                 self._store.path(_KIND, key).unlink(missing_ok=True)
 
     def _get(self, shard: Shard, view: View) -> bytes | None:
-        return self._store.get(_KIND, self._key(shard, view))
+        return self._store.get(_KIND, self._entry(shard, view))
 
     def _put(self, shard: Shard, view: View, body: bytes) -> None:
-        self._store.put(_KIND, self._key(shard, view), body)
+        self._store.put(_KIND, self._entry(shard, view), body)
 
-    def _key(self, shard: Shard, view: View) -> str:
+    def _entry(self, shard: Shard, view: View) -> str:
         key = digest("store/shard/1", [self._run, _shard_digest(shard, view)])
         self._pictures[key] = shard.pictures
         return key
 
 
 def digests_only(records: Iterable[FrameRecord]) -> list[FrameRecord]:
-    """Frame records without the objects seen, which rows of a lockfile do not need."""
+    """Return frame records without the visible objects, which rows of a lockfile do not need."""
     return [{**record, "objects": []} for record in records]
 
 

@@ -1,7 +1,7 @@
-"""Worker processes on this host, each pinned to one thread; they end when the build does.
+"""Worker processes on this host, each pinned to one thread. They end when the build ends.
 
-Each is a fresh interpreter with a pipe of its own. It starts with interrupts blocked and ignores them afterwards: the
-build handles them, and ends all workers at once. It also watches a pipe whose other end only the build holds, so that
+Each worker is a fresh interpreter with its own pipe. It starts with interrupts blocked and ignores them afterwards: the
+build handles interrupts and stops all workers at once. It also watches a pipe that only the build holds open, so that
 no worker outlives the build, however the build ended.
 """
 

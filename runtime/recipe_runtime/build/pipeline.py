@@ -13,7 +13,7 @@ continued.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -21,11 +21,11 @@ from pathlib import Path
 
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
-from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build import local, provenance
 from recipe_runtime.build.finalize import Finisher
 from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.build.repair import Examined, examine
+from recipe_runtime.build.resume import Runner, render_unfinished
 from recipe_runtime.build.reuse import Reuse, earlier, reasons, remember
 from recipe_runtime.build.worker import Job
 from recipe_runtime.build.workspace import Workspace, check_out, read_manifest
@@ -42,8 +42,6 @@ from recipe_runtime.dataset.manifest import head, is_whole
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.schedule import SHARD_FRAMES, Shard, Taken, all_shards, missing_shards, simulations, views
 from recipe_runtime.frames.engines import Engines, devices, real_engines
-
-Runner = Callable[[Job, Sequence[Shard], int, local.Done, Callable[[int], None]], local.Seconds]
 
 
 @dataclass(frozen=True)
@@ -153,9 +151,9 @@ def _build(
         manifest,
         built=True,
         mended=damage,
-        resumed=len(counts.resumed),
+        resumed=counts.resumed,
         shards=counts.shards,
-        resumed_frames=sum(shard.pictures for shard in counts.resumed),
+        resumed_frames=counts.resumed_frames,
         made_frames=counts.made_frames,
         taken_frames=counts.taken_frames,
         seconds=stages.watch.seconds,
@@ -182,7 +180,8 @@ class _Counts:
     """How many shards and frames came from where."""
 
     shards: int
-    resumed: list[Shard]
+    resumed: int
+    resumed_frames: int
     made_frames: int
     taken_frames: int
 
@@ -215,15 +214,20 @@ class _Stages:
             taken = self._take_over(work, assembly, reuse)
             if self.explain:
                 self.explain(list(reasons(reuse, [scene.digest for scene in new], taken)))
-            shards, todo = self._render(job, work, assembly, taken, run)
+            shards = missing_shards(all_shards(self.dataset, self.shard_frames), taken)
+            resumed, seconds = render_unfinished(job, shards, self.workers, self.progress, assembly.add, work, run)
+        for stage, value in seconds.items():
+            self.watch.add(stage, value)
         finisher = Finisher(self.dataset, assembly, work, self.progress, self.watch, recipe_files)
         if self.examined:
             self.examined.check(finisher.identity, work)
         work.publish(finisher.finish(self._trace))
+        resumed_frames = sum(shard.pictures for shard in resumed)
         return _Counts(
             len(shards),
-            [shard for shard in shards if shard not in todo],
-            made_frames=sum(shard.pictures for shard in todo),
+            len(resumed),
+            resumed_frames,
+            made_frames=sum(shard.pictures for shard in shards) - resumed_frames,
             taken_frames=sum(len(there.variants) * len(there.frames) for there in taken.values()),
         )
 
@@ -285,36 +289,3 @@ class _Stages:
         if found:
             self.progress("take over", len(seen), len(seen))
         return found
-
-    def _render(
-        self, job: Job, work: Workspace, assembly: FrameAssembly, taken: dict[int, Taken], run: Runner
-    ) -> tuple[list[Shard], list[Shard]]:
-        """Render the shards that no stopped build has finished.
-
-        Returns:
-            All shards that were not taken over, and those of them that were rendered.
-        """
-        shards, seen = missing_shards(all_shards(self.dataset, self.shard_frames), taken), views(self.dataset)
-        todo = []
-        for shard in shards:
-            records = work.finished(shard, seen[shard.view])
-            if records is None:
-                todo.append(shard)
-            else:
-                assembly.add(shard, records)
-
-        def done(shard: Shard, records: list[FrameRecord]) -> None:
-            work.keep(shard, seen[shard.view], records)
-            assembly.add(shard, records)
-
-        total, so_far = sum(shard.pictures for shard in todo), 0
-
-        def tick(count: int) -> None:
-            nonlocal so_far
-            so_far += count
-            self.progress("render", so_far, total)
-
-        self.progress("render", 0, total)
-        for stage, seconds in run(job, todo, self.workers, done, tick).items():
-            self.watch.add(stage, seconds)
-        return shards, todo

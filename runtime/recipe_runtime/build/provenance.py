@@ -1,10 +1,11 @@
-"""Which recipe a dataset's folder belongs to, so that no recipe replaces the dataset of another.
+"""Records which recipe a dataset was built from, so that no recipe replaces the dataset of another by mistake.
 
-    datasets/rain_bench/                 the dataset: no path of this machine is in it
-    datasets/.rain_bench.source.json     format, the recipe's name, its path from datasets/, the dataset's identity
+    datasets/rain_bench/                 the dataset, which contains no path of this machine
+    datasets/.rain_bench.source.json     format, the recipe's name, its path relative to datasets/, the dataset's
+    identity
 
-A recipe is known by its name and its file. The record counts only for the dataset whose identity it names: one that
-was copied to that place from elsewhere has no recorded recipe.
+A recipe is identified by its name and its file. The record is valid only for the dataset whose identity it contains: a
+dataset copied to that place from elsewhere has no recorded recipe.
 """
 
 from __future__ import annotations
@@ -28,15 +29,15 @@ _MAX_BYTES = 1 << 16
 
 
 def record_path(out: Path) -> Path:
-    """Where the record of a dataset lies: beside the dataset's folder."""
+    """Return the path of a dataset's record, beside the dataset's folder."""
     return out.with_name(f".{out.name}.source.json")
 
 
 def record(out: Path, manifest: Manifest, source: Path | None) -> None:
-    """Note that the dataset in `out` was built from the recipe file `source`, unless a recipe is noted already.
+    """Record that the dataset in `out` was built from the recipe file `source`, unless a recipe is recorded already.
 
-    The dataset is whole and in its place, so that a disk that takes no record stops nothing: without one, the next
-    change of the recipe asks for `--replace`.
+    A failure to write the record is not an error, because the dataset is complete. Without a record, the next change of
+    the recipe requires `--replace`.
     """
     if source is None or _recorded(out, manifest) is not None:
         return
@@ -45,19 +46,22 @@ def record(out: Path, manifest: Manifest, source: Path | None) -> None:
     with suppress(OSError):
         for unfinished in sorted(
             out.parent.glob(f"{escape(f'.{path.name}')}.*.tmp")
-        ):  # of a build that was killed here
+        ):  # left by a build that was killed here
             unfinished.unlink(missing_ok=True)
         write_atomic(path, pretty({**row, "source": _from(out, source)}).encode())
 
 
 def check_replaceable(out: Path, manifest: Manifest | None, plan: DatasetPlan, source: Path | None) -> None:
-    """InputError if the dataset in `out` is of another recipe than the one about to be built there.
+    """Check that the dataset in `out`, if there is one, belongs to the recipe that is about to be built there.
 
     Args:
         out: the dataset's folder.
-        manifest: the manifest that is there; None where there is no dataset.
-        plan: what is to be built.
-        source: the recipe's file; None where the caller has only a plan. Then the name alone tells recipes apart.
+        manifest: its manifest; None if there is no dataset.
+        plan: the plan to build.
+        source: the recipe's file. None if the caller has only a plan; recipes are then distinguished by name alone.
+
+    Raises:
+        InputError: the dataset belongs, or may belong, to another recipe.
     """
     if manifest is None:
         return
@@ -85,7 +89,7 @@ def check_replaceable(out: Path, manifest: Manifest | None, plan: DatasetPlan, s
 
 
 def _recorded(out: Path, manifest: Manifest) -> str | None:
-    """The path of the recipe that is noted for this very dataset; None if there is none."""
+    """Return the recorded path of the recipe of this very dataset, or None."""
     try:
         row = json.loads(read_regular(record_path(out), _MAX_BYTES))
         known = (row["format"], row["recipe"], row["identity"]) == (_FORMAT, manifest["recipe"], manifest["identity"])
@@ -95,5 +99,5 @@ def _recorded(out: Path, manifest: Manifest) -> str | None:
 
 
 def _from(out: Path, source: Path) -> str:
-    """The path from the folder of `out` to a recipe: a project that is moved as a whole keeps it."""
+    """Return the path of a recipe relative to the folder of `out`; it stays valid if both are moved together."""
     return Path(os.path.relpath(source.resolve(), out.resolve().parent)).as_posix()

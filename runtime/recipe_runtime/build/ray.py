@@ -1,8 +1,8 @@
-"""Render shards on a Ray cluster: this process distributes them, and writes the files that come back. Needs `ray`.
+"""Renders shards on a Ray cluster. This process distributes the shards and writes the returned files. Requires `ray`.
 
-A node needs this package and nothing else: Traces and the recipe's files are sent with the job, and finished files
-come back as bytes, so no folder is shared. If a worker or its node is lost, another worker renders the shard again; the
-bytes do not depend on which worker does it.
+A node needs nothing but this package: Traces and the recipe's files are sent with the job, and finished files are
+returned as bytes, so no shared folder is needed. If a worker or its node is lost, another worker renders the shard
+again; the bytes do not depend on the worker.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from recipe_compiler.ir.errors import Code, InputError, RunError
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.local import PINNED, Done, Seconds
-from recipe_runtime.build.pipeline import Runner
+from recipe_runtime.build.resume import Runner
 from recipe_runtime.build.worker import Job, Worker
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.asset_files import Assets
@@ -35,14 +35,14 @@ from recipe_runtime.core.versions import renderer
 from recipe_runtime.dataset.schedule import Shard, simulations
 from recipe_runtime.frames.engines import real_engines
 
-QUEUED = 2  # shards that a worker has at once, so that it never waits for the next
-RETRIES = 3  # times that a shard is done again after its worker was lost
-TIMEOUT = 5.0  # seconds for a cluster to answer, and for workers to end; Ray itself would wait for minutes
+QUEUED = 2  # shards assigned to a worker at once, so that it never waits for the next
+RETRIES = 3  # how often a shard is rendered again after its worker was lost
+TIMEOUT = 5.0  # seconds to wait for the cluster to answer, and for workers to end; Ray itself would wait for minutes
 # The client preface of HTTP/2 with empty settings (RFC 9113, section 3.4). gRPC, and so Ray, answers with its settings.
 _HTTP2_PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])
 _FRAME_HEADER_BYTES, _SETTINGS_FRAME = 9, 4
 _NO_RAY = "what listens there does not answer as Ray does"
-MAX_WAIT_FOR_NODES = 60  # seconds without a node that could do any work, after which the build fails
+MAX_WAIT_FOR_NODES = 60  # seconds without any usable node after which the build fails
 _OTHER_RELEASE = "a node of the cluster runs another release of this package, or of a tool that bytes depend on"
 
 
@@ -62,7 +62,10 @@ ObjectRef: TypeAlias = object  # Ray's reference to a result
 
 @dataclass(frozen=True)
 class ShardResult:
-    """What a worker sends back: the records of a shard, each file's bytes once, and its seconds by stage."""
+    """The result of a shard from a worker.
+
+    It holds the records, the bytes of each distinct file, and the seconds by stage.
+    """
 
     records: list[FrameRecord]
     bodies: dict[str, bytes]  # by SHA-256
@@ -71,7 +74,7 @@ class ShardResult:
 
 @dataclass(frozen=True)
 class JobInputs:
-    """What a node needs besides the job: Traces by scene, and the recipe's files, both by digest."""
+    """The inputs that a node needs besides the job, by digest: the Traces of the scenes and the recipe's files."""
 
     traces: dict[str, bytes]
     assets: dict[str, bytes]
@@ -140,7 +143,7 @@ def joined(address: str | None) -> Iterator[Runner]:
     """Join a Ray cluster; yields a runner with the signature of `local.run`, which raises RunError if a shard fails.
 
     Args:
-        address: the cluster's address; None starts one on this host.
+        address: the cluster's address; None starts a cluster on this host.
 
     Raises:
         InputError: `ray` is not installed, or there is no cluster.
@@ -176,13 +179,13 @@ def _start(ray: ModuleType, address: str | None) -> None:
 
 
 def _check_address(address: str) -> None:
-    """Connect to HOST:PORT, and check that an HTTP/2 server answers, as Ray does; other forms are left to Ray.
+    """Connect to HOST:PORT and check that an HTTP/2 server answers, as Ray does; other addresses are left to Ray.
 
-    A plain TCP connect would not do: Ray waits for minutes where a web server, or nothing, answers.
+    A TCP connect alone does not suffice: Ray waits for minutes if a web server, or nothing, answers.
 
     Raises:
         ValueError: the port is not a number.
-        OSError: nothing answers within `TIMEOUT` seconds, or something else than HTTP/2.
+        OSError: nothing answers within `TIMEOUT` seconds, or the answer is not HTTP/2.
     """
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if colon and not port.isdigit():
@@ -190,7 +193,7 @@ def _check_address(address: str) -> None:
     if colon:
         unencrypted = os.environ.get("RAY_USE_TLS", "0").lower() in ("", "0", "false")
         with socket.create_connection((host.strip("[]"), int(port)), timeout=TIMEOUT) as connection:
-            if unencrypted:  # else only Ray has the keys
+            if unencrypted:  # otherwise only Ray has the keys
                 _check_http2(connection)
 
 
@@ -232,7 +235,7 @@ def _run(
 
 
 class _RemotePool:
-    """The workers of one build, each with a processor or a GPU of its own, and the shards that each has."""
+    """The workers of one build, each with its own processor or GPU, and the shards assigned to each."""
 
     def __init__(self, ray: ModuleType, job: Job, count: int) -> None:
         self._ray, self._job, self._count = ray, job, count
@@ -291,7 +294,7 @@ class _RemotePool:
         return bool(self._rest) and len(self._workers) < self._count
 
     def _result(self, reference: ObjectRef, worker: _WorkerHandle, shard: Shard) -> ShardResult | None:
-        """A shard's result; None if its worker was lost, and the shard was queued again."""
+        """Return a shard's result; None if its worker was lost and the shard was queued again."""
         errors = self._ray.exceptions
         try:
             result: ShardResult = self._ray.get(reference)

@@ -1,11 +1,12 @@
 """The recipe in its dataset's folder: the YAML files and assets that were compiled, and the lockfile.
 
     recipe/
-        rain_bench.yaml, towns/base.yaml, crate.glb     the recipe and all that it uses, at their places
-        lockfiles/rain_bench.lock                       the lockfile, if the dataset is the one that it stands for
+        rain_bench.yaml, towns/base.yaml, crate.glb     the recipe and the files that it uses, at their relative paths
+        lockfiles/rain_bench.lock                       the lockfile, if it has the dataset's identity
 
-A copied dataset can thus be verified and built again from itself. All assets are included: the compiler holds them to
-128 MiB together. Files are in the manifest, and are compared with the plan: the recipe must compile to it.
+A copied dataset can therefore be verified and built again without other files. All assets are included; the compiler
+limits their total size to 128 MiB. The manifest lists the files, and `verify` checks that the recipe compiles to the
+dataset's plan.
 """
 
 from __future__ import annotations
@@ -28,14 +29,18 @@ MAX_BYTES = 256 << 20
 
 @dataclass(frozen=True)
 class RecipeFiles:
-    """The files of a recipe, by their paths below its folder, read when it was compiled; `lock`: its lockfile."""
+    """The files of a recipe by path relative to its folder, as read when it was compiled, and its lockfile `lock`."""
 
     recipe: str
     files: Mapping[str, bytes]
     lock: Lockfile | None = None
 
     def __post_init__(self) -> None:
-        """InputError for a file that cannot be in a dataset's folder."""
+        """Check the names and the total size of the files.
+
+        Raises:
+            InputError: a file cannot be part of a dataset.
+        """
         for path in self.files:
             if not stays_inside(path):
                 raise InputError(f"{path!r} cannot be a file of a dataset; rename it with plain, printable characters")
@@ -49,7 +54,7 @@ class RecipeFiles:
         return f"{layout.RECIPE}/{self.recipe}"
 
     def contents(self, name: str, identity: str) -> dict[str, bytes]:
-        """Every file by its path in the dataset of that name and identity."""
+        """Return the content of every file, by path in the dataset with that name and identity."""
         found = {f"{layout.RECIPE}/{path}": body for path, body in self.files.items()}
         if self.lock is not None and self.lock.sealed and self.lock.identity == identity:
             digests = {path: hashlib.sha256(body).hexdigest() for path, body in self.files.items()}
@@ -59,7 +64,7 @@ class RecipeFiles:
 
 
 def asset_places(dataset: Dataset) -> dict[str, Path]:
-    """Where the assets of a dataset's plan may lie in its folder, by digest; readers hold them to it."""
+    """Return the possible paths of a dataset's assets in its own folder, by digest; readers check the digests."""
     return {
         sha256: dataset.root / path
         for path, (_, sha256) in dataset.files.items()

@@ -1,7 +1,8 @@
-"""Compare the files of a dataset with its manifest, to find what `recipe build --repair` has to render again.
+"""Compares the files of a dataset with its manifest, to find what `recipe build --repair` must render again.
 
-A manifest is trusted if it is of the same plan and its digests add up to its identity. Frames of which any file differs
-are rendered again, under all of their names; every text and drawing is written again. The rest is linked.
+A manifest is trusted if it belongs to the same plan and its digests match its identity. Frames with a file that differs
+are rendered again, under all of their names. All text files and contact sheets are written again. The other files are
+linked.
 """
 
 from __future__ import annotations
@@ -20,13 +21,17 @@ from recipe_runtime.dataset.reader import Dataset, damaged_files, lock_of, recip
 
 @dataclass(frozen=True)
 class Examined:
-    """A dataset, and what is wrong with its files, a line each."""
+    """A dataset, and one line for each problem of its files."""
 
     held: Dataset
     damage: tuple[str, ...]
 
     def check(self, identity: str, work: Workspace) -> None:
-        """RunError, and no work left, if what was made to mend it is of another identity."""
+        """Check that the repaired dataset has the identity of the original.
+
+        Raises:
+            RunError: the identity differs; the workspace is removed.
+        """
         if identity != self.held.lock.identity:
             work.abandon()
             out = self.held.root

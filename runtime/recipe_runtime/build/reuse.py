@@ -1,8 +1,8 @@
-"""What an earlier build of another plan made and this one wants too: linked into place, not made again.
+"""Reuses frames of an earlier build of another plan, by linking its files instead of rendering them again.
 
-A view (scene and sensor) that is in both has the same labels; a view and an appearance that are in both have the same
-pictures. The dataset that stands where the new one will be is taken from if this very program built it, from
-this host, which the cache remembers, and every file is read and held against its digest before it gets its second name.
+A view (scene and sensor) that occurs in both plans has the same labels; the same view with the same appearance has the
+same pictures. The existing dataset in the output folder is used if the cache records that this program built it on this
+host. Every file is hashed and compared with its digest before it is linked.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ from recipe_runtime.dataset.text_files import labels_of
 
 
 def remember(store: Store, out: Path, plan: DatasetPlan) -> None:
-    """Note that this program built the dataset of that plan there. It is whole, whether or not a cache can say so."""
+    """Record in the cache that this program built the dataset of a plan in `out`; errors of the cache are ignored."""
     with suppress(RunError):
         store.put("built", _name(out), b"")
         store.put("built", _place(plan), os.fsencode(out))
 
 
 def built(store: Store, plan: DatasetPlan) -> Dataset | None:
-    """The dataset of a plan that this program, on this host, built last; None if it is not there any more."""
+    """Return the dataset that this program last built on this host from a plan; None if it no longer exists."""
     place = store.get("built", _place(plan))
     before = None if place is None else earlier(store, Path(os.fsdecode(place)))
     return before if before is not None and before.plan.digest == plan.digest else None
 
 
 def earlier(store: Store, out: Path) -> Dataset | None:
-    """The dataset that stands there, if this program built it."""
+    """Return the dataset in a folder, if this program built it."""
     if regular_file(out, layout.MANIFEST) is None or store.get("built", _name(out)) is None:
         return None
     try:
@@ -70,13 +70,13 @@ def _place(plan: DatasetPlan) -> str:
 
 @dataclass
 class Reuse:
-    """What of a plan's views an earlier dataset holds. `before` None: nothing."""
+    """The part of a plan's views that an earlier dataset contains; nothing if `before` is None."""
 
     plan: DatasetPlan
     before: Dataset | None
     _labels: dict[str, tuple[ScenarioPlan, SensorPlan]] = field(default_factory=dict)  # by view
     _pictures: dict[tuple[str, str], str] = field(default_factory=dict)  # view, appearance -> a variant
-    _seen: dict[str, list[bytes]] = field(default_factory=dict)  # by view, the last: its labels' lines
+    _seen: dict[str, list[bytes]] = field(default_factory=dict)  # labels' lines of the last view
 
     def __post_init__(self) -> None:
         if self.before is None or _forms(self.plan) != _forms(self.before.plan):
@@ -88,20 +88,20 @@ class Reuse:
                 self._pictures.setdefault((view.key, variant.appearance.digest), variant.variant)
 
     def knows(self, view: View) -> bool:
-        """Whether the earlier dataset saw the same through that sensor."""
+        """Whether the earlier dataset contains the same view."""
         return view.key in self._labels
 
     def covered(self, view: View) -> tuple[int, ...]:
-        """The view's variants whose pictures and labels are all there."""
+        """Return the view's variants whose pictures and labels are all available."""
         if not self.knows(view):
             return ()
         plain = "rgb" not in view.sensor.capture
         return tuple(n for n in view.variants if plain or self._picture(view, n) is not None)
 
     def take(self, work: Workspace | None, view: View, variants: Sequence[int]) -> list[FrameRecord]:
-        """The records of a view's frames for these variants, except those of which a file is damaged.
+        """Return the records of a view's frames for these variants, except frames with a damaged file.
 
-        Every file is hashed. It is then linked into the workspace; without one, nothing is written.
+        Every file is hashed and then linked into the workspace; without a workspace, nothing is written.
         """
         records = []
         for frame in range(view.scene.clock.frames):
@@ -138,7 +138,7 @@ class Reuse:
         return {"frame": frame, "objects": seen, "digests": digests, "rgb": rgb, "files": files}
 
     def _linked(self, work: Workspace | None, source: str, paths: list[str]) -> dict[str, FileRow]:
-        """Verify a file of the earlier dataset, and give it its names in this one."""
+        """Check a file of the earlier dataset, and link it under its names in the new dataset."""
         assert self.before is not None
         size, sha256 = self.before.files[source]
         found = regular_file(self.before.root, source)
@@ -150,7 +150,7 @@ class Reuse:
             for path in paths[1:]:
                 work.link(paths[0], path)
             row = size, sha256, work.stamp(paths[0])
-            now = regular_file(self.before.root, source)  # links change the stamp, and not this time
+            now = regular_file(self.before.root, source)  # a link changes the stamp, but not this time
             if now is None or (now.st_ino, now.st_mtime_ns) != (found.st_ino, found.st_mtime_ns):
                 raise ValueError(f"{source} was changed while it was taken over")
         return dict.fromkeys(paths, row)
@@ -161,7 +161,7 @@ class Reuse:
         return self.before.lock.frames[row.frame_key(modality), sensor.name, modality, frame]
 
     def _lines(self, view: View) -> list[bytes]:
-        """What is seen in each frame of a view, as it was written."""
+        """Return the records of visible objects of each frame of a view, one line per frame."""
         assert self.before is not None
         if view.key not in self._seen:
             old, sensor = self._labels[view.key]
@@ -173,7 +173,13 @@ class Reuse:
 
 
 def reasons(reuse: Reuse, simulated: Sequence[str], taken: Mapping[int, Taken]) -> Iterator[str]:
-    """Why each stage runs, or does not, a line each. `simulated` names the scenes that are not in the cache."""
+    """Yield one line per stage that explains why it runs or is skipped.
+
+    Args:
+        reuse: what the earlier dataset provides.
+        simulated: digests of the scenes whose motion is not in the cache.
+        taken: what was reused of each view.
+    """
     plan = reuse.plan
     scenes = len({v.scene.digest for v in plan.variants})
     if simulated:
@@ -210,7 +216,7 @@ def _why(reuse: Reuse) -> str:
 
 
 def _forms(plan: DatasetPlan) -> tuple[str, bool]:
-    """What the files of a frame depend on besides its pixels."""
+    """Return the settings that the files of a frame depend on, besides its pixels."""
     return plan.depth, "mots_png" in plan.annotations
 
 
@@ -221,11 +227,13 @@ def _some(names: Sequence[str]) -> str:
 def proven(
     plan: DatasetPlan, before: Dataset, traces: Mapping[str, str], progress: Progress
 ) -> list[tuple[Shard, list[FrameRecord]]]:
-    """The frames of a plan that a dataset built by this program proves: their records, by view.
+    """Return the frames of a plan that an existing dataset of this program proves, as records by view.
 
-    The manifest, remembered by its digest, holds the digests that were made of the pixels before they were encoded.
-    A frame counts if all of its files, hashed now, are still the ones that were written then, and if its scene's motion
-    is the given one (`traces`: scene digest -> trace digest). The others are left out.
+    The manifest, whose digest the cache holds, contains the digests of the pixels before they were encoded. A frame is
+    returned if all of its files still have their recorded digests, and its scene's motion is the given one.
+
+    Args:
+        traces: scene digest -> Trace digest.
     """
     found, reuse, seen = [], Reuse(plan, before), views(plan)
     for number, view in enumerate(seen):
@@ -242,7 +250,10 @@ def proven(
 
 
 def known_frames(plan: DatasetPlan, cache: Path | None = None) -> Known:
-    """The frames that `lock` takes over: those of the dataset that this host built last, and of a stopped lock."""
+    """Return the frames that `lock` need not render.
+
+    Those of the last dataset built on this host, and of an interrupted run.
+    """
     store = Store(cache)
     before = built(store, plan)
     if before is None:

@@ -1,6 +1,6 @@
-"""What is done with a shard: observe, label, shade, encode, hash, write. The same code in any process.
+"""Renders shards: observe, label, shade, encode, hash and write. All kinds of worker processes share this code.
 
-Files go into place one by one, each whole; pixels never leave the worker, digests and records do.
+Files are written atomically, one by one. Digests and records leave the worker, pixels do not.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.errors import RecipeError, RunError
+from recipe_compiler.ir.modalities import LABEL_MODALITIES
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.mots import mots_picture
@@ -24,7 +25,7 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs, layout
 from recipe_runtime.core.files import link_or_copy, stamp_of, write_atomic
 from recipe_runtime.core.interfaces import Observed
-from recipe_runtime.core.modalities import LABEL_MODALITIES, label_array, pixel_digest
+from recipe_runtime.core.modalities import label_array, pixel_digest
 from recipe_runtime.core.timings import Stopwatch
 from recipe_runtime.dataset.schedule import Shard, View, views
 from recipe_runtime.frames.engines import Engines, SceneRenderer
@@ -33,9 +34,10 @@ from recipe_runtime.frames.source import Made, SceneSource
 
 @dataclass(frozen=True)
 class Job:
-    """What every worker knows. `root` is the folder to write in; None: digests only. Workers share out the `devices`.
+    """The inputs shared by all workers of a run.
 
-    `resumes`: a build, which takes up what was done before it failed.
+    `root` is the output folder, or None if only digests are needed. Workers are distributed over the `devices`.
+    `resumes` is set for a build, which can be resumed after a failure.
     """
 
     dataset: DatasetPlan
@@ -47,19 +49,19 @@ class Job:
 
     @property
     def again(self) -> str:
-        """What to do after a failure."""
+        """Return how to continue after a failure, for error messages."""
         return "build again: what is done is kept" if self.resumes else "try again"
 
 
 class Worker:
-    """Does shards, one after the other, and keeps the renderer of the scene that it is at."""
+    """Renders shards one after the other, and keeps the renderer of the current scene."""
 
     def __init__(self, job: Job, number: int = 0) -> None:
         self._job = job
         self._device = job.devices[number % len(job.devices)]
         self._views = views(job.dataset)
         self._source: SceneSource | None = None
-        self._ready: tuple[str, SceneRenderer | None] = "", None  # a scene by its digest, loaded before its time
+        self._ready: tuple[str, SceneRenderer | None] = "", None  # digest, renderer loaded in advance
         self.watch = Stopwatch()
 
     def do(self, shard: Shard, tick: Callable[[int], None]) -> list[FrameRecord]:
@@ -77,7 +79,7 @@ class Worker:
         return records
 
     def _groups(self, view: View, variants: tuple[int, ...]) -> list[tuple[int, ...]]:
-        """The variants by appearance; none where no picture is asked for."""
+        """Group the variants by appearance; empty if no picture is requested."""
         if "rgb" not in view.sensor.capture:
             return []
         sharing: dict[str, list[int]] = {}
@@ -87,7 +89,7 @@ class Worker:
 
     @contextmanager
     def _naming(self, view: View, shard: Shard, frame: int) -> Iterator[None]:
-        """Report any failure inside with the variant, the sensor and the frame."""
+        """Add the variant, the sensor and the frame to any error raised inside."""
         try:
             yield
         except RecipeError:
@@ -97,7 +99,7 @@ class Worker:
             raise RunError(f"{where}: {host_errors.describe(error, self._job.again)}") from error
 
     def load(self, view: int) -> None:
-        """Make the renderer of a view's scene, which need not have been simulated yet."""
+        """Load the renderer of a view's scene in advance, before the scene is simulated."""
         scene = self._views[view].scene
         with self.watch("load"):
             self._ready = scene.digest, self._job.engines.renderer(scene, self._device)
@@ -105,7 +107,7 @@ class Worker:
     def _at(self, view: View) -> SceneSource:
         if self._source is None or self._source.scene.digest != view.scene.digest:
             job, scene = self._job, view.scene
-            self._source = None  # let go of one renderer before the next is made
+            self._source = None  # release one renderer before the next is created
             (known, renderer), self._ready = self._ready, ("", None)
             if known != scene.digest:
                 renderer = None
@@ -119,7 +121,7 @@ class Worker:
 
 @dataclass
 class _FrameTask:
-    """One frame of one view, for some variants."""
+    """The work on one frame of one view, for some variants."""
 
     job: Job
     view: View
@@ -128,7 +130,7 @@ class _FrameTask:
     watch: Stopwatch
 
     def do(self, made: Made, groups: Sequence[tuple[int, ...]]) -> FrameRecord:
-        """Label and write what was made; a picture for each group of variants, which share their appearance."""
+        """Label and write a frame, with one picture for each group of variants that share an appearance."""
         sensor, watch, frame, seen = self.view.sensor, self.watch, made.number, made.seen
         with watch("annotate"):
             objects = self.source.labels(seen, sensor, frame)

@@ -1,14 +1,14 @@
-"""Where a build works until its dataset is whole: a sibling folder, from which one rename publishes.
+"""The workspace of a build: a sibling of the output folder, which one rename publishes when the dataset is complete.
 
     .<name>.partial/
-        job.json      which plan this is the work of, and of which tools and code; sealed with this host's key
-        shards/       a record for every finished shard, written when its files are in place; its name ends in a count
-        dataset/      the files so far
-        old/          a dataset that is being replaced, for the instant between two renames
+        job.json      the plan, tools and code of the build; sealed with this host's key
+        shards/       one record per finished shard, written after its files; the name ends with the number of frames
+        dataset/      the files written so far
+        old/          the dataset that is being replaced, between two renames
 
-The next build of the same plan continues a stopped one, if the seals prove that this user's cache knows it: a folder
-that came with a recipe from elsewhere is cleared and begun afresh. One build at a time holds the folder, by a lock that
-ends with its process.
+The next build of the same plan resumes an interrupted one if the seals were made with the key in this user's cache.
+Otherwise, as with a folder that came with a downloaded recipe, the workspace is cleared. Only one build at a time uses
+a workspace; the lock is released when its process ends.
 """
 
 from __future__ import annotations
@@ -33,8 +33,12 @@ from recipe_runtime.core.files import (
     atomic_file,
     file_sha256,
     host_errors,
+    is_folder,
     link_or_copy,
+    make_folder,
+    open_folder,
     regular_file,
+    remove_tree,
     stamp_of,
     write_atomic,
 )
@@ -43,23 +47,24 @@ from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest_types import Manifest, ManifestHead
 from recipe_runtime.dataset.schedule import Shard, View
 
+_JOB = "job.json"
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
 
 
 class BuildJob(ManifestHead):
-    """`job.json`: the plan that is built, and the code that builds it. Equal jobs make equal files."""
+    """`job.json`: the plan and the code of a build. Equal jobs produce equal files."""
 
     builder: str
 
 
 class Workspace:
-    """The work on one dataset folder; a context manager that holds the lock.
+    """The workspace of one dataset folder; a context manager that holds the lock.
 
     Args:
         out: the dataset's folder.
-        job: what is built; None for `settle`, which continues no work.
+        job: what is built; None for `settle`, which does not resume work.
         replace: whether another recipe's unfinished work may be discarded.
-        key: seals the job and the records (`cache.journal_key`); work that was sealed with another is not taken up.
+        key: the key of the seals of job and records (`cache.journal_key`). Work sealed with another key is not resumed.
     """
 
     def __init__(self, out: Path, job: BuildJob | None, *, replace: bool = False, key: bytes = b"") -> None:
@@ -79,8 +84,8 @@ class Workspace:
                 self._recover()
                 if not self._is_mine():
                     self._clear()
-                self.dataset.mkdir(exist_ok=True)
-                self._shards.folder.mkdir(exist_ok=True)
+                make_folder(self.dataset)
+                make_folder(self._shards.folder)
             except BaseException:
                 os.close(self._lock)
                 raise
@@ -90,7 +95,7 @@ class Workspace:
         os.close(self._lock)
 
     def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:
-        """The records of a shard that an earlier build finished and whose files have all their bytes; else None."""
+        """Return the records of a shard finished by an earlier build, or None unless all of its files are complete."""
         records = self._shards.read(shard, view)
         if records is None:
             return None
@@ -102,21 +107,24 @@ class Workspace:
         return records if whole else None
 
     def noted(self, shard: Shard, view: View) -> bool:
-        """Whether an earlier build noted a shard as finished; its files are for `finished` to read."""
+        """Whether an earlier build recorded a shard as finished; `finished` checks the files."""
         return (shard, view) in self._shards
 
     def _holds(self, path: str, size: int, sha256: str) -> bool:
         return (self.dataset / path).lstat().st_size == size and file_sha256(self.dataset / path) == sha256
 
     def kept(self) -> int:
-        """How many frames are finished, by the names of the shards' records; may be asked of another's work."""
+        """Return the number of finished frames, according to the names of the records.
+
+        Also valid for another build's work.
+        """
         try:
             return self._shards.frames() if self._is_mine() else 0
         except OSError:
             return 0
 
     def keep(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
-        """Note that a shard's files are in place."""
+        """Record that a shard's files are in place."""
         with host_errors(str(self._partial), _REMEDY):
             self._shards.write(shard, view, records)
 
@@ -126,7 +134,7 @@ class Workspace:
             write_atomic(self.dataset / path, body)
 
     def write_pieces(self, path: str, pieces: Iterable[bytes]) -> FileRow:
-        """Write one of the dataset's files as it is made. Returns its size and SHA-256."""
+        """Write a file of the dataset piece by piece, and return its size and SHA-256."""
         size, hasher = 0, hashlib.sha256()
         with host_errors(f"{self._partial}: {path}", _REMEDY), atomic_file(self.dataset / path) as file:
             for piece in pieces:
@@ -136,26 +144,28 @@ class Workspace:
         return size, hasher.hexdigest()
 
     def link(self, path: str, other: str) -> None:
-        """Give one of the dataset's files a second name."""
+        """Link a file of the dataset under a second name."""
         with host_errors(f"{self._partial}: {other}", _REMEDY):
             link_or_copy(self.dataset / path, self.dataset / other)
 
     def take(self, source: Path, path: str) -> None:
-        """Give a file from elsewhere a name among the dataset's."""
+        """Link a file from elsewhere into the dataset."""
         with host_errors(f"{self._partial}: {path}", _REMEDY):
             link_or_copy(source, self.dataset / path)
 
     def stamp(self, path: str) -> str:
-        """The stamp of one of the dataset's files as it is now."""
+        """Return the current stamp of a file of the dataset."""
         with host_errors(f"{self._partial}: {path}", _REMEDY):
             return stamp_of((self.dataset / path).lstat())
 
     @classmethod
     def settle(cls, out: Path) -> None:
-        """Finish what a build that ended within `publish` left: put the old dataset back, or clear it away."""
+        """Complete or undo the renames of a build that was killed within `publish`."""
         work = cls(out, None)
-        ended = work._partial.is_dir() and out.exists() and not work.dataset.exists()
-        if not ended and not (work._partial / "old").is_dir():
+        if not is_folder(work._partial):
+            return
+        ended = out.exists() and not work.dataset.exists()
+        if not ended and not is_folder(work._partial / "old"):
             return
         with host_errors(str(work._partial), _REMEDY):
             work._take()
@@ -167,9 +177,13 @@ class Workspace:
                 os.close(work._lock)
 
     def publish(self, files: Mapping[str, FileRow]) -> None:
-        """Put the dataset of these files into place, in place of the one that was there.
+        """Publish the dataset, in place of the existing one.
 
-        RunError, with nothing published, if another program changed or removed one of them since it was written.
+        Args:
+            files: the rows of all files of the dataset, by path.
+
+        Raises:
+            RunError: another program changed or removed a file since it was written; nothing is published.
         """
         with host_errors(str(self.out), _REMEDY):
             changed = next((path for path, row in files.items() if not self._as_written(path, row)), None)
@@ -185,21 +199,25 @@ class Workspace:
             self._remove()
 
     def abandon(self) -> None:
-        """Clear the work away: there is nothing in it to go on from."""
+        """Remove the workspace, which contains nothing worth resuming."""
         with host_errors(str(self._partial), _REMEDY):
             self._remove()
 
     def _remove(self) -> None:
-        """Remove the folder; `job.json` goes last, so that the next build can continue if this is interrupted."""
+        """Remove the folder; `job.json` is removed last, so that an interrupted removal can be resumed."""
         for child in sorted(self._partial.iterdir()):
-            if child.is_dir():
-                shutil.rmtree(child)
+            if child.name != _JOB:
+                remove_tree(child)
         shutil.rmtree(self._partial)
 
     def _as_written(self, path: str, row: FileRow) -> bool:
-        """Whether a file has the bytes that the build wrote: `row` is size, SHA-256, and the written file's stamp.
+        """Whether a file has the bytes that the build wrote.
 
         A file with the same inode, size and time of last change was not written to, so it is not read again.
+
+        Args:
+            path: the file.
+            row: size, SHA-256 and stamp of the file as written.
         """
         found = regular_file(self.dataset, path)
         if found is None or found.st_size != row[0]:
@@ -207,17 +225,23 @@ class Workspace:
         return [stamp_of(found)] == list(row[2:]) or file_sha256(self.dataset / path) == row[1]
 
     def _sweep(self, files: Collection[str]) -> None:
-        """Remove files that are not the dataset's: parts of files that a killed build left."""
+        """Remove files that do not belong to the dataset, such as partial files of a killed build."""
         for path in sorted(p for p in self.dataset.rglob("*") if not p.is_dir()):
             if path.relative_to(self.dataset).as_posix() not in files:
                 path.unlink()
 
     def _take(self) -> None:
-        """Make the folder and lock it; a lock on a folder that was published meanwhile is no lock."""
+        """Create and lock the folder; a lock on a folder that was published in the meantime is discarded."""
         self.out.parent.mkdir(parents=True, exist_ok=True)
         while True:
+            if self._partial.is_symlink():
+                raise InputError(
+                    f"{self._partial} is a symbolic link, and a build works in no folder that a link points to",
+                    help="remove the link, or choose another folder",
+                    code=Code.OUTPUT_IN_THE_WAY,
+                )
             self._partial.mkdir(exist_ok=True)
-            self._lock = os.open(self._partial, os.O_RDONLY)
+            self._lock = open_folder(self._partial)
             try:
                 fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -241,28 +265,32 @@ class Workspace:
         return (here.st_dev, here.st_ino) == (held.st_dev, held.st_ino)
 
     def _recover(self) -> None:
-        """A build that ended between the two renames of `publish` left the old dataset here: put it back."""
+        """Restore the old dataset if a build was killed between the two renames of `publish`."""
         old = self._partial / "old"
-        if old.is_dir() and not self.out.exists():
+        if is_folder(old) and not self.out.exists():
             old.rename(self.out)
-        elif old.is_dir():
-            shutil.rmtree(old)
+        elif is_folder(old) or old.is_symlink():
+            remove_tree(old)
 
     def _is_mine(self) -> bool:
-        path = self._partial / "job.json"
+        path = self._partial / _JOB
         return path.is_file() and path.read_text() == self._job
 
     def _other_recipe(self) -> str | None:
-        """The name of the recipe whose unfinished frames are here, if it is another."""
+        """Return the name of the recipe whose unfinished frames are here, if it is another recipe."""
         try:
-            name = json.loads((self._partial / "job.json").read_text())["recipe"]
+            name = json.loads((self._partial / _JOB).read_text())["recipe"]
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None
         return str(name)[:100] if name != self._recipe and self._shards.frames() else None
 
     def _clear(self) -> None:
-        """Begin afresh. What is not a build's work is left alone, and another recipe's without `replace`."""
-        if any(self._partial.iterdir()) and not (self._partial / "job.json").is_file():
+        """Clear the workspace for a new build.
+
+        Raises:
+            InputError: the folder is not a workspace, or holds another recipe's work and `replace` is not set.
+        """
+        if any(self._partial.iterdir()) and not (self._partial / _JOB).is_file():
             raise InputError(
                 f"{self._partial} is in the way and is not a build's work; move it away", code=Code.OUTPUT_IN_THE_WAY
             )
@@ -275,16 +303,20 @@ class Workspace:
                 code=Code.OUTPUT_IN_THE_WAY,
             )
         for child in sorted(self._partial.iterdir()):
-            if child.is_dir() and child.name in ("dataset", "shards"):
-                shutil.rmtree(child)
-        write_atomic(self._partial / "job.json", self._job.encode())
+            if child.name in ("dataset", "shards"):
+                remove_tree(child)
+        write_atomic(self._partial / _JOB, self._job.encode())
 
 
 def check_out(out: Path) -> None:
-    """InputError if anything but a dataset of ours, and it alone, stands where one is to be put."""
+    """Check that a dataset can be put in place of `out`.
+
+    Raises:
+        InputError: `out` exists and is not a dataset of this program, or contains other files as well.
+    """
     if out.is_symlink() or (out.exists() and not out.is_dir()):
         raise InputError(f"{out} is not a folder", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
-    if out.is_mount():  # one rename publishes, and none can put a folder there
+    if out.is_mount():  # publishing is a rename, which cannot replace a mount point
         remedy = f"choose a folder in it, such as {out / 'dataset'}"
         raise InputError(f"{out} is where a disk is mounted", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
     _check_outside_datasets(out)
@@ -300,7 +332,7 @@ def check_out(out: Path) -> None:
     try:
         known = {layout.MANIFEST, *listed_files(manifest)}
     except ValueError:
-        known = {layout.MANIFEST}  # damaged: then nothing else here is known to be ours
+        known = {layout.MANIFEST}  # damaged: no other file here is then known to belong to the dataset
     found = (p.relative_to(out).as_posix() for p in sorted(out.rglob("*")) if p.is_symlink() or not p.is_dir())
     foreign = [path for path in found if path not in known]
     if foreign:
@@ -310,7 +342,11 @@ def check_out(out: Path) -> None:
 
 
 def _check_outside_datasets(out: Path) -> None:
-    """InputError if a parent of `out` is a dataset: a dataset holds the files of its manifest and no others."""
+    """Check that no parent of `out` is a dataset, because a dataset contains only the files of its manifest.
+
+    Raises:
+        InputError: `out` is inside a dataset.
+    """
     for folder in out.resolve().parents:
         if read_manifest(folder) is not None:
             raise InputError(
@@ -321,7 +357,7 @@ def _check_outside_datasets(out: Path) -> None:
 
 
 def read_manifest(out: Path) -> Manifest | None:
-    """The manifest in a folder; None if there is none that this project wrote, or it is damaged."""
+    """Return the manifest in a folder; None if there is none, it is damaged, or another program wrote it."""
     try:
         return manifest_reader.read(out)
     except (OSError, ValueError):

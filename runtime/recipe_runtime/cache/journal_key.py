@@ -18,9 +18,12 @@ _BYTES = 32
 
 
 def read_key(cache: Path) -> bytes | None:
-    """The key of a cache folder; None if it has none that is whole."""
+    """Return the key of a cache folder; None if it has none, or one that others may have written or read."""
     try:
         with os.fdopen(os.open(cache / KEY, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+            found = os.fstat(file.fileno())
+            if found.st_uid != os.geteuid() or found.st_mode & 0o077:
+                return None
             key = file.read(_BYTES + 1)
     except OSError:
         return None

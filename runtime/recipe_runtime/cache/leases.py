@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from recipe_runtime.cache.cache_folder import LEASES, claim, lease_files
+from recipe_runtime.core.files import make_folder
 
 
 @contextmanager
@@ -30,7 +31,7 @@ def lease(root: Path) -> Iterator[None]:
     handle, path = -1, root / LEASES / str(owner)
     with suppress(OSError):
         claim(root)
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         for number in range(1000):  # another host or thread may use the same number
             path = path.with_name(f"{owner}.{number}")
             with suppress(FileExistsError):

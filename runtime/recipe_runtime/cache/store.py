@@ -20,7 +20,7 @@ from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import ScenePlan
 
-from recipe_runtime.core.files import atomic_file, host_errors
+from recipe_runtime.core.files import atomic_file, host_errors, make_folder, regular_file
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import simulation_maker
 
@@ -70,6 +70,8 @@ class Store:
         path = self.path(kind, key)
         try:
             with ExitStack() as stack:
+                if not regular_file(self.root, f"{kind}/{key[:2]}/{key}"):
+                    return None
                 file = stack.enter_context(path.open("rb"))
                 head, hasher = file.readline(_LONGEST_HEADER), hashlib.sha256()
                 while piece := file.read(1 << 20):
@@ -102,7 +104,10 @@ class Store:
         hasher = hashlib.sha256()
         with host_errors(f"the {'cache' if ours else 'folder'} {self.root}", remedy):
             claim(self.root)
-            with atomic_file(self.path(kind, key)) as file:
+            path = self.path(kind, key)
+            for folder in (path.parent.parent, path.parent):
+                make_folder(folder)
+            with atomic_file(path) as file:
                 file.write(header(kind, key, hasher.hexdigest()))  # placeholder of the same length
                 for piece in [body] if isinstance(body, bytes) else body:
                     hasher.update(piece)

@@ -30,6 +30,38 @@ def regular_file(root: Path, path: str) -> os.stat_result | None:
     return found if stat.S_ISREG(found.st_mode) else None
 
 
+def is_folder(path: Path) -> bool:
+    """Return whether a path is a folder and not a symbolic link to one."""
+    try:
+        return stat.S_ISDIR(path.lstat().st_mode)
+    except OSError:
+        return False
+
+
+def make_folder(path: Path) -> None:
+    """Create a folder and those above it, if they are absent.
+
+    Raises:
+        NotADirectoryError: The path is a symbolic link, or a file.
+    """
+    path.mkdir(parents=True, exist_ok=True)
+    if not is_folder(path):
+        raise NotADirectoryError(errno.ENOTDIR, "it is a symbolic link", str(path))
+
+
+def open_folder(path: Path) -> int:
+    """Open a folder, for a lock; OSError if it is a symbolic link."""
+    return os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+
+
+def remove_tree(path: Path) -> None:
+    """Delete a folder with its files, or a symbolic link itself."""
+    if is_folder(path):
+        shutil.rmtree(path)
+    else:
+        path.unlink()
+
+
 def stamp_of(found: os.stat_result) -> str:
     """Return inode and ctime in nanoseconds, which are equal until the file is written, renamed or linked.
 

@@ -8,8 +8,6 @@ from recipe_compiler.ir.canonical import digest_array
 
 from recipe_runtime.core.interfaces import Observed
 
-LABEL_MODALITIES = ("depth", "instance", "semantic")  # follow from scene and rig alone
-
 
 def pixel_digest(modality: str, array: NDArray[np.generic]) -> str:
     """Identity of a frame's pixels; depth is hashed as float32 metres, whatever form it has on disk."""

@@ -1,8 +1,10 @@
 """URLs as they may be shown: without passwords, tokens and signatures.
 
 A URL may hold a secret as the password before `@`, as a long user name (a token), in its query (`?sig=...`,
-`?X-Amz-Signature=...`, `?token=...`), or in its fragment. Passwords of S3 URLs hold `/` and `@` as they are, so
-everything up to the last `@` is taken for the password. Where a part may or may not be a secret it is masked.
+`?X-Amz-Signature=...`, `?token=...`), in parameters of its path (`;sig=...`), or in its fragment. The colon before a
+password may be escaped (`%3A`). Passwords of S3 URLs hold `/` and `@` as they are, so everything up to the last `@` is
+taken for the password. A path library may have merged slashes, so one slash begins a URL as two do. Where a part may or
+may not be a secret it is masked.
 """
 
 from __future__ import annotations
@@ -12,7 +14,12 @@ from urllib.parse import unquote
 
 MASK = "***"
 
-_URL = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]*)://(?P<rest>\S*)")
+_URL = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]*):(?P<slashes>/+)(?P<rest>\S*)")
+_COLON = re.compile(r":|%3A", re.IGNORECASE)
+_PARAMETERS = re.compile(
+    r";[^;?#]*?=(?:(?!::[A-Za-z][A-Za-z0-9+.-]*:/).)*"
+)  # `;sig=...`, up to a URL that is chained to this one
+_PATHS = {"file", "local"}  # URLs of these are paths alone
 _END = re.compile(r"""['"`:;,.)\]}>]*\Z""")  # punctuation of the sentence around a URL
 _PORTS = {"http", "https", "ftp", "ftps", "sftp", "ssh", "smb", "hdfs", "webhdfs", "memory"}  # `host:21`, not `key:21`
 _TOKEN_LENGTH = 20  # a user name so long is a token
@@ -29,36 +36,41 @@ def without_secrets(text: str, *urls: str) -> str:
     found = {secret for url in urls for secret in _secrets(url)}
     for secret in sorted(found, key=len, reverse=True):
         text = text.replace(secret, MASK)
-    return _URL.sub(lambda match: f"{match['scheme']}://{_masked(match['scheme'], match['rest'])}", text)
+    return _URL.sub(_masked, text)
 
 
 def shown(url: str) -> str:
     """One whole URL, to be shown; its white space is part of it."""
     text = re.sub(r"\s", "%20", url)
-    return _URL.sub(lambda match: f"{match['scheme']}://{_masked(match['scheme'], match['rest'], whole=True)}", text)
+    return _URL.sub(lambda match: _masked(match, whole=True), text)
 
 
-def _masked(scheme: str, rest: str, whole: bool = False) -> str:
+def _masked(match: re.Match[str], whole: bool = False) -> str:
+    """A URL, matched by `_URL`, without its secrets; unless it is `whole`, punctuation at its end is no part of it."""
+    scheme, rest = match["scheme"], match["rest"]
     end = None if whole else _END.search(rest)
     rest, tail = (rest[: end.start()], end[0]) if end else (rest, "")
     user, password, place = _split(scheme, rest)
     head = "" if place == rest else f"{user}:{MASK}@" if password is not None else f"{MASK}@"
     place, hash_, fragment = place.partition("#")
     place, mark, query = place.partition("?")
-    inner = _URL.sub(lambda match: f"{match['scheme']}://{_masked(match['scheme'], match['rest'])}", place)
+    inner = _URL.sub(_masked, _PARAMETERS.sub(f";{MASK}", place))
     query = f"?{MASK}" if query else mark
-    return f"{head}{inner}{query}{f'#{MASK}' if fragment else hash_}{tail}"
+    return f"{scheme}:{match['slashes']}{head}{inner}{query}{f'#{MASK}' if fragment else hash_}{tail}"
 
 
 def _split(scheme: str, rest: str) -> tuple[str, str | None, str]:
     """User, password and the rest of a URL after `://`. Without a secret there, the rest is all of it."""
-    first = rest.partition("/")[0]
-    user, colon, after = first.partition(":")
     link = scheme.lower().rpartition("+")[2]
+    if link in _PATHS:
+        return "", None, rest
+    first = rest.partition("/")[0]
+    found = _COLON.search(first)
+    user, colon, after = (first[: found.start()], found[0], first[found.end() :]) if found else (first, "", "")
     if colon and "@" not in user and "@" in rest[len(user) :]:
         is_port = "@" not in after and re.fullmatch(r"[0-9]{1,5}", after) and link in _PORTS
         if user and not is_port:
-            password, _, place = rest[len(user) + 1 :].rpartition("@")
+            password, _, place = rest[len(user) + len(colon) :].rpartition("@")
             return user, password, place
     name, at, _ = first.rpartition("@")
     if at and len(name) >= _TOKEN_LENGTH:
@@ -72,7 +84,9 @@ def _secrets(url: str) -> set[str]:
     for match in _URL.finditer(url):
         user, password, place = _split(match["scheme"], match["rest"])
         place, _, fragment = place.partition("#")
+        parameters = [text.partition("=") for found in _PARAMETERS.findall(place) for text in found[1:].split(";")]
         values = [value for pair in place.partition("?")[2].split("&") for value in (pair.partition("=")[2], pair)]
+        values += [text for name, _, value in parameters for text in (value, f"{name}={value}") if value]
         found |= {password or "", fragment, *values} | ({user} if password is None else set())
     found |= {unquote(secret) for secret in found}
     return {secret for secret in found if len(secret) >= _MIN_SECRET}

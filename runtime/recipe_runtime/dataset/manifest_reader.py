@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, BinaryIO, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from recipe_compiler.ir.modalities import DIGEST_KINDS
 from recipe_compiler.ir.plan import MAX_DESCRIPTION, MAX_VARIANT_NAME, MAX_VARIANTS, Name, Sha256
 
 from recipe_runtime.core import layout
@@ -169,7 +170,7 @@ def _frames(stream: JsonStream, left: list[int]) -> FrameDigests:
         if modalities or len(sensor) > 100:
             raise ValueError(f"the sensor {sensor[:40]!r} is given twice, or too long")
         for modality in stream.members():
-            if modality in modalities or modality not in ("rgb", "depth", "instance", "semantic", "labels"):
+            if modality in modalities or modality not in DIGEST_KINDS:
                 raise ValueError(f"the modality {modality[:40]!r} is given twice, or is none")
             digests = modalities[modality] = []
             for digest in stream.items(80):

@@ -166,14 +166,19 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
                 path = layout.labels_file(variant.variant, sensor.name)
                 found.append((path, f"{path}: {reason}"))
         if variant.scene.digest in traces:
-            path, trace = layout.tracks_file(variant.variant), traces[variant.scene.digest]
-            found += _pieces_difference(dataset.root, path, tracks_csv(variant.scene, trace))
+            found += tracks_difference(dataset, variant, traces[variant.scene.digest])
     if found and len(videos) < len({(v.variant, s.name) for v in dataset.plan.variants for s in v.rig.sensors}):
         return found  # without all labels nothing can be made from them
     known = dataset.plan, dataset.lock.identity, videos
     for path, make in (*annotation_texts(*known), *closing_texts(*known, dataset.recipe_file)):
         found += _text_difference(dataset.root, path, make)
     return found
+
+
+def tracks_difference(dataset: Dataset, variant: ScenarioPlan, trace: Trace) -> list[Fault]:
+    """How a variant's `tracks.csv` differs from the one that a Trace makes; no fault if it does not."""
+    path = layout.tracks_file(variant.variant)
+    return _pieces_difference(dataset.root, path, tracks_csv(variant.scene, trace))
 
 
 def _entries(root: Path, folders: Collection[str]) -> Iterator[tuple[str, str]]:

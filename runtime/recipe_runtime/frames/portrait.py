@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, AppearancePlan, CameraPlan, CameraResponse, Looks, Pose, Sun, Weather
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.body import riding, walk_cycle
 from recipe_runtime.body.kinematics import IDENTITY, PartPose, forward_kinematics, rotate
@@ -20,7 +21,6 @@ from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.actors import actor_body
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 _FIELD = 24.0  # degrees: a long lens, so that near and far keep their proportions
 _MARGIN = 1.1

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.canonical import digest
+from recipe_compiler.ir.modalities import LABEL_MODALITIES
 from recipe_compiler.ir.plan import AppearancePlan, ScenarioPlan, ScenePlan, SensorPlan
 
 from recipe_runtime.annotate.objects import Annotator
 from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.core.interfaces import Observed
-from recipe_runtime.core.modalities import LABEL_MODALITIES, label_array
+from recipe_runtime.core.modalities import label_array
 from recipe_runtime.core.timings import Stopwatch
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import part_transforms, sensor_transform

@@ -10,13 +10,14 @@ from recipe_runtime.meshes.pedestrian import pedestrian_parts
 from recipe_runtime.meshes.twowheeler import twowheeler_parts
 from recipe_runtime.meshes.vehicle import vehicle_parts
 
-SHAPES_CACHE_SIZE = 256  # of some 300 kB each
+SHAPES_CACHE_SIZE = 256  # number of cached shapes, about 300 kB each
 
 
 def actor_body(actor: ActorPlan) -> Body:
-    """The body of a pedestrian or vehicle; its base part, first, has its origin on the ground and looks along +x.
+    """Return the body of a pedestrian or vehicle.
 
-    Actors of one shape share their meshes, whose arrays are read-only.
+    The base part comes first; its origin is on the ground and +x points forward. Actors of the same shape share their
+    meshes, whose arrays are read-only.
     """
     shape, lit = tuple(sorted(actor.shape.items())), is_person(actor.shape) or not is_parked(actor)
     return Body(actor.name, actor.tag * 1000 + actor.instance, _parts(shape, actor.tag, lit))
@@ -24,7 +25,7 @@ def actor_body(actor: ActorPlan) -> Body:
 
 @lru_cache(maxsize=SHAPES_CACHE_SIZE)
 def _parts(sorted_shape: tuple[tuple[str, float], ...], tag: int, lit: bool) -> tuple[tuple[str, Mesh], ...]:
-    """The parts of a shape; all that a mesh depends on is an argument."""
+    """Build the parts of a shape. All values that a mesh depends on are arguments, because the result is cached."""
     shape = dict(sorted_shape)
     if is_person(shape):
         parts = pedestrian_parts(shape, tag)

@@ -30,7 +30,7 @@ def noise(key: int, index: int) -> float:
 
 
 def noises(key: int, indices: Index) -> Array:
-    """`noise` of one key for many indices."""
+    """Return `noise` of one key for many indices."""
     seed = np.uint64((key * 0x9E3779B97F4A7C15 + 0x632BE59BD9B4E019) & 0xFFFFFFFFFFFFFFFF)
     z = indices.astype(np.uint64) * np.uint64(0xD1B54A32D192ED03) + seed  # modulo 2^64
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -41,13 +41,13 @@ def noises(key: int, indices: Index) -> Array:
 
 @lru_cache(maxsize=1024)
 def circle(count: int, start: float = 0.0) -> tuple[tuple[float, float], ...]:
-    """Points of a unit circle (cosine, sine), counter-clockwise from `start` degrees."""
+    """Return the points (cosine, sine) of a unit circle, counter-clockwise from `start` degrees."""
     angles = [exact.sin_cos_deg(start + 360.0 * k / count) for k in range(count)]
     return tuple((c, s) for s, c in angles)
 
 
 class Builder:
-    """Collects triangles; `mesh` returns the result."""
+    """Collects triangles; `mesh` returns the result. Coordinates are in metres."""
 
     def __init__(self) -> None:
         self._surfaces: dict[Surface, int] = {}
@@ -86,7 +86,13 @@ class Builder:
         return self._surfaces.setdefault(surface, len(self._surfaces))
 
     def quads(self, surface: Surface, corners: Iterable[Sequence[Vec]], uvs: Array | None = None) -> None:
-        """Flat quadrilaterals [N, 4, 3], counter-clockwise seen from outside; uv in metres unless given [N, 4, 2]."""
+        """Add flat quadrilaterals.
+
+        Args:
+            surface: The surface.
+            corners: Corners [N, 4, 3], counter-clockwise seen from outside.
+            uvs: Texture coordinates [N, 4, 2]; by default, metres in the plane of the quadrilateral.
+        """
         quad = np.asarray(corners if isinstance(corners, np.ndarray) else list(corners), np.float64).reshape(-1, 4, 3)
         if not len(quad):
             return
@@ -106,7 +112,7 @@ class Builder:
         self._quads = {}
 
     def fan(self, surface: Surface, ring: Sequence[Vec]) -> None:
-        """A flat convex polygon, counter-clockwise seen from outside; uv in metres."""
+        """Add a flat convex polygon, counter-clockwise seen from outside; uv is in metres."""
         points = np.asarray(ring, np.float64)
         n = len(points)
         normal = unit(cross(points[n // 3] - points[0], points[2 * n // 3] - points[0])[None])
@@ -115,7 +121,7 @@ class Builder:
         self.add(surface, points, np.repeat(normal, n, axis=0), uvs, triangles)
 
     def box(self, surface: Surface, low: Vec, high: Vec, without: str = "") -> None:
-        """An axis-aligned box; `without` names faces to leave out, such as "-z +x"."""
+        """Add an axis-aligned box; `without` names the faces to omit, such as "-z +x"."""
         (x0, y0, z0), (x1, y1, z1) = low, high
         faces = {
             "-x": ((x0, y1, z0), (x0, y0, z0), (x0, y0, z1), (x0, y1, z1)),
@@ -136,10 +142,16 @@ class Builder:
         crease: float = 0.5,
         caps: tuple[Surface | None, Surface | None] = (None, None),
     ) -> None:
-        """A surface over rings of points [R, C, 3], seen from outside when rings run counter-clockwise as they advance.
+        """Add a curved surface through rings of points.
 
-        `closed` joins each ring's end to its start. `surfaces` is one, or one a cell [R-1][C], None for a hole.
-        Normals are shared where faces meet at less than the angle whose cosine is `crease`. `caps` closes the ends.
+        Args:
+            surfaces: One surface for all cells, or one per cell [R-1][C]; None leaves a hole.
+            points: Rings [R, C, 3]. Faces point outwards if successive rings, seen against their direction of advance,
+            run
+                counter-clockwise.
+            closed: Whether each ring's end is joined to its start.
+            crease: Cosine of the largest angle between faces that share normals.
+            caps: Surfaces that close the first and the last ring; None leaves an end open.
         """
         p = np.asarray(points, np.float64)
         rows, columns = p.shape[:2]
@@ -160,7 +172,7 @@ class Builder:
         self._pending.append(Sheet(runs, p.reshape(-1, 3), triangles, crease))
 
     def smooth(self, surface: Surface, points: Array, triangles: Index, crease: float) -> None:
-        """Triangles over shared points, with normals shared across edges flatter than the crease (a cosine)."""
+        """Add triangles over shared points; normals are shared across edges flatter than the crease (a cosine)."""
         self._pending.append(Sheet([(surface, len(triangles))], points, triangles, crease))
 
     def _settle(self) -> None:
@@ -208,7 +220,10 @@ class Builder:
 
 @lru_cache(maxsize=256)
 def _lattice(rows: int, columns: int, closed: bool) -> Index:
-    """Two triangles a cell over rings of points, cell by cell; closed rings join their last point to their first."""
+    """Return two triangles per cell of a grid of points, cell by cell.
+
+    Closed rings join their last point to their first.
+    """
     wide = columns if closed else columns - 1
     r, c = (g.reshape(-1) for g in np.meshgrid(np.arange(rows - 1), np.arange(wide), indexing="ij"))
     n = (c + 1) % columns
@@ -246,7 +261,7 @@ def _changes(rows: NDArray[np.uint64]) -> NDArray[np.bool_]:
 
 
 def _plane_uv(points: Array, normal: Array) -> Array:
-    """Metres along two axes of each polygon's plane: for an upright one along its level line and upwards."""
+    """Return uv in metres in each polygon's plane; in an upright plane, u is horizontal and v points up."""
     steep = np.abs(normal[:, 2]) < 0.7
     x = np.where(steep, -normal[:, 1], 1.0)
     y = np.where(steep, normal[:, 0], 0.0)
@@ -276,13 +291,13 @@ def _moved(light: Light, transform: Array) -> Light:
 
 
 def tube(path: Sequence[Vec], radii: Sequence[float], sides: int = 8) -> Array:
-    """Rings around a path that rises along z, for `Builder.grid`: [len(path), sides, 3]."""
+    """Return rings around a path that rises along z, for `Builder.grid`: [len(path), sides, 3]."""
     ring = circle(sides)
     return np.array([[(x + r * c, y + r * s, z) for c, s in ring] for (x, y, z), r in zip(path, radii, strict=True)])
 
 
 def icosphere(levels: int) -> tuple[Array, Index]:
-    """A unit sphere of 20 * 4^levels triangles."""
+    """Return a unit sphere of 20 * 4^levels triangles."""
     g = (1.0 + math.sqrt(5.0)) / 2.0
     raw = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g),
            (0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]  # fmt: skip

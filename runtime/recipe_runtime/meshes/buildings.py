@@ -1,7 +1,7 @@
-"""Buildings: families of facades with windows in reveals, string courses and cornices, over a ground floor.
+"""Buildings: styles of facades with recessed windows, string courses and cornices, above a ground floor.
 
-A building stands with the middle of its front at the origin, x out of the front, y to its left (seen from inside).
-Free ends have windows too; the back and the ends that neighbours hide are plain.
+The origin is the middle of the front; x points out of the front, y to the left seen from inside. Free ends have windows
+too; the back, and ends hidden by neighbours, are plain.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, noise
 from recipe_runtime.meshes.facades import Facade, Hole, Quad, around, niches, pane_uv, pierced
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.roofs import Top, flat_roof, pitched_roof
 from recipe_runtime.meshes.shopfronts import Ground, ground_floor
-from recipe_runtime.meshes.tags import Tag
 
 
 def _surface(slot: str, pattern: Pattern) -> Surface:
@@ -25,18 +25,18 @@ def _surface(slot: str, pattern: Pattern) -> Surface:
 
 @dataclass(frozen=True)
 class _Family:
-    """What buildings of a style have in common."""
+    """The properties shared by all buildings of a style."""
 
     wall: Surface
-    share: float  # of a bay that is window
-    sill: float  # metres above the floor
-    rise: float  # height of a window
-    reveal: float  # depth of a window
-    hood: bool = False  # a stone over each window
-    surround: bool = False  # stones around each window
+    share: float  # fraction of a bay's width that is window
+    sill: float  # height above the floor, metres
+    rise: float  # height of a window, metres
+    reveal: float  # depth of the recess, metres
+    hood: bool = False  # whether each window has a stone hood
+    surround: bool = False  # whether each window has a stone surround
     balconies: bool = False
-    band: bool = False  # a band of concrete along each floor
-    courses: bool = False  # a moulding along each floor
+    band: bool = False  # whether each floor has a concrete band
+    courses: bool = False  # whether each floor has a moulding
 
 
 _BRICK = _Family(_surface("wall", Pattern.BRICK), 0.44, 0.85, 1.7, 0.2, hood=True)
@@ -45,7 +45,7 @@ _CONCRETE = _Family(_surface("wall", Pattern.CONCRETE), 0.82, 0.8, 1.75, 0.28, b
 _BALCONIED = _Family(_surface("wall", Pattern.PLASTER), 0.5, 0.6, 1.95, 0.22, balconies=True)
 _GLASS = _Family(_surface("trim", Pattern.CONCRETE), 1.0, 0.0, 3.0, 0.0)
 _STONE = _Family(_surface("wall", Pattern.STONE), 0.42, 0.8, 1.85, 0.26, hood=True, surround=True, courses=True)
-_FAMILIES = (_BRICK, _PLASTER, _CONCRETE, _BALCONIED, _GLASS, _STONE)  # by `style`
+_FAMILIES = (_BRICK, _PLASTER, _CONCRETE, _BALCONIED, _GLASS, _STONE)  # indexed by the parameter `style`
 
 _NICHE = _surface("wall", Pattern.NICHE)
 _TRIM = _surface("trim", Pattern.PLASTER)
@@ -57,7 +57,7 @@ _METAL = _surface("metal", Pattern.METAL)
 
 
 def building(b: Builder, e: Element) -> None:
-    """The whole building; `shape` says its floors, bays, style, roof, and which ends stand free."""
+    """Build a building; `shape` gives floors, bays, style, roof, and which ends are free."""
     depth, width, height = e.size
     s, key = e.shape, int(e.shape["key"]) * 16
     family = _FAMILIES[int(s["style"])]
@@ -76,7 +76,7 @@ def building(b: Builder, e: Element) -> None:
     _mouldings(b, e, family, [f for f, _ in free])
     if family in (_BRICK, _PLASTER, _BALCONIED):
         u = 0.12 if noise(key, 33) > 0 else width - 0.24
-        b.quads(_METAL, front.block((u, u + 0.12), (0.0, 0.13), (s["ground"], height - 0.4), top=False))  # a drain pipe
+        b.quads(_METAL, front.block((u, u + 0.12), (0.0, 0.13), (s["ground"], height - 0.4), top=False))  # a downpipe
     top = Top(e.size, key, facades, tuple(f for f, _ in free), family.wall)
     if s.get("roof", 0):
         pitched_roof(b, top, 0.75 + 0.15 * noise(key, 31))
@@ -85,7 +85,7 @@ def building(b: Builder, e: Element) -> None:
 
 
 def _floors(b: Builder, e: Element, f: Facade, family: _Family, bays: int) -> None:
-    """All floors above the ground floor of one facade."""
+    """Build all floors of one facade above the ground floor."""
     s, width = e.shape, f.width / bays
     floors, storey, ground = int(s["floors"]), s["storey"], s["ground"]
     share = family.share * (1.0 + 0.12 * noise(f.key >> 4, 41)) if family is not _CONCRETE else family.share
@@ -102,12 +102,12 @@ def _floors(b: Builder, e: Element, f: Facade, family: _Family, bays: int) -> No
     b.quads(_NICHE, *niches(f, holes, family.reveal, floor=False))
     b.quads(_WINDOW, [f.face(h.u0, h.u1, h.z0, h.z1, -family.reveal) for h in holes], pane_uv(names))
     b.quads(_TRIM, [q for h in holes for q in _stones(f, h, family)])
-    if family.balconies and f.out == (1, 0):  # none over a neighbour's yard
+    if family.balconies and f.out == (1, 0):  # no balconies over a neighbour's yard
         _balconies(b, f, bays, floors, ground, storey)
 
 
 def _stones(f: Facade, h: Hole, family: _Family) -> list[Quad]:
-    """A window's sill, and the stones over and beside it."""
+    """Return a window's sill, and the stones above and beside it."""
     quads = f.block((h.u0 - 0.07, h.u1 + 0.07), (-family.reveal, 0.08), (h.z0 - 0.08, h.z0), sides=False)
     if family.surround:
         quads += [f.face(u, u + 0.13, h.z0, h.z1, 0.015) for u in (h.u0 - 0.13, h.u1)]
@@ -120,7 +120,7 @@ def _stones(f: Facade, h: Hole, family: _Family) -> list[Quad]:
 
 
 def _curtain(b: Builder, e: Element, f: Facade, bays: int) -> None:
-    """A skin of glass with fins between the bays."""
+    """Build a glass curtain wall with fins between the bays."""
     s, ground, height = e.shape, e.shape["ground"], e.size[2]
     floors, panes = int(s["floors"]) - 1, 2 * bays
     uv = [(f.key + 0.001, 1.001), (f.key + panes - 0.001, 1.001)]
@@ -134,7 +134,7 @@ def _curtain(b: Builder, e: Element, f: Facade, bays: int) -> None:
 
 
 def _balconies(b: Builder, f: Facade, bays: int, floors: int, ground: float, storey: float) -> None:
-    """Slabs with a railing of bars before every other bay."""
+    """Build balconies with railings in front of every other bay."""
     bay, slabs, rails = f.width / bays, [], []
     for floor in range(1, floors - 1):
         z = ground + floor * storey
@@ -154,7 +154,7 @@ def _balconies(b: Builder, f: Facade, bays: int, floors: int, ground: float, sto
 
 
 def _back(b: Builder, e: Element, f: Facade, family: _Family) -> None:
-    """The rear, which few see: its windows are drawn and not built."""
+    """Build the rear facade, which is rarely visible: its windows are part of the surface pattern, without geometry."""
     s, key = e.shape, int(e.shape["key"])
     low, high = s["ground"], s["ground"] + (s["floors"] - 1) * s["storey"]
     u0, v0 = 64 * key + 0.001, 1.001
@@ -166,7 +166,7 @@ def _back(b: Builder, e: Element, f: Facade, family: _Family) -> None:
 
 
 def _mouldings(b: Builder, e: Element, family: _Family, facades: list[Facade]) -> None:
-    """The course over the ground floor, and those between floors."""
+    """Build the moulding above the ground floor and those between floors."""
     s = e.shape
     ground, storey, floors = s["ground"], s["storey"], int(s["floors"])
     quads: list[Quad] = []

@@ -14,41 +14,41 @@ from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.curves import Curve, quarter, smooth, straight
 from recipe_runtime.meshes.mesh import Pattern, Surface
 
-# Of the flank below the windows: heights between sill and belt, and half widths in parts of the station's.
+# The flank below the windows: heights as fractions from sill to belt, and half widths as fractions of the station's.
 _FLANK = ((0.0, 0.935), (0.09, 0.978), (0.26, 0.994), (0.44, 1.0), (0.60, 0.999), (0.74, 0.996), (0.88, 0.982),
           (1.0, 0.950))  # fmt: skip
-# Above the belt: half widths on the roof and, where there is no cabin, on bonnet or boot; how far below the roof.
+# Above the belt: half widths on the roof and, outside the cabin, on bonnet or boot; distance below the roof.
 _TOP = ((1.05, 0.92, 9.0), (1.0, 0.84, 1.0), (0.94, 0.70, 0.3), (0.72, 0.5, 0.06), (0.38, 0.26, 0.0), (0.0, 0.0, 0.0))
-_LOW = len(_FLANK) - 1  # rows of patches below the belt; above it: moulding, window, rail, and three of the roof
-_ARCH = 1.12  # radius of a wheel arch in wheel radii
-_NOSE = 0.16  # metres over which bumpers are rounded
+_LOW = len(_FLANK) - 1  # rows of patches below the belt; above it: moulding, window, rail, and three rows of the roof
+_ARCH = 1.12  # radius of a wheel arch, in wheel radii
+_NOSE = 0.16  # length over which bumpers are rounded, metres
 
 
 @dataclass(frozen=True)
 class Style:
-    """Outlines of a kind of body; u runs from 0 at its rear to 1 at its nose, heights are parts of the vehicle's."""
+    """The outlines of a car body: u runs from 0 at the rear to 1 at the nose, heights are fractions of the total."""
 
-    belt: Curve  # where the windows begin, and the top of bonnet and boot
-    roof: Curve  # the cabin, from the foot of the rear screen to the foot of the windscreen
-    plan: Curve  # half width, in parts of the vehicle's
-    screens: tuple[float, float]  # behind the first and before the second, what is above is a screen
-    windows: tuple[float, float]  # side glass reaches from here to there
+    belt: Curve  # height of the lower edge of the windows, and of bonnet and boot
+    roof: Curve  # height of the cabin, from the foot of the rear screen to the foot of the windscreen
+    plan: Curve  # half width, as a fraction of the vehicle's
+    screens: tuple[float, float]  # u of the front edge of the rear screen and of the rear edge of the windscreen
+    windows: tuple[float, float]  # u where the side windows start and end
     pillars: tuple[float, ...] = ()
-    seams: tuple[float, ...] = ()  # edges of doors
-    start: float = 0.0  # where the shell begins
+    seams: tuple[float, ...] = ()  # u of the edges of doors
+    start: float = 0.0  # u where the shell begins
     roof_width: float = 0.74
-    rail: float = 0.07  # metres from the top of the side windows to the roof
-    clad: bool = False  # arches and sills of bare plastic
-    lamps: tuple[float, float] = (0.55, 0.9)  # heights of head and tail lights between sill and belt
+    rail: float = 0.07  # distance from the top of the side windows to the roof, metres
+    clad: bool = False  # whether arches and sills are unpainted plastic
+    lamps: tuple[float, float] = (0.55, 0.9)  # heights of headlights and tail lights, as fractions from sill to belt
     tail: tuple[float, float] = (0.55, 0.92)
-    door: tuple[float, ...] = ()  # a bus: its doors on the right, from u to u
-    bed: float = 0.0  # a pickup: open above from its rear to here
-    fill: float = 0.36  # metres between cross-sections at most
+    door: tuple[float, ...] = ()  # u of the doors on the right side of a bus
+    bed: float = 0.0  # u of the front end of a pickup's open bed; 0 if there is none
+    fill: float = 0.36  # largest distance between cross-sections, metres
 
 
 @dataclass(frozen=True)
 class Finish:
-    """The surfaces of one vehicle."""
+    """The surfaces of a vehicle."""
 
     paint: Surface
     glass: Surface
@@ -61,7 +61,7 @@ class Finish:
 
     @classmethod
     def of(cls, tag: int, lit: bool = True) -> Finish:
-        """The surfaces with that tag; lamps stay dark by night unless `lit`."""
+        """Return the surfaces with a semantic tag; lamps stay dark at night unless `lit`."""
         ahead, behind = (Pattern.HEADLIGHT, Pattern.TAILLIGHT) if lit else (Pattern.LENS, Pattern.LENS)
         return cls(
             Surface("paint", Pattern.CAR_PAINT, tag),
@@ -76,7 +76,7 @@ class Finish:
 
 
 class Shell:
-    """One vehicle's shell: where its surface is, and its patches."""
+    """The shell of a vehicle: the geometry of its surface, and its patches."""
 
     def __init__(self, style: Style, shape: Mapping[str, float]) -> None:
         self.style, self.shape = style, shape
@@ -87,19 +87,19 @@ class Shell:
         self.stations = self._stations()
 
     def x(self, u: float) -> float:
-        """A place along the vehicle, in metres before its middle."""
+        """Convert u to metres ahead of the middle of the vehicle."""
         return (u - 0.5) * self.length
 
     def u(self, x: float) -> float:
-        """The inverse of `x`."""
+        """Convert metres ahead of the middle of the vehicle to u: the inverse of `x`."""
         return x / self.length + 0.5
 
     def belt(self, u: float) -> float:
-        """Height of the belt line in metres."""
+        """Height of the belt line at u, metres."""
         return self.height * smooth(self.style.belt, u)
 
     def width(self, u: float) -> float:
-        """Half width in metres at its widest."""
+        """Largest half width at u, metres."""
         return self.half * smooth(self.style.plan, u)
 
     def _stations(self) -> list[float]:
@@ -129,7 +129,7 @@ class Shell:
         return [*fill, found[-1]]
 
     def sill(self, x: float) -> float:
-        """Height of the shell's lower edge: higher round the wheels and at the ends."""
+        """Height of the shell's lower edge, which is higher around the wheels and at both ends, metres."""
         ends = min(x - self.x(self.style.start), self.x(1.0) - x)
         low = self.shape["clearance"] + 0.05 * max(0.0, 1.0 - ends / 0.6) + 0.06 * (1.0 - quarter(ends / _NOSE))
         for axle in self.axles:
@@ -138,7 +138,7 @@ class Shell:
         return min(low, self.belt(self.u(x)) - 0.08)
 
     def roof(self, u: float) -> float:
-        """Height of the cabin's outline, the belt's outside of the cabin."""
+        """Height of the cabin's outline at u, metres; outside the cabin, that of the belt line."""
         (first, _), (last, _) = self.style.roof[0], self.style.roof[-1]
         if not first < u < last:
             return self.belt(u)
@@ -146,7 +146,7 @@ class Shell:
         return max(self.belt(u), self.height * smooth(inner, u))
 
     def profile(self, x: float) -> list[tuple[float, float]]:
-        """The left half of a cross-section: (y, z) from the sill over the flank to the middle of the roof."""
+        """Return the left half of a cross-section as (y, z), from the sill over the flank to the middle of the roof."""
         u, style = self.u(x), self.style
         ends = quarter(min(x - self.x(style.start), self.x(1.0) - x) / _NOSE)
         w = self.width(u) * (0.945 + 0.055 * ends)
@@ -167,7 +167,7 @@ class Shell:
         return rows
 
     def add(self, b: Builder, f: Finish) -> None:
-        """The shell, with its two faces."""
+        """Add the shell with its nose and its tail."""
         rings = []
         for x in self.stations:
             half = self.profile(x)
@@ -181,7 +181,7 @@ class Shell:
         return [self._row(f, self.u((a + b) / 2), b - a) for a, b in pairwise(self.stations)]
 
     def _row(self, f: Finish, u: float, wide: float) -> list[Surface | None]:
-        """The patches between two stations, from the left sill over the roof to the right."""
+        """Return the surfaces of the patches between two stations, from the left sill over the roof to the right."""
         style = self.style
         ends = (1.0 - u if u > 0.5 else u) * self.length
         cabin = style.roof[0][0] < u < style.roof[-1][0]
@@ -216,7 +216,7 @@ class Shell:
         return [*left, *right[::-1]]
 
     def _face(self, b: Builder, f: Finish, sign: float, x: float) -> None:
-        """The nose or the tail: the end's cross-section closed by a shallow bulge, with lamps, grille and bumper."""
+        """Add the nose or the tail: a shallow bulge over the last cross-section, with lamps, grille and bumper."""
         half = self.profile(x)
         across = (-1.0, -0.86, -0.70, -0.52, -0.26, 0.26, 0.52, 0.70, 0.86, 1.0)
         rows = []
@@ -233,7 +233,7 @@ class Shell:
         b.grid(cells, grid, closed=False, crease=0.9)
 
     def _front(self, f: Finish, row: int, t: float) -> Surface:
-        """What a patch of the nose is, by its row and its place between the middle (0) and the flank (1)."""
+        """Return the surface of a patch of the nose, by its row and position from the middle (0) to the flank (1)."""
         if row >= _LOW:
             return f.paint if row < _LOW + 2 or self.roof(0.995) <= self.belt(0.995) + 0.2 else f.glass
         middle = (_FLANK[row][0] + _FLANK[row + 1][0]) / 2
@@ -254,7 +254,7 @@ class Shell:
         return f.trim if row == 0 or (row == 1 and self.style.clad) else f.paint
 
     def flank(self, u: float, share: float) -> tuple[float, float]:
-        """A point (y, z) of the left flank at a share of the height between sill and belt."""
+        """Return a point (y, z) of the left flank at a fraction of the height between sill and belt."""
         rows = self.profile(self.x(u))[: _LOW + 1]
         z = rows[0][1] + share * (rows[-1][1] - rows[0][1])
         return straight([(r[1], r[0]) for r in rows], z), z

@@ -1,4 +1,4 @@
-"""Smooth outlines through a few points, with exact arithmetic only."""
+"""Smooth curves through a few points, with exact arithmetic only."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from functools import lru_cache
 
-Curve = Sequence[tuple[float, float]]  # places, ascending, and values
+Curve = Sequence[tuple[float, float]]  # pairs of abscissa and value, abscissas ascending
 
 
 def smooth(curve: Curve, u: float) -> float:
-    """The curve at a place, by cubics that never overshoot a point (Fritsch and Butland, 1984); level outside."""
+    """Evaluate monotone cubic interpolation (Fritsch and Butland, 1984), constant outside the points."""
     if u <= curve[0][0]:
         return curve[0][1]
     for n in range(len(curve) - 1):
@@ -29,7 +29,7 @@ def _slopes(curve: tuple[tuple[float, float], ...]) -> tuple[float, ...]:
 
 
 def _slope(curve: Curve, n: int) -> float:
-    """The slope at a point: the harmonic mean of both sides', 0 at a summit; at an end the side's own."""
+    """Return the slope at a point: the harmonic mean of its segments' slopes, 0 at an extremum."""
     sides = [
         (curve[k + 1][1] - curve[k][1]) / (curve[k + 1][0] - curve[k][0]) for k in (n - 1, n) if 0 <= k < len(curve) - 1
     ]
@@ -40,7 +40,7 @@ def _slope(curve: Curve, n: int) -> float:
 
 
 def straight(curve: Curve, u: float) -> float:
-    """The curve at a place, by straight lines; level outside."""
+    """Evaluate linear interpolation, constant outside the points."""
     if u <= curve[0][0]:
         return curve[0][1]
     for n in range(len(curve) - 1):
@@ -51,6 +51,6 @@ def straight(curve: Curve, u: float) -> float:
 
 
 def quarter(t: float) -> float:
-    """How far out a quarter circle has come at t of its depth: 0 at 0, 1 from 1 on."""
+    """Return the outward distance of a quarter circle at the fraction t of its depth: 0 at t = 0, 1 from t = 1 on."""
     t = max(0.0, min(1.0, t))
     return math.sqrt(t * (2.0 - t))

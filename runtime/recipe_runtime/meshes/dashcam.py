@@ -8,21 +8,20 @@ from collections.abc import Mapping
 from recipe_runtime.body.skeleton import Bike, has_rider, is_person
 from recipe_runtime.meshes.vehicle import shell_of
 
-CLEARANCE = 0.15  # metres between the camera and the body, more than a camera's near plane
-_HIGH, _HIGHEST = 0.85, 1.9  # of the cabin's roof; metres, for what is taller than a car
+CLEARANCE = 0.15  # distance between the camera and the body, more than the default near plane; metres
+_HIGH, _HIGHEST = 0.85, 1.9  # camera height as a fraction of the cabin's roof, and its upper limit in metres
 _STEP = 0.01  # metres along the body
 
 
 def dashcam_mount(shape: Mapping[str, float]) -> tuple[float, float, float] | None:
-    """A mount for a dashcam, level and facing ahead.
+    """Return a mount for a dashcam that is level and faces ahead.
 
     Args:
         shape: A blueprint's shape.
 
     Returns:
         x, y, z in the vehicle's frame (x forward, origin on the ground below its middle), metres; None for a
-        pedestrian. It is at least `CLEARANCE` from the body, and nothing of the body is level with it or above it
-        ahead.
+        pedestrian. The mount is at least `CLEARANCE` from the body, and no part of the body ahead is as high as it.
     """
     if is_person(shape):
         return None
@@ -39,5 +38,5 @@ def dashcam_mount(shape: Mapping[str, float]) -> tuple[float, float, float] | No
 
 
 def _rounded(x: float, z: float) -> tuple[float, float, float]:
-    """A place in steps of five centimetres, ahead of and above the exact one."""
+    """Round a position to 0.05 m, forwards and upwards."""
     return math.ceil(round(x / 0.05, 6)) / 20, 0.0, math.ceil(round(z / 0.05, 6)) / 20

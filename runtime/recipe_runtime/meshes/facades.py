@@ -1,6 +1,6 @@
-"""A facade: a vertical plane with coordinates of its own, and the pieces that openings and mouldings are made of.
+"""A facade: a vertical plane with its own coordinates, and the quadrilaterals of openings and mouldings.
 
-u runs to the right for someone who looks at the facade, d outwards, z up; all in metres.
+Seen from the front of the facade, u points to the right, d towards the viewer and z up; all in metres.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ Quad = tuple[Vec, ...]
 
 @dataclass(frozen=True)
 class Facade:
-    """A vertical plane: where u = 0 is, and the directions of u and d on the ground plan."""
+    """A vertical plane: the position of u = 0, and the directions of u and d on the ground plan."""
 
     origin: tuple[float, float]
     right: tuple[int, int]
     out: tuple[int, int]
     width: float
-    key: int  # windows of different facades have different names
+    key: int  # makes the window numbers of different facades different
 
     def at(self, u: float, d: float, z: float) -> tuple[float, float, float]:
-        """The point in the body's frame."""
+        """Convert facade coordinates to a point in the body's frame."""
         return (
             self.origin[0] + u * self.right[0] + d * self.out[0],
             self.origin[1] + u * self.right[1] + d * self.out[1],
@@ -35,22 +35,22 @@ class Facade:
         )
 
     def face(self, u0: float, u1: float, z0: float, z1: float, d: float = 0.0) -> Quad:
-        """A rectangle that looks outwards."""
+        """Return a rectangle that faces outwards."""
         return self.at(u0, d, z0), self.at(u1, d, z0), self.at(u1, d, z1), self.at(u0, d, z1)
 
     def top(self, u: Vec, d: Vec, z: float) -> Quad:
-        """A level rectangle that looks up."""
+        """Return a horizontal rectangle that faces up."""
         (u0, u1), (d0, d1) = u, d
         return self.at(u0, d1, z), self.at(u1, d1, z), self.at(u1, d0, z), self.at(u0, d0, z)
 
     def side(self, u: float, d: Vec, z: Vec, sign: int) -> Quad:
-        """An upright rectangle across the facade that looks along u (sign 1) or against it."""
+        """Return a vertical rectangle perpendicular to the facade that faces along +u (sign 1) or -u (sign -1)."""
         (d0, d1), (z0, z1) = d, z
         quad = (self.at(u, d0, z0), self.at(u, d1, z0), self.at(u, d1, z1), self.at(u, d0, z1))
         return quad if sign < 0 else quad[::-1]
 
     def block(self, u: Vec, d: Vec, z: Vec, sides: bool = True, top: bool = True) -> list[Quad]:
-        """A box that juts out: front, underside, and, if wanted, top and the two sides; no back."""
+        """Return a projecting box: front, underside and, optionally, top and both sides; no back."""
         (u0, u1), (_, d1), (z0, z1) = u, d, z
         quads = [self.face(u0, u1, z0, z1, d1), self.top(u, d, z0)[::-1]]
         if top:
@@ -60,7 +60,7 @@ class Facade:
         return quads
 
     def recess(self, u: Vec, z: Vec, depth: float, floor: bool = True) -> list[Quad]:
-        """The reveals of an opening: both sides and the top, and, if wanted, what one would stand on."""
+        """Return the reveals of an opening: both sides, the top and, optionally, the floor."""
         (u0, u1), (z0, z1), d = u, z, (-depth, 0.0)
         quads = [self.side(u0, d, z, 1), self.side(u1, d, z, -1), self.top(u, d, z1)[::-1]]
         if floor:
@@ -69,7 +69,7 @@ class Facade:
 
 
 def around(depth: float, width: float, key: int) -> tuple[Facade, Facade, Facade, Facade]:
-    """Front, left, right and back of a block that reaches from x = 0 back to -depth; left and right as its own."""
+    """Return front, left, right and back of a block from x = 0 back to -depth, left and right seen from inside."""
     half = width / 2
     return (
         Facade((0.0, -half), (0, 1), (1, 0), width, key),
@@ -80,7 +80,7 @@ def around(depth: float, width: float, key: int) -> tuple[Facade, Facade, Facade
 
 
 def pane_uv(names: list[tuple[int, int]]) -> Array:
-    """uv of panes by their names: the whole part says which window, the fraction where in it."""
+    """Return the uv of window panes: the integer part is the window's number, the fraction the position in the pane."""
     corner = np.array([(0.001, 0.001), (0.999, 0.001), (0.999, 0.999), (0.001, 0.999)])
     names_and_corners: Array = np.array(names, np.float64)[:, None, :] + corner[None]
     return names_and_corners
@@ -97,9 +97,13 @@ class Hole:
 
 
 def pierced(f: Facade, low: float, high: float, holes: Sequence[Hole]) -> list[Quad]:
-    """The wall of one floor around its openings, which come from left to right.
+    """Return the wall of one floor around its openings.
 
-    Openings of one sill and one lintel share the strips below and above them.
+    Args:
+        f: The facade.
+        low: Lower edge of the wall, metres.
+        high: Upper edge of the wall, metres.
+        holes: Openings from left to right. Neighbours with the same sill and lintel share the strips below and above.
     """
     edge, quads = 0.0, []
     even = len({(h.z0, h.z1) for h in holes}) == 1
@@ -125,7 +129,7 @@ _SIDE, _ABOVE, _BELOW = (1.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1
 
 
 def niches(f: Facade, holes: Iterable[Hole], depth: float, floor: bool = True) -> tuple[Array, Array]:
-    """The reveals of openings and their uv for `Pattern.NICHE`; the floor may be left to a sill."""
+    """Return the reveals of openings and their uv for `Pattern.NICHE`; without `floor`, a sill replaces the floor."""
     quads, deep = [], []
     for h in holes:
         quads += f.recess((h.u0, h.u1), (h.z0, h.z1), depth, floor=floor)

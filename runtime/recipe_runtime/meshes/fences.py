@@ -1,12 +1,12 @@
-"""Walls and fences, both along y."""
+"""Walls and fences. Both extend along y."""
 
 from __future__ import annotations
 
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 _WALL = Surface("wall", Pattern.BRICK, Tag.WALLS)
 _COPING = Surface("coping", Pattern.CONCRETE, Tag.WALLS)
@@ -16,7 +16,7 @@ _PICKET, _RAILS, _BOARDED = 0, 1, 2
 
 
 def wall(b: Builder, e: Element) -> None:
-    """A free-standing wall, its smooth face at x = 0 looking along +x, with a plinth and a coping."""
+    """Build a free-standing wall with a plinth and a coping. Its front is at x = 0 and faces +x."""
     thick, width, height = e.size
     half = width / 2
     b.box(_WALL, (-thick, -half, 0.0), (0.0, half, height - 0.12), "-z")
@@ -25,7 +25,7 @@ def wall(b: Builder, e: Element) -> None:
 
 
 def fence(b: Builder, e: Element) -> None:
-    """A fence over its base centre, its better face along +x; `style` 0 is pickets, 1 a railing, 2 close boards."""
+    """Build a fence centred on the origin that faces +x; `style` 0 is a picket fence, 1 a railing, 2 close boards."""
     {_PICKET: _pickets, _RAILS: _railing, _BOARDED: _boards}[int(e.shape["style"])](b, *e.size)
 
 
@@ -37,7 +37,7 @@ def _posts(b: Builder, surface: Surface, thick: float, length: float, height: fl
 
 
 def _pickets(b: Builder, thick: float, length: float, height: float) -> None:
-    """Pointed slats before two rails."""
+    """Add pointed pickets in front of two rails."""
     half, count = thick / 2, max(2, int(length / 0.18 + 0.5))
     _posts(b, _BOARDS, thick * 0.6, length, height * 0.92, 2.4)
     for z in (0.25 * height, 0.7 * height):
@@ -53,7 +53,7 @@ def _pickets(b: Builder, thick: float, length: float, height: float) -> None:
 
 
 def _railing(b: Builder, thick: float, length: float, height: float) -> None:
-    """Thin bars between two rails of iron."""
+    """Add thin bars between two iron rails."""
     _posts(b, _RAILING, thick, length, height, 2.0)
     for z in (0.12, height - 0.16):
         b.box(_RAILING, (-0.35 * thick, -length / 2, z), (0.35 * thick, length / 2, z + 0.04), "-y +y")
@@ -64,7 +64,7 @@ def _railing(b: Builder, thick: float, length: float, height: float) -> None:
 
 
 def _boards(b: Builder, thick: float, length: float, height: float) -> None:
-    """Upright boards, side by side, under a rail."""
+    """Add adjoining vertical boards under a rail."""
     half, count = thick / 2, max(1, int(length / 0.9 + 0.5))
     _posts(b, _BOARDS, thick, length, height, 2.4)
     for k in range(count):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, Vec, noise, tube
 from recipe_runtime.meshes.facades import Facade
 from recipe_runtime.meshes.lettering import write
 from recipe_runtime.meshes.mesh import Light, Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.vectors import Array
 
 
@@ -37,24 +37,24 @@ _AWNING = _static("awning", Pattern.CLOTH)
 
 
 def upright(profile: list[tuple[float, float]], sides: int) -> Array:
-    """Rings about the z axis from (height, radius) pairs, for `Builder.grid`."""
+    """Return rings around the z axis from (height, radius) pairs, for `Builder.grid`."""
     return tube([(0.0, 0.0, z) for z, _ in profile], [r for _, r in profile], sides)
 
 
 def picture(key: int, names: int = 64) -> Array:
-    """uv of one poster, its corners counter-clockwise from the lower left; the key chooses the picture."""
+    """Return the uv of a poster, corners counter-clockwise from the lower left; the key selects the picture."""
     u = float(key % names)
     return np.array([[(u + 0.001, 0.001), (u + 0.999, 0.001), (u + 0.999, 0.999), (u + 0.001, 0.999)]])
 
 
 def lamp(b: Builder, e: Element) -> None:
-    """A street lamp: a pole, and an arm over the street (+x) with a lantern that lights downwards."""
+    """Build a street lamp: a pole with an arm over the street (+x) and a lantern that shines downwards."""
     _, thick, height = e.size
     arm, r = e.shape["arm"], thick / 2
     b.grid(_POLE, upright([(0, 1.6 * r), (0.7, 1.5 * r), (0.78, r)], 8), crease=0.5)
     b.grid(_POLE, upright([(0.7, r), (height - 0.5, 0.55 * r)], 8))
     rings = []
-    for k in range(4):  # a quarter turn from the pole into the arm
+    for k in range(4):  # a quarter circle from the pole into the arm
         s, c = exact.sin_cos_deg(30.0 * k)
         x, z = 0.5 * (1 - c), height - 0.5 + 0.5 * s
         ring = [exact.sin_cos_deg(60.0 * n) for n in range(6)]
@@ -67,7 +67,7 @@ def lamp(b: Builder, e: Element) -> None:
 
 
 def bench(b: Builder, e: Element) -> None:
-    """A bench that looks along +x: slats on two iron legs."""
+    """Build a bench that faces +x: slats on two iron legs."""
     depth, width, height = e.size
     half = width / 2
     for k in range(3):
@@ -83,7 +83,7 @@ def bench(b: Builder, e: Element) -> None:
 
 
 def bin_(b: Builder, e: Element) -> None:
-    """A round litter bin with a lid."""
+    """Build a round litter bin with a lid."""
     across, _, height = e.size
     r = across / 2 / 1.08
     body = [(0.0, 0.85 * r), (0.8, r), (0.82, 1.08 * r), (0.86, 1.08 * r), (1.0, 0.45 * r)]
@@ -91,7 +91,7 @@ def bin_(b: Builder, e: Element) -> None:
 
 
 def hydrant(b: Builder, e: Element) -> None:
-    """A fire hydrant: a barrel with a domed cap and three outlets."""
+    """Build a fire hydrant: a barrel with a domed cap and three outlets."""
     across, _, height = e.size
     r = across / 2
     profile = [(0.0, 0.8), (0.06, 0.8), (0.08, 0.52), (0.62, 0.5), (0.64, 0.7), (0.7, 0.7), (0.72, 0.5)]
@@ -107,7 +107,7 @@ def hydrant(b: Builder, e: Element) -> None:
 
 
 def bollard(b: Builder, e: Element) -> None:
-    """A post with a bright band."""
+    """Build a bollard with a bright band."""
     across, _, height = e.size
     r = across / 2
     b.grid(_POLE, upright([(0.0, r), (0.05, r), (0.07, 0.72 * r), (0.78 * height, 0.66 * r)], 10), crease=0.6)
@@ -117,7 +117,7 @@ def bollard(b: Builder, e: Element) -> None:
 
 
 def bus_stop(b: Builder, e: Element) -> None:
-    """A shelter, open along +x: a roof on posts, framed panes behind, a bench, and a poster at one end."""
+    """Build a bus stop: a shelter open towards +x with a roof on posts, glass panes, a bench and a poster."""
     depth, width, height = e.size
     x, y = depth / 2, width / 2
     b.box(_ROOF, (-x, -y, height - 0.14), (x, y, height))
@@ -137,7 +137,7 @@ def bus_stop(b: Builder, e: Element) -> None:
 
 
 def _case(b: Builder, x: Vec, y: Vec, z: Vec) -> None:
-    """A poster on both sides of a lit case."""
+    """Add an illuminated case with a poster on both sides."""
     (x0, x1), (y0, y1), (z0, z1), m = x, y, z, 0.05
     b.box(_METAL, (x0, y0, z0), (x1, y1, z1))
     near = [(x0 + m, y0 - 0.004, z0 + m), (x1 - m, y0 - 0.004, z0 + m)]
@@ -148,10 +148,10 @@ def _case(b: Builder, x: Vec, y: Vec, z: Vec) -> None:
 
 
 def kiosk(b: Builder, e: Element) -> None:
-    """A newsstand, open along +x: a counter and a display under an awning, a sign on its roof."""
+    """Build a kiosk that is open towards +x: a counter and a display under an awning, and a sign on its roof."""
     depth, width, height = e.size
     x, y, key = depth / 2, width / 2, int(e.shape["key"])
-    front, top = x - 0.6, height - 0.35  # the awning reaches over the rest
+    front, top = x - 0.6, height - 0.35  # the awning extends beyond the rest
     b.box(_PANEL, (-x, -y, 0.0), (front, y, top), "-z +x")
     b.quads(_PANEL, [_front(front, -y, y, 0.0, 0.95), _front(front, -y, y, 2.1, top)])
     b.quads(_PANEL, [_front(front, -y, -y + 0.25, 0.95, 2.1), _front(front, y - 0.25, y, 0.95, 2.1)])
@@ -186,7 +186,7 @@ def _front(x: float, y0: float, y1: float, z0: float, z1: float) -> list[tuple[f
 
 
 def billboard(b: Builder, e: Element) -> None:
-    """A large picture on two posts, looking along +x, with a walkway and lamps below it."""
+    """Build a billboard that faces +x: a large picture on two posts, with a walkway and lamps below it."""
     depth, width, height = e.size
     x, y, key = depth / 2, width / 2, int(e.shape["key"])
     low = height * (0.42 + 0.04 * noise(key, 1))

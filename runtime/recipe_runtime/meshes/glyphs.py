@@ -1,7 +1,7 @@
-"""Signs' writing: letters, figures and arrows as strokes of triangles, so that a sign is read in any picture.
+"""Writing on road signs: letters, figures and arrows as strokes made of triangles, legible at any resolution.
 
-A glyph is drawn by strokes in a box 4 wide and 6 high. Faces of signs look along +x: seen from there +y is to the
-right, so texts run along +y.
+A glyph consists of strokes in a box 4 wide and 6 high. Sign faces point along +x; seen from the front, +y is to the
+right, so text runs along +y.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Point = tuple[float, float]
 
 
 def _lines(glyph: str) -> list[list[Point]]:
-    """A glyph's strokes as points; a point is two digits, or two numbers with a comma."""
+    """Return the strokes of a glyph as points. A point is written as two digits, or as two numbers with a comma."""
     strokes = []
     for stroke in _STROKES[glyph].split("|"):
         points = [p.split(",") if "," in p else list(p) for p in stroke.split()]
@@ -40,7 +40,7 @@ def _lines(glyph: str) -> list[list[Point]]:
 
 
 def stroke(b: Builder, surface: Surface, points: Sequence[Point], wide: float, x: float) -> None:
-    """A line through points (y, z) at that x, `wide` metres wide, its ends square."""
+    """Add a polyline through points (y, z) at a given x, `wide` metres wide, with square ends."""
     half, quads = wide / 2, []
     for (ay, az), (cy, cz) in pairwise(points):
         dy, dz = cy - ay, cz - az
@@ -59,7 +59,7 @@ def stroke(b: Builder, surface: Surface, points: Sequence[Point], wide: float, x
 
 
 def write(b: Builder, surface: Surface, text: str, middle: Point, height: float, x: float) -> None:
-    """A text centred on (y, z), of capital letters and figures of that height, at that x."""
+    """Add a text of capital letters and figures, centred on (y, z) at a given x; `height` in metres."""
     unit, wide = height / 6, 0.14 * height
     start = middle[0] - width(text, height) / 2
     for n, glyph in enumerate(text):
@@ -73,12 +73,12 @@ def write(b: Builder, surface: Surface, text: str, middle: Point, height: float,
 
 
 def width(text: str, height: float) -> float:
-    """Metres that a text of that height is long."""
+    """Return the length in metres of a text of that height."""
     return (5.6 * len(text) - 1.6) * height / 6
 
 
 def arrow(b: Builder, surface: Surface, tip: Point, way: Point, size: float, x: float) -> None:
-    """An arrow that ends at `tip` and points along the unit vector `way`, `size` metres long."""
+    """Add an arrow that ends at `tip` and points along the unit vector `way`, `size` metres long."""
     (ty, tz), (wy, wz) = tip, way
     back = (ty - 0.45 * size * wy, tz - 0.45 * size * wz)
     half = 0.33 * size

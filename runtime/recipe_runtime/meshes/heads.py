@@ -1,4 +1,4 @@
-"""Heads: a skull with a face, hair of several cuts, caps and helmets."""
+"""Heads: a skull with a face, several haircuts, caps and helmets."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from recipe_runtime.meshes.vectors import Array
 
 _SIDES = 14
 CROPPED, SHORT, LONG, TIED, CAP, BEANIE, CYCLIST, FULL = range(8)
-"""What `shape["hair"]` may be: four cuts, a cap, a woollen hat, a cyclist's helmet, a motorcyclist's."""
+"""Values of `shape["hair"]`: four haircuts, a cap, a beanie, a bicycle helmet and a motorcycle helmet."""
 
-# The head above its joint, as fractions of its own height: z, front, back (half depths), half width.
+# The head above its joint, as fractions of its own height: z, front and back half depth, half width.
 _SKULL = (
     (0.015, 0.20, 0.20, 0.16),
     (0.06, 0.33, 0.22, 0.225),
@@ -48,7 +48,7 @@ class Features:
 
     @classmethod
     def of(cls, tag: int) -> Features:
-        """The surfaces with that tag."""
+        """Return the surfaces with a semantic tag."""
         return cls(
             Surface("skin", Pattern.SKIN, tag),
             Surface("hair", Pattern.HAIR, tag),
@@ -60,7 +60,7 @@ class Features:
 
 
 def head(b: Builder, f: Figure, s: Features, hair: int) -> None:
-    """A head about the joint of its neck."""
+    """Add a head, in the frame of its neck joint."""
     size, base = 0.142 * f.height * f.head, 0.022 * f.height
     b.grid(s.skin, _skull(size, base), crease=-1.0, caps=(s.skin, s.skin))
     _face(b, s, size, base)
@@ -81,7 +81,7 @@ def _skull(size: float, base: float) -> Array:
 
 
 def _on_face(y: float, z: float, size: float, base: float, out: float) -> tuple[float, float, float]:
-    """A point of the face at y and z (fractions of the head), `out` before its skin."""
+    """Return a point on the face at y and z (fractions of the head), `out` in front of the skin."""
     front, width = _at(z)
     share = max(0.0, 1.0 - (y / width) * (y / width))
     return ((front * float(np.sqrt(share)) + out) * size, y * size, base + z * size)
@@ -96,7 +96,7 @@ def _at(z: float) -> tuple[float, float]:
 
 
 def _face(b: Builder, s: Features, size: float, base: float) -> None:
-    """Nose, eyes, brows, mouth and ears: enough to tell front from back, and where somebody looks."""
+    """Add nose, eyes, brows, mouth and ears: enough to recognise the front and the direction of gaze."""
 
     def patch(surface: Surface, y: float, z: float, wide: float, tall: float, out: float, tilt: float = 0.0) -> None:
         ring = []
@@ -127,8 +127,15 @@ def _face(b: Builder, s: Features, size: float, base: float) -> None:
 
 
 def _dome(size: float, base: float, grow: float, rim: tuple[float, float, float], rows: int = 5) -> Array:
-    """Rings of a shell over the skull, from its rim up; the rim is so many degrees from the top in front, at the
-    sides and behind."""
+    """Return the rings of a shell around the skull, from its rim upwards.
+
+    Args:
+        size: Height of the head, metres.
+        base: Height of the skull above the joint, metres.
+        grow: Distance of the shell from the skull.
+        rim: Angle from the top to the rim in front, at the sides and behind, degrees.
+        rows: Number of rings.
+    """
     front, side, rear = rim
     a, c1, c2 = (front + rear) / 4.0 + side / 2.0, (front - rear) / 2.0, (front + rear) / 4.0 - side / 2.0
     found = []
@@ -152,14 +159,14 @@ def _dome(size: float, base: float, grow: float, rim: tuple[float, float, float]
 
 
 def _shell(b: Builder, surface: Surface, outer: Array, size: float) -> None:
-    """A dome, and a narrow edge that turns in to the skin."""
+    """Add a dome and a narrow edge that closes the gap to the skin."""
     middle = outer[0].mean(axis=0)
     edge = outer[0] + (middle - outer[0]) * 0.12 + np.array([0.0, 0.0, 0.012 * size])
     b.grid(surface, np.concatenate([edge[None], outer]), crease=-1.0, caps=(None, surface))
 
 
 def _hair(b: Builder, s: Features, hair: int, size: float, base: float) -> None:
-    """A shell with the face left open; long hair falls over the neck."""
+    """Add hair that leaves the face free; long hair covers the neck."""
     grow, rim = {
         CROPPED: (0.038, (54.0, 92.0, 118.0)),
         LONG: (0.07, (52.0, 112.0, 128.0)),
@@ -175,7 +182,7 @@ def _hair(b: Builder, s: Features, hair: int, size: float, base: float) -> None:
 
 
 def _cap(b: Builder, s: Features, size: float, base: float) -> None:
-    """A cap with a peak."""
+    """Add a cap with a peak."""
     _shell(b, s.hat, _dome(size, base, 0.075, (64.0, 74.0, 84.0)), size)
     z = base + 0.735 * size
     peak = [[(x * size, y * size, z - 0.10 * size * (x - 0.36)) for y in (w, w / 2, 0.0, -w / 2, -w)]
@@ -186,13 +193,13 @@ def _cap(b: Builder, s: Features, size: float, base: float) -> None:
 
 
 def _beanie(b: Builder, s: Features, size: float, base: float) -> None:
-    """A woollen hat with a turned-up brim."""
+    """Add a beanie with a turned-up brim."""
     _shell(b, s.hat, _dome(size, base, 0.085, (62.0, 84.0, 100.0)), size)
     _hair(b, s, CROPPED, size, base)
 
 
 def _cyclist(b: Builder, s: Features, size: float, base: float) -> None:
-    """A light helmet, longer behind, with dark vents, and its strap."""
+    """Add a bicycle helmet, longer behind, with dark vents and a strap."""
     _hair(b, s, CROPPED, size, base)
     dome = _dome(size, base, 0.13, (66.0, 74.0, 84.0))
     dome[..., 0] *= 1.06
@@ -206,7 +213,7 @@ def _cyclist(b: Builder, s: Features, size: float, base: float) -> None:
 
 
 def _full(b: Builder, s: Features, size: float, base: float) -> None:
-    """A motorcyclist's helmet: round the whole head, with a dark visor."""
+    """Add a full-face motorcycle helmet with a dark visor."""
     rows = []
     for z, front, back, width in (
         (-0.02, 0.36, 0.30, 0.34), (0.10, 0.52, 0.42, 0.43), (0.26, 0.57, 0.52, 0.47), (0.36, 0.56, 0.555, 0.485),

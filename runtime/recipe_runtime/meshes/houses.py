@@ -1,21 +1,21 @@
-"""Detached houses: walls with windows and a door, a tiled roof with eaves and a chimney, a garage, a porch.
+"""Detached houses: walls with windows and a door, a tiled roof with eaves and a chimney, a garage and a porch.
 
-A house stands with the middle of its front at the origin, x out of the front; its walls fill its size, and its
-eaves and porch reach beyond them.
+The origin is the middle of the front, and x points out of it. The walls fill the element's size; eaves and porch extend
+beyond it.
 """
 
 from __future__ import annotations
 
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, noise
 from recipe_runtime.meshes.facades import Facade, Hole, Quad, around, niches, pane_uv, pierced
 from recipe_runtime.meshes.mesh import Pattern, Surface
 from recipe_runtime.meshes.roofs import chimney, gable, hip
-from recipe_runtime.meshes.tags import Tag
 
-EAVES = 0.45  # how far a roof reaches beyond the walls
-PORCH = 1.6  # how far a porch reaches before them
+EAVES = 0.45  # overhang of the roof beyond the walls, metres
+PORCH = 1.6  # depth of a porch, metres
 
 
 def _surface(slot: str, pattern: Pattern) -> Surface:
@@ -36,7 +36,7 @@ _RIDGE_ALONG, _HIP = 0, 2
 
 
 def house(b: Builder, e: Element) -> None:
-    """The whole house; `shape` says its floors, roof, pitch, style, and whether it has a garage and a porch."""
+    """Build a house; `shape` gives floors, roof, pitch, style, and whether it has a garage and a porch."""
     depth, width, height = e.size
     s, key = e.shape, int(e.shape["key"])
     wall = _WALLS[int(s["style"])]
@@ -56,7 +56,7 @@ def house(b: Builder, e: Element) -> None:
 
 
 def _front(b: Builder, e: Element, f: Facade, wall: Surface) -> float:
-    """The front with its door and perhaps a garage gate; where the door's middle is."""
+    """Add the front with its door and, optionally, a garage door; return the u of the door's middle."""
     s, key = e.shape, int(e.shape["key"])
     start, holes = 0.0, []
     if s["garage"]:
@@ -78,7 +78,7 @@ def _front(b: Builder, e: Element, f: Facade, wall: Surface) -> float:
 
 
 def _windows(e: Element, f: Facade, start: float, end: float) -> list[Hole]:
-    """The windows of a facade between two places, floor by floor."""
+    """Return the windows of a facade between two values of u, floor by floor."""
     storey, found = e.shape["storey"], []
     count = max(1, int((end - start) / 2.7))
     wide = 1.05 if noise(int(e.shape["key"]), 5) < 0 else 1.35
@@ -93,7 +93,7 @@ def _windows(e: Element, f: Facade, start: float, end: float) -> list[Hole]:
 def _walls(
     b: Builder, e: Element, f: Facade, wall: Surface, windows: list[Hole], doors: list[Hole] | None = None
 ) -> None:
-    """The wall of a facade around its openings, and all that fills the windows."""
+    """Add the wall of a facade around its openings, and the windows' panes and frames."""
     storey, floors, doors = e.shape["storey"], int(e.shape["floors"]), doors or []
     for floor in range(floors):
         low, high = floor * storey, e.size[2] if floor == floors - 1 else (floor + 1) * storey
@@ -114,7 +114,7 @@ def _walls(
 
 
 def _plinth(f: Facade, doors: list[Hole]) -> list[Quad]:
-    """A stone foot that juts out, left out before doors and gates."""
+    """Return a projecting plinth, interrupted at doors."""
     edge, quads = 0.0, []
     for h in [*doors, Hole(f.width, f.width, 0.0, 0.0)]:
         if h.u0 - edge > 0.05:
@@ -124,7 +124,7 @@ def _plinth(f: Facade, doors: list[Hole]) -> list[Quad]:
 
 
 def _porch(b: Builder, f: Facade, door: float, height: float) -> None:
-    """A small roof on two posts over the door, with a floor below it."""
+    """Add a porch over the door: a small roof on two posts, and a floor."""
     u0, u1, top = door - 1.4, door + 1.4, min(height - 0.15, 2.75)
     b.quads(_STEP, f.block((u0, u1), (0.0, PORCH - 0.15), (0.0, 0.16)))
     b.quads(_ROOF, f.block((u0 - 0.15, u1 + 0.15), (0.0, PORCH), (top, top + 0.14)))

@@ -1,7 +1,7 @@
-"""Lettering: words over shops, a quadrilateral a letter.
+"""Lettering on shop signs, one quadrilateral per letter.
 
-A letter is 4 x 6 dots. Its upper three rows are the whole part of u, its lower three that of v; the fractions are the
-place in the letter. So `Pattern.LETTER` needs no table, and rounds the dots into strokes.
+A letter has 4 x 6 dots. The integer part of u encodes its upper three rows, the integer part of v its lower three; the
+fractions are the position in the letter. `Pattern.LETTER` therefore needs no table; it joins the dots to strokes.
 """
 
 from __future__ import annotations
@@ -30,13 +30,24 @@ FONT = {
 
 
 def bits(letter: str) -> tuple[int, int]:
-    """The dots of a letter's upper and of its lower half: 12 bits each, the first dot's the highest."""
+    """Return the dots of a letter's upper and lower half, 12 bits each, the first dot in the highest bit."""
     rows = FONT[letter].replace(" ", "")
     return int(rows[:12], 2), int(rows[12:], 2)
 
 
 def write(b: Builder, surface: Surface, f: Facade, text: str, middle: float, z: float, height: float, d: float) -> None:
-    """Letters `height` metres high on a facade, centred on u = `middle`, their feet at z and their faces at d."""
+    """Add a text to a facade.
+
+    Args:
+        b: The builder.
+        surface: The surface of the letters.
+        f: The facade.
+        text: The text.
+        middle: u of its middle, metres.
+        z: Height of its lower edge, metres.
+        height: Height of the letters, metres.
+        d: Distance from the facade, metres.
+    """
     wide, gap = 0.68 * height, 0.2 * height
     start = middle - (len(text) * (wide + gap) - gap) / 2
     quads, uvs = [], []
@@ -50,5 +61,5 @@ def write(b: Builder, surface: Surface, f: Facade, text: str, middle: float, z: 
 
 
 def length(text: str, height: float) -> float:
-    """Metres that a text of that height is long."""
+    """Return the length in metres of a text of that height."""
     return len(text) * 0.88 * height

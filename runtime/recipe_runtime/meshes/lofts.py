@@ -1,4 +1,4 @@
-"""Round shapes through cross-sections: limbs, torsos, tubes."""
+"""Lofts: smooth round shapes through cross-sections, such as limbs, torsos and tubes."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from recipe_runtime.meshes.builder import Builder, Vec, circle
 from recipe_runtime.meshes.mesh import Surface
 from recipe_runtime.meshes.vectors import Array, cross, unit
 
-Section = tuple[float, float, float, float]  # z, half depth (x), half width (y), x of its centre
+Section = tuple[float, float, float, float]  # z, half depth (x), half width (y), x of its centre; metres
 
 
 def rings(sections: Sequence[Section], y: float = 0.0, square: float = 0.0, sides: int = 10) -> Array:
-    """Rings of a loft, lowest first; `square` > 0 makes the ovals fuller."""
+    """Return the rings of a loft, lowest first; `square` > 0 makes the ovals more rectangular."""
     rows = []
     for z, rx, ry, cx in sections:
         row = []
@@ -34,10 +34,10 @@ def loft(
     sides: int = 10,
     domes: int = 2,
 ) -> None:
-    """A smooth shape through sections listed from below to above, closed by round ends beyond the first and last.
+    """Add a smooth shape through sections listed from bottom to top.
 
-    Two limbs that end at one joint with one radius make one smooth knee or elbow, however it bends. `domes` is how
-    many rings each end has: 0 leaves it flat.
+    Two limbs that end at the same joint with the same radius form a smooth knee or elbow at any angle. `domes` is the
+    number of rings of each rounded end; 0 leaves the end flat.
     """
     out = ((), (0.8,), (0.97, 0.72))[domes]
     low = [_dome(sections[0], k, -1.0) for k in out]
@@ -52,7 +52,7 @@ def _dome(section: Section, out: float, sign: float) -> Section:
 
 
 def tube(b: Builder, surface: Surface, path: Sequence[Vec], radius: float | Sequence[float], sides: int = 8) -> None:
-    """A round bar along a path in space, its ends closed."""
+    """Add a round bar along a path, with closed ends."""
     p = np.array(path, np.float64)
     ahead = unit(np.concatenate([p[1:2] - p[0:1], p[2:] - p[:-2], p[-1:] - p[-2:-1]]))
     aside = np.where(np.abs(ahead[:, 1:2]) < 0.8, [[0.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]])

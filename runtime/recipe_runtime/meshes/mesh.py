@@ -1,4 +1,4 @@
-"""The mesh types: triangles in the frame of a rigid part, each with a surface, and the part's lights."""
+"""The types of meshes: triangles in the frame of a rigid part, each with a surface, and the part's lights."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 class Pattern(IntEnum):
-    """The procedural pattern of a surface, evaluated over `uv`; the slot's colour is its base."""
+    """The procedural pattern of a surface, evaluated at `uv`; its base colour is the slot's colour."""
 
     PLAIN = 0
     ASPHALT = 1  # uv in metres
@@ -29,29 +29,29 @@ class Pattern(IntEnum):
     ROAD_PAINT = 14
     CAR_PAINT = 15
     GLASS = 16  # vehicle glass
-    WINDOW = 17  # floor(uv) names the window (some are lit at night), fract(uv) is the place in the pane
-    LAMP = 18  # glows when the sun is down
-    HEADLIGHT = 19  # glows when the sun is down
-    TAILLIGHT = 20  # glows when the sun is down
+    WINDOW = 17  # floor(uv) is the window's number (some are lit at night), fract(uv) the position in the pane
+    LAMP = 18  # emits light at night
+    HEADLIGHT = 19  # emits light at night
+    TAILLIGHT = 20  # emits light at night
     HAIR = 21
-    LENS = 22  # the glass of a vehicle's lamp that is never lit
-    CLAPBOARD = 30  # level boards that overlap, uv in metres
-    STONE = 31  # dressed blocks, uv in metres
+    LENS = 22  # the glass of a vehicle lamp that is never lit
+    CLAPBOARD = 30  # overlapping horizontal boards, uv in metres
+    STONE = 31  # ashlar, uv in metres
     WOOD = 32  # planks along v, uv in metres
     WATER = 33
     NICHE = 34  # a recess in a wall: v is 0 at its opening and 1 at its end, where ambient light is low
-    CURTAIN_WALL = 35  # named like WINDOW; the pane's lower part hides a floor slab
-    SHOP_WINDOW = 36  # named like WINDOW; a display behind one large pane
-    LETTER = 38  # a letter of 4 x 6 dots, see `lettering`; the second colour writes
-    FACADE = 39  # named like WINDOW; a window in its piece of wall, for buildings seen from afar
-    SIGNAL = 40  # a lit lens: it glows by day and by night
-    IMAGE = 41  # a texture of the appearance, uv (0, 0) its top-left corner; without one the slot's colour alone
-    POSTER = 37  # floor(u) names the picture, fract(uv) is the place in it
+    CURTAIN_WALL = 35  # numbered like WINDOW; the lower part of a pane hides a floor slab
+    SHOP_WINDOW = 36  # numbered like WINDOW; a display behind one large pane
+    LETTER = 38  # a letter of 4 x 6 dots, see `lettering`, drawn in the second colour
+    FACADE = 39  # numbered like WINDOW; a window and the wall around it, for distant buildings
+    SIGNAL = 40  # a lit signal lens: it emits light by day and by night
+    IMAGE = 41  # an image texture, uv (0, 0) at its top-left corner; without a texture, the slot's colour
+    POSTER = 37  # floor(u) is the picture's number, fract(uv) the position in it
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A look: the colour slot (a key of the body's look in the plan), the pattern, and CARLA's semantic tag."""
+    """The appearance of triangles: a colour slot (key of the body's look in the plan), a pattern, and CARLA's tag."""
 
     slot: str
     pattern: Pattern
@@ -60,18 +60,18 @@ class Surface:
 
 @dataclass(frozen=True)
 class Light:
-    """A spot light carried by a part, in the part's frame; on when the sun is down. A lamp points down."""
+    """A spot light carried by a part, in the part's frame; it is on at night. A street lamp points down."""
 
     position: tuple[float, float, float]
     direction: tuple[float, float, float]  # unit
     colour: tuple[float, float, float]  # linear RGB
-    intensity: float  # candela, about
-    cone: float  # cosine of the half angle at which it has faded to nothing
+    intensity: float  # approximate candela
+    cone: float  # cosine of the half angle of the cone, at which the light has faded to 0
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """V vertices and T triangles, counter-clockwise seen from outside. Hard edges have split vertices."""
+    """V vertices and T triangles, counter-clockwise seen from outside. Vertices are duplicated at hard edges."""
 
     vertices: NDArray[np.float32]  # [V, 3] metres
     normals: NDArray[np.float32]  # [V, 3] unit
@@ -84,12 +84,12 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Body:
-    """An actor or a town element: its rigid parts in the Trace's order, the base first."""
+    """An actor or a town element: its rigid parts in the order of the Trace, the base part first."""
 
     name: str  # key of AppearancePlan.looks
     instance: int  # class * 1000 + instance for actors, 0 for the town
     parts: tuple[tuple[str, Mesh], ...]
 
     def mesh(self, part: str) -> Mesh:
-        """The mesh of a part."""
+        """Return the mesh of a part."""
         return dict(self.parts)[part]

@@ -1,14 +1,14 @@
-"""Monuments on squares: a fountain and a statue."""
+"""Monuments: a fountain and a statue."""
 
 from __future__ import annotations
 
 import numpy as np
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, icosphere, noise, tube
 from recipe_runtime.meshes.furniture import upright
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 _STONE = Surface("stone", Pattern.STONE, Tag.STATIC)
 _SMOOTH = Surface("stone", Pattern.CONCRETE, Tag.STATIC)
@@ -18,7 +18,7 @@ _WATER = Surface("water", Pattern.WATER, Tag.WATER)
 
 
 def fountain(b: Builder, e: Element) -> None:
-    """A round basin, a column with two bowls in its middle, and water in all of them."""
+    """Build a fountain: a round basin, a central column with two bowls, and water in all of them."""
     across, _, height = e.size
     r, rim = across / 2, 0.24 * height
     b.grid(_STONE, upright([(0.0, r), (0.7 * rim, 0.97 * r)], 32), crease=0.7)
@@ -37,7 +37,7 @@ def fountain(b: Builder, e: Element) -> None:
 
 
 def statue(b: Builder, e: Element) -> None:
-    """A bronze figure in a long coat on a stepped pedestal; the key turns its head and chooses its arm."""
+    """Build a bronze figure in a long coat on a stepped pedestal; the key turns its head and selects the raised arm."""
     across, _, height = e.size
     half, key = across / 2, int(e.shape["key"])
     base = 0.46 * height
@@ -53,7 +53,7 @@ def statue(b: Builder, e: Element) -> None:
 
 
 def _figure(b: Builder, key: int, foot: float, tall: float) -> None:
-    """A standing figure of rounded pieces, `tall` metres from its soles at `foot`."""
+    """Add a standing figure of rounded pieces, `tall` metres high, with its soles at height `foot`."""
     coat = [
         (0.0, 0.15),
         (0.03, 0.16),

@@ -1,4 +1,4 @@
-"""People: thirteen rigid parts lofted from cross-sections, which meet at the joints in round ends of one radius."""
+"""Pedestrians: thirteen rigid parts lofted from cross-sections; at a joint, both parts end with the same radius."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from recipe_runtime.meshes.mesh import Mesh, Pattern, Surface
 
 _SHORTS, _TROUSERS, _SKIRT = 0, 1, 2
 _BACKPACK, _SATCHEL = 1, 2
-_TWINS = ("upper_arm", "thigh", "shin", "foot")  # limbs that are alike on both sides
-_FLARE, _HEM = 0.150, 0.37  # of a skirt: half depth at its hem, and the hem's height, of the person's
+_TWINS = ("upper_arm", "thigh", "shin", "foot")  # limbs that are equal on both sides
+_FLARE, _HEM = 0.150, 0.37  # skirts: half depth at the hem, and height of the hem, as fractions of the person's height
 
 
 @dataclass(frozen=True)
 class Clothes:
-    """The surfaces of one person."""
+    """The surfaces of a person."""
 
     skin: Surface
     shirt: Surface
@@ -32,7 +32,7 @@ class Clothes:
 
     @classmethod
     def of(cls, tag: int) -> Clothes:
-        """The surfaces with that tag."""
+        """Return the surfaces with a semantic tag."""
         return cls(
             Surface("skin", Pattern.SKIN, tag),
             Surface("shirt", Pattern.CLOTH, tag),
@@ -44,13 +44,22 @@ class Clothes:
 
 
 def pedestrian_parts(shape: Mapping[str, float], tag: int) -> tuple[tuple[str, Mesh], ...]:
-    """The base `pelvis`, then the parts of `Figure.joints` in their order, each about its joint."""
+    """Return the base part `pelvis`, then the parts of `Figure.joints` in order, each in the frame of its joint."""
     figure, clothes = Figure.of(shape), Clothes.of(tag)
     return (("pelvis", _pelvis(figure, clothes, shape, 0.0)), *_limbs(figure, clothes, shape, figure.joints))
 
 
 def rider_parts(shape: Mapping[str, float], tag: int, joints: Sequence[Joint]) -> list[tuple[str, Mesh]]:
-    """Somebody seated: `pelvis` about the hips, then the other parts; `joints` are the rider's, the pelvis first."""
+    """Return the parts of a rider.
+
+    Args:
+        shape: The blueprint's shape.
+        tag: CARLA's semantic tag.
+        joints: The joints of the rider, the pelvis first.
+
+    Returns:
+        `pelvis`, with its origin between the hips, then the other parts.
+    """
     figure, clothes = Figure.of(shape), Clothes.of(tag)
     return [("pelvis", _pelvis(figure, clothes, shape, figure.hip)), *_limbs(figure, clothes, shape, joints[1:])]
 
@@ -88,7 +97,7 @@ def _scaled(rows: Sequence[Section], h: float, g: float) -> list[Section]:
 
 
 def _pelvis(f: Figure, c: Clothes, shape: Mapping[str, float], down: float) -> Mesh:
-    """Hips about the base's origin, which lies `down` metres above the ground; skirts and the tails of coats."""
+    """Return the hips, with skirts and coat tails. The origin of the base part is `down` metres above the ground."""
     h, g, coat = f.height, f.girth, shape["coat"]
     b = Builder()
     rows = [
@@ -110,7 +119,7 @@ def _pelvis(f: Figure, c: Clothes, shape: Mapping[str, float], down: float) -> M
 
 
 def _skirt(b: Builder, surface: Surface, hem: list[Section], h: float, g: float, hip: float) -> None:
-    """Cloth from the waist down to a hem, open below, visible from inside too."""
+    """Add cloth from the waist to the hem, open below and visible from inside."""
     sections = [*hem, (hip, 0.070 * h * g, 0.099 * h * g, 0.0), (hip + 0.04 * h, 0.058 * h * g, 0.084 * h * g, 0.0)]
     outside = rings(sections, square=0.04, sides=14)
     b.grid(surface, outside, crease=-1.0)
@@ -118,7 +127,10 @@ def _skirt(b: Builder, surface: Surface, hem: list[Section], h: float, g: float,
 
 
 def _torso(b: Builder, f: Figure, c: Clothes, shape: Mapping[str, float]) -> None:
-    """Shirt or coat from the hips to the collar, and the neck; heights are told between hip (0.52) and neck (0.836)."""
+    """Add a shirt or coat from the hips to the collar, and the neck.
+
+    Heights are fractions from hip (0.52) to neck (0.836).
+    """
     h, g, w = f.height, f.girth, f.shoulder / f.height
     belly, k = max(0.0, g - 1.0), (f.neck - f.hip) / (0.316 * h)
     rows = [
@@ -159,7 +171,7 @@ def _torso(b: Builder, f: Figure, c: Clothes, shape: Mapping[str, float]) -> Non
         loft(b, c.bag, [(z * h + shoulders, rx * h, ry * h, 0.0) for z, rx, ry in sack], y=0.118 * h * g, square=0.15)
 
 
-_ELBOW, _KNEE = 0.0232, 0.0322  # radii where two limbs meet
+_ELBOW, _KNEE = 0.0232, 0.0322  # radii of the joints, as fractions of the height
 
 
 def _upper_arm(b: Builder, f: Figure, c: Clothes, long: bool) -> None:
@@ -212,7 +224,7 @@ def _thigh(b: Builder, f: Figure, c: Clothes, legs: int) -> None:
         (-0.012, 0.0500, 0.0440, -0.003),
     ]
     loft(b, c.trousers if legs == _TROUSERS else c.skin, _scaled(rows, h, g * (1.06 if legs == _TROUSERS else 1.0)))
-    if legs != _TROUSERS:  # below a skirt the cloth shows where a striding leg comes near the hem
+    if legs != _TROUSERS:  # below a skirt, the cloth is visible where a striding leg comes near the hem
         shorts = [(-0.205 * k, 0.051, 0.049, 0.0), (-0.12 * k, 0.053, 0.049, 0.0), (-0.01, 0.053, 0.047, -0.002)]
         loft(b, c.trousers, _scaled(shorts[legs == _SKIRT :], h, g), domes=1)
 
@@ -238,10 +250,10 @@ def _shin(b: Builder, f: Figure, c: Clothes, legs: int) -> None:
 
 
 def _foot(b: Builder, f: Figure, c: Clothes, legs: int) -> None:
-    """A shoe: sections along x from heel to toe, flat below, and an ankle."""
+    """Add a shoe, flat below, with sections along x from heel to toe, and an ankle."""
     h = f.height
     sole = -f.ankle
-    rows = [  # x, half width, top of the shoe above the sole
+    rows = [  # x, half width, height of the shoe's top above the sole
         (-0.036, 0.012, 0.024),
         (-0.031, 0.0205, 0.040),
         (-0.014, 0.0240, 0.052),

@@ -1,8 +1,8 @@
-"""Plants: trees of three habits, hedges, bushes and planters.
+"""Plants: trees of three shapes, hedges, bushes and planters.
 
-A crown is the smooth hull of a few clumps under a coat of leafy sprays that break its outline. All its normals lean
-outwards from the crown's middle, so that light rolls over the whole and no facet shows. The uv of leaves says how
-much of the sky reaches them: v is 1 at the crown's outer top and falls towards its middle and its underside.
+A crown is the smooth hull of a few ellipsoids, covered by leafy sprays that break up its outline. All normals point
+away from the middle of the crown, so that shading is smooth and no facets are visible. The v of leaves is the visible
+fraction of the sky: 1 at the outer top of the crown, less towards its middle and its underside.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from functools import cache
 import numpy as np
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, icosphere, noise, noises, tube
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.vectors import Array, Index, cross, unit
 
 _BARK = Surface("bark", Pattern.BARK, Tag.VEGETATION)
@@ -26,12 +26,12 @@ _SOIL = Surface("soil", Pattern.BARK, Tag.TERRAIN)
 _POT = Surface("pot", Pattern.CONCRETE, Tag.STATIC)
 _BROADLEAF, _CONIFER, _POPLAR = 0, 1, 2
 
-Clump = tuple[float, float, float, float, float]  # centre x, y, z; radius on the plan and upright; plant of size 1
+Clump = tuple[float, float, float, float, float]  # centre x, y, z; horizontal, vertical radius; for a plant of size 1
 Leaves = tuple[Array, Array, Array, Index]  # vertices, normals, uv, triangles
 
 
 def tree(b: Builder, e: Element) -> None:
-    """A street tree over its base centre; `species` 0 is a broadleaf, 1 a conifer, 2 a poplar."""
+    """Build a street tree centred on the origin; `species` 0 is a broadleaf, 1 a conifer, 2 a poplar."""
     spread, _, height = e.size
     key, r, species = int(e.shape["key"]), e.shape["trunk"], int(e.shape.get("species", _BROADLEAF))
     b.quads(_PIT, [((-0.6, -0.6, 0.004), (0.6, -0.6, 0.004), (0.6, 0.6, 0.004), (-0.6, 0.6, 0.004))])
@@ -48,7 +48,7 @@ def tree(b: Builder, e: Element) -> None:
 
 
 def _forked(b: Builder, key: int, r: float, spread: float, height: float, lean: Array) -> None:
-    """A trunk that leans and forks into the crown."""
+    """Add a leaning trunk that forks into the crown."""
     fork, (lx, ly, _) = 0.40 * height, lean.tolist()
     path = [(lx * t, ly * t, fork * t) for t in (-0.01, 0.02, 0.12, 0.5, 1.0)]
     b.grid(_BARK, tube(path, [2.0 * r, 1.6 * r, 1.05 * r, 0.9 * r, 0.7 * r], 8), crease=0.0)
@@ -61,7 +61,7 @@ def _forked(b: Builder, key: int, r: float, spread: float, height: float, lean: 
 
 @cache
 def _crown(species: int, kind: int) -> Leaves:
-    """One of twelve crowns of a species for a tree of height and spread 1."""
+    """Return one of the twelve crowns of a species, for a tree of height and spread 1."""
     low = np.array([-0.5, -0.5, {_BROADLEAF: 0.27, _CONIFER: 0.1, _POPLAR: 0.12}[species]])
     high = np.array([0.5, 0.5, 1.0])
     if species == _CONIFER:
@@ -87,7 +87,7 @@ def _poplar(kind: int) -> list[Clump]:
 
 
 def _hull(clumps: Sequence[Clump], directions: Array, middle: Array) -> Array:
-    """Where rays from the middle leave the clumps, which melt into one another: a closed skin, [N, 3]."""
+    """Return the points where rays from the middle leave the smoothly blended clumps: a closed surface [N, 3]."""
     squash = np.array([1.0, 1.0, clumps[0][3] / clumps[0][4]])
     low: Array = np.zeros(len(directions))
     high: Array = np.full(len(directions), 2.0)
@@ -105,7 +105,7 @@ def _hull(clumps: Sequence[Clump], directions: Array, middle: Array) -> Array:
 
 
 def _tiers(kind: int) -> tuple[Array, Index]:
-    """A conifer's boughs: skirts that droop one over the other, their edges cut into points."""
+    """Return the branches of a conifer: overlapping, drooping cones with jagged edges."""
     tiers, columns = 7, 14
     rings = []
     for k in range(tiers):
@@ -124,7 +124,7 @@ def _tiers(kind: int) -> tuple[Array, Index]:
 
 
 def _between(rings: int, columns: int) -> Index:
-    """Triangles of a skin over closed rings of points, one after the other."""
+    """Return the triangles between closed rings of points."""
     i, j = (g.reshape(-1) for g in np.meshgrid(np.arange(rings - 1), np.arange(columns), indexing="ij"))
     n = (j + 1) % columns
     flat = np.stack([i * columns + j, i * columns + n, (i + 1) * columns + n, (i + 1) * columns + j], axis=1)
@@ -132,7 +132,10 @@ def _between(rings: int, columns: int) -> Index:
 
 
 def _leafy(hull: Array, faces: Index, key: int, sprays: int, size: float, middle: Array) -> Leaves:
-    """A hull and the sprays on it; normals lean away from the middle, and the sky fades inwards and below."""
+    """Return a hull and its sprays, with normals away from the middle.
+
+    The visible sky decreases inwards and downwards.
+    """
     outs = _outwards(hull, faces)
     spots, leaning, quads = _sprays(hull, outs, faces, key, sprays, size)
     p, out = np.concatenate([hull, spots]), np.concatenate([outs, leaning])
@@ -145,7 +148,7 @@ def _leafy(hull: Array, faces: Index, key: int, sprays: int, size: float, middle
 
 
 def _outwards(points: Array, faces: Index) -> Array:
-    """Unit normals of a closed skin's points: the mean of the faces around each, weighed by their areas."""
+    """Return unit vertex normals of a closed surface: the area-weighted mean of the adjacent faces."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     face = cross(b - a, c - a)
     total = np.zeros_like(points)
@@ -155,7 +158,7 @@ def _outwards(points: Array, faces: Index) -> Array:
 
 
 def _sprays(hull: Array, outs: Array, faces: Index, key: int, count: int, size: float) -> tuple[Array, Array, Index]:
-    """Leafy kites that stand out of a hull at every angle: corners [4 count, 3], outward directions, faces."""
+    """Return leafy kites that protrude from a hull at all angles: corners [4 count, 3], outward directions, faces."""
     k = np.arange(count)
     face = faces[((k + 0.5 + 0.49 * noises(key, k)) * len(faces) / count).astype(np.int64)]  # [count, 3]
     share = np.stack([1.02 + noises(key, 8 * k + 1000 + n) for n in range(3)], axis=1)
@@ -179,7 +182,7 @@ def _sprays(hull: Array, outs: Array, faces: Index, key: int, count: int, size: 
 
 
 def _fitted(leaves: Leaves, low: Array, high: Array) -> Leaves:
-    """Leaves moved and scaled along each axis so that they fill the box."""
+    """Return leaves translated and scaled along each axis so that they fill a box."""
     points, normals, uvs, faces = leaves
     a, z = points.min(0), points.max(0)
     scale = (high - low) / (z - a)
@@ -187,12 +190,12 @@ def _fitted(leaves: Leaves, low: Array, high: Array) -> Leaves:
 
 
 def bush(b: Builder, e: Element) -> None:
-    """A round bush on its base centre."""
+    """Build a round bush centred on the origin."""
     _shrub(b, int(e.shape["key"]), np.zeros(3), np.array(e.size))
 
 
 def _shrub(b: Builder, key: int, foot: Array, size: Array) -> None:
-    """A shrub that fills a box which stands on `foot`."""
+    """Add a shrub that fills a box whose base centre is `foot`."""
     points, normals, uvs, faces = _shrub_shape(key % 6)
     b.add(_LEAVES, points * size + foot, unit(normals / size), uvs, faces)
 
@@ -207,12 +210,12 @@ def _shrub_shape(kind: int) -> Leaves:
     middle = np.array([0.0, 0.0, 0.35])
     leaves = _leafy(_hull(clumps, points, middle), faces, kind + 311, 60, 0.16, middle)
     points, normals, uvs, faces = _fitted(leaves, np.array([-0.5, -0.5, -0.28]), np.array([0.5, 0.5, 1.0]))
-    points[:, 2] = np.maximum(points[:, 2], 0.0)  # it sits on the ground, and does not stand on a point
+    points[:, 2] = np.maximum(points[:, 2], 0.0)  # flatten the base: the shrub must not stand on a point
     return points, normals, uvs, faces
 
 
 def hedge(b: Builder, e: Element) -> None:
-    """A clipped hedge along y: a rounded bar of leaves, with twigs that were missed."""
+    """Build a clipped hedge along y: a rounded bar of leaves with some protruding twigs."""
     thick, length, height = e.size
     key, count = int(e.shape["key"]), max(2, int(length / 1.2 + 0.5))
     profile = [(1.0, 0.0), (1.03, 0.45), (1.0, 0.86), (0.8, 0.97), (0.0, 1.0)]
@@ -240,7 +243,7 @@ def hedge(b: Builder, e: Element) -> None:
 
 
 def planter(b: Builder, e: Element) -> None:
-    """A stone tub with a shrub in it."""
+    """Build a stone tub with a shrub."""
     x, y, height = e.size
     rim = 0.55 * height
     b.grid(_POT, _square([(0.0, 0.84), (0.82, 0.94), (0.82, 1.0), (1.0, 1.0), (1.0, 0.86), (0.88, 0.86)], x, y, rim))
@@ -260,6 +263,6 @@ def planter(b: Builder, e: Element) -> None:
 
 
 def _square(profile: Sequence[tuple[float, float]], x: float, y: float, height: float) -> Array:
-    """Square rings of a tub from (share of the height, share of the width) pairs."""
+    """Return square rings of a tub from pairs of relative height and relative width."""
     corners = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
     return np.array([[(k * x * cx, k * y * cy, z * height) for cx, cy in corners] for z, k in profile])

@@ -1,4 +1,4 @@
-"""Props' bodies: meshes from files, and flat boards, with vertices already in the world frame."""
+"""Bodies of props: meshes from files, and flat boards, with vertices in the world frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 
 
 def prop_body(prop: PropPlan, assets: Assets) -> Body:
-    """A static body in world coordinates, instance 0. RunError if its file is not what the plan says."""
+    """Return a static body in world coordinates, with instance 0.
+
+    Raises:
+        RunError: The file differs from the one in the plan.
+    """
     parts = assets.mesh(prop).parts if prop.mesh is not None else _board(prop)
     return Body(prop.name, 0, (("static", _mesh(prop, parts)),))
 
@@ -37,12 +41,12 @@ def _mesh(prop: PropPlan, parts: Sequence[Part]) -> Mesh:
 
 
 def _turned(rows: NDArray[np.float64], pose: Array) -> NDArray[np.float64]:
-    """Rows turned by a pose, component by component."""
+    """Return the rows rotated by a pose, component by component."""
     columns = [rows[:, 0] * r[0] + rows[:, 1] * r[1] + rows[:, 2] * r[2] for r in pose]
     return np.stack(columns, axis=-1)
 
 
-# A box's sides: the normal, and four corners counter-clockwise from outside, from the bottom left; 0 low, 1 high.
+# Faces of a box: the normal, and four corners counter-clockwise from outside, from the bottom left; 0 low, 1 high.
 _SIDES = (
     ((1, 0, 0), ((1, 0, 0), (1, 1, 0), (1, 1, 1), (1, 0, 1))),
     ((-1, 0, 0), ((0, 1, 0), (0, 0, 0), (0, 0, 1), (0, 1, 1))),
@@ -55,7 +59,10 @@ _CORNER_UVS = ((0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0))
 
 
 def _board(prop: PropPlan) -> list[Part]:
-    """A thin box: its +x side is the face, seen upright and not mirrored from before it; the rest is the back."""
+    """Return a thin box. Its +x side is the face, upright and not mirrored when seen from the front.
+
+    The rest is the back.
+    """
     ends = np.array([prop.low, prop.high])
     parts = []
     for side, (normal, corners) in enumerate(_SIDES):

@@ -6,10 +6,10 @@ from itertools import pairwise
 
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, Vec, circle, noise
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 _ASPHALT = Surface("asphalt", Pattern.ASPHALT, Tag.ROADS)
 _PATCH = Surface("patch", Pattern.ASPHALT, Tag.ROADS)
@@ -35,7 +35,7 @@ def _sheet(x0: float, x1: float, y0: float, y1: float, z: float) -> tuple[Vec, .
 
 
 def ground(b: Builder, e: Element) -> None:
-    """A plain under everything, just below the streets; in strips, so that no triangle is kilometres long."""
+    """Build the ground plane, slightly below the streets; in strips, so that no triangle is kilometres long."""
     x, y, _ = e.size
     count = 12
     for i in range(count):
@@ -45,11 +45,11 @@ def ground(b: Builder, e: Element) -> None:
 
 
 def road(b: Builder, e: Element) -> None:
-    """A stretch of street along x between two junctions: two lanes, with its marks and mends.
+    """Build a section of a street along x between two junctions: two lanes, with markings and repairs.
 
-    `shape`: `stop_a` and `stop_b`, metres from the ends at -x and +x to their stop lines, 0 where there is none;
-    `bay`, width of the parking along each kerb, 0 for none; `bays` on either side, the first from x = `bay_from`, each
-    `bay_length` long; `key`, which chooses the mends.
+    `shape` has `stop_a` and `stop_b`, the distances from the ends at -x and +x to their stop lines (0: no stop line);
+    `bay`, the width of the parking bays along each kerb (0: none); `bays`, their number on either side, the first from
+    x = `bay_from`, each `bay_length` long; and `key`, which selects the repairs. Lengths are in metres.
     """
     length, width, _ = e.size
     s, half, side = e.shape, length / 2, width / 2
@@ -59,7 +59,7 @@ def road(b: Builder, e: Element) -> None:
     _dashes(b, a + (4.6 if s["stop_a"] else 0.8), c - (4.6 if s["stop_b"] else 0.8))
     if not bay:
         b.quads(_PAINT, [_sheet(a, c, y - 0.05, y + 0.05, _MARK) for y in (-side + 0.25, side - 0.25)])
-    if s["stop_a"]:  # traffic towards -x keeps to +y
+    if s["stop_a"]:  # traffic towards -x uses the lane at +y
         _stop(b, a, 1.0, lane)
     if s["stop_b"]:
         _stop(b, c, -1.0, lane)
@@ -69,14 +69,14 @@ def road(b: Builder, e: Element) -> None:
 
 
 def _dashes(b: Builder, start: float, end: float) -> None:
-    """The line between the lanes."""
+    """Add the dashed line between the lanes."""
     count = int((end - start - 1.0) / 4.5)
     first = (start + end) / 2 - (count * 4.5 - 2.5) / 2
     b.quads(_CENTRE, [_sheet(x, x + 2.0, -0.06, 0.06, _MARK) for x in (first + 4.5 * k for k in range(count))])
 
 
 def _stop(b: Builder, x: float, inward: float, lane: float) -> None:
-    """A stop line, the unbroken line before it, and an arrow in its lane; `inward` leads away from the junction."""
+    """Add a stop line, the solid line before it, and an arrow in its lane; `inward` points away from the junction."""
 
     def strip(u: float, v: float, y0: float, y1: float) -> tuple[Vec, ...]:
         p, q = sorted((x + inward * u, x + inward * v))
@@ -95,7 +95,7 @@ def _stop(b: Builder, x: float, inward: float, lane: float) -> None:
 
 
 def _bays(b: Builder, e: Element, lane: float, side: float) -> None:
-    """Parking bays between lane and kerb: a line along them and one across between two."""
+    """Add the markings of parking bays: a line along the lane, and lines between the bays."""
     low, count, long = e.shape["bay_from"], int(e.shape["bays"]), e.shape["bay_length"]
     high = low + count * long
     for sign in (1, -1):
@@ -106,7 +106,7 @@ def _bays(b: Builder, e: Element, lane: float, side: float) -> None:
 
 
 def _asphalt(b: Builder, half: float, side: float, key: int) -> None:
-    """The surface, and what years have done to it: patches, tarred cracks, manholes."""
+    """Add the asphalt with its signs of wear: patches, tarred cracks and manholes."""
     pieces = max(1, int(half / 5))
     step = 2 * half / pieces
     b.quads(_ASPHALT, [_sheet(-half + k * step, -half + (k + 1) * step, -side, side, 0.0) for k in range(pieces)])
@@ -114,7 +114,7 @@ def _asphalt(b: Builder, half: float, side: float, key: int) -> None:
         x, y = 0.86 * half * noise(key, 10 * k), (side - 1.1) * noise(key, 10 * k + 1)
         long, wide = 1.6 + 1.2 * noise(key, 10 * k + 2), 0.8 + 0.4 * noise(key, 10 * k + 3)
         b.quads(_PATCH, [_sheet(x - long, x + long, y - wide, y + wide, _MEND)])
-    if key % 3 == 0:  # a trench, long filled
+    if key % 3 == 0:  # a filled trench
         y = (side - 1.0) * noise(key, 90)
         b.quads(_PATCH, [_sheet(-0.7 * half, 0.8 * half, y - 0.35, y + 0.35, _MEND)])
     for k in range(int(half / 9)):
@@ -124,7 +124,7 @@ def _asphalt(b: Builder, half: float, side: float, key: int) -> None:
 
 
 def _crack(b: Builder, x: float, side: float, key: int) -> None:
-    """A crack across the road, sealed with tar."""
+    """Add a tar-sealed crack across the road."""
     steps, points = 7, []
     low, high = (-side, 0.2) if key % 2 else (-0.1, side)
     for k in range(steps + 1):
@@ -138,13 +138,13 @@ def _crack(b: Builder, x: float, side: float, key: int) -> None:
 
 
 def _manhole(b: Builder, x: float, y: float) -> None:
-    """An iron cover in a ring of newer asphalt."""
+    """Add a manhole cover in a ring of newer asphalt."""
     b.fan(_PATCH, [(x + 0.52 * c, y + 0.52 * s, 2 * _MEND) for c, s in circle(12)])
     b.fan(_IRON, [(x + 0.34 * c, y + 0.34 * s, 3 * _MEND) for c, s in circle(12)])
 
 
 def _drains(b: Builder, along: tuple[float, float], side: float) -> None:
-    """Gratings at the kerbs."""
+    """Add drain gratings at the kerbs."""
     a, c = along
     for n in range(max(1, int((c - a) / 22))):
         x = a + (n + 0.62) * (c - a) / max(1, int((c - a) / 22))
@@ -156,10 +156,10 @@ def _drains(b: Builder, along: tuple[float, float], side: float) -> None:
 
 
 def carriageway(b: Builder, e: Element) -> None:
-    """A stretch of a motorway's one direction, towards +x: lanes, a hard shoulder at -y, a narrow strip at +y.
+    """Build a section of one carriageway of a motorway, towards +x: lanes, hard shoulder at -y, narrow strip at +y.
 
-    `shape`: `lanes` of width `lane`; `shoulder`, the hard shoulder's width; `key`. Dashes are 6 m of every 12, so a
-    stretch is a multiple of 12 m long. Its own y = 0 is the middle of the whole asphalt.
+    `shape` has `lanes` of width `lane`; `shoulder`, the width of the hard shoulder; and `key`. Dashes are 6 m long
+    every 12 m, so the length of a section is a multiple of 12 m. y = 0 is the middle of the asphalt.
     """
     length, width, _ = e.size
     s, half, side = e.shape, length / 2, width / 2
@@ -176,7 +176,7 @@ def carriageway(b: Builder, e: Element) -> None:
 
 
 def _asphalt_strips(b: Builder, half: float, side: float, right: float, lanes: int, lane: float, key: int) -> None:
-    """A motorway's surface: darker where tyres run and the shoulder rougher, with joints and mended lengths."""
+    """Add the surface of a motorway: darker wheel tracks, a rougher shoulder, joints and repaired sections."""
     pieces = max(1, int(half / 6))
     step = 2 * half / pieces
     b.quads(_ASPHALT, [_sheet(-half + k * step, -half + (k + 1) * step, -side, side, 0.0) for k in range(pieces)])
@@ -193,10 +193,10 @@ def _asphalt_strips(b: Builder, half: float, side: float, right: float, lanes: i
 
 
 def junction(b: Builder, e: Element) -> None:
-    """Where two streets meet: asphalt under the rounded corners, and a zebra over each arm.
+    """Build a junction: asphalt up to the rounded corners, and a zebra crossing on each arm.
 
-    `shape`: `over_x`, the |x| of the zebras over the street along x, and `wide_x`, half that street's width; the same
-    of y; `key`, which chooses the mends.
+    `shape` has `over_x`, the |x| of the crossings over the street along x; `wide_x`, half that street's width; `over_y`
+    and `wide_y`, the same for the street along y; and `key`, which selects the repairs.
     """
     half_x, half_y, s = e.size[0] / 2, e.size[1] / 2, e.shape
     key = int(s["key"])
@@ -215,13 +215,13 @@ def junction(b: Builder, e: Element) -> None:
 
 
 def _stripes(half: float) -> list[float]:
-    """Middles of a zebra's stripes over a street of that half width, a metre apart."""
+    """Return the middles of a zebra crossing's stripes, one metre apart, for a street of that half width."""
     count = int(2 * half)
     return [-half + 2 * half * (k + 0.5) / count for k in range(count)]
 
 
 def outline(x: float, y: float, radius: float, inset: float) -> list[tuple[float, float]]:
-    """A rectangle with rounded corners, counter-clockwise, drawn in by `inset`; 6 points a corner."""
+    """Return a rectangle with rounded corners, counter-clockwise, shrunk by `inset`; 6 points per corner."""
     points = []
     r = max(radius - inset, 0.01)
     for quarter, (sx, sy) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
@@ -233,10 +233,10 @@ def outline(x: float, y: float, radius: float, inset: float) -> list[tuple[float
 
 
 def sidewalk(b: Builder, e: Element) -> None:
-    """A block's raised ground: a kerb stone round it, paving `walk` metres wide, and what is inside.
+    """Build the raised ground of a block: kerb stones, paving `walk` metres wide, and the interior.
 
-    `shape` also: `radius` of the corners; `verge`, width of a strip of grass between kerb and paving; `paved`, 1
-    where the inside is a square of stone and not a yard of grass.
+    `shape` also has `radius`, of the corners; `verge`, the width of the grass strip between kerb and paving; and
+    `paved`, 1 if the interior is stone paving instead of grass.
     """
     x, y, top = e.size
     radius, walk, verge, kerb = e.shape["radius"], e.shape["walk"], e.shape["verge"], 0.18
@@ -270,7 +270,7 @@ def _drawn_in(ring: list[tuple[float, float]], x: float, y: float) -> list[tuple
 
 
 def _ramps(b: Builder, half: tuple[float, float], kerb: float, verge: float, walk: float, top: float) -> None:
-    """Paving over the verge where the zebras begin: 3.5 m in from the corners' kerbs."""
+    """Add paving across the verge at the zebra crossings, 3.5 m from the kerbs of the crossing streets."""
     (x, y), middle = half, 3.5
     for sx in (1, -1):
         for sy in (1, -1):
@@ -283,7 +283,7 @@ def _ramps(b: Builder, half: tuple[float, float], kerb: float, verge: float, wal
 
 
 def _square(b: Builder, x: float, y: float, top: float) -> None:
-    """A square's paving: fields of stone between bands of another."""
+    """Add the paving of a square: fields of stone between bands of another stone."""
     nx, ny, band = max(1, int(x / 4 + 0.5)), max(1, int(y / 4 + 0.5)), 0.3
     wide, high = 2 * x / nx, 2 * y / ny
     for i in range(nx):
@@ -296,7 +296,7 @@ def _square(b: Builder, x: float, y: float, top: float) -> None:
 
 
 def path(b: Builder, e: Element) -> None:
-    """A way along x, flat on the ground: a foot path, or where `shape` says `drive`, a driveway of concrete."""
+    """Build a path along x, flat on the ground: a footpath or, with `drive`, a concrete driveway."""
     length, width, thick = e.size
     half, side, pieces = length / 2, width / 2, max(1, int(length / 12))
     step, surface = length / pieces, _DRIVE if e.shape["drive"] else _PATH

@@ -1,6 +1,6 @@
-"""Roofs: gables and hips with tiles, chimneys, dormers, and parapets with what stands behind them.
+"""Roofs: tiled gable and hip roofs, chimneys, dormers, and flat roofs with parapets and rooftop equipment.
 
-All cover a block that reaches from x = 0 back to -depth, its size (depth, width, height of the eaves).
+All cover a block from x = 0 back to -depth, whose size is (depth, width, height of the eaves).
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, Vec, noise
 from recipe_runtime.meshes.facades import Facade, Quad, pane_uv
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.vectors import cross, unit
 
 _TILES = Surface("roof", Pattern.ROOF, Tag.BUILDINGS)
@@ -32,7 +32,10 @@ Size = tuple[float, float, float]
 
 
 def slope(b: Builder, surface: Surface, corners: Sequence[Vec]) -> None:
-    """A tiled plane of three or four corners, the first two along its lower edge; uv in metres along it and up it."""
+    """Add a tiled plane of three or four corners, the first two along its lower edge.
+
+    Uv in metres along and up the slope.
+    """
     p = np.array(corners if len(corners) == 4 else [*corners, corners[2]], np.float64)
     along = p[1] - p[0]
     along = along / math.sqrt(float((along * along).sum()))
@@ -51,7 +54,10 @@ def slope(b: Builder, surface: Surface, corners: Sequence[Vec]) -> None:
 def gable(
     b: Builder, size: Size, pitch: float, eaves: float, wall: Surface, *, along_y: bool, ends: float = -1.0
 ) -> None:
-    """A roof with two slopes; its ridge runs along y or, towards the street, along x. `ends`: reach over the gables."""
+    """Add a gable roof, its ridge along y or, if the gable faces the street, along x.
+
+    `ends` is the overhang at the gables.
+    """
     depth, width, height = size
     half, length = (depth / 2, width / 2) if along_y else (width / 2, depth / 2)
     reach, rise = length + (eaves if ends < 0 else ends), pitch * half
@@ -85,7 +91,7 @@ def gable(
 
 
 def hip(b: Builder, size: Size, pitch: float, eaves: float) -> None:
-    """A roof that slopes to all four sides."""
+    """Add a hip roof."""
     depth, width, height = size
     low, half = height - pitch * eaves, min(depth, width) / 2 + eaves
     top = low + pitch * half
@@ -105,7 +111,7 @@ def hip(b: Builder, size: Size, pitch: float, eaves: float) -> None:
 
 
 def chimney(b: Builder, size: Size, pitch: float, key: int, along_y: bool = True) -> None:
-    """A stack near the ridge, which runs along y or along x, with a cap and two pots."""
+    """Add a chimney near the ridge, which runs along y or along x, with a cap and two pots."""
     depth, width, height = size
     top = height + pitch * (depth if along_y else width) / 2 + 0.7
     beside, along = 0.12 * noise(key, 11), 0.28 if noise(key, 12) > 0 else -0.28
@@ -119,7 +125,7 @@ def chimney(b: Builder, size: Size, pitch: float, key: int, along_y: bool = True
 
 @dataclass(frozen=True)
 class Top:
-    """Where a building ends: its size, its key, its four facades, those that stand free, and their wall."""
+    """The top of a building: its size, its key, its four facades, the free facades, and the surface of its walls."""
 
     size: Size
     key: int
@@ -129,7 +135,7 @@ class Top:
 
 
 def flat_roof(b: Builder, top: Top) -> None:
-    """A parapet with a coping behind a cornice, and what stands on the roof."""
+    """Add a parapet with a coping, a cornice, and rooftop equipment."""
     (depth, _, height), half = top.size, top.size[1] / 2
     rim = height + _PARAPET
     for f in top.facades:
@@ -150,7 +156,7 @@ def flat_roof(b: Builder, top: Top) -> None:
 
 
 def _cornice(b: Builder, top: Top, height: float) -> None:
-    """Mouldings that step outwards below the parapet of every free facade."""
+    """Add stepped mouldings below the parapet of every free facade."""
     reach = 0.32 + 0.12 * noise(top.key, 9)
     front = top.facades[0]
     quads: list[Quad] = []
@@ -163,7 +169,7 @@ def _cornice(b: Builder, top: Top, height: float) -> None:
 
 
 def pitched_roof(b: Builder, top: Top, pitch: float) -> None:
-    """Two tiled slopes over the front and the back, dormers in the front one, and chimneys."""
+    """Add a tiled gable roof with dormers in the front slope, and chimneys."""
     _, width, height = top.size
     _cornice(b, top, height)
     gable(b, top.size, pitch, 0.3, top.wall, along_y=True, ends=0.06)
@@ -174,7 +180,7 @@ def pitched_roof(b: Builder, top: Top, pitch: float) -> None:
 
 
 def _dormer(b: Builder, f: Facade, u: float, eaves: float, pitch: float, name: tuple[int, int]) -> None:
-    """A window that stands up out of a front slope, under a little roof of its own."""
+    """Add a dormer window with a small roof to the front slope."""
     back, low = -1.1, eaves + pitch * 1.1 + _THICK
     z0, z1, w = low + 0.1, low + 1.35, 0.62
     deep = back - (z1 + 0.1 - low) / pitch

@@ -1,4 +1,4 @@
-"""Ground floors: shop fronts with signs and awnings, and plinths with windows and a door."""
+"""Ground floors: shop fronts with signs and awnings, or plinths with windows and a door."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, noise
 from recipe_runtime.meshes.facades import Facade, Hole, Quad, niches, pane_uv, pierced
 from recipe_runtime.meshes.lettering import WORDS, length, write
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 
 def _surface(slot: str, pattern: Pattern) -> Surface:
@@ -31,12 +31,12 @@ _AWNING = _surface("awning", Pattern.CLOTH)
 _UNDER = _surface("awning", Pattern.NICHE)
 _DOOR = _surface("door", Pattern.PLAIN)
 _STEP = _surface("base", Pattern.CONCRETE)
-_DEEP = 0.3  # of shop windows and doors
+_DEEP = 0.3  # depth of the recesses of shop windows and doors, metres
 
 
 @dataclass(frozen=True)
 class Ground:
-    """A ground floor's measures: its height, its bays, whether it is a shop, and the wall around its openings."""
+    """The properties of a ground floor: height, bays, whether it is a shop, and the surfaces around its openings."""
 
     height: float
     bays: int
@@ -47,7 +47,7 @@ class Ground:
 
     @classmethod
     def of(cls, e: Element, bays: int, wall: Surface, niche: Surface) -> Ground:
-        """The ground floor of a building; a shop has a front of its own."""
+        """Return the ground floor of a building; shops have their own wall surface."""
         shop = bool(e.shape["shop"])
         return cls(
             e.shape["ground"], bays, shop, bool(e.shape["awning"]), _FRONT if shop else wall, _NICHE if shop else niche
@@ -55,7 +55,7 @@ class Ground:
 
 
 def ground_floor(b: Builder, f: Facade, g: Ground, entrance: bool) -> None:
-    """The ground floor of one facade; only a front has an entrance, a sign and awnings."""
+    """Add the ground floor of one facade; only the front has an entrance, a sign and awnings."""
     bay = f.width / g.bays
     door = int((noise(f.key, 3) + 1) / 2 * g.bays) if entrance else -1
     low, high, part = (0.5, min(3.05, g.height - 0.95), 0.86) if g.shop else (1.2, min(2.95, g.height - 0.6), 0.42)
@@ -81,7 +81,7 @@ def ground_floor(b: Builder, f: Facade, g: Ground, entrance: bool) -> None:
 
 
 def _entrance(b: Builder, f: Facade, g: Ground, h: Hole, name: int) -> None:
-    """A door in a deep recess, a light over it, a frame of stone around it, and a step before it."""
+    """Add a door in a deep recess, with a light above it, a stone frame and a step."""
     top = 2.25
     b.quads(g.niche, *niches(f, [h], _DEEP, floor=False))
     b.quads(_DOOR, [f.face(h.u0, h.u1, 0.0, top, -_DEEP)])
@@ -108,7 +108,7 @@ def _plinth(b: Builder, f: Facade, door: Hole | None) -> None:
 
 
 def _shop(b: Builder, f: Facade, g: Ground, holes: list[Hole], door: int, high: float) -> None:
-    """Pilasters between the windows, a fascia with a cornice over it, and on a front the sign and awnings."""
+    """Add pilasters between the windows, a fascia with a cornice and, on a front, sign and awnings."""
     bay, quads = f.width / g.bays, []
     for k in range(g.bays + 1):
         u0, u1 = max(0.0, k * bay - 0.13), min(f.width, k * bay + 0.13)
@@ -133,7 +133,7 @@ def _shop(b: Builder, f: Facade, g: Ground, holes: list[Hole], door: int, high: 
 
 
 def _awning(b: Builder, f: Facade, u: tuple[float, float], high: float) -> None:
-    """A stretched cloth with a valance, seen from both sides."""
+    """Add a stretched cloth awning with a valance, visible from both sides."""
     (u0, u1), low, reach = u, high - 0.5, 1.1
     top = (f.at(u0, reach, low), f.at(u1, reach, low), f.at(u1, 0.1, high), f.at(u0, 0.1, high))
     valance = f.face(u0, u1, low - 0.2, low, reach)

@@ -1,6 +1,6 @@
-"""Traffic control: traffic lights, road signs, gantries over a motorway, guard rails.
+"""Traffic control: traffic lights, road signs, motorway gantries and guard rails.
 
-All of them face along +x, towards the driver who is to heed them: his right is +y.
+All face +x, towards the approaching driver, whose right-hand side is +y.
 """
 
 from __future__ import annotations
@@ -8,19 +8,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 from recipe_compiler.ir.signals import light
 
 from recipe_runtime.meshes.builder import Builder, circle, tube
 from recipe_runtime.meshes.glyphs import Point, arrow, stroke, width, write
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 _POLE = Surface("metal", Pattern.METAL, Tag.POLES)
 _HOUSING = Surface("housing", Pattern.PLAIN, Tag.TRAFFIC_LIGHT)
 _RAIL = Surface("rail", Pattern.METAL, Tag.GUARD_RAIL)
 _BACK = Surface("metal", Pattern.METAL, Tag.TRAFFIC_SIGNS)
 STOP, SPEED, CROSSING, GIVE_WAY, PARKING, AHEAD, DEAD_END = range(7)
-"""A sign's `face`."""
+"""Values of a sign's parameter `face`."""
 PLACES = ("AIRPORT", "HARBOUR", "CENTRE", "NORTHGATE", "STADIUM", "RIVERSIDE", "MUSEUM", "UNIVERSITY", "OLD TOWN",
           "LAKESIDE", "MARKET HALL", "WESTFIELD")  # fmt: skip
 
@@ -36,9 +36,9 @@ def _lens(slot: str, lit: bool) -> Surface:
 
 
 def traffic_light(b: Builder, e: Element) -> None:
-    """A mast with lights beside the street, and an arm with lights over the lane, along -y; a small one for walkers.
+    """Build a traffic light: a mast with signals, an arm along -y with signals over the lane, and a pedestrian signal.
 
-    `shape`: `arm`, the arm's length, and the times of `ir.signals`; walkers across it have red while it is green.
+    `shape` has `arm`, the length of the arm in metres, and the times of `ir.signals`.
     """
     _, _, height = e.size
     arm, go = e.shape["arm"], light(e.shape, 0.0) == "green"
@@ -53,7 +53,7 @@ def traffic_light(b: Builder, e: Element) -> None:
 
 
 def _head(b: Builder, middle: tuple[float, float, float], go: bool) -> None:
-    """Three round lights in a housing, each under a hood; one is lit."""
+    """Add three round lights in a housing, each under a hood; one is lit."""
     x, y, z = middle
     b.box(_HOUSING, (x, y - 0.17, z - 0.5), (x + 0.2, y + 0.17, z + 0.5))
     front = x + 0.205
@@ -64,7 +64,7 @@ def _head(b: Builder, middle: tuple[float, float, float], go: bool) -> None:
 
 
 def _walkers(b: Builder, z: float, go: bool) -> None:
-    """Two lights for those who cross before it, who look along +y: red above green."""
+    """Add a signal for pedestrians who cross in front of it and face +y: red above green."""
     b.box(_HOUSING, (-0.12, -0.26, z), (0.12, -0.1, z + 0.56))
     for low, lens in ((z + 0.31, _lens("red", not go)), (z + 0.05, _lens("green", go))):
         b.quads(
@@ -73,7 +73,7 @@ def _walkers(b: Builder, z: float, go: bool) -> None:
 
 
 def sign(b: Builder, e: Element) -> None:
-    """A sign on a post. `shape`: `face`, one of the constants above; `value`, the speed in km/h."""
+    """Build a sign on a post. `shape` has `face`, one of the constants above, and `value`, the speed limit in km/h."""
     _, across, height = e.size
     face, r = int(e.shape["face"]), across / 2
     z = height - r
@@ -97,7 +97,7 @@ def sign(b: Builder, e: Element) -> None:
 
 
 def _square(b: Builder, face: int, r: float, z: float) -> None:
-    """The blue boards: a crossing, a place to park, a dead end."""
+    """Add the face of a blue square sign: crossing, parking or dead end."""
     _plate(b, "white", [(-r, z - r), (r, z - r), (r, z + r), (-r, z + r)])
     i = 0.93 * r
     _layer(b, "blue", [(-i, z - i), (i, z - i), (i, z + i), (-i, z + i)], 1)
@@ -112,7 +112,7 @@ def _square(b: Builder, face: int, r: float, z: float) -> None:
 
 
 def _walker(b: Builder, s: float, z: float) -> None:
-    """Somebody who walks over a zebra."""
+    """Add the pictogram of a pedestrian on a zebra crossing."""
     black = _face("black")
     b.fan(black, [(_x(3), 0.22 * s * c, z + 0.92 * s + 0.2 * s * q) for c, q in circle(8)])
     for points, wide in (
@@ -126,7 +126,7 @@ def _walker(b: Builder, s: float, z: float) -> None:
 
 
 def _x(layer: int) -> float:
-    """Where a layer of a face lies: each a little before the last."""
+    """Return the x of a layer of a sign's face; each layer is slightly in front of the one before it."""
     return 0.05 + 0.004 * layer
 
 
@@ -135,7 +135,7 @@ def _ring(count: int, r: float, z: float, start: float = 0.0) -> list[Point]:
 
 
 def _plate(b: Builder, slot: str, outline: Sequence[Point]) -> None:
-    """A sign's plate: its first layer, and its grey back."""
+    """Add a sign's plate: its first layer and its grey back."""
     _layer(b, slot, outline, 0)
     b.fan(_BACK, [(0.036, y, z) for y, z in reversed(outline)])
     b.grid(_BACK, [[(x, y, z) for y, z in outline] for x in (0.036, _x(0))])
@@ -146,10 +146,10 @@ def _layer(b: Builder, slot: str, outline: Sequence[Point], layer: int) -> None:
 
 
 def gantry(b: Builder, e: Element) -> None:
-    """A bridge of steel over one carriageway, which spans y, with a board over each lane.
+    """Build a gantry: a steel bridge over one carriageway, along y, with a board over each lane.
 
-    `shape`: `lanes`, counted from the left, and `lane`, their width; `first`, the middle of the leftmost; `key`, which
-    chooses the places; `exit`, 1 where the rightmost board shows an exit.
+    `shape` has `lanes`, counted from the left, and `lane`, their width; `first`, the y of the leftmost lane's middle;
+    `key`, which selects the place names; and `exit`, 1 if the rightmost board shows an exit.
     """
     depth, span, height = e.size
     x, half = depth / 2, span / 2
@@ -173,7 +173,7 @@ def gantry(b: Builder, e: Element) -> None:
 
 
 def _board(b: Builder, y: float, z: float, wide: float, place: str, x: float, out: bool) -> None:
-    """A board 2.4 m high: a place, and an arrow down to its lane or out at the exit."""
+    """Add a board 2.4 m high with a place name, and an arrow down to its lane or out to the exit."""
     half, low, high = wide / 2, z - 1.2, z + 1.2
     b.box(_BACK, (x - 0.05, y - half, low), (x, y + half, high), "+x")
     slot = "green" if out else "blue"
@@ -192,7 +192,7 @@ def _board(b: Builder, y: float, z: float, wide: float, place: str, x: float, ou
 
 
 def guardrail(b: Builder, e: Element) -> None:
-    """A steel rail along y on posts; a W in section, on both sides where `shape` says `double`."""
+    """Build a W-beam guard rail on posts, with a beam on both sides if `double` is set."""
     thick, long, height = e.size
     half = long / 2
     sides = (1.0, -1.0) if e.shape["double"] > 0 else (1.0,)

@@ -1,7 +1,7 @@
-"""Smooth shading of curved sheets: shared corner normals for many sheets in one pass.
+"""Smooth shading of curved sheets: computes the shared corner normals of many sheets in one pass.
 
-A body has dozens of small sheets, and NumPy costs more a call than a number, so `flatten` works on all of them
-together. Sheets never share normals with each other.
+A body has dozens of small sheets, and the overhead of a NumPy call exceeds the cost of its arithmetic, so `flatten`
+processes them together. Sheets never share normals with each other.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from recipe_runtime.meshes.mesh import Surface
 from recipe_runtime.meshes.vectors import Array, Index, cross, unit
 
-_SLIVER = 1e-10  # square metres, twice a triangle's area: what is smaller is left out
+_SLIVER = 1e-10  # twice the area below which a triangle is discarded, square metres
 
 
 @dataclass(frozen=True)
 class Sheet:
     """Triangles [T, 3] over points [N, 3] in metres, and the crease (a cosine).
 
-    `runs` has the surfaces of successive triangles, each with its count of triangles; None is a hole.
+    `runs` holds the surfaces of consecutive triangles, each with its number of triangles; None is a hole.
     """
 
     runs: Sequence[tuple[Surface | None, int]]
@@ -33,18 +33,18 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Flat:
-    """The triangles of many sheets, sheet by sheet and in each surface by surface."""
+    """The triangles of many sheets, sheet by sheet, and within a sheet surface by surface."""
 
     corners: Array  # [T, 3, 3] metres
-    normals: Array  # [T, 3, 3] unit, of the corners
-    faces: Array  # [T, 3] unit, of the triangles
-    codes: Index  # [T], into `surfaces`
+    normals: Array  # [T, 3, 3] unit normals at the corners
+    faces: Array  # [T, 3] unit normals of the triangles
+    codes: Index  # [T] indices into `surfaces`
     surfaces: tuple[Surface, ...]
-    used: tuple[tuple[int, ...], ...]  # each sheet's surfaces by code, in order of appearance
+    used: tuple[tuple[int, ...], ...]  # the codes of each sheet's surfaces, in order of appearance
 
 
 def flatten(sheets: Sequence[Sheet]) -> Flat:
-    """Join sheets; slivers and holes are left out, though holes take part in their neighbours' normals."""
+    """Join sheets. Slivers and holes are omitted, though holes contribute to the normals of their neighbours."""
     surfaces, codes = _coded(sheets)
     first = np.cumsum([0, *(len(sheet.points) for sheet in sheets)])
     triangles = np.concatenate([sheet.triangles + n for sheet, n in zip(sheets, first[:-1].tolist(), strict=True)])
@@ -62,7 +62,7 @@ def flatten(sheets: Sequence[Sheet]) -> Flat:
     groups, start, member = np.unique(
         sheet_of[kept] * len(surfaces) + codes[kept], return_index=True, return_inverse=True
     )
-    rank = np.argsort(start)  # groups by appearance
+    rank = np.argsort(start)  # groups in order of appearance
     place = np.empty_like(rank)
     place[rank] = np.arange(len(rank))
     kept = kept[np.argsort(place[member.reshape(-1)], kind="stable")]
@@ -73,17 +73,17 @@ def flatten(sheets: Sequence[Sheet]) -> Flat:
 
 
 def _coded(sheets: Sequence[Sheet]) -> tuple[tuple[Surface, ...], Index]:
-    """All surfaces once, and each triangle's by number, -1 for a hole."""
+    """Return all distinct surfaces, and for each triangle the index of its surface, or -1 for a hole."""
     runs = [run for sheet in sheets for run in sheet.runs]
     numbers: dict[Surface, int] = {}
-    by_id: dict[int, int] = {}  # many names are few objects: found without hashing their fields
+    by_id: dict[int, int] = {}  # few distinct objects: found by identity, without hashing their fields
     for key, name in {id(name): name for name, _ in runs}.items():
         by_id[key] = -1 if name is None else numbers.setdefault(name, len(numbers))
     return tuple(numbers), np.repeat([by_id[id(name)] for name, _ in runs], [count for _, count in runs])
 
 
 def _joined(points: Array, sheet: Index) -> Index:
-    """A number for each point, the same for points of one sheet at one place (to a micrometre)."""
+    """Number the points; points of one sheet at the same position (to a micrometre) have the same number."""
     x, y, z = np.round(points * 1e6).astype(np.int64).T
     order = np.lexsort((z, y, x, sheet))
     new: NDArray[np.bool_] = np.zeros(len(points), np.bool_)
@@ -95,12 +95,12 @@ def _joined(points: Array, sheet: Index) -> Index:
 
 
 def _corner_normals(points: Index, face: Array, crease: Array) -> Array:
-    """For each triangle's corner the area-weighted mean of the faces around it within the crease angle.
+    """Return the area-weighted mean normal at each corner of each triangle, over the faces within the crease angle.
 
     Args:
         points: [T, 3] the number of each corner's point.
-        face: [T, 3] normals as long as twice the triangles' areas.
-        crease: [T] cosine of the angle between two faces above which they share no normal.
+        face: [T, 3] normals whose length is twice the area of the triangle.
+        crease: [T] cosine of the largest angle between faces that share a normal.
 
     Returns:
         [T, 3, 3] unit normals.
@@ -112,13 +112,13 @@ def _corner_normals(points: Index, face: Array, crease: Array) -> Array:
     start = np.cumsum(valence) - valence
     direction = unit(face)
     total = np.empty((len(point), 3))
-    for count in np.unique(valence[valence > 0]).tolist():  # points with so many corners [N], together
+    for count in np.unique(valence[valence > 0]).tolist():  # all points [N] with this many corners, together
         corner = order[start[valence == count][:, None] + np.arange(count)]  # [N, count]
         around = corner // 3
         d, f, limit = direction[around], face[around], crease[around[:, 0]]
         ends = [(d[:, :, None, k], d[:, None, :, k]) for k in range(3)]  # of each pair of faces
         cosine = ends[0][0] * ends[0][1] + ends[1][0] * ends[1][1] + ends[2][0] * ends[2][1]
         near = (cosine >= limit[:, None, None]) | (around[:, :, None] == around[:, None, :])
-        for k in range(3):  # cumsum adds one after the other, so sums have the same bits everywhere
+        for k in range(3):  # cumsum adds in a fixed order, so sums have the same bits on every host
             total[corner, k] = np.cumsum(near * f[:, None, :, k], axis=2)[:, :, -1]
     return unit(total).reshape(-1, 3, 3)

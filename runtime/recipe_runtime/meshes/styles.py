@@ -1,4 +1,4 @@
-"""The outlines of the kinds of car, by name."""
+"""The outlines of car bodies, by the name of the body."""
 
 from __future__ import annotations
 

@@ -1,16 +1,16 @@
-"""Tall buildings of a sky line: few triangles, their windows drawn by patterns, in four shapes.
+"""Tall buildings of a skyline: few triangles, with windows drawn by patterns, in four shapes.
 
-A tower stands over its base centre and fills its size; the key chooses slab, steps, glass or crown.
+A tower is centred on the origin and fills its size; the key selects a slab, a stepped, a glass or a crowned tower.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from recipe_compiler.ir.plan import Element
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.builder import Builder, Vec, noise
 from recipe_runtime.meshes.mesh import Pattern, Surface
-from recipe_runtime.meshes.tags import Tag
 
 _WALL = Surface("wall", Pattern.CONCRETE, Tag.BUILDINGS)
 _FACADE = Surface("window", Pattern.FACADE, Tag.BUILDINGS)
@@ -20,7 +20,7 @@ _SLAB, _STEPS, _SHAFT, _CROWN = range(4)
 
 
 def tower(b: Builder, e: Element) -> None:
-    """A distant building: rows of windows on all sides, and a roof with what stands on it."""
+    """Build a distant building: rows of windows on all sides, and a roof with rooftop equipment."""
     depth, width, height = e.size
     key = int(e.shape["key"])
     shape = key % 4
@@ -47,7 +47,7 @@ def tower(b: Builder, e: Element) -> None:
 
 
 def _tier(b: Builder, skin: Surface, half: tuple[float, float], span: tuple[float, float], key: int) -> None:
-    """Four walls of whole bays and storeys, under a parapet and a flat roof."""
+    """Add four walls of whole bays and storeys, with a parapet and a flat roof."""
     (x, y), (low, high) = half, span
     top = high - 1.1
     floors = max(1, int((top - low) / _STOREY + 0.5))

@@ -1,4 +1,4 @@
-"""The town's bodies: one for each element of its plan, with vertices already in the world frame."""
+"""Bodies of a town: one per element of its plan, with vertices in the world frame."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ _KINDS: dict[str, Callable[[Builder, Element], None]] = {
 
 
 def town_bodies(town: TownPlan) -> tuple[Body, ...]:
-    """A static body an element, in plan order: one part, `static`, in world coordinates; instance 0."""
+    """Return a body per element, in plan order: one part `static` in world coordinates, with instance 0."""
     return tuple(_body(element) for element in town.elements)
 
 
@@ -65,7 +65,7 @@ def _body(element: Element) -> Body:
 
 @lru_cache(maxsize=64)
 def _local(kind: str, size: tuple[float, float, float], shape: tuple[tuple[str, float], ...]) -> Builder:
-    """The element in its own frame; lamps, bins and benches are all alike."""
+    """Return an element in its own frame; equal elements, such as lamps, share the result."""
     builder = Builder()
     _KINDS[kind](builder, Element(name=kind, kind=kind, pose=Pose(), size=size, shape=dict(shape)))
     return builder

@@ -1,22 +1,23 @@
-"""Motorcycles and bicycles with their riders: the machine's parts, then the rider's, each with a tag of its own."""
+"""Motorcycles and bicycles with their riders: first the vehicle's parts, then the rider's, each with its own tag."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from recipe_compiler.ir.semantic_tags import Tag
+
 from recipe_runtime.body.skeleton import Bike
 from recipe_runtime.meshes.builder import Builder, circle
 from recipe_runtime.meshes.lofts import loft, tube
 from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
 from recipe_runtime.meshes.pedestrian import rider_parts
-from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.wheels import spoked_wheel
 
 
 @dataclass(frozen=True)
 class _Finish:
-    """The surfaces of one machine."""
+    """The surfaces of a two-wheeler."""
 
     paint: Surface
     frame: Surface
@@ -40,7 +41,7 @@ class _Finish:
 
 
 def twowheeler_parts(shape: Mapping[str, float], tag: int) -> tuple[tuple[str, Mesh], ...]:
-    """The base `chassis`, its origin on the ground between the wheels, then the parts of `Bike.joints`."""
+    """Return the base part `chassis`, with its origin on the ground between the wheels, then those of `Bike.joints`."""
     bike, f = Bike.of(shape), _Finish.of(tag)
     joints = bike.joints()
     wheel = spoked_wheel(
@@ -55,7 +56,7 @@ def twowheeler_parts(shape: Mapping[str, float], tag: int) -> tuple[tuple[str, M
 
 
 def _frame(f: _Finish, k: Bike) -> Mesh:
-    """A bicycle's frame: tubes from the head to cranks, saddle and rear hub, with saddle, mudguards and lamps."""
+    """Return a bicycle's frame: tubes between head, cranks, saddle and rear hub, with saddle, mudguards and lamps."""
     b = Builder()
     (hx, _, hz), (cx, _, cz), (sx, _, sz) = k.hips, k.crank, k.steering
     rear = -k.wheelbase / 2
@@ -83,7 +84,7 @@ def _frame(f: _Finish, k: Bike) -> Mesh:
 def _guard(
     b: Builder, surface: Surface, hub: tuple[float, float], radius: float, half: float, start: float, end: float
 ) -> None:
-    """A mudguard round a wheel, from so many degrees before its top to so many behind."""
+    """Add a mudguard around a wheel, from `before` degrees ahead of its top to `behind` degrees behind it."""
     rows = []
     for n in range(9):
         s, c = (v for v in circle(1, start + (end - start) * n / 8)[0][::-1])
@@ -94,7 +95,7 @@ def _guard(
 
 
 def _fork(f: _Finish, k: Bike) -> Mesh:
-    """Fork, stem and handlebar about the steering's lower end, with a lamp."""
+    """Return fork, stem, handlebar and lamp, in the frame of the steering axis' lower end."""
     b = Builder()
     ahead, down = k.wheelbase / 2 - k.steering[0], k.wheel - k.steering[2]
     x, y, z = k.grips
@@ -118,7 +119,7 @@ def _fork(f: _Finish, k: Bike) -> Mesh:
 
 
 def _lamp(b: Builder, f: _Finish, at: tuple[float, float, float], radius: float, candela: float) -> None:
-    """A round headlamp in its shell."""
+    """Add a round headlamp."""
     x, y, z = at
     shell = [(x - 1.5 * radius, 0.3), (x - 0.8 * radius, 0.85), (x, 1.0)]
     b.grid(f.trim, [[(px, y + radius * k * c, z + radius * k * s) for c, s in circle(10)] for px, k in shell],
@@ -132,7 +133,7 @@ def _lamp(b: Builder, f: _Finish, at: tuple[float, float, float], radius: float,
 
 
 def _crank(f: _Finish, k: Bike) -> Mesh:
-    """Chain wheel, cranks and round pedals about the bottom bracket; at rest the left crank points up."""
+    """Return chainring, cranks and round pedals in the frame of the bottom bracket; at rest the left crank is up."""
     b = Builder()
     tube(b, f.frame, [(0, -0.075, 0), (0, 0.075, 0)], 0.016, 8)
     tube(b, f.frame, [(0, -0.06, 0), (0, -0.052, 0)], 0.09, 16)
@@ -143,7 +144,7 @@ def _crank(f: _Finish, k: Bike) -> Mesh:
 
 
 def _motor(f: _Finish, k: Bike) -> Mesh:
-    """A motorcycle: engine, tank, seat and tail, swing arm, exhaust, plate and lamp."""
+    """Return the body of a motorcycle: engine, tank, seat and tail, swing arm, exhaust, number plate and lamp."""
     b = Builder()
     (hx, _, hz), (sx, _, sz), half, r = k.hips, k.steering, k.wheelbase / 2, k.wheel
     seat = hz - 0.095
@@ -192,7 +193,7 @@ def _motor(f: _Finish, k: Bike) -> Mesh:
 
 
 def _motor_fork(f: _Finish, k: Bike) -> Mesh:
-    """Telescopic fork, lamp, dials, mirrors and handlebar about the steering's lower end."""
+    """Return telescopic fork, lamp, dials, mirrors and handlebar, in the frame of the steering axis' lower end."""
     b = Builder()
     ahead, down = k.wheelbase / 2 - k.steering[0], k.wheel - k.steering[2]
     x, y, z = k.grips

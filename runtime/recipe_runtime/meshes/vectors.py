@@ -1,4 +1,4 @@
-"""Vector arithmetic along the last axis, by components: no product may depend on BLAS."""
+"""Vector arithmetic along the last axis, component by component, so that no result depends on BLAS."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Index = NDArray[np.int64]
 
 
 def unit(v: Array) -> Array:
-    """Vectors of length one along the last axis; a null vector becomes +z."""
+    """Normalize vectors along the last axis; a zero vector becomes +z."""
     length = np.sqrt(v[..., 0] * v[..., 0] + v[..., 1] * v[..., 1] + v[..., 2] * v[..., 2])
     safe = np.where(length > 0.0, length, 1.0)
     out: Array = v / safe[..., None]
@@ -19,7 +19,7 @@ def unit(v: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Vector product along the last axis."""
+    """Return the cross product along the last axis."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
     out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]

@@ -1,11 +1,13 @@
-"""Cars, vans, buses and trucks: a shell, what is fitted to it, and four wheels."""
+"""Cars, vans, buses and trucks: a shell, its fittings, and four wheels."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
 
-from recipe_runtime.body.skeleton import BODIES, BUS, PICKUP, TRUCK, wheel_joints
+from recipe_compiler.ir.actor_kinds import BODIES
+
+from recipe_runtime.body.skeleton import BUS, PICKUP, TRUCK, wheel_joints
 from recipe_runtime.meshes.builder import Builder
 from recipe_runtime.meshes.coachwork import Finish, Shell
 from recipe_runtime.meshes.mesh import Light, Mesh, Pattern, Surface
@@ -14,7 +16,7 @@ from recipe_runtime.meshes.wheels import car_wheel
 
 
 def vehicle_parts(shape: Mapping[str, float], tag: int, lit: bool) -> tuple[tuple[str, Mesh], ...]:
-    """The base `chassis`, its origin on the ground below the vehicle's middle, then the wheels about their hubs."""
+    """Return the base part `chassis`, whose origin is on the ground below the vehicle's middle, then the wheels."""
     finish = Finish.of(tag, lit)
     heavy = shape["width"] > 2.1
     wide, spokes = (0.28, 8) if heavy else (0.215, int(shape["spokes"]))
@@ -24,7 +26,7 @@ def vehicle_parts(shape: Mapping[str, float], tag: int, lit: bool) -> tuple[tupl
 
 
 def shell_of(shape: Mapping[str, float]) -> Shell:
-    """The shell of a vehicle with a body, without a taxi's sign."""
+    """Return the shell of a vehicle, without the sign of a taxi."""
     style = STYLES[BODIES[int(shape["body"])]]
     if shape["blind"]:
         style = replace(style, windows=(0.63, style.windows[1]), pillars=())
@@ -53,7 +55,7 @@ def _chassis(f: Finish, shape: Mapping[str, float], lit: bool) -> Mesh:
 
 
 def _underside(b: Builder, f: Finish, shell: Shell, body: int) -> None:
-    """A dark core and the housings of the wheels, so that no light falls through the arches."""
+    """Add a dark core and the wheel housings, so that no light passes through the arches."""
     wheel, clearance = shell.shape["wheel"], shell.shape["clearance"]
     y = shell.half - 0.36
     rear, front = shell.axles
@@ -64,7 +66,7 @@ def _underside(b: Builder, f: Finish, shell: Shell, body: int) -> None:
 
 
 def _plates(b: Builder, f: Finish, shell: Shell, body: int) -> None:
-    """Number plates at both ends."""
+    """Add number plates at both ends."""
     for sign, u in ((1.0, 0.999), (-1.0, 0.001)):
         x = sign * (shell.length / 2 + 0.056)
         z = shell.flank(max(u, shell.style.start), 0.33 if sign > 0 else 0.34)[1] - 0.055
@@ -79,7 +81,7 @@ def _plates(b: Builder, f: Finish, shell: Shell, body: int) -> None:
 
 
 def _beams(b: Builder, shell: Shell) -> None:
-    """The headlights light the road."""
+    """Add the headlight beams."""
     y, z = shell.flank(0.985, sum(shell.style.lamps) / 2)
     for side in (1.0, -1.0):
         place = (round(shell.length / 2 + 0.06, 6), round(side * 0.82 * y, 6), round(z, 6))
@@ -87,19 +89,19 @@ def _beams(b: Builder, shell: Shell) -> None:
 
 
 def _panel(b: Builder, surface: Surface, x: float, sign: float, y0: float, y1: float, z0: float, z1: float) -> None:
-    """An upright rectangle that looks forward, or back if `sign` is -1."""
+    """Add an upright rectangle that faces forward, or backward if `sign` is -1."""
     quad = [(x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)]
     b.quads(surface, [quad if sign > 0 else quad[::-1]])
 
 
 def _destination(b: Builder, f: Finish, shell: Shell) -> None:
-    """A bus' destination, above its windscreen."""
+    """Add a bus' destination display above its windscreen."""
     x, w = shell.length / 2, 0.6 * shell.half
     b.box(f.trim, (x - 0.3, -w, 0.87 * shell.height), (x - 0.02, w, 0.955 * shell.height))
 
 
 def _roof_sign(b: Builder, f: Finish, shell: Shell, tall: float, lit: bool) -> None:
-    """A taxi's sign, lit at night unless it is parked."""
+    """Add a taxi's roof sign, lit at night unless the taxi is parked."""
     face = Surface("plate", Pattern.LAMP if lit else Pattern.PLAIN, f.plate.tag)
     x, z = shell.x(0.46), shell.height
     b.box(f.trim, (x - 0.09, -0.28, z - 0.02), (x + 0.09, 0.28, z + 0.02))
@@ -107,7 +109,7 @@ def _roof_sign(b: Builder, f: Finish, shell: Shell, tall: float, lit: bool) -> N
 
 
 def _cargo(b: Builder, f: Finish, shell: Shell) -> None:
-    """A truck's frame and box, with doors, lights and guards at its rear."""
+    """Add a truck's frame and box, with doors, lights and guards at the rear."""
     x0, x1, w, h = -shell.length / 2, shell.x(0.715), shell.half, shell.height
     low, edge = 0.30 * h, 0.04
     ring = [(w - edge, low), (w, low + edge), (w, h - edge), (w - edge, h), (edge - w, h), (-w, h - edge),
@@ -127,7 +129,7 @@ def _cargo(b: Builder, f: Finish, shell: Shell) -> None:
 
 
 def _bed(b: Builder, f: Finish, shell: Shell) -> None:
-    """A pickup's open bed: a dark floor and walls inside the shell."""
+    """Add a pickup's open bed: a dark floor and walls inside the shell."""
     x0, x1, top = shell.x(0.012), shell.x(0.384), shell.belt(0.2)
     y, z = 0.915 * shell.half, top - 0.42
     b.quads(f.trim, [[(x0, -y, z), (x1, -y, z), (x1, y, z), (x0, y, z)]])
@@ -139,7 +141,7 @@ def _bed(b: Builder, f: Finish, shell: Shell) -> None:
 
 
 def _mirrors(b: Builder, f: Finish, shell: Shell, body: int) -> None:
-    """A rounded housing on a foot, its glass looking back."""
+    """Add wing mirrors: a rounded housing on a foot, with the glass facing backward."""
     heavy = body in (BUS, TRUCK)
     u = shell.style.windows[1] - (0.0 if heavy else 0.03)
     x, y0 = shell.x(u), shell.width(u) * 0.94
@@ -160,7 +162,7 @@ _OVAL = ((1.0, -0.6), (1.0, 0.6), (0.75, 1.0), (-0.75, 1.0), (-1.0, 0.6), (-1.0,
 
 
 def _handles(b: Builder, f: Finish, shell: Shell, body: int) -> None:
-    """A handle at the rear edge of each door."""
+    """Add a handle at the rear edge of each door."""
     if body == BUS:
         return
     for seam in shell.style.seams[:-1]:

@@ -1,4 +1,4 @@
-"""Wheels about their hubs; the axle is y."""
+"""Wheels in the frame of their hub; the axle is y."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _SIDES = 18
 
 
 def car_wheel(f: Finish, radius: float, width: float, outside: float, spokes: int = 5) -> Mesh:
-    """A tyre on a dished rim with openings, which lie on the side of +y if `outside` is 1, of -y if -1."""
+    """Return a tyre on a dished rim with openings on the side of +y if `outside` is 1, of -y if it is -1."""
     b = Builder()
     half = width / 2
     profile = [(-half, 0.66), (-half, 0.91), (-0.7 * half, 1.0)]
@@ -32,7 +32,7 @@ def car_wheel(f: Finish, radius: float, width: float, outside: float, spokes: in
 
 
 def spoked_wheel(rubber: Surface, rim: Surface, radius: float, tyre: float, spokes: int, disc: Surface | None) -> Mesh:
-    """A two-wheeler's: a round tyre of half thickness `tyre`, a rim, spokes and a hub; `disc` is its brake's."""
+    """Return a two-wheeler's wheel: a round tyre of half thickness `tyre`, rim, spokes, hub and brake `disc`."""
     b = Builder()
     ring = [(tyre * s, radius - tyre + tyre * c) for c, s in circle(8, 22.5)]
     b.grid(rubber, [_around(y, r) for y, r in [*ring, ring[0]]], crease=-1.0)
@@ -62,5 +62,5 @@ def spoked_wheel(rubber: Surface, rim: Surface, radius: float, tyre: float, spok
 
 
 def _around(y: float, r: float) -> list[tuple[float, float, float]]:
-    """A ring about the axle, clockwise seen from +y."""
+    """Return a ring about the axle, clockwise seen from +y."""
     return [(r * s, y, r * c) for c, s in circle(_SIDES)]

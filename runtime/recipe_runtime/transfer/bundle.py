@@ -1,12 +1,13 @@
-"""A pack: a recipe with all that it needs, in one file whose digest is an identity.
+"""Packs: a recipe and all files that it needs in one file, whose digest is the pack's identity.
 
-    small.recipe            a ZIP file, nothing compressed, entries sorted, no dates
-        small.yaml          the recipe, and what it extends or brings, at their places below its folder
-        lockfiles/small.lock, small.traces    if there are any
-        pack.json           format, the recipe's place, SHA-256 of every file
+    small.recipe            an uncompressed ZIP file with sorted entries and without dates
+        small.yaml          the recipe, the files it extends and its assets, at their paths below its folder
+        lockfiles/small.lock, small.traces    if they exist
+        pack.json           format, the recipe's path, SHA-256 of every file
 
-One content has one byte form: what is read is packed again, and must be the same bytes. So a pack can hold no link, no
-second entry of a name, no compressed bomb and nothing between its entries; names and sizes are checked before that.
+A content has exactly one byte form: a pack that is read is packed again, and must result in the same bytes. A pack
+can therefore contain no link, no duplicate name, no compression bomb and no data between its entries. Names and sizes
+are checked first.
 """
 
 from __future__ import annotations
@@ -39,13 +40,17 @@ _DAMAGE = (ValueError, EOFError, KeyError, TypeError, AttributeError, RecursionE
 
 @dataclass(frozen=True)
 class Pack:
-    """What a pack holds: files by their place below the recipe's folder, and which of them is the recipe."""
+    """The content of a pack: files by path below the recipe's folder, and the path of the recipe."""
 
     recipe: str
     files: Mapping[str, bytes]
 
     def dumps(self) -> bytes:
-        """The one byte form. InputError for a name that cannot be in a pack, or too much."""
+        """Return the bytes of the pack.
+
+        Raises:
+            InputError: a name is not allowed in a pack, or the pack is too large.
+        """
         _check(self.recipe, {path: len(body) for path, body in self.files.items()})
         digests = {path: hashlib.sha256(body).hexdigest() for path, body in sorted(self.files.items())}
         index = canonical_bytes({"format": _FORMAT, "recipe": self.recipe, "files": digests})
@@ -59,17 +64,21 @@ class Pack:
 
 
 def is_pack(path: Path) -> bool:
-    """Whether a path is named as packs are."""
+    """Whether a path has the file name extension of packs."""
     return path.suffix == SUFFIX
 
 
 def identity(body: bytes) -> str:
-    """The identity of a pack's bytes."""
+    """Return the identity of a pack's bytes."""
     return f"sha256:{hashlib.sha256(body).hexdigest()}"
 
 
 def read(path: Path) -> Pack:
-    """A pack from its file; InputError if it is none, damaged, or not in its one byte form."""
+    """Read a pack.
+
+    Raises:
+        InputError: the file is missing, is not a pack, is damaged, or is not in canonical form.
+    """
     try:
         body = read_regular(path, MOST_BYTES)
         if len(body) > MOST_BYTES:
@@ -83,15 +92,19 @@ def read(path: Path) -> Pack:
         raise InputError(f"{path}: is not a pack that can be used: {reason}", code=Code.INVALID_PACK) from None
 
 
-Named = tuple[str, Collection[str]]  # a recipe's name, and the files that it names
+Named = tuple[str, Collection[str]]  # a recipe's name, and the files that it uses
 
 
 @contextmanager
 def unpacked(path: Path, named: Callable[[Path], Named | None] = lambda recipe: None) -> Iterator[Path]:
-    """The recipe of a pack, in a folder of its own for as long as it is needed; mistakes point into the pack.
+    """Unpack a pack into a temporary folder and yield the path of its recipe. Errors inside refer to the pack.
 
-    `named` says which files a recipe names, None of a broken one, which is for the compiler to refuse. InputError if
-    the pack holds any other, besides the recipe's lockfile and traces.
+    Args:
+        path: the pack.
+        named: returns the files that a recipe uses, or None for an invalid recipe, which the compiler reports.
+
+    Raises:
+        InputError: the pack is invalid, or contains files other than those, the recipe's lockfile and its traces.
     """
     pack = read(path)
     with tempfile.TemporaryDirectory(prefix="recipe-pack-") as folder:
@@ -100,7 +113,7 @@ def unpacked(path: Path, named: Callable[[Path], Named | None] = lambda recipe: 
             for name, body in pack.files.items():
                 (root / name).parent.mkdir(parents=True, exist_ok=True)
                 (root / name).write_bytes(body)
-            (root / "lockfiles").mkdir(exist_ok=True)  # a project of its own: no lockfile of a folder above is meant
+            (root / "lockfiles").mkdir(exist_ok=True)  # lockfiles in parent folders are then ignored
         _check_used(path, pack, named(root / pack.recipe))
         try:
             yield root / pack.recipe
@@ -139,7 +152,7 @@ def _check(recipe: str, sizes: Mapping[str, int]) -> None:
             raise InputError(
                 f"{path!r} cannot be a file of a pack; use letters, digits and ._+=,@- in names, and no dot first"
             )
-        for n in range(1, len(parts) + 1):  # no two that one file system takes for one, nor a file that is a folder
+        for n in range(1, len(parts) + 1):  # no two names that differ in case only, no file that is a folder
             place = "/".join(parts[:n])
             if taken.setdefault(place.casefold(), place) != place:
                 raise InputError(f"{path!r} and {taken[place.casefold()]!r} cannot both be in a pack; rename one")
@@ -151,10 +164,10 @@ def _check_used(path: Path, pack: Pack, named: Named | None) -> None:
     if named is None:
         return
     name, files = named
-    below = PurePosixPath(pack.recipe).parent  # files are named from the recipe's folder
+    below = PurePosixPath(pack.recipe).parent  # paths are relative to the recipe's folder
     used = {str(below / file) for file in files}
     if not used <= set(pack.files):
-        return  # the compiler says which file is not there, and where it is named
+        return  # the compiler reports the missing file and its place
     used |= {str(below / "lockfiles" / f"{name}{ending}") for ending in (".lock", ".traces")}
     unused = sorted(set(pack.files) - used)
     if unused:
@@ -163,7 +176,7 @@ def _check_used(path: Path, pack: Pack, named: Named | None) -> None:
 
 
 def _placed(error: InputError, folder: str, pack: str) -> list[Problem]:
-    """The same problems, with places in the pack instead of the folder that it was unpacked to."""
+    """Return the same problems, with places in the pack instead of the temporary folder."""
     found = []
     for problem in error.problems:
         place = problem.place

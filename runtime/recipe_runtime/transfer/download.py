@@ -1,8 +1,8 @@
-"""A dataset read from where fsspec leads: copied into a folder of its own for as long as it is used.
+"""Downloads a dataset from any place that fsspec supports into a temporary folder.
 
-What lies there may be anyone's. Nothing is asked for but the files that its manifest lists, each no longer than that
-says, and none is written outside of the folder. What else lies among them is noted by its name, so that whoever
-verifies the folder tells of it; a file of another size is noted by that size. A `file://` URL is read where it is.
+The place is not trusted. Only the files listed in the manifest are read, each up to its listed size, and nothing is
+written outside the folder. Other files there are represented by empty files of the same name, and files of another size
+by files of that size, so that verification of the folder reports them. A `file://` URL is read in place.
 """
 
 from __future__ import annotations
@@ -26,20 +26,26 @@ from recipe_runtime.dataset.manifest import listed_files, stays_inside
 from recipe_runtime.dataset.manifest_reader import MAX_BYTES
 from recipe_runtime.transfer.upload import located, reported_errors, scheme_of
 
-MOST_LISTED_BEYOND = 100_000  # entries of a dataset's folders, beyond the files that a manifest may list
-MOST_SURPLUS = 1_000  # names of files that no manifest lists; of more, the first are noted
-_AT_ONCE = 8  # files on their way
+MOST_LISTED_BEYOND = 100_000  # limit of entries in a dataset's folders, beyond the number of listed files
+MOST_SURPLUS = 1_000  # limit of surplus files that are represented
+_AT_ONCE = 8  # concurrent downloads
 _PIECE = 1 << 20
-_UNKNOWN = -1  # the size of a file whose store does not tell
-_LARGEST = 1 << 40  # bytes of a file that is not fetched
+_UNKNOWN = -1  # size of a file whose store does not report it
+_LARGEST = 1 << 40  # files of at least this size are not downloaded
 _LISTLESS = ("http", "https")
 
 
 @contextmanager
 def fetched(url: str, progress: Progress) -> Iterator[Path]:
-    """A folder that holds what the dataset at a URL holds.
+    """Yield a folder with the content of the dataset at a URL.
 
-    InputError if there is none, or its manifest is damaged; RunError if the store or this host fails.
+    Args:
+        url: an fsspec URL of a dataset's folder.
+        progress: reports progress in bytes.
+
+    Raises:
+        InputError: there is no dataset, or its manifest is damaged.
+        RunError: the store or this host fails.
     """
     shown = urls.shown(url)
     if scheme_of(url) in _LISTLESS:
@@ -84,9 +90,9 @@ class _Fetch:
         self._note_surplus(sizes, {*rows, layout.MANIFEST})
 
     def _manifest(self) -> dict[str, tuple[int, str]]:
-        """The files that the manifest lists, which is in the folder then."""
+        """Download the manifest and return the files that it lists."""
         there = None
-        with suppress(FileNotFoundError, NotImplementedError):  # a store need not tell
+        with suppress(FileNotFoundError, NotImplementedError):  # not every store reports sizes
             there = self._fs.size(f"{self._prefix}/{layout.MANIFEST}")
         if there is not None and there > MAX_BYTES:
             raise InputError(
@@ -111,7 +117,7 @@ class _Fetch:
             ) from None
 
     def _entries(self, folders: set[str]) -> Iterator[tuple[str, int | None]]:
-        """Every entry of the manifest's folders, with the size of a file, and None for another folder."""
+        """Yield every entry of the manifest's folders, with the size of a file, or None for a further folder."""
         waiting, left = ["."], MAX_FILES + MOST_LISTED_BEYOND
         while waiting:
             folder = waiting.pop()
@@ -145,18 +151,18 @@ class _Fetch:
             )
 
     def _bring(self, path: str, listed: int, size: int) -> None:
-        """Copy a file; of one that has another size than is listed, that size alone; of one that is gone, nothing."""
+        """Download a file, at most its listed size; a file that has disappeared is skipped."""
         if size in (listed, _UNKNOWN):
             try:
                 self._copy(path, max(listed, 0))
-            except FileNotFoundError:  # since it was listed; whoever verifies the folder tells that it is missing
+            except FileNotFoundError:  # deleted since it was listed; verification of the folder reports it
                 (self._root / path).unlink(missing_ok=True)
         else:
             self._make(path).close()
-            os.truncate(self._root / path, size)  # a hole, which takes no room
+            os.truncate(self._root / path, size)  # sparse, so it takes no space
 
     def _copy(self, path: str, most: int) -> None:
-        """Copy a file, and a byte more at the most than it may have."""
+        """Copy a file, at most one byte more than its limit."""
         with self._fs.open(f"{self._prefix}/{path}", "rb", block_size=_PIECE) as source, self._make(path) as target:
             left = most + 1
             while left and (piece := source.read(min(left, _PIECE))):
@@ -169,7 +175,7 @@ class _Fetch:
         return place.open("xb")
 
     def _note_surplus(self, sizes: dict[str, int | None], known: set[str]) -> None:
-        """An empty file or folder for each that no manifest lists."""
+        """Create an empty file or folder for each entry that the manifest does not list."""
         surplus = [path for path in sorted(sizes) if path not in known and not (self._root / path).exists()]
         for path in surplus[:MOST_SURPLUS]:
             if sizes[path] is None:

@@ -1,4 +1,4 @@
-"""A dataset as WebDataset shards: tar files in which a frame's files lie side by side under one key.
+"""Exports a dataset as WebDataset shards: tar files in which the files of a frame are adjacent and share a key.
 
     weather_sweep-000000.tar
         weather=sunny/street/000000.depth.png     the dataset's own files, byte for byte
@@ -6,8 +6,8 @@
         weather=sunny/street/000000.rgb.png
     index.json                                    the dataset's identity; samples, size and SHA-256 of every shard
 
-Equal datasets give equal shards: order is the dataset's, and nothing of the host is in a header. Every file is held
-against the manifest while it is copied, so that no damage travels on.
+Equal datasets give equal shards: samples are in the dataset's order, and headers contain no data of the host. Every
+file is compared with the manifest while it is copied, so damaged files are never exported.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import shutil
 import tarfile
 from collections.abc import Iterator
@@ -30,19 +31,20 @@ from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import file_sha256, host_errors, regular_file
+from recipe_runtime.core.files import file_sha256, host_errors, is_folder, open_folder, regular_file
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.dataset.manifest import DAMAGE
 from recipe_runtime.dataset.reader import Dataset, labels
 
 INDEX = "index.json"
 SHARD_BYTES = 1 << 30
 _FORMAT = "recipe/webdataset/1"
+_MARKER = ".dataset-recipe-export"  # in a folder in which an export works
+_LONGEST_INDEX = 64 << 20  # bytes
 _REMEDY = "free some space or choose another folder, then export again"
 
 
 class ShardRecord(TypedDict):
-    """A shard in the index: its file's name, its number of samples, its size in bytes and its SHA-256."""
+    """A shard in the index: file name, number of samples, size in bytes and SHA-256."""
 
     file: str
     samples: int
@@ -74,13 +76,13 @@ class _Shard:
         self.tar = tarfile.TarFile(self.path, "w", format=tarfile.PAX_FORMAT)
 
     def add(self, sample: Sample) -> None:
-        """The files of one frame, by name."""
+        """Add the files of one frame, sorted by name."""
         for entry, body in sample:
             self.tar.addfile(entry, io.BytesIO(body))
         self.samples += 1
 
     def close(self) -> ShardRecord:
-        """Its row in the index."""
+        """Close the shard and return its row of the index."""
         self.tar.close()
         size, digest = self.path.stat().st_size, file_sha256(self.path)
         return {"file": self.path.name, "samples": self.samples, "size": size, "sha256": digest}
@@ -89,21 +91,30 @@ class _Shard:
 def webdataset(
     dataset: Dataset, out: Path, progress: Progress, shard_bytes: int = SHARD_BYTES, *, replace: bool = False
 ) -> ExportIndex:
-    """Write all frames into `out`, a folder that is not there yet, and give its index; with `replace`, over an export.
+    """Export all frames of a dataset, and return the index.
 
-    A shard is closed before the sample that would make it larger than `shard_bytes`; only one frame alone may. The
-    folder gets its name when it is whole. InputError if it is there already with something else in it, or a file of
-    the dataset is damaged; RunError if the host will not have it, or another export writes there.
+    Args:
+        dataset: the dataset.
+        out: the folder to create; it appears when the export is complete.
+        progress: reports progress.
+        shard_bytes: the size limit of a shard. A shard is closed before the sample that would exceed it, so only a
+        shard
+            with a single sample can be larger.
+        replace: whether an existing export may be replaced.
+
+    Raises:
+        InputError: `out` exists and is not an export, or a file of the dataset is damaged.
+        RunError: the files cannot be written, or another export writes to `out`.
     """
     known = _index_of(out)
-    if known is not None and known.get("dataset") == dataset.lock.identity and known.get("shard_bytes") == shard_bytes:
+    same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
+    if known is not None and same and _is_whole(out, known):
         return known
     if out.is_symlink() or (out.exists() and (known is None or _has_other_files(out, known))):
         raise InputError(f"{out} is there already, and is not an export alone; move it away or name another folder")
     if known is not None and not replace:
-        raise InputError(
-            f"{out} is there already, and is another export; name another folder, or replace it (--replace)"
-        )
+        what = "an export of this dataset whose shards are damaged" if same else "another export"
+        raise InputError(f"{out} is there already, and is {what}; name another folder, or replace it (--replace)")
     with host_errors(str(out), _REMEDY), _alone(out) as work:
         rows = _write(dataset, work, progress, shard_bytes)
         index: ExportIndex = {
@@ -113,34 +124,48 @@ def webdataset(
             "shards": rows,
         }
         (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
+        (work / _MARKER).unlink()
         if known is not None:
-            shutil.rmtree(out)
+            for name in (INDEX, *(row["file"] for row in known["shards"])):
+                (out / name).unlink(missing_ok=True)
+            out.rmdir()
         work.rename(out)
     return index
 
 
 @contextmanager
 def _alone(out: Path) -> Iterator[Path]:
-    """An empty folder beside `out`, this export's alone, and gone in the end; what a killed export left is cleared."""
+    """Yield an empty work folder beside `out` and remove it afterwards.
+
+    Leftovers of a killed export are removed first.
+    """
     work = out.with_name(f".{out.name}.export")
+    if work.is_symlink() or (work.exists() and not _is_work(work)):
+        raise InputError(f"{work} is in the way and is not an export's work; move it away")
     work.mkdir(parents=True, exist_ok=True)
-    handle = os.open(work, os.O_RDONLY)
+    handle = open_folder(work)
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise RunError(f"another export is writing {out}; wait for it, or name another folder") from None
-        left = sorted(work.iterdir())
-        if any(path.name != INDEX and path.suffix != ".tar" for path in left):
-            raise InputError(f"{work} is in the way and is not an export's work; move it away")
+        (work / _MARKER).touch()
         try:
-            for path in left:
-                path.unlink()
+            for path in sorted(work.iterdir()):
+                if path.name != _MARKER:
+                    path.unlink()
             yield work
         finally:
             shutil.rmtree(work, ignore_errors=True)
     finally:
         os.close(handle)
+
+
+def _is_work(work: Path) -> bool:
+    """Return whether a folder is empty or was made by an export that was killed, with nothing else in it."""
+    found = sorted(work.iterdir()) if is_folder(work) else [work]
+    ours = (work / _MARKER).is_file() and all(p.name in (_MARKER, INDEX) or p.suffix == ".tar" for p in found)
+    return not found or (ours and all(regular_file(work, p.name) for p in found))
 
 
 def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -> list[ShardRecord]:
@@ -162,7 +187,7 @@ def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -
 
 
 def _samples(dataset: Dataset) -> Iterator[Sample]:
-    """The files of every frame, in the order of their names."""
+    """Yield the files of every frame, sorted by name."""
     for variant in dataset.plan.variants:
         for sensor in variant.rig.sensors:
             try:
@@ -187,14 +212,14 @@ def _samples(dataset: Dataset) -> Iterator[Sample]:
 
 
 def _entry(name: str, body: bytes) -> tarfile.TarInfo:
-    """Owner 0, time 0, mode 0644."""
+    """Return a tar header with owner 0, time 0 and mode 0644."""
     entry = tarfile.TarInfo(name)
     entry.size = len(body)
     return entry
 
 
 def _whole(dataset: Dataset, path: str) -> bytes:
-    """A file's bytes, which are the manifest's."""
+    """Return the content of a file, after comparing it with the manifest."""
     size, sha256 = dataset.files.get(path, (-1, ""))
     there = regular_file(dataset.root, path)
     if there is None:
@@ -219,17 +244,42 @@ def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:
 
 
 def _has_other_files(out: Path, index: ExportIndex) -> bool:
-    """Whether a folder holds anything but the export that its index lists."""
-    return {path.name for path in sorted(out.iterdir())} != {INDEX, *(row["file"] for row in index["shards"])}
+    """Return whether a folder has anything but the files of the export that its index lists."""
+    found = sorted(out.iterdir())
+    names = {path.name for path in found}
+    return names != {INDEX, *(row["file"] for row in index["shards"])} or any(is_folder(path) for path in found)
 
 
 def _index_of(out: Path) -> ExportIndex | None:
-    """The index of an export that is there and whole, by its files' sizes; None for anything else."""
+    """Return the index of an export; None if there is none, or it is damaged."""
+    found = regular_file(out, INDEX) if is_folder(out) else None
+    if found is None or found.st_size > _LONGEST_INDEX:
+        return None
     try:
         index = json.loads((out / INDEX).read_bytes())
-        whole = index["format"] == _FORMAT and all(
-            (out / row["file"]).stat().st_size == row["size"] for row in index["shards"]
-        )
-    except (OSError, *DAMAGE):
+    except (OSError, ValueError, RecursionError):
         return None
-    return cast(ExportIndex, index) if whole else None
+    return cast("ExportIndex", index) if _is_index(index) else None
+
+
+def _is_index(index: object) -> bool:
+    """Return whether a JSON value has the form of an index; its shards are plain names."""
+    if not isinstance(index, dict) or index.keys() != ExportIndex.__annotations__.keys() or index["format"] != _FORMAT:
+        return False
+    rows = index["shards"]
+    return isinstance(rows, list) and all(
+        isinstance(row, dict)
+        and row.keys() == ShardRecord.__annotations__.keys()
+        and isinstance(row["file"], str)
+        and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*-[0-9]{6,}\.tar", row["file"])
+        for row in rows
+    )
+
+
+def _is_whole(out: Path, index: ExportIndex) -> bool:
+    """Return whether a folder has every shard of an index, and each has its bytes."""
+    for row in index["shards"]:
+        found = regular_file(out, row["file"])
+        if found is None or found.st_size != row["size"] or file_sha256(out / row["file"]) != row["sha256"]:
+            return False
+    return not _has_other_files(out, index)

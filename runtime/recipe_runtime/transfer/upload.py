@@ -1,8 +1,9 @@
-"""A dataset copied to where fsspec leads: S3, Google Cloud Storage, another folder, memory.
+"""Uploads a dataset to any place that fsspec supports, such as S3, Google Cloud Storage or another folder.
 
-A prefix holds a dataset if it holds its manifest, which is written last. While files are on their way a note stands in
-its place, `.recipe-upload.json`. What is there already with the same digest is left; files that are equal are sent
-once, and copied over there. A copy that was stopped goes on: what was sent is noted beside the dataset, here.
+A prefix contains a dataset if it contains its manifest, which is written last. During an upload, a marker file
+`.recipe-upload.json` takes its place. Files that exist with the same digest are kept; files with equal content are sent
+once and then copied within the store. An interrupted upload is resumed: sent files are recorded beside the local
+dataset.
 """
 
 from __future__ import annotations
@@ -34,15 +35,15 @@ SCHEMES = (
     "webhdfs", "smb", "oci", "oss", "http", "https",
 )  # fmt: skip
 _MOST_NOTE = 10_000  # bytes
-_AT_ONCE = 8  # files on their way
-_S3, _GCS = "s3fs>=2024.6", "gcsfs>=2024.6"  # as the extras s3 and gcs of pyproject.toml require them
+_AT_ONCE = 8  # concurrent uploads
+_S3, _GCS = "s3fs>=2024.6", "gcsfs>=2024.6"  # must equal the extras s3 and gcs of pyproject.toml
 _LIBRARIES = {"s3": _S3, "s3a": _S3, "gs": _GCS, "gcs": _GCS}
 Rows = dict[str, tuple[int, str]]  # path -> size, SHA-256
 
 
 @dataclass(frozen=True)
 class Copied:
-    """How many files were sent, how many copied over there, and how many were there already."""
+    """The numbers of files that were sent, copied within the store, and kept."""
 
     sent: int
     copied: int
@@ -50,7 +51,12 @@ class Copied:
 
 
 class Target:
-    """A place for one dataset. InputError at once for a URL that leads nowhere, RunError if it is refused."""
+    """A remote place for one dataset.
+
+    Raises:
+        InputError: the URL does not lead to a usable place.
+        RunError: access is refused.
+    """
 
     def __init__(self, url: str) -> None:
         self._full = url.rstrip("/")
@@ -63,10 +69,14 @@ class Target:
             raise InputError(f"{self.url} holds files but no {layout.MANIFEST} of a dataset; name another place")
         if not found:
             with self._reported():
-                self._write(NOTE, b"{}")  # now rather than after the build: may we write here at all?
+                self._write(NOTE, b"{}")  # fail before the build, not after it, if the place is not writable
 
     def check_replaceable(self, recipe: str) -> None:
-        """InputError if the dataset that is here is of a recipe of another name."""
+        """Check that an existing dataset here belongs to a recipe with this name.
+
+        Raises:
+            InputError: it belongs to another recipe.
+        """
         name = str(self._there.get("recipe"))[:100] if self._there else recipe
         if name != recipe:
             raise InputError(
@@ -75,11 +85,19 @@ class Target:
             )
 
     def put(self, root: Path, progress: Progress, *, replace: bool = False) -> Copied:
-        """Copy the dataset in a folder here, in place of an earlier one of the same recipe that is here.
+        """Upload the dataset in a folder, in place of an existing one of the same recipe.
+
+        Args:
+            root: the dataset's folder.
+            progress: reports progress in bytes.
+            replace: whether the dataset of another recipe may be replaced.
+
+        Returns:
+            How many files were sent, copied and kept.
 
         Raises:
-            InputError: what is here is no dataset or, unless `replace`, the dataset of another recipe.
-            RunError: the copy failed; the next goes on from there.
+            InputError: the existing content is not a dataset or, unless `replace`, the dataset of another recipe.
+            RunError: the upload failed; the next one resumes it.
         """
         body = (root / layout.MANIFEST).read_bytes()
         manifest: Manifest = json.loads(body)
@@ -110,7 +128,10 @@ class Target:
         return Copied(len(missing) - copied, copied, len(rows) - len(missing))
 
     def _send(self, root: Path, rows: Rows, missing: list[str], journal: _Journal, progress: Progress) -> int:
-        """Send what is missing, each content once, then copy the others over there; how many those were."""
+        """Send missing files, each distinct content once, then copy the others within the store.
+
+        Return the number of copies.
+        """
         firsts: dict[tuple[int, str], str] = {}
         for path in missing:
             firsts.setdefault(rows[path], path)
@@ -126,14 +147,17 @@ class Target:
                         progress("copy", done, len(missing))
                 except BaseException:
                     threads.shutdown(wait=True, cancel_futures=True)
-                    for task in tasks:  # what arrived all the same
+                    for task in tasks:  # record what was sent nevertheless
                         if not task.cancelled() and task.exception() is None:
                             journal.note(*task.result())
                     raise
         return len(seconds)
 
     def _bring(self, root: Path, path: str, first: str, row: tuple[int, str]) -> tuple[str, tuple[int, str]]:
-        """Send a file, or copy over there the one that was sent `first` and is equal; which one is in place now."""
+        """Send a file, or copy the equal file `first` within the store.
+
+        Return the path and row of the file now in place.
+        """
         if path != first:
             self._make_room(path)
             self._fs.cp_file(self._at(first), self._at(path))
@@ -149,7 +173,7 @@ class Target:
         self._fs.pipe_file(self._at(path), body)
 
     def _make_room(self, path: str) -> None:
-        """On a disk: a folder for the file, and no file there, for that may be one with another."""
+        """Create the folder of a file on a local disk, and remove an existing file, which may be a hard link."""
         if "file" in self._fs.protocol:
             place = self._at(path)
             self._fs.makedirs(place.rpartition("/")[0], exist_ok=True)
@@ -157,7 +181,7 @@ class Target:
                 self._fs.rm_file(place)
 
     def _note(self) -> str | None:
-        """Which copy is under way here, by the note that it left; None if none is known."""
+        """Return the name of the unfinished upload according to the marker file, or None."""
         try:
             return str(json.loads(self._fs.cat_file(self._at(NOTE), end=_MOST_NOTE))["copy"])
         except (FileNotFoundError, *DAMAGE):
@@ -167,7 +191,7 @@ class Target:
         return set(sizes) == {*rows, layout.MANIFEST} and all(sizes[path] == size for path, (size, _) in rows.items())
 
     def _sizes(self) -> dict[str, int]:
-        """Every file below the prefix, and its size."""
+        """Return the sizes of all files below the prefix."""
         with self._reported():
             try:
                 found = self._fs.find(self._prefix, detail=True)
@@ -177,7 +201,7 @@ class Target:
         return {name[len(head) :]: int(row["size"]) for name, row in found.items() if name.startswith(head)}
 
     def _manifest(self) -> Manifest | None:
-        """The manifest that is there; None if there is none of this project."""
+        """Return the manifest at the place; None if there is none of this project."""
         try:
             place = self._at(layout.MANIFEST)
             if (self._fs.size(place) or 0) > manifest_reader.MAX_BYTES:
@@ -195,9 +219,12 @@ class Target:
 
 
 def scheme_of(url: str) -> str:
-    """A URL's scheme, in small letters; InputError for one that is not in `SCHEMES`, and for a chain of several.
+    """Return the scheme of a URL in lower case.
 
-    fsspec would unpack what a chain such as `zip::https://host/file` names, without a bound.
+    fsspec would unpack the parts of a chain such as `zip::https://host/file` without a limit.
+
+    Raises:
+        InputError: the scheme is not in `SCHEMES`, or the URL chains several schemes.
     """
     scheme = url.partition("://")[0].lower()
     if "::" in url.partition("?")[0]:
@@ -209,7 +236,11 @@ def scheme_of(url: str) -> str:
 
 
 def located(url: str) -> tuple[Any, str]:
-    """The file system that a URL leads to, and the place in it; InputError if it names none."""
+    """Return the file system of a URL and the path in it.
+
+    Raises:
+        InputError: the URL has no path.
+    """
     if not url.partition("://")[2].strip("/"):
         raise InputError(f"{urls.shown(url)} names no place; write for example s3://bucket/name")
     scheme_of(url)
@@ -219,9 +250,11 @@ def located(url: str) -> tuple[Any, str]:
 
 @contextmanager
 def reported_errors(url: str, remedy: str) -> Iterator[None]:
-    """Report any error of a store or its library with the URL and a remedy: `remedy`, unless a better one is known.
+    """Convert any error of a store or its library to one with the URL, without passwords, and a remedy.
 
-    The message holds no password of a URL.
+    Args:
+        url: the URL.
+        remedy: the remedy, unless a more specific one is known.
     """
     shown = urls.shown(url)
     try:
@@ -242,13 +275,13 @@ def reported_errors(url: str, remedy: str) -> Iterator[None]:
         ) from None
     except ValueError as error:
         raise InputError(f"{shown}: {_plain(error, url)}", code=Code.REMOTE) from None
-    except Exception as error:  # each store has errors of its own
+    except Exception as error:  # every store has its own exception types
         if type(error).__name__ == "NoCredentialsError":
             found = "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
             raise RunError(f"{shown}: there are no credentials; {found}", code=Code.REMOTE) from None
         raise RunError(
             f"{shown}: {type(error).__name__}: {_plain(error, url)}; {remedy}", code=Code.REMOTE
-        ) from None  # its text may hold secrets
+        ) from None  # the original text may contain secrets
 
 
 def _plain(error: Exception, url: str) -> str:
@@ -256,9 +289,9 @@ def _plain(error: Exception, url: str) -> str:
 
 
 class _Journal:
-    """What was sent to a place so far, noted beside the dataset's folder: it outlives the process.
+    """The files sent to a place so far, recorded beside the dataset's folder, so that another process can resume.
 
-    Its first line names the copy; what it says holds only where the note at the place names the same.
+    Its first line names the upload; the record is valid only if the marker file at the place has the same name.
     """
 
     def __init__(self, root: Path, url: str) -> None:
@@ -266,7 +299,7 @@ class _Journal:
         self._path = root.with_name(f".{root.name}.sent-{name}")
 
     def rows(self, token: str | None) -> Rows:
-        """The files noted of that copy; a last line that was cut off is none."""
+        """Return the recorded files of the upload with that name; a truncated last line is ignored."""
         found: Rows = {}
         with suppress(OSError):
             first, *lines = self._path.read_text().splitlines() or [""]
@@ -277,7 +310,11 @@ class _Journal:
         return found
 
     def begin(self, rows: Rows) -> str:
-        """A new copy, of which these files are in place already; its name."""
+        """Start recording a new upload and return its name.
+
+        Args:
+            rows: files that exist at the place already.
+        """
         token = f"{fresh_nonce():x}"
         with host_errors(str(self._path), "free some space or allow writing"):
             self._path.write_text(f"{token}\n")
@@ -286,10 +323,10 @@ class _Journal:
         return token
 
     def note(self, path: str, row: tuple[int, str]) -> None:
-        """Add a file."""
+        """Record a file."""
         with host_errors(str(self._path), "free some space or allow writing"), self._path.open("a") as file:
             file.write(f"{json.dumps([path, *row])}\n")
 
     def close(self) -> None:
-        """All is sent."""
+        """Remove the record after a complete upload."""
         self._path.unlink(missing_ok=True)

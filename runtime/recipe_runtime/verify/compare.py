@@ -1,4 +1,4 @@
-"""Digests against digests: a recipe's files, plans and frames against a lockfile."""
+"""Compares a recipe's files, plans and frames with a lockfile, digest by digest."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from recipe_runtime.dataset import digests
 from recipe_runtime.verify.excuses import excuse_of
 from recipe_runtime.verify.verdict import ORDER, Difference
 
-Excuse = Callable[[str, Lockfile], str | None]  # why a stage may differ from a lockfile, as `excuses` says
+Excuse = Callable[[str, Lockfile], str | None]  # (stage, lockfile) -> reason why the stage may differ, as in `excuses`
 
 _STAGE_OF = {"rgb": "shading", "labels": "labels", "depth": "observation"}
 
 
 def stage_of(modality: str) -> str:
-    """The stage that makes a modality."""
+    """Return the stage that produces a modality."""
     return _STAGE_OF.get(modality, "observation")
 
 
 def compare_files(plan: DatasetPlan, lock: Lockfile, files: dict[str, str]) -> list[Difference]:
-    """The recipe's files, by their bytes, where the plan is another than the locked one.
+    """Compare the bytes of the recipe's files, if the plan differs from the locked one.
 
-    Text is not identity: a comment or another file name changes no plan. `text_note` says that the text changed.
+    Comments and file names are not part of the identity. If only the text changed, `text_note` reports it.
     """
     if plan.digest == lock.plan:
         return []
@@ -40,7 +40,7 @@ def compare_files(plan: DatasetPlan, lock: Lockfile, files: dict[str, str]) -> l
 
 
 def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None:
-    """One line on files whose text changed since they were locked, though the plan did not; None if there are none.
+    """Return a one-line note if files changed since they were locked although the plan did not, or None.
 
     Args:
         lock: the lockfile.
@@ -56,7 +56,7 @@ def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None
 
 
 def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse_of) -> list[Difference]:
-    """Every variant's three plans, by their digests."""
+    """Compare the digests of every variant's three plans."""
     found, excuse = [], excuse_for("plan", lock)
     ours = digests.bare(plan, lock.source, {}).variants
     for name in [*lock.variants, *(name for name in ours if name not in lock.variants)]:
@@ -76,7 +76,7 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse
 
 
 def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
-    """Whether a lockfile is whole, and holds a row for just the motion and the frames that the plan stands for."""
+    """Check that a lockfile is complete and has exactly the rows of motion and frames that the plan requires."""
     found = []
     if not lock.sealed:
         found.append("it was damaged or edited: its digests do not add up")
@@ -95,7 +95,7 @@ def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
 
 
 def lacks_frames(plan: DatasetPlan, lock: Lockfile) -> bool:
-    """Whether a lockfile of just this plan has no digest of some of its frames."""
+    """Whether a lockfile of exactly this plan lacks the digests of some frames."""
     if digests.bare(plan, "", {}).variants != lock.variants:
         return False
     return any(key not in lock.frames for key in digests.frame_keys(plan))
@@ -109,19 +109,19 @@ def _uneven(kind: str, missing: list[str], surplus: list[str]) -> list[str]:
 def compare_locks(
     plan: DatasetPlan, lock: Lockfile, made: Lockfile, excuse_for: Excuse = excuse_of
 ) -> list[Difference]:
-    """What a finished build differs in from a lockfile, stage by stage."""
+    """Compare a finished build with a lockfile, stage by stage."""
     found = compare_rows(plan, lock) + compare_files(plan, lock, made.files) + compare_plans(plan, lock, excuse_for)
     return sorted(found + _digests(lock, made, excuse_for), key=lambda difference: ORDER.index(difference.stage))
 
 
 def compare_datasets(plan: DatasetPlan, lock: Lockfile, held: Lockfile, name: str) -> list[Difference]:
-    """How the digests `held` of a dataset called `name` differ from a recipe's plan and its lockfile."""
+    """Compare the digests `held` of a dataset called `name` with a recipe's plan and its lockfile."""
     found = compare_plans(plan, held) + _digests(lock, held)
     return [replace(difference, message=f"{name}: {difference.message}") for difference in found]
 
 
 def _digests(lock: Lockfile, made: Lockfile, excuse_for: Excuse = excuse_of) -> list[Difference]:
-    """Motion and frames that both have, and that differ."""
+    """Compare the motion and the frames that both contain."""
     found = []
     for scene, trace in made.traces.items():
         if scene in lock.traces and lock.traces[scene] != trace:

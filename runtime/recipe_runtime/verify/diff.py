@@ -1,8 +1,8 @@
-"""Compare two recipes, plans, lockfiles or datasets and describe the differences, the first cause first.
+"""Compares two recipes, plans, lockfiles or datasets, and reports the differences in causal order.
 
-The order is that of the stages: files, stages and tools, plans down to the field, motion body by body, pixels frame by
-frame, and of two datasets the files that their manifests list. What only one side has is not compared, and reported as
-such. Of a dataset only the manifest and the plans are read.
+The order is that of the stages: files, versions of stages and tools, plans field by field, motion body by body, pixels
+frame by frame, and for two datasets the files that their manifests list. Items that only one side has are reported but
+not compared. Of a dataset, only the manifest and the plans are read.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from recipe_compiler.ir.lockfile import Lockfile
+from recipe_compiler.ir.modalities import DIGEST_KINDS
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.ir.plurals import count, form
 
@@ -21,21 +22,21 @@ from recipe_runtime.dataset.digests import divergence_text, first_divergence
 from recipe_runtime.verify.compare import stage_of
 from recipe_runtime.verify.verdict import Difference
 
-MAX_FIELDS = 12  # of one plan; the rest is counted
+MAX_FIELDS = 12  # limit of reported fields per plan; the rest is counted
 _PARTS = ("scene", "rig", "appearance")
 
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two things that are compared.
+    """One of the two compared items.
 
     Attributes:
         name: the name in messages.
-        lock: the digests; without motion and pixels for a plan, or a recipe that has no lockfile.
+        lock: the digests; without motion and pixels for a plan, or for a recipe without a lockfile.
         plan: the plan, if there is one.
         listed: SHA-256 by path, of the files that a dataset's manifest lists.
         note: a remark on this side for the user.
-        finished: whether it is a lockfile or a dataset, in which absent rows of motion and pixels are a difference.
+        finished: whether it is a lockfile or a dataset, in which missing rows of motion and pixels are a difference.
     """
 
     name: str
@@ -52,7 +53,7 @@ class Side:
 
 
 def differences(a: Side, b: Side) -> list[Difference]:
-    """Every difference, in the order of the stages: recipe, tools, plan, trace, observation, labels, shading, file."""
+    """Return all differences, ordered by stage: recipe, tools, plan, trace, observation, labels, shading, file."""
     found = [*_seals(a, b), *_files(a, b), *_versions(a, b), *_variants(a, b)]
     if a.locked and b.locked:
         found += [*_traces(a, b), *_frames(a, b)]
@@ -63,7 +64,7 @@ def differences(a: Side, b: Side) -> list[Difference]:
 
 
 def left_out(a: Side, b: Side) -> list[str]:
-    """What was not compared, and why; nothing if all was."""
+    """Return notes on what was not compared, and why."""
     notes = [side.note for side in (a, b) if side.note]
     if a.lock.files and b.lock.files and a.lock.plan == b.lock.plan:
         others = _alone(a.lock.files, b.lock.files), _alone(b.lock.files, a.lock.files)
@@ -82,7 +83,7 @@ def left_out(a: Side, b: Side) -> list[str]:
 
 
 def _seals(a: Side, b: Side) -> Iterator[Difference]:
-    """Lockfiles and manifests that were edited, and the name that is part of their identities."""
+    """Yield lockfiles and manifests that were edited, and a difference of the name, which is part of the identity."""
     for side in (a, b):
         if not side.lock.sealed:
             yield Difference("lockfile", f"{side.name} was damaged or edited: its digests do not add up")
@@ -91,7 +92,7 @@ def _seals(a: Side, b: Side) -> Iterator[Difference]:
 
 
 def _rows_of_one_side(a: Side, b: Side) -> Iterator[Difference]:
-    """Rows that only one of two has, though both are of the same variants; and bodies that contradict their Trace."""
+    """Yield rows that only one side has although the variants are equal, and bodies that contradict their Trace."""
     if a.lock.variants != b.lock.variants:
         return
     lockfiles = a.listed is None and b.listed is None  # a dataset has no rows of bodies, and fewer tools
@@ -115,7 +116,7 @@ def _rows_of_one_side(a: Side, b: Side) -> Iterator[Difference]:
 def _files(a: Side, b: Side) -> Iterator[Difference]:
     ours, theirs = a.lock.files, b.lock.files
     if not ours or not theirs or a.lock.plan == b.lock.plan:
-        return  # a dataset or a plan, of no file; or other text of one plan
+        return  # a dataset or a plan lists no files; or the same plan with other text
     first, second = _alone(ours, theirs), _alone(theirs, ours)
     for path in [path for path in first if path in second]:
         yield Difference("recipe", f"{path} differs")
@@ -128,12 +129,15 @@ def _files(a: Side, b: Side) -> Iterator[Difference]:
 
 
 def _alone(files: Mapping[str, str], others: Mapping[str, str]) -> list[str]:
-    """The files whose bytes the others do not hold, under any name."""
+    """Return the files whose content does not occur among the others, under any name."""
     return [path for path, value in sorted(files.items()) if value not in others.values()]
 
 
 def _versions(a: Side, b: Side) -> Iterator[Difference]:
-    """Stages and tools that both sides name; a dataset, unlike a lockfile, does not name its interpreter."""
+    """Yield differing versions of stages and tools that both sides list.
+
+    A dataset, unlike a lockfile, lists no interpreter.
+    """
     for what, ours, theirs in (
         ("stage ", a.lock.stages, b.lock.stages),
         ("", a.lock.tools, b.lock.tools),
@@ -169,7 +173,7 @@ def _variants(a: Side, b: Side) -> Iterator[Difference]:
 
 
 def _fields(shared: list[str], a: DatasetPlan, b: DatasetPlan) -> Iterator[Difference]:
-    """What differs field by field; what differs alike in many variants is reported once."""
+    """Yield differences field by field; a difference common to many variants is reported once."""
     seen: dict[str, list[str]] = {}
     for name in shared:
         for message in _plan_fields(a.named(name), b.named(name)):
@@ -192,7 +196,7 @@ def _plan_fields(a: ScenarioPlan, b: ScenarioPlan) -> list[str]:
 
 
 def walk(ours: Any, theirs: Any, path: str) -> Iterator[str]:
-    """The fields in which two documents differ, each with both values. Things in lists go by their names."""
+    """Yield the fields in which two documents differ, with both values; named items of lists are matched by name."""
     if isinstance(ours, Mapping) and isinstance(theirs, Mapping):
         for key in [*ours, *(key for key in theirs if key not in ours)]:
             yield from _pair(ours, theirs, key, f"{path}.{key}")
@@ -219,7 +223,7 @@ def _pair(ours: Mapping[str, Any], theirs: Mapping[str, Any], key: str, path: st
 
 
 def _traces(a: Side, b: Side) -> Iterator[Difference]:
-    """Scenes that are planned alike and move otherwise: which body parts first, and when."""
+    """Yield scenes with equal plans and different motion, with the first body that differs and the frames."""
     for scene, value in a.lock.traces.items():
         if b.lock.traces.get(scene, value) == value:
             continue
@@ -238,7 +242,7 @@ def _traces(a: Side, b: Side) -> Iterator[Difference]:
 
 
 def _frames(a: Side, b: Side) -> Iterator[Difference]:
-    """Frames that are planned and move alike and look otherwise, a line for each modality of a sensor of a variant."""
+    """Yield frames that differ although plan and motion agree: one line per variant, sensor and modality."""
     names = {row.frame_key(m): name for name, row in reversed(a.lock.variants.items()) for m in ("rgb", "labels")}
     cases: dict[tuple[str, str, str], list[int]] = {}
     totals: dict[tuple[str, str, str], int] = {}
@@ -258,9 +262,12 @@ def _frames(a: Side, b: Side) -> Iterator[Difference]:
 
 
 def _listed(a: Side, b: Side, only_count: bool) -> list[Difference]:
-    """Files of two datasets whose bytes differ, in the order in which a build makes them.
+    """Return the files of two datasets whose bytes differ, in build order.
 
-    With `only_count`, one line with their number: an earlier difference is their cause.
+    Args:
+        a: the first dataset.
+        b: the second dataset.
+        only_count: whether to report only their number, because an earlier difference is the cause.
     """
     if a.listed is None or b.listed is None:
         return []
@@ -279,7 +286,7 @@ def _listed(a: Side, b: Side, only_count: bool) -> list[Difference]:
 
 
 def _made(path: str) -> tuple[int, str]:
-    """Where a file stands in the order of making: plans, tracks, pictures, labels, annotations, sheets, card."""
+    """Return the sort key of a file in build order: plans, tracks, pictures, labels, annotations, sheets, README."""
     order = (
         path.startswith("plans/"),
         path.endswith("/tracks.csv"),
@@ -292,8 +299,7 @@ def _made(path: str) -> tuple[int, str]:
 
 
 def _order(place: tuple[str, str, str]) -> tuple[int, str, str]:
-    modalities = ("depth", "instance", "semantic", "labels", "rgb")
-    return (modalities.index(place[2]) if place[2] in modalities else len(modalities), place[1], place[0])
+    return (DIGEST_KINDS.index(place[2]) if place[2] in DIGEST_KINDS else len(DIGEST_KINDS), place[1], place[0])
 
 
 def _some(names: Iterable[str], what: str) -> str:
@@ -302,6 +308,6 @@ def _some(names: Iterable[str], what: str) -> str:
 
 
 def _short(value: Any) -> str:
-    """A value as a recipe would write it."""
+    """Return a value in the notation of a recipe, shortened."""
     text = value if isinstance(value, str) else "nothing" if value is None else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:57]}..."

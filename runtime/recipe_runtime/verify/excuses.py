@@ -1,18 +1,18 @@
-"""When a difference does not count against a lockfile: what this host need not make alike, and why.
+"""Reasons why a difference from a lockfile or dataset is INCONCLUSIVE and not FAIL.
 
-A lockfile may be anyone's, and so may each version in it. If any version that differs excused any difference, whoever
-forges a frame would also write another version, and FAIL would become INCONCLUSIVE. So an excuse must be one that this
-project can give:
+A lockfile may have been written by anyone, and so may each version in it. If any version that differs excused any
+difference, an attacker could forge a frame, change a version, and turn FAIL into INCONCLUSIVE. An excuse must therefore
+be a version that this project can produce:
 
-- From the Trace onward all hosts make equal bytes, with whatever tools. A difference in plans, frames or texts is
-  excused by the version of a stage alone, and only by one that a release may have: a lockfile of a newer release with a
-  higher version, or of an older release with a lower one. The reason names both, since that release can check it.
-- A simulation may depend on the C library and Python, which differ among supported hosts, so these excuse a difference
+- From the Trace onward, all hosts produce equal bytes with any tools. A difference in plans, frames or texts is
+  excused only by the version of a stage in another release: a higher version in a newer release, or a lower one in an
+  older release. The reason names that release, which can check the frames.
+- A simulation may depend on the C library and on Python, which differ among supported hosts. They excuse a difference
   in the Trace, and nowhere else.
-- Where pixels are proved equal, another version of the encoder explains other bytes of the file.
-- The words of a dataset's README.md may change with each release.
+- If the pixels are proved equal, another version of the encoder excuses other bytes of the file.
+- The text of a dataset's README.md may change with each release.
 
-A version that is missing, malformed or absurd excuses nothing.
+A missing, malformed or implausible version excuses nothing.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from recipe_runtime.core.versions import STAGES, host_versions
 
 _RELEASE = "dataset-recipe"
 
-# The stages, by their names in versions.STAGES, that make something; what they are made from agrees already.
+# The stages in versions.STAGES whose outputs may differ; inputs of a stage have been compared before.
 _STAGES_OF: dict[str, tuple[str, ...]] = {
     "plan": ("plan",),
     "trace": ("simulate",),
@@ -36,9 +36,9 @@ _STAGES_OF: dict[str, tuple[str, ...]] = {
     "texts": ("observe", "annotate"),
     "encoding": ("encode",),
 }
-# Tools that explain a difference to someone who may have forged the lockfile.
+# Tools that may excuse a difference from a lockfile of unknown origin.
 _TOOLS_OF = {"trace": ("glibc", "python"), "encoding": ("zlib-ng",), "card": (_RELEASE,)}
-# Tools that explain a difference from the golden lockfile, which is this package's own.
+# Tools that may excuse a difference from the golden lockfile, which is part of this package.
 _OWN_TOOLS_OF = {
     "plan": ("astral", "rfc8785"),
     "trace": ("pybullet", "numpy", "glibc", "python"),
@@ -49,14 +49,16 @@ _OWN_TOOLS_OF = {
     "encoding": ("zlib-ng", "numpy"),
 }
 _VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})(?:\.(\d{1,4}))?(?:\.?[a-z]+\d{0,6})?")
-_SPANS = {"glibc": ((2, 17), (2, 99)), "python": ((3, 6), (3, 99))}  # what there is, and will be for some time
+_SPANS = {"glibc": ((2, 17), (2, 99)), "python": ((3, 6), (3, 99))}  # plausible versions, existing and future
 _MAX_STAGE = 1000
 
 
 def excuse_of(stage: str, lock: Lockfile) -> str | None:
-    """Why this host need not agree with a lockfile at a stage, or in `texts` or the `card`; None if it must.
+    """Return the reason why this host need not agree with a lockfile of unknown origin, or None if it must.
 
-    The lockfile may be anyone's.
+    Args:
+        stage: a stage, or `texts` or `card`.
+        lock: the lockfile.
     """
     reason = host.unfit(stage) or _other_stage(stage, lock)
     if reason:
@@ -67,12 +69,12 @@ def excuse_of(stage: str, lock: Lockfile) -> str | None:
 
 
 def own_excuse_of(stage: str, golden: Lockfile) -> str | None:
-    """Why this host need not agree with the golden lockfile, which nobody else wrote."""
+    """Return the reason why this host need not agree with the golden lockfile, whose origin is known, or None."""
     return excuse_of(stage, golden) or _other_tools(stage, golden, _OWN_TOOLS_OF)
 
 
 def _other_stage(stage: str, lock: Lockfile) -> str | None:
-    """The first version of a stage that is another release's."""
+    """Return the first stage version that belongs to another release, in words."""
     theirs, ours = lock.tools.get(_RELEASE, ""), host_versions()[_RELEASE]
     released, here = _parsed(_RELEASE, theirs), _parsed(_RELEASE, ours)
     for name in _STAGES_OF.get(stage, ()):
@@ -88,7 +90,7 @@ def _other_stage(stage: str, lock: Lockfile) -> str | None:
 
 
 def _other_tools(stage: str, lock: Lockfile, tools: dict[str, tuple[str, ...]]) -> str | None:
-    """The tools of a stage that are of another version."""
+    """Return the tools of a stage whose version differs, in words."""
     ours = host_versions()
     found = []
     for tool in tools.get(stage, ()):
@@ -99,7 +101,7 @@ def _other_tools(stage: str, lock: Lockfile, tools: dict[str, tuple[str, ...]]) 
 
 
 def _parsed(tool: str, version: str) -> tuple[int, int, int] | None:
-    """A version's numbers; None for what cannot be one."""
+    """Return the numbers of a version; None if it is malformed or implausible."""
     match = _VERSION.fullmatch(version)
     if match is None:
         return None

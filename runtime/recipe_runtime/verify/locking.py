@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
-from recipe_compiler.ir.errors import RecipeError
 from recipe_compiler.ir.lockfile import FrameKey, Lockfile
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime.annotate.records import FrameRecord
-from recipe_runtime.build import local
-from recipe_runtime.build.journal import ShardJournal, digests_only
 from recipe_runtime.build.known_frames import Known
+from recipe_runtime.build.resume import Resumption, render_unfinished
 from recipe_runtime.build.worker import Job
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
@@ -23,7 +18,7 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset.digests import bare, frame_rows, with_rows
 from recipe_runtime.dataset.limits import check_bounds
-from recipe_runtime.dataset.schedule import Shard, View, all_shards, simulations, views
+from recipe_runtime.dataset.schedule import Shard, all_shards, simulations, views
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 
 
@@ -49,13 +44,12 @@ def lock(
         made = fresh_traces(simulations(plan), engines, Store(Path(folder)), progress)
         job = Job(plan, engines, devices(device), Path(folder), None)
         if known is None:
-            frames = render_rows(job, all_shards(plan), workers, progress)
+            frames, _ = render_rows(job, all_shards(plan), workers, progress)
         else:
             digests = {scene: trace.digest for scene, trace in made.items()}
             rows, shards, journal = known.begin(plan, digests, progress)
-            resumption = Resumption(journal)
-            frames = rows | render_rows(job, shards, workers, progress, resumption)
-            known.resumed_frames = resumption.frames
+            rest, known.resumed_frames = render_rows(job, shards, workers, progress, Resumption(journal))
+            frames = rows | rest
     if traces is not None:
         traces.update(made)
     return with_rows(bare(plan, source, files), made, simulations(plan), frames)
@@ -72,57 +66,20 @@ def fresh_traces(scenes: list[ScenePlan], engines: Engines, store: Store, progre
     return traces
 
 
-@dataclass
-class Resumption:
-    """A journal to continue. `usable` says whether the records of a shard still hold; `frames`: how many were used."""
-
-    journal: ShardJournal
-    usable: Callable[[list[FrameRecord]], bool] = lambda records: True
-    frames: int = 0
-
-    def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:
-        """The records of a shard that a stopped run finished."""
-        records = self.journal.read(shard, view)
-        if records is None or not self.usable(records):
-            return None
-        self.frames += shard.pictures
-        return records
-
-    def record(self, shard: Shard, view: View, records: list[FrameRecord]) -> None:
-        """Record a finished shard; where the cache cannot be written, the run cannot be resumed, and goes on."""
-        with suppress(RecipeError, OSError):
-            self.journal.write(shard, view, digests_only(records))
-
-
 def render_rows(
     job: Job, shards: list[Shard], workers: int, progress: Progress, resumption: Resumption | None = None
-) -> dict[FrameKey, str]:
-    """Do the shards, with the traces in the job's cache, and list the digests of their frames."""
+) -> tuple[dict[FrameKey, str], int]:
+    """Render the shards that no stopped run has finished, with the traces in the job's cache.
+
+    Returns:
+        The digests of the frames of all shards, and the number of frames that a stopped run had rendered.
+    """
     plan = job.dataset
-    found: dict[FrameKey, str] = {}
-    plan_views, todo, count = views(plan), list[Shard](), 0
+    found, seen = dict[FrameKey, str](), views(plan)
 
     def add(shard: Shard, records: list[FrameRecord]) -> None:
         for record in records:
-            found.update(frame_rows(plan, plan_views[shard.view], record))
+            found.update(frame_rows(plan, seen[shard.view], record))
 
-    for shard in shards:
-        records = None if resumption is None else resumption.finished(shard, plan_views[shard.view])
-        if records is None:
-            todo.append(shard)
-        else:
-            add(shard, records)
-    total = sum(shard.pictures for shard in todo)
-
-    def done(shard: Shard, records: list[FrameRecord]) -> None:
-        if resumption is not None:
-            resumption.record(shard, plan_views[shard.view], records)
-        add(shard, records)
-
-    def tick(pictures: int) -> None:
-        nonlocal count
-        count += pictures
-        progress("render", count, total)
-
-    local.run(job, todo, workers, done, tick)
-    return found
+    earlier, _ = render_unfinished(job, shards, workers, progress, add, resumption)
+    return found, sum(shard.pictures for shard in earlier)

@@ -1,7 +1,8 @@
-"""A scene's motion as it is locked and as this host simulates it: where they part, and what that may excuse.
+"""Compares a scene's locked motion with this host's, and decides which differences of frames it may excuse.
 
-A lockfile or manifest may be anyone's, and so may the digest of its motion. A claim of other motion excuses a frame
-only if the frame's own labels bear it out.
+A lockfile or manifest may be anyone's, and so may the digest of its motion. A claim of other motion alone excuses
+little: a frame may differ only from the frame on in which the recorded motion of a body differs, and its colours only
+if such motion is recorded at all, as rows of bodies in a lockfile or as the tracks of a dataset.
 """
 
 from __future__ import annotations
@@ -14,45 +15,61 @@ from recipe_compiler.ir.plurals import count, form
 
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import digests
+from recipe_runtime.dataset.reader import Dataset, tracks_difference
 
 CONTRADICTION = "the motion of every body agrees, and the digest of the whole does not: the lockfile contradicts itself"
 
 
 @dataclass(frozen=True)
 class OtherMotion:
-    """Motion that differs from the locked one: this host's Trace, from which frames are compared nevertheless."""
+    """Motion that differs from the locked motion. Frames are still rendered from this host's Trace and compared."""
 
     trace: Trace
     reason: str  # why this host need not agree
     agreed: int = 0  # frames at the start in which, by the locked bodies, the motion is this host's
+    recorded: bool = False  # whether some body's motion is recorded, and differs from this host's
 
     def excuses(self, modality: str, frame: int) -> bool:
-        """Whether a frame whose first difference is in that modality may differ.
+        """Whether a frame may differ whose first difference is in a given modality.
 
-        Colours may not: where depth, instances and labels agree, so does the motion that is seen.
+        Depth, instances and labels that differ show other motion themselves. Where they agree, colours may differ by
+        the shadow, light or reflection of a body outside the picture, or by less than the grid of the labels. Nothing
+        in the frame shows that, so the motion must be recorded.
         """
-        return modality != "rgb" and frame >= self.agreed
+        return frame >= self.agreed and (modality != "rgb" or self.recorded)
 
 
-def parting(lock: Lockfile, scene: ScenePlan, trace: Trace) -> tuple[str, int, bool]:
-    """Where motion of another digest parts from the locked one.
+@dataclass(frozen=True)
+class MotionDifference:
+    """How locked motion differs from this host's, of another digest."""
 
-    Returns:
-        Which body parts first, and about when, in words; the number of frames before that, 0 if it is not known; and
-        whether the lockfile contradicts itself, since it says that no body parts.
-    """
+    message: str  # which body differs first, and about when
+    agreed: int = 0  # frames before that; 0 if it is not known
+    contradiction: bool = False  # the lockfile says that no body differs
+    recorded: bool = False  # it has a row of a body that differs
+
+
+def motion_difference(lock: Lockfile, scene: ScenePlan, trace: Trace) -> MotionDifference:
+    """How the locked motion of a scene differs from a Trace of another digest."""
     ours, partings = digests.body_motions(trace), []
     locked = {actor: lock.bodies.get((scene.digest, actor)) for actor in ours}
-    if ours and all(locked[actor] == motion for actor, motion in ours.items()):
-        return CONTRADICTION, 0, True
+    if all(locked[actor] == motion for actor, motion in ours.items()):
+        return MotionDifference(CONTRADICTION, contradiction=True)
     for actor, motion in ours.items():
         row = locked[actor]
         at = digests.first_divergence(row, motion) if row else None
         if at:
             partings.append((at[0], actor, at[1]))
     if not partings:
-        return "the motion differs from the one that was locked", 0, False
+        return MotionDifference("the motion differs from the one that was locked")
     first, actor, last = min(partings)
     where = f"{digests.divergence_text(first, last)} (from step {first * scene.clock.steps_per_frame})"
     bodies = f"{len(partings)} of {count(len(ours), 'body', 'bodies')} {form(len(partings), 'differs', 'differ')}"
-    return f"body {actor} parts {where}; {bodies}", 0 if None in locked.values() else max(0, first - 1), False
+    agreed = 0 if None in locked.values() else max(0, first - 1)
+    return MotionDifference(f"body {actor} parts {where}; {bodies}", agreed, recorded=True)
+
+
+def tracks_differ(dataset: Dataset, scene: ScenePlan, trace: Trace) -> bool:
+    """Whether the tracks that a dataset has of a scene, in every variant of it, are others than a Trace makes."""
+    variants = [variant for variant in dataset.plan.variants if variant.scene.digest == scene.digest]
+    return bool(variants) and all(tracks_difference(dataset, variant, trace) for variant in variants)

@@ -16,9 +16,9 @@ from recipe_runtime.verify.verdict import Difference
 
 
 def recipe_differences(dataset: Dataset, allow_large: bool = False) -> list[Difference]:
-    """How the recipe in a dataset's folder disagrees with the dataset: with its plans, files or identity.
+    """Compare the recipe in a dataset's folder with the dataset: its plans, files and identity.
 
-    Whether its files have the manifest's bytes is for `damaged_files` to say.
+    The bytes of the files are not compared with the manifest; `damaged_files` does that.
     """
     place = dataset.recipe_file
     if place is None or regular_file(dataset.root, place) is None:
@@ -40,7 +40,7 @@ def recipe_differences(dataset: Dataset, allow_large: bool = False) -> list[Diff
 
 
 def _surplus(dataset: Dataset, files: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Files beside the recipe that it does not use."""
+    """Yield files in the recipe's folder that the recipe does not use."""
     known = {f"{layout.RECIPE}/{path}" for path in files} | {layout.recipe_lockfile(dataset.plan.recipe)}
     for path in dataset.files:
         if layout.is_recipe_file(path) and path not in known:

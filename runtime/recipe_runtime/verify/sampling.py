@@ -1,7 +1,7 @@
-"""Which frames to verify, and what confidence they buy.
+"""Chooses the frames to verify, and computes the confidence of the result.
 
-The sample is drawn by the nonce from all frames, without replacement, each set of k as likely. If a share p of them
-differs, wherever they are, the chance that none is drawn is at most (1 - p)^k.
+The sample is drawn from all frames without replacement; every set of k frames is equally likely. If a fraction p of all
+frames differs, the probability that none of them is drawn is at most (1 - p)^k.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Bound:
-    """With `checked` clean frames of `total`, and this confidence, fewer than a share `differing` of them differ."""
+    """The result of checking `checked` of `total` frames without a difference.
+
+    With the given confidence, less than a fraction `differing` of all frames differs.
+    """
 
     checked: int
     total: int
@@ -27,7 +30,7 @@ class Bound:
 
     @property
     def differing(self) -> float:
-        """The largest share of frames that could differ and stay unseen; 0 if every frame was checked."""
+        """The largest fraction of frames that could differ undetected; 0 if every frame was checked."""
         if self.checked >= self.total:
             return 0.0
         if self.checked == 0:
@@ -44,15 +47,15 @@ class Bound:
 
 
 def sample_size(total: int, confidence: float, bound: float) -> int:
-    """The fewest frames which, all clean, show with this confidence that fewer than a share `bound` differ."""
+    """Return the smallest sample that shows, if no frame differs, that less than a fraction `bound` differs."""
     needed = exact.log(1.0 - confidence) / exact.log(1.0 - bound)
     return min(total, max(1, -int(-needed // 1)))
 
 
 def draw(items: Sequence[T], count: int, nonce: int) -> list[T]:
-    """`count` of the items, in their order."""
+    """Draw `count` of the items, in their original order."""
     stream, places = Stream(nonce, "verify"), list(range(len(items)))
-    for k in range(count):  # the first steps of Fisher's and Yates's shuffle
+    for k in range(count):  # the first steps of a Fisher-Yates shuffle
         other = stream.integer(k, len(places) - 1)
         places[k], places[other] = places[other], places[k]
     return [items[place] for place in sorted(places[:count])]

@@ -1,7 +1,7 @@
-"""What this host is, and whether it makes the bytes that it should: a golden recipe, built and compared stage by stage.
+"""The self-test of `recipe doctor`: describes the host, builds a golden recipe and compares every stage.
 
-The digests lie beside the recipe, in `golden/`; they were made where this release was. A stage that differs is told
-with the reason that this host need not agree, if there is one; what comes after a stage that differs proves nothing.
+The digests are in `golden/`, beside the recipe; they are part of the release. A stage that differs is reported with the
+reason why this host need not agree, if there is one. Stages after it prove nothing.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from recipe_runtime.verify.verdict import Difference
 GOLDEN = Path(__file__).parent / "golden"
 RECIPE, LOCK, FILES = (GOLDEN / f"self_test.{kind}" for kind in ("yaml", "lock", "files"))
 
-# In the order in which things are made, with what is compared.
+# In pipeline order, with a description of what is compared.
 STAGES = {
     "plan": "plans compiled",
     "trace": "motion simulated",
@@ -47,7 +47,7 @@ State = Literal["equal", "differs", "may differ", "not reached"]
 
 
 class Fingerprint(TypedDict):
-    """What the bytes of a dataset may depend on, and what its speed does; no name of a host, user or place."""
+    """Properties of the host that the bytes or the speed of a build may depend on; no name of a host, user or path."""
 
     processor: str
     features: list[str]
@@ -59,7 +59,7 @@ class Fingerprint(TypedDict):
 
 @dataclass(frozen=True)
 class Check:
-    """One stage of the self-test. `reason`: what differs, and why it may."""
+    """The result of one stage. `reason` is what differs, and why it may."""
 
     stage: str
     state: State
@@ -68,15 +68,15 @@ class Check:
 
 @dataclass
 class Examination:
-    """What was found."""
+    """The result of the self-test."""
 
     fingerprint: Fingerprint
     checks: list[Check] = field(default_factory=list)
-    gpu: list[Check] = field(default_factory=list)  # of the pixels, on the first GPU; empty where there is none
+    gpu: list[Check] = field(default_factory=list)  # the pixels on the first GPU; empty without a GPU
 
     @property
     def tiers(self) -> dict[str, str]:
-        """Which promises this host keeps: yes, no, or why neither was seen."""
+        """Whether this host keeps each promise: yes, no, or why it is unknown."""
         found = {"A": "yes" if all(c.state == "equal" for c in self.checks) else "no"}
         if any(c.state == "may differ" for c in self.checks) and all(c.state != "differs" for c in self.checks):
             found["A"] = "not promised here: " + next(c.reason for c in self.checks if c.state == "may differ")
@@ -86,12 +86,12 @@ class Examination:
 
     @property
     def healthy(self) -> bool:
-        """Whether nothing differs that must not, and tier A is not denied."""
+        """Whether there is no unexcused difference, and tier A holds or is unknown."""
         return self.tiers["A"] != "no" and all(check.state != "differs" for check in (*self.checks, *self.gpu))
 
 
 def examine(progress: Progress, engines: Engines | None = None, gpus: list[str] | None = None) -> Examination:
-    """Look at this host, and run the self-test on its processor and on its first GPU, if it has one."""
+    """Describe this host, and run the self-test on the CPU and on the first GPU, if there is one."""
     gpus = _gpus() if gpus is None else gpus
     plan = compiled(RECIPE)
     found = Examination(fingerprint(gpus))
@@ -116,7 +116,7 @@ def fingerprint(gpus: list[str]) -> Fingerprint:
 def self_test(
     plan: DatasetPlan, progress: Progress, *, engines: Engines | None = None, device: str = "cpu"
 ) -> list[Check]:
-    """Build the golden recipe and compare it, stage by stage."""
+    """Build the golden recipe, and compare it stage by stage."""
     golden = lockfile.read(LOCK)
     with tempfile.TemporaryDirectory(prefix="recipe-doctor-") as folder:
         root = Path(folder)
@@ -136,12 +136,12 @@ def self_test(
 
 
 def file_rows(files: Mapping[str, FileRecord]) -> dict[str, str]:
-    """SHA-256 of every file that the self-test compares; card and manifest say versions, so they are left out."""
+    """Return the SHA-256 of every compared file; README and manifest contain versions and are not compared."""
     return {path: row["sha256"] for path, row in sorted(files.items()) if path not in (layout.CARD, layout.MANIFEST)}
 
 
 def _other_files(files: Mapping[str, FileRecord]) -> list[tuple[str, str]]:
-    """The stage and path of every file that differs from the golden one."""
+    """Return the stage and path of every file that differs from the golden one."""
     rows = (line.split("  ", 1) for line in FILES.read_text().splitlines())
     golden, made = {path: value for value, path in rows}, file_rows(files)
     other = [path for path in sorted({*golden, *made}) if golden.get(path) != made.get(path)]
@@ -149,7 +149,7 @@ def _other_files(files: Mapping[str, FileRecord]) -> list[tuple[str, str]]:
 
 
 def _checks(differences: list[Difference]) -> list[Check]:
-    """A check for every stage: after the first that differs, the later ones follow from it."""
+    """Return the check of every stage; differences after the first stage that differs follow from it."""
     by_stage: dict[str, list[Difference]] = {}
     for difference in differences:
         by_stage.setdefault("plan" if difference.stage == "lockfile" else difference.stage, []).append(difference)

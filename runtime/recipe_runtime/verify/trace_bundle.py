@@ -1,12 +1,12 @@
-"""Traces beside a lockfile: motion that a host can start from where its own simulation would be another.
+"""Files of Traces beside lockfiles, for hosts whose own simulation differs.
 
     lockfiles/<recipe>.traces
         recipe-traces 1
-        SCENE-DIGEST TRACE-DIGEST COMPRESSED-BYTES RAW-BYTES     a line a trace, then its bytes, zlib-compressed
+        SCENE-DIGEST TRACE-DIGEST COMPRESSED-BYTES RAW-BYTES     one line per Trace, then its zlib-compressed bytes
         ...
 
-A Trace is believed for its digest's sake alone: the lockfile says which it must have. The file is a stranger's until
-then, so sizes are bounded before anything is unpacked.
+The file is not trusted. A Trace is accepted only if it has the digest in the lockfile, and sizes are limited before
+anything is unpacked.
 """
 
 from __future__ import annotations
@@ -23,19 +23,23 @@ from recipe_runtime.core.files import host_errors, write_atomic
 from recipe_runtime.core.trace import Trace
 
 SUFFIX = ".traces"
-MOST_BYTES = 1 << 30  # of the file, and of a Trace
+MOST_BYTES = 1 << 30  # limit of the file, and of a Trace
 _HEAD = b"recipe-traces 1\n"
 _MOST_LINE = 400
 _PIECE = 1 << 16
 
 
 def beside(lockfile: Path) -> Path:
-    """Where the traces of a lockfile lie."""
+    """Return the path of the traces of a lockfile."""
     return lockfile.with_suffix(SUFFIX)
 
 
 def dumps(traces: Mapping[str, Trace]) -> bytes:
-    """Traces by scene digest, as one file's bytes."""
+    """Return the content of a file of traces.
+
+    Args:
+        traces: Traces by scene digest.
+    """
     pieces = [_HEAD]
     for scene, trace in sorted(traces.items()):
         size, packed = _packed(trace)
@@ -44,7 +48,7 @@ def dumps(traces: Mapping[str, Trace]) -> bytes:
 
 
 def _packed(trace: Trace) -> tuple[int, bytes]:
-    """The size of a Trace's byte form, and that form compressed, of which no more than a piece is in memory."""
+    """Return the size of a serialized Trace, and its compressed bytes; only one piece at a time is in memory."""
     packer, size, packed = zlib.compressobj(9), 0, []
     for piece in trace.pieces():
         size += len(piece)
@@ -53,10 +57,10 @@ def _packed(trace: Trace) -> tuple[int, bytes]:
 
 
 def write(path: Path, traces: Mapping[str, Trace], *, replace: bool = False) -> bool:
-    """Write them unless the file says the same already; whether it was written.
+    """Write a file of traces, unless it has the same content already; return whether it was written.
 
     Raises:
-        InputError: what is there is not a file of traces, and not `replace`.
+        InputError: the path exists, is not a file of traces, and `replace` is not set.
     """
     body = dumps(traces)
     if path.is_file() and path.read_bytes() == body:
@@ -71,9 +75,14 @@ def write(path: Path, traces: Mapping[str, Trace], *, replace: bool = False) -> 
 
 
 def read(path: Path, locked: Mapping[str, str]) -> dict[str, Trace]:
-    """The traces that a lockfile's `trace` rows vouch for, by scene; none if there is no file.
+    """Read the traces that the `trace` rows of a lockfile name, by scene; empty if there is no file.
 
-    InputError if the file is damaged, or holds a Trace that is not the locked one.
+    Args:
+        path: the file.
+        locked: Trace digests by scene digest.
+
+    Raises:
+        InputError: the file is damaged, or contains a Trace that is not the locked one.
     """
     if not path.exists():
         return {}
@@ -105,7 +114,7 @@ def _entries(body: bytes, locked: Mapping[str, str]) -> list[tuple[str, Trace]]:
 
 
 def _unpacked(packed: memoryview, size: int) -> Trace:
-    """A Trace of so many bytes and no more, in a temporary file: another size is refused before it fills the disk."""
+    """Unpack a Trace into a temporary file; more bytes than `size` are refused before they are written."""
     if not 0 < size <= MOST_BYTES:
         raise ValueError(f"a Trace of {size} bytes is none")
     unpacker, left = zlib.decompressobj(), size

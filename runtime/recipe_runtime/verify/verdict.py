@@ -1,7 +1,7 @@
 """The result of a comparison: differences, each at a stage, and the verdict that follows from them.
 
-A difference is FAIL if this host promises equal bytes; it is INCONCLUSIVE, with the reason, if a stage's version or a
-tool that the stage depends on is another than the lockfile's.
+A difference is FAIL if this host promises equal bytes. It is INCONCLUSIVE, with the reason, if `excuses` has an excuse
+for it.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from recipe_runtime.verify.sampling import Bound
 
 Verdict = Literal["PASS", "FAIL", "INCONCLUSIVE"]
 
-# In the order of the pipeline; the first that differs is the verdict's. `recipe diff` also reports `tools`.
+# In pipeline order: the first stage that differs is part of the verdict. `recipe diff` also reports `tools`.
 ORDER = ("lockfile", "recipe", "plan", "trace", "observation", "labels", "shading", "encoding", "file")
 
 
 @dataclass(frozen=True)
 class Difference:
-    """One thing that differs, and the stage at which it does.
+    """One difference, and the stage at which it occurs.
 
     `recipe verify` fills all fields, `recipe diff` only the stage and the message.
     """
 
     stage: str
     message: str
-    excuse: str | None = None  # why this host need not agree; None: it must
+    excuse: str | None = None  # why this host need not agree; None if it must
     variant: str | None = None
     sensor: str | None = None
     frame: int | None = None
     modality: str | None = None
-    path: str | None = None  # of the dataset's file that differs
-    recorded: str | None = None  # a digest, or a pixel's value, as lockfile or dataset has it
-    rendered: str | None = None  # the same, as this host makes it
+    path: str | None = None  # path of the dataset's file that differs
+    recorded: str | None = None  # a digest or a pixel value, from the lockfile or dataset
+    rendered: str | None = None  # the same, as rendered on this host
 
     def __str__(self) -> str:
         return f"{self.stage}: {self.message}" + (f" ({self.excuse})" if self.excuse else "")
@@ -76,7 +76,7 @@ class ReportRecord(TypedDict):
 
 @dataclass
 class Report:
-    """What was compared, what differs, and the verdict."""
+    """What was compared, the differences, and the verdict."""
 
     name: str
     identity: str
@@ -84,25 +84,25 @@ class Report:
     bound: Bound
     differences: list[Difference] = field(default_factory=list)
     pictures: list[str] = field(default_factory=list)
-    files: int | None = None  # hashed, where nothing was rendered
-    notes: list[str] = field(default_factory=list)  # what a reader should know and no verdict depends on
-    resumed: int = 0  # of the frames compared, those that a run that was stopped had rendered
+    files: int | None = None  # number of files hashed, if nothing was rendered
+    notes: list[str] = field(default_factory=list)  # remarks for the user that do not affect the verdict
+    resumed: int = 0  # number of compared frames that an interrupted run had rendered
 
     @property
     def stage(self) -> str | None:
-        """The first stage that differs."""
+        """The first stage that differs, or None."""
         return min((d.stage for d in self.differences), key=ORDER.index, default=None)
 
     @property
     def verdict(self) -> Verdict:
-        """FAIL if anything differs that must not; INCONCLUSIVE if something differs that may."""
+        """FAIL if there is an unexcused difference, INCONCLUSIVE if there are only excused ones, else PASS."""
         if any(d.excuse is None for d in self.differences):
             return "FAIL"
         return "INCONCLUSIVE" if self.differences else "PASS"
 
     @property
     def extent(self) -> str:
-        """How much was compared, and what that shows; a bound is shown only where nothing differs."""
+        """How much was compared, and what that proves; the bound is stated only if nothing differs."""
         if self.files is not None:
             return f"{count(self.files, 'file')} hashed, no frame rendered"
         resumed = f"; {self.resumed:,} were rendered by the run that was stopped" if self.resumed else ""

@@ -9,18 +9,20 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
 from recipe_compiler.ir import canonical
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.lockfile import FrameKey, Lockfile, VariantRow
+from recipe_compiler.ir.modalities import DIGEST_KINDS
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.journal import CacheJournal
 from recipe_runtime.build.recipe_files import asset_places
+from recipe_runtime.build.resume import Resumption
 from recipe_runtime.build.worker import Job
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
@@ -28,7 +30,6 @@ from recipe_runtime.core import host, layout
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.files import file_sha256
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import builder
 from recipe_runtime.dataset import digests
@@ -36,8 +37,7 @@ from recipe_runtime.dataset.reader import Dataset, Fault, damaged_files, regular
 from recipe_runtime.dataset.schedule import chosen_shards
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.shot import shot
-from recipe_runtime.report.difference import first_difference, read_pixels, write_difference
-from recipe_runtime.verify import locking
+from recipe_runtime.report.difference import write_difference
 from recipe_runtime.verify.compare import (
     compare_datasets,
     compare_files,
@@ -48,7 +48,9 @@ from recipe_runtime.verify.compare import (
     text_note,
 )
 from recipe_runtime.verify.excuses import excuse_of
-from recipe_runtime.verify.motion_comparison import OtherMotion, parting
+from recipe_runtime.verify.file_comparison import FileComparison
+from recipe_runtime.verify.locking import render_rows
+from recipe_runtime.verify.motion_comparison import MotionDifference, OtherMotion, motion_difference, tracks_differ
 from recipe_runtime.verify.recipe_comparison import recipe_differences
 from recipe_runtime.verify.sampling import Bound, draw, sample_size
 from recipe_runtime.verify.verdict import Difference, Report
@@ -98,12 +100,7 @@ def verify(
     """
     engines = engines or real_engines(Assets(asset_places(dataset) if dataset is not None else {}))
     choices = all_choices(plan)
-    differences = compare_rows(plan, lock)
-    if files is not None:
-        differences += compare_files(plan, lock, files)
-    differences += compare_plans(plan, lock)
-    if dataset is not None and dataset.lock is not lock:
-        differences += compare_datasets(plan, lock, dataset.lock, dataset.name)
+    differences = _listed_differences(plan, lock, files, dataset)
     other = {d.variant for d in differences if d.stage == "plan"}
     chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
     if lacks_frames(plan, lock):  # the verdict is FAIL already, and the plan may ask for anything
@@ -115,8 +112,7 @@ def verify(
         compared, found = check.run(chosen)
         differences += found
         if dataset is not None:
-            differences += recipe_differences(dataset, options.allow_large)
-            differences += _not_yet_reported(differences, damaged_files(dataset, progress))
+            differences += _recipe_and_damage(differences, dataset, options, progress)
             excuses = {layout.CARD: excuse_of("card", lock), **check.track_excuses()}
             faults = text_differences(dataset, check.simulated())
             differences += _not_yet_reported(differences, faults, excuse_of("texts", lock), excuses)
@@ -139,12 +135,33 @@ def verify(
 
 def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Report:
     """Compare a dataset's files with its manifest, and that with its plan; nothing is simulated or rendered."""
-    differences = compare_rows(dataset.plan, dataset.lock) + recipe_differences(dataset, options.allow_large)
-    differences += _not_yet_reported(differences, damaged_files(dataset, progress))
+    differences = compare_rows(dataset.plan, dataset.lock)
+    differences += _recipe_and_damage(differences, dataset, options, progress)
     bound = Bound(0, len(all_choices(dataset.plan)), options.confidence)
     return Report(
         dataset.plan.recipe, dataset.lock.identity, options.nonce, bound, differences, files=len(dataset.files)
     )
+
+
+def _listed_differences(
+    plan: DatasetPlan, lock: Lockfile, files: dict[str, str] | None, dataset: Dataset | None
+) -> list[Difference]:
+    """What differs by the digests that recipe, plan, lockfile and dataset list, before anything is rendered."""
+    found = compare_rows(plan, lock)
+    if files is not None:
+        found += compare_files(plan, lock, files)
+    found += compare_plans(plan, lock)
+    if dataset is not None and dataset.lock is not lock:
+        found += compare_datasets(plan, lock, dataset.lock, dataset.name)
+    return found
+
+
+def _recipe_and_damage(
+    known: list[Difference], dataset: Dataset, options: Options, progress: Progress
+) -> list[Difference]:
+    """How the recipe in a dataset's folder differs, and the files that differ from the manifest."""
+    found = recipe_differences(dataset, options.allow_large)
+    return found + _not_yet_reported([*known, *found], damaged_files(dataset, progress))
 
 
 def _not_yet_reported(
@@ -237,9 +254,9 @@ class _Check:
                     self.traces[digest] = made
                     whole.add(digest)
                     continue
-                message, agreed, contradiction = parting(self.lock, scene, made)
-                reason = "" if contradiction else reason
-                own = OtherMotion(made, reason, agreed)
+                difference = motion_difference(self.lock, scene, made)
+                message, reason = difference.message, "" if difference.contradiction else reason
+                own = self._other_motion(scene, made, reason, difference)
             if kept is not None and reason:
                 self.traces[digest] = store.keep_trace(scene, kept)
                 whole.add(digest)
@@ -252,20 +269,22 @@ class _Check:
         self.progress("simulate", len(scenes), len(scenes))
         return whole, found
 
+    def _other_motion(self, scene: ScenePlan, made: Trace, reason: str, difference: MotionDifference) -> OtherMotion:
+        """This host's motion, and what it may excuse."""
+        recorded = difference.recorded or (self.dataset is not None and tracks_differ(self.dataset, scene, made))
+        return OtherMotion(made, reason, difference.agreed, recorded)
+
     def _frames(self, chosen: list[Choice]) -> list[Difference]:
         root = self.folder / "made" if self.dataset else None
         shards, options = chosen_shards(self.plan, chosen), self.options
         job = Job(self.plan, self.engines, devices(options.device), self.folder, root)
-        resumption = self._resumption(job)
-        rows = locking.render_rows(job, shards, options.workers, self.progress, resumption)
-        self.resumed = resumption.frames if resumption else 0
+        rows, self.resumed = render_rows(job, shards, options.workers, self.progress, self._resumption(job))
         keys = digests.bare(self.plan, "", {}).variants
         found = [self._frame(choice, keys[choice[0]], rows) for choice in chosen]
         differences = [difference for difference in found if difference is not None]
-        if self.dataset is None or root is None:
-            return differences
-        made = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
-        return differences + [d for path in made if (d := self._file(root, path, self.dataset)) is not None]
+        if self.dataset is not None and root is not None:
+            differences += FileComparison(self.plan, self.lock, self.dataset, root, self.other).differences()
+        return differences
 
     def simulated(self) -> dict[str, Trace]:
         """The motion by scene: the locked one, or this host's."""
@@ -276,14 +295,14 @@ class _Check:
         found = [(v, self.other.get(v.scene.digest)) for v in self.plan.variants]
         return {layout.tracks_file(v.variant): other.reason for v, other in found if other is not None}
 
-    def _resumption(self, job: Job) -> locking.Resumption | None:
+    def _resumption(self, job: Job) -> Resumption | None:
         """The journal of a run of the same plan and motion by the same code, on this very host and device."""
         if self.cache is None:
             return None
         traces = {scene: trace.digest for scene, trace in self.simulated().items()}
         parts = [self.plan.digest, builder(), traces, host.name(), list(job.devices)]
         self._journal = CacheJournal(self.cache, canonical.digest("journal/verify/1", parts), self.plan)
-        return locking.Resumption(self._journal, self._are_the_datasets)
+        return Resumption(self._journal, self._are_the_datasets)
 
     def _are_the_datasets(self, records: list[FrameRecord]) -> bool:
         """Whether the files made of these frames were those that the dataset has; they themselves were not kept."""
@@ -300,7 +319,7 @@ class _Check:
     def _frame(self, choice: Choice, key: VariantRow, rows: dict[FrameKey, str]) -> Difference | None:
         """The first of a frame's modalities that differs from the lockfile; what comes later follows from it."""
         name, sensor, frame = choice
-        for modality in self._modalities(choice, ("depth", "instance", "semantic", "labels", "rgb")):
+        for modality in self._modalities(choice, DIGEST_KINDS):
             row = (key.frame_key(modality), sensor, modality, frame)
             if self.lock.frames.get(row) != rows[row]:
                 stage, other = stage_of(modality), self.other.get(key.scene)
@@ -316,73 +335,6 @@ class _Check:
                     rendered=rows[row],
                 )
         return None
-
-    def _file(self, root: Path, path: str, dataset: Dataset) -> Difference | None:
-        """How a file of the dataset differs from the one made here; equal pixels are a matter of encoding.
-
-        A picture of which the dataset's own digest is another is compared with that digest.
-        """
-        made, there = root / path, dataset.root / path
-        if regular_file(dataset.root, path) is None:
-            return Difference("file", f"{path} is missing", path=path)
-        if made.stat().st_size == there.stat().st_size and made.read_bytes() == there.read_bytes():
-            return None
-        at = self._origin(path)
-        if self._excused(path, at):
-            return self._unlisted_pixels(path, at, dataset)
-        unequal = first_difference(there, made)
-        if unequal is not None and not unequal.count:
-            message = f"{path}: equal pixels, encoded otherwise"
-            found = Difference("encoding", message, excuse_of("encoding", self.lock), *at)
-        elif unequal is None:
-            found = Difference("file", f"{path} is another picture, or none", None, *at)
-        else:
-            found = Difference("file", f"{path}: {unequal}", None, *at)
-            found = replace(found, recorded=unequal.recorded, rendered=unequal.rendered)
-        return replace(found, path=path)
-
-    def _excused(self, path: str, at: tuple[str, str, int, str] | tuple[()]) -> bool:
-        """Whether a file shows motion that this host need not agree with."""
-        for variant in self.plan.variants:
-            other = self.other.get(variant.scene.digest)
-            if other is not None and at:
-                if variant.variant == at[0]:
-                    return at[2] >= other.agreed
-            elif other is not None:
-                frames = range(other.agreed, variant.scene.clock.frames)
-                names = [sensor.name for sensor in variant.rig.sensors]
-                if any(path == layout.mots_png_file(variant.variant, name, k) for name in names for k in frames):
-                    return True
-        return False
-
-    def _unlisted_pixels(
-        self, path: str, at: tuple[str, str, int, str] | tuple[()], dataset: Dataset
-    ) -> Difference | None:
-        """A picture whose pixels are not those of which the dataset's manifest has the digest; not of packed depth.
-
-        Depth in a PNG is rounded, and the digest is of what it was before.
-        """
-        if not at or (at[3] == "depth" and not path.endswith(".npy")):
-            return None
-        name, sensor, frame, modality = at
-        row = (digests.bare(self.plan, "", {}).variants[name].frame_key(modality), sensor, modality, frame)
-        pixels = read_pixels(dataset.root / path)
-        if pixels is not None and pixel_digest(modality, pixels) == dataset.lock.frames.get(row):
-            return None
-        return Difference(
-            "file", f"{path} does not hold the pixels whose digest the manifest has", None, *at, path=path
-        )
-
-    def _origin(self, path: str) -> tuple[str, str, int, str] | tuple[()]:
-        """Variant, sensor, frame and modality of a picture's path; nothing for other files."""
-        for variant in self.plan.variants:
-            for sensor in variant.rig.sensors:
-                for modality in sensor.capture:
-                    head = layout.frame_file(variant.variant, sensor.name, modality, 0, self.plan.depth)
-                    folder, _, name = head.rpartition("/")
-                    if path.rpartition("/")[0] == folder and path.endswith(name.partition(".")[2]):
-                        return variant.variant, sensor.name, int(Path(path).stem), modality
-        return ()
 
     def _modalities(self, choice: Choice, order: Iterable[str]) -> list[str]:
         rig = next(v.rig for v in self.plan.variants if v.variant == choice[0])

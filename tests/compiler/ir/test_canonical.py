@@ -5,10 +5,10 @@ import pytest
 import rfc8785
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_compiler.ir.canonical import canonical_bytes, digest, digest_array, pretty
+from recipe_compiler.ir.canonical import JsonValue, canonical_bytes, digest, digest_array, pretty
 from recipe_compiler.ir.plan import TownPlan
 
-JSON = st.recursive(
+JSON: st.SearchStrategy[JsonValue] = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**53) + 1, 2**53 - 1) | st.text(max_size=6),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
     max_leaves=12,
@@ -21,31 +21,32 @@ def test_key_order_does_not_matter(value: dict[str, object]) -> None:
 
 
 @given(JSON, JSON)
-def test_different_values_have_different_digests(one: object, other: object) -> None:
+def test_different_values_have_different_digests(one: JsonValue, other: JsonValue) -> None:
     assert (digest("d", one) == digest("d", other)) == (canonical_bytes(one) == canonical_bytes(other))
 
 
 @given(JSON)
-def test_pretty_text_holds_the_same_value(value: object) -> None:
+def test_pretty_text_holds_the_same_value(value: JsonValue) -> None:
     import json
 
     assert canonical_bytes(json.loads(pretty(value))) == canonical_bytes(value)
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), -0.0, {"a": [1, float("-inf")]}, {1: 2}, {"a": object()}])
-def test_what_has_no_canonical_form_is_refused(bad: object) -> None:
+def test_what_has_no_canonical_form_is_refused(bad: JsonValue) -> None:
     with pytest.raises(ValueError, match=r"\$"):
         canonical_bytes(bad)
 
 
 @pytest.mark.slow
 @given(st.recursive(JSON | st.floats(allow_nan=False, allow_infinity=False).map(lambda x: x + 0.0), st.lists))
-def test_the_quick_way_writes_what_rfc_8785_says(value: object) -> None:
+def test_the_quick_way_writes_what_rfc_8785_says(value: JsonValue) -> None:
     assert canonical_bytes(value) == rfc8785.dumps(value)  # type: ignore[arg-type]
 
 
 def test_keys_are_sorted_by_utf_16_and_types_are_kept_apart() -> None:
-    value = {"\U00010000": [1, 1.0, True, None, 1e21, 1e-7, "\u007f\n\x1f"], "\ue000": 0, "a": 0.0}
+    numbers = [1, 1.0, True, None, 1e21, 1e-7, "\u007f\n\x1f"]
+    value: dict[str, list[float | str | None] | float] = {"\U00010000": numbers, "\ue000": 0, "a": 0.0}
     assert canonical_bytes(value) == rfc8785.dumps(value)
     with pytest.raises(ValueError, match=r"\$\[1\]"):
         canonical_bytes([0.0, -0.0])  # equal to what came before, and yet refused

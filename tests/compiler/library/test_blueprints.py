@@ -3,7 +3,8 @@
 import re
 
 import pytest
-from recipe_compiler.library.blueprints import BICYCLE, BUS, CAR, LIBRARY, MOTORCYCLE, PEDESTRIAN, TRUCK, match
+from recipe_compiler.ir.semantic_tags import Tag
+from recipe_compiler.library.blueprints import LIBRARY, match
 
 
 def test_the_library_is_sorted_and_unique() -> None:
@@ -20,9 +21,9 @@ def test_globs(glob: str, count: int) -> None:
 
 
 def test_tags_are_carlas() -> None:
-    assert (PEDESTRIAN, CAR, TRUCK, BUS, MOTORCYCLE, BICYCLE) == (12, 14, 15, 16, 18, 19)
+    assert (Tag.PEDESTRIAN, Tag.CAR, Tag.TRUCK, Tag.BUS, Tag.MOTORCYCLE, Tag.BICYCLE) == (12, 14, 15, 16, 18, 19)
     for blueprint in LIBRARY:
-        assert (blueprint.tag == PEDESTRIAN) == (blueprint.category == "pedestrian")
+        assert (blueprint.tag == Tag.PEDESTRIAN) == (blueprint.category == "pedestrian")
 
 
 def test_palettes_are_colours() -> None:
@@ -37,4 +38,4 @@ def test_generations_and_wheels_are_told() -> None:
     assert all(b.shape["height"] < 1.55 and b.shape["head"] > 1.0 for b in children)
     for blueprint in LIBRARY:
         wheels = blueprint.attributes.get("number_of_wheels")
-        assert wheels == (None if blueprint.tag == PEDESTRIAN else "2" if blueprint.tag in (18, 19) else "4")
+        assert wheels == (None if blueprint.tag == Tag.PEDESTRIAN else "2" if blueprint.tag in (18, 19) else "4")

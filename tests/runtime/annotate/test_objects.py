@@ -7,6 +7,7 @@ import pycocotools.mask
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from recipe_compiler.ir.plan import CameraPlan, Pose, fixed
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.objects import quaternion, truncation
@@ -20,7 +21,7 @@ from recipe_runtime.frames.source import FrameSource
 from tests.runtime.fakes import ENGINES, actor_bodies, dataset_plan, simulate
 
 
-def pictures() -> list[np.ndarray]:
+def pictures() -> list[NDArray[np.uint16]]:
     """Instance pictures with every kind of run: to the first and last pixel, across columns, in pieces, single."""
     empty = np.zeros((6, 5), np.uint16)
     whole = np.full((6, 5), 12001, np.uint16)
@@ -37,7 +38,7 @@ def pictures() -> list[np.ndarray]:
 
 @pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")  # pycocotools' decode
 @pytest.mark.parametrize("picture", pictures())
-def test_masks_decode_to_the_instance_pixels(picture: np.ndarray) -> None:
+def test_masks_decode_to_the_instance_pixels(picture: NDArray[np.uint16]) -> None:
     found = masks(picture)
     assert [m.instance for m in found] == sorted(set(picture[picture > 0].tolist()))
     for mask in found:
@@ -47,7 +48,8 @@ def test_masks_decode_to_the_instance_pixels(picture: np.ndarray) -> None:
         assert code["counts"] == pycocotools.mask.encode(np.asfortranarray(pixels.astype(np.uint8)))["counts"]
         ys, xs = np.nonzero(pixels)
         width, height = np.ptp(xs) + 1, np.ptp(ys) + 1
-        assert (mask.area, mask.box) == (pixels.sum(), (xs.min(), ys.min(), width, height))
+        assert mask.area == pixels.sum()
+        assert mask.box == tuple(map(int, (xs.min(), ys.min(), width, height)))
 
 
 CAMERA = CameraPlan(width=100, height=100, fov=90)
@@ -109,7 +111,7 @@ def test_digests_part_where_pixels_and_labels_part() -> None:
     assert pixel_digest("rgb", a["rgb"]) != pixel_digest("rgb", b["rgb"])
 
 
-def turned(q: list[float]) -> np.ndarray:
+def turned(q: list[float]) -> NDArray[np.float64]:
     """The rotation matrix of a unit quaternion w, x, y, z, as textbooks have it."""
     w, x, y, z = q
     return np.array(

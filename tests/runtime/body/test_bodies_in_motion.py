@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import cast
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import ActorPlan, Clock, Point, Pose, ScenePlan
 from recipe_compiler.library import blueprints, towns
+from recipe_compiler.library.towns.streets import StreetGrid
 from recipe_runtime.body import riding, walk_cycle
 from recipe_runtime.body.kinematics import IDENTITY, axis_rotation, forward_kinematics, rotate, two_bone_ik
 from recipe_runtime.body.skeleton import Bike, Figure
@@ -22,7 +24,7 @@ from recipe_runtime.simulation.terrain import Ground
 
 TOWN = towns.build("downtown", 0, {"blocks": [2, 2]})
 GROUND = Ground(TOWN.plan)
-STREETS = TOWN.streets
+STREETS = cast(StreetGrid, TOWN.streets)
 PEOPLE = [b for b in blueprints.LIBRARY if b.category == "pedestrian"]
 BIKES = [b for b in blueprints.LIBRARY if b.attributes.get("number_of_wheels") == "2"]
 

@@ -11,6 +11,7 @@ import pytest
 from recipe_compiler.ir.errors import RunError
 from recipe_runtime.build import workspace
 from recipe_runtime.build.pipeline import BuildResult, build
+from recipe_runtime.core.files import file_sha256
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
 
@@ -88,7 +89,11 @@ def test_a_file_taken_over_and_then_changed_is_noticed(tmp_path: Path) -> None:
 
 def test_files_that_nobody_touched_are_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[str] = []
-    hashed = workspace.file_sha256
-    monkeypatch.setattr(workspace, "file_sha256", lambda path: read.append(path.suffix) or hashed(path))
+
+    def noted(path: Path) -> str:
+        read.append(path.suffix)
+        return file_sha256(path)
+
+    monkeypatch.setattr(workspace, "file_sha256", noted)
     made(tmp_path)
     assert [suffix for suffix in read if suffix == ".png"] == [".png"] * 2  # the two drawings

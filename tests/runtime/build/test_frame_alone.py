@@ -7,11 +7,11 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 from recipe_compiler.compile import compile_recipe
 from recipe_runtime.build.pipeline import build
+from recipe_runtime.dataset.manifest_types import Manifest
 
 from tests.sources import ROOT
 
@@ -70,7 +70,7 @@ def recipe(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture(scope="module")
-def built(recipe: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[int, dict[str, Any]]:
+def built(recipe: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Manifest]:
     """The manifests of the dataset built by one worker, and by two with other shards."""
     plan, folder = compile_recipe(recipe).plan, tmp_path_factory.mktemp("built")
     return {
@@ -81,11 +81,11 @@ def built(recipe: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[int, d
     }
 
 
-def test_workers_change_nothing(built: dict[int, dict[str, Any]]) -> None:
+def test_workers_change_nothing(built: dict[int, Manifest]) -> None:
     assert built[1] == built[2]
 
 
-def test_every_sensor_alone_in_a_fresh_process(recipe: Path, built: dict[int, dict[str, Any]]) -> None:
+def test_every_sensor_alone_in_a_fresh_process(recipe: Path, built: dict[int, Manifest]) -> None:
     variants = built[1]["variants"]
     wanted = [
         (variant, sensor, frame)
@@ -108,7 +108,7 @@ def test_every_sensor_alone_in_a_fresh_process(recipe: Path, built: dict[int, di
 
 
 @pytest.mark.slow
-def test_a_shot_from_the_command_line(recipe: Path, built: dict[int, dict[str, Any]], tmp_path: Path) -> None:
+def test_a_shot_from_the_command_line(recipe: Path, built: dict[int, Manifest], tmp_path: Path) -> None:
     variant = built[1]["order"][-1]
     sensor = list(built[1]["variants"][variant]["frames"])[-1]
     command = ["shot", recipe, "--variant", variant, "--sensor", sensor, "--frame", "1", "--json"]

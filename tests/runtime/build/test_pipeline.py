@@ -13,7 +13,7 @@ import textwrap
 import time
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -23,9 +23,9 @@ from recipe_compiler.ir.plan import DatasetPlan, RigPlan
 from recipe_runtime.build import pipeline as build_module
 from recipe_runtime.build import worker
 from recipe_runtime.build.pipeline import BuildResult, build
-from recipe_runtime.cache import store as store_module
 from recipe_runtime.core import codecs, files
 from recipe_runtime.core.modalities import pixel_digest
+from recipe_runtime.dataset.schedule import SHARD_FRAMES, all_shards
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.frames.source import FrameSource
 from recipe_runtime.verify import locking
@@ -42,8 +42,22 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> BuildResult:
     return build(dataset_plan(), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES)
 
 
-def again(folder: Path, plan: DatasetPlan | None = None, engines: Engines = ENGINES, **options: int) -> BuildResult:
-    return build(plan or dataset_plan(), folder / "tiny", cache=folder / "cache", engines=engines, **options)
+def again(
+    folder: Path,
+    plan: DatasetPlan | None = None,
+    engines: Engines = ENGINES,
+    *,
+    workers: int,
+    shard_frames: int = SHARD_FRAMES,
+) -> BuildResult:
+    return build(
+        plan or dataset_plan(),
+        folder / "tiny",
+        workers=workers,
+        cache=folder / "cache",
+        engines=engines,
+        shard_frames=shard_frames,
+    )
 
 
 @pytest.mark.slow
@@ -55,7 +69,7 @@ def test_workers_and_shards_change_no_byte(made: BuildResult, tmp_path: Path, wo
 
 
 def test_order_changes_no_byte(made: BuildResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shards = build_module.all_shards(dataset_plan(), 2)
+    shards = all_shards(dataset_plan(), 2)
     random.Random(4).shuffle(shards)
     monkeypatch.setattr(build_module, "all_shards", lambda *_: shards)
     assert tree(again(tmp_path, workers=0).path) == tree(made.path)
@@ -75,7 +89,7 @@ def test_files_hold_the_frames_that_are_rendered_alone(made: BuildResult) -> Non
             folder = made.path / variant.variant / "street"
             for modality, array in arrays.items():
                 stored = np.asarray(Image.open(folder / modality / f"{number:06d}.png"))
-                shown = codecs.carla_depth(array) if modality == "depth" else array
+                shown = codecs.carla_depth(array.astype(np.float32)) if modality == "depth" else array
                 assert np.array_equal(stored, shown)
                 assert frames["street"][modality][number] == pixel_digest(modality, array)
 
@@ -112,19 +126,19 @@ def test_without_hard_links_the_bytes_are_the_same(
     def no_links(*_: object) -> None:
         raise OSError(1, "Operation not permitted")
 
-    monkeypatch.setattr(store_module.os, "link", no_links)
+    monkeypatch.setattr(os, "link", no_links)
     result = again(tmp_path, workers=0)
     assert tree(result.path) == tree(made.path)
     assert {p.stat().st_nlink for p in result.path.rglob("*.png")} == {1}
 
 
 def test_what_is_there_is_not_built_again_and_what_is_damaged_is(made: BuildResult, tmp_path: Path) -> None:
-    def never(*_: object) -> None:
+    def never(*_: object) -> NoReturn:
         raise AssertionError("an engine was used")
 
     first = again(tmp_path, workers=0)
     stamp = (first.path / "manifest.json").stat().st_mtime_ns
-    second = again(tmp_path, engines=Engines(never, never, never), workers=0)  # type: ignore[arg-type]
+    second = again(tmp_path, engines=Engines(never, never, never), workers=0)
     assert (second.built, second.identity, second.manifest) == (False, first.identity, first.manifest)
     assert (first.path / "manifest.json").stat().st_mtime_ns == stamp
     (first.path / "weather=w0,jitter=still/street/rgb/000003.png").write_bytes(b"short")

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.plan import ScenePlan
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.build.ray import JobInputs, RemoteWorker
@@ -83,7 +84,7 @@ def test_a_node_needs_no_file_of_this_host(tmp_path: Path) -> None:
     worker.leave()
     assert _portable(made.records) == _portable(records)
     rows = [row for record in records for row in record["files"].items()]
-    assert {path: made.bodies[sha256] for path, (_, sha256, _) in rows} == tree(tmp_path / "here")
+    assert {path: made.bodies[row[1]] for path, row in rows} == tree(tmp_path / "here")
 
 
 def _portable(records: list[FrameRecord]) -> list[FrameRecord]:
@@ -97,7 +98,7 @@ def test_a_node_of_another_release_is_refused(tmp_path: Path) -> None:
         RemoteWorker(job, 0, JobInputs.of(job), "0" * 64)
 
 
-def _on_its_gpu(scene: Any, device: str) -> Renderer:
+def _on_its_gpu(scene: ScenePlan, device: str) -> Renderer:
     """Draws only for who asked Ray for a GPU, and was given one alone."""
     assert device == "cuda:0" and ray.get_gpu_ids() == [int(os.environ["CUDA_VISIBLE_DEVICES"])]
     return Renderer(scene)
@@ -124,7 +125,7 @@ def test_real_engines_make_the_same_bytes(cluster: Any, tmp_path: Path) -> None:
 
 
 def test_a_worker_killed_in_the_middle_changes_nothing(cluster: Any, tmp_path: Path) -> None:
-    killed = []
+    killed: list[int] = []
 
     def kill(stage: str, done: int, total: int) -> None:
         if stage == "render" and done > 0 and not killed:
@@ -136,7 +137,7 @@ def test_a_worker_killed_in_the_middle_changes_nothing(cluster: Any, tmp_path: P
 
 
 def test_a_node_lost_in_the_middle_changes_nothing(cluster: Any, tmp_path: Path) -> None:
-    lost = []
+    lost: list[object] = []
 
     def lose(stage: str, done: int, total: int) -> None:
         if stage == "render" and done > 0 and not lost:

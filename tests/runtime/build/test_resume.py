@@ -16,12 +16,15 @@ from typing import Any
 import pytest
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.lockfile import Lockfile
+from recipe_compiler.ir.plan import CameraPlan, ScenePlan
 from recipe_runtime.build import known_frames as known_frames_module
 from recipe_runtime.build import reuse
 from recipe_runtime.build.known_frames import Known
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.build.reuse import known_frames
 from recipe_runtime.core import host
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.verify import verify
@@ -29,7 +32,7 @@ from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options
 
-from tests.runtime.fakes import BROKEN, ENGINES, Renderer, dataset_plan, simulate, tree
+from tests.runtime.fakes import BROKEN, ENGINES, Renderer, Seen, dataset_plan, simulate, tree
 
 PLAN = dataset_plan()
 FRAMES = 4 * 2 * 12  # variants, sensors, frames of each
@@ -45,7 +48,7 @@ def counting(frames: list[float]) -> Engines:
     """Engines that note the times at which pictures are taken; in this process only."""
 
     class Counted(Renderer):
-        def observe(self, camera: Any, world_from_sensor: Any, parts: Any) -> Any:
+        def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
             frames.append(0.0)
             return super().observe(camera, world_from_sensor, parts)
 
@@ -108,7 +111,7 @@ def test_only_a_dataset_of_this_host_is_taken_over(
 
 
 def test_a_dataset_of_another_motion_proves_nothing(built: Path, tmp_path: Path) -> None:
-    def other(scene: Any) -> Any:
+    def other(scene: ScenePlan) -> Trace:
         trace = simulate(scene)
         return replace(trace, positions=trace.positions + 1)
 

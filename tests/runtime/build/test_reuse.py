@@ -2,47 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pytest
-from recipe_compiler.ir.plan import DatasetPlan, RigPlan
+from numpy.typing import NDArray
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, DatasetPlan, RigPlan
 from recipe_runtime.build import reuse as reuse_module
 from recipe_runtime.build.pipeline import BuildResult, build
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.frames.engines import Engines
 
-from tests.runtime.fakes import ENGINES, Renderer, dataset_plan, sensor_plan, tree
+from tests.runtime.fakes import ENGINES, Renderer, Seen, dataset_plan, sensor_plan, tree
 
-Calls = list[tuple[str, Any]]
+Calls = list[tuple[str, float | None]]
+Explain = Callable[[list[str]], None]
 
 
 def counting(calls: Calls) -> Engines:
     """Engines that note what they are asked for; in this process only."""
 
     class Counted(Renderer):
-        def observe(self, camera: Any, world_from_sensor: Any, parts: Any) -> Any:
+        def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Seen:
             calls.append(("observe", None))
             return super().observe(camera, world_from_sensor, parts)
 
-        def shade(self, obs: Any, appearance: Any, sensor_name: str, frame: int, time: float) -> Any:
+        def picture(self, obs: Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
             calls.append(("shade", appearance.weather.cloudiness))
-            return super().shade(obs, appearance, sensor_name, frame, time)
+            return super().picture(obs, appearance, frame)
 
     return replace(ENGINES, renderer=lambda scene, device: Counted(scene))
 
 
-def _build(folder: Path, plan: DatasetPlan, calls: Calls | None = None, **more: Any) -> BuildResult:
+def _build(folder: Path, plan: DatasetPlan, calls: Calls | None = None, explain: Explain | None = None) -> BuildResult:
     calls = calls if calls is not None else []
     calls.clear()
-    return build(plan, folder / "tiny", workers=0, cache=folder / "cache", engines=counting(calls), **more)
+    engines = counting(calls)
+    return build(plan, folder / "tiny", workers=0, cache=folder / "cache", engines=engines, explain=explain)
 
 
 def _fresh(folder: Path, plan: DatasetPlan) -> dict[str, bytes]:
     return tree(_build(folder, plan).path)
 
 
-def _changed(plan: DatasetPlan, **update: Any) -> DatasetPlan:
+def _changed(plan: DatasetPlan, **update: object) -> DatasetPlan:
     """The plan with other values, and no digest remembered from before."""
     return DatasetPlan.model_validate_json(plan.model_copy(update=update).model_dump_json())
 

@@ -15,6 +15,7 @@ from recipe_runtime.cache.cache_folder import claim, contents, is_cache_folder, 
 from recipe_runtime.cache.leases import in_use_since, lease
 from recipe_runtime.cache.pruning import entries, prune, tidy
 from recipe_runtime.cache.store import Store
+from recipe_runtime.core.files import write_atomic
 from recipe_runtime.render.device import setup
 
 from tests.runtime.fakes import ENGINES, dataset_plan, tree
@@ -213,14 +214,13 @@ def test_the_folder_itself_may_be_a_link(tmp_path: Path) -> None:
 
 def test_two_processes_mark_a_folder_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What the other has half written is no reason to refuse the folder."""
-    write = cache_folder.write_atomic
 
     def slower(path: Path, body: bytes) -> None:
         half = path.with_name(f".{path.name}.17.0.tmp")
         half.write_bytes(body[:5])
         assert is_cache_folder(tmp_path)
         half.unlink()
-        write(path, body)
+        write_atomic(path, body)
 
     monkeypatch.setattr(cache_folder, "write_atomic", slower)
     claim(tmp_path)

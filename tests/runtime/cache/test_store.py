@@ -15,7 +15,6 @@ from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_runtime.body.skeleton import part_names
 from recipe_runtime.build.pipeline import build
-from recipe_runtime.cache import store as store_module
 from recipe_runtime.cache.store import Store, default_cache, is_motion_of
 from recipe_runtime.core.files import link_or_copy, write_atomic
 from recipe_runtime.core.trace import Trace
@@ -38,7 +37,7 @@ def test_what_was_put_is_got(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "damage", [lambda b: b[:-1], lambda b: b[:80] + b"?" + b[81:], lambda b: b"", lambda b: b"x" + b]
 )
-def test_a_damaged_entry_counts_as_absent(tmp_path: Path, damage: object) -> None:
+def test_a_damaged_entry_counts_as_absent(tmp_path: Path, damage: Callable[[bytes], bytes]) -> None:
     store = Store(tmp_path)
     store.put("pixels", KEY, b"x" * 50)
     path = store.path("pixels", KEY)
@@ -47,17 +46,17 @@ def test_a_damaged_entry_counts_as_absent(tmp_path: Path, damage: object) -> Non
 
 
 def test_a_scene_is_simulated_once_and_again_when_damaged(tmp_path: Path) -> None:
-    scene, store, calls = scene_plan(), Store(tmp_path), []
+    scene, store, calls = scene_plan(), Store(tmp_path), list[int]()
 
-    def count() -> object:
+    def count() -> Trace:
         calls.append(1)
         return simulate(scene)
 
-    first, second = store.trace(scene, count), store.trace(scene, count)  # type: ignore[arg-type]
+    first, second = store.trace(scene, count), store.trace(scene, count)
     assert (len(calls), second.digest) == (1, first.digest)
     (entry,) = tmp_path.glob("traces/*/*")
     entry.write_bytes(entry.read_bytes()[:-3])
-    assert store.trace(scene, count).digest == first.digest  # type: ignore[arg-type]
+    assert store.trace(scene, count).digest == first.digest
     assert len(calls) == 2
 
 
@@ -233,7 +232,7 @@ def test_a_link_shares_the_file_and_a_copy_is_made_where_there_are_no_links(
     def no_links(*_: object) -> None:
         raise OSError(1, "Operation not permitted")
 
-    monkeypatch.setattr(store_module.os, "link", no_links)
+    monkeypatch.setattr(os, "link", no_links)
     link_or_copy(source, tmp_path / "sub" / "c")
     assert (tmp_path / "sub" / "c").read_bytes() == b"labels"
     assert not (tmp_path / "sub" / "c").samefile(source)

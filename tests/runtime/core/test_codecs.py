@@ -2,16 +2,19 @@
 
 import hashlib
 import io
+from typing import TypeVar
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 from recipe_runtime.core import codecs
 
+Scalar = TypeVar("Scalar", bound=np.generic)
 PINNED = ["ba7a692cf63fa9e2", "066bee1204be7dbd", "ae32eceb1716bb0d", "d49ceadc736ad0cc", "8a838b024e55f0c0"]
 
 
-def noisy(shape: tuple[int, ...], top: int, dtype: type) -> np.ndarray:
+def noisy(shape: tuple[int, ...], top: int, dtype: type[Scalar]) -> NDArray[Scalar]:
     """Every value with no pattern to it, by a small congruential generator."""
     values = np.arange(int(np.prod(shape)), dtype=np.uint64) * np.uint64(6364136223846793005) >> np.uint64(33)
     return (values % np.uint64(top + 1)).astype(dtype).reshape(shape)
@@ -28,14 +31,14 @@ def noisy(shape: tuple[int, ...], top: int, dtype: type) -> np.ndarray:
         (noisy((8, 6, 3), 255, np.uint8)[::2, ::-1], "RGB"),
     ],
 )
-def test_pillow_reads_what_was_written(pixels: np.ndarray, mode: str) -> None:
+def test_pillow_reads_what_was_written(pixels: NDArray[np.generic], mode: str) -> None:
     picture = Image.open(io.BytesIO(codecs.png(pixels)))
     picture.load()
     assert picture.mode == mode
     assert np.array_equal(np.asarray(picture), pixels)
 
 
-def ramp(height: int, width: int) -> np.ndarray:
+def ramp(height: int, width: int) -> NDArray[np.uint8]:
     """Depth as of a plane that is walked away upon, with a wall on it."""
     rows = np.arange(height)[::-1, None] * 0.37 + np.arange(width) * 0.011 + 2.0
     rows[height // 4 : height // 2, width // 3 :] = 7.5
@@ -71,7 +74,7 @@ def test_a_photograph_of_noise_is_smaller_than_the_search_for_repeats_makes_it()
 
 
 @pytest.mark.parametrize("pixels", [np.zeros((4, 4), np.uint8), np.zeros((4, 4, 3), np.uint16)])
-def test_no_photograph_of_labels(pixels: np.ndarray) -> None:
+def test_no_photograph_of_labels(pixels: NDArray[np.uint8]) -> None:
     with pytest.raises(ValueError, match="no photograph"):
         codecs.photograph(pixels)
 
@@ -93,7 +96,7 @@ def test_carla_depth_is_carlas_formula_and_keeps_its_precision() -> None:
 
 
 @pytest.mark.parametrize("array", [np.arange(6, dtype=np.float32).reshape(2, 3), np.zeros(3, ">u2")])
-def test_numpy_reads_npy(array: np.ndarray) -> None:
+def test_numpy_reads_npy(array: NDArray[np.generic]) -> None:
     data = codecs.npy(array)
     assert data.index(b"\n") % 64 == 63
     loaded = np.load(io.BytesIO(data))

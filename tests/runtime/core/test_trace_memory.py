@@ -7,12 +7,14 @@ import io
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from recipe_compiler.ir.canonical import canonical_bytes, digest_array, digest_bytes
 from recipe_runtime.annotate import objects
 from recipe_runtime.cache.store import Store
@@ -43,7 +45,7 @@ def _random(frames: int, sizes: list[int], seed: int) -> Trace:
     actors = tuple(f"a{n}" for n in range(len(sizes)))
     parts = tuple(f"{actor}/p{k}" for actor, size in zip(actors, sizes, strict=True) for k in range(size))
 
-    def numbers(*shape: int) -> np.ndarray:  # type: ignore[type-arg]
+    def numbers(*shape: int) -> NDArray[np.int64]:
         return random.integers(-(1 << 30), 1 << 30, shape)
 
     return Trace(
@@ -126,16 +128,15 @@ def test_what_the_store_gives_is_mapped_and_read_only(tmp_path: Path) -> None:
 
 def test_boxes_are_the_same_however_many_frames_are_handled_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, trace = scene_plan(12), _random(12, [1, 1, 1], 3)
-    trace = Trace(
-        *[tuple(a.name for a in scene.actors), tuple(f"{a.name}/base" for a in scene.actors)], *_arrays(trace)
-    )
+    names = tuple(a.name for a in scene.actors)
+    trace = replace(trace, actors=names, parts=tuple(f"{name}/base" for name in names))
     whole = objects._extents(trace, actor_bodies(scene))
     monkeypatch.setattr(objects, "_PART_FRAMES", 1)
     for name, (low, high) in objects._extents(trace, actor_bodies(scene)).items():
         assert (low.tobytes(), high.tobytes()) == (whole[name][0].tobytes(), whole[name][1].tobytes())
 
 
-def _arrays(trace: Trace) -> tuple[np.ndarray, ...]:  # type: ignore[type-arg]
+def _arrays(trace: Trace) -> tuple[NDArray[np.generic], ...]:
     return trace.positions, trace.rotations, trace.linear, trace.angular
 
 

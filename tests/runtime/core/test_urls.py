@@ -23,6 +23,14 @@ MASKED = {
     "https://ghp_0123456789abcdefghij@host/x": "https://***@host/x",
     "simplecache::s3://KEY:se/cret@bucket/x": "simplecache::s3://KEY:***@bucket/x",
     "zip://in.json::https://host/a.zip?sig=abcd": "zip://in.json::https://host/a.zip?***",
+    "https://user%3Asecret@host/x": "https://user:***@host/x",
+    "s3://KEY%3asec/ret@bucket/name": "s3://KEY:***@bucket/name",
+    "https://host/x;sig=secret": "https://host/x;***",
+    "https://host/x;v=1;sig=sec/ret?a=b": "https://host/x;***?***",
+    "zip://in.json::https://host/a.zip;sig=abcd": "zip://in.json::https://host/a.zip;***",
+    "https:/user:secret@host/x": "https:/user:***@host/x",
+    "simplecache::s3:/KEY:se/cret@bucket/x": "simplecache::s3:/KEY:***@bucket/x",
+    "https:///user:secret@host/x?sig=1": "https:///user:***@host/x?***",
     "cannot open 'https://host/x?sig=abcd': gone": "cannot open 'https://host/x?***': gone",
 }
 KEPT = (
@@ -30,6 +38,11 @@ KEPT = (
     "ftp://user@host:21/x",
     "ftp://host:21/a@b",
     "file:///a:b@c",
+    "file:/a:b@c",
+    "s3:/bucket/a:b@c",
+    "https://host/a;b/c",
+    "at https://host/x; try again",
+    "ftp://host%3A21/a@b",
     "a/b:c@d",
     "is https://host/x? yes",
     "(see https://host/x.)",
@@ -61,6 +74,21 @@ def test_no_part_of_a_password_is_left(secret: str, scheme: str) -> None:
 @given(_SECRET)
 def test_no_part_of_a_signature_is_left(secret: str) -> None:
     assert urls.shown(f"https://host/x?a=1&sig={secret}").endswith("/x?***")
+
+
+@given(_SECRET, st.sampled_from(["s3", "az", "https"]))
+def test_neither_an_escaped_colon_nor_one_slash_shows_a_password(secret: str, scheme: str) -> None:
+    for start in (f"{scheme}://KEY%3A", f"{scheme}:/KEY:", f"{scheme}:/KEY%3a"):
+        url = f"{start}{secret}@bucket/name"
+        assert urls.shown(url).endswith(":***@bucket/name")
+        assert secret not in urls.without_secrets(f"no such place: {secret}", url)
+
+
+@given(_SECRET)
+def test_no_part_of_a_signature_in_a_path_is_left(secret: str) -> None:
+    url = f"https://host/x;sig={secret}"
+    assert urls.shown(url) == "https://host/x;***" or ":/" in secret
+    assert secret not in urls.without_secrets(f"refused: {secret}", url)
 
 
 @pytest.mark.parametrize("kind", [ValueError, PermissionError, ConnectionError, ImportError])

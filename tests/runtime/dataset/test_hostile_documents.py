@@ -48,7 +48,9 @@ JUNK = st.one_of(
 def mutated(document: Any, data: st.DataObject) -> Any:
     """The document with one value, wherever it is, replaced, removed, added or given twice."""
     document = json.loads(json.dumps(document))
-    here, parent, key = document, None, None
+    here: Any = document
+    parent: Any = None  # the list or object that holds it
+    key: Any = None
     while isinstance(here, dict | list) and here and (parent is None or data.draw(st.integers(0, 7))):
         parent, keys = here, sorted(here) if isinstance(here, dict) else list(range(len(here)))
         key = data.draw(st.sampled_from(keys))
@@ -72,9 +74,10 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build(PLAN, root / "tiny", workers=0, cache=root / "cache", engines=fakes.ENGINES).path
 
 
-def with_town() -> Any:
+def with_town() -> dict[str, Any]:
     """An honest plan, of every kind of element that a small town has."""
-    return json.loads(_with_town())
+    document: dict[str, Any] = json.loads(_with_town())
+    return document
 
 
 @cache
@@ -87,7 +90,7 @@ def _with_town() -> str:
     return ScenarioPlan(variant="a", scene=scene, rig=plan.rig, appearance=plan.appearance).model_dump_json()
 
 
-def accepted(read: Callable[[], Any]) -> bool:
+def accepted(read: Callable[[], object]) -> bool:
     """Whether a document is accepted; anything but an InputError of one printable line is a failure."""
     try:
         read()
@@ -116,7 +119,7 @@ def test_a_changed_dataset_is_refused_or_accepted(built: Path, data: st.DataObje
     before = path.read_bytes()
     try:
         path.write_text(json.dumps(mutated(json.loads(before), data)))
-        found: list[Any] = []
+        found: list[datasets.Dataset] = []
         if accepted(lambda: found.append(datasets.read(built))):
             verify_files(found[0], Options(nonce=1), lambda *_: None).document()
             datasets.text_differences(found[0], {})

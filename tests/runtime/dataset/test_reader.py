@@ -8,7 +8,7 @@ import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from recipe_compiler.compile import compile_recipe
@@ -20,6 +20,7 @@ from recipe_runtime.core.layout import expected_files
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.limits import check_bounds
 from recipe_runtime.dataset.manifest import is_whole
+from recipe_runtime.dataset.manifest_types import Manifest
 
 from tests.runtime import fakes
 from tests.sources import ROOT
@@ -40,8 +41,9 @@ def copy(built: Path, tmp_path: Path) -> Path:
     return tmp_path / "tiny"
 
 
-def manifest_of(root: Path) -> dict[str, Any]:
-    return json.loads((root / "manifest.json").read_text())
+def manifest_of(root: Path) -> Manifest:
+    manifest: Manifest = json.loads((root / "manifest.json").read_text())
+    return manifest
 
 
 def rewrite(root: Path, path: str, body: bytes) -> None:
@@ -134,7 +136,7 @@ DAMAGES: list[Callable[[dict[str, Any]], Any]] = [
 @pytest.mark.parametrize("harm", DAMAGES)
 def test_a_damaged_manifest_is_one_line(copy: Path, harm: Callable[[dict[str, Any]], Any]) -> None:
     manifest = manifest_of(copy)
-    harm(manifest)
+    harm(cast(dict[str, Any], manifest))
     (copy / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(InputError) as caught:
         datasets.read(copy)

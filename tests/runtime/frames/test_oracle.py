@@ -7,7 +7,6 @@ camera as a plan has it: a flipped axis, a Trace one frame late or half a pixel 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from recipe_compiler.ir.plan import ScenarioPlan
 from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.colormaps import instance_picture
 from recipe_runtime.frames.source import SceneSource
+from recipe_runtime.render.raster.observation import FrameLabels
 from recipe_runtime.simulation.process import simulate
 
 from tests.runtime.oracle_tiny import tiny_render
@@ -131,15 +131,16 @@ def judge(scenario: ScenarioPlan, sensor: str, frame: int, folder: Path) -> tupl
         picture = np.concatenate([instance_picture(m.astype(np.uint16)) for m in (seen.instance, theirs["instance"])])
         Image.fromarray(picture).save(folder / "ours_above_theirs.png")
         pytest.fail(f"masks {overlaps}, depth {agree:.5f}; see {folder / 'ours_above_theirs.png'}")
+    assert isinstance(seen, FrameLabels)
     return set(overlaps), {view.name for view in seen.objects if 0 < view.visible < 0.95 * view.amodal}
 
 
-def overlap(a: NDArray[Any], b: NDArray[Any]) -> float:
+def overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
     """Intersection over union."""
     return float((a & b).sum() / (a | b).sum())
 
 
-def inner(instance: NDArray[Any], depth: NDArray[Any]) -> NDArray[np.bool_]:
+def inner(instance: NDArray[np.uint16], depth: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Pixels on a surface that goes on smoothly in all four directions: 1 / depth is linear on a plane."""
     near = 1.0 / depth.astype(float)
     flat = np.zeros(depth.shape, bool)

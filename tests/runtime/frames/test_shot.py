@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -20,10 +20,14 @@ from recipe_runtime.frames import engines
 from recipe_runtime.frames.shot import shot
 from recipe_runtime.frames.source import FrameSource
 from recipe_runtime.meshes import actors
+from recipe_runtime.meshes.mesh import Mesh
+from recipe_runtime.meshes.pedestrian import pedestrian_parts
+from recipe_runtime.meshes.vehicle import vehicle_parts
 
 from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES, dataset_plan, simulate
 
+Parts = tuple[tuple[str, Mesh], ...]
 FRAMES = 12
 SCENARIO = dataset_plan(frames=FRAMES, weathers=1).variants[1]  # the shaky one: its sensor has a pose a frame
 
@@ -71,7 +75,7 @@ def test_the_first_frames_of_a_scene_are_a_scene_of_their_own(frames: int) -> No
 
 
 def test_a_shot_reports_simulation_and_rendering(tmp_path: Path) -> None:
-    seen: list[Any] = []
+    seen: list[tuple[str, int, int]] = []
     shot(SCENARIO, engines=ENGINES, store=Store(tmp_path), progress=lambda *step: seen.append(step))
     assert seen == [("render", 0, 1), ("render", 1, 1)]
 
@@ -83,10 +87,11 @@ def test_the_command_shows_progress_but_for_programs(
     """A shot of a late frame was silent for as long as the simulation took."""
     from click.testing import CliRunner
     from recipe_cli.commands import shot as module
+    from recipe_cli.progress import Progress
 
     stages: list[tuple[str, bool]] = []
 
-    class Noting(module.Progress):
+    class Noting(Progress):
         def __init__(self, quiet: bool = False) -> None:
             super().__init__(quiet)
             self._quiet = quiet
@@ -112,7 +117,7 @@ def test_the_command_shows_progress_but_for_programs(
 
 
 def test_a_failure_to_load_is_that_of_the_shot(tmp_path: Path) -> None:
-    def broken(scene: ScenePlan, device: str) -> Any:
+    def broken(scene: ScenePlan, device: str) -> NoReturn:
         raise ArithmeticError("the scene has no ground")
 
     with pytest.raises(ArithmeticError, match="no ground"):
@@ -125,9 +130,17 @@ def test_actors_meshes_are_built_once_a_shape(monkeypatch: pytest.MonkeyPatch) -
     from recipe_runtime.core.asset_files import Assets
 
     built: list[str] = []
-    for name in ("pedestrian_parts", "vehicle_parts"):
-        whole = getattr(actors, name)
-        monkeypatch.setattr(actors, name, lambda *a, _n=name, _w=whole, **k: built.append(_n) or _w(*a, **k))
+
+    def pedestrian(shape: Mapping[str, float], tag: int) -> Parts:
+        built.append("pedestrian_parts")
+        return pedestrian_parts(shape, tag)
+
+    def vehicle(shape: Mapping[str, float], tag: int, lit: bool) -> Parts:
+        built.append("vehicle_parts")
+        return vehicle_parts(shape, tag, lit)
+
+    monkeypatch.setattr(actors, "pedestrian_parts", pedestrian)
+    monkeypatch.setattr(actors, "vehicle_parts", vehicle)
     actors._parts.cache_clear()
     cast = tuple(
         ActorPlan(name=f"{glob}-{n}", blueprint=b.id, category=b.category, tag=b.tag, instance=n, shape=b.shape,

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import ActorPlan, Pose
+from recipe_compiler.ir.semantic_tags import Tag
 from recipe_compiler.library import towns
 from recipe_compiler.library.blueprints import LIBRARY, Blueprint
 from recipe_runtime.body.skeleton import part_names
@@ -21,7 +22,6 @@ from recipe_runtime.meshes import builder as builder_module
 from recipe_runtime.meshes.builder import Builder, icosphere, noise, noises
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.meshes.smoothing import Sheet, flatten
-from recipe_runtime.meshes.tags import Tag
 from recipe_runtime.meshes.vectors import cross, unit
 
 TOWN = towns.build("downtown", 0, {"blocks": [1, 1]})
@@ -59,7 +59,7 @@ def check(mesh: Mesh) -> None:
 
 def face_normals(mesh: Mesh) -> NDArray[np.float64]:
     a, b, c = (mesh.vertices[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
-    return np.cross(b - a, c - a)
+    return np.cross(b - a, c - a).astype(np.float64, copy=False)
 
 
 def digest(bodies: tuple[Body, ...]) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import recipe_runtime
 import trimesh
+from numpy.typing import NDArray
 from pydantic import ValidationError
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
@@ -42,9 +43,11 @@ def quiet(stage: str, done: int, total: int) -> None:
     pass
 
 
-def rotation(pose: Pose) -> Any:
+def rotation(pose: Pose) -> NDArray[np.float64]:
     """The pose's turn by another's matrices: about fixed axes, roll, then pitch, then yaw."""
-    return trimesh.transformations.euler_matrix(*np.radians([pose.roll, pose.pitch, pose.yaw]), "sxyz")[:3, :3]
+    roll, pitch, yaw = np.radians([pose.roll, pose.pitch, pose.yaw])
+    turned: NDArray[np.float64] = trimesh.transformations.euler_matrix(roll, pitch, yaw, "sxyz")[:3, :3]
+    return turned
 
 
 def test_a_mesh_is_where_the_plan_says() -> None:
@@ -52,7 +55,7 @@ def test_a_mesh_is_where_the_plan_says() -> None:
     scene = compiled.plan.variants[0].scene
     (prop,) = (p for p in scene.props if p.name == "prop.part")
     mesh = dict(prop_body(prop, Assets(compiled.places)).parts)["static"]
-    local = trimesh.load(GOOD.parent / "files/tetrahedron.stl", process=False).vertices * 0.001
+    local = trimesh.load_mesh(GOOD.parent / "files/tetrahedron.stl", process=False).vertices * 0.001
     pose = prop.pose
     expected = local @ rotation(pose).T + [pose.x, pose.y, pose.z]
     found = {tuple(row) for row in np.round(mesh.vertices.astype(float), 4).tolist()}

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.canonical import digest_array
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, Pose, Sun, Weather
-from recipe_runtime.core.transforms import from_pose
+from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern, Surface
 from recipe_runtime.render.renderer import Renderer
+
+Colours = dict[str, dict[str, str]]  # by body and slot
 
 _AXES = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
-def quad(corners: Any, uvs: Any, surface: Surface) -> Mesh:
+def quad(corners: ArrayLike, uvs: ArrayLike, surface: Surface) -> Mesh:
     """A flat quadrilateral; corners counter-clockwise seen from outside."""
     c = np.array(corners, np.float32)
     u, v = (c[1] - c[0]).astype(float), (c[3] - c[0]).astype(float)
@@ -32,16 +35,19 @@ def ground(size: float, surface: Surface, z: float = 0.0, x: float = 0.0, y: flo
     return quad(corners, [c[:2] for c in corners], surface)
 
 
-def box(low: Any, high: Any, surface: Surface, lights: tuple[Light, ...] = ()) -> Mesh:
+def box(low: ArrayLike, high: ArrayLike, surface: Surface, lights: tuple[Light, ...] = ()) -> Mesh:
     """An axis-aligned box with hard edges, uv in metres."""
-    vertices, normals, uvs, triangles = [], [], [], []
-    low, high = np.array(low, float), np.array(high, float)
+    vertices: list[NDArray[np.float64]] = []
+    normals: list[NDArray[np.float64]] = []
+    uvs: list[list[float]] = []
+    triangles: list[list[int]] = []
+    ends = np.array(low, float), np.array(high, float)
     for a, b, c in _AXES:
-        for side, value in ((-1.0, low), (1.0, high)):
+        for side, value in zip((-1.0, 1.0), ends, strict=True):
             first = len(vertices)
             for s, t in ((0, 0), (1, 0), (1, 1), (0, 1)):
                 p = np.zeros(3)
-                p[a], p[b], p[c] = value[a], (low, high)[s][b], (low, high)[t][c]
+                p[a], p[b], p[c] = value[a], ends[s][b], ends[t][c]
                 vertices.append(p)
                 normals.append(np.eye(3)[a] * side)
                 uvs.append([p[1] if a == 0 else p[0], p[2] if a != 2 else p[1]])
@@ -58,7 +64,7 @@ def box(low: Any, high: Any, surface: Surface, lights: tuple[Light, ...] = ()) -
     )
 
 
-def ball(radius: float, surface: Surface, rings: int = 24, centre: Any = (0.0, 0.0, 0.0)) -> Mesh:
+def ball(radius: float, surface: Surface, rings: int = 24, centre: Sequence[float] = (0.0, 0.0, 0.0)) -> Mesh:
     """A ball of latitude rings."""
     points, triangles = [], []
     around = 2 * rings
@@ -113,7 +119,7 @@ def street() -> list[Body]:
     return [*(Body(name, 0, (("base", mesh),)) for name, mesh in parts), walker, car]
 
 
-def parts_at(frame: int = 0) -> Any:
+def parts_at(frame: int = 0) -> Array:
     """Where the walker and the car are."""
     return np.stack(
         [from_pose(Pose(x=7.0, y=2.0 - 0.1 * frame, yaw=20)), from_pose(Pose(x=12.0 - 0.2 * frame, y=-2.0, yaw=170))]
@@ -153,7 +159,9 @@ _CLEAR = {
 }
 
 
-def appearance(altitude: float = 45.0, azimuth: float = 250.0, looks: Any = None, **weather: float) -> AppearancePlan:
+def appearance(
+    altitude: float = 45.0, azimuth: float = 250.0, looks: Colours | None = None, **weather: float
+) -> AppearancePlan:
     """An appearance of the street: clear noon but for what is given."""
     return AppearancePlan(
         seed=3,
@@ -173,7 +181,7 @@ WEATHERS = {
 }
 
 
-def golden_pictures() -> dict[str, Any]:
+def golden_pictures() -> dict[str, NDArray[np.uint8]]:
     """The street in five weathers, 96 x 64."""
     renderer = Renderer(street())
     seen = renderer.observe(CAMERA, EYE, parts_at())
@@ -183,5 +191,10 @@ def golden_pictures() -> dict[str, Any]:
 def golden_digests() -> dict[str, str]:
     """Digests of the street's labels and of its pictures in five weathers."""
     seen = Renderer(street()).observe(CAMERA, EYE, parts_at())
-    arrays = {"depth": seen.depth, "instance": seen.instance, "semantic": seen.semantic, **golden_pictures()}
+    arrays: dict[str, NDArray[np.generic]] = {
+        "depth": seen.depth,
+        "instance": seen.instance,
+        "semantic": seen.semantic,
+        **golden_pictures(),
+    }
     return {name: digest_array(f"golden/{name}", array) for name, array in arrays.items()}

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraResponse
 from recipe_runtime.render.camera import exposure
 from recipe_runtime.render.camera.develop_kernels import LEVELS
@@ -16,8 +16,9 @@ from recipe_runtime.render.renderer import Renderer
 from tests.runtime.render.street import CAMERA, EYE, WEATHERS, parts_at, street
 
 Picture = NDArray[np.uint8]
+Setting: TypeAlias = float | str
 WIDE, HIGH = CAMERA.width, CAMERA.height
-SMOOTH: dict[str, Any] = {"antialias": True}
+SMOOTH: dict[str, Setting] = {"antialias": True}
 
 
 @pytest.fixture(scope="module")
@@ -25,12 +26,12 @@ def renderer() -> Renderer:
     return Renderer(street())
 
 
-def having(weather: str = "noon", **settings: Any) -> AppearancePlan:
-    response = CameraResponse(**{"noise": 0.0, "antialias": False, **settings})
+def having(weather: str = "noon", /, **settings: Setting) -> AppearancePlan:
+    response = CameraResponse.model_validate({"noise": 0.0, "antialias": False, **settings})
     return WEATHERS[weather].model_copy(update={"responses": {"street": response}})
 
 
-def shot(renderer: Renderer, weather: str = "noon", **settings: Any) -> Picture:
+def shot(renderer: Renderer, weather: str = "noon", /, **settings: Setting) -> Picture:
     seen = renderer.observe(CAMERA, EYE, parts_at())
     return renderer.shade(seen, having(weather, **settings), "street", 0, 0.0)
 
@@ -38,7 +39,8 @@ def shot(renderer: Renderer, weather: str = "noon", **settings: Any) -> Picture:
 def linear(picture: Picture) -> NDArray[np.float64]:
     """Display light of sRGB levels."""
     v = picture / 255.0
-    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+    light: NDArray[np.float64] = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+    return light
 
 
 def light(picture: Picture) -> NDArray[np.float64]:
@@ -48,7 +50,8 @@ def light(picture: Picture) -> NDArray[np.float64]:
         x = (low + high) / 2.0
         above = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14) > y
         low, high = np.where(above, low, x), np.where(above, x, high)
-    return (low + high) / 2.0
+    middle: NDArray[np.float64] = (low + high) / 2.0
+    return middle
 
 
 def from_centre() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -57,7 +60,7 @@ def from_centre() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return (x + 0.5 - WIDE / 2) / WIDE, (y + 0.5 - HIGH / 2) / WIDE
 
 
-def assert_gain(changed: Picture, plain: Picture, gain: Any) -> None:
+def assert_gain(changed: Picture, plain: Picture, gain: ArrayLike) -> None:
     """Light is `gain` times what it was, as far as eight bits tell."""
     middle = (plain > 70) & (plain < 200) & (changed > 70) & (changed < 235)
     wanted = np.broadcast_to(np.asarray(gain, float), plain.shape)[middle]
@@ -91,7 +94,7 @@ def test_exposure_compensation_is_in_stops(renderer: Renderer) -> None:
 
 
 def test_manual_exposure_goes_by_shutter_iso_and_aperture(renderer: Renderer) -> None:
-    sunny = {"exposure_mode": "manual", "shutter_speed": 100.0, "fstop": 16.0}
+    sunny: dict[str, Setting] = {"exposure_mode": "manual", "shutter_speed": 100.0, "fstop": 16.0}
     base = shot(renderer, **sunny)
     assert_gain(base, shot(renderer), 1.0)  # the sunny sixteen at noon
     for change, gain in (({"shutter_speed": 200.0}, 0.5), ({"fstop": 16.0 * 2**0.5}, 0.5), ({"iso": 50.0}, 0.5)):
@@ -110,8 +113,9 @@ def test_gamma_is_a_power_of_the_encoded_value(renderer: Renderer) -> None:
 
 def test_white_balance_is_a_gain_of_each_channel(renderer: Renderer) -> None:
     base = shot(renderer)
-    for settings in ({"temp": 5200.0}, {"temp": 8000.0}, {"tint": 0.4}, {"tint": -0.4}):
-        assert_gain(shot(renderer, **settings), base, exposure.white(CameraResponse(**settings)))  # type: ignore[arg-type]
+    for name, value in (("temp", 5200.0), ("temp", 8000.0), ("tint", 0.4), ("tint", -0.4)):
+        gains = exposure.white(CameraResponse.model_validate({name: value}))
+        assert_gain(shot(renderer, **{name: value}), base, gains)
 
 
 def test_white_balance_makes_its_own_light_white() -> None:
@@ -160,8 +164,8 @@ def test_supersampling_comes_nearer_to_the_truth(renderer: Renderer) -> None:
 def test_a_plate_of_one_sample_is_the_plain_picture(renderer: Renderer) -> None:
     """Effects too weak to tell go the long way, through a plate, and change nothing but roundings."""
     plain = shot(renderer).astype(int)
-    for settings in ({"bloom_intensity": 1e-6}, {"chromatic_aberration_intensity": 1e-6}):
-        assert np.abs(shot(renderer, **settings) - plain).max() <= 1  # type: ignore[arg-type]
+    for effect in ("bloom_intensity", "chromatic_aberration_intensity"):
+        assert np.abs(shot(renderer, **{effect: 1e-6}) - plain).max() <= 1
 
 
 def test_bloom_sheds_light_about_bright_places_and_loses_none(renderer: Renderer) -> None:
@@ -182,7 +186,7 @@ def test_red_and_blue_part_towards_the_corners(renderer: Renderer) -> None:
     assert (offset != plain).any()
 
 
-SETTINGS: list[dict[str, Any]] = [
+SETTINGS: list[dict[str, Setting]] = [
     {
         "vignette_intensity": 0.9,
         "lens_circle_multiplier": 2.0,
@@ -197,7 +201,7 @@ SETTINGS: list[dict[str, Any]] = [
 
 
 @pytest.mark.parametrize("settings", SETTINGS, ids=lambda s: next(iter(s)))
-def test_colour_settings_touch_no_label_and_no_other_picture(renderer: Renderer, settings: dict[str, Any]) -> None:
+def test_colour_settings_touch_no_label_and_no_other_picture(renderer: Renderer, settings: dict[str, Setting]) -> None:
     fresh = renderer.observe(CAMERA, EYE, parts_at(5))
     labels = fresh.depth.tobytes(), fresh.instance.tobytes(), fresh.semantic.tobytes(), fresh.objects
     before = renderer.shade(fresh, having(), "street", 5, 0.2)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import no_type_check
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -25,8 +26,9 @@ from tests.sources import ROOT
 NOTICE = "are damaged, or from an earlier version; compiling them again"
 
 
+@no_type_check  # written in Warp's language
 @wp.kernel
-def count_up(out: wp.array(dtype=wp.int32)):  # type: ignore[valid-type]
+def count_up(out: wp.array(dtype=wp.int32)):
     """Write each thread's number."""
     i = wp.tid()
     out[i] = i
@@ -175,14 +177,17 @@ assert drawn() == [0, 1, 2, 3]
 def test_processes_that_start_at_once_compile_once(tmp_path: Path) -> None:
     """The second waits for the first, and neither takes the other's half-finished work for damage."""
     environment = {**os.environ, "RECIPE_KERNEL_CACHE": str(tmp_path)}
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    pipe = subprocess.PIPE
     children = [
-        subprocess.Popen([sys.executable, "-c", CHILD], env=environment, text=True, **pipes)  # type: ignore[call-overload]
+        subprocess.Popen(
+            [sys.executable, "-c", CHILD], env=environment, text=True, stdin=pipe, stdout=pipe, stderr=pipe
+        )
         for _ in range(2)
     ]
     for child in children:
-        assert child.stdout.readline() == "ready\n"
+        assert child.stdout is not None and child.stdout.readline() == "ready\n"
     for child in children:
+        assert child.stdin is not None
         child.stdin.write("go\n")
         child.stdin.flush()
     told = [child.communicate(timeout=120) for child in children]

@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 import pytest
@@ -30,7 +29,8 @@ def board(width: float, height: float, repeats: float = 1.0) -> Mesh:
     """A board at x = 0 that faces -x, its middle at the height of 10 m: on its left, seen from there, u is 0."""
     w, low, high, n = width / 2, 10.0 - height / 2, 10.0 + height / 2, repeats
     corners = [[0, w, low], [0, -w, low], [0, -w, high], [0, w, high]]
-    return quad(corners, [[0, n], [n, n], [n, 0], [0, 0]], FACE)
+    uvs: list[list[float]] = [[0, n], [n, n], [n, 0], [0, 0]]
+    return quad(corners, uvs, FACE)
 
 
 def lit(image: Pixels | None, repeat: bool = False, **weather: float) -> AppearancePlan:
@@ -51,8 +51,9 @@ def albedo(mesh: Mesh, image: Pixels, pose: Pose, camera: CameraPlan, repeat: bo
     return np.where((seen.semantic == 20)[..., None], (shown - low) / np.maximum(high - low, 1e-9), np.nan)
 
 
-def light(pixels: Any) -> NDArray[np.float64]:
-    return np.vectorize(srgb_to_linear, otypes=[np.float64])(pixels)
+def light(pixels: Pixels) -> NDArray[np.float64]:
+    light: NDArray[np.float64] = np.vectorize(srgb_to_linear, otypes=[np.float64])(pixels)
+    return light
 
 
 def noise(height: int, width: int) -> Pixels:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
+from typing import no_type_check
 
 import pytest
 from recipe_runtime.render.device.launch import launch
@@ -15,6 +16,7 @@ wp.set_module_options(OPTIONS)
 BASE = "recipe_runtime/render/"
 
 
+@no_type_check  # written in Warp's language
 @wp.kernel
 def _subtract(a: wp.int32, b: wp.int32, out: wp.array[wp.int32]):
     out[wp.tid()] = a - b

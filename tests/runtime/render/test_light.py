@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.plan import CameraPlan, Pose
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, Pose
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Pattern, Surface
 from recipe_runtime.render.atmosphere.weather_light import extinction, light_at, light_of
@@ -26,7 +25,7 @@ def level(*bodies: Body) -> Renderer:
     return Renderer([Body("ground", 0, (("static", ground(300.0, GREY)),)), *bodies])
 
 
-def looked(renderer: Renderer, pose: Pose, weather: Any, camera: CameraPlan = CAMERA) -> Any:
+def looked(renderer: Renderer, pose: Pose, weather: AppearancePlan, camera: CameraPlan = CAMERA) -> NDArray[np.float32]:
     return renderer.radiance(renderer.observe(camera, from_pose(pose), NOBODY), weather)
 
 
@@ -63,9 +62,11 @@ def test_a_lamps_glow_in_fog_is_the_sum_of_what_the_air_scatters_along_the_sight
             Body("lamp", 0, (("static", box([7.99, -0.01, 2.0], [8.01, 0.01, 2.02], BLACK, (lamp,))),)),
         ]
     )
-    still = {"looks": LOOKS, "fog_density": 50.0, "fog_distance": 0.0, "fog_falloff": 0.0}
-    dark, glowing = (looked(renderer, Pose(z=2.0), appearance(-40.0, scattering_intensity=s, **still)) for s in (0, 1))
-    air = light_of(appearance(-40.0, scattering_intensity=1, **still), "cpu").air
+    still = {"fog_density": 50.0, "fog_distance": 0.0, "fog_falloff": 0.0}
+    dark, glowing = (
+        looked(renderer, Pose(z=2.0), appearance(-40.0, looks=LOOKS, scattering_intensity=s, **still)) for s in (0, 1)
+    )
+    air = light_of(appearance(-40.0, looks=LOOKS, scattering_intensity=1, **still), "cpu").air
     sigma, power = float(air.fog) + float(air.haze), 1400.0 / 11000.0
     steps = np.linspace(0.0, 1000.0, 1_000_001)
     for column in (20, 26, 31, 36):

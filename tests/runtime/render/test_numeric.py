@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import no_type_check
+
 import numpy as np
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import OPTIONS, wp
@@ -11,6 +13,7 @@ from recipe_runtime.render.numeric.vectors import cross, dot, normalize
 wp.set_module_options(OPTIONS)
 
 
+@no_type_check  # written in Warp's language
 @wp.kernel
 def _evaluate(a: wp.vec3f, b: wp.vec3f, x: wp.float32, out: wp.array[wp.float32]):
     n = normalize(wp.vec3f(0.0, 0.0, 0.0))

@@ -88,7 +88,7 @@ def test_every_kernel_module_sets_the_options() -> None:
     from recipe_runtime.render.device.setup import OPTIONS, wp
 
     assert OPTIONS["fuse_fp"] is False and OPTIONS["fast_math"] is False
-    flags = wp.config.cpu_compiler_flags.split()
+    flags = (wp.config.cpu_compiler_flags or "").split()
     assert flags and all(flag.startswith("-mllvm=-inline-") for flag in flags), "no flag may name a CPU or change sums"
 
 

@@ -1,11 +1,11 @@
 """What a camera at rest need not ask again: each rule alone, with numbers made by hand."""
 
-from typing import Any
+from typing import no_type_check
 
 import numpy as np
 import pytest
 from recipe_runtime.render.atmosphere.air import Air
-from recipe_runtime.render.device.arrays import record, records
+from recipe_runtime.render.device.arrays import DeviceArray, filled, record, records
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting import passes, temporal_kernels
@@ -23,16 +23,17 @@ class Camera:
     """Tiles of samples of which only what `enlist` asks for is given."""
 
     def __init__(self, *tiles: list[int]) -> None:
-        self.known = wp.array(np.concatenate(tiles).astype(np.uint8), dtype=wp.uint8, device="cpu")
-        self.firsts = wp.array(np.cumsum([0, *map(len, tiles)]).astype(np.int32), dtype=wp.int32, device="cpu")
+        self.known: DeviceArray = wp.array(np.concatenate(tiles).astype(np.uint8), dtype=wp.uint8, device="cpu")
+        firsts = np.cumsum([0, *map(len, tiles)]).astype(np.int32)
+        self.firsts: DeviceArray = wp.array(firsts, dtype=wp.int32, device="cpu")
         self.quiet = wp.zeros(len(tiles), dtype=wp.uint8, device="cpu")
         self.tiles = len(tiles)
 
     def asked(self, bits: int = CALM, *, then: int = 0, now: int = 0, sky: int = 1) -> set[int]:
         """The samples listed at a stir, `then` having been the frame before's."""
-        air, before = Air(), temporal_kernels.PreviousFrame()
-        air.stirs, before.stirs, before.sky = now, then, sky
-        before.tiles = wp.array(np.full(self.tiles, bits, np.int32), dtype=wp.int32, device="cpu")
+        tiles: DeviceArray = wp.array(np.full(self.tiles, bits, np.int32), dtype=wp.int32, device="cpu")
+        air = filled(Air(), stirs=now)
+        before = filled(temporal_kernels.PreviousFrame(), stirs=then, sky=sky, tiles=tiles)
         count, listed = (wp.zeros(n, dtype=wp.int32, device="cpu") for n in (1, self.known.size))
         passes.collect_dirty(
             self.firsts, record(air, "cpu"), record(before, "cpu"), self.known, self.quiet, count, listed, "cpu"
@@ -73,24 +74,29 @@ def test_a_quiet_tile_is_asked_again_when_something_comes() -> None:
     assert tile.asked(bits=0) == {0, 1}
 
 
-def beam(texel: float, shaded: tuple[int, int] | None) -> Any:
+def beam(texel: float, shaded: tuple[int, int] | None) -> shadow_kernels.Sunbeam:
     """A map of 256 texels about the origin under a sun in the zenith, with one tile of it in use."""
-    found = shadow_kernels.Sunbeam()
-    found.u, found.v = wp.vec4f(1.0 / texel, 0.0, 0.0, 128.0), wp.vec4f(0.0, 1.0 / texel, 0.0, 128.0)
-    found.q, found.size, found.texel, found.depth = wp.vec4f(0.0, 0.0, 0.001, 0.5), 256, texel, 1000.0
     bounds = np.zeros((16, 16, 2), np.float32)
     if shaded is not None:
         bounds[shaded] = 0.6
-    found.depths = wp.zeros(256 * 256, dtype=wp.float32, device="cpu")
-    found.bounds = wp.array(bounds.reshape(-1, 2), dtype=wp.vec2f, device="cpu")
-    return found
+    return filled(
+        shadow_kernels.Sunbeam(),
+        u=wp.vec4f(1.0 / texel, 0.0, 0.0, 128.0),
+        v=wp.vec4f(0.0, 1.0 / texel, 0.0, 128.0),
+        q=wp.vec4f(0.0, 0.0, 0.001, 0.5),
+        size=256,
+        texel=texel,
+        depth=1000.0,
+        depths=wp.zeros(256 * 256, dtype=wp.float32, device="cpu"),
+        bounds=wp.array(bounds.reshape(-1, 2), dtype=wp.vec2f, device="cpu"),
+    )
 
 
 def calm_at(x: float, y: float, fine: tuple[int, int] | None, coarse: tuple[int, int] | None) -> bool:
     """Whether a box of half a metre about a place is out of reach of what moves."""
     beams = records([beam(0.02, None), beam(0.2, None), beam(0.02, fine), beam(0.2, coarse)], "cpu")
-    corners = [wp.array([[x + d, y + d, d]], dtype=wp.vec3f, device="cpu") for d in (-0.25, 0.25)]
-    same = wp.array([1], dtype=wp.int32, device="cpu")
+    corners: list[DeviceArray] = [wp.array([[x + d, y + d, d]], dtype=wp.vec3f, device="cpu") for d in (-0.25, 0.25)]
+    same: DeviceArray = wp.array([1], dtype=wp.int32, device="cpu")
     lows, highs = corners
     launch(shadow_kernels.mark_unshadowed, 1, "cpu", lows=lows, highs=highs, beams=beams, needed_bits=1, out_bits=same)
     return bool(same.numpy()[0] & CALM)
@@ -115,25 +121,26 @@ class Puddle:
         self.data = Samples()
         self.data.positions = wp.array([[0.7 * i, 0.3, 0.0] for i in range(count)], dtype=wp.vec3f, device="cpu")
         self.data.pixels = wp.array(np.arange(count, dtype=np.int32), dtype=wp.int32, device="cpu")
-        gleam = wp.array([[g, 0.9] for g in gleams], dtype=wp.vec2f, device="cpu")
+        gleam: DeviceArray = wp.array([[g, 0.9] for g in gleams], dtype=wp.vec2f, device="cpu")
         found, listed = self._list(count)
         passes.collect_reflective(record(self.data, "cpu"), gleam, count, found, listed, "cpu")
         self.mirrors = wp.clone(listed[: int(found.numpy()[0])])
         pairs = np.stack([sources, others or [-1] * count], axis=-1).astype(np.int32)
-        self.sources = wp.array(pairs, dtype=wp.vec2i, device="cpu")
+        self.sources: DeviceArray = wp.array(pairs, dtype=wp.vec2i, device="cpu")
 
     @staticmethod
-    def _list(count: int) -> tuple[Any, Any]:
-        return tuple(wp.zeros(n, dtype=wp.int32, device="cpu") for n in (1, count))
+    def _list(count: int) -> tuple[DeviceArray, DeviceArray]:
+        return wp.zeros(1, dtype=wp.int32, device="cpu"), wp.zeros(count, dtype=wp.int32, device="cpu")
 
     def due(self, stale: tuple[int, ...] = (), then: int = 0, now: int = 0) -> set[int]:
         """The samples that mirror something else, when the light of some pixels has changed."""
-        air, before, spoilt = Air(), temporal_kernels.PreviousFrame(), np.zeros(self.sources.size, np.uint8)
-        spoilt[list(stale)] = 1
-        air.moment, before.stale = now, wp.array(spoilt, dtype=wp.uint8, device="cpu")
+        changed = np.zeros(self.sources.size, np.uint8)
+        changed[list(stale)] = 1
+        marks: DeviceArray = wp.array(changed, dtype=wp.uint8, device="cpu")
+        before = record(filled(temporal_kernels.PreviousFrame(), stale=marks), "cpu")
+        samples, air = record(self.data, "cpu"), record(filled(Air(), moment=now), "cpu")
         count, listed = self._list(self.sources.size)
-        told = (record(v, "cpu") for v in (self.data, air, before))
-        passes.stale_reflections(*told, self.mirrors, then, self.sources, count, listed, "cpu")
+        passes.stale_reflections(samples, air, before, self.mirrors, then, self.sources, count, listed, "cpu")
         return set(listed.numpy()[: count.numpy()[0]].tolist())
 
 
@@ -174,6 +181,7 @@ def test_a_body_darkens_nothing_from_where_its_darkening_ends() -> None:
     assert found[3:] == [1.0, 1.0]
 
 
+@no_type_check  # written in Warp's language
 @wp.kernel
 def _ask(bodies: wp.array[Bodies], lists: wp.array2d[wp.int32], x: wp.float32, out: wp.array[wp.float32]):
     out[0] = contact_occlusion(bodies, lists, 0, wp.vec3f(x, 0.0, 0.0), wp.vec3f(0.0, 0.0, 1.0))
@@ -185,7 +193,8 @@ def _sky_beside(x: float, spread: float) -> float:
     bodies.centre = wp.array([[0.0, 0.0, 0.0]], dtype=wp.vec3f, device="cpu")
     bodies.axis, bodies.half = (wp.array([v], dtype=wp.vec2f, device="cpu") for v in ([1.0, 0.0], [0.1, 0.1]))
     bodies.spread, bodies.strength = (wp.array([v], dtype=wp.float32, device="cpu") for v in (spread, 0.7))
-    bodies.count = 1
-    lists, out = wp.array([[1, 0]], dtype=wp.int32, device="cpu"), wp.zeros(1, dtype=wp.float32, device="cpu")
+    bodies = filled(bodies, count=1)
+    lists: DeviceArray = wp.array([[1, 0]], dtype=wp.int32, device="cpu")
+    out = wp.zeros(1, dtype=wp.float32, device="cpu")
     launch(_ask, 1, "cpu", bodies=record(bodies, "cpu"), lists=lists, x=x, out=out)
     return float(out.numpy()[0])

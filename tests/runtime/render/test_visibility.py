@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 from recipe_compiler.ir.plan import CameraPlan, Pose
-from recipe_runtime.core.transforms import from_pose
+from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.mesh import Body, Mesh, Pattern, Surface
 from recipe_runtime.render.device.reuse import NO_REUSE
 from recipe_runtime.render.device.setup import wp
@@ -22,19 +22,18 @@ HERE = from_pose(Pose())
 PLANE = Body("plane", 0, (("static", ground(50.0, GREY, z=-30.0)),))
 
 
-def triangle(corners: Any) -> Mesh:
+def triangle(corners: Sequence[Sequence[float]]) -> Mesh:
     c = np.array(corners, np.float32)
+    normals = np.zeros_like(c) + np.array([-1, 0, 0], np.float32)
     surface = np.zeros(1, np.int32)
-    return Mesh(
-        c, np.zeros_like(c) + np.float32([-1, 0, 0]), c[:, :2], np.array([[0, 1, 2]], np.int32), surface, (SHIRT,)
-    )
+    return Mesh(c, normals, c[:, :2], np.array([[0, 1, 2]], np.int32), surface, (SHIRT,))
 
 
 def actors(*meshes: Mesh) -> list[Body]:
     return [PLANE, *(Body(f"a{n}", 12001 + n, (("base", mesh),)) for n, mesh in enumerate(meshes))]
 
 
-def places(count: int) -> Any:
+def places(count: int) -> Array:
     return np.stack([HERE] * count)
 
 
@@ -88,7 +87,7 @@ def test_triangles_that_share_an_edge_leave_no_gap_and_take_no_pixel_twice(seed:
     corners = np.concatenate([np.full((4, 1), 2.0), random.integers(-8, 9, (4, 2)) / 8.0], axis=1)
     a, b, c, d = corners
     # A fan about the middle of a convex outline; on a coarse grid, so that corners and edges meet pixel centres.
-    middle = (a + b + c + d) / 4.0
+    middle = ((a + b + c + d) / 4.0).tolist()
     order = sorted(corners.tolist(), key=lambda p: _turn(p, middle))
     fan = [triangle([middle, p, q]) for p, q in zip(order, [*order[1:], order[0]], strict=True)]
     flipped = [Mesh(m.vertices, m.normals, m.uvs, m.triangles[:, ::-1].copy(), m.surface, m.surfaces) for m in fan]
@@ -97,7 +96,7 @@ def test_triangles_that_share_an_edge_leave_no_gap_and_take_no_pixel_twice(seed:
     assert sum(view.amodal for view in seen.objects) == (seen.instance > 0).sum()
 
 
-def _turn(p: Any, middle: Any) -> float:
+def _turn(p: Sequence[float], middle: Sequence[float]) -> float:
     """Grows with the angle about the middle."""
     y, z = p[1] - middle[1], p[2] - middle[2]
     size = abs(y) + abs(z) or 1.0

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 from recipe_compiler.ir.errors import RunError
-from recipe_runtime.annotate.records import Video
+from recipe_runtime.annotate.records import FrameRecord, Video
 from recipe_runtime.core import codecs
 from recipe_runtime.frames.shot import Shot
 from recipe_runtime.report.contact_sheets import contact_sheet, overlay_sheet
@@ -36,7 +37,7 @@ def bomb(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(rows)
 
 
-def npy(array: np.ndarray) -> bytes:
+def npy(array: NDArray[np.generic]) -> bytes:
     body = io.BytesIO()
     np.save(body, array)
     return body.getvalue()
@@ -102,7 +103,8 @@ def test_a_folder_that_cannot_be_written_is_an_error_that_says_so(tmp_path: Path
 def test_a_picture_that_cannot_be_read_back_is_no_traceback(tmp_path: Path) -> None:
     broken = tmp_path / "000000.png"
     broken.write_bytes(codecs.png(PIXELS)[:60])
-    video = Video("a", sensor_plan(), 10, ({"frame": 0, "objects": [], "digests": {"labels": ""}},))
+    record: FrameRecord = {"frame": 0, "objects": [], "digests": {"labels": ""}, "rgb": {}, "files": {}}
+    video = Video("a", sensor_plan(), 10, (record,))
     for sheet in (contact_sheet, overlay_sheet):
         with pytest.raises(RunError, match=r"000000.png was written and cannot be read back"):
             sheet("tiny", [video], lambda video, frame: broken)

@@ -98,7 +98,7 @@ def test_a_name_that_leads_away_is_refused(built: Dataset, tmp_path: Path) -> No
 
 
 def test_two_exports_at_once_and_a_folder_in_the_way(built: Dataset, tmp_path: Path) -> None:
-    met = []
+    met: list[int] = []
 
     def meet(stage: str, done: int, total: int) -> None:
         if not met:
@@ -112,6 +112,64 @@ def test_two_exports_at_once_and_a_folder_in_the_way(built: Dataset, tmp_path: P
     (tmp_path / ".other.export" / "thesis.tex").write_text("precious")
     with pytest.raises(InputError, match="is in the way and is not an export's work"):
         exported(built, tmp_path / "other")
+
+
+@pytest.mark.parametrize("work", ["link", "tar"])
+def test_a_folder_that_no_export_made_is_not_cleared(built: Dataset, tmp_path: Path, work: str) -> None:
+    """Neither through a symbolic link nor because its files are named like shards."""
+    folder = tmp_path / ("elsewhere" if work == "link" else ".out.export")
+    folder.mkdir()
+    (folder / "backup.tar").write_text("precious")
+    if work == "link":
+        (tmp_path / ".out.export").symlink_to(folder)
+    with pytest.raises(InputError, match="is in the way and is not an export's work"):
+        exported(built, tmp_path / "out")
+    assert (folder / "backup.tar").read_text() == "precious"
+
+
+def test_what_a_killed_export_left_is_cleared(built: Dataset, tmp_path: Path) -> None:
+    def die(stage: str, done: int, total: int) -> None:
+        left.append([(p.name, p.read_bytes()) for p in sorted((tmp_path / ".out.export").iterdir())])
+
+    left: list[list[tuple[str, bytes]]] = []
+    made = shards.webdataset(built, tmp_path / "out", die, SMALL)
+    (tmp_path / ".again.export").mkdir()
+    for name, body in left[-1]:
+        (tmp_path / ".again.export" / name).write_bytes(body)
+    assert shards.webdataset(built, tmp_path / "again", lambda *_: None, SMALL) == made
+    assert not list(tmp_path.glob(".again*"))
+
+
+@pytest.mark.parametrize("forgery", ["bytes", "folder", "name", "type", "link", "device"])
+def test_a_forged_export_is_neither_believed_nor_followed(built: Dataset, tmp_path: Path, forgery: str) -> None:
+    out, precious = tmp_path / "out", tmp_path / "precious"
+    first = exported(built, out)[0]
+    index = json.loads((out / shards.INDEX).read_text())
+    precious.write_text("precious")
+    if forgery == "bytes":
+        first.write_bytes(bytes(first.stat().st_size))
+    elif forgery == "folder":
+        first.unlink()
+        first.mkdir()
+        (first / "thesis.tex").write_text("precious")
+    elif forgery == "link":
+        first.unlink()
+        first.symlink_to(precious)
+    elif forgery == "device":
+        (out / shards.INDEX).unlink()
+        (out / shards.INDEX).symlink_to("/dev/zero")
+    else:
+        index["shards"] = [{**index["shards"][0], "file": "../precious"}] if forgery == "name" else 7
+        (out / shards.INDEX).write_text(json.dumps(index))
+    with pytest.raises(InputError, match="is there already"):
+        exported(built, out)
+    if forgery == "link":
+        shards.webdataset(built, out, lambda *_: None, SMALL, replace=True)
+    elif forgery == "folder":
+        with pytest.raises(InputError, match="is not an export alone"):
+            shards.webdataset(built, out, lambda *_: None, SMALL, replace=True)
+        assert (first / "thesis.tex").read_text() == "precious"
+    assert precious.read_text() == "precious"
 
 
 def test_equal_datasets_give_equal_shards(built: Dataset, tmp_path: Path) -> None:

@@ -114,7 +114,7 @@ def test_a_copy_from_elsewhere_meanwhile_is_believed_and_the_old_note_is_not(
 ) -> None:
     """A copy stops; another host copies other bytes of the same sizes; the first goes on."""
     fs, prefix = fsspec.core.url_to_fs(url)
-    send, sent = type(fs).put_file, []
+    send, sent = type(fs).put_file, list[str]()
 
     def failing(self: Any, *args: Any, **kwargs: Any) -> None:
         if len(sent) > 30:

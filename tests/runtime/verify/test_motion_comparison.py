@@ -1,4 +1,4 @@
-"""A forged digest of motion excuses no forged frame: FAIL does not become INCONCLUSIVE by it."""
+"""A forged digest of motion alone excuses no forged frame, and honest motion of another host raises no false alarm."""
 
 from __future__ import annotations
 
@@ -9,20 +9,28 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.lockfile import Lockfile
-from recipe_compiler.ir.plan import ScenePlan
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, Pose, ScenePlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core.trace import METRE, Trace
+from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.core.versions import host_versions
 from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.frames.engines import Engines
+from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options, verify
 
 from tests.runtime import fakes
+from tests.runtime.render import street
+from tests.runtime.render.street import box
 
 PLAN = fakes.dataset_plan(frames=4, weathers=1)
 ELSEWHERE = {**host_versions(), "glibc": "2.31"}
@@ -39,6 +47,9 @@ def moved(scene: ScenePlan) -> Trace:
     positions = trace.positions.copy()
     positions[3:, :, 1] += METRE
     return replace(trace, positions=positions)
+
+
+MOVED = replace(fakes.ENGINES, simulate=moved)
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +100,98 @@ def test_frames_before_the_bodies_part_have_no_excuse(locked: Lockfile) -> None:
     assert report.verdict == "FAIL"
 
 
+class ShadowRenderer(fakes.Renderer):
+    """The van is behind the camera: its shadow, which reddens the picture, is all that is seen of it."""
+
+    def observe(self, camera: CameraPlan, world_from_sensor: Any, parts: Any) -> fakes.Seen:
+        self._red = int(parts[2][1, 3] * 8) % 128
+        return super().observe(camera, world_from_sensor, parts)
+
+    def picture(self, obs: fakes.Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
+        colours = super().picture(obs, appearance, frame)
+        colours[..., 0] = colours[..., 0] // 2 + self._red
+        return colours
+
+
+def behind(scene: ScenePlan) -> Trace:
+    """The fakes' motion, with the van behind the camera."""
+    trace = fakes.simulate(scene)
+    positions = trace.positions.copy()
+    positions[:, 2, 0] = -5 * METRE
+    return replace(trace, positions=positions)
+
+
+def behind_elsewhere(scene: ScenePlan) -> Trace:
+    """The same as another host simulates it: the van, which no camera sees, is a metre off from frame 3 on."""
+    trace = behind(scene)
+    positions, linear = trace.positions.copy(), trace.linear.copy()
+    positions[3:, 2, 1] += METRE
+    linear[3:, 2, 1] += 1
+    return replace(trace, positions=positions, linear=linear)
+
+
+SHADOWS = Engines(behind, fakes.actor_bodies, lambda scene, device: ShadowRenderer(scene))
+SHADOWS_ELSEWHERE = replace(SHADOWS, simulate=behind_elsewhere)
+
+
+@pytest.fixture(scope="module")
+def locked_shadows() -> Lockfile:
+    return replace(lock(PLAN, "tiny.yaml", {}, workers=0, progress=quiet, engines=SHADOWS), tools=ELSEWHERE)
+
+
+def forged_rgb(lock: Lockfile, frame: int) -> Lockfile:
+    row = next(key for key in lock.frames if key[2:] == ("rgb", frame))
+    return replace(lock, frames={**lock.frames, row: "0" * 64})
+
+
+def test_the_shadow_of_a_body_outside_the_picture_is_no_false_alarm(locked_shadows: Lockfile) -> None:
+    report = check(locked_shadows, engines=SHADOWS_ELSEWHERE)
+    assert report.verdict == "INCONCLUSIVE"
+    frames = {(d.stage, d.frame, d.modality) for d in report.differences if d.frame is not None}
+    assert frames == {("shading", 3, "rgb")}  # the labels agree
+    assert check(locked_shadows, engines=SHADOWS).verdict == "PASS"
+
+
+@pytest.mark.parametrize(("frame", "engines"), [(0, SHADOWS_ELSEWHERE), (0, SHADOWS), (3, SHADOWS)])
+def test_forged_colours_before_the_motion_differs_fail(locked_shadows: Lockfile, frame: int, engines: Engines) -> None:
+    report = check(forged_rgb(locked_shadows, frame), engines=engines)
+    assert report.verdict == "FAIL"
+    assert {d.frame for d in report.differences if d.excuse is None} == {frame}
+
+
+def test_forged_colours_fail_where_no_other_motion_is_recorded(locked_shadows: Lockfile) -> None:
+    """Another digest of the trace, and no row that says which body differs."""
+    report = check(other_motion(forged_rgb(locked_shadows, 3), bodies={}), engines=SHADOWS)
+    assert (report.verdict, [d.stage for d in report.differences if d.excuse is None]) == ("FAIL", ["shading"])
+
+
+def test_a_scene_without_bodies_has_no_other_motion() -> None:
+    variant = PLAN.variants[0]
+    variant = variant.model_copy(update={"scene": variant.scene.model_copy(update={"actors": ()})})
+    plan = PLAN.model_copy(update={"variants": (variant,)})
+    made = replace(lock(plan, "t", {}, workers=0, progress=quiet, engines=fakes.ENGINES), tools=ELSEWHERE)
+    made = replace(made, traces=dict.fromkeys(made.traces, "0" * 64))
+    report = verify(plan, made, Options(nonce=1, workers=0), quiet, engines=fakes.ENGINES)
+    assert (report.verdict, report.stage) == ("FAIL", "trace")
+
+
+@pytest.mark.slow
+def test_a_rendered_body_outside_the_picture_changes_colours_alone() -> None:
+    """Why colours have an excuse: nothing but them shows where a body is that casts its shadow into the picture."""
+    pole = Body("pole", 14001, (("base", box([-0.5, -0.5, 0], [0.5, 0.5, 3], street.PAINT)),))
+    renderer = Renderer([Body("road", 0, (("base", street.ground(60, street.ROAD)),)), pole])
+    looks = {"road": {"asphalt": "#4a4a4c"}, "pole": {"paint": "#1f4f9a"}}
+    eye, low_sun = from_pose(Pose(z=1.7, pitch=30)), street.appearance(20.0, azimuth=180.0, looks=looks)
+    seen = [
+        renderer.observe(CameraPlan(width=48, height=32, fov=60), eye, np.stack([from_pose(Pose(x=-3, y=y))]))
+        for y in (0.0, 0.5)
+    ]
+    pictures = [renderer.shade(one, low_sun, "street", 0, 0.0) for one in seen]
+    for name in ("depth", "instance", "semantic"):
+        assert np.array_equal(getattr(seen[0], name), getattr(seen[1], name))
+    assert not np.array_equal(pictures[0], pictures[1])
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("built")
@@ -96,9 +199,8 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root / "tiny"
 
 
-def check_folder(root: Path, simulate: Any = moved) -> Report:
+def check_folder(root: Path, engines: Engines = MOVED) -> Report:
     held = datasets.read(root)
-    engines = replace(fakes.ENGINES, simulate=simulate)
     return verify(
         held.plan, held.lock, Options(nonce=1, everything=True, workers=0), quiet, dataset=held, engines=engines
     )
@@ -108,6 +210,27 @@ def test_a_dataset_of_other_motion_is_inconclusive(built: Path) -> None:
     report = check_folder(built)
     assert report.verdict == "INCONCLUSIVE"
     assert any(d.path == "weather=w0,jitter=still/tracks.csv" and d.excuse for d in report.differences)
+
+
+@pytest.mark.parametrize("tracks", ["another host's", "this host's"])
+def test_a_dataset_is_excused_by_its_tracks(tmp_path: Path, tracks: str) -> None:
+    """A manifest has no rows of bodies: whether a dataset shows other motion at all is for its tracks to say."""
+    root = tmp_path / "tiny"
+    build(PLAN, root, workers=0, cache=tmp_path / "cache", engines=SHADOWS_ELSEWHERE)
+    report = check_folder(root, SHADOWS)
+    assert report.verdict == "INCONCLUSIVE"
+    assert {(d.stage, d.frame) for d in report.differences if d.frame is not None} == {("shading", 3)}
+    if tracks == "this host's":
+        build(PLAN, tmp_path / "here", workers=0, cache=tmp_path / "cache2", engines=SHADOWS)
+        manifest = json.loads((root / "manifest.json").read_text())
+        here = json.loads((tmp_path / "here" / "manifest.json").read_text())
+        for path in [path for path in manifest["files"] if path.endswith("tracks.csv")]:
+            shutil.copy(tmp_path / "here" / path, root / path)
+            manifest["files"][path] = here["files"][path]
+        (root / "manifest.json").write_text(pretty(manifest))
+        report = check_folder(root, SHADOWS)
+        assert report.verdict == "FAIL"
+        assert {d.frame for d in report.differences if d.excuse is None and d.frame is not None} == {3}
 
 
 def test_a_datasets_pictures_must_be_its_own_digests(built: Path, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import socket
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 from click.testing import CliRunner
@@ -16,6 +16,7 @@ from recipe_cli.commands.doctor import command
 from recipe_compiler.ir import lockfile
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.lockfile import Lockfile
+from recipe_compiler.ir.plan import ScenePlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.verify import self_test
 from recipe_runtime.verify.locking import lock
@@ -25,7 +26,7 @@ from tests.runtime.fakes import ENGINES, dataset_plan
 PLAN = dataset_plan(frames=3, weathers=1)
 
 
-def quiet(*_: Any) -> None:
+def quiet(*_: object) -> None:
     pass
 
 
@@ -90,19 +91,19 @@ def test_another_tool_is_a_reason_and_no_promise(golden: Path) -> None:
     held = lockfile.read(golden / "golden.lock")
     changed = replace(held, **CHANGES["shading"](held), tools={**held.tools, "warp-lang": "0.1"})
     changed.write(golden / "golden.lock")
-    found = self_test.Examination({}, self_test.self_test(PLAN, quiet, engines=ENGINES))
+    found = self_test.Examination(self_test.fingerprint([]), self_test.self_test(PLAN, quiet, engines=ENGINES))
     assert found.healthy
     assert found.tiers["A"].startswith("not promised here: ")
     assert "warp-lang 0.1" in found.tiers["A"]
 
 
 def test_a_host_that_cannot_is_told_why(golden: Path) -> None:
-    def barred(scene: Any) -> Any:
+    def barred(scene: ScenePlan) -> NoReturn:
         raise RunError("there is no PyBullet here")
 
     checks = self_test.self_test(PLAN, quiet, engines=replace(ENGINES, simulate=barred))
     assert {(c.state, c.reason) for c in checks} == {("not reached", "there is no PyBullet here")}
-    found = self_test.Examination({}, checks)
+    found = self_test.Examination(self_test.fingerprint([]), checks)
     assert (found.tiers["A"], found.healthy) == ("no", False)
 
 

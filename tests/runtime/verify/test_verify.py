@@ -15,15 +15,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_compiler.ir.lockfile import Lockfile
-from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, DatasetPlan, ScenePlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.transforms import Array
 from recipe_runtime.core.versions import host_versions
 from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.frames.engines import Engines
 from recipe_runtime.verify.compare import compare_locks
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verdict import Report
@@ -51,7 +54,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root / "tiny"
 
 
-def check(lockfile: Lockfile, plan: DatasetPlan = PLAN, engines: Any = fakes.ENGINES, **more: Any) -> Report:
+def check(lockfile: Lockfile, plan: DatasetPlan = PLAN, engines: Engines = fakes.ENGINES, **more: Any) -> Report:
     traces = more.pop("traces", None)
     options = Options(nonce=more.pop("nonce", 1), everything=more.pop("everything", True), workers=0, **more)
     return verify(plan, lockfile, options, quiet, files=FILES, traces=traces, engines=engines)
@@ -168,14 +171,14 @@ def _noisy_simulate(scene: ScenePlan) -> Trace:
 
 
 class _NoisyShader(fakes.Renderer):
-    def shade(self, obs: Any, appearance: Any, sensor_name: str, frame: int, time: float) -> Any:
-        picture = super().shade(obs, appearance, sensor_name, frame, time)
+    def picture(self, obs: fakes.Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
+        picture = super().picture(obs, appearance, frame)
         picture[0, 0, 0] ^= random.Random().randint(1, 255)
         return picture
 
 
 class _NoisyObserver(fakes.Renderer):
-    def observe(self, camera: Any, world_from_sensor: Any, parts: Any) -> fakes.Seen:
+    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> fakes.Seen:
         seen = super().observe(camera, world_from_sensor, parts)
         seen.depth[2, 3] += np.float32(random.Random().uniform(1, 2))
         return seen
@@ -199,7 +202,7 @@ def _barred(scene: ScenePlan) -> Trace:
     raise RunError("there is no PyBullet here")
 
 
-OTHER_PYTHON = {"tools": {**host_versions(), "python": "3.9"}}
+OTHER_PYTHON = {**host_versions(), "python": "3.9"}
 
 
 def test_another_host_goes_on_from_the_locked_motion(locked: Lockfile) -> None:
@@ -208,7 +211,7 @@ def test_another_host_goes_on_from_the_locked_motion(locked: Lockfile) -> None:
         (replace(fakes.ENGINES, simulate=_moved), "body hero2 parts at frame 3"),
         (replace(fakes.ENGINES, simulate=_barred), "it was not simulated here"),
     ):
-        report = check(replace(locked, **OTHER_PYTHON), engines=engines, traces=held)
+        report = check(replace(locked, tools=OTHER_PYTHON), engines=engines, traces=held)
         (difference,) = report.differences
         assert (report.verdict, report.stage, report.bound.checked) == ("INCONCLUSIVE", "trace", 48)
         assert difference.message.startswith(says)
@@ -219,7 +222,7 @@ def test_a_difference_after_the_locked_motion_is_no_excuse(locked: Lockfile) -> 
     held = {scene: fakes.simulate(PLAN.variants[0].scene) for scene in locked.traces}
     frames = {**locked.frames, next(k for k in locked.frames if k[2] == "rgb"): "0" * 64}
     engines = replace(fakes.ENGINES, simulate=_moved)
-    report = check(replace(locked, **OTHER_PYTHON, frames=frames), engines=engines, traces=held)
+    report = check(replace(locked, tools=OTHER_PYTHON, frames=frames), engines=engines, traces=held)
     assert report.verdict == "FAIL"
     assert [d.stage for d in report.differences] == ["trace", "shading"]
 
@@ -231,7 +234,9 @@ def test_where_this_host_must_agree_the_locked_motion_is_not_used(locked: Lockfi
 
 
 @pytest.mark.parametrize(("renderer", "stage"), [(_NoisyShader, "shading"), (_NoisyObserver, "observation")])
-def test_a_random_number_in_the_renderer_is_caught(locked: Lockfile, renderer: Any, stage: str) -> None:
+def test_a_random_number_in_the_renderer_is_caught(
+    locked: Lockfile, renderer: type[fakes.Renderer], stage: str
+) -> None:
     engines = replace(fakes.ENGINES, renderer=lambda scene, device: renderer(scene))
     report = check(locked, engines=engines)
     assert (report.verdict, report.stage) == ("FAIL", stage)

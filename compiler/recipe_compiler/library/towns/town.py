@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import Protocol
 
+from recipe_compiler.ir.actor_kinds import CATEGORIES, Category
 from recipe_compiler.ir.plan import Point, Pose, TownPlan
 from recipe_compiler.ir.streams import Stream
 
-Category = Literal["vehicle", "pedestrian"]
 Span = tuple[float, float]
 
 
@@ -91,8 +91,7 @@ class Town:
     @cached_property
     def spots(self) -> dict[Category, tuple[Pose, ...]]:
         """The spawn points of each category, in plan order."""
-        categories: tuple[Category, ...] = ("vehicle", "pedestrian")
-        return {c: tuple(point.pose for point in self.spawn_points if point.category == c) for c in categories}
+        return {c: tuple(point.pose for point in self.spawn_points if point.category == c) for c in CATEGORIES}
 
     def route(self, category: Category, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """Generate a random route: vehicles on right-hand lanes, pedestrians on sidewalks and crossings.

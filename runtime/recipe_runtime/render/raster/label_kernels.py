@@ -3,6 +3,8 @@
 # Kernels are Warp's language in Python's clothes; mypy cannot judge it.
 # mypy: ignore-errors
 
+from recipe_compiler.ir.semantic_tags import Tag
+
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.raster.distortion_kernels import Distortion, distort
 from recipe_runtime.render.raster.triangles import NEARNESS, cut_at_near_plane, snap
@@ -10,7 +12,7 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 
-SKY = wp.constant(wp.uint8(11))  # CARLA's tag
+SKY = wp.constant(wp.uint8(Tag.SKY.value))
 TILE = wp.constant(16)  # pixels along a tile's side; frames are worked on by tiles
 TILE_PIXELS = wp.constant(256)
 

@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from recipe_compiler.ir.semantic_tags import Tag
 
 from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.setup import wp
 
 # Flat ground never shadows anything; left out of the shadow maps it can neither shadow itself by rounding.
-_GROUND_TAGS = frozenset({1, 2, 10, 23, 24, 25})  # road, sidewalk, terrain, water, road line, ground
+_GROUND_TAGS = frozenset({Tag.ROADS, Tag.SIDEWALKS, Tag.TERRAIN, Tag.WATER, Tag.ROAD_LINES, Tag.GROUND})
 CHUNK = 64  # triangles that are tested together for whether any of them may be seen
 MAX_TRIANGLES = 1 << 24  # a visibility key has 24 bits for the triangle
 

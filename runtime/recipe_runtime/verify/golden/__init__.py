@@ -1,1 +1,4 @@
-"""The self-test's recipe, and the digests that it must give: `.lock` for what is made, `.files` for what is written."""
+"""The recipe of the self-test and its golden digests.
+
+`.lock` for the stages' results, `.files` for the written files.
+"""

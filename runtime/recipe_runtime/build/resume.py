@@ -1,0 +1,100 @@
+"""Render the shards that a stopped run has not finished: for `build`, `lock` and `verify --all`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Protocol
+
+from recipe_compiler.ir.errors import RecipeError
+
+from recipe_runtime.annotate.records import FrameRecord
+from recipe_runtime.build import local
+from recipe_runtime.build.journal import ShardJournal, digests_only
+from recipe_runtime.build.worker import Job
+from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.dataset.schedule import Shard, View, views
+
+Runner = Callable[[Job, Sequence[Shard], int, local.Done, Callable[[int], None]], local.Seconds]
+
+
+class FinishedShards(Protocol):
+    """Where the records of finished shards are kept: a build's workspace, or a journal in the cache."""
+
+    def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:
+        """The records of a shard that an earlier run finished and that still hold; None if it is to be rendered."""
+
+    def keep(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
+        """Record a finished shard."""
+
+
+@dataclass
+class Resumption:
+    """A journal in the cache to continue; where the cache cannot be written, the run goes on without it.
+
+    Args:
+        journal: the journal.
+        usable: whether the records of a shard still hold.
+    """
+
+    journal: ShardJournal
+    usable: Callable[[list[FrameRecord]], bool] = lambda records: True
+
+    def finished(self, shard: Shard, view: View) -> list[FrameRecord] | None:
+        """The records of a shard that a stopped run finished and that still hold."""
+        records = self.journal.read(shard, view)
+        return records if records is not None and self.usable(records) else None
+
+    def keep(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
+        """Record a finished shard, if the cache can be written."""
+        with suppress(RecipeError, OSError):
+            self.journal.write(shard, view, digests_only(records))
+
+
+def render_unfinished(
+    job: Job,
+    shards: Sequence[Shard],
+    workers: int,
+    progress: Progress,
+    add: Callable[[Shard, list[FrameRecord]], None],
+    kept: FinishedShards | None = None,
+    run: Runner = local.run,
+) -> tuple[list[Shard], local.Seconds]:
+    """Render those of the shards that no earlier run has finished.
+
+    Args:
+        job: what the shards have in common.
+        shards: what is wanted.
+        workers: number of processes; 0 renders in this process.
+        progress: called with `render`, the pictures rendered, and all that are to be rendered.
+        add: called in this process with each shard and its records, whether rendered now or before.
+        kept: where finished shards are looked up and recorded; None for nowhere.
+        run: renders the shards (`local.run`, or a cluster's runner).
+
+    Returns:
+        The shards that an earlier run had finished, and the seconds by stage, summed over the workers.
+    """
+    seen, earlier, todo = views(job.dataset), list[Shard](), list[Shard]()
+    for shard in shards:
+        records = None if kept is None else kept.finished(shard, seen[shard.view])
+        if records is None:
+            todo.append(shard)
+        else:
+            earlier.append(shard)
+            add(shard, records)
+
+    def done(shard: Shard, records: list[FrameRecord]) -> None:
+        if kept is not None:
+            kept.keep(shard, seen[shard.view], records)
+        add(shard, records)
+
+    total, so_far = sum(shard.pictures for shard in todo), 0
+
+    def tick(count: int) -> None:
+        nonlocal so_far
+        so_far += count
+        progress("render", so_far, total)
+
+    progress("render", 0, total)
+    return earlier, run(job, todo, workers, done, tick)

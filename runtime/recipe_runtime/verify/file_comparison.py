@@ -1,0 +1,112 @@
+"""Compares the files of a dataset with the files that this host makes of the same frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeAlias
+
+from recipe_compiler.ir.lockfile import Lockfile
+from recipe_compiler.ir.plan import DatasetPlan
+
+from recipe_runtime.core import layout
+from recipe_runtime.core.files import regular_file
+from recipe_runtime.core.modalities import pixel_digest
+from recipe_runtime.dataset import digests
+from recipe_runtime.dataset.reader import Dataset
+from recipe_runtime.report.difference import first_difference, read_pixels
+from recipe_runtime.verify.excuses import excuse_of
+from recipe_runtime.verify.motion_comparison import OtherMotion
+from recipe_runtime.verify.verdict import Difference
+
+Picture: TypeAlias = "tuple[str, str, int, str] | tuple[()]"  # variant, sensor, frame, modality; () for other files
+
+
+@dataclass(frozen=True)
+class FileComparison:
+    """A dataset's files against those made here.
+
+    Args:
+        plan: the plan of both.
+        lock: the digests that the frames were compared with, which say with which tools they were made.
+        dataset: the dataset.
+        made: the folder of the files made here, under the dataset's paths.
+        other: by scene, this host's motion where it need not be the locked one.
+    """
+
+    plan: DatasetPlan
+    lock: Lockfile
+    dataset: Dataset
+    made: Path
+    other: Mapping[str, OtherMotion]
+
+    def differences(self) -> list[Difference]:
+        """How each file made here differs from the dataset's, by path."""
+        paths = sorted(path.relative_to(self.made).as_posix() for path in self.made.rglob("*") if path.is_file())
+        return [found for path in paths if (found := self._difference(path)) is not None]
+
+    def _difference(self, path: str) -> Difference | None:
+        """How one file differs; where the pixels are equal, its encoding does.
+
+        A picture that may show other motion is compared with the dataset's own digest of it.
+        """
+        made, there = self.made / path, self.dataset.root / path
+        if regular_file(self.dataset.root, path) is None:
+            return Difference("file", f"{path} is missing", path=path)
+        if made.stat().st_size == there.stat().st_size and made.read_bytes() == there.read_bytes():
+            return None
+        at = self._picture(path)
+        if self._is_excused(path, at):
+            return self._unlisted_pixels(path, at)
+        unequal = first_difference(there, made)
+        if unequal is not None and not unequal.count:
+            message = f"{path}: equal pixels, encoded otherwise"
+            found = Difference("encoding", message, excuse_of("encoding", self.lock), *at)
+        elif unequal is None:
+            found = Difference("file", f"{path} is another picture, or none", None, *at)
+        else:
+            found = Difference("file", f"{path}: {unequal}", None, *at)
+            found = replace(found, recorded=unequal.recorded, rendered=unequal.rendered)
+        return replace(found, path=path)
+
+    def _is_excused(self, path: str, at: Picture) -> bool:
+        """Whether a file shows motion that this host need not agree with."""
+        for variant in self.plan.variants:
+            other = self.other.get(variant.scene.digest)
+            if other is not None and at:
+                if variant.variant == at[0]:
+                    return at[2] >= other.agreed
+            elif other is not None:
+                frames = range(other.agreed, variant.scene.clock.frames)
+                names = [sensor.name for sensor in variant.rig.sensors]
+                if any(path == layout.mots_png_file(variant.variant, name, k) for name in names for k in frames):
+                    return True
+        return False
+
+    def _unlisted_pixels(self, path: str, at: Picture) -> Difference | None:
+        """A picture whose pixels do not have the digest that the dataset's manifest lists.
+
+        Depth in a PNG is rounded, and the digest is of the unrounded depth, so it is not compared.
+        """
+        if not at or (at[3] == "depth" and not path.endswith(".npy")):
+            return None
+        name, sensor, frame, modality = at
+        row = (digests.bare(self.plan, "", {}).variants[name].frame_key(modality), sensor, modality, frame)
+        pixels = read_pixels(self.dataset.root / path)
+        if pixels is not None and pixel_digest(modality, pixels) == self.dataset.lock.frames.get(row):
+            return None
+        return Difference(
+            "file", f"{path} does not hold the pixels whose digest the manifest has", None, *at, path=path
+        )
+
+    def _picture(self, path: str) -> Picture:
+        """Variant, sensor, frame and modality of a picture's path; nothing for other files."""
+        for variant in self.plan.variants:
+            for sensor in variant.rig.sensors:
+                for modality in sensor.capture:
+                    head = layout.frame_file(variant.variant, sensor.name, modality, 0, self.plan.depth)
+                    folder, _, name = head.rpartition("/")
+                    if path.rpartition("/")[0] == folder and path.endswith(name.partition(".")[2]):
+                        return variant.variant, sensor.name, int(Path(path).stem), modality
+        return ()

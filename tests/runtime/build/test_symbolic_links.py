@@ -1,0 +1,75 @@
+"""Symbolic links that somebody put in the way of a build, an export or the cache lead to nothing outside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from recipe_compiler.ir.errors import InputError, RecipeError
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.workspace import Workspace
+from recipe_runtime.cache.leases import lease
+from recipe_runtime.cache.store import Store
+
+from tests.runtime.fakes import ENGINES, dataset_plan, tree
+
+PLAN = dataset_plan()
+
+
+def victim(folder: Path) -> dict[str, bytes]:
+    """A folder of somebody's files, with all names that a build gives its own."""
+    for name in ("old/important", "home/letter", "dataset/photo", "shards/x", "job.json"):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("{}")
+    return tree(folder)
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_work_folder_that_is_a_link_is_refused_and_not_followed(tmp_path: Path, there: bool) -> None:
+    before = victim(tmp_path / "victim")
+    out = tmp_path / "datasets" / "tiny"
+    if there:
+        build(PLAN, out, workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    out.parent.mkdir(exist_ok=True)
+    (out.parent / ".tiny.partial").symlink_to(tmp_path / "victim")
+    Workspace.settle(out)
+    if not there:
+        with pytest.raises(InputError, match="is a symbolic link"):
+            build(PLAN, out, workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    assert tree(tmp_path / "victim") == before
+
+
+@pytest.mark.parametrize("name", ["old", "dataset", "shards"])
+def test_a_link_within_a_work_folder_is_not_followed(tmp_path: Path, name: str) -> None:
+    before = victim(tmp_path / "victim")
+    partial = tmp_path / ".tiny.partial"
+    partial.mkdir()
+    (partial / "job.json").write_text("{}")
+    (partial / name).symlink_to(tmp_path / "victim")
+    build(PLAN, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
+    assert tree(tmp_path / "victim") == before
+    assert not partial.exists()
+
+
+@pytest.mark.parametrize("link", ["traces", "traces/ab"])
+def test_nothing_is_written_through_a_link_in_the_cache(tmp_path: Path, link: str) -> None:
+    before = victim(tmp_path / "victim")
+    store = Store(tmp_path / "cache")
+    store.put("pixels", "ab" * 32, b"body")
+    (tmp_path / "cache" / link).parent.mkdir(exist_ok=True)
+    (tmp_path / "cache" / link).symlink_to(tmp_path / "victim")
+    with pytest.raises(RecipeError, match="symbolic link"):
+        store.put("traces", "ab" * 32, b"body")
+    (tmp_path / "victim" / ("ab" * 32)).write_bytes(b"body")
+    assert store.get("traces", "ab" * 32) is None
+    (tmp_path / "victim" / ("ab" * 32)).unlink()
+    assert tree(tmp_path / "victim") == before
+
+
+def test_a_lease_is_not_written_through_a_link(tmp_path: Path) -> None:
+    before = victim(tmp_path / "victim")
+    Store(tmp_path / "cache").put("pixels", "ab" * 32, b"body")
+    (tmp_path / "cache" / "in-use").symlink_to(tmp_path / "victim")
+    with lease(tmp_path / "cache"):
+        assert tree(tmp_path / "victim") == before

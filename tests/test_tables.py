@@ -1,0 +1,47 @@
+"""Names of modalities, vehicle families and semantic tags are listed once, so that a new one is added in one place."""
+
+from __future__ import annotations
+
+import ast
+
+import pytest
+from recipe_compiler.ir.actor_kinds import BODIES
+from recipe_compiler.ir.modalities import MODALITIES
+from recipe_compiler.ir.semantic_tags import Tag
+
+from tests.sources import modules
+
+TABLES = {
+    "recipe_compiler/ir/modalities.py": frozenset(MODALITIES),
+    "recipe_compiler/ir/actor_kinds.py": frozenset(BODIES),
+    "recipe_compiler/ir/semantic_tags.py": frozenset(tag.label for tag in Tag),
+}
+SHORTEST = 3, 4  # names that make a list a repeated table: of a table with at most four names, of a larger one
+
+
+def listed(tree: ast.Module, names: frozenset[str]) -> list[int]:
+    """Return the lines of tuples, lists, sets and `Literal`s that hold several of the names."""
+    least = SHORTEST[len(names) > 4]
+    return [
+        node.lineno
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Tuple | ast.List | ast.Set)
+        and len(names & {item.value for item in node.elts if isinstance(item, ast.Constant)}) >= least
+    ]
+
+
+@pytest.mark.parametrize("table", TABLES)
+@pytest.mark.parametrize("package", ["recipe_compiler", "recipe_runtime", "recipe_cli"])
+def test_names_are_listed_in_one_module(package: str, table: str) -> None:
+    seen = 0
+    for path, tree in modules(package):
+        seen += 1
+        if path != table:
+            assert not listed(tree, TABLES[table]), f"{path} repeats names of {table}; import them"
+    assert seen > 5
+
+
+def test_a_repeated_list_is_found() -> None:
+    tree = ast.parse('x = ("rgb", "depth", "semantic")')
+    assert listed(tree, frozenset(MODALITIES)) == [1]
+    assert listed(ast.parse('x = ("rgb", "depth")'), frozenset(MODALITIES)) == []
