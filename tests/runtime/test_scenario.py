@@ -38,6 +38,7 @@ def _read(path: Path) -> Any:
         return np.array(picture)
 
 
+@pytest.mark.slow
 def test_rendered_on_demand_equals_the_built_files(built: Path) -> None:
     scenario = recipe_runtime.open(TINY, RAIN)
     assert (len(scenario), scenario.sensors) == (4, ("street", "dash"))
@@ -51,6 +52,7 @@ def test_rendered_on_demand_equals_the_built_files(built: Path) -> None:
                 np.testing.assert_array_equal(ours, file, err_msg=f"{frame} {sensor} {modality}")
 
 
+@pytest.mark.slow
 def test_labels_on_demand_equal_the_built_ones(built: Path) -> None:
     lines = (built / layout.labels_file(RAIN, "street")).read_text().splitlines()
     scenario = recipe_runtime.open(TINY, RAIN)

@@ -103,9 +103,7 @@ def test_the_manifest_names_every_file_and_its_bytes(made: BuildResult) -> None:
     assert all(path.startswith("preview/") for path in made.manifest["pictures"])
 
 
-def test_the_identity_is_the_lockfiles(made: BuildResult) -> None:
-    lock = locking.lock(dataset_plan(), "tiny.yaml", {}, workers=0, progress=lambda *_: None, engines=ENGINES)
-    assert lock.identity == made.identity
+def test_the_card_names_the_identity(made: BuildResult) -> None:
     assert made.identity in (made.path / "README.md").read_text()
 
 
