@@ -213,6 +213,7 @@ def all_gone(processes: list[Path]) -> bool:
     return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_a_build_that_was_stopped_leaves_no_orphan_and_is_taken_up(
     made: BuildResult, tmp_path: Path, how: signal.Signals
@@ -385,6 +386,7 @@ def test_a_worker_that_was_lost_between_two_shards_is_an_error_that_says_so(
         again(tmp_path, workers=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
 def test_an_interrupt_while_workers_start_is_silent(tmp_path: Path, delay: float) -> None:
     """The whole group hears it, as from a terminal; the build alone answers."""
