@@ -116,10 +116,10 @@ def test_routes_meet_nothing_that_stands(town: Town) -> None:
     solid = Obstacles(town)
     for n in range(40):
         category, room = (("vehicle", 1.0), ("pedestrian", 0.3))[n % 2]
-        spots = town.spots[category]  # type: ignore[index]
+        spots = town.spots[category]  # type: ignore[index]  # a str of the parameters
         start = spots[Stream(n, "start").integer(0, len(spots) - 1)]
         at, length = (start.x, start.y), 0.0
-        for p in town.route(category, start, 120.0, Stream(n, "route")):  # type: ignore[arg-type]
+        for p in town.route(category, start, 120.0, Stream(n, "route")):  # type: ignore[arg-type]  # a str too
             steps = max(1, int(2 * math.dist(at, (p.x, p.y))))
             for k in range(steps):
                 x, y = at[0] + (p.x - at[0]) * k / steps, at[1] + (p.y - at[1]) * k / steps

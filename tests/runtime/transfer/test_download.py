@@ -211,7 +211,7 @@ class Endless(io.RawIOBase):
         return bytes(size)
 
 
-class Hostile(AbstractFileSystem):  # type: ignore[misc]
+class Hostile(AbstractFileSystem):  # type: ignore[misc]  # fsspec has no types
     """A store that gives what it did not announce, and names that lead elsewhere."""
 
     protocol = "hostile"
