@@ -14,10 +14,12 @@ from recipe_runtime.render.numeric.vectors import box_extent, transform_point
 from recipe_runtime.render.raster.triangles import (
     NEARNESS,
     Corner,
+    actor_bit,
     clipped_piece,
     edge_function,
     sample_box,
     top_left_bias,
+    visible_triangle,
 )
 from recipe_runtime.render.scene.pinhole import Pinhole
 
@@ -270,14 +272,9 @@ def raster_keys(
 
     In that space x is right, y down, z forward.
     """
-    place = wp.tid()
-    n = first_chunk + (place >> 6)
-    if chunk_visible[n] == 0:
+    i = visible_triangle(wp.tid(), first_chunk, chunks, chunk_visible)
+    if i < 0:
         return
-    chunk = chunks[n]
-    if (place & 63) >= chunk[1]:
-        return
-    i = chunk[0] + (place & 63)
     t = triangles[i]
     clip_and_fill(out_keys, pinhole, vertices[t[0]], vertices[t[1]], vertices[t[2]], wp.uint64(i), wp.uint64(0))
 
@@ -296,17 +293,11 @@ def raster_actor_bits(
     out_bits: wp.array[wp.uint64],
 ):
     """Set bit a - first_actor of every pixel that actor a would cover if it were alone; 64 actors a run."""
-    place = wp.tid()
-    n = first_chunk + (place >> 6)
-    if chunk_visible[n] == 0:
+    i = visible_triangle(wp.tid(), first_chunk, chunks, chunk_visible)
+    if i < 0:
         return
-    chunk = chunks[n]
-    if (place & 63) >= chunk[1]:
-        return
-    i = chunk[0] + (place & 63)
-    actor = surface_actor[triangle_surface[i]] - first_actor
-    if actor < 0 or actor >= 64:
+    bit = actor_bit(i, triangle_surface, surface_actor, first_actor)
+    if bit == wp.uint64(0):
         return
     t = triangles[i]
-    bit = wp.uint64(1) << wp.uint64(actor)
     clip_and_fill(out_bits, pinhole, vertices[t[0]], vertices[t[1]], vertices[t[2]], wp.uint64(i), bit)
