@@ -39,7 +39,7 @@ from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot, multiply, normalize
-from recipe_runtime.render.sampling.sample_kernels import Samples
+from recipe_runtime.render.sampling.sample_kernels import UNKNOWN_DEPTH, Samples
 from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, map_contains, sun_visibility
 from recipe_runtime.render.texture.images import SurfaceColours, image_at
 
@@ -243,11 +243,10 @@ def weathered_material(
     """The material of a sample in rain and wind; `swaying` is what `is_swaying` found."""
     # (Parts of a material are assigned one by one: the choice between two whole ones would go through memory.)
     if air[0].wet > 0.0:
-        detail = samples[0].details[i]
-        low = detail[3]
-        if air[0].puddles > MIN_DEPOSITS and low >= 0.0 and m.normal[2] > LEVEL and is_paved(pattern):
-            low = puddle_depth(pattern, p, low)  # kept with the sample, for later frames and other weathers
-            samples[0].details[i] = wp.vec4f(detail[0], detail[1], detail[2], low)
+        low = samples[0].puddle_depths[i]
+        if air[0].puddles > MIN_DEPOSITS and low == UNKNOWN_DEPTH and m.normal[2] > LEVEL and is_paved(pattern):
+            low = puddle_depth(pattern, p, samples[0].details[i][3])
+            samples[0].puddle_depths[i] = low  # for later frames and other weathers
         moist = apply_wetness(m, pattern, air, low)
         m.albedo = moist.albedo
         m.coat = moist.coat

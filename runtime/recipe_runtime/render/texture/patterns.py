@@ -57,7 +57,7 @@ def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
 def concrete(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """A wall's concrete, or ground of it, on which water stands."""
     d = wall(d, uv, p, foot, 0.18)
-    d.last = foot
+    d.parameter = foot
     return d
 
 
@@ -95,7 +95,7 @@ def detail_of(
     d = Detail()
     d.tone = 1.0
     d.normal = normal
-    d.last = 0.5
+    d.parameter = 0.5
     d.code = surface
     # A pattern is returned as soon as it is known: what branches leave behind would be copied at the end of each.
     foot = 0.5 * (footprint[1] + wp.sqrt(footprint[0] * footprint[1]))
