@@ -55,6 +55,7 @@ class Agent(ABC):
         self.held = actor.held
         self.z = self.vertical_speed = 0.0
         self._stands_until = -math.inf
+        self._at_rest = False
         self.x, self.y, hx, hy, vx, vy, self.yaw_rate = world.state(body)
         self.heading, self.velocity = (hx, hy), (vx, vy)
         self.speed = vx * hx + vy * hy
@@ -72,11 +73,13 @@ class Agent(ABC):
         """
         if not self.present:
             return
-        x, y = self.x, self.y
-        self.x, self.y, hx, hy, vx, vy, self.yaw_rate = self._world.state(self.body)
-        self.heading, self.velocity = (hx, hy), (vx, vy)
-        self.speed = vx * hx + vy * hy
-        self._follow(self.x - x, self.y - y, seconds)
+        before = self.x, self.y, self.heading
+        x, y, hx, hy, vx, vy, self.yaw_rate = self._world.state(self.body)
+        self.velocity, self.speed = (vx, vy), vx * hx + vy * hy
+        if before == (x, y, (hx, hy)) and self._at_rest:
+            return
+        self.x, self.y, self.heading = x, y, (hx, hy)
+        self._at_rest = self._follow(x - before[0], y - before[1], seconds)
 
     @property
     def moving(self) -> bool:
@@ -155,8 +158,12 @@ class Agent(ABC):
         """Change the velocity of the body towards the wanted motion, by what is possible until the next call."""
 
     @abstractmethod
-    def _follow(self, dx: float, dy: float, seconds: float) -> None:
-        """Update height and joints after a displacement (metres) that took some seconds."""
+    def _follow(self, dx: float, dy: float, seconds: float) -> bool:
+        """Update height and joints after a displacement (metres) that took some seconds.
+
+        Returns:
+            Whether another call without a displacement would change nothing.
+        """
 
     @abstractmethod
     def _base_pose(self) -> PartPose:
