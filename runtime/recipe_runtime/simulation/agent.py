@@ -16,7 +16,7 @@ from recipe_compiler.ir.plan import ActorPlan, Pose
 
 from recipe_runtime.body.kinematics import PartPose, Quaternion, Vector, forward_kinematics
 from recipe_runtime.body.skeleton import is_person, joints_of
-from recipe_runtime.simulation.bullet import World
+from recipe_runtime.simulation.bullet import World, orientation
 
 STANDSTILL = 8.0  # seconds for which an agent stands after a hard collision
 
@@ -39,6 +39,7 @@ class Agent(ABC):
         speed: Along its heading, m/s.
         yaw_rate: rad/s.
         waiting: Whether it stands at a stop line, for the right of way.
+        held: Whether it stands until frame 0.
         present: Whether it is in the scene; if not, its body lies far below the ground.
         radius: Half its width, metres.
         reach: Half its length, metres.
@@ -102,7 +103,7 @@ class Agent(ABC):
 
     def enter(self, pose: Pose, speed: float) -> None:
         """Put the body into the scene again, moving along its heading at a speed in m/s."""
-        self._world.place(self.body, pose)
+        self._world.place(self.body, pose.x, pose.y, orientation(Pose(yaw=pose.yaw)))
         self.present = True
         self.x, self.y, hx, hy, _, _, self.yaw_rate = self._world.state(self.body)
         self.heading, self.velocity, self.speed = (hx, hy), (speed * hx, speed * hy), speed

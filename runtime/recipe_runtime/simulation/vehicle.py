@@ -48,6 +48,7 @@ class VehicleAgent(Agent):
         self._command = Command(0.0, 0.0)
         self._steer = 0.0  # tangent of the angle
         self._line = driver.base_offset  # metres to the left of the path where it steers to
+        self._stand: tuple[float, float, Quaternion] | None = None  # where it stands
         self._distance = 0.0  # metres that its wheels have rolled
         self._wheels = self._wheel_places()
         self._suspension = Suspension.on_ground(self._wheels, world.ground, (self.x, self.y), self.heading)
@@ -81,7 +82,7 @@ class VehicleAgent(Agent):
         super().enter(pose, speed)
         self._suspension = Suspension.on_ground(self._wheels, self._world.ground, (self.x, self.y), self.heading)
         self.z = self._suspension.height
-        self._steer, self._line = 0.0, self.driver.base_offset
+        self._steer, self._line, self._stand = 0.0, self.driver.base_offset, None
         hx, hy = self.heading
         route = [(p.x, p.y) for p in self.actor.route]
         ahead = next((n for n, (x, y) in enumerate(route) if (x - self.x) * hx + (y - self.y) * hy > 0.0), len(route))
@@ -107,6 +108,7 @@ class VehicleAgent(Agent):
         ahead, left, turn = vx * hx + vy * hy, vy * hx - vx * hy, self.yaw_rate
         speed = self._wanted_speed(ahead)
         if speed == 0.0 == ahead == left == turn:
+            self._stand = self._stand or (self.x, self.y, self._yaw())
             return
         self._steer_to_path(max(ahead, 0.0))
         wanted_turn = speed * self._steer / self._base
@@ -117,6 +119,10 @@ class VehicleAgent(Agent):
         if change == (0.0, 0.0) and new_turn == turn:
             return
         ahead, left = ahead + change[0], left + change[1]
+        if self._stand and speed == ahead == left == new_turn == 0.0:  # its tyres withstood what pushed it
+            self._world.place(self.body, *self._stand)
+            return
+        self._stand = None
         self._world.set_velocity(self.body, ahead * hx - left * hy, ahead * hy + left * hx, new_turn)
 
     def _wanted_speed(self, ahead: float) -> float:

@@ -242,8 +242,16 @@ def town_traffic(name: str, vehicles: int, pedestrians: int, seconds: float, see
                 route, entry = (Point(x=spot.x, y=sign * limit),), Pose(x=spot.x, y=-sign * limit, yaw=spot.yaw)
             plans.append(
                 ActorPlan(
-                    name=f"{category}.{n}", blueprint=blueprint.id, category=category, tag=blueprint.tag,
-                    instance=n + 1, shape=dict(blueprint.shape), start=spot, route=route, speed=speed, entry=entry,
+                    name=f"{category}.{n}",
+                    blueprint=blueprint.id,
+                    category=category,
+                    tag=blueprint.tag,
+                    instance=n + 1,
+                    shape=dict(blueprint.shape),
+                    start=spot,
+                    route=route,
+                    speed=speed,
+                    entry=entry,
                 )  # fmt: skip
             )
     return town, plans
