@@ -16,7 +16,7 @@ from recipe_compiler.ir.plan import ActorPlan, Pose
 
 from recipe_runtime.body.kinematics import PartPose, Quaternion, Vector, forward_kinematics
 from recipe_runtime.body.skeleton import is_person, joints_of
-from recipe_runtime.simulation.bullet import World
+from recipe_runtime.simulation.bullet import World, orientation
 
 STANDSTILL = 8.0  # seconds for which an agent stands after a hard collision
 
@@ -39,6 +39,7 @@ class Agent(ABC):
         speed: Along its heading, m/s.
         yaw_rate: rad/s.
         waiting: Whether it stands at a stop line, for the right of way.
+        held: Whether it stands until frame 0.
         present: Whether it is in the scene; if not, its body lies far below the ground.
         radius: Half its width, metres.
         reach: Half its length, metres.
@@ -55,6 +56,7 @@ class Agent(ABC):
         self.held = actor.held
         self.z = self.vertical_speed = 0.0
         self._stands_until = -math.inf
+        self._at_rest = False
         self.x, self.y, hx, hy, vx, vy, self.yaw_rate = world.state(body)
         self.heading, self.velocity = (hx, hy), (vx, vy)
         self.speed = vx * hx + vy * hy
@@ -72,11 +74,13 @@ class Agent(ABC):
         """
         if not self.present:
             return
-        x, y = self.x, self.y
-        self.x, self.y, hx, hy, vx, vy, self.yaw_rate = self._world.state(self.body)
-        self.heading, self.velocity = (hx, hy), (vx, vy)
-        self.speed = vx * hx + vy * hy
-        self._follow(self.x - x, self.y - y, seconds)
+        before = self.x, self.y, self.heading
+        x, y, hx, hy, vx, vy, self.yaw_rate = self._world.state(self.body)
+        self.velocity, self.speed = (vx, vy), vx * hx + vy * hy
+        if before == (x, y, (hx, hy)) and self._at_rest:
+            return
+        self.x, self.y, self.heading = x, y, (hx, hy)
+        self._at_rest = self._follow(x - before[0], y - before[1], seconds)
 
     @property
     def moving(self) -> bool:
@@ -99,7 +103,7 @@ class Agent(ABC):
 
     def enter(self, pose: Pose, speed: float) -> None:
         """Put the body into the scene again, moving along its heading at a speed in m/s."""
-        self._world.place(self.body, pose)
+        self._world.place(self.body, pose.x, pose.y, orientation(Pose(yaw=pose.yaw)))
         self.present = True
         self.x, self.y, hx, hy, _, _, self.yaw_rate = self._world.state(self.body)
         self.heading, self.velocity, self.speed = (hx, hy), (speed * hx, speed * hy), speed
@@ -155,8 +159,12 @@ class Agent(ABC):
         """Change the velocity of the body towards the wanted motion, by what is possible until the next call."""
 
     @abstractmethod
-    def _follow(self, dx: float, dy: float, seconds: float) -> None:
-        """Update height and joints after a displacement (metres) that took some seconds."""
+    def _follow(self, dx: float, dy: float, seconds: float) -> bool:
+        """Update height and joints after a displacement (metres) that took some seconds.
+
+        Returns:
+            Whether another call without a displacement would change nothing.
+        """
 
     @abstractmethod
     def _base_pose(self) -> PartPose:

@@ -109,9 +109,9 @@ class World:
         """Set the velocity of a body."""
         pybullet.resetBaseVelocity(body, (vx, vy, 0.0), (0.0, 0.0, yaw_rate), physicsClientId=self._client)
 
-    def place(self, body: int, pose: Pose) -> None:
-        """Move a body to a position and yaw, at rest."""
-        self._reset(body, (pose.x, pose.y, 0.0), orientation(Pose(yaw=pose.yaw)))
+    def place(self, body: int, x: float, y: float, rotation: Quaternion) -> None:
+        """Move a body to a position and a rotation about the vertical, at rest."""
+        self._reset(body, (x, y, 0.0), rotation)
 
     def remove(self, body: int) -> Vector:
         """Take a body out of the scene, at rest, to a place of its own below the ground; return that place."""

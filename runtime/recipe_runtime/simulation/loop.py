@@ -19,9 +19,81 @@ from recipe_runtime.simulation.contacts import ContactRecorder
 from recipe_runtime.simulation.events import ContactEvent
 from recipe_runtime.simulation.neighbours import NeighbourGrid
 from recipe_runtime.simulation.recording import record_frame
-from recipe_runtime.simulation.traffic.junctions import JunctionControl
 
 CONTROL_RATE, DECISION_RATE = 60, 10  # times a second
+
+
+class Simulation:
+    """A scene that is simulated step by step.
+
+    Attributes:
+        agents: In plan order.
+        contacts: What has touched so far.
+        step: Physics steps since the beginning of the warm-up.
+    """
+
+    def __init__(self, scene: ScenePlan) -> None:
+        clock = scene.clock
+        self._warmup = clock.warmup_steps
+        self._control = max(1, clock.physics // CONTROL_RATE)  # steps
+        self._decision = self._control * max(1, clock.physics // (DECISION_RATE * self._control))
+        self._world = World(scene.town, clock.physics, scene.props)
+        control_dt = self._control * self._world.dt
+        self.agents, self._junctions = create_agents(self._world, scene, control_dt)
+        self.contacts = ContactRecorder(self._world, self.agents)
+        self.step = 0
+        if self._warmup == 0:  # everybody starts from rest
+            for agent in self.agents:
+                agent.held = False
+
+    @property
+    def seconds(self) -> float:
+        """Time since frame 0; negative during the warm-up."""
+        return (self.step - self._warmup) * self._world.dt
+
+    def agents_now(self) -> Sequence[Agent]:
+        """The agents as they are at this step.
+
+        Between two calls of `Agent.control` these are copies, so that frames do not affect the simulation.
+        """
+        since = self.step % self._control
+        if since == 0:
+            return self.agents
+        copies = [copy.copy(agent) for agent in self.agents]
+        for agent in copies:
+            agent.read(since * self._world.dt)
+        return copies
+
+    def advance(self) -> None:
+        """Simulate one step."""
+        if self.step % self._decision == 0:
+            self._decide()
+        if self.step % self._control == 0:
+            for agent in self.agents:
+                if agent.present:
+                    agent.control()
+        self._world.step()
+        self.contacts.record(self.step - self._warmup)
+        self.step += 1
+        if self.step % self._control == 0:
+            for agent in self.agents:
+                agent.read(self._control * self._world.dt)
+        if self.step == self._warmup:
+            for agent in self.agents:
+                if agent.held:
+                    agent.start_moving()
+
+    def close(self) -> None:
+        """End the engine."""
+        self._world.close()
+
+    def _decide(self) -> None:
+        self._junctions.update(self.agents, self.seconds)
+        neighbours = NeighbourGrid(self.agents)
+        for agent in self.agents:
+            if agent.present:
+                agent.decide(neighbours.around(agent), self.seconds)
+        through_traffic.exchange(self.agents, neighbours)
 
 
 def run(scene: ScenePlan, take: Callable[[int, bytes], None], report: Callable[[int, int], None]) -> list[ContactEvent]:
@@ -30,66 +102,22 @@ def run(scene: ScenePlan, take: Callable[[int, bytes], None], report: Callable[[
     Args:
         scene: The plan.
         take: Called with each frame's number and bytes.
-        report: Called with the steps done and the total number of steps, at each frame.
+        report: Called with the steps done and the total number of steps, once a frame.
 
     Returns:
         Contacts between bodies.
     """
     clock = scene.clock
-    control = max(1, clock.physics // CONTROL_RATE)  # steps
-    decision = control * max(1, clock.physics // (DECISION_RATE * control))
-    world = World(scene.town, clock.physics, scene.props)
-    agents, junctions = create_agents(world, scene, control * world.dt)
-    contacts = ContactRecorder(world, agents)
+    simulation = Simulation(scene)
     steps = clock.warmup_steps + (clock.frames - 1) * clock.steps_per_frame
-    for step in range(steps + 1):
-        since_zero = step - clock.warmup_steps
-        if step > 0 and step % control == 0:
-            for agent in agents:
-                agent.read(control * world.dt)
-        if since_zero == 0:
-            _release(agents, moving=step > 0)
-        frame, rest = divmod(since_zero, clock.steps_per_frame)
+    while True:
+        frame, rest = divmod(simulation.step - clock.warmup_steps, clock.steps_per_frame)
         if rest == 0:
             if frame >= 0:
-                take(frame, record_frame(_at_step(agents, step % control * world.dt)))
-            report(step, steps)
-        if step == steps:
+                take(frame, record_frame(simulation.agents_now()))
+            report(simulation.step, steps)
+        if simulation.step == steps:
             break
-        if step % decision == 0:
-            _decide(agents, junctions, since_zero * world.dt)
-        if step % control == 0:
-            for agent in agents:
-                if agent.present:
-                    agent.control()
-        world.step()
-        contacts.record(since_zero)
-    world.close()
-    return contacts.events()
-
-
-def _release(agents: Sequence[Agent], *, moving: bool) -> None:
-    """Let held agents go at frame 0: at their speed, or from rest if there was no warm-up."""
-    for agent in agents:
-        if agent.held and moving:
-            agent.start_moving()
-        agent.held = False
-
-
-def _at_step(agents: Sequence[Agent], seconds: float) -> Sequence[Agent]:
-    """The agents some seconds after they were last read. Copies read, so frames do not affect the simulation."""
-    if seconds == 0.0:
-        return agents
-    copies = [copy.copy(agent) for agent in agents]
-    for agent in copies:
-        agent.read(seconds)
-    return copies
-
-
-def _decide(agents: Sequence[Agent], junctions: JunctionControl, seconds: float) -> None:
-    junctions.update(agents, seconds)
-    neighbours = NeighbourGrid(agents)
-    for agent in agents:
-        if agent.present:
-            agent.decide(neighbours.around(agent), seconds)
-    through_traffic.exchange(agents, neighbours)
+        simulation.advance()
+    simulation.close()
+    return simulation.contacts.events()

@@ -69,7 +69,8 @@ class Path:
 
     def leg_at(self, metres: float) -> int:
         """Return the index of the leg at an arc length; the first or last one beyond the ends."""
-        return min(max(bisect_right(self._starts, metres) - 1, 0), len(self._points) - 2)
+        leg = bisect_right(self._starts, metres) - 1
+        return 0 if leg < 0 else min(leg, len(self._legs) - 1)
 
     def window(self, start: float, end: float) -> Sequence[Leg]:
         """Return the legs between two arc lengths."""
@@ -94,13 +95,18 @@ class Path:
 
     def at(self, metres: float) -> Point:
         """Return the point at an arc length."""
-        if len(self._points) < 2:
+        if not self._legs:
             return self._points[0]
         ax, ay, tx, ty, start, _ = self._legs[self.leg_at(metres)]
         return ax + tx * (metres - start), ay + ty * (metres - start)
 
     def left(self, metres: float) -> Point:
-        """Return the unit vector to the left of the path at an arc length."""
+        """Return the unit vector to the left of the path at an arc length, smoothed over 3 m."""
+        if not self._legs:
+            return 0.0, 1.0
+        _, _, tx, ty, start, length = self._legs[self.leg_at(metres)]
+        if start + _HALF_SPAN <= metres <= start + length - _HALF_SPAN:
+            return -ty, tx
         (ax, ay), (cx, cy) = self.at(metres - _HALF_SPAN), self.at(metres + _HALF_SPAN)
         size = max(_distance((ax, ay), (cx, cy)), 1e-9)
         return -(cy - ay) / size, (cx - ax) / size

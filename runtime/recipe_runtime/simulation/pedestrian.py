@@ -137,13 +137,14 @@ class PedestrianAgent(Agent):
         if (vx, vy) != self.velocity or turn != self.yaw_rate:
             self._world.set_velocity(self.body, vx, vy, turn)
 
-    def _follow(self, dx: float, dy: float, seconds: float) -> None:
+    def _follow(self, dx: float, dy: float, seconds: float) -> bool:
         """Advance the walk cycle by the distance covered, and follow the ground."""
         distance = math.sqrt(dx * dx + dy * dy)
         self._pace = math.sqrt(self.velocity[0] * self.velocity[0] + self.velocity[1] * self.velocity[1])
         self._phase += distance / walk_cycle.stride_length(self._figure, self._pace)
         z = move_towards(self.z, self._world.ground.height(self.x, self.y), _STEP_RATE * seconds)
         self.vertical_speed, self.z = (z - self.z) / seconds, z
+        return distance == 0.0 and self.vertical_speed == 0.0
 
     def _base_pose(self) -> PartPose:
         """Return the pose of the base, at the height where the lower sole touches the ground."""

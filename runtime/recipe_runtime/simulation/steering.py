@@ -53,10 +53,9 @@ class Steering:
 
     def _stanley(self, front: Vector2, heading: Vector2, speed: float, offset: Vector2) -> float:
         """Steer the front axle along the path, after S. Thrun et al., Stanley (Journal of Field Robotics, 2006)."""
-        here, _, self._front_leg = self._path.locate(*front, self._front_leg)
+        here, aside, self._front_leg = self._path.locate(*front, self._front_leg)
         left = self._path.left(here + 0.3)
-        px, py = self._path.at(here)
-        aside = (px - front[0]) * left[0] + (py - front[1]) * left[1] + offset[0]
+        aside = offset[0] - aside
         tx, ty = left[1] + offset[1] * left[0], -left[0] + offset[1] * left[1]
         cross, dot = heading[0] * ty - heading[1] * tx, heading[0] * tx + heading[1] * ty
         if dot <= 0.1:

@@ -48,6 +48,7 @@ class VehicleAgent(Agent):
         self._command = Command(0.0, 0.0)
         self._steer = 0.0  # tangent of the angle
         self._line = driver.base_offset  # metres to the left of the path where it steers to
+        self._stand: tuple[float, float, Quaternion] | None = None  # where it stands
         self._distance = 0.0  # metres that its wheels have rolled
         self._wheels = self._wheel_places()
         self._suspension = Suspension.on_ground(self._wheels, world.ground, (self.x, self.y), self.heading)
@@ -81,7 +82,7 @@ class VehicleAgent(Agent):
         super().enter(pose, speed)
         self._suspension = Suspension.on_ground(self._wheels, self._world.ground, (self.x, self.y), self.heading)
         self.z = self._suspension.height
-        self._steer, self._line = 0.0, self.driver.base_offset
+        self._steer, self._line, self._stand = 0.0, self.driver.base_offset, None
         hx, hy = self.heading
         route = [(p.x, p.y) for p in self.actor.route]
         ahead = next((n for n, (x, y) in enumerate(route) if (x - self.x) * hx + (y - self.y) * hy > 0.0), len(route))
@@ -106,8 +107,10 @@ class VehicleAgent(Agent):
         vx, vy = self.velocity
         ahead, left, turn = vx * hx + vy * hy, vy * hx - vx * hy, self.yaw_rate
         speed = self._wanted_speed(ahead)
-        if speed != 0.0 or ahead != 0.0:
-            self._steer_to_path(max(ahead, 0.0))
+        if speed == 0.0 == ahead == left == turn:
+            self._stand = self._stand or (self.x, self.y, self._yaw())
+            return
+        self._steer_to_path(max(ahead, 0.0))
         wanted_turn = speed * self._steer / self._base
         new_turn = move_towards(turn, wanted_turn, self._twist * self._dt)
         half = 0.5 * new_turn * self._dt  # it turns by twice this angle before the next call
@@ -116,6 +119,10 @@ class VehicleAgent(Agent):
         if change == (0.0, 0.0) and new_turn == turn:
             return
         ahead, left = ahead + change[0], left + change[1]
+        if self._stand and speed == ahead == left == new_turn == 0.0:  # its tyres withstood what pushed it
+            self._world.place(self.body, *self._stand)
+            return
+        self._stand = None
         self._world.set_velocity(self.body, ahead * hx - left * hy, ahead * hy + left * hx, new_turn)
 
     def _wanted_speed(self, ahead: float) -> float:
@@ -139,9 +146,11 @@ class VehicleAgent(Agent):
 
     def _limited(self, ahead: float, left: float) -> tuple[float, float]:
         """Return the change of velocity (m/s, ahead and to the left) that the tyres allow of a wanted one."""
-        most = self._kind.brake * self._dt
+        most, grip = self._kind.brake * self._dt, GRIP * self._dt
+        if -most <= ahead <= most and ahead * ahead + left * left <= grip * grip:
+            return ahead, left
         ahead = max(-most, min(most, ahead))
-        most = math.sqrt(max(0.0, GRIP * GRIP * self._dt * self._dt - ahead * ahead))
+        most = math.sqrt(max(0.0, grip * grip - ahead * ahead))
         return ahead, max(-most, min(most, left))
 
     def velocities(self) -> tuple[Vector, Vector]:
@@ -153,7 +162,7 @@ class VehicleAgent(Agent):
     def _wheel_places(self) -> Wheels:
         return tuple((joint.offset[0], joint.offset[1]) for joint in wheel_joints(self.actor.shape))
 
-    def _follow(self, dx: float, dy: float, seconds: float) -> None:
+    def _follow(self, dx: float, dy: float, seconds: float) -> bool:
         """Roll the wheels by the way covered along the heading, and follow the ground."""
         self._distance += dx * self.heading[0] + dy * self.heading[1]
         before = self._suspension
@@ -165,6 +174,7 @@ class VehicleAgent(Agent):
             self._tilt_rates = self._suspension.tilt_rates(before, seconds)
             self.z = self._suspension.height
         self.progress, self.offset, self._leg = self.path.locate(self.x, self.y, self._leg)
+        return self._suspension is before
 
     def _base_pose(self) -> PartPose:
         return (self.x, self.y, self.z), compose(self._yaw(), self._suspension.tilt)
@@ -224,14 +234,15 @@ class TwoWheeler(VehicleAgent):
         half = self.actor.shape["wheelbase"] / 2
         return (half, 0.0), (-half, 0.0)
 
-    def _follow(self, dx: float, dy: float, seconds: float) -> None:
+    def _follow(self, dx: float, dy: float, seconds: float) -> bool:
         """Also lean towards the angle that balances weight and centrifugal force."""
-        super()._follow(dx, dy, seconds)
+        at_rest, before = super()._follow(dx, dy, seconds), (self._foot_weight, self._lean)
         speed = max(0.0, self.speed)
         force = speed * speed * self._steer / (self._base * 9.81)
         self._foot_weight = move_towards(self._foot_weight, riding.foot_down(speed), 2.0 * seconds)
         lean = exact.atan2_deg(force, 1.0) + riding.resting_lean(self._bike, self._foot_weight)
         self._lean = move_towards(self._lean, lean, _TIP * seconds)
+        return at_rest and before == (self._foot_weight, self._lean)
 
     def _base_pose(self) -> PartPose:
         """Return the pose of the base, leaning about the tyres, which stay on the ground."""
