@@ -55,7 +55,7 @@ JSON = click.option(
     is_flag=True,
     is_eager=True,
     callback=_note_json,
-    help="Print one JSON document for a program to read.",
+    help="Print one JSON document.",
 )
 ALLOW_LARGE = click.option("--allow-large", is_flag=True, help="Go on though the recipe is over the size limit.")
 DEVICE = click.option(

@@ -141,4 +141,4 @@ def _usage(error: click.ClickException) -> Problem:
     context = error.ctx if isinstance(error, click.UsageError) else None
     command = context.command_path if context else "recipe"
     found = Problem(message, code=Code.USAGE)
-    return found if found.help else Problem(message, help=f"`{command} --help` says how it is used", code=Code.USAGE)
+    return found if found.help else Problem(message, help=f"see `{command} --help`", code=Code.USAGE)

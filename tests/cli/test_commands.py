@@ -191,7 +191,7 @@ def test_a_shot_is_the_builds_very_frame(folder: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--variant", "weather=wett"], "small has no variant 'weather=wett'; the nearest is 'weather=wet'"),
+        (["--variant", "weather=wett"], "small has no variant 'weather=wett'; did you mean 'weather=wet'?"),
         (["--sensor", "roof"], "the rig has no sensor 'roof'; it has street"),
         (["--frame", "9"], "frame 9 is not there: weather=dry has frames 0 to 1"),
         (["--modality", "semantic"], "the sensor street captures rgb, depth, instance, not 'semantic'"),
@@ -329,7 +329,7 @@ def test_lock_says_before_rendering_that_it_would_say_something_else(folder: Pat
     (tmp_path / "lockfiles" / "small.lock").write_text((folder / "lockfiles" / "small.lock").read_text())
     done = run_here("lock", "small.yaml", cwd=tmp_path)  # 40,000 frames would take an hour
     assert done.returncode == 2
-    assert "says something else than small.yaml makes now; --update replaces it" in problems(done.stderr)[0]
+    assert "differs from what small.yaml compiles to now; --update replaces it" in problems(done.stderr)[0]
 
 
 def test_verify_keeps_to_the_limits_of_a_strangers_recipe(tmp_path: Path) -> None:

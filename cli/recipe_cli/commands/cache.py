@@ -14,7 +14,7 @@ from recipe_cli.console import print_json, say
 @click.option(
     "--size",
     metavar="SIZE",
-    help="With --prune: how much may stay, such as 500M; RECIPE_CACHE_LIMIT by default.",
+    help="With --prune: the size limit, such as 500M; RECIPE_CACHE_LIMIT by default.",
 )
 @JSON
 def command(prune: bool, size: str | None, as_json: bool) -> None:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 @click.option(
     "--with-traces",
     is_flag=True,
-    help="Write lockfiles/<recipe>.traces too: hosts that simulate otherwise start from it.",
+    help="Also write lockfiles/<recipe>.traces, for hosts whose simulation differs.",
 )
 @DEVICE
 @WORKERS
@@ -266,5 +266,5 @@ def _check_is_of_recipe(recipe: Path, compiled: Compiled, path: Path, update: bo
 def _outdated(path: Path, recipe: Path) -> InputError:
     from recipe_compiler.ir.errors import Code, InputError
 
-    what = f"{path} says something else than {recipe} makes now; --update replaces it"
+    what = f"{path} differs from what {recipe} compiles to now; --update replaces it"
     return InputError(what, code=Code.OUTDATED_LOCKFILE)

@@ -130,8 +130,8 @@ def unknown_day(base: Value) -> Iterator[Problem]:
     try:
         datetime.date.fromisoformat(date)
     except ValueError:
-        message, place = f"place.date: {show(date)} is not a day of the calendar", base.place_of("place", "date")
-        yield Problem(message, place, "write a day that the month has", Code.INVALID_VALUE)
+        message, place = f"place.date: {show(date)} does not exist", base.place_of("place", "date")
+        yield Problem(message, place, "write an existing date", Code.INVALID_VALUE)
 
 
 def unknown_asset(assets: Mapping[str, str]) -> Check:
@@ -146,7 +146,9 @@ def unknown_asset(assets: Mapping[str, str]) -> Check:
                     continue
                 fitting = [n for n, k in assets.items() if k == kind]
                 article = "an" if kind == "image" else "a"
-                known = f"is of kind {assets.get(asset)}, not {article} {kind}" if asset in assets else "is no asset"
+                known = (
+                    f"is of kind {assets.get(asset)}, not {article} {kind}" if asset in assets else "is not an asset"
+                )
                 message, place = f"props.{name}.{key}: {show(asset)} {known}", base.place_of("props", name, key)
                 yield Problem(message, place, nearest(asset, fitting), Code.UNKNOWN_NAME)
 

@@ -16,9 +16,9 @@ from recipe_compiler.source.yaml_reader import Value, show
 Path = tuple[str | int, ...]
 
 _LIMITS = {
-    "greater_than_equal": ("ge", "is below the least allowed, {}"),
+    "greater_than_equal": ("ge", "is below the minimum, {}"),
     "greater_than": ("gt", "must be above {}"),
-    "less_than_equal": ("le", "is above the most allowed, {}"),
+    "less_than_equal": ("le", "is above the maximum, {}"),
     "less_than": ("lt", "must be below {}"),
 }
 _KINDS = {
@@ -186,7 +186,7 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wron
     if kind in {"too_short", "too_long"}:
         return _size(where, kind, context)
     if kind == "string_too_short":
-        return Code.INVALID_VALUE, f"{around}: an empty text stands for nothing", "remove it"
+        return Code.INVALID_VALUE, f"{around}: the text is empty", "remove it"
     if kind == "finite_number":
         return Code.INVALID_VALUE, f"{where}: is not a finite number", "write a finite one"
     given = "nothing" if value is None else show(value)
@@ -206,7 +206,7 @@ def _unknown_key(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Wo
     keys = fields_at(model, _without_markers(detail["loc"][:-1]))
     own = _CARLA.get(str(path[-1]))
     if own in keys:
-        return Code.UNKNOWN_KEY, what, f"what CARLA calls so is {show(own)} here"
+        return Code.UNKNOWN_KEY, what, f"CARLA's {path[-1]} is {show(own)} here"
     return Code.UNKNOWN_KEY, what, nearest(str(path[-1]), keys)
 
 
@@ -256,7 +256,7 @@ def _size(where: str, kind: str, context: Mapping[str, int]) -> Words:
     number = context["actual_length"]
     if kind == "too_long":
         most = context["max_length"]
-        return Code.OUT_OF_RANGE, f"{where}: {number} items are more than the most allowed, {most}", "remove some"
+        return Code.OUT_OF_RANGE, f"{where}: {number} items exceed the limit of {most}", "remove some"
     least = context["min_length"]
     message = f"{where}: needs at least {least} item{'s' if least > 1 else ''}, has {number}"
     return Code.OUT_OF_RANGE, message, "add one" if least - number == 1 else "add some"

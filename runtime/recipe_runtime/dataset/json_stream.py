@@ -28,7 +28,7 @@ _SPACE = re.compile(r"[ \t\n\r]*")
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        raise ValueError("an object has one key twice")
+        raise ValueError("an object has a key twice")
     return found
 
 
@@ -119,14 +119,14 @@ class JsonStream:
         """Skip the separator after a member or an item; return whether it closes the object or array."""
         found = self._next()
         if found not in (",", closing) or not found:
-            raise ValueError(f"it is not JSON: {found!r} stands where , or {closing} must")
+            raise ValueError(f"it is not JSON: {found!r} in place of , or {closing}")
         self._at += 1
         return found == closing
 
     def _expect(self, sign: str) -> None:
         found = self._next()
         if found != sign:
-            raise ValueError(f"it is not JSON of the expected form: {found!r} stands where {sign} must")
+            raise ValueError(f"it is not JSON of the expected form: {found!r} in place of {sign}")
         self._at += 1
 
     def _next(self) -> str:

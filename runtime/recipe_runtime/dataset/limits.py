@@ -46,7 +46,7 @@ def check_plan(dataset: DatasetPlan) -> None:
         for actor in scene.actors:
             if actor.tag not in CATEGORIES:
                 raise InputError(
-                    f"actor {actor.name!r}: tag {actor.tag} is none that is annotated: {sorted(CATEGORIES)}"
+                    f"actor {actor.name!r}: tag {actor.tag} is not an annotated class: {sorted(CATEGORIES)}"
                 )
 
 
@@ -108,7 +108,7 @@ def file_count(dataset: DatasetPlan) -> int:
 def _clock(scene: ScenePlan) -> Iterator[str]:
     clock = scene.clock
     if not (0 < clock.fps <= 1000 and clock.frames > 0 and 0 < clock.physics <= 1000 and not clock.physics % clock.fps):
-        yield f"a clock of {clock.fps} fps, {clock.frames} frames and {clock.physics} steps a second is none"
+        yield f"a clock of {clock.fps} fps, {clock.frames} frames and {clock.physics} steps per second is invalid"
 
 
 def _cast(scene: ScenePlan) -> Iterator[str]:
@@ -160,9 +160,9 @@ def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
     if not (0 < camera.width <= MAX_PIXELS_A_SIDE and 0 < camera.height <= MAX_PIXELS_A_SIDE):
         yield f"a picture of {camera.width}x{camera.height} is over {MAX_PIXELS_A_SIDE}x{MAX_PIXELS_A_SIDE} or empty"
     if not (0.0 < camera.fov < 180.0 and 0.0 < camera.near < camera.far <= MOST_METRES):
-        yield f"a camera of {camera.fov} degrees from {camera.near} to {camera.far} m is none"
+        yield f"a camera of {camera.fov} degrees from {camera.near} to {camera.far} m is invalid"
     if sensor.on is not None and sensor.on not in actors:
-        yield f"it is on {sensor.on!r}, which is no actor"
+        yield f"it is mounted on {sensor.on!r}, which is not an actor"
     if len(sensor.poses) not in (1, frames) or any(_beyond([p.x, p.y, p.z]) for p in sensor.poses):
         yield "its poses are neither one nor one a frame, or out of bounds"
     if not sensor.capture or len(set(sensor.capture)) < len(sensor.capture):
@@ -180,9 +180,9 @@ def _response(sensor: SensorPlan, variant: ScenarioPlan) -> Iterator[str]:
     bounded = max(map(abs, numbers)) <= MOST_SETTING and min(positive) >= 0.01
     offset = 0.0 <= response.chromatic_aberration_offset < 1.0
     if not (bounded and offset and 1 <= response.supersample <= 4 and abs(response.exposure_compensation) <= 30.0):
-        yield "its camera response is none"
+        yield "its camera response is invalid"
     elif abs(camera.lens_k) > 1.0 or abs(camera.lens_kcube) > 1.0:
-        yield "its lens is none"
+        yield "invalid lens: |lens_k| and |lens_kcube| must be at most 1"
     else:
         sound = camera.width > 0 and camera.height > 0 and 0.0 < camera.fov < 180.0
         wrong = optics.fault(camera, response.supersample) if sound else None

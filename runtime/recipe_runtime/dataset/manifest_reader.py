@@ -93,7 +93,7 @@ def parse(file: BinaryIO) -> Manifest:
     }
     for key in stream.members():
         if key not in _Head.model_fields and key not in tables:
-            raise NotAManifestError(f"{key[:40]!r} is no key of a manifest")
+            raise NotAManifestError(f"{key[:40]!r} is not a key of a manifest")
         if key in found:
             raise ValueError(f"{key} is given twice")
         found[key] = tables[key]() if key in tables else stream.value()
@@ -171,7 +171,7 @@ def _frames(stream: JsonStream, left: list[int]) -> FrameDigests:
             raise ValueError(f"the sensor {sensor[:40]!r} is given twice, or too long")
         for modality in stream.members():
             if modality in modalities or modality not in DIGEST_KINDS:
-                raise ValueError(f"the modality {modality[:40]!r} is given twice, or is none")
+                raise ValueError(f"the modality {modality[:40]!r} occurs twice or does not exist")
             digests = modalities[modality] = []
             for digest in stream.items(80):
                 _check_digest(digest, f"a frame of {sensor}")

@@ -76,7 +76,7 @@ def read(root: Path, name: str = "") -> Dataset:
         ) from None
     except InputError as error:
         raise InputError(
-            f"{name}: {str(error).splitlines()[0]}; no dataset of this project says so", code=Code.INVALID_DATASET
+            f"{name}: {str(error).splitlines()[0]}; not a dataset of this project", code=Code.INVALID_DATASET
         ) from None
     except (OSError, *DAMAGE) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -106,7 +106,7 @@ def plan_alone(path: Path) -> DatasetPlan:
     try:
         found = path.lstat()
         if not stat.S_ISREG(found.st_mode) or found.st_size > MAX_PLAN_BYTES:
-            raise ValueError("it is no plain file, or too large")
+            raise ValueError("it is not a regular file, or too large")
         variant = PlanReader().read(path.read_bytes())
         alone = DatasetPlan(recipe=path.stem[:100], description="", variants=(variant,), annotations=(), depth="carla")
         check_bounds(alone)
@@ -244,7 +244,7 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
     """Return the labels of a video's frames; ValueError at the first line that differs from the manifest."""
     path = layout.labels_file(variant.variant, sensor.name)
     if regular_file(dataset.root, path) is None:
-        raise ValueError("missing, or no plain file")
+        raise ValueError("missing, or not a regular file")
     row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
     with (dataset.root / path).open("rb") as lines:
         for frame in range(variant.scene.clock.frames):
@@ -279,14 +279,14 @@ def recipe_file_of(manifest: Manifest, files: Collection[str]) -> str | None:
     """Return the recipe's path according to the manifest; ValueError if it is not a listed file of the recipe."""
     path = manifest.get("recipe_file")
     if path is not None and (path not in files or not layout.is_recipe_file(path)):
-        raise ValueError("recipe_file is no file of the recipe")
+        raise ValueError("recipe_file is not a file of the recipe")
     return path
 
 
 def _plan(root: Path, manifest: Manifest, files: Collection[str]) -> DatasetPlan:
     order = manifest["order"]
     if not isinstance(order, list) or not order or not all(isinstance(name, str) for name in order):
-        raise ValueError("order is no list of variants' names")
+        raise ValueError("order is not a list of variant names")
     variants, reader = [], PlanReader()
     for name in order:
         path = layout.plan_file(name)
