@@ -164,7 +164,9 @@ def _inputs(request: Request) -> Inputs:
     folder = Path(output) if output and "://" not in output else None
     if request.repair and output and folder is None:
         url = shown(output)
-        raise InputError(f"--repair mends a folder, not {url}; repair that, then build with --output {url} to copy it")
+        raise InputError(
+            f"--repair repairs a folder, not {url}; repair that, then build with --output {url} to copy it"
+        )
     workers = None if request.ray else worker_count(request.workers)  # a cluster's memory is not this host's
     free = free_disk(folder or Path())
     compiled = compile_quietly(recipe, allow_large=request.allow_large, free_disk=free, workers=workers)

@@ -10,7 +10,7 @@ from recipe_cli.console import print_json, say
 
 
 @click.command("cache")
-@click.option("--prune", is_flag=True, help="Remove what was not used for longest, down to --size.")
+@click.option("--prune", is_flag=True, help="Remove the least recently used entries, down to --size.")
 @click.option(
     "--size",
     metavar="SIZE",

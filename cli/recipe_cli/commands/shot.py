@@ -57,7 +57,7 @@ def command(
     allow_large: bool,
     as_json: bool,
 ) -> None:
-    """Render one frame of RECIPE into a PNG: the very pixels of the full build (depth and labels in colours).
+    """Render one frame of RECIPE into a PNG: exactly the pixels of the full build (depth and labels in colours).
 
     With --map draw its town from above: lanes, sidewalks, crossings, parking places, spawn points, and the recipe's
     actors and sensors, with coordinates in metres.

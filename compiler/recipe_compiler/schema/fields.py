@@ -59,7 +59,7 @@ def ordered(value: Pair) -> Pair:
         low, high = (f"{number:g}" for number in value)
         raise PydanticCustomError(
             "range",
-            "the range [{low}, {high}] runs backwards; write the lower number first",
+            "the range [{low}, {high}] has its larger number first; write the lower number first",
             {"low": low, "high": high},
         )
     return value

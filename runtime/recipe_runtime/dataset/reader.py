@@ -98,7 +98,7 @@ def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -
         (frames, row_count(plan), "digests of frames"),
     ):
         if number > 4 * most + 10_000:
-            raise ValueError(f"it lists {number:,} {what}, and its plan stands for {most:,}")
+            raise ValueError(f"it lists {number:,} {what}, and its plan requires {most:,}")
 
 
 def plan_alone(path: Path) -> DatasetPlan:
