@@ -62,7 +62,9 @@ def test_held_actors_stand_until_frame_0_and_begin_at_their_speed(plan: ActorPla
     other = actor("other", "vehicle.sedan.a", Pose(x=-60, y=-30), (300, -30))
     held = plan.model_copy(update={"held": True})
     trace = simulate(scene(held, other, frames=2, warmup=4.0))
-    assert start(trace, plan.name) == ([plan.start.x, plan.start.y], pytest.approx(plan.speed, abs=1e-5))
+    place, speed = start(trace, plan.name)
+    assert place == [plan.start.x, plan.start.y]
+    assert speed == pytest.approx(plan.speed, abs=1e-5)
     assert start(trace, "other")[1] > 5.0
     trace = simulate(scene(held, frames=2))
     assert start(trace, plan.name) == (
