@@ -23,6 +23,7 @@ from recipe_compiler.schema.fields import (
     Percent,
     Seed,
     Weight,
+    bounded,
 )
 
 
@@ -34,11 +35,10 @@ class Clock(Model):
     physics: Annotated[int, Field(ge=60, le=1000, description="Physics steps a second.")] = 240
     warmup: Annotated[
         float | None,
-        Field(
-            ge=0,
-            le=600,
-            allow_inf_nan=False,
-            description="Seconds simulated before frame 0; absent: 10 with moving traffic, else 0. "
+        bounded(
+            0,
+            600,
+            "Seconds simulated before frame 0; absent: 10 with moving traffic, else 0. "
             "An actor with a `start` stays there until frame 0.",
         ),
     ] = None
@@ -91,10 +91,7 @@ class Actor(Model):
         StringConstraints(pattern=BLUEPRINT, max_length=NAME_LENGTH),
         Field(description="An id of the library or a glob such as `walker.pedestrian.*`, chosen by seed and name."),
     ]
-    speed: Annotated[
-        float | None,
-        Field(ge=0, le=60, allow_inf_nan=False, description="m/s; absent: the blueprint's own; 0: it stands."),
-    ] = None
+    speed: Annotated[float | None, bounded(0, 60, "m/s; absent: the blueprint's own; 0: it stands.")] = None
     start: Annotated[Start | None, Field(description="Absent: a spawn point of the town, by seed and name.")] = None
     goal: Annotated[GroundPoint | None, Field(description="It goes there straight; absent: a route of the town.")] = (
         None
@@ -119,12 +116,8 @@ class Actor(Model):
 class Density(Model):
     """Traffic by the length of the town's streets, instead of by number."""
 
-    vehicles: Annotated[
-        float, Field(ge=0, le=100, allow_inf_nan=False, description="Vehicles for each kilometre of lane.")
-    ] = 0.0
-    pedestrians: Annotated[
-        float, Field(ge=0, le=1000, allow_inf_nan=False, description="Pedestrians for each kilometre of sidewalk.")
-    ] = 0.0
+    vehicles: Annotated[float, bounded(0, 100, "Vehicles for each kilometre of lane.")] = 0.0
+    pedestrians: Annotated[float, bounded(0, 1000, "Pedestrians for each kilometre of sidewalk.")] = 0.0
 
 
 class Traffic(Model):
@@ -201,8 +194,8 @@ class Standing(GroundPoint):
 class Board(Model):
     """A board's size."""
 
-    width: Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False, description="Metres.")]
-    height: Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False, description="Metres.")]
+    width: Annotated[float, bounded(0.01, 100, "Metres.")]
+    height: Annotated[float, bounded(0.01, 100, "Metres.")]
 
 
 class Prop(Model):

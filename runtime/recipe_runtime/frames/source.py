@@ -21,9 +21,10 @@ from recipe_runtime.annotate.objects import Annotator
 from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array
+from recipe_runtime.core.scene_transforms import SceneMotion
 from recipe_runtime.core.timings import Stopwatch
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.transforms import part_transforms, sensor_transform
+from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.engines import Engines, SceneRenderer, real_engines
 
 _STREAM_BATCH = 512  # frames per batch of a frame stream
@@ -55,6 +56,7 @@ class SceneSource:
     ) -> None:
         self.scene, self.trace, self.device = scene, trace, device
         self._engines = engines or real_engines()
+        self._motion = SceneMotion(scene, trace)
         self._renderer = renderer
         self._annotator: Annotator | None = None
         self.reels = device != "cpu"  # whether concurrent frames are faster than single ones
@@ -107,7 +109,7 @@ class SceneSource:
         """Return the observation of a frame by a sensor."""
         pose = sensor_transform(sensor, self.trace, frame)
         with self._discard_if_interrupted():
-            seen: Observed = self.renderer.observe(sensor.camera, pose, part_transforms(self.trace, frame))
+            seen: Observed = self.renderer.observe(sensor.camera, pose, self._motion.parts(frame))
         return seen
 
     def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> list[LabelRecord]:
@@ -161,9 +163,7 @@ class SceneSource:
                 numbers = frames[start : start + _STREAM_BATCH]
                 poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in numbers])
                 times = [frame / self.scene.clock.fps for frame in numbers]
-                prints = reel[1].frames(
-                    FrameBatch(numbers, times, poses, part_transforms(self.trace, np.array(numbers)))
-                )
+                prints = reel[1].frames(FrameBatch(numbers, times, poses, self._motion.many(np.array(numbers))))
                 for _ in numbers:
                     with watch("render"):
                         made = next(prints)
@@ -179,7 +179,7 @@ class SceneSource:
 
         other = frame - 1 if frame > 0 else 1
         pose = sensor_transform(sensor, self.trace, other)
-        return NeighbourFrame(pose, part_transforms(self.trace, other), 1.0 / self.scene.clock.fps)
+        return NeighbourFrame(pose, self._motion.parts(other), 1.0 / self.scene.clock.fps)
 
 
 class FrameSource:

@@ -169,7 +169,7 @@ def _overtaken(vehicle: Vehicle, neighbours: Sequence[Body], offset: float) -> b
     for body in neighbours:
         dx, dy = body.x - vehicle.x, body.y - vehicle.y
         along, aside = dx * tx + dy * ty, dy * tx - dx * ty
-        if -25.0 < along <= 0.0 and 0.3 < aside - body.radius + vehicle.radius and aside < offset + 2.0:
+        if -25.0 < along <= 0.0 and aside - body.radius + vehicle.radius > 0.3 and aside < offset + 2.0:
             speed = body.velocity[0] * tx + body.velocity[1] * ty
             if along + body.reach > -vehicle.reach - 1.0 and abs(aside) < 3.5 and speed > -0.5:
                 return True
