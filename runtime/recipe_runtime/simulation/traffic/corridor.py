@@ -8,12 +8,15 @@ from dataclasses import dataclass
 
 from recipe_runtime.simulation.path import Leg, nearest_on
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
+from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 CLEARANCE = 0.3  # metres to both sides of a moving vehicle
 _TIGHT = 0.05  # the same beside what its front has reached, metres
 _LONG = 2.9  # metres; longer halves are looked at in three pieces
 _PERSON = 0.55  # metres to both sides of a pedestrian
-_FORESIGHT = 2.5  # seconds ahead for which a pedestrian's way is foreseen
+_FORESIGHT = 2.5  # seconds ahead for which the way of a pedestrian on the road is foreseen
+_STEP = 1.2  # the same for one who is about to step onto it
+_KIND = 3.0  # m/s2 of braking for one who is not yet on the road
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +31,16 @@ class Corridor:
     left: float
     speed: float  # of the vehicle
     open_end: bool  # whether the last leg is the path's last
+    roads: RoadMap
 
     @classmethod
-    def of(cls, vehicle: Vehicle, length: float, offsets: tuple[float, float]) -> Corridor:
+    def of(cls, vehicle: Vehicle, length: float, offsets: tuple[float, float], roads: RoadMap) -> Corridor:
         """Return the strip that a vehicle covers while it is between two offsets."""
         path, start = vehicle.path, vehicle.progress
         end = start + vehicle.reach + length
         right, left = min(offsets) - vehicle.radius, max(offsets) + vehicle.radius
         legs = path.window(start - 2.0, end)
-        return cls(legs, start, vehicle.reach, length, right, left, vehicle.speed, end >= path.length)
+        return cls(legs, start, vehicle.reach, length, right, left, vehicle.speed, end >= path.length, roads)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,10 +111,15 @@ def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstac
     if gap > c.length:
         return None
     room = CLEARANCE if gap > 0.3 else _TIGHT
-    if aside - half > c.left + room or aside + half < c.right - room:
+    low, high = aside - half, aside + half
+    driver = getattr(body, "driver", None)
+    if driver is not None and gap > 0.3 and hx * tx + hy * ty > 0.9:  # a change of lanes that has begun
+        shift = driver.offset - body.offset  # type: ignore[attr-defined]
+        low, high = low + min(shift, 0.0), high + max(shift, 0.0)
+    if low > c.left + room or high < c.right - room:
         return None
     vx, vy = body.velocity
-    return Obstacle(body, gap, vx * tx + vy * ty, aside - half, aside + half, False)
+    return Obstacle(body, gap, vx * tx + vy * ty, low, high, False)
 
 
 def _person(c: Corridor, body: Body) -> Obstacle | None:
@@ -127,6 +136,10 @@ def _person(c: Corridor, body: Body) -> Obstacle | None:
     if to_right > 0.0 or to_left > 0.0:
         distance, approach = (to_right, across) if to_right > 0.0 else (to_left, -across)
         if approach < 0.2 or distance > _FORESIGHT * approach:
+            return None
+        if distance > _STEP * approach and not c.roads.paved(body.x, body.y):
+            return None
+        if c.speed * c.speed > 2.0 * _KIND * max(gap, 0.1) and distance > 0.3 and not c.roads.paved(body.x, body.y):
             return None
         passed = (gap + 2.0 * c.reach + 1.0) / max(c.speed, 0.5)
         if passed < distance / approach:

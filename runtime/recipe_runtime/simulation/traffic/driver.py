@@ -138,7 +138,9 @@ class Driver:
         crossing = self.passage.next
         if crossing is None or self.passage.granted:
             return math.inf
-        return crossing.entry - self._junctions.setback(crossing) - vehicle.progress - vehicle.reach
+        painted = crossing.entry - vehicle.progress - vehicle.reach
+        hold = painted - self._junctions.setback(crossing)
+        return hold if hold > stopping_distance(vehicle.speed, self.style.braking) else max(painted, hold)
 
     def _before_line(self, vehicle: Vehicle, line: float, free: float) -> float:
         """Return the acceleration that stops at the line."""
@@ -166,7 +168,7 @@ class Driver:
             to_line = crossing.entry - vehicle.progress
             if to_line < 30.0:  # to see whether there is room behind the junction
                 length = max(length, crossing.leave - vehicle.progress + vehicle.reach + 6.0)
-        return Corridor.of(vehicle, min(length, self.horizon - 5.0), (vehicle.offset, self.offset))
+        return Corridor.of(vehicle, min(length, self.horizon - 5.0), (vehicle.offset, self.offset), self._map)
 
     def _swung_at(self, vehicle: Vehicle, neighbours: Sequence[Body], found: list[Obstacle]) -> list[Obstacle]:
         """Return the vehicles at which a long body would swing in the junction that it is in."""
@@ -222,5 +224,5 @@ class Driver:
                 self.offset = self._changer.decide(vehicle, own, self._lanes, neighbours, seconds)
             return
         room = overtaking.room_ahead(vehicle, self.passage)
-        shift = self._overtaking.decide(vehicle, neighbours, nearest, room, self.desired)
+        shift = self._overtaking.decide(vehicle, neighbours, nearest, room, self._map)
         self.offset = self.base_offset if shift is None else shift

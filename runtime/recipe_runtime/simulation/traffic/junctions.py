@@ -186,7 +186,8 @@ class JunctionControl:
     def _must_give_back(self, a: _Approach, seconds: float) -> bool:
         """Return whether a vehicle with permission that has not entered loses it."""
         can_stop = a.distance > stopping_distance(a.vehicle.speed, _FIRM)
-        if a.passage.stood > _GIVES_UP or (can_stop and not a.passage.has_room(a.vehicle)):
+        calmly = a.distance > stopping_distance(a.vehicle.speed, _COMFORTABLE) + 0.5
+        if a.passage.stood > _GIVES_UP or (calmly and not a.passage.has_room(a.vehicle)):
             return True
         return can_stop and a.vehicle.actor.obeys and self._light(a, seconds) in ("red", "amber")
 

@@ -13,6 +13,7 @@ from recipe_runtime.body.skeleton import BICYCLE, is_person
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.corridor import Corridor, Obstacle, obstacles
 from recipe_runtime.simulation.traffic.passage import Passage
+from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 _BESIDE_RIDER, _BESIDE_CAR = 1.2, 0.6  # metres between the sides
 _LEFT_EDGE = 4.3  # metres to the left of the lane's middle that the vehicle's side may reach
@@ -51,7 +52,7 @@ class Overtaking:
         return obstacle.gap > closing * aside / _LATERAL + 0.7
 
     def decide(
-        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, room: float, desired: float
+        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, room: float, roads: RoadMap
     ) -> float | None:
         """Return the offset for overtaking, metres to the left of the path; None to stay in the lane.
 
@@ -60,18 +61,19 @@ class Overtaking:
             neighbours: Agents in its neighbourhood, in plan order.
             nearest: The nearest obstacle in its corridor that is not being overtaken.
             room: Metres of straight road ahead of its front without a junction.
-            desired: The speed that it would have on a free road, m/s.
+            roads: The roads.
         """
+        desired = vehicle.driver.desired
         self._count(nearest)
         if self._plan is not None:
-            return self._go_on(vehicle, neighbours, self._plan, room, desired)
+            return self._go_on(vehicle, neighbours, self._plan, room, roads)
         if nearest is None or not self._wants(nearest, desired) or nearest.gap > _NEAR:
             return None
         rider = nearest.person or _is_bicycle(nearest.body)
         offset = nearest.left + (_BESIDE_RIDER if rider else _BESIDE_CAR) + vehicle.radius
         if offset + vehicle.radius > _LEFT_EDGE or nearest.right > 1.0:
             return None
-        if not _free(vehicle, neighbours, nearest.body, (nearest.gap, nearest.speed), offset, room, desired):
+        if not _free(vehicle, neighbours, nearest.body, (nearest.gap, nearest.speed), offset, room, roads):
             return None
         self._plan = _Plan(nearest.body, offset)
         return offset
@@ -91,7 +93,7 @@ class Overtaking:
         return _is_bicycle(nearest.body) and 0.0 < nearest.speed < 0.75 * desired
 
     def _go_on(
-        self, vehicle: Vehicle, neighbours: Sequence[Body], plan: _Plan, room: float, desired: float
+        self, vehicle: Vehicle, neighbours: Sequence[Body], plan: _Plan, room: float, roads: RoadMap
     ) -> float | None:
         """Continue, end or give up."""
         tx, ty = vehicle.path.tangent(vehicle.progress)
@@ -103,7 +105,7 @@ class Overtaking:
             return None
         if ahead > sizes:  # not yet beside
             speed = body.velocity[0] * tx + body.velocity[1] * ty
-            if not _free(vehicle, neighbours, body, (ahead - sizes, speed), plan.offset, room + 4.0, desired):
+            if not _free(vehicle, neighbours, body, (ahead - sizes, speed), plan.offset, room + 4.0, roads):
                 self._plan = None
                 return None
         return plan.offset
@@ -131,7 +133,7 @@ def _free(
     leader: tuple[float, float],
     offset: float,
     room: float,
-    desired: float,
+    roads: RoadMap,
 ) -> bool:
     """Return whether there is time and room to pass a body.
 
@@ -142,10 +144,10 @@ def _free(
         leader: Its distance from the vehicle's front, and its speed, m and m/s.
         offset: The offset while passing.
         room: Metres without a junction ahead.
-        desired: Speed while passing.
+        roads: The roads.
     """
     gap, speed = leader
-    pace = max(1.5, (vehicle.speed + 2.0 * desired) / 3.0)
+    pace = max(1.5, (vehicle.speed + 2.0 * vehicle.driver.desired) / 3.0)
     if pace - speed < 1.0:
         return False
     seconds = (gap + 2.0 * (body.reach + vehicle.reach) + _AFTER) / (pace - max(0.0, speed)) + 0.5
@@ -153,7 +155,7 @@ def _free(
     if way > room:
         return False
     back = vehicle.offset if vehicle.offset < 0.5 else 0.0
-    strip = Corridor.of(vehicle, min(2.5 * way + 15.0, vehicle.driver.horizon), (offset, back))
+    strip = Corridor.of(vehicle, min(2.5 * way + 15.0, vehicle.driver.horizon), (offset, back), roads)
     for other in obstacles(strip, neighbours):
         if other.body is body:
             continue

@@ -38,6 +38,7 @@ class Junction:
 
     x: float
     y: float
+    half: tuple[float, float]  # half its size along x and y, without the ways to its stop lines
     arms: tuple[Arm, Arm, Arm, Arm]
 
     @property
@@ -104,6 +105,12 @@ class RoadMap:
         """Return the speed limit of the road at a position in m/s; None where there is no road."""
         road = self._road(x, y)
         return road.limit if road else None
+
+    def paved(self, x: float, y: float) -> bool:
+        """Return whether a position is on a carriageway or a junction."""
+        if self._road(x, y) is not None:
+            return True
+        return any(abs(x - j.x) < j.half[0] and abs(y - j.y) < j.half[1] for j in self.junctions)
 
     def lanes(self, x: float, y: float) -> Lanes | None:
         """Return the lanes beside the one at a position; None on a street, and off the road."""
@@ -204,8 +211,9 @@ def direction_of(vector: tuple[float, float]) -> int:
 
 
 def _junction(e: Element) -> Junction:
-    x, y = e.size[0] / 2 + _LINE, e.size[1] / 2 + _LINE
-    return Junction(e.pose.x, e.pose.y, (Arm(x), Arm(y), Arm(x), Arm(y)))
+    half = (e.size[0] / 2, e.size[1] / 2)
+    x, y = half[0] + _LINE, half[1] + _LINE
+    return Junction(e.pose.x, e.pose.y, half, (Arm(x), Arm(y), Arm(x), Arm(y)))
 
 
 def _clip(
