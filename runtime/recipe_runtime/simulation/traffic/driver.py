@@ -102,8 +102,6 @@ class Driver:
         wish = min(free, self._before_line(vehicle, line, free), self._before_goal(vehicle, free))
         nearest: Obstacle | None = None
         for obstacle in found:
-            if self._overtaking.passes(obstacle, vehicle):
-                continue
             if nearest is None or obstacle.gap < nearest.gap:
                 nearest = obstacle
             standstill = style.gap + (0.5 if obstacle.person else 0.0)
@@ -168,7 +166,7 @@ class Driver:
             to_line = crossing.entry - vehicle.progress
             if to_line < 30.0:  # to see whether there is room behind the junction
                 length = max(length, crossing.leave - vehicle.progress + vehicle.reach + 6.0)
-        return Corridor.of(vehicle, min(length, self.horizon - 5.0), (vehicle.offset, self.offset), self._map)
+        return Corridor.of(vehicle, min(length, self.horizon - 5.0), self.offset, self._map)
 
     def _swung_at(self, vehicle: Vehicle, neighbours: Sequence[Body], found: list[Obstacle]) -> list[Obstacle]:
         """Return the vehicles at which a long body would swing in the junction that it is in."""

@@ -17,7 +17,6 @@ from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 _BESIDE_RIDER, _BESIDE_CAR = 1.2, 0.6  # metres between the sides
 _LEFT_EDGE = 4.3  # metres to the left of the lane's middle that the vehicle's side may reach
-_LATERAL = 1.0  # m/s, sideways
 _NEAR = 22.0  # metres; farther leaders are not overtaken yet
 _AFTER = 3.0  # metres between the two when it is back in its lane
 _STANDS = 4.0  # seconds after which what stands is passed
@@ -39,17 +38,6 @@ class Overtaking:
         self._plan: _Plan | None = None
         self._behind: Body | None = None
         self._seconds = 0.0  # for which it has been behind somebody who stands
-
-    def passes(self, obstacle: Obstacle, vehicle: Vehicle) -> bool:
-        """Return whether an obstacle is being overtaken and the vehicle will be beside its way in time."""
-        plan = self._plan
-        if plan is None or obstacle.body is not plan.body:
-            return False
-        if plan.offset - vehicle.radius < obstacle.left + 0.2:
-            return False
-        aside = max(0.0, obstacle.left + 0.3 - (vehicle.offset - vehicle.radius))
-        closing = max(0.0, vehicle.speed - obstacle.speed)
-        return obstacle.gap > closing * aside / _LATERAL + 0.7
 
     def decide(
         self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, room: float, roads: RoadMap
@@ -154,9 +142,9 @@ def _free(
     way = pace * seconds
     if way > room:
         return False
-    back = vehicle.offset if vehicle.offset < 0.5 else 0.0
-    strip = Corridor.of(vehicle, min(2.5 * way + 15.0, vehicle.driver.horizon), (offset, back), roads)
-    for other in obstacles(strip, neighbours):
+    length = min(2.5 * way + 15.0, vehicle.driver.horizon)
+    lanes = [Corridor.of(vehicle, length, target, roads) for target in (vehicle.driver.base_offset, offset)]
+    for other in [*obstacles(lanes[0], neighbours), *obstacles(lanes[1], neighbours)]:
         if other.body is body:
             continue
         at = other.gap + other.speed * seconds  # of its nearest part when the vehicle is back

@@ -175,7 +175,7 @@ class KinematicWorld:
             return
         (hx, hy), ahead = body.path.tangent(body.progress), 0.0
         for other in self.bodies:
-            if other.driver is None or other.speed < 0.5:
+            if other.driver is None or other.speed < 0.5 or abs(other.x - body.x) > 30.0 or abs(other.y - body.y) > 30.0:
                 continue
             for k in (0.0, 0.5, 1.0, 1.5, 2.0):
                 dx = body.x + hx * 1.4 * k - other.x - other.velocity[0] * k
