@@ -34,6 +34,7 @@ from recipe_runtime.simulation.traffic.road_map import Lanes, RoadMap, speed_pro
 _LATERAL, _EARLY_BRAKING = 2.0, 1.2  # m/s2 in bends, and before lower speeds
 _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
 _AT_LINE = 0.7  # metres between the front and the place where one waits
+_FIRM = 4.0  # m/s2, to stop where one waits and not only at the painted line behind it
 _LONG = 3.2  # half length from which the swing of the body counts
 _IDLE_TICKS = 20  # decisions to go without moving, after which it counts as stalled, for example by a crash
 _LANE_TICKS = 8  # decisions between two looks at other lanes
@@ -138,7 +139,8 @@ class Driver:
             return math.inf
         painted = crossing.entry - vehicle.progress - vehicle.reach
         hold = painted - self._junctions.setback(crossing)
-        return hold if hold > stopping_distance(vehicle.speed, self.style.braking) else max(painted, hold)
+        needed = stopping_distance(vehicle.speed, _FIRM)
+        return hold if hold > needed - 0.3 else max(hold, min(painted, needed + _AT_LINE))
 
     def _before_line(self, vehicle: Vehicle, line: float, free: float) -> float:
         """Return the acceleration that stops at the line."""
