@@ -23,7 +23,7 @@ _STEP = 1.2  # the same for one who is about to step onto it
 _KIND = 3.0  # m/s2 of braking for one who is not yet on the road
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Corridor:
     """The strip ahead of a vehicle."""
 
@@ -52,11 +52,13 @@ class Corridor:
     def edges(self, gap: float) -> tuple[float, float]:
         """Return the right and the left edge of the strip at a distance from the front."""
         aside, ahead = self.target - self.offset, self.slope * max(gap, 0.0)
+        if aside == 0.0:
+            return self.offset - self.radius, self.offset + self.radius
         here = self.offset + max(-ahead, min(ahead, aside))
         return min(here, self.target) - self.radius, max(here, self.target) + self.radius
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Obstacle:
     """Somebody in a corridor."""
 
@@ -91,15 +93,17 @@ def obstacles(corridor: Corridor, neighbours: Sequence[Body]) -> list[Obstacle]:
 
 def _bounds(c: Corridor) -> tuple[float, float, float, float]:
     """Return the box of a corridor: least x, least y, greatest x, greatest y."""
-    side = max(abs(c.offset), abs(c.target)) + c.radius + 3.0
     end = c.start + c.reach + c.length
     low_x = low_y = math.inf
     high_x = high_y = -math.inf
     for ax, ay, tx, ty, start, length in c.legs:
-        a, b = max(0.0, c.start - start), min(length, end - start) if not c.open_end else end - start
-        for x, y in ((ax + tx * a, ay + ty * a), (ax + tx * b, ay + ty * b)):
-            low_x, low_y = min(low_x, x), min(low_y, y)
-            high_x, high_y = max(high_x, x), max(high_y, y)
+        first = c.start - start if c.start > start else 0.0
+        last = length if end - start > length and not c.open_end else end - start
+        for along in (first, last):
+            x, y = ax + tx * along, ay + ty * along
+            low_x, high_x = (x if x < low_x else low_x), (x if x > high_x else high_x)
+            low_y, high_y = (y if y < low_y else low_y), (y if y > high_y else high_y)
+    side = max(abs(c.offset), abs(c.target)) + c.radius + 3.0
     return low_x - side, low_y - side, high_x + side, high_y + side
 
 

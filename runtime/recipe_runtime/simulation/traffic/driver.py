@@ -15,7 +15,7 @@ from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.body.skeleton import BICYCLE
 from recipe_runtime.simulation.path import Path
-from recipe_runtime.simulation.traffic import corridor, overtaking
+from recipe_runtime.simulation.traffic import corridor
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.corridor import Corridor, Obstacle
 from recipe_runtime.simulation.traffic.following import (
@@ -199,7 +199,7 @@ class Driver:
         for obstacle in found:
             here = obstacle.gap
             driver = getattr(obstacle.body, "driver", None)
-            if not obstacle.person and driver is not None and driver.path_like(vehicle, obstacle.body):
+            if not obstacle.person and driver is not None and driver.leads(vehicle, obstacle.body):
                 here += max(0.0, driver.passage.extent)
             room = min(room, here)
             solid = solid if obstacle.person else min(solid, here)
@@ -207,11 +207,10 @@ class Driver:
         end = math.inf if self.actor.entry is not None else vehicle.path.length - vehicle.progress
         self.passage.extent = max(0.0, min(room, line, end))
 
-    def path_like(self, vehicle: Vehicle, own: Body) -> bool:
-        """Return whether this driver's vehicle goes on in about the direction of another one."""
-        return (
-            self.actor.speed > 0.0 and vehicle.heading[0] * own.heading[0] + vehicle.heading[1] * own.heading[1] > 0.3
-        )
+    def leads(self, vehicle: Vehicle, own: Body) -> bool:
+        """Return whether this driver's own vehicle goes on in about the direction of another one."""
+        (ax, ay), (bx, by) = vehicle.heading, own.heading
+        return self.actor.speed > 0.0 and ax * bx + ay * by > 0.3
 
     def _choose_offset(
         self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, line: float, seconds: float
@@ -223,6 +222,5 @@ class Driver:
                 own = Own(vehicle.speed, self.desired, 2.0 * vehicle.reach, self.style)
                 self.offset = self._changer.decide(vehicle, own, self._lanes, neighbours, seconds)
             return
-        room = overtaking.room_ahead(vehicle, self.passage)
-        shift = self._overtaking.decide(vehicle, neighbours, nearest, room, self._map)
+        shift = self._overtaking.decide(vehicle, neighbours, nearest, self._map)
         self.offset = self.base_offset if shift is None else shift

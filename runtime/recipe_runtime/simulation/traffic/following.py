@@ -3,8 +3,8 @@
 Sources: M. Treiber, A. Hennecke, D. Helbing, "Congested traffic states in empirical observations and microscopic
 simulations", Physical Review E 62 (2000); A. Kesting, M. Treiber, D. Helbing, "Enhanced intelligent driver model to
 access the impact of driving strategies on traffic capacity", Philosophical Transactions of the Royal Society A 368
-(2010), for cut-ins, where the model alone brakes harder than needed. Two changes: above the desired speed the braking is
-proportional to the excess, so that a lower speed limit does not brake hard; and x / (1 + |x|) stands for tanh.
+(2010), for cut-ins, where the model alone brakes harder than needed. Two changes: above the desired speed the braking
+is proportional to the excess, so that a lower speed limit does not brake hard; and x / (1 + |x|) stands for tanh.
 """
 
 from __future__ import annotations

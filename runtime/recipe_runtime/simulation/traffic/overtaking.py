@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from recipe_runtime.body.skeleton import BICYCLE, is_person
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.corridor import Corridor, Obstacle, obstacles
-from recipe_runtime.simulation.traffic.passage import Passage
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 _BESIDE_RIDER, _BESIDE_CAR = 1.2, 0.6  # metres between the sides
@@ -40,7 +39,7 @@ class Overtaking:
         self._seconds = 0.0  # for which it has been behind somebody who stands
 
     def decide(
-        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, room: float, roads: RoadMap
+        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, roads: RoadMap
     ) -> float | None:
         """Return the offset for overtaking, metres to the left of the path; None to stay in the lane.
 
@@ -48,15 +47,15 @@ class Overtaking:
             vehicle: The vehicle, on a street.
             neighbours: Agents in its neighbourhood, in plan order.
             nearest: The nearest obstacle in its corridor that is not being overtaken.
-            room: Metres of straight road ahead of its front without a junction.
             roads: The roads.
         """
         desired = vehicle.driver.desired
         self._count(nearest)
         if self._plan is not None:
-            return self._go_on(vehicle, neighbours, self._plan, room, roads)
-        if nearest is None or not self._wants(nearest, desired) or nearest.gap > _NEAR:
+            return self._go_on(vehicle, neighbours, self._plan, roads)
+        if nearest is None or nearest.gap > _NEAR or not self._wants(nearest, desired):
             return None
+        room = room_ahead(vehicle)
         rider = nearest.person or _is_bicycle(nearest.body)
         offset = nearest.left + (_BESIDE_RIDER if rider else _BESIDE_CAR) + vehicle.radius
         if offset + vehicle.radius > _LEFT_EDGE or nearest.right > 1.0:
@@ -80,9 +79,7 @@ class Overtaking:
             return self._seconds > _STANDS
         return _is_bicycle(nearest.body) and 0.0 < nearest.speed < 0.75 * desired
 
-    def _go_on(
-        self, vehicle: Vehicle, neighbours: Sequence[Body], plan: _Plan, room: float, roads: RoadMap
-    ) -> float | None:
+    def _go_on(self, vehicle: Vehicle, neighbours: Sequence[Body], plan: _Plan, roads: RoadMap) -> float | None:
         """Continue, end or give up."""
         tx, ty = vehicle.path.tangent(vehicle.progress)
         body = plan.body
@@ -93,14 +90,16 @@ class Overtaking:
             return None
         if ahead > sizes:  # not yet beside
             speed = body.velocity[0] * tx + body.velocity[1] * ty
-            if not _free(vehicle, neighbours, body, (ahead - sizes, speed), plan.offset, room + 4.0, roads):
+            leader, room = (ahead - sizes, speed), room_ahead(vehicle) + 4.0
+            if not _free(vehicle, neighbours, body, leader, plan.offset, room, roads):
                 self._plan = None
                 return None
         return plan.offset
 
 
-def room_ahead(vehicle: Vehicle, passage: Passage) -> float:
+def room_ahead(vehicle: Vehicle) -> float:
     """Return the metres of straight road ahead of a vehicle's front without a junction; 0 in a junction."""
+    passage = vehicle.driver.passage
     if passage.left < passage.entered:
         return 0.0
     path, front = vehicle.path, vehicle.progress + vehicle.reach
@@ -159,7 +158,7 @@ def _overtaken(vehicle: Vehicle, neighbours: Sequence[Body], offset: float) -> b
     for body in neighbours:
         dx, dy = body.x - vehicle.x, body.y - vehicle.y
         along, aside = dx * tx + dy * ty, dy * tx - dx * ty
-        if -25.0 < along <= 0.0 and aside - body.radius + vehicle.radius > 0.3 and aside < offset + 2.0:
+        if -25.0 < along <= 0.0 and aside > body.radius - vehicle.radius + 0.3 and aside < offset + 2.0:
             speed = body.velocity[0] * tx + body.velocity[1] * ty
             if along + body.reach > -vehicle.reach - 1.0 and abs(aside) < 3.5 and speed > -0.5:
                 return True

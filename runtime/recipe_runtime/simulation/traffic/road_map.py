@@ -120,7 +120,7 @@ class RoadMap:
         dx, dy = x - road.x, y - road.y
         aside = dy * road.along[0] - dx * road.along[1]
         from_right = aside + road.half_width - road.shoulder
-        number = min(max(int(math.floor(from_right / road.lane)), 0), road.lanes - 1)  # 0 is the rightmost
+        number = min(max(math.floor(from_right / road.lane), 0), road.lanes - 1)  # 0 is the rightmost
         return Lanes(road.lanes - 1 - number, number, road.lane)
 
     def passages(self, path: Path) -> list[tuple[int, float, float]]:
