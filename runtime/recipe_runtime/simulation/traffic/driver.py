@@ -27,7 +27,7 @@ from recipe_runtime.simulation.traffic.following import (
 )
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.lane_change import LaneChanger, Own
-from recipe_runtime.simulation.traffic.overtaking import Overtaking
+from recipe_runtime.simulation.traffic.overtaking import Overtaking, is_stalled
 from recipe_runtime.simulation.traffic.passage import Passage
 from recipe_runtime.simulation.traffic.road_map import Lanes, RoadMap, speed_profile
 
@@ -36,6 +36,7 @@ _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
 _AT_LINE = 0.7  # metres between the front and the place where one waits
 _FIRM = 4.0  # m/s2, to stop where one waits and not only at the painted line behind it
 _LONG = 3.2  # half length from which the swing of the body counts
+_PULL_OUT = 7.5  # metres more behind a standing obstacle, from which a vehicle can pass it
 _IDLE_TICKS = 20  # decisions to go without moving, after which it counts as stalled, for example by a crash
 _LANE_TICKS = 8  # decisions between two looks at other lanes
 
@@ -105,9 +106,9 @@ class Driver:
         for obstacle in found:
             if nearest is None or obstacle.gap < nearest.gap:
                 nearest = obstacle
+            gap = obstacle.gap - self._spare(vehicle, obstacle)
             standstill = style.gap + (0.5 if obstacle.person else 0.0)
-            leader = obstacle.speed
-            wish = min(wish, following_acceleration(speed, free, obstacle.gap, leader, style, standstill))
+            wish = min(wish, following_acceleration(speed, free, gap, obstacle.speed, style, standstill))
         self._idle = self._idle + 1 if speed < 0.1 and wish > 0.2 else 0
         self.stalled = self._idle > _IDLE_TICKS or self.arrived(vehicle)
         self._note_room(vehicle, found, line)
@@ -192,6 +193,13 @@ class Driver:
                 if contact is not None:
                     more.append(Obstacle(body, contact - after - 0.5, 0.0, 0.0, 0.0, False))
         return more
+
+    def _spare(self, vehicle: Vehicle, obstacle: Obstacle) -> float:
+        """Return the metres to keep beyond the usual ones: enough to pull out behind what stays where it is."""
+        if obstacle.person or self._lanes is not None or abs(obstacle.speed) > 0.2 or not is_stalled(obstacle.body):
+            return 0.0
+        room = obstacle.gap - self.style.gap - stopping_distance(vehicle.speed, _FIRM)
+        return max(0.0, min(_PULL_OUT, room))
 
     def _note_room(self, vehicle: Vehicle, found: Sequence[Obstacle], line: float) -> None:
         """Store how far the front may go before it stands behind somebody."""

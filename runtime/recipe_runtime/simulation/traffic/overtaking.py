@@ -67,7 +67,7 @@ class Overtaking:
 
     def _count(self, nearest: Obstacle | None) -> None:
         """Measure for how long the same body has stood ahead without waiting for others."""
-        stands = nearest is not None and abs(nearest.speed) < 0.2 and nearest.gap < 12.0 and _is_stalled(nearest.body)
+        stands = nearest is not None and abs(nearest.speed) < 0.2 and nearest.gap < 12.0 and is_stalled(nearest.body)
         if nearest is None or not stands or nearest.body is not self._behind:
             self._seconds = 0.0
         self._behind = nearest.body if nearest is not None else None
@@ -171,7 +171,7 @@ def _is_bicycle(body: Body) -> bool:
     return not is_person(body.actor.shape) and int(body.actor.shape["body"]) == BICYCLE
 
 
-def _is_stalled(body: Body) -> bool:
+def is_stalled(body: Body) -> bool:
     """Return whether a body stands for a reason of its own: not in a queue, nor at a stop line."""
     driver = getattr(body, "driver", None)
     return driver is None or driver.stalled

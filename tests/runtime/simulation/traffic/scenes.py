@@ -37,9 +37,7 @@ def crossing(
         post = Pose(x=-corner * dx + 5.8 * dy, y=-corner * dy - 5.8 * dx, yaw=(yaw + 180.0) % 360.0)
         if (dx, dy) in stop:
             shape = {"face": 0.0, "value": 0.0}
-            elements.append(
-                Element(name=f"sign.{yaw}", kind="sign", pose=post, size=(0.1, 0.7, 2.7), shape=shape)
-            )
+            elements.append(Element(name=f"sign.{yaw}", kind="sign", pose=post, size=(0.1, 0.7, 2.7), shape=shape))
         if lights and (dx, dy) in lights:
             times = dict(lights[dx, dy])
             elements.append(
@@ -62,9 +60,7 @@ def through(
 def street(length: float = 800.0) -> TownPlan:
     """A street along x from 0, without junctions."""
     shape = {"limit": 50.0, "stop_a": 0.0, "stop_b": 0.0}
-    road = Element(
-        name="road", kind="road", pose=Pose(x=length / 2), size=(length, 2 * (LANE + BAY), 0.0), shape=shape
-    )
+    road = Element(name="road", kind="road", pose=Pose(x=length / 2), size=(length, 2 * (LANE + BAY), 0.0), shape=shape)
     return TownPlan(name="street", elements=(road,))
 
 

@@ -138,7 +138,10 @@ def test_red_is_obeyed() -> None:
 
 
 def test_who_does_not_obey_passes_red_but_hits_nobody() -> None:
-    plans = [_vehicle("a", East, East, obeys=False), *(_vehicle(f"b{n}", North, North, 20.0 + 9.0 * n) for n in range(4))]
+    plans = [
+        _vehicle("a", East, East, obeys=False),
+        *(_vehicle(f"b{n}", North, North, 20.0 + 9.0 * n) for n in range(4)),
+    ]
     world = KinematicWorld(crossing(lights=LIGHTS), plans)
     world.run(40.0)
     assert _gone(world["a"]) and [name for name, _ in world.on_red] == ["a"]
@@ -172,7 +175,6 @@ def test_permission_is_given_back_by_who_cannot_go() -> None:
     world.step()
     for _ in range(400):
         world["a"].speed = 0.0
-        start, _ = through(East, East, 4.0)
         world["a"].progress = 0.0
         world.step()
     assert _gone(world["b"])
