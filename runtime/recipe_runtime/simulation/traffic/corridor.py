@@ -13,11 +13,12 @@ from recipe_runtime.simulation.path import Leg, nearest_on
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
+SIDESTEP, SIDESTEP_SLOPE = 1.0, 0.3  # sideways speed of a lane change: m/s, and as a share of the speed
 CLEARANCE = 0.3  # metres to both sides of a moving vehicle
-_TIGHT = 0.05  # the same beside what its front has reached, metres
+_TIGHT, _TOUCHING = 0.05, -0.1  # the same beside what its front has reached, and beside what its front is past
 _LONG = 2.9  # metres; longer halves are looked at in three pieces
 _PERSON = 0.55  # metres to both sides of a pedestrian
-_SLOPE, _SIDEWAYS = 0.3, 0.8  # metres to the side for each metre ahead, and m/s, that a vehicle makes at least
+_SURE, _LAG = 0.85, 2.0  # share of the sideways speed that is relied on, after so many metres
 _FORESIGHT = 2.5  # seconds ahead for which the way of a pedestrian on the road is foreseen
 _STEP = 1.2  # the same for one who is about to step onto it
 _KIND = 3.0  # m/s2 of braking for one who is not yet on the road
@@ -34,6 +35,7 @@ class Corridor:
     radius: float  # half its width
     offset: float  # metres to the left of the path
     target: float  # the offset that it wants
+    base: float  # the offset that it has in its lane
     slope: float  # metres to the side for each metre ahead
     speed: float  # of the vehicle
     open_end: bool  # whether the last leg is the path's last
@@ -45,15 +47,19 @@ class Corridor:
         path, start, speed = vehicle.path, vehicle.progress, vehicle.speed
         end = start + vehicle.reach + length
         legs, open_end = path.window(start - 2.0, end), end >= path.length
-        slope = min(_SLOPE, _SIDEWAYS / max(speed, 0.1))
-        size, offset = (vehicle.reach, length, vehicle.radius), vehicle.offset
-        return cls(legs, start, *size, offset, target, slope, speed, open_end, roads)
+        slope = _SURE * min(SIDESTEP_SLOPE, SIDESTEP / max(speed, 0.1))
+        base = vehicle.driver.base_offset
+        in_lane = target == base == vehicle.driver.line  # then its offset is due to bends
+        offsets = (base if in_lane else vehicle.offset, target, base)
+        return cls(legs, start, vehicle.reach, length, vehicle.radius, *offsets, slope, speed, open_end, roads)
 
     def edges(self, gap: float) -> tuple[float, float]:
         """Return the right and the left edge of the strip at a distance from the front."""
-        aside, ahead = self.target - self.offset, self.slope * max(gap, 0.0)
+        aside = self.target - self.offset
         if aside == 0.0:
             return self.offset - self.radius, self.offset + self.radius
+        lag = _LAG if abs(self.offset - self.base) < 0.3 else 0.3
+        ahead = self.slope * max(gap - lag, 0.0)
         here = self.offset + max(-ahead, min(ahead, aside))
         return min(here, self.target) - self.radius, max(here, self.target) + self.radius
 
@@ -127,7 +133,7 @@ def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstac
     gap = metres - cosine * size - sine * body.radius - c.start - c.reach
     if gap > c.length:
         return None
-    room = CLEARANCE if gap > 0.3 else _TIGHT
+    room = _room(gap, CLEARANCE)
     low, high = aside - half, aside + half
     driver = getattr(body, "driver", None)
     if driver is not None and gap > 0.3 and hx * tx + hy * ty > 0.9:  # a change of lanes that has begun
@@ -149,7 +155,7 @@ def _person(c: Corridor, body: Body) -> Obstacle | None:
     tx, ty = _direction(c, metres)
     vx, vy = body.velocity
     along, across = vx * tx + vy * ty, vy * tx - vx * ty
-    room = body.radius + (_PERSON if gap > 0.3 else _TIGHT)
+    room = body.radius + _room(gap, _PERSON)
     right, left = c.edges(gap)
     to_right, to_left = right - room - aside, aside - left - room  # metres to the corridor, if positive
     if to_right > 0.0 or to_left > 0.0:
@@ -164,3 +170,8 @@ def _person(c: Corridor, body: Body) -> Obstacle | None:
         if passed < distance / approach:
             return None
     return Obstacle(body, gap, min(along, c.speed), aside - body.radius, aside + body.radius, True)
+
+
+def _room(gap: float, usual: float) -> float:
+    """Return the metres to keep to the side of a body; less where the front is level with it, or past it."""
+    return usual if gap > 0.3 else _TIGHT if gap > -0.6 else _TOUCHING

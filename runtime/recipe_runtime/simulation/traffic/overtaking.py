@@ -67,7 +67,7 @@ class Overtaking:
 
     def _count(self, nearest: Obstacle | None) -> None:
         """Measure for how long the same body has stood ahead without waiting for others."""
-        stands = nearest is not None and abs(nearest.speed) < 0.2 and nearest.gap < 12.0 and is_stalled(nearest.body)
+        stands = nearest is not None and abs(nearest.speed) < 0.2 and nearest.gap < 16.0 and is_stalled(nearest.body)
         if nearest is None or not stands or nearest.body is not self._behind:
             self._seconds = 0.0
         self._behind = nearest.body if nearest is not None else None
