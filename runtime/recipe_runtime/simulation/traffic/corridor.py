@@ -21,7 +21,8 @@ _PERSON = 0.55  # metres to both sides of a pedestrian
 _SURE, _LAG = 0.85, 2.0  # share of the sideways speed that is relied on, after so many metres
 _FORESIGHT = 2.5  # seconds ahead for which the way of a pedestrian on the road is foreseen
 _STEP = 1.2  # the same for one who is about to step onto it
-_KIND = 3.0  # m/s2 of braking for one who is not yet on the road
+_BEFORE_CROSSING, _PACE = 1.2, 1.6  # metres to stop before the middle of a crossing; m/s of who walks over it
+_KIND = 2.5  # m/s2 of braking for one who is not yet on the road
 
 
 @dataclass(slots=True)
@@ -85,7 +86,7 @@ def obstacles(corridor: Corridor, neighbours: Sequence[Body]) -> list[Obstacle]:
         if x < low_x - size or x > high_x + size or y < low_y - size or y > high_y + size:
             continue
         if body.actor.category == "pedestrian":
-            obstacle = _person(c, body)
+            obstacle = _crossing(c, body) or _person(c, body)
         elif size <= _LONG:
             obstacle = _vehicle(c, body, x, y, size)
         else:
@@ -170,6 +171,35 @@ def _person(c: Corridor, body: Body) -> Obstacle | None:
         if passed < distance / approach:
             return None
     return Obstacle(body, gap, min(along, c.speed), aside - body.radius, aside + body.radius, True)
+
+
+def _crossing(c: Corridor, body: Body) -> Obstacle | None:
+    """Return a pedestrian who crosses the path with right of way, as an obstacle before the crossing.
+
+    None once the vehicle can pass before, has passed, or cannot stop with comfort.
+    """
+    way: tuple[float, float, float, float] | None = getattr(body, "crossing", None)
+    if way is None:
+        return None
+    x, y, dx, dy = way[0], way[1], way[2] - way[0], way[3] - way[1]
+    size = math.sqrt(dx * dx + dy * dy)
+    for ax, ay, tx, ty, start, length in c.legs:
+        cross = tx * dy - ty * dx
+        if abs(cross) < 1e-6 * size:
+            continue
+        metres = ((x - ax) * dy - (y - ay) * dx) / cross  # along the leg, and across
+        across = ((x - ax) * ty - (y - ay) * tx) / cross * size
+        if not (0.0 <= metres <= length and 0.0 <= across <= size):
+            continue
+        gap = start + metres - c.start - c.reach - _BEFORE_CROSSING
+        walked = ((body.x - x) * dx + (body.y - y) * dy) / size
+        left = across - walked - c.radius - body.radius  # metres until it is in the way
+        if not 0.0 < gap <= c.length or left < -2.0 * c.radius - 1.0:
+            return None
+        if c.speed * c.speed > 2.0 * _KIND * gap or (gap + 2.0 * c.reach + 3.0) * _PACE < left * c.speed:
+            return None
+        return Obstacle(body, gap, 0.0, -c.radius, c.radius, True)
+    return None
 
 
 def _room(gap: float, usual: float) -> float:

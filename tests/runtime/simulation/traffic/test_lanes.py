@@ -11,7 +11,7 @@ from recipe_runtime.simulation.path import Path
 from recipe_runtime.simulation.traffic.following import style_of
 from recipe_runtime.simulation.traffic.lane_change import KEEP_RIGHT, THRESHOLD, Neighbour, Own, gain
 
-from tests.runtime.simulation.traffic.kinematic_world import KinematicWorld, actor
+from tests.runtime.simulation.traffic.kinematic_world import Dummy, KinematicWorld, actor
 from tests.runtime.simulation.traffic.scenes import lane as scene_lane
 from tests.runtime.simulation.traffic.scenes import motorway, street
 
@@ -202,3 +202,24 @@ def test_projection_near_a_place_finds_the_right_leg() -> None:
     assert path.project_near(-5.0, 0.0, 0.0, 10.0) == (-5.0, 0.0)
     assert path.tangent(52.0) == (0.0, 1.0)
     assert [leg[4] for leg in path.window(45.0, 53.0)] == [0.0, 50.0]
+
+
+class _Crossing(Dummy):
+    """A pedestrian with right of way over a road."""
+
+    crossing: tuple[float, float, float, float] | None = None
+
+
+@pytest.mark.parametrize(("x", "stops"), [(60.0, True), (28.0, False)])
+def test_a_pedestrian_at_a_crossing_has_right_of_way(x: float, stops: bool) -> None:
+    """Who stands at the kerb with right of way is let over, unless the car could not stop with comfort."""
+    walker = _Crossing(actor("walker", "walker.pedestrian.0001", start=(x, -6.0, 90.0)))
+    walker.crossing = (x, -5.3, x, 5.3)
+    world = KinematicWorld(street(), [_east("car", 10.0)])
+    world.bodies.append(walker)
+    world["car"].speed = 9.0
+    world.run(12.0)
+    assert (world["car"].speed < 0.1 and world["car"].x + world["car"].reach < x - 1.0) == stops
+    walker.y = 2.0  # past the lane
+    world.run(12.0)
+    assert world["car"].x > x + 10.0
