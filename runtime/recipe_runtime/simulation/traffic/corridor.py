@@ -21,6 +21,7 @@ _PERSON = 0.55  # metres to both sides of a pedestrian
 _SURE, _LAG = 0.85, 2.0  # share of the sideways speed that is relied on, after so many metres
 _FORESIGHT = 2.5  # seconds ahead for which the way of a pedestrian on the road is foreseen
 _STEP = 1.2  # the same for one who is about to step onto it
+_ROADSIDE = 6.0  # metres beside a corridor within which pedestrians matter
 _BEFORE_CROSSING, _PACE = 1.2, 1.6  # metres to stop before the middle of a crossing; m/s of who walks over it
 _KIND = 2.5  # m/s2 of braking for one who is not yet on the road
 
@@ -82,10 +83,11 @@ def obstacles(corridor: Corridor, neighbours: Sequence[Body]) -> list[Obstacle]:
     c, found = corridor, []
     low_x, low_y, high_x, high_y = _bounds(c)
     for body in neighbours:
-        x, y, size = body.x, body.y, body.reach
+        x, y, person = body.x, body.y, body.actor.category == "pedestrian"
+        size = _ROADSIDE if person else body.reach
         if x < low_x - size or x > high_x + size or y < low_y - size or y > high_y + size:
             continue
-        if body.actor.category == "pedestrian":
+        if person:
             obstacle = _crossing(c, body) or _person(c, body)
         elif size <= _LONG:
             obstacle = _vehicle(c, body, x, y, size)
