@@ -13,12 +13,12 @@ from recipe_runtime.body.kinematics import PartPose, Quaternion, Vector, axis_ro
 from recipe_runtime.body.skeleton import Bike, axle_shift, has_rider, is_parked, is_person, wheel_joints
 from recipe_runtime.simulation.agent import STANDSTILL, Agent, move_towards
 from recipe_runtime.simulation.bullet import World, orientation
+from recipe_runtime.simulation.chassis.kinds import GRIP, vehicle_kind, yaw_inertia
+from recipe_runtime.simulation.chassis.steering import Steering
+from recipe_runtime.simulation.chassis.suspension import Suspension, Wheels
 from recipe_runtime.simulation.path import Path
-from recipe_runtime.simulation.steering import Steering
-from recipe_runtime.simulation.suspension import Suspension, Wheels
 from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE
 from recipe_runtime.simulation.traffic.driver import Command, Driver
-from recipe_runtime.simulation.vehicle_kinds import GRIP, vehicle_kind, yaw_inertia
 
 _STEERING = 1.57  # steering rate of the front wheels, rad/s
 _STOPPING = 5.0  # m/s2, after a collision
