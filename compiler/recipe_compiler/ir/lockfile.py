@@ -155,7 +155,11 @@ class Lockfile:
     def _check_replaceable(self, path: Path) -> None:
         """InputError unless the file at `path` is a lockfile, whole or damaged, of this very recipe."""
         if not is_lockfile(path):
-            raise InputError(f"{path} is there already and is not a lockfile; move it away, or replace it")
+            raise InputError(
+                f"{path} is there already and is not a lockfile",
+                help="move it away, or replace it",
+                code=Code.OUTPUT_IN_THE_WAY,
+            )
         try:
             there = read(path)
         except InputError:
@@ -164,14 +168,15 @@ class Lockfile:
         other = there.other_recipe(path, own, self.plan)
         if there.recipe != self.recipe or other is not None:
             raise InputError(
-                f"{path} is the lockfile of another recipe, {other or there.recipe}, and not of {own};"
-                " give one of them another name, or replace it"
+                f"{path} is the lockfile of another recipe, {other or there.recipe}, and not of {own}",
+                help="give one of them another name, or replace it",
+                code=Code.OUTPUT_IN_THE_WAY,
             )
         gone = there.missing_recipe(path, own, self.plan)
         if gone is not None:
             raise InputError(
                 f"{path} is the lockfile of {gone}, which does not exist, and has another plan than {own}",
-                help="if that recipe was renamed, lock it under its new name first; else replace the lockfile",
+                help="if that recipe was renamed, lock it under its new name first; else replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
 

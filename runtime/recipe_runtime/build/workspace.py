@@ -299,7 +299,7 @@ class Workspace:
             raise InputError(
                 f"{self._partial} holds the unfinished build of another recipe, {other!r}, and this is"
                 f" {self._recipe!r}",
-                help="discard that work (--replace), or choose another folder (--out)",
+                help="choose another folder, or replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
         for child in sorted(self._partial.iterdir()):

@@ -35,7 +35,7 @@ def compare_files(plan: DatasetPlan, lock: Lockfile, files: dict[str, str]) -> l
     for path in sorted({*lock.files, *files}):
         if lock.files.get(path) != files.get(path):
             how = "is new" if path not in lock.files else "is gone" if path not in files else "has changed"
-            found.append(Difference("recipe", f"{path} {how} since it was locked; `recipe lock --update` accepts it"))
+            found.append(Difference("recipe", f"{path} {how} since it was locked; lock the recipe again to accept it"))
     return found
 
 

@@ -26,7 +26,11 @@ def recipe_differences(dataset: Dataset, allow_large: bool = False) -> list[Diff
     try:
         plan, files = compiled_with_files(dataset.root / place, allow_large)
     except InputError as error:
-        excuse = "it is over the size limits; --allow-large compiles it" if isinstance(error, TooLargeError) else None
+        excuse = (
+            "it is over the size limits, and large recipes are not allowed"
+            if isinstance(error, TooLargeError)
+            else None
+        )
         first = str(error).splitlines()[0].replace(f"{dataset.root}/", "")
         return [Difference("recipe", f"{place} cannot be compiled: {first}", excuse, path=place)]
     found = [Difference("recipe", message, path=path) for path, message in _surplus(dataset, files)]

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from recipe_compiler.ir.bounded_reads import read_regular
-from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.errors import Code, InputError
 
 from recipe_runtime.core.files import host_errors, write_atomic
 from recipe_runtime.core.trace import Trace
@@ -68,7 +68,11 @@ def write(path: Path, traces: Mapping[str, Trace], *, replace: bool = False) -> 
     if path.is_file() and not replace:
         with path.open("rb") as file:
             if file.read(len(_HEAD)) != _HEAD:
-                raise InputError(f"{path} is there already and is not a file of traces; move it away, or add --replace")
+                raise InputError(
+                    f"{path} is there already and is not a file of traces",
+                    help="move it away, or replace it",
+                    code=Code.OUTPUT_IN_THE_WAY,
+                )
     with host_errors(str(path), "free some space or allow writing"):
         write_atomic(path, body)
     return True
@@ -94,7 +98,9 @@ def read(path: Path, locked: Mapping[str, str]) -> dict[str, Trace]:
     except (OSError, ValueError, KeyError, zlib.error, TypeError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or error
         raise InputError(
-            f"{path}: cannot be used: {reason}; `recipe lock --update --with-traces` writes it again"
+            f"{path}: cannot be used: {reason}",
+            help="lock the recipe again, with traces",
+            code=Code.INVALID_LOCKFILE,
         ) from None
 
 

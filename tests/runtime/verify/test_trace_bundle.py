@@ -34,7 +34,7 @@ def test_no_file_is_no_trace(tmp_path: Path) -> None:
 
 def test_a_trace_that_the_lockfile_does_not_name_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.traces").write_bytes(trace_bundle.dumps(TRACES))
-    with pytest.raises(InputError, match=r"not the lockfile's; `recipe lock --update --with-traces`"):
+    with pytest.raises(InputError, match=r"not the lockfile's; lock the recipe again, with traces"):
         trace_bundle.read(tmp_path / "a.traces", {**LOCKED, SCENES[0].digest: "0" * 64})
 
 
