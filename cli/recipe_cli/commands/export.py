@@ -44,13 +44,21 @@ def command(
         raise click.UsageError("Missing argument 'OUT'." if out is None else "OUT and --output are both given.")
     folder = out or output
     assert folder is not None
+    from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.limits import size
     from recipe_runtime.cache import pruning
     from recipe_runtime.dataset.reader import read
     from recipe_runtime.transfer import shards
 
+    shard_bytes = pruning.bytes_of(shard_size)
+    if shard_bytes < 1:
+        raise InputError(
+            f"--shard-size {shard_size}: a shard holds a byte at least",
+            help="write for example 500M or 1G",
+            code=Code.OUT_OF_RANGE,
+        )
     with Progress(quiet=as_json) as progress:
-        index = shards.webdataset(read(dataset), folder, progress, pruning.bytes_of(shard_size), replace=replace)
+        index = shards.webdataset(read(dataset), folder, progress, shard_bytes, replace=replace)
     if as_json:
         print_json(index)
         return

@@ -56,7 +56,7 @@ def _lockfile_differences(dataset: Dataset) -> list[Difference]:
     if path not in dataset.files or regular_file(dataset.root, path) is None:
         return []
     try:
-        lock = lockfile.read(dataset.root / path)
+        lock = lockfile.read(dataset.root / path, dataset.plan)
     except InputError as error:
         first = str(error).splitlines()[0].replace(f"{dataset.root}/", "")
         return [Difference("lockfile", first, path=path)]
