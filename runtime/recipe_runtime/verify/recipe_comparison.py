@@ -36,6 +36,14 @@ def recipe_differences(dataset: Dataset, allow_large: bool = False) -> list[Diff
     found = [Difference("recipe", message, path=path) for path, message in _surplus(dataset, files)]
     made, excuse = {v.variant: v.digest for v in plan.variants}, excuse_of("plan", dataset.lock)
     other = [v.variant for v in dataset.plan.variants if made.get(v.variant) != v.digest]
+    names = [variant.variant for variant in plan.variants]
+    if plan.recipe != dataset.plan.recipe:
+        message = f"{place} is the recipe {plan.recipe!r}, and the dataset is named {dataset.plan.recipe!r}"
+        found.append(Difference("recipe", message))
+    if plan.description != dataset.plan.description:
+        found.append(Difference("recipe", f"{place} has another description than the dataset", path=place))
+    if not other and names != [variant.variant for variant in dataset.plan.variants]:
+        found.append(Difference("recipe", f"{place} has other variants than the dataset, or in another order", excuse))
     if other:
         found.append(Difference("recipe", f"{place} is not the recipe of {other[0]}: its plan is another", excuse))
     elif (plan.annotations, plan.depth) != (dataset.plan.annotations, dataset.plan.depth):
