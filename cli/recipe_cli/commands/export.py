@@ -11,6 +11,8 @@ from recipe_cli.arguments import JSON, REPLACE, LocalPath, output_option
 from recipe_cli.console import print_json, say
 from recipe_cli.progress import Progress
 
+_MAX_SHARD = 1 << 50  # bytes
+
 
 @click.command("export")
 @click.argument("dataset", type=LocalPath(path_type=Path))
@@ -51,9 +53,9 @@ def command(
     from recipe_runtime.transfer import shards
 
     shard_bytes = pruning.bytes_of(shard_size)
-    if shard_bytes < 1:
+    if not 1 <= shard_bytes <= _MAX_SHARD:
         raise InputError(
-            f"--shard-size {shard_size}: a shard holds a byte at least",
+            f"--shard-size {shard_size}: a shard holds 1 byte to {size(_MAX_SHARD)}",
             help="write for example 500M or 1G",
             code=Code.OUT_OF_RANGE,
         )

@@ -75,5 +75,7 @@ def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, by
     name = f"{FOLDER}/{compiled.plan.recipe}"
     found = {f"{name}.lock": replace(lock, source=f"../{recipe.name}", files=compiled.files).dumps().encode()}
     if motion.exists():
-        found[f"{name}{trace_bundle.SUFFIX}"] = trace_bundle.dumps(trace_bundle.read(motion, lock.traces))
+        found[f"{name}{trace_bundle.SUFFIX}"] = trace_bundle.dumps(
+            trace_bundle.read(motion, lock.traces, trace_bundle.size_limits(compiled.plan))
+        )
     return found

@@ -237,7 +237,7 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
             lock = held.lock if held is not None and not path.exists() else lockfile.read(path, compiled.plan)
             if held is None or lock is not held.lock:
                 check_lockfile_is_of(target, compiled.plan, path, lock)
-        held_traces = trace_bundle.read(trace_bundle.beside(path), lock.traces)
+        held_traces = trace_bundle.read(trace_bundle.beside(path), lock.traces, trace_bundle.size_limits(compiled.plan))
         return verify(
             compiled.plan,
             lock,
