@@ -377,7 +377,7 @@ def test_labels_hold_what_labels_have_and_nothing_else(built: Path) -> None:
     records = json.loads(line)
     assert labels_of(line, label_digest(records), sensor, actors) == records
     first = records[0]
-    for forged in (
+    forgeries: tuple[Any, ...] = (
         [{**first, "zz": [{}] * 100}],
         [{**first, "velocity": [0.0] * 4}],
         [{**first, "box3d": {**first["box3d"], "more": 1}}],
@@ -388,7 +388,8 @@ def test_labels_hold_what_labels_have_and_nothing_else(built: Path) -> None:
         [{**first, "counts": first["counts"] + "0" * 100_000}],
         [[]],
         {},
-    ):
+    )
+    for forged in forgeries:
         body = canonical_bytes(forged) + b"\n"
         with pytest.raises(ValueError, match=r"no label has|other actors|more runs"):
             labels_of(body, label_digest(forged), sensor, actors)
