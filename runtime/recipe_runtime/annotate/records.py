@@ -41,7 +41,8 @@ class LabelRecord(TypedDict):
 
 _LENGTHS = {"bbox": 4, "amodal_bbox": 4, "velocity": 3}  # of lists of numbers
 _BOX_LENGTHS = {"centre": 3, "size": 3, "rotation": 4}
-_TEXTS = {"actor", "counts"}
+_TEXTS = ("actor", "counts")
+_NUMBERS = ("instance", "area", "amodal_area", "visible_fraction", "truncation", "distance")
 
 
 def is_label(record: object) -> bool:
@@ -55,7 +56,7 @@ def is_label(record: object) -> bool:
         all(_are_numbers(box[key], length) for key, length in _BOX_LENGTHS.items())
         and all(_are_numbers(record[key], length) for key, length in _LENGTHS.items())
         and all(isinstance(record[key], str) for key in _TEXTS)
-        and all(_is_number(record[key]) for key in record.keys() - _TEXTS - _LENGTHS.keys() - {"box3d"})
+        and all(_is_number(record[key]) for key in _NUMBERS)
     )
 
 
