@@ -15,6 +15,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.plan import DatasetPlan
 
@@ -25,6 +26,7 @@ from recipe_runtime.core.files import write_atomic
 from recipe_runtime.dataset.schedule import Shard, View, all_shards, views
 
 _KIND = "shards"
+_MAX_RECORD = 1 << 28  # bytes of a record in a workspace
 
 
 class ShardJournal(ABC):
@@ -93,7 +95,7 @@ class FolderJournal(ShardJournal):
         return sum(int(name.partition("-")[2]) for name in names if re.fullmatch(r"[0-9a-f]{32}-[0-9]+", name))
 
     def _get(self, shard: Shard, view: View) -> bytes | None:
-        return self._path(shard, view).read_bytes()
+        return read_regular(self._path(shard, view), _MAX_RECORD)
 
     def _put(self, shard: Shard, view: View, body: bytes) -> None:
         write_atomic(self._path(shard, view), body)

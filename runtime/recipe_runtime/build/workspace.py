@@ -23,6 +23,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
+from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
@@ -49,6 +50,9 @@ from recipe_runtime.dataset.schedule import Shard, View
 
 _JOB = "job.json"
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
+
+
+_MAX_JOB = 1 << 24  # bytes of `job.json`
 
 
 class BuildJob(ManifestHead):
@@ -273,13 +277,16 @@ class Workspace:
             remove_tree(old)
 
     def _is_mine(self) -> bool:
-        path = self._partial / _JOB
-        return path.is_file() and path.read_text() == self._job
+        body = self._job.encode()
+        try:
+            return read_regular(self._partial / _JOB, len(body)) == body
+        except (OSError, ValueError):
+            return False
 
     def _other_recipe(self) -> str | None:
         """Return the name of the recipe whose unfinished frames are here, if it is another recipe."""
         try:
-            name = json.loads((self._partial / _JOB).read_text())["recipe"]
+            name = json.loads(read_regular(self._partial / _JOB, _MAX_JOB))["recipe"]
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None
         return str(name)[:100] if name != self._recipe and self._shards.frames() else None
@@ -299,7 +306,7 @@ class Workspace:
             raise InputError(
                 f"{self._partial} holds the unfinished build of another recipe, {other!r}, and this is"
                 f" {self._recipe!r}",
-                help="discard that work (--replace), or choose another folder (--out)",
+                help="choose another folder, or replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
         for child in sorted(self._partial.iterdir()):
