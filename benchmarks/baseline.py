@@ -65,7 +65,7 @@ def main() -> None:
 
 def load_egl() -> None:
     """Load PyBullet's hardware renderer, which renders off screen through EGL."""
-    found = pkgutil.get_loader("eglRenderer")  # type: ignore[attr-defined,unused-ignore]
+    found = pkgutil.get_loader("eglRenderer")  # type: ignore[attr-defined,unused-ignore]  # gone in 3.14
     if found is None or p.loadPlugin(found.get_filename(), "_eglRendererPlugin") < 0:  # type: ignore[attr-defined,unused-ignore]
         raise SystemExit("PyBullet's EGL plugin does not load")
 

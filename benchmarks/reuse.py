@@ -1,6 +1,7 @@
 """Saving of each level of temporal reuse: CPU time per frame with the level, and without it.
 
     python -m benchmarks.reuse --frames 24
+    python -m benchmarks.reuse --frames 96 --level pixels
 
 Two renderers render the same frames of the paper's listing alternately, one with every level, and one without the level
 and those that depend on it. Times are CPU time of the thread, so other processes matter less, and ratios compare
@@ -26,7 +27,7 @@ from recipe_runtime.render.renderer import Renderer
 
 from benchmarks.listing import RECIPE
 
-VARIANTS = {"dry": "weather=sunny", "wet": "weather=rainy"}
+VARIANTS = {"dry": "weather=sunny", "rainy": "weather=rainy", "foggy": "weather=foggy"}
 LEVELS = {
     "all": NO_REUSE,
     "visibility": replace(ALL_REUSE, visibility=False),
@@ -39,16 +40,19 @@ WARM = 3  # frames after which a camera at rest has everything that it keeps
 
 
 def main() -> None:
-    """Measure every level in both weathers, and print a table."""
+    """Measure every level, or those that are named, in every weather, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=24)
+    parser.add_argument("--level", choices=LEVELS, action="append", help="a level to measure; may be repeated")
     arguments = parser.parse_args()
     variants = {v.variant: v for v in compile_recipe(RECIPE).plan.variants}
     trace = real_engines().simulate(variants[VARIANTS["dry"]].scene)
     found: dict[str, dict[str, list[float]]] = {}
-    print("| level off | dry: ms with, ms without | more | wet: ms with, ms without | more |\n|---|---|---|---|---|")
-    for level, reuse in LEVELS.items():
-        found[level] = {name: compare(variants[v], trace, reuse, arguments.frames) for name, v in VARIANTS.items()}
+    heads = (f"{name}, ms with and without | increase" for name in VARIANTS)
+    print(f"| level switched off | {' | '.join(heads)} |\n|{'---|' * (1 + 2 * len(VARIANTS))}")
+    for level in arguments.level or LEVELS:
+        weathers = VARIANTS.items()
+        found[level] = {name: compare(variants[v], trace, LEVELS[level], arguments.frames) for name, v in weathers}
         cells = [f"{on:.1f}, {off:.1f} | {100 * (off / on - 1):+.0f} %" for on, off in found[level].values()]
         print(f"| {level} | {' | '.join(cells)} |", flush=True)
     print(json.dumps(found))

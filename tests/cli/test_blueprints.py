@@ -100,6 +100,7 @@ def test_a_pattern_that_matches_nothing_is_answered(pattern: str, remedy: str) -
     assert remedy in str(error.value)
 
 
+@pytest.mark.slow
 def test_pictures_are_the_same_bytes_twice(tmp_path: Path) -> None:
     folders = [tmp_path / "one", tmp_path / "two"]
     for folder in folders:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import NoReturn
 
 import pytest
 from click.testing import CliRunner, Result
@@ -27,14 +27,16 @@ Runner = Callable[..., local.Seconds]
 def _stopping(after: int) -> Runner:
     """A runner that is interrupted when so many shards are done."""
 
-    def run(job: Job, shards: Sequence[Shard], workers: int, done: local.Done, tick: Callable[[int], None]) -> Any:
+    def run(job: Job, shards: Sequence[Shard], workers: int, done: local.Done, tick: Callable[[int], None]) -> NoReturn:
         local.run(job, shards[:after], 0, done, tick)
         raise KeyboardInterrupt
 
     return run
 
 
-def _whole(job: Job, shards: Sequence[Shard], workers: int, done: local.Done, tick: Callable[[int], None]) -> Any:
+def _whole(
+    job: Job, shards: Sequence[Shard], workers: int, done: local.Done, tick: Callable[[int], None]
+) -> local.Seconds:
     return local.run(job, shards, 0, done, tick)
 
 
@@ -84,7 +86,7 @@ def test_an_interrupted_copy_says_that_the_dataset_is_whole(
 ) -> None:
     from recipe_runtime.transfer.upload import Target
 
-    def put(self: Target, *_: Any, **__: Any) -> None:
+    def put(self: Target, *_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Target, "put", put)
@@ -120,7 +122,7 @@ def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
     whole = picture.read_bytes()
     picture.write_bytes(whole[:-1] + b"!")
 
-    def tidy(*_: Any) -> None:
+    def tidy(*_: object) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:

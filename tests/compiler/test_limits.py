@@ -134,7 +134,7 @@ def test_the_cost_of_the_weather_sweep_is_what_its_build_took() -> None:
 
 def test_a_product_is_counted_without_being_built() -> None:
     axes = {f"axis{n}": dict.fromkeys(map(str, range(1000)), None) for n in range(40)}
-    assert count(axes, Sweep(repeats=7)) == 7 * 1000**40  # type: ignore[arg-type]
+    assert count(axes, Sweep(repeats=7)) == 7 * 1000**40  # type: ignore[arg-type]  # a stand-in for axes
 
 
 def test_time_is_told_of_one_core_and_of_many_and_knows_what_moves() -> None:

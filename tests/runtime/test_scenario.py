@@ -6,16 +6,18 @@ import json
 import os
 import pickle
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
 import recipe_runtime
+from numpy.typing import NDArray
 from PIL import Image
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import ScenePlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import codecs, layout
-from recipe_runtime.frames.engines import Engines
+from recipe_runtime.frames.engines import Engines, SceneRenderer
 from recipe_runtime.loading import compiled
 from recipe_runtime.scenario import Scenario, Scenes
 
@@ -32,12 +34,13 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build(compiled(TINY), tmp_path_factory.mktemp("built") / "tiny").path
 
 
-def _read(path: Path) -> Any:
+def _read(path: Path) -> NDArray[np.generic]:
     """A PNG by Pillow, a reader that is not ours."""
     with Image.open(path) as picture:
         return np.array(picture)
 
 
+@pytest.mark.slow
 def test_rendered_on_demand_equals_the_built_files(built: Path) -> None:
     scenario = recipe_runtime.open(TINY, RAIN)
     assert (len(scenario), scenario.sensors) == (4, ("street", "dash"))
@@ -51,6 +54,7 @@ def test_rendered_on_demand_equals_the_built_files(built: Path) -> None:
                 np.testing.assert_array_equal(ours, file, err_msg=f"{frame} {sensor} {modality}")
 
 
+@pytest.mark.slow
 def test_labels_on_demand_equal_the_built_ones(built: Path) -> None:
     lines = (built / layout.labels_file(RAIN, "street")).read_text().splitlines()
     scenario = recipe_runtime.open(TINY, RAIN)
@@ -85,9 +89,9 @@ def test_two_streams_at_once_do_not_mix(reels: bool, monkeypatch: pytest.MonkeyP
         np.testing.assert_array_equal(other["rgb"], scenario.render(m))
 
 
-def _fake(**options: Any) -> Scenario:
+def _fake(disk_cache: Path | None = None) -> Scenario:
     plan = dataset_plan(frames=6)
-    return Scenario(plan.variants[0], Scenes(engines=ENGINES), **options)
+    return Scenario(plan.variants[0], Scenes(engines=ENGINES), disk_cache)
 
 
 def test_frames_are_a_sequence() -> None:
@@ -128,7 +132,7 @@ def test_a_scenario_travels_to_another_process() -> None:
 def test_a_forked_process_makes_engines_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[int] = []
 
-    def renderer(scene: Any, device: str) -> Any:
+    def renderer(scene: ScenePlan, device: str) -> SceneRenderer:
         made.append(os.getpid())
         return ENGINES.renderer(scene, device)
 
@@ -149,7 +153,7 @@ def test_the_disk_cache_is_read_and_damage_in_it_is_not(tmp_path: Path) -> None:
     (entry,) = tmp_path.glob("pixels/*/*")
     body = entry.read_bytes()
 
-    def nothing(*_: Any) -> Any:
+    def nothing(*_: object) -> NoReturn:
         raise AssertionError("rendered again")
 
     cached = Scenario(

@@ -17,6 +17,7 @@ from recipe_compiler.schema.fields import (
     Metres,
     Model,
     Turn,
+    bounded,
     distinct,
     ordered,
 )
@@ -42,65 +43,35 @@ class Camera(Model):
 
     width: Annotated[int, Field(ge=16, le=4096, description="Pixels.")] = 800
     height: Annotated[int, Field(ge=16, le=4096, description="Pixels.")] = 600
-    fov: Annotated[
-        float, Field(ge=1, le=170, allow_inf_nan=False, description="Horizontal field of view, degrees.")
-    ] = 90.0
-    near: Annotated[float, Field(ge=0.01, le=10, allow_inf_nan=False, description="Nearest depth, metres.")] = 0.1
-    far: Annotated[float, Field(ge=20, le=10_000, allow_inf_nan=False, description="Farthest depth, metres.")] = 1000.0
-    lens_k: Annotated[
-        float, Field(ge=-1, le=1, allow_inf_nan=False, description="Distortion: above 0 barrel, below pincushion.")
-    ] = 0.0
-    lens_kcube: Annotated[
-        float, Field(ge=-1, le=1, allow_inf_nan=False, description="Distortion that grows faster to the corners.")
-    ] = 0.0
+    fov: Annotated[float, bounded(1, 170, "Horizontal field of view, degrees.")] = 90.0
+    near: Annotated[float, bounded(0.01, 10, "Nearest depth, metres.")] = 0.1
+    far: Annotated[float, bounded(20, 10_000, "Farthest depth, metres.")] = 1000.0
+    lens_k: Annotated[float, bounded(-1, 1, "Distortion: above 0 barrel, below pincushion.")] = 0.0
+    lens_kcube: Annotated[float, bounded(-1, 1, "Distortion that grows faster to the corners.")] = 0.0
     exposure_mode: Annotated[
         Literal["auto", "manual"],
         Field(description="auto: by sun, weather and lamps; manual: by shutter, iso and fstop."),
     ] = "auto"
-    exposure_compensation: Annotated[
-        float, Field(ge=-15, le=15, allow_inf_nan=False, description="Stops on top of the exposure.")
-    ] = 0.0
-    shutter_speed: Annotated[
-        float, Field(ge=1, le=10_000, allow_inf_nan=False, description="1/s: 200 is open for 1/200 s.")
-    ] = 200.0
-    iso: Annotated[
-        float, Field(ge=25, le=102_400, allow_inf_nan=False, description="Sensitivity; noise grows as its root.")
-    ] = 100.0
-    fstop: Annotated[
-        float, Field(ge=0.7, le=32, allow_inf_nan=False, description="f-number; for the manual exposure.")
-    ] = 1.4
-    gamma: Annotated[float, Field(ge=0.5, le=5, allow_inf_nan=False, description="2.2: sRGB; above: brighter.")] = 2.2
-    temp: Annotated[
-        float, Field(ge=1500, le=15_000, allow_inf_nan=False, description="Kelvin of the light taken for white.")
-    ] = 6500.0
-    tint: Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False, description="-1 green to 1 magenta.")] = 0.0
-    noise: Annotated[
-        float, Field(ge=0, le=10, allow_inf_nan=False, description="0: none; 1: a good street camera's.")
-    ] = 1.0
-    vignette_intensity: Annotated[
-        float, Field(ge=0, le=1, allow_inf_nan=False, description="How much darker corners are; 0: none.")
-    ] = 0.4
-    lens_circle_multiplier: Annotated[
-        float, Field(ge=0, le=10, allow_inf_nan=False, description="How dark the lens's rim is; 0: none.")
-    ] = 0.0
-    lens_circle_falloff: Annotated[
-        float, Field(ge=0, le=10, allow_inf_nan=False, description="How near to the corners the rim stays.")
-    ] = 5.0
+    exposure_compensation: Annotated[float, bounded(-15, 15, "Stops on top of the exposure.")] = 0.0
+    shutter_speed: Annotated[float, bounded(1, 10_000, "1/s: 200 is open for 1/200 s.")] = 200.0
+    iso: Annotated[float, bounded(25, 102_400, "Sensitivity; noise grows as its root.")] = 100.0
+    fstop: Annotated[float, bounded(0.7, 32, "f-number; for the manual exposure.")] = 1.4
+    gamma: Annotated[float, bounded(0.5, 5, "2.2: sRGB; above: brighter.")] = 2.2
+    temp: Annotated[float, bounded(1500, 15_000, "Kelvin of the light taken for white.")] = 6500.0
+    tint: Annotated[float, bounded(-1, 1, "-1 green to 1 magenta.")] = 0.0
+    noise: Annotated[float, bounded(0, 10, "0: none; 1: a good street camera's.")] = 1.0
+    vignette_intensity: Annotated[float, bounded(0, 1, "How much darker corners are; 0: none.")] = 0.4
+    lens_circle_multiplier: Annotated[float, bounded(0, 10, "How dark the lens's rim is; 0: none.")] = 0.0
+    lens_circle_falloff: Annotated[float, bounded(0, 10, "How near to the corners the rim stays.")] = 5.0
     chromatic_aberration_intensity: Annotated[
-        float, Field(ge=0, le=10, allow_inf_nan=False, description="Percent by which red and blue part at corners.")
+        float, bounded(0, 10, "Percent by which red and blue part at corners.")
     ] = 0.0
-    chromatic_aberration_offset: Annotated[
-        float, Field(ge=0, le=0.99, allow_inf_nan=False, description="Radius from which they part; 1: the corners.")
-    ] = 0.0
-    bloom_intensity: Annotated[
-        float, Field(ge=0, le=5, allow_inf_nan=False, description="Light that bright places shed about them.")
-    ] = 0.0
-    motion_blur_intensity: Annotated[
-        float, Field(ge=0, le=10, allow_inf_nan=False, description="0: none; 1: as long as the shutter is open.")
-    ] = 0.0
-    motion_blur_max_distortion: Annotated[
-        float, Field(ge=0, le=1, allow_inf_nan=False, description="Longest blur, as a share of the width.")
-    ] = 0.35
+    chromatic_aberration_offset: Annotated[float, bounded(0, 0.99, "Radius from which they part; 1: the corners.")] = (
+        0.0
+    )
+    bloom_intensity: Annotated[float, bounded(0, 5, "Light that bright places shed about them.")] = 0.0
+    motion_blur_intensity: Annotated[float, bounded(0, 10, "0: none; 1: as long as the shutter is open.")] = 0.0
+    motion_blur_max_distortion: Annotated[float, bounded(0, 1, "Longest blur, as a share of the width.")] = 0.35
     antialias: Annotated[bool, Field(description="Smooth edges in RGB; labels never are.")] = True
     supersample: Annotated[int, Field(ge=1, le=4, description="RGB samples along a pixel's side.")] = 1
     enable_postprocess_effects: Annotated[
@@ -139,7 +110,7 @@ class Rotation(Model):
     yaw: Sway = None
     pitch: Sway = None
     roll: Sway = None
-    period: Annotated[float, Field(ge=0.1, le=86_400, allow_inf_nan=False, description="Seconds to and fro.")]
+    period: Annotated[float, bounded(0.1, 86_400, "Seconds to and fro.")]
 
 
 class Jitter(Model):

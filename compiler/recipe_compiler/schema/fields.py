@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
 MAX_FRAMES = 100_000
@@ -34,6 +35,12 @@ Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
 Loose = Field(strict=False)  # a list stands for a tuple
 
 Pair = TypeVar("Pair", tuple[int, int], tuple[float, float])
+
+
+def bounded(low: float, high: float, description: str) -> FieldInfo:
+    """What pydantic knows of a finite number from low to high, both included."""
+    field: FieldInfo = Field(ge=low, le=high, allow_inf_nan=False, description=description)
+    return field
 
 
 class Model(BaseModel):

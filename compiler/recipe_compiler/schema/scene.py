@@ -20,6 +20,7 @@ from recipe_compiler.schema.fields import (
     Model,
     Name,
     Seed,
+    bounded,
 )
 
 
@@ -78,10 +79,7 @@ class Actor(Model):
         StringConstraints(pattern=BLUEPRINT, max_length=NAME_LENGTH),
         Field(description="An id of the library or a glob such as `walker.pedestrian.*`, chosen by seed and name."),
     ]
-    speed: Annotated[
-        float | None,
-        Field(ge=0, le=60, allow_inf_nan=False, description="m/s; absent: the blueprint's own; 0: it stands."),
-    ] = None
+    speed: Annotated[float | None, bounded(0, 60, "m/s; absent: the blueprint's own; 0: it stands.")] = None
     start: Annotated[Start | None, Field(description="Absent: a spawn point of the town, by seed and name.")] = None
     goal: Annotated[GroundPoint | None, Field(description="It goes there straight; absent: a route of the town.")] = (
         None
@@ -151,8 +149,8 @@ class Standing(GroundPoint):
 class Board(Model):
     """A board's size."""
 
-    width: Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False, description="Metres.")]
-    height: Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False, description="Metres.")]
+    width: Annotated[float, bounded(0.01, 100, "Metres.")]
+    height: Annotated[float, bounded(0.01, 100, "Metres.")]
 
 
 class Prop(Model):

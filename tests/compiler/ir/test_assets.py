@@ -296,6 +296,7 @@ scalars = st.none() | st.booleans() | st.integers(-(2**63), 2**63) | st.floats()
 values = st.recursive(scalars, lambda v: st.lists(v, max_size=3) | st.dictionaries(st.text(max_size=3), v, max_size=3))
 
 
+@pytest.mark.slow
 @hostile
 @given(st.data())
 def test_any_gltf_document_is_read_or_refused(data: st.DataObject) -> None:

@@ -25,6 +25,7 @@ def stopped(folder: Path, cache: Path) -> None:
         build(PLAN, folder / "tiny", workers=0, cache=cache, engines=BROKEN, shard_frames=2)
 
 
+@pytest.mark.slow
 def test_only_the_cache_that_sealed_a_stopped_build_resumes_it(tmp_path: Path) -> None:
     """The same plan and code, and records whose files have the digests that they say, of another user's making."""
     truth = tree(made(tmp_path / "truth", tmp_path / "cache").path)

@@ -1,4 +1,4 @@
-"""A frame alone is that frame of the full build, for every sensor, whatever the order and the count of workers."""
+"""A frame alone is that frame of the full build, for every sensor, whatever the order."""
 
 from __future__ import annotations
 
@@ -70,27 +70,19 @@ def recipe(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture(scope="module")
-def built(recipe: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Manifest]:
-    """The manifests of the dataset built by one worker, and by two with other shards."""
-    plan, folder = compile_recipe(recipe).plan, tmp_path_factory.mktemp("built")
-    return {
-        workers: build(
-            plan, folder / str(workers), workers=workers, cache=folder / f"cache{workers}", shard_frames=size
-        ).manifest
-        for workers, size in ((1, 5), (2, 1))
-    }
+def built(recipe: Path, tmp_path_factory: pytest.TempPathFactory) -> Manifest:
+    """The manifest of the whole dataset, built by one worker that renders the frames in order."""
+    folder = tmp_path_factory.mktemp("built")
+    return build(compile_recipe(recipe).plan, folder / "dataset", workers=1, cache=folder / "cache").manifest
 
 
-def test_workers_change_nothing(built: dict[int, Manifest]) -> None:
-    assert built[1] == built[2]
-
-
-def test_every_sensor_alone_in_a_fresh_process(recipe: Path, built: dict[int, Manifest]) -> None:
-    variants = built[1]["variants"]
+@pytest.mark.slow
+def test_every_sensor_alone_in_a_fresh_process(recipe: Path, built: Manifest) -> None:
+    variants = built["variants"]
     wanted = [
         (variant, sensor, frame)
         for frame in ((3, 0) if len(variants) > 1 else (5, 0, 2))
-        for variant in reversed(built[1]["order"])
+        for variant in reversed(built["order"])
         for sensor in reversed(variants[variant]["frames"])
     ]
     done = subprocess.run(
@@ -105,18 +97,3 @@ def test_every_sensor_alone_in_a_fresh_process(recipe: Path, built: dict[int, Ma
         frames = variants[variant]["frames"][sensor]
         assert digests == {m: rows[frame] for m, rows in frames.items()}, f"{variant}, {sensor}, frame {frame}"
     assert len({json.dumps(d) for d in json.loads(done.stdout)}) == len(wanted)  # no two frames are alike
-
-
-@pytest.mark.slow
-def test_a_shot_from_the_command_line(recipe: Path, built: dict[int, Manifest], tmp_path: Path) -> None:
-    variant = built[1]["order"][-1]
-    sensor = list(built[1]["variants"][variant]["frames"])[-1]
-    command = ["shot", recipe, "--variant", variant, "--sensor", sensor, "--frame", "1", "--json"]
-    done = subprocess.run(
-        [sys.executable, "-m", "recipe_cli", *map(str, command), "--output", str(tmp_path / "shot.png")],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "RECIPE_CACHE": str(tmp_path)},
-    )
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["digest"] == built[1]["variants"][variant]["frames"][sensor]["rgb"][1]

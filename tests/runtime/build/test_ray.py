@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_compiler.ir.plan import ScenePlan
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_runtime.annotate.records import FrameRecord
-from recipe_runtime.build.pipeline import build
+from recipe_runtime.build.pipeline import BuildResult, build
 from recipe_runtime.build.ray import JobInputs, RemoteWorker
 from recipe_runtime.build.worker import Job, Worker
 from recipe_runtime.core.versions import renderer
@@ -50,7 +50,9 @@ def cluster() -> Iterator[Any]:
         nodes.shutdown()
 
 
-def _build(folder: Path, cluster: Any, engines: Any = ENGINES, plan: Any = None, **more: Any) -> Any:
+def _build(
+    folder: Path, cluster: Any, engines: Engines | None = ENGINES, plan: DatasetPlan | None = None, **more: Any
+) -> BuildResult:
     from recipe_runtime.build.ray import joined
 
     plan = plan or dataset_plan()
@@ -58,7 +60,7 @@ def _build(folder: Path, cluster: Any, engines: Any = ENGINES, plan: Any = None,
         return build(plan, folder / "tiny", cache=folder / "cache", engines=engines, run=run, **more)
 
 
-def _here(folder: Path, plan: Any = None) -> dict[str, bytes]:
+def _here(folder: Path, plan: DatasetPlan | None = None) -> dict[str, bytes]:
     plan = plan or dataset_plan()
     return tree(build(plan, folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path)
 

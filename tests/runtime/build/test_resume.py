@@ -208,6 +208,7 @@ def check(lockfile: Lockfile, cache: Path, engines: Engines = ENGINES, **more: A
     return verify.verify(PLAN, lockfile, options, quiet, engines=engines, cache=cache, **more)
 
 
+@pytest.mark.slow
 def test_a_verification_that_was_interrupted_is_continued(fresh: Lockfile, tmp_path: Path) -> None:
     fresh.write(tmp_path / "tiny.lock")
     cache = tmp_path / "cache"

@@ -10,13 +10,12 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
-from recipe_compiler.ir.plan import DatasetPlan
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_runtime.cache import pruning
 from recipe_runtime.cache.store import default_cache
-from recipe_runtime.frames.engines import Engines
+from recipe_runtime.frames.engines import Engines, SceneRenderer
 from recipe_runtime.frames.shot import shot
 from recipe_runtime.scenario import Scenario, Scenes
 from recipe_runtime.verify.locking import lock
@@ -60,9 +59,9 @@ def _shot(engines: Engines) -> None:
 def test_the_cache_is_held_while_it_is_read_and_no_longer(work: Callable[[Engines], None]) -> None:
     asked: list[bool] = []
 
-    def renderer(*arguments: Any) -> Any:
+    def renderer(scene: ScenePlan, device: str) -> SceneRenderer:
         asked.append(held())
-        return ENGINES.renderer(*arguments)
+        return ENGINES.renderer(scene, device)
 
     work(replace(ENGINES, renderer=renderer))
     assert asked and all(asked)

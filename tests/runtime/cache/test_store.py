@@ -7,7 +7,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import pytest
 from recipe_compiler.ir import lockfile
@@ -110,7 +109,9 @@ def test_another_scenes_trace_is_not_taken_for_a_scenes_own(tmp_path: Path) -> N
         lambda scene: replace(simulate(scene), parts=("hero2/base", "hero1/base", "van/base")),
     ],
 )
-def test_a_trace_has_the_frames_actors_and_parts_of_its_scene(tmp_path: Path, forged: Any) -> None:
+def test_a_trace_has_the_frames_actors_and_parts_of_its_scene(
+    tmp_path: Path, forged: Callable[[ScenePlan], Trace]
+) -> None:
     """Also where the seal is right, as whoever can write to the cache can make it."""
     scene, store = scene_plan(), Store(tmp_path)
     store.keep_trace(scene, forged(scene))

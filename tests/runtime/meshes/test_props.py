@@ -16,9 +16,9 @@ import recipe_runtime
 import trimesh
 from numpy.typing import NDArray
 from pydantic import ValidationError
-from recipe_compiler.compile import compile_recipe
+from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
-from recipe_compiler.ir.plan import Clock, Pose, PropPlan, ScenePlan
+from recipe_compiler.ir.plan import Clock, DatasetPlan, Pose, PropPlan, ScenePlan
 from recipe_compiler.library import towns
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core.asset_files import Assets
@@ -101,7 +101,7 @@ def _engines(assets: Assets) -> Engines:
     return Engines(plain.simulate, plain.actors, plain.renderer, assets)
 
 
-def _plan(tmp_path: Path) -> Any:
+def _plan(tmp_path: Path) -> tuple[Compiled, DatasetPlan]:
     compiled = compile_recipe(GOOD)
     scene = fakes.scene_plan(4).model_copy(update={"props": compiled.plan.variants[0].scene.props})
     plan = fakes.dataset_plan(4, 1)

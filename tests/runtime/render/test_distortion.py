@@ -15,10 +15,11 @@ from recipe_compiler.ir.plan import CameraPlan, CameraResponse, Pose
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.validate import problems
 from recipe_runtime.build.pipeline import build
-from recipe_runtime.core.transforms import from_pose
+from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render.device.reuse import NO_REUSE
 from recipe_runtime.render.raster.distortion import plate_of
+from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.renderer import Renderer
 
 from tests.runtime.render.street import EYE, LOOKS, WEATHERS, appearance, box, ground, parts_at, street
@@ -54,7 +55,7 @@ def wall() -> Renderer:
     return Renderer([Body("floor", 0, (("b", floor),)), Body("far", 0, (("b", far),)), Body("near", 0, (("b", near),))])
 
 
-def observe(renderer: Renderer, k: float, kcube: float, pose: Any = AHEAD, parts: Any = None) -> Any:
+def observe(renderer: Renderer, k: float, kcube: float, pose: Array = AHEAD, parts: Array | None = None) -> Observation:
     return renderer.observe(bent_camera(k, kcube), pose, np.zeros((0, 3, 4)) if parts is None else parts)
 
 

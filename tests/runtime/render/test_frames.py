@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -48,14 +46,6 @@ def picture(renderer: Renderer, frame: int, weather: str = "rainy") -> bytes:
 def test_golden_digests() -> None:
     """Renew them with `python -m tests.golden.renew_render` when pixels are meant to move."""
     assert golden_digests() == json.loads(GOLDEN.read_text())
-
-
-@pytest.mark.slow
-def test_another_process_gives_the_same_digests() -> None:
-    code = "import json; from tests.runtime.render.street import golden_digests; print(json.dumps(golden_digests()))"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout) == golden_digests()
-    assert done.stderr == ""  # neither Warp's banner nor a compiler's warning
 
 
 def test_a_frame_alone_is_the_frame_of_the_sequence() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from recipe_runtime.meshes.mesh import Body, Light, Pattern
 from recipe_runtime.render.atmosphere.weather_light import light_of
 from recipe_runtime.render.lighting.lights import lamplight
 from recipe_runtime.render.renderer import Renderer
+from recipe_runtime.render.scene.geometry import Geometry
 
 from tests.runtime.meshes.test_meshes import plan
 from tests.runtime.render.street import PANES, appearance, box
@@ -79,7 +79,7 @@ def test_what_shines_keeps_its_place_in_the_picture() -> None:
 
 
 def test_a_street_without_lamps_is_exposed_for_longer() -> None:
-    def lamps(count: int) -> Any:
+    def lamps(count: int) -> Geometry:
         lit = tuple(Light((4.0 * k, 5.0, 6.0), (0.0, 0.0, -1.0), (1.0, 0.8, 0.6), 1400.0, 0.25) for k in range(count))
         return Renderer([Body("wall", 0, (("s", box([0, 5, 0], [1, 6, 6], PANES, lit)),))])._geometry
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import CameraPlan, CameraResponse, Pose
-from recipe_runtime.core.transforms import from_pose
+from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 from recipe_runtime.render.renderer import Renderer
@@ -38,9 +36,16 @@ def at(y: float) -> NDArray[np.float64]:
 
 
 def shot(
-    renderer: Renderer, moment: NeighbourFrame | None, pose: Any = AHEAD, parts: Any = None, **settings: Any
-) -> Any:
-    response = CameraResponse(**{"noise": 0.0, "vignette_intensity": 0.0, "motion_blur_intensity": 1.0, **settings})
+    renderer: Renderer,
+    moment: NeighbourFrame | None,
+    pose: Array = AHEAD,
+    parts: Array | None = None,
+    /,
+    **settings: float,
+) -> NDArray[np.uint8]:
+    response = CameraResponse.model_validate(
+        {"noise": 0.0, "vignette_intensity": 0.0, "motion_blur_intensity": 1.0, **settings}
+    )
     plan = appearance(40.0, looks=LOOK).model_copy(update={"responses": {"street": response}})
     seen = renderer.observe(CAMERA, pose, at(0.0) if parts is None else parts)
     return renderer.shade(seen, plan, "street", 1, 0.1, moment=moment)

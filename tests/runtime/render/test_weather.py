@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, Pose
 from recipe_compiler.library.weather import PARAMETERS
 from recipe_runtime.core.transforms import from_pose
-from recipe_runtime.meshes.mesh import Body, Light, Pattern, Surface
+from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern, Surface
 from recipe_runtime.render.renderer import Renderer
 
 from tests.runtime.render.street import (
@@ -44,7 +43,7 @@ SMALL = CameraPlan(width=64, height=64, fov=60)
 DULL = {"cloudiness": 0.0, "fog_density": 0.0, "wind_intensity": 0.0}
 
 
-def scene(*static: tuple[str, Any], floor: Surface = GREY) -> Renderer:
+def scene(*static: tuple[str, Mesh], floor: Surface = GREY) -> Renderer:
     return Renderer([Body(name, 0, (("s", mesh),)) for name, mesh in (("ground", ground(300.0, floor)), *static)])
 
 
@@ -168,13 +167,13 @@ def test_deposits_mirror_more_of_the_ground_at_places_that_stay() -> None:
     looks = {**COLOURS, "wall": {"bright": "#ffffff", "dark": "#101010"}}
     camera = CameraPlan(width=128, height=96, fov=70)
     pools: list[NDArray[np.bool_]] = []
-    film: Any = None
+    film: NDArray[np.float64] | None = None  # what is mirrored without deposits
     for deposits in (0.0, 25.0, 50.0, 75.0, 100.0):
         weather = appearance(45.0, 180.0, looks, **DULL, wetness=100.0, precipitation_deposits=deposits)
         mirrored = looked(bright, Pose(z=1.6, pitch=12), weather, camera) - looked(
             dark, Pose(z=1.6, pitch=12), weather, camera
         )
-        film = film if pools else mirrored
+        film = mirrored if film is None else film
         pools.append(mirrored[50:, :, 1] > 1.3 * film[50:, :, 1])
     rises([float(pool.mean()) for pool in pools])
     for less, more in pairwise(pools):

@@ -22,7 +22,7 @@ def _locked(plan: DatasetPlan, files: dict[str, str] | None = None) -> Lockfile:
     return lock(plan, "tiny.yaml", files or {"tiny.yaml": "aa"}, workers=0, progress=_silent, engines=ENGINES)
 
 
-def _silent(*_: Any) -> None:
+def _silent(*_: object) -> None:
     pass
 
 

@@ -18,7 +18,7 @@ from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, Pose, ScenePlan
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core.trace import METRE, Trace
-from recipe_runtime.core.transforms import from_pose
+from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.core.versions import host_versions
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.frames.engines import Engines
@@ -103,7 +103,7 @@ def test_frames_before_the_bodies_part_have_no_excuse(locked: Lockfile) -> None:
 class ShadowRenderer(fakes.Renderer):
     """The van is behind the camera: its shadow, which reddens the picture, is all that is seen of it."""
 
-    def observe(self, camera: CameraPlan, world_from_sensor: Any, parts: Any) -> fakes.Seen:
+    def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> fakes.Seen:
         self._red = int(parts[2][1, 3] * 8) % 128
         return super().observe(camera, world_from_sensor, parts)
 

@@ -125,3 +125,20 @@ def lamp_glow(
             power = lamps[0].power[i]
             total = total + power * (share / (1.0 + power[0] * SATURATION))
     return total
+
+
+@wp.func
+def add_glow(
+    air: wp.array[Air],
+    lamps: wp.array[Lamps],
+    lists: wp.array2d[wp.int32],
+    tile: wp.int32,
+    eye: wp.vec3f,
+    d: wp.vec3f,
+    distance: wp.float32,
+    radiance: wp.vec3f,
+) -> wp.vec3f:
+    """Add the glow of a tile's lamps in the fog, along a unit direction, to the light that arrives from there."""
+    if air[0].glow > 0.0:
+        radiance = radiance + lamp_glow(air, lamps, lists, tile, eye, d, distance)
+    return radiance

@@ -177,7 +177,7 @@ def is_paved(pattern: wp.int32) -> bool:
 
 @wp.func
 def puddle_depth(pattern: wp.int32, p: wp.vec3f, foot: wp.float32) -> wp.float32:
-    """How low the ground lies, as -1 less its height: below 0, as no pixel's footprint is."""
+    """How low the ground lies, as -1 less its height: below 0. The higher, the sooner water stands there."""
     height = ground_height(p, foot)
     if pattern == Pattern.SLABS or pattern == Pattern.CONCRETE:
         height = height + 0.1

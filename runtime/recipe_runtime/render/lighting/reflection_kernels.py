@@ -255,6 +255,44 @@ def block_beside(
     return found
 
 
+@wp.func
+def mirrored_pixel(
+    block: wp.int32,
+    pixel: wp.int32,
+    to_point: wp.vec3f,
+    d: wp.vec3f,
+    reach: wp.array[wp.float32],
+    depth: wp.array[wp.float32],
+    view: wp.array2d[wp.float32],
+    lens: Pinhole,
+) -> wp.vec2i:
+    """The pixel that a point of a block's pixel mirrors along d, and the other pixel whose depth decided that; or -1.
+
+    The ray goes as far as the block's; or, where that ends in the air or behind something, as that of a block beside.
+    """
+    t = reach[block]
+    own = ray_hit(t, to_point, d, depth, view, lens)
+    at = own[0]
+    other = wp.int32(-1)
+    if own[1] == 0:
+        beside = reach[nonnegative(block_beside(block, pixel, t, reach, lens))]
+        if beside > 0.0 and beside != t:
+            end = ray_hit(beside, to_point, d, depth, view, lens)
+            other = end[0]
+            if end[1] != 0:
+                other = at
+                at = end[0]
+    return wp.vec2i(at, other)
+
+
+@wp.func
+def light_beyond_picture(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
+    """The light along d of what the camera does not see: the sky, or, if d is low, the street."""
+    street = clamp01(smoothstep(0.34, 0.12, d[2]))
+    beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
+    return mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * DISTANCE_BEYOND_PICTURE))
+
+
 @wp.kernel
 def reflect(
     samples: wp.array[Samples],
@@ -292,18 +330,8 @@ def reflect(
     p = samples[0].positions[i]
     to_point = p - samples[0].eye
     d = mirror_direction(to_point, ripple_tilt(air, p, ring_pattern(ring_phase(p), air[0].moment), gleam[i][1]))
-    t = reach[block]
-    own = ray_hit(t, to_point, d, depth, view_from_world, pinhole)
-    at = own[0]
-    other = wp.int32(-1)
-    if own[1] == 0:
-        beside = reach[nonnegative(block_beside(block, pixel, t, reach, pinhole))]
-        if beside > 0.0 and beside != t:
-            end = ray_hit(beside, to_point, d, depth, view_from_world, pinhole)
-            other = end[0]
-            if end[1] != 0:
-                other = at
-                at = end[0]
+    hit = mirrored_pixel(block, pixel, to_point, d, reach, depth, view_from_world, pinhole)
+    at = hit[0]
     if at >= 0:
         # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
         most = air[0].sideways * (4.0 + 500.0 * maximum(gleam[i][1] - 0.82, 0.0))
@@ -314,11 +342,6 @@ def reflect(
         if seen >= previous[0].kept:
             at = -2
     else:
-        street = clamp01(smoothstep(0.34, 0.12, d[2]))
-        beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
-        out_shown[i] = (
-            light
-            + mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * DISTANCE_BEYOND_PICTURE)) * share
-        )
+        out_shown[i] = light + light_beyond_picture(air, d) * share
     if keep:
-        out_sources[i] = wp.vec2i(at, other)
+        out_sources[i] = wp.vec2i(at, hit[1])

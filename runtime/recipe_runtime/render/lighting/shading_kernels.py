@@ -10,7 +10,7 @@ over it. Radiance is linear and relative (see `air`).
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.atmosphere.air import Air, ambient, apply_fog, reflected_sky, sky, transmittance
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.lighting.fog_glow_kernels import lamp_glow
+from recipe_runtime.render.lighting.fog_glow_kernels import add_glow
 from recipe_runtime.render.lighting.materials import (
     LEVEL,
     MAX_SOFTNESS,
@@ -39,7 +39,7 @@ from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot, multiply, normalize
-from recipe_runtime.render.sampling.sample_kernels import Samples
+from recipe_runtime.render.sampling.sample_kernels import UNKNOWN_DEPTH, Samples
 from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, map_contains, sun_visibility
 from recipe_runtime.render.texture.images import SurfaceColours, image_at
 
@@ -198,6 +198,136 @@ def add_lamps(
     return light, shine
 
 
+@wp.func
+def is_swaying(air: wp.array[Air], pattern: wp.int32, to_point: wp.vec3f) -> wp.bool:
+    """Whether a point is of leaves or grass that are seen to move in the wind."""
+    swaying = air[0].flutter > 0.0 and (pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS)
+    if swaying:
+        swaying = dot(to_point, to_point) < MAX_LEAF_DISTANCE * MAX_LEAF_DISTANCE
+    return swaying
+
+
+@wp.func
+def dry_material(
+    samples: wp.array[Samples],
+    colours: wp.array[SurfaceColours],
+    air: wp.array[Air],
+    i: wp.int32,
+    surface: wp.int32,
+    pattern: wp.int32,
+    n: wp.vec3f,
+) -> Material:
+    """The dry material of a sample of a surface, in the colours of the surface and of its image, if it has one."""
+    detail = samples[0].details[i]
+    first = colours[0].first[surface]
+    second = colours[0].second[surface]
+    if pattern == Pattern.IMAGE:
+        image = colours[0].album[0].of_surface[surface]
+        if image >= 0:
+            first = multiply(first, image_at(colours[0].album, image, detail, samples[0].codes[i]))
+        detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
+    return material_of(pattern, air, first, second, detail, n, samples[0].codes[i], colours[0].awake[surface])
+
+
+@wp.func
+def weathered_material(
+    samples: wp.array[Samples],
+    air: wp.array[Air],
+    i: wp.int32,
+    pattern: wp.int32,
+    swaying: wp.bool,
+    p: wp.vec3f,
+    distance: wp.float32,
+    m: Material,
+) -> Material:
+    """The material of a sample in rain and wind; `swaying` is what `is_swaying` found."""
+    # (Parts of a material are assigned one by one: the choice between two whole ones would go through memory.)
+    if air[0].wet > 0.0:
+        low = samples[0].puddle_depths[i]
+        if air[0].puddles > MIN_DEPOSITS and low == UNKNOWN_DEPTH and m.normal[2] > LEVEL and is_paved(pattern):
+            low = puddle_depth(pattern, p, samples[0].details[i][3])
+            samples[0].puddle_depths[i] = low  # for later frames and other weathers
+        moist = apply_wetness(m, pattern, air, low)
+        m.albedo = moist.albedo
+        m.coat = moist.coat
+        m.gloss = moist.gloss
+    if swaying:
+        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, leaf_step(leaf_phase(p), air[0].stirs))
+        m.albedo = moving.albedo
+        m.normal = moving.normal
+    return m
+
+
+@wp.func
+def write_light(
+    air: wp.array[Air],
+    i: wp.int32,
+    radiance: wp.vec3f,
+    mirrored: wp.float32,
+    gloss: wp.float32,
+    out_radiance: wp.array[wp.vec3f],
+    out_gleam: wp.array[wp.vec2f],
+    out_shown: wp.array[wp.vec3f],
+):
+    """Write a sample's light, and how wet ground mirrors there; `reflect` writes what is shown of the latter."""
+    out_gleam[i] = wp.vec2f(mirrored, gloss)
+    out_radiance[i] = radiance
+    if air[0].wet > 0.0 and mirrored <= 0.0:
+        out_shown[i] = radiance
+
+
+@wp.func
+def shade_surface(
+    samples: wp.array[Samples],
+    colours: wp.array[SurfaceColours],
+    air: wp.array[Air],
+    beams: wp.array[Sunbeam],
+    lamps: wp.array[Lamps],
+    bodies: wp.array[Bodies],
+    lamp_lists: wp.array2d[wp.int32],
+    body_lists: wp.array2d[wp.int32],
+    glow_lists: wp.array2d[wp.int32],
+    i: wp.int32,
+    tile: wp.int32,
+    surface: wp.int32,
+    pattern: wp.int32,
+    swaying: wp.bool,
+    p: wp.vec3f,
+    n: wp.vec3f,
+    to_point: wp.vec3f,
+):
+    """The light of a sample of a surface, how much it mirrors and how glossy it is, and what is known of its light."""
+    distance = wp.sqrt(dot(to_point, to_point))
+    sight = to_point * (1.0 / maximum(distance, 1.0e-4))
+    facing = -dot(n, sight)
+    if facing < 0.0:
+        # A smoothed normal may turn away at a silhouette; bring it back to the edge.
+        n = normalize(n - sight * (facing * -1.0))
+        facing = wp.float32(0.0)
+    m = dry_material(samples, colours, air, i, surface, pattern, n)
+    m = weathered_material(samples, air, i, pattern, swaying, p, distance, m)
+    free = contact_occlusion(bodies, body_lists, tile, p, n)
+    sky_left = open_sky(free, p, n)
+    back = wp.vec3f(-sight[0], -sight[1], -sight[2])
+    light, shine, past = add_sun(air, beams, m, p, back, ambient(air, n) * sky_left)
+    rest = AT_REST
+    if swaying:
+        rest = LEAF + wp.uint8(leaf_phase(p))
+    known = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
+    if air[0].night > 0.0:
+        light, shine = add_lamps(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
+    radiance = multiply(m.albedo, light) + m.glow + shine
+    left = transmittance(air, samples[0].eye[2], p[2], distance)
+    mirrored = wp.float32(0.0)
+    if air[0].wet > 0.0 and n[2] > LEVEL and m.coat > 0.0:
+        mirrored = fresnel(m.coat, m.gloss, facing) * sky_left * left
+    elif m.coat > 0.0:
+        radiance = radiance + sky_reflection(air, m, p, sight, facing, sky_left)
+    radiance = apply_fog(air, radiance, sight, left)
+    radiance = add_glow(air, lamps, glow_lists, tile, samples[0].eye, sight, distance, radiance)
+    return radiance, mirrored, m.gloss, known
+
+
 @wp.kernel
 def shade_samples(
     samples: wp.array[Samples],
@@ -222,94 +352,37 @@ def shade_samples(
     written to `out_shown` unchanged where anything is wet. `collect_dirty` reads `out_known` a frame later.
     """
     i = dirty_sample(dirty, wp.tid())
-    earlier = i < previous[0].known
     tile = samples[0].tiles[i]
     if tile < 0:  # a slot that no sample took
         return
     tile = nonnegative(tile)
+    eye = samples[0].eye
     p = samples[0].positions[i]
     surface = samples[0].surfaces[i]
     if surface < 0:
         mark_dirty(previous, samples[0].pixels[i])
         out_known[i] = SKY
-        out_gleam[i] = wp.vec2f(0.0, 0.0)
-        radiance = sky_through_fog(air, samples[0].eye, p)
-        if air[0].glow > 0.0:
-            radiance = radiance + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, p, 1000.0)
-        out_radiance[i] = radiance
-        if air[0].wet > 0.0:
-            out_shown[i] = radiance
+        seen = add_glow(air, lamps, glow_lists, tile, eye, p, 1000.0, sky_through_fog(air, eye, p))
+        write_light(air, i, seen, 0.0, 0.0, out_radiance, out_gleam, out_shown)
         return
     n = samples[0].normals[i]
-    to_point = p - samples[0].eye
+    to_point = p - eye
     surface = nonnegative(surface)
     pattern = colours[0].pattern[surface]
-    swaying = air[0].flutter > 0.0 and (pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS)
-    if swaying:
-        swaying = dot(to_point, to_point) < MAX_LEAF_DISTANCE * MAX_LEAF_DISTANCE
-    turn = wp.int32(0)
-    if swaying:  # (A dirty leaf is shaded: `is_light_unchanged` does not know how the wind has turned it.)
-        turn = leaf_phase(p)
-        earlier = False
-    # (A normal that turns away is bent first, below: these are few.)
+    swaying = is_swaying(air, pattern, to_point)
+    # (A dirty leaf is shaded: `is_light_unchanged` does not know how the wind has turned it. A normal that turns away
+    # is bent first, below: these are few.)
     if (
-        earlier
+        i < previous[0].known
+        and not swaying
         and dot(n, to_point) <= 0.0
         and is_light_unchanged(previous, air, beams, bodies, body_lists, out_known[i], tile, p, n)
     ):
         return
     mark_dirty(previous, samples[0].pixels[i])
-    detail = samples[0].details[i]
-    distance = wp.sqrt(dot(to_point, to_point))
-    sight = to_point * (1.0 / maximum(distance, 1.0e-4))
-    facing = -dot(n, sight)
-    if facing < 0.0:
-        # A smoothed normal may turn away at a silhouette; bring it back to the edge.
-        n = normalize(n - sight * (facing * -1.0))
-        facing = wp.float32(0.0)
-    first = colours[0].first[surface]
-    second = colours[0].second[surface]
-    if pattern == Pattern.IMAGE:
-        image = colours[0].album[0].of_surface[surface]
-        if image >= 0:
-            first = multiply(first, image_at(colours[0].album, image, detail, samples[0].codes[i]))
-        detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
-    m = material_of(pattern, air, first, second, detail, n, samples[0].codes[i], colours[0].awake[surface])
-    # (Parts of a matter are put into place one by one: the choice between two whole ones would go through memory.)
-    if air[0].wet > 0.0:
-        low = detail[3]
-        if air[0].puddles > MIN_DEPOSITS and low >= 0.0 and n[2] > LEVEL and is_paved(pattern):
-            low = puddle_depth(pattern, p, low)  # kept with the sample, for later frames and other weathers
-            samples[0].details[i] = wp.vec4f(detail[0], detail[1], detail[2], low)
-        moist = apply_wetness(m, pattern, air, low)
-        m.albedo = moist.albedo
-        m.coat = moist.coat
-        m.gloss = moist.gloss
-    if swaying:
-        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, leaf_step(turn, air[0].stirs))
-        m.albedo = moving.albedo
-        m.normal = moving.normal
-    free = contact_occlusion(bodies, body_lists, tile, p, n)
-    sky_left = open_sky(free, p, n)
-    back = wp.vec3f(-sight[0], -sight[1], -sight[2])
-    light, shine, past = add_sun(air, beams, m, p, back, ambient(air, n) * sky_left)
-    rest = AT_REST
-    if swaying:
-        rest = LEAF + wp.uint8(turn)
-    out_known[i] = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
-    if air[0].night > 0.0:
-        light, shine = add_lamps(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
-    radiance = multiply(m.albedo, light) + m.glow + shine
-    left = transmittance(air, samples[0].eye[2], p[2], distance)
-    mirrored = wp.float32(0.0)
-    if air[0].wet > 0.0 and n[2] > LEVEL and m.coat > 0.0:
-        mirrored = fresnel(m.coat, m.gloss, facing) * sky_left * left
-    elif m.coat > 0.0:
-        radiance = radiance + sky_reflection(air, m, p, sight, facing, sky_left)
-    out_gleam[i] = wp.vec2f(mirrored, m.gloss)
-    radiance = apply_fog(air, radiance, sight, left)
-    if air[0].glow > 0.0:
-        radiance = radiance + lamp_glow(air, lamps, glow_lists, tile, samples[0].eye, sight, distance)
-    out_radiance[i] = radiance
-    if air[0].wet > 0.0 and mirrored <= 0.0:
-        out_shown[i] = radiance
+    seen, mirrored, gloss, known = shade_surface(
+        samples, colours, air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
+        i, tile, surface, pattern, swaying, p, n, to_point,
+    )  # fmt: skip
+    out_known[i] = known
+    write_light(air, i, seen, mirrored, gloss, out_radiance, out_gleam, out_shown)

@@ -9,7 +9,15 @@ unions, so their order changes nothing: the keys are those of `visibility_kernel
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.raster.triangles import Piece, clipped_piece, edge_function, sample_box, top_left_bias
+from recipe_runtime.render.raster.triangles import (
+    Piece,
+    actor_bit,
+    clipped_piece,
+    edge_function,
+    sample_box,
+    top_left_bias,
+    visible_triangle,
+)
 from recipe_runtime.render.raster.visibility_kernels import depth_test, fill_triangle
 from recipe_runtime.render.scene.pinhole import Pinhole
 
@@ -107,22 +115,6 @@ def fill_bin(
             w2 = w2 + dx2
 
 
-@wp.func
-def actor_bit(
-    triangle: wp.int32,
-    triangle_surface: wp.array[wp.int32],
-    surface_actor: wp.array[wp.int32],
-    first_actor: wp.int32,
-) -> wp.uint64:
-    """The bit of a triangle's actor, of the 64 from the first on; 0 for any other, or if keys are drawn (below 0)."""
-    if first_actor < 0:
-        return wp.uint64(0)
-    actor = surface_actor[triangle_surface[triangle]] - first_actor
-    if actor < 0 or actor >= 64:
-        return wp.uint64(0)
-    return wp.uint64(1) << wp.uint64(actor)
-
-
 @wp.kernel
 def bin_triangles(
     vertices: wp.array[wp.vec3f],
@@ -142,14 +134,9 @@ def bin_triangles(
 
     Keys, as `raster_keys` draws them, if `first_actor` is below 0; else the actors' bits, as `raster_actor_bits`.
     """
-    place = wp.tid()
-    n = first_chunk + (place >> 6)
-    if chunk_visible[n] == 0:
+    i = visible_triangle(wp.tid(), first_chunk, chunks, chunk_visible)
+    if i < 0:
         return
-    chunk = chunks[n]
-    if (place & 63) >= chunk[1]:
-        return
-    i = chunk[0] + (place & 63)
     bit = actor_bit(i, triangle_surface, surface_actor, first_actor)
     if first_actor >= 0 and bit == wp.uint64(0):
         return

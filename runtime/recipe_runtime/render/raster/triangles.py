@@ -123,6 +123,36 @@ def clipped_piece(lens: Pinhole, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f, which
 
 
 @wp.func
+def visible_triangle(
+    place: wp.int32, first_chunk: wp.int32, chunks: wp.array[wp.vec3i], chunk_visible: wp.array[wp.int32]
+) -> wp.int32:
+    """The triangle of a place, 64 to a chunk from `first_chunk` on; -1 if there is none or its chunk is not visible."""
+    n = first_chunk + (place >> 6)
+    if chunk_visible[n] == 0:
+        return -1
+    chunk = chunks[n]
+    if (place & 63) >= chunk[1]:
+        return -1
+    return chunk[0] + (place & 63)
+
+
+@wp.func
+def actor_bit(
+    triangle: wp.int32,
+    triangle_surface: wp.array[wp.int32],
+    surface_actor: wp.array[wp.int32],
+    first_actor: wp.int32,
+) -> wp.uint64:
+    """The bit of a triangle's actor, of the 64 from the first on; 0 for any other, or if keys are drawn (below 0)."""
+    if first_actor < 0:
+        return wp.uint64(0)
+    actor = surface_actor[triangle_surface[triangle]] - first_actor
+    if actor < 0 or actor >= 64:
+        return wp.uint64(0)
+    return wp.uint64(1) << wp.uint64(actor)
+
+
+@wp.func
 def sample_box(lens: Pinhole, a: Corner, b: Corner, c: Corner):
     """The columns and rows of the samples that a triangle's box holds: left, top, right, bottom, ends inside."""
     step = wp.int64(256) / wp.int64(lens.side)

@@ -14,10 +14,12 @@ from recipe_runtime.render.numeric.vectors import box_extent, transform_point
 from recipe_runtime.render.raster.triangles import (
     NEARNESS,
     Corner,
+    actor_bit,
     clipped_piece,
     edge_function,
     sample_box,
     top_left_bias,
+    visible_triangle,
 )
 from recipe_runtime.render.scene.pinhole import Pinhole
 
@@ -142,6 +144,41 @@ def depth_test(
 
 
 @wp.func
+def edge_steps(a: Corner, b: Corner, px: wp.int64, py: wp.int64, step: wp.int64):
+    """An edge's function at a point, what a step to the right and one down add to it, and the edge's bias."""
+    value = edge_function(a.x, a.y, b.x, b.y, px, py)
+    return value, -(b.y - a.y) * step, (b.x - a.x) * step, top_left_bias(a.x, a.y, b.x, b.y)
+
+
+@wp.func
+def fill_span(
+    keys: wp.array[wp.uint64],
+    first: wp.int32,
+    last: wp.int32,
+    weight1: wp.int64,
+    weight2: wp.int64,
+    dx1: wp.int64,
+    dx2: wp.int64,
+    q0: wp.float64,
+    slope1: wp.float64,
+    slope2: wp.float64,
+    limit: wp.float64,
+    triangle: wp.uint64,
+    bit: wp.uint64,
+):
+    """Offer a triangle to the samples first..last, which all lie inside it; q0 is the nearness of its first corner."""
+    at = first
+    w1 = weight1
+    w2 = weight2
+    while at <= last:
+        q = q0 + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
+        depth_test(keys, at, q, limit, triangle, bit)
+        w1 = w1 + dx1
+        w2 = w2 + dx2
+        at = nonnegative(at + 1)
+
+
+@wp.func
 def fill_triangle(
     keys: wp.array[wp.uint64],
     lens: Pinhole,
@@ -161,21 +198,11 @@ def fill_triangle(
     left, top, right, bottom = sample_box(lens, a, b, c)
     if left > right or top > bottom:
         return
-    # The edge functions at the first of them, and what a step to the right or down adds.
     px = left * step + half
     py = top * step + half
-    row0 = edge_function(b.x, b.y, c.x, c.y, px, py)
-    row1 = edge_function(c.x, c.y, a.x, a.y, px, py)
-    row2 = edge_function(a.x, a.y, b.x, b.y, px, py)
-    bias0 = top_left_bias(b.x, b.y, c.x, c.y)
-    bias1 = top_left_bias(c.x, c.y, a.x, a.y)
-    bias2 = top_left_bias(a.x, a.y, b.x, b.y)
-    dx0 = -(c.y - b.y) * step
-    dx1 = -(a.y - c.y) * step
-    dx2 = -(b.y - a.y) * step
-    dy0 = (c.x - b.x) * step
-    dy1 = (a.x - c.x) * step
-    dy2 = (b.x - a.x) * step
+    row0, dx0, dy0, bias0 = edge_steps(b, c, px, py, step)
+    row1, dx1, dy1, bias1 = edge_steps(c, a, px, py, step)
+    row2, dx2, dy2, bias2 = edge_steps(a, b, px, py, step)
     inverse = wp.float64(1.0) / wp.float64(area)
     # Nearness is linear on the screen: q = a.q + w1 slope1 + w2 slope2, from the integer weights themselves.
     slope1 = (b.q - a.q) * inverse
@@ -199,12 +226,7 @@ def fill_triangle(
         at = nonnegative(base + int(k0))
         last = base + int(k1)
         if span > SPAN_THRESHOLD:  # all of these are inside
-            while at <= last:
-                q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
-                depth_test(keys, at, q, limit, triangle, bit)
-                w1 = w1 + dx1
-                w2 = w2 + dx2
-                at = nonnegative(at + 1)
+            fill_span(keys, at, last, w1, w2, dx1, dx2, a.q, slope1, slope2, limit, triangle, bit)
         else:
             while at <= last:
                 if (w0 | w1 | w2) >= wp.int64(0):
@@ -250,14 +272,9 @@ def raster_keys(
 
     In that space x is right, y down, z forward.
     """
-    place = wp.tid()
-    n = first_chunk + (place >> 6)
-    if chunk_visible[n] == 0:
+    i = visible_triangle(wp.tid(), first_chunk, chunks, chunk_visible)
+    if i < 0:
         return
-    chunk = chunks[n]
-    if (place & 63) >= chunk[1]:
-        return
-    i = chunk[0] + (place & 63)
     t = triangles[i]
     clip_and_fill(out_keys, pinhole, vertices[t[0]], vertices[t[1]], vertices[t[2]], wp.uint64(i), wp.uint64(0))
 
@@ -276,17 +293,11 @@ def raster_actor_bits(
     out_bits: wp.array[wp.uint64],
 ):
     """Set bit a - first_actor of every pixel that actor a would cover if it were alone; 64 actors a run."""
-    place = wp.tid()
-    n = first_chunk + (place >> 6)
-    if chunk_visible[n] == 0:
+    i = visible_triangle(wp.tid(), first_chunk, chunks, chunk_visible)
+    if i < 0:
         return
-    chunk = chunks[n]
-    if (place & 63) >= chunk[1]:
-        return
-    i = chunk[0] + (place & 63)
-    actor = surface_actor[triangle_surface[i]] - first_actor
-    if actor < 0 or actor >= 64:
+    bit = actor_bit(i, triangle_surface, surface_actor, first_actor)
+    if bit == wp.uint64(0):
         return
     t = triangles[i]
-    bit = wp.uint64(1) << wp.uint64(actor)
     clip_and_fill(out_bits, pinhole, vertices[t[0]], vertices[t[1]], vertices[t[2]], wp.uint64(i), bit)

@@ -18,6 +18,7 @@ _KINDS = {
     "positions": wp.vec3f,
     "normals": wp.vec3f,
     "details": wp.vec4f,
+    "puddle_depths": wp.float32,
 }
 
 
@@ -33,7 +34,8 @@ class SampleColumns:
     codes: DeviceArray  # uint32
     positions: DeviceArray  # vec3f, metres in the world; for the sky a direction
     normals: DeviceArray  # vec3f
-    details: DeviceArray  # vec4f
+    details: DeviceArray  # vec4f, tone, second, wear, parameter of `Detail`; of an image, coordinates and longer step
+    puddle_depths: DeviceArray  # float32, see `Samples`
 
     def __init__(self, capacity: int, device: str) -> None:
         self.capacity = capacity
@@ -50,7 +52,7 @@ class SampleColumns:
 
 def samples_of(columns: SampleColumns) -> Samples:
     """The struct `Samples` of the columns, as shading reads them; its eye is not set."""
-    names = ("surfaces", "positions", "normals", "details", "codes", "pixels", "tiles")
+    names = ("surfaces", "positions", "normals", "details", "codes", "puddle_depths", "pixels", "tiles")
     return filled(Samples(), **{name: getattr(columns, name) for name in names})
 
 

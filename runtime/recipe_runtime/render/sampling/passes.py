@@ -162,6 +162,7 @@ def evaluate_samples(
             out_normals=columns.normals,
             out_details=columns.details,
             out_codes=columns.codes,
+            out_puddle_depths=columns.puddle_depths,
         )
 
 

@@ -19,6 +19,7 @@ from recipe_runtime.render.texture.patterns import detail_of
 
 wp.set_module_options(OPTIONS)
 
+UNKNOWN_DEPTH = wp.constant(wp.float32(0.0))  # of a sample whose ground was not yet shaded in rain
 CENTRE = wp.constant(4)  # place of a sample at the pixel's centre; 0..3 are its quarters
 
 
@@ -296,6 +297,7 @@ def evaluate_samples(
     out_normals: wp.array[wp.vec3f],
     out_details: wp.array[wp.vec4f],
     out_codes: wp.array[wp.uint32],
+    out_puddle_depths: wp.array[wp.float32],
 ):
     """The surface, world position, unit normal and pattern at the samples first..; for the sky, -1 and a direction."""
     i = nonnegative(first_sample + wp.tid())
@@ -326,21 +328,20 @@ def evaluate_samples(
     if part != 0:  # the static scene is in the world's frame already
         face = rotate(scene[0].world_from_part, part, face)
         local = rotate(scene[0].world_from_part, part, local)
-    normal = normalize(local)
     sight = normalize(turned)
-    footprint = footprint_of(face, sight, z / wp.float32(pinhole.focal))
+    focal = wp.float32(pinhole.focal)
+    footprint = footprint_of(face, sight, z / focal)
     pattern = scene[0].surface_pattern[surface]
-    detail = detail_of(pattern, uv, out_positions[i], normal, sight, footprint, wp.uint32(surface))
+    detail = detail_of(pattern, uv, out_positions[i], normalize(local), sight, footprint, wp.uint32(surface))
     out_normals[i] = detail.normal
-    out_details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.last)
+    out_details[i] = wp.vec4f(detail.tone, detail.second, detail.wear, detail.parameter)
     out_codes[i] = detail.code
+    out_puddle_depths[i] = UNKNOWN_DEPTH
     if pattern == Pattern.IMAGE:
-        a = scene[0].view[t[0]]
-        b = scene[0].view[t[1]]
-        c = scene[0].view[t[2]]
-        focal = wp.float32(pinhole.focal)
+        view = scene[0].view
+        uvs = scene[0].uvs
         steps = order_steps(
-            steps_between_pixels(ray, focal, a, b, c, scene[0].uvs[t[0]], scene[0].uvs[t[1]], scene[0].uvs[t[2]], uv)
+            steps_between_pixels(ray, focal, view[t[0]], view[t[1]], view[t[2]], uvs[t[0]], uvs[t[1]], uvs[t[2]], uv)
         )
         out_details[i] = wp.vec4f(uv[0], uv[1], steps[0], steps[1])
         out_codes[i] = second_step(steps)
@@ -388,6 +389,7 @@ class Samples:
     normals: wp.array[wp.vec3f]
     details: wp.array[wp.vec4f]
     codes: wp.array[wp.uint32]
+    puddle_depths: wp.array[wp.float32]  # what `puddle_depth` returns, or UNKNOWN_DEPTH; `shade_samples` writes it
     pixels: wp.array[wp.int32]
     tiles: wp.array[wp.int32]  # of `nearby`
     eye: wp.vec3f

@@ -11,7 +11,7 @@ coarse, whose texels are fixed in the world. Flat ground casts nothing, so it ca
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import box_extent, transform_point
-from recipe_runtime.render.raster.triangles import Corner, edge_function, snap
+from recipe_runtime.render.raster.triangles import Corner, edge_function, snap, visible_triangle
 from recipe_runtime.render.raster.visibility_kernels import fill_triangle
 from recipe_runtime.render.scene.pinhole import Pinhole
 
@@ -94,14 +94,9 @@ def raster_casters(
     out_used: wp.array[wp.int32],
 ):
     """Draw the chunks first.. that the map may hold, of world-space vertices, whichever way they face."""
-    place = wp.tid()
-    n = first_chunk + (place >> 6)
-    if chunk_visible[n] == 0:
+    i = visible_triangle(wp.tid(), first_chunk, chunks, chunk_visible)
+    if i < 0:
         return
-    chunk = chunks[n]
-    if (place & 63) >= chunk[1]:
-        return
-    i = chunk[0] + (place & 63)
     if casts[i] == 0:
         return
     t = triangles[i]

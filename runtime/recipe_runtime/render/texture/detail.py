@@ -21,7 +21,7 @@ class Detail:
     tone: wp.float32
     second: wp.float32
     wear: wp.float32
-    last: wp.float32  # of ground, the pixel's footprint, for `hollows`; of glass, what `pane` says
+    parameter: wp.float32  # of paved ground, the pixel's footprint, m; of windows, see those
     code: wp.uint32
     normal: wp.vec3f
 

@@ -65,7 +65,7 @@ def asphalt(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     if near > 0.0:
         stone = unit(hash2(floor(p[0] * 55.0), floor(p[1] * 55.0), seeds.ASPHALT_STONE)) - 0.5
         d.tone = d.tone + 0.5 * near * stone
-    d.last = foot
+    d.parameter = foot
     return d
 
 
@@ -93,7 +93,7 @@ def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     if near > 0.0:
         speck = unit(hash2(floor(uv[0] * 70.0), floor(uv[1] * 70.0), seeds.SLAB_SPECK)) - 0.5
         d.tone = d.tone + 0.14 * speck * near
-    d.last = foot
+    d.parameter = foot
     return d
 
 

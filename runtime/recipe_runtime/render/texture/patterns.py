@@ -57,8 +57,25 @@ def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
 def concrete(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     """A wall's concrete, or ground of it, on which water stands."""
     d = wall(d, uv, p, foot, 0.18)
-    d.last = foot
+    d.parameter = foot
     return d
+
+
+@wp.func
+def plain_tone(pattern: wp.int32, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, surface: wp.uint32) -> wp.float32:
+    """The tone of a pattern that has nothing else; 1 for a surface without a pattern."""
+    tone = wp.float32(1.0)
+    if pattern == Pattern.NICHE:
+        tone = 1.0 - 0.62 * clamp01(uv[1])
+    elif pattern == Pattern.BARK:
+        rib = noise3(p[0] * 16.0, p[1] * 16.0, p[2] * 3.0, seeds.BARK_RIB) - 0.5
+        tone = 1.0 + 0.7 * rib * fade(0.06, foot)
+    elif pattern == Pattern.CLOTH:
+        fold = noise2(uv[0] * 5.0, uv[1] * 5.0, surface) - 0.5
+        tone = 1.0 + 0.22 * fold
+    elif pattern == Pattern.HAIR:
+        tone = 1.0 + 0.5 * (noise2(uv[0] * 40.0, uv[1] * 8.0, surface) - 0.5) * fade(0.02, foot)
+    return tone
 
 
 @wp.func
@@ -78,7 +95,7 @@ def detail_of(
     d = Detail()
     d.tone = 1.0
     d.normal = normal
-    d.last = 0.5
+    d.parameter = 0.5
     d.code = surface
     # A pattern is returned as soon as it is known: what branches leave behind would be copied at the end of each.
     foot = 0.5 * (footprint[1] + wp.sqrt(footprint[0] * footprint[1]))
@@ -100,16 +117,6 @@ def detail_of(
         return blades(d, p, foot)
     elif pattern == Pattern.WINDOW:
         return window(d, uv, sight, foot)
-    elif pattern == Pattern.NICHE:
-        d.tone = 1.0 - 0.62 * clamp01(uv[1])
-    elif pattern == Pattern.BARK:
-        rib = noise3(p[0] * 16.0, p[1] * 16.0, p[2] * 3.0, seeds.BARK_RIB) - 0.5
-        d.tone = 1.0 + 0.7 * rib * fade(0.06, foot)
-    elif pattern == Pattern.CLOTH:
-        fold = noise2(uv[0] * 5.0, uv[1] * 5.0, surface) - 0.5
-        d.tone = 1.0 + 0.22 * fold
-    elif pattern == Pattern.HAIR:
-        d.tone = 1.0 + 0.5 * (noise2(uv[0] * 40.0, uv[1] * 8.0, surface) - 0.5) * fade(0.02, foot)
     elif pattern == Pattern.ROOF:
         return roof_tiles(d, uv, p, foot)
     elif pattern == Pattern.STONE:
@@ -130,4 +137,5 @@ def detail_of(
         return poster(d, uv, foot)
     elif pattern == Pattern.WATER:
         return ripples(d, p, foot)
+    d.tone = plain_tone(pattern, uv, p, foot, surface)
     return d

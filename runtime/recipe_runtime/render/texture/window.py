@@ -61,7 +61,7 @@ def room(fu: wp.float32, fv: wp.float32, ray: wp.vec3f, code: wp.uint32) -> wp.f
 def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail:
     """A pane: `second` is its frame's share, `wear` the curtain's, `tone` how bright the room behind it is.
 
-    `code` names the window, `height` is how far it is seen by itself and not as one of many. A building's windows
+    `code` names the window, `parameter` is how far it is seen by itself and not as one of many. A building's windows
     are divided alike.
     """
     i = floor(uv[0])
@@ -88,7 +88,7 @@ def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail
         edge = fv - (1.0 - 2.0 * drawn)  # a blind, let down
     near = fade(1.3, foot)
     d.wear = 0.27 + (clamp01(edge / maximum(w, 0.02) + 0.5) - 0.27) * near
-    d.last = near
+    d.parameter = near
     d.tone = 0.66
     near = fade(0.5, foot)
     if near > 0.0:
@@ -114,7 +114,7 @@ def curtain_wall(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> 
     d.second = union_share(d.second, joint_share(uv[1] - 0.25, 0.012, w))
     pane = hash2(i, j, d.code)
     d.code = hash2(i / 3, j, d.code)  # an office is three panes wide
-    d.last = fade(3.0, foot)
+    d.parameter = fade(3.0, foot)
     d.tone = 0.48
     near = fade(0.6, foot)
     if near > 0.0:
@@ -143,7 +143,7 @@ def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> D
     d.second = union_share(joint_share(uv[0], 0.022, w), joint_share(uv[1], 0.022, w))
     d.second = union_share(d.second, joint_share(uv[1] + 0.22, 0.012, w))
     d.code = hash2(i >> 4, j, d.code)
-    d.last = 0.4
+    d.parameter = 0.4
     d.tone = 0.62
     near = fade(0.2, foot)
     if near > 0.0:
@@ -165,7 +165,7 @@ def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> D
             if y > 0.0 and y < tall and at < wide and d.wear == 0.0:
                 seen = (0.45 + 0.6 * unit(goods * wp.uint32(747796405))) * (1.15 - at)
                 d.wear = 0.35 + 0.65 * unit(goods * wp.uint32(1403630843))
-                d.last = unit(scramble(goods + wp.uint32(9)))
+                d.parameter = unit(scramble(goods + wp.uint32(9)))
             elif y <= 0.0 and y > -0.05 and d.wear == 0.0:
                 seen = 0.5
         d.tone = 0.62 + (seen - 0.62) * near
@@ -190,8 +190,8 @@ def facade(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
     d.second = union_share(joint_share(uv[0], beside, w), joint_share(uv[1] - 0.04, between, w))
     d.second = union_share(d.second, joint_share(uv[0] + 0.5, 0.012, w))
     d.code = hash2(i, j, d.code)
-    d.last = fade(2.5, foot)
-    d.wear = 0.25 + 0.5 * d.last * (unit(d.code * wp.uint32(747796405)) - 0.5)
+    d.parameter = fade(2.5, foot)
+    d.wear = 0.25 + 0.5 * d.parameter * (unit(d.code * wp.uint32(747796405)) - 0.5)
     stain = noise2((p[0] + p[1]) * 0.4, p[2] * 0.1, seeds.FACADE_STAIN) - 0.5
     d.tone = 0.75 + 0.25 * d.second * (1.0 + 0.5 * stain)
     return d
