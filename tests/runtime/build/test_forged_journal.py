@@ -56,7 +56,12 @@ def test_a_record_without_its_seal_is_not_parsed(tmp_path: Path, monkeypatch: py
     """Lists of lists of 256 MiB took many times their size, before the seal was looked at."""
     stopped(tmp_path, tmp_path / "cache")
     parsed, original = list[bytes](), json.loads
-    monkeypatch.setattr(json, "loads", lambda text, *more: parsed.append(text) or original(text, *more))
+
+    def loads(text: bytes) -> object:
+        parsed.append(text)
+        return original(text)
+
+    monkeypatch.setattr(json, "loads", loads)
     for path in sorted((tmp_path / ".tiny.partial/shards").iterdir()):
         path.write_bytes(b"0" * 64 + b"\n" + b"[" * 100)
     assert made(tmp_path, tmp_path / "cache").resumed == 0
