@@ -16,7 +16,7 @@ from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.ir.plan import fixed
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.schema.fields import MAX_DRAWS, MAX_SEED, MAX_VARIANTS
-from recipe_compiler.schema.messages import nearest
+from recipe_compiler.schema.messages import Suggestions, nearest
 from recipe_compiler.schema.sweep import Distribution, Sweep
 from recipe_compiler.source.merge import Merger, expand_shorthands
 from recipe_compiler.source.yaml_reader import Value, show
@@ -88,7 +88,8 @@ def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
 
 def check_exclusions(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
     """Problems of exclusions that name an unknown axis or value."""
-    problems = []
+    problems, of_axes = [], Suggestions(axes)
+    of_values = {axis: Suggestions(values) for axis, values in axes.items()}
     for index, rule in enumerate(sweep.exclude):
         where = root.get("sweep", "exclude", index) or root
         if not rule:
@@ -103,10 +104,12 @@ def check_exclusions(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
         for axis, value in rule.items():
             if axis not in axes:
                 message = f"sweep.exclude: there is no axis {show(axis)} in this sweep"
-                problems.append(Problem(message, where.key_place(axis), nearest(axis, axes), Code.UNKNOWN_NAME))
+                problems.append(Problem(message, where.key_place(axis), of_axes.nearest(axis), Code.UNKNOWN_NAME))
             elif value not in axes[axis]:
                 message = f"sweep.exclude: axis {axis} has no value {show(value)}"
-                problems.append(Problem(message, where.place_of(axis), nearest(value, axes[axis]), Code.UNKNOWN_NAME))
+                problems.append(
+                    Problem(message, where.place_of(axis), of_values[axis].nearest(value), Code.UNKNOWN_NAME)
+                )
     return problems
 
 

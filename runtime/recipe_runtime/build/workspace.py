@@ -296,8 +296,9 @@ class Workspace:
             remove_tree(old)
 
     def _is_mine(self) -> bool:
+        body = self._job.encode()
         try:
-            return read_regular(self._partial / _JOB, len(self._job.encode())) == self._job.encode()
+            return read_regular(self._partial / _JOB, len(body)) == body
         except (OSError, ValueError):
             return False
 
@@ -324,7 +325,7 @@ class Workspace:
             raise InputError(
                 f"{self._partial} holds the unfinished build of another recipe, {other!r}, and this is"
                 f" {self._recipe!r}",
-                help="discard that work (--replace), or choose another folder (--out)",
+                help="choose another folder, or replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
         for child in sorted(self._partial.iterdir()):

@@ -22,7 +22,6 @@ from recipe_runtime.cache.leases import in_use_since, lease
 from recipe_runtime.cache.store import default_cache, kernel_cache
 
 DEFAULT_LIMIT = 10 * 2**30
-_MAX_SIZE = 2**50  # bytes
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 
@@ -137,15 +136,12 @@ def bytes_of(text: str) -> int:
     """Parse a size such as `500M`, `1.5 GiB` or `0`.
 
     Raises:
-        InputError: The text is not a size, or over 1024T.
+        InputError: The text is not a size.
     """
     match = re.fullmatch(r"\s*(\d{1,15}(?:\.\d{1,15})?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
     if match is None:
         raise InputError(f"{text!r} is not a size; write for example 500M or 10G")
-    size = int(float(match[1]) * _UNITS[match[2].upper()])
-    if size > _MAX_SIZE:
-        raise InputError(f"{text!r} is over the largest size, 1024T; write for example 500M or 10G")
-    return size
+    return int(float(match[1]) * _UNITS[match[2].upper()])
 
 
 def _entries(root: Path) -> Iterator[Entry]:

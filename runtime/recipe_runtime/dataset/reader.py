@@ -30,7 +30,7 @@ from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest import lock_of as lock_of
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.plan_reader import MAX_PLAN_BYTES, PlanReader
-from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, labels_of
+from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, instances_of, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv
 
 _MOST_LINE = 16 * 2**20  # limit of one frame's labels, bytes
@@ -245,12 +245,13 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
     path = layout.labels_file(variant.variant, sensor.name)
     if regular_file(dataset.root, path) is None:
         raise ValueError("missing, or not a regular file")
+    actors = instances_of(variant.scene)
     row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
     with (dataset.root / path).open("rb") as lines:
         for frame in range(variant.scene.clock.frames):
             value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
             try:
-                objects = labels_of(lines.readline(_MOST_LINE), value, sensor)
+                objects = labels_of(lines.readline(_MOST_LINE), value, sensor, actors)
             except DAMAGE as error:
                 raise ValueError(f"line {frame + 1}: {error}") from None
             yield {"frame": frame, "objects": objects}

@@ -78,8 +78,9 @@ class Target:
         name = str(self._there.get("recipe"))[:100] if self._there else recipe
         if name != recipe:
             raise InputError(
-                f"{self.url} holds the dataset of another recipe, {name!r}, and this is {recipe!r};"
-                " choose another place with --out, or replace that dataset (--replace)"
+                f"{self.url} holds the dataset of another recipe, {name!r}, and this is {recipe!r}",
+                help="choose another place, or replace it",
+                code=Code.OUTPUT_IN_THE_WAY,
             )
 
     def put(self, root: Path, progress: Progress, *, replace: bool = False) -> Copied:

@@ -89,13 +89,6 @@ def test_what_is_no_size_is_refused(text: str) -> None:
         bytes_of(text)
 
 
-def test_a_size_that_no_disk_has_is_refused() -> None:
-    """`recipe export --shard-size 99999999999999T` did all the work, and ended in a traceback."""
-    assert bytes_of("1024T") == 2**50
-    with pytest.raises(InputError, match="over the largest size"):
-        bytes_of("1025T")
-
-
 def test_what_a_running_build_has_read_is_not_tidied_away(tmp_path: Path) -> None:
     store = _filled(tmp_path)
     old = store.path("traces", "aa" * 32)
