@@ -96,7 +96,7 @@ class Element(Plan):
     kind: Name
     pose: Pose
     size: tuple[Metres, Metres, Metres]  # metres along its own x, y, z
-    shape: Shape = {}
+    shape: Shape = Field(default_factory=dict)
 
 
 class TownPlan(Plan):
@@ -309,7 +309,7 @@ class AppearancePlan(Plan):
     weather: Weather
     sun: Sun
     looks: Looks
-    textures: Annotated[dict[Name, Textures], Field(max_length=MAX_PROPS)] = {}  # body -> slot -> image
+    textures: Annotated[dict[Name, Textures], Field(default_factory=dict, max_length=MAX_PROPS)]  # body -> slot -> image
     responses: Annotated[dict[Name, CameraResponse], Field(max_length=MAX_SENSORS)]  # by sensor
 
     @cached_property
