@@ -1,0 +1,183 @@
+"""Plans the routes of all pedestrians of a scene, and checks where actors start.
+
+A start or a goal inside something solid is refused, with the nearest free place, and so is a goal that cannot be
+reached. Routes of traffic end before a place that cannot be reached.
+
+Named pedestrians walk round buildings, furniture, props, and vehicles that stand: these are the only actors that can
+change another's plan. Traffic walks round all that but vehicles, which it avoids when it meets them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.ir.obstacles import Obstacle
+from recipe_compiler.ir.plan import MAX_POINTS, ActorPlan, Pause, Point, PropPlan
+from recipe_compiler.library.towns import Town
+from recipe_compiler.lowering.enclosures import Yards
+from recipe_compiler.lowering.walking import XY, Planner, TooLong
+from recipe_compiler.schema.scene import Actor
+from recipe_compiler.source.yaml_reader import Value
+
+_NEAREST = "the nearest free point is x: {:g}, y: {:g}"
+_MOVE = "move it to a lane or a sidewalk, which a map of the town shows"
+_IN_YARD = "it is in a yard enclosed by buildings and walls, which the actor cannot leave"
+
+
+class WalkingRoutes:
+    """The walking routes of one scene.
+
+    Attributes:
+        problems: What is refused.
+        warnings: What is probably a mistake.
+    """
+
+    def __init__(
+        self,
+        base: Value,
+        given: Mapping[str, Actor],
+        town: Town,
+        props: Sequence[PropPlan],
+        actors: Sequence[ActorPlan],
+    ) -> None:
+        """Prepare planning.
+
+        Args:
+            base: the recipe's base, for the places of its values.
+            given: the actors of the recipe by name.
+            town: the town.
+            props: the props of the scene.
+            actors: the actors; their routes are not planned yet.
+        """
+        self.problems: list[Problem] = []
+        self.warnings: list[Problem] = []
+        self._base, self._given, self._actors = base, given, actors
+        solid = (Obstacle.of_prop(prop, town.ground(prop.pose.x, prop.pose.y)) for prop in props)
+        static = town.obstacles.with_more(o for o in solid if o is not None) if props else town.obstacles
+        standing = [a for a in actors if a.category == "vehicle" and (not a.route or a.speed <= 0.0)]
+        self._crowd = Planner(static)
+        self._named = Planner(static.with_more(Obstacle.of_vehicle(a) for a in standing)) if standing else self._crowd
+        self._yards = Yards(town)
+
+    def planned(self) -> tuple[ActorPlan, ...]:
+        """Return the actors, those who walk with planned routes."""
+        plans: dict[str, ActorPlan] = {}
+        for actor in self._actors:
+            if actor.name in self._given:
+                plans[actor.name] = self._lower_named(actor, self._given[actor.name])
+            elif actor.category != "pedestrian":
+                plans[actor.name] = actor
+            elif actor.companion is not None:
+                plans[actor.name] = actor.model_copy(update={"route": plans[actor.companion].route})
+            else:
+                plans[actor.name] = self._walking(actor)
+        return tuple(plans.values())
+
+    def _lower_named(self, actor: ActorPlan, given: Actor) -> ActorPlan:
+        """Check the start and the waypoints of an actor, and plan its route if it walks."""
+        walker = actor.category == "pedestrian"
+        if given.start is not None and self._refuses_start(actor):
+            return actor
+        if not walker or not actor.route:
+            if given.start is not None:
+                self._warn_of_yard(actor, routed=given.goal is not None or given.route is not None)
+            return actor
+        if given.goal is None and given.route is None:
+            if given.start is not None:
+                self._warn_of_yard(actor, routed=False)
+            return self._walking(actor)
+        return self._routed(actor, goal=given.goal is not None)
+
+    def _refuses_start(self, actor: ActorPlan) -> bool:
+        """Report a start inside something solid."""
+        x, y = actor.start.x, actor.start.y
+        walker = actor.category == "pedestrian"
+        solid = self._named.inside(x, y) if walker else self._crowd.inside(x, y, 0.0)
+        if solid is None or solid.name == actor.name:
+            return False
+        self._refuse_inside((actor.name, "start"), f"actors.{actor.name}.start", (x, y), solid)
+        return True
+
+    def _warn_of_yard(self, actor: ActorPlan, *, routed: bool) -> None:
+        """Warn of a start in a yard, unless a given route stays within it."""
+        yard = self._yards.around(actor.start.x, actor.start.y)
+        if yard and not (routed and all(self._yards.cell(p.x, p.y) in yard for p in actor.route)):
+            place = self._base.place_of("actors", actor.name, "start")
+            self.warnings.append(Problem(f"actors.{actor.name}.start: {_IN_YARD}", place, _MOVE, Code.PLACEMENT))
+
+    def _routed(self, actor: ActorPlan, *, goal: bool) -> ActorPlan:
+        """Plan the way of an actor through the waypoints of the recipe."""
+        at, points = (actor.start.x, actor.start.y), []
+        for n, waypoint in enumerate(actor.route):
+            path: tuple[str | int, ...] = (actor.name, "goal") if goal else (actor.name, "route", n)
+            key = f"actors.{actor.name}." + ("goal" if goal else f"route[{n}]")
+            target = (waypoint.x, waypoint.y)
+            solid = self._named.inside(*target)
+            if solid is not None:
+                self._refuse_inside(path, key, target, solid)
+                return actor
+            try:
+                way = self._named.way(at, target)
+            except TooLong:
+                self._refuse(path, f"{key}: the way there leads round too many obstacles", "add waypoints, as `route`")
+                return actor
+            if way is None:
+                self._refuse_unreachable(path, key, at, target)
+                return actor
+            points += [Point(x=x, y=y) for x, y in way]
+            at = target
+        if len(points) > MAX_POINTS:
+            message = f"actors.{actor.name}: its way round obstacles has {len(points)} waypoints"
+            self._refuse((actor.name, "route"), f"{message}, which exceed the limit of {MAX_POINTS}", "shorten it")
+            return actor
+        return actor.model_copy(update={"route": tuple(points)})
+
+    def _walking(self, actor: ActorPlan) -> ActorPlan:
+        """Plan the way of traffic along its waypoints, as far as they can be reached."""
+        at, points, pauses = (actor.start.x, actor.start.y), [], []
+        seconds = {pause.waypoint: pause.seconds for pause in actor.pauses}
+        for n, waypoint in enumerate(actor.route):
+            target: XY | None = (waypoint.x, waypoint.y)
+            assert target is not None
+            if not self._crowd.clear(*target):
+                target = self._crowd.nearest_free(*target)
+            try:
+                way = None if target is None else self._crowd.way(at, target)
+            except TooLong:
+                way = None
+            if way is None or len(points) + len(way) > MAX_POINTS:
+                break
+            points += [Point(x=x, y=y) for x, y in way]
+            at = way[-1]
+            if n in seconds:
+                pauses.append(Pause(waypoint=len(points) - 1, seconds=seconds[n]))
+        return actor.model_copy(update={"route": tuple(points), "pauses": tuple(pauses)})
+
+    def _refuse_inside(self, path: tuple[str | int, ...], key: str, at: XY, solid: Obstacle) -> None:
+        free = self._named.nearest_free(*at)
+        self._refuse(path, f"{key}: it is inside {solid.name}", _MOVE if free is None else _NEAREST.format(*free))
+
+    def _refuse_unreachable(self, path: tuple[str | int, ...], key: str, start: XY, goal: XY) -> None:
+        free = self._nearest_reachable(start, goal)
+        message = f"{key}: no way leads there from x: {start[0]:g}, y: {start[1]:g}"
+        self._refuse(path, message, _MOVE if free is None else _NEAREST.format(*free))
+
+    def _nearest_reachable(self, start: XY, goal: XY) -> XY | None:
+        """Return the free place nearest to an enclosed goal, or to a goal outside the yard of the start."""
+        own, other = self._yards.around(*start), self._yards.around(*goal)
+
+        def allowed(x: float, y: float) -> bool:
+            cell = self._yards.cell(x, y)
+            return cell in own if own else cell not in other
+
+        free = self._named.nearest_free(*goal, allowed) if own or other else None
+        try:
+            return free if free is not None and self._named.way(start, free) is not None else None
+        except TooLong:
+            return None
+
+    def _refuse(self, path: tuple[str | int, ...], message: str, remedy: str) -> None:
+        self.problems.append(Problem(message, self._base.place_of("actors", *path), remedy, Code.PLACEMENT))
+
+
