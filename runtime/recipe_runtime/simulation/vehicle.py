@@ -48,7 +48,7 @@ class VehicleAgent(Agent):
         self._command = Command(0.0, 0.0)
         self._steer = 0.0  # tangent of the angle
         self._line = driver.base_offset  # metres to the left of the path where it steers to
-        self._stand: tuple[float, float, Quaternion] | None = None  # where it stands
+        self._stand: tuple[float, float, Quaternion] | None = (self.x, self.y, self._yaw())  # where it stands
         self._distance = 0.0  # metres that its wheels have rolled
         self._wheels = self._wheel_places()
         self._suspension = Suspension.on_ground(self._wheels, world.ground, (self.x, self.y), self.heading)
@@ -108,7 +108,6 @@ class VehicleAgent(Agent):
         ahead, left, turn = vx * hx + vy * hy, vy * hx - vx * hy, self.yaw_rate
         speed = self._wanted_speed(ahead)
         if speed == 0.0 == ahead == left == turn:
-            self._stand = self._stand or (self.x, self.y, self._yaw())
             return
         self._steer_to_path(max(ahead, 0.0))
         wanted_turn = speed * self._steer / self._base
@@ -119,7 +118,8 @@ class VehicleAgent(Agent):
         if change == (0.0, 0.0) and new_turn == turn:
             return
         ahead, left = ahead + change[0], left + change[1]
-        if self._stand and speed == ahead == left == new_turn == 0.0:  # its tyres withstood what pushed it
+        if speed == ahead == left == new_turn == 0.0:  # from now on its tyres withstand what pushes it
+            self._stand = self._stand or (self.x, self.y, self._yaw())
             self._world.place(self.body, *self._stand)
             return
         self._stand = None

@@ -1,4 +1,7 @@
-"""What lies in the way: the agents in the corridor that a vehicle's path sweeps, bends included."""
+"""What lies in the way: the agents in the corridor that a vehicle's path sweeps, bends included.
+
+While a vehicle moves sideways, its corridor leads from where it is to the offset that it wants.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,19 @@ from dataclasses import dataclass
 
 from recipe_runtime.simulation.path import Leg, nearest_on
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
+from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 CLEARANCE = 0.3  # metres to both sides of a moving vehicle
 _TIGHT = 0.05  # the same beside what its front has reached, metres
 _LONG = 2.9  # metres; longer halves are looked at in three pieces
 _PERSON = 0.55  # metres to both sides of a pedestrian
-_FORESIGHT = 2.5  # seconds ahead for which a pedestrian's way is foreseen
+_SLOPE, _SIDEWAYS = 0.3, 0.8  # metres to the side for each metre ahead, and m/s, that a vehicle makes at least
+_FORESIGHT = 2.5  # seconds ahead for which the way of a pedestrian on the road is foreseen
+_STEP = 1.2  # the same for one who is about to step onto it
+_KIND = 3.0  # m/s2 of braking for one who is not yet on the road
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Corridor:
     """The strip ahead of a vehicle."""
 
@@ -24,22 +31,34 @@ class Corridor:
     start: float  # arc length of the vehicle's middle
     reach: float  # half its length
     length: float  # metres ahead of its front
-    right: float  # edges, metres to the left of the path, without clearance
-    left: float
+    radius: float  # half its width
+    offset: float  # metres to the left of the path
+    target: float  # the offset that it wants
+    slope: float  # metres to the side for each metre ahead
     speed: float  # of the vehicle
     open_end: bool  # whether the last leg is the path's last
+    roads: RoadMap
 
     @classmethod
-    def of(cls, vehicle: Vehicle, length: float, offsets: tuple[float, float]) -> Corridor:
-        """Return the strip that a vehicle covers while it is between two offsets."""
-        path, start = vehicle.path, vehicle.progress
+    def of(cls, vehicle: Vehicle, length: float, target: float, roads: RoadMap) -> Corridor:
+        """Return the strip that a vehicle covers on its way to an offset."""
+        path, start, speed = vehicle.path, vehicle.progress, vehicle.speed
         end = start + vehicle.reach + length
-        right, left = min(offsets) - vehicle.radius, max(offsets) + vehicle.radius
-        legs = path.window(start - 2.0, end)
-        return cls(legs, start, vehicle.reach, length, right, left, vehicle.speed, end >= path.length)
+        legs, open_end = path.window(start - 2.0, end), end >= path.length
+        slope = min(_SLOPE, _SIDEWAYS / max(speed, 0.1))
+        size, offset = (vehicle.reach, length, vehicle.radius), vehicle.offset
+        return cls(legs, start, *size, offset, target, slope, speed, open_end, roads)
+
+    def edges(self, gap: float) -> tuple[float, float]:
+        """Return the right and the left edge of the strip at a distance from the front."""
+        aside, ahead = self.target - self.offset, self.slope * max(gap, 0.0)
+        if aside == 0.0:
+            return self.offset - self.radius, self.offset + self.radius
+        here = self.offset + max(-ahead, min(ahead, aside))
+        return min(here, self.target) - self.radius, max(here, self.target) + self.radius
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Obstacle:
     """Somebody in a corridor."""
 
@@ -74,15 +93,17 @@ def obstacles(corridor: Corridor, neighbours: Sequence[Body]) -> list[Obstacle]:
 
 def _bounds(c: Corridor) -> tuple[float, float, float, float]:
     """Return the box of a corridor: least x, least y, greatest x, greatest y."""
-    side = max(abs(c.right), abs(c.left)) + 3.0
     end = c.start + c.reach + c.length
     low_x = low_y = math.inf
     high_x = high_y = -math.inf
     for ax, ay, tx, ty, start, length in c.legs:
-        a, b = max(0.0, c.start - start), min(length, end - start) if not c.open_end else end - start
-        for x, y in ((ax + tx * a, ay + ty * a), (ax + tx * b, ay + ty * b)):
-            low_x, low_y = min(low_x, x), min(low_y, y)
-            high_x, high_y = max(high_x, x), max(high_y, y)
+        first = c.start - start if c.start > start else 0.0
+        last = length if end - start > length and not c.open_end else end - start
+        for along in (first, last):
+            x, y = ax + tx * along, ay + ty * along
+            low_x, high_x = (x if x < low_x else low_x), (x if x > high_x else high_x)
+            low_y, high_y = (y if y < low_y else low_y), (y if y > high_y else high_y)
+    side = max(abs(c.offset), abs(c.target)) + c.radius + 3.0
     return low_x - side, low_y - side, high_x + side, high_y + side
 
 
@@ -97,7 +118,7 @@ def _direction(c: Corridor, metres: float) -> tuple[float, float]:
 def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstacle | None:
     """Return a vehicle, or a piece of one that reaches `size` metres to both ends, if it is in the corridor."""
     metres, aside = nearest_on(c.legs, x, y, False, c.open_end)
-    if metres <= c.start or aside > c.left + size + 1.5 or aside < c.right - size - 1.5:
+    if metres <= c.start or abs(aside) > max(abs(c.offset), abs(c.target)) + c.radius + size + 1.5:
         return None
     tx, ty = _direction(c, metres)
     hx, hy = body.heading
@@ -107,10 +128,16 @@ def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstac
     if gap > c.length:
         return None
     room = CLEARANCE if gap > 0.3 else _TIGHT
-    if aside - half > c.left + room or aside + half < c.right - room:
+    low, high = aside - half, aside + half
+    driver = getattr(body, "driver", None)
+    if driver is not None and gap > 0.3 and hx * tx + hy * ty > 0.9:  # a change of lanes that has begun
+        shift = driver.offset - body.offset  # type: ignore[attr-defined]
+        low, high = low + min(shift, 0.0), high + max(shift, 0.0)
+    right, left = c.edges(gap)
+    if low > left + room or high < right - room:
         return None
     vx, vy = body.velocity
-    return Obstacle(body, gap, vx * tx + vy * ty, aside - half, aside + half, False)
+    return Obstacle(body, gap, vx * tx + vy * ty, low, high, False)
 
 
 def _person(c: Corridor, body: Body) -> Obstacle | None:
@@ -123,10 +150,15 @@ def _person(c: Corridor, body: Body) -> Obstacle | None:
     vx, vy = body.velocity
     along, across = vx * tx + vy * ty, vy * tx - vx * ty
     room = body.radius + (_PERSON if gap > 0.3 else _TIGHT)
-    to_right, to_left = c.right - room - aside, aside - c.left - room  # metres to the corridor, if positive
+    right, left = c.edges(gap)
+    to_right, to_left = right - room - aside, aside - left - room  # metres to the corridor, if positive
     if to_right > 0.0 or to_left > 0.0:
         distance, approach = (to_right, across) if to_right > 0.0 else (to_left, -across)
         if approach < 0.2 or distance > _FORESIGHT * approach:
+            return None
+        if distance > _STEP * approach and not c.roads.paved(body.x, body.y):
+            return None
+        if c.speed * c.speed > 2.0 * _KIND * max(gap, 0.1) and distance > 0.3 and not c.roads.paved(body.x, body.y):
             return None
         passed = (gap + 2.0 * c.reach + 1.0) / max(c.speed, 0.5)
         if passed < distance / approach:

@@ -175,7 +175,8 @@ class KinematicWorld:
             return
         (hx, hy), ahead = body.path.tangent(body.progress), 0.0
         for other in self.bodies:
-            if other.driver is None or other.speed < 0.5:
+            far = max(abs(other.x - body.x), abs(other.y - body.y)) > 30.0
+            if other.driver is None or other.speed < 0.5 or far:
                 continue
             for k in (0.0, 0.5, 1.0, 1.5, 2.0):
                 dx = body.x + hx * 1.4 * k - other.x - other.velocity[0] * k
@@ -200,9 +201,9 @@ class KinematicWorld:
         for n, a in enumerate(bodies):
             for b in bodies[:n]:
                 far = a.reach + b.reach
-                if abs(a.x - b.x) < far and abs(a.y - b.y) < far and (a.driver or b.driver):
-                    if _overlap(a.corners(deeper), b.corners(deeper)):
-                        self.overlaps.add((b.actor.name, a.actor.name))
+                near = abs(a.x - b.x) < far and abs(a.y - b.y) < far
+                if near and a.driver and b.driver and _overlap(a.corners(deeper), b.corners(deeper)):
+                    self.overlaps.add((b.actor.name, a.actor.name))
 
     def mean_speed(self) -> float:
         moving = [b.speed for b in self.bodies if b.driver and b.present and b.actor.speed > 0]
@@ -252,6 +253,6 @@ def town_traffic(name: str, vehicles: int, pedestrians: int, seconds: float, see
                     route=route,
                     speed=speed,
                     entry=entry,
-                )  # fmt: skip
+                )
             )
     return town, plans
