@@ -25,9 +25,7 @@ def running_speed(blueprint: Blueprint, stream: Stream) -> float | None:
     return stream.uniform(*_RUNNING)
 
 
-def with_pauses(
-    start: Pose, route: Sequence[Point], stream: Stream
-) -> tuple[tuple[Point, ...], tuple[Pause, ...]]:
+def with_pauses(start: Pose, route: Sequence[Point], stream: Stream) -> tuple[tuple[Point, ...], tuple[Pause, ...]]:
     """Return a route and the pauses on it, for which waypoints are added on long legs.
 
     A route that begins with another one has its pauses, and perhaps more.

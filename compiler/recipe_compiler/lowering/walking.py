@@ -10,8 +10,9 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
-from recipe_compiler.ir.obstacles import Obstacle, ObstacleMap
+from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
 from recipe_compiler.ir.plan import fixed
 
 CLEARANCE = 0.35  # metres between the middle of a pedestrian and an obstacle
@@ -24,7 +25,7 @@ _LEAST = 1e-6
 XY = tuple[float, float]
 
 
-class TooLong(Exception):
+class TooManyObstaclesError(Exception):
     """A way leads round too many obstacles."""
 
 
@@ -42,7 +43,9 @@ class Planner:
         """Return whether a position has the clearance to all obstacles."""
         return self._obstacles.at(x, y, CLEARANCE) is None
 
-    def nearest_free(self, x: float, y: float, allowed: Callable[[float, float], bool] = lambda x, y: True) -> XY | None:
+    def nearest_free(
+        self, x: float, y: float, allowed: Callable[[float, float], bool] = lambda x, y: True
+    ) -> XY | None:
         """Return the clear place nearest to a position, on a grid of 0.25 m; None if none is near.
 
         Args:
@@ -66,24 +69,19 @@ class Planner:
         """Return the waypoints of the shortest way, without the start; the goal is the last. None if there is none.
 
         Raises:
-            TooLong: the way leads round too many obstacles.
+            TooManyObstaclesError: the way leads round too many obstacles.
         """
-        if not self._blocking(start, goal, start, goal):
-            return [goal]
-        search = _Search(self._obstacles, start, goal)
-        found: Sequence[Obstacle] = self._blocking(start, goal, start, goal)
+        found = self._blocking(start, goal, start, goal)
+        search, points = _Search(self._obstacles, start, goal), [start, goal]
         while found:
             search.add(found)
-            points = search.shortest()
-            if points is None:
+            shortest = search.shortest()
+            if shortest is None:
                 return None
-            found = [
-                o
-                for a, b in zip(points, points[1:], strict=False)
-                for o in self._blocking(a, b, start, goal)
-                if o not in search.obstacles
-            ]
-        return [(fixed(x), fixed(y)) for x, y in points[1:-1]] + [goal]
+            points = shortest
+            across = (o for a, b in pairwise(points) for o in self._blocking(a, b, start, goal))
+            found = [o for o in across if o not in search.obstacles]
+        return [*((fixed(x), fixed(y)) for x, y in points[1:-1]), goal]
 
     def _blocking(self, a: XY, b: XY, start: XY, goal: XY) -> list[Obstacle]:
         """Return the obstacles that a straight way from `a` to `b` comes too near to."""
@@ -105,14 +103,14 @@ class _Search:
         """Take obstacles into account.
 
         Raises:
-            TooLong: they are too many.
+            TooManyObstaclesError: they are too many.
         """
         start, goal = self._points[:2]
         for o in obstacles:
             if o in self.obstacles:
                 continue
             if len(self.obstacles) >= _MOST:
-                raise TooLong
+                raise TooManyObstaclesError
             self.obstacles.append(o)
             self._margins.append(margin(o, start, goal))
             for corner in o.corners(CLEARANCE + _OUTSIDE):

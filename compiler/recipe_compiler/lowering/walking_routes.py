@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from recipe_compiler.ir.errors import Code, Problem
-from recipe_compiler.ir.obstacles import Obstacle
+from recipe_compiler.ir.ground.obstacles import Obstacle
 from recipe_compiler.ir.plan import MAX_POINTS, ActorPlan, Pause, Point, PropPlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.enclosures import Yards
-from recipe_compiler.lowering.walking import XY, Planner, TooLong
+from recipe_compiler.lowering.walking import XY, Planner, TooManyObstaclesError
 from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import Value
 
@@ -108,7 +108,8 @@ class WalkingRoutes:
 
     def _routed(self, actor: ActorPlan, *, goal: bool) -> ActorPlan:
         """Plan the way of an actor through the waypoints of the recipe."""
-        at, points = (actor.start.x, actor.start.y), []
+        at: XY = (actor.start.x, actor.start.y)
+        points: list[Point] = []
         for n, waypoint in enumerate(actor.route):
             path: tuple[str | int, ...] = (actor.name, "goal") if goal else (actor.name, "route", n)
             key = f"actors.{actor.name}." + ("goal" if goal else f"route[{n}]")
@@ -119,7 +120,7 @@ class WalkingRoutes:
                 return actor
             try:
                 way = self._named.way(at, target)
-            except TooLong:
+            except TooManyObstaclesError:
                 self._refuse(path, f"{key}: the way there leads round too many obstacles", "add waypoints, as `route`")
                 return actor
             if way is None:
@@ -135,16 +136,16 @@ class WalkingRoutes:
 
     def _walking(self, actor: ActorPlan) -> ActorPlan:
         """Plan the way of traffic along its waypoints, as far as they can be reached."""
-        at, points, pauses = (actor.start.x, actor.start.y), [], []
+        at: XY = (actor.start.x, actor.start.y)
+        points: list[Point] = []
+        pauses: list[Pause] = []
         seconds = {pause.waypoint: pause.seconds for pause in actor.pauses}
         for n, waypoint in enumerate(actor.route):
-            target: XY | None = (waypoint.x, waypoint.y)
-            assert target is not None
-            if not self._crowd.clear(*target):
-                target = self._crowd.nearest_free(*target)
+            wanted = (waypoint.x, waypoint.y)
+            target = wanted if self._crowd.clear(*wanted) else self._crowd.nearest_free(*wanted)
             try:
                 way = None if target is None else self._crowd.way(at, target)
-            except TooLong:
+            except TooManyObstaclesError:
                 way = None
             if way is None or len(points) + len(way) > MAX_POINTS:
                 break
@@ -174,10 +175,8 @@ class WalkingRoutes:
         free = self._named.nearest_free(*goal, allowed) if own or other else None
         try:
             return free if free is not None and self._named.way(start, free) is not None else None
-        except TooLong:
+        except TooManyObstaclesError:
             return None
 
     def _refuse(self, path: tuple[str | int, ...], message: str, remedy: str) -> None:
         self.problems.append(Problem(message, self._base.place_of("actors", *path), remedy, Code.PLACEMENT))
-
-

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.obstacles import Obstacle
+from recipe_compiler.ir.ground.obstacles import Obstacle
 
 LOOK = 6.0  # metres ahead that matter
 _REACTION = 0.5  # seconds kept to what is ahead
@@ -89,7 +89,10 @@ def choose(scene: Scene, ahead: Vector2, speed: float, distance: float, side: in
     free = scene.free(ux, uy, speed, most)
     if free >= most:
         return Choice(ux, uy, speed, 0)
-    best, found = (free if blocked else (most - free) * (most - free)), Choice(ux, uy, min(speed, free / _REACTION), side)
+    best, found = (
+        (free if blocked else (most - free) * (most - free)),
+        Choice(ux, uy, min(speed, free / _REACTION), side),
+    )
     best = -best if blocked else best
     for sine, cosine, left in _WIDE if blocked else _TURNS:
         wx, wy = cosine * ux - sine * uy, cosine * uy + sine * ux

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 from recipe_compiler.ir.plan import ActorPlan
 
@@ -28,7 +29,7 @@ class Route:
         self._pausing_until = -math.inf
         if actor.pauses:
             metres = [0.0]
-            for (ax, ay), (bx, by) in zip(points, points[1:], strict=False):
+            for (ax, ay), (bx, by) in pairwise(points):
                 metres.append(metres[-1] + math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay)))
             self._pauses = [(metres[p.waypoint + 1], p.seconds) for p in actor.pauses if p.waypoint + 1 < len(metres)]
         self._next_pause = 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from recipe_compiler.ir.obstacles import ObstacleMap
+from recipe_compiler.ir.ground.obstacles import ObstacleMap
 from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.simulation.terrain import Ground

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from recipe_compiler.ir.obstacles import Obstacle
+from recipe_compiler.ir.ground.obstacles import Obstacle
 from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.simulation.agent import Agent
@@ -135,9 +135,9 @@ class Walker:
         return part * self._actor.speed
 
     def _may_enter(self, crossing: Crossing, own: PedestrianAgent, others: Sequence[Agent], seconds: float) -> bool:
-        if own.follower is not None and crossing.waited < _WAIT_FOR and _FAR_BEHIND < _distance(own, own.follower):
-            if _distance(own, own.follower) < _LOST:
-                return False
+        lag = 0.0 if own.follower is None else _distance(own, own.follower)
+        if _FAR_BEHIND < lag < _LOST and crossing.waited < _WAIT_FOR:
+            return False
         return self._crossings.may_enter(crossing, self._actor.speed, others, self._actor.obeys, seconds)
 
     def _keep_beside(
@@ -185,9 +185,7 @@ class Walker:
         self._side = choice.side if choice.side or seconds >= self._detour_until else self._side
         return choice
 
-    def _scene(
-        self, own: PedestrianAgent, others: Sequence[Agent], ahead: tuple[float, float], on_road: bool
-    ) -> Scene:
+    def _scene(self, own: PedestrianAgent, others: Sequence[Agent], ahead: tuple[float, float], on_road: bool) -> Scene:
         """Return what is near."""
         x, y, radius, (ux, uy) = own.x, own.y, own.radius, ahead
         comfort = max(_LEAST_COMFORT, _COMFORT - 0.05 * self._stood)
