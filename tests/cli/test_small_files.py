@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from recipe_cli.commands import check, init, schema, shot
+from recipe_cli.commands import build, check, export, init, schema, shot
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
 
@@ -46,6 +46,20 @@ def test_a_host_that_will_not_have_a_file_is_told_in_one_line(tmp_path: Path) ->
         with pytest.raises(RunError, match="cannot be written: ") as caught:
             CliRunner().invoke(command, arguments, catch_exceptions=False)
         assert "\n" not in str(caught.value)
+
+
+def test_a_dataset_cannot_be_built_where_no_files_are_stored(tmp_path: Path) -> None:
+    (tmp_path / "r.yaml").write_text(json.dumps(small()))
+    with pytest.raises(InputError, match=r"/proc/x: no files can be stored in /proc: .*; choose another folder"):
+        CliRunner().invoke(build.command, [str(tmp_path / "r.yaml"), "--out", "/proc/x"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize("size", ["0", "0.4", "0K", "99999999999999T"])
+def test_a_shard_of_no_or_too_many_bytes_is_refused(tmp_path: Path, size: str) -> None:
+    """Before the dataset is read: there is none here."""
+    arguments = [str(tmp_path / "no"), str(tmp_path / "out"), "--shard-size", size]
+    with pytest.raises(InputError, match=f"--shard-size {size}: a shard holds 1 byte to "):
+        CliRunner().invoke(export.command, arguments, catch_exceptions=False)
 
 
 def test_a_folder_that_is_not_there_is_said_and_not_made(tmp_path: Path) -> None:

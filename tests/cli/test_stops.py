@@ -10,11 +10,14 @@ from typing import NoReturn
 import pytest
 from click.testing import CliRunner, Result
 from recipe_cli.commands import build
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.ir.lockfile import skeleton
 from recipe_runtime.build import local
 from recipe_runtime.build.worker import Job
 from recipe_runtime.dataset.schedule import Shard
 
 from tests.cli.reading import problems
+from tests.cli.runner import run_here
 from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES
 
@@ -130,3 +133,35 @@ def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
         stopped = command(_whole, "--repair")
     assert problems(stopped.stderr) == ["interrupted; run it again with --repair to mend what is still damaged"]
     assert picture.read_bytes() == whole  # it was in place by then
+
+
+@pytest.mark.parametrize(
+    ("command_line", "stopped"),
+    [
+        (("lock", "small.yaml"), "recipe_runtime.verify.locking.lock"),
+        (("verify", "small.yaml"), "recipe_runtime.verify.verify.verify"),
+        (("verify", "datasets/small", "--integrity"), "recipe_runtime.verify.verify.verify_files"),
+        (("export", "datasets/small", "out"), "recipe_runtime.transfer.shards._write"),
+        (("shot", "small.yaml"), "recipe_runtime.frames.shot.shot"),
+    ],
+)
+def test_an_interrupted_command_ends_with_130(
+    command: Callable[..., Result],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command_line: tuple[str, ...],
+    stopped: str,
+) -> None:
+    def interrupted(*_: object, **__: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    assert command(_whole).exit_code == 0
+    (tmp_path / "lockfiles").mkdir()
+    plan = compile_recipe(tmp_path / "small.yaml").plan
+    if command_line[0] == "verify":
+        skeleton(plan, "../small.yaml", {}, {}, {}).write(tmp_path / "lockfiles" / "small.lock")
+    monkeypatch.setattr(stopped, interrupted)
+    done = run_here(*command_line, cwd=tmp_path)
+    assert done.returncode == 130
+    assert done.stdout == "" and "interrupted" in done.stderr and "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists() and not (tmp_path / ".out.export").exists()

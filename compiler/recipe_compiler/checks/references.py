@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.library import blueprints, towns, weather
 from recipe_compiler.schema.fields import BLUEPRINT
-from recipe_compiler.schema.messages import near, nearest
+from recipe_compiler.schema.messages import Suggestions, near, nearest
 from recipe_compiler.schema.scene import Town
 from recipe_compiler.source.yaml_reader import Value, show
 
@@ -86,17 +86,18 @@ def unknown_carrier(base: Value) -> Iterator[Problem]:
         number = base.get("traffic", key)
         if number is not None and isinstance(number.data, int):
             names += [f"traffic.{kind}.{index}" for index in range(min(number.data, 1000))]
+    known, suggestions = set(names), Suggestions(names)
     for name in sensors.map if sensors else ():
         on = _text(base, "sensors", name, "mount", "on")
-        if on is not None and on not in names and (removed := _removal(base, "actors", on)) is not None:
+        if on is not None and on not in known and (removed := _removal(base, "actors", on)) is not None:
             message = f"the actor {show(on)} is removed here, but sensors.{name} is mounted on it"
             yield Problem(message, removed, "remove or remount the sensor too", Code.CONFLICT)
-        elif on is not None and on not in names:
+        elif on is not None and on not in known:
             if many and re.fullmatch(r"traffic\.(vehicle|pedestrian)\.[0-9]{1,3}", on):
                 continue  # whether there are so many is known when the town is
             message = f"sensors.{name}.mount.on: there is no actor {show(on)}"
             place = base.place_of("sensors", name, "mount", "on")
-            yield Problem(message, place, nearest(on, names), Code.UNKNOWN_NAME)
+            yield Problem(message, place, suggestions.nearest(on), Code.UNKNOWN_NAME)
 
 
 def unknown_sensor(base: Value) -> Iterator[Problem]:
@@ -158,7 +159,7 @@ def unknown_asset(assets: Mapping[str, str]) -> Check:
     """Return a check that props use existing assets of the right kind; `assets`: name -> mesh or image."""
 
     def wrong_asset(base: Value) -> Iterator[Problem]:
-        props = base.get("props")
+        props, suggestions = base.get("props"), dict[str, Suggestions]()
         for name in props.map if props else ():
             for key, kind in (("asset", "mesh"), ("image", "image")):
                 asset = _text(base, "props", name, key)
@@ -170,7 +171,9 @@ def unknown_asset(assets: Mapping[str, str]) -> Check:
                     f"is of kind {assets.get(asset)}, not {article} {kind}" if asset in assets else "is not an asset"
                 )
                 message, place = f"props.{name}.{key}: {show(asset)} {known}", base.place_of("props", name, key)
-                yield Problem(message, place, nearest(asset, fitting), Code.UNKNOWN_NAME)
+                yield Problem(
+                    message, place, suggestions.setdefault(kind, Suggestions(fitting)).nearest(asset), Code.UNKNOWN_NAME
+                )
 
     return wrong_asset, ("props",)
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
-from recipe_compiler.ir.plan import fixed
+from recipe_compiler.ir.plan_types import fixed
 
 CLEARANCE = 0.35  # metres between the middle of a pedestrian and an obstacle
 BODY = 0.2  # metres; nobody's middle is nearer to an obstacle

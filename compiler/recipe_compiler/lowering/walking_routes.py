@@ -13,7 +13,8 @@ from collections.abc import Mapping, Sequence
 
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.obstacles import Obstacle
-from recipe_compiler.ir.plan import MAX_POINTS, ActorPlan, Pause, Point, PropPlan
+from recipe_compiler.ir.plan import ActorPlan, Pause, Point, PropPlan
+from recipe_compiler.ir.plan_types import MAX_POINTS
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.enclosures import Yards
 from recipe_compiler.lowering.walking import XY, Planner, TooManyObstaclesError
@@ -23,6 +24,8 @@ from recipe_compiler.source.yaml_reader import Value
 _NEAREST = "the nearest free point is x: {:g}, y: {:g}"
 _MOVE = "move it to a lane or a sidewalk, which a map of the town shows"
 _IN_YARD = "it is in a yard enclosed by buildings and walls, which the actor cannot leave"
+
+Path = tuple[str | int, ...]  # keys and indices of a value of the recipe
 
 
 class WalkingRoutes:
@@ -76,27 +79,25 @@ class WalkingRoutes:
 
     def _lower_named(self, actor: ActorPlan, given: Actor) -> ActorPlan:
         """Check the start and the waypoints of an actor, and plan its route if it walks."""
-        walker = actor.category == "pedestrian"
-        if given.start is not None and self._refuses_start(actor):
+        waypoints = [given.goal] if given.goal is not None else given.route or ()
+        goals = [self._refuses(actor, (p.x, p.y), _path(given, n)) for n, p in enumerate(waypoints)]
+        if (given.start is not None and self._refuses(actor, (actor.start.x, actor.start.y), ("start",))) or any(goals):
             return actor
-        if not walker or not actor.route:
-            if given.start is not None:
-                self._warn_of_yard(actor, routed=given.goal is not None or given.route is not None)
+        planned = actor.category == "pedestrian" and actor.route
+        if given.start is not None and not (planned and waypoints):
+            self._warn_of_yard(actor, routed=bool(waypoints))
+        if not planned:
             return actor
-        if given.goal is None and given.route is None:
-            if given.start is not None:
-                self._warn_of_yard(actor, routed=False)
-            return self._walking(actor)
-        return self._routed(actor, goal=given.goal is not None)
+        return self._routed(actor, given) if waypoints else self._walking(actor)
 
-    def _refuses_start(self, actor: ActorPlan) -> bool:
-        """Report a start inside something solid."""
-        x, y = actor.start.x, actor.start.y
-        walker = actor.category == "pedestrian"
-        solid = self._named.inside(x, y) if walker else self._crowd.inside(x, y, 0.0)
-        if solid is None or solid.name == actor.name:
+    def _refuses(self, actor: ActorPlan, at: XY, path: Path) -> bool:
+        """Report a start or a waypoint inside something solid: for a vehicle, its middle."""
+        solid = self._named.inside(*at) if actor.category == "pedestrian" else self._crowd.inside(*at, 0.0)
+        if solid is None:
             return False
-        self._refuse_inside((actor.name, "start"), f"actors.{actor.name}.start", (x, y), solid)
+        free = self._named.nearest_free(*at)
+        remedy = _MOVE if free is None else _NEAREST.format(*free)
+        self._refuse((actor.name, *path), f"it is inside {solid.name}", remedy)
         return True
 
     def _warn_of_yard(self, actor: ActorPlan, *, routed: bool) -> None:
@@ -106,31 +107,27 @@ class WalkingRoutes:
             place = self._base.place_of("actors", actor.name, "start")
             self.warnings.append(Problem(f"actors.{actor.name}.start: {_IN_YARD}", place, _MOVE, Code.PLACEMENT))
 
-    def _routed(self, actor: ActorPlan, *, goal: bool) -> ActorPlan:
+    def _routed(self, actor: ActorPlan, given: Actor) -> ActorPlan:
         """Plan the way of an actor through the waypoints of the recipe."""
         at: XY = (actor.start.x, actor.start.y)
         points: list[Point] = []
         for n, waypoint in enumerate(actor.route):
-            path: tuple[str | int, ...] = (actor.name, "goal") if goal else (actor.name, "route", n)
-            key = f"actors.{actor.name}." + ("goal" if goal else f"route[{n}]")
-            target = (waypoint.x, waypoint.y)
-            solid = self._named.inside(*target)
-            if solid is not None:
-                self._refuse_inside(path, key, target, solid)
-                return actor
+            target, path = (waypoint.x, waypoint.y), (actor.name, *_path(given, n))
             try:
                 way = self._named.way(at, target)
             except TooManyObstaclesError:
-                self._refuse(path, f"{key}: the way there leads round too many obstacles", "add waypoints, as `route`")
+                self._refuse(path, "the way there leads round too many obstacles", "give waypoints, as `route`")
                 return actor
             if way is None:
-                self._refuse_unreachable(path, key, at, target)
+                free = self._nearest_reachable(at, target)
+                remedy = _MOVE if free is None else _NEAREST.format(*free)
+                self._refuse(path, f"no way leads there from x: {at[0]:g}, y: {at[1]:g}", remedy)
                 return actor
             points += [Point(x=x, y=y) for x, y in way]
             at = target
         if len(points) > MAX_POINTS:
-            message = f"actors.{actor.name}: its way round obstacles has {len(points)} waypoints"
-            self._refuse((actor.name, "route"), f"{message}, which exceed the limit of {MAX_POINTS}", "shorten it")
+            message = f"with the ways round obstacles it has {len(points)} waypoints, which exceed the limit of"
+            self._refuse((actor.name, "route"), f"{message} {MAX_POINTS}", "shorten it")
             return actor
         return actor.model_copy(update={"route": tuple(points)})
 
@@ -155,22 +152,15 @@ class WalkingRoutes:
                 pauses.append(Pause(waypoint=len(points) - 1, seconds=seconds[n]))
         return actor.model_copy(update={"route": tuple(points), "pauses": tuple(pauses)})
 
-    def _refuse_inside(self, path: tuple[str | int, ...], key: str, at: XY, solid: Obstacle) -> None:
-        free = self._named.nearest_free(*at)
-        self._refuse(path, f"{key}: it is inside {solid.name}", _MOVE if free is None else _NEAREST.format(*free))
-
-    def _refuse_unreachable(self, path: tuple[str | int, ...], key: str, start: XY, goal: XY) -> None:
-        free = self._nearest_reachable(start, goal)
-        message = f"{key}: no way leads there from x: {start[0]:g}, y: {start[1]:g}"
-        self._refuse(path, message, _MOVE if free is None else _NEAREST.format(*free))
-
     def _nearest_reachable(self, start: XY, goal: XY) -> XY | None:
         """Return the free place nearest to an enclosed goal, or to a goal outside the yard of the start."""
         own, other = self._yards.around(*start), self._yards.around(*goal)
 
         def allowed(x: float, y: float) -> bool:
-            cell = self._yards.cell(x, y)
-            return cell in own if own else cell not in other
+            i, j = self._yards.cell(x, y)
+            if own:
+                return (i, j) in own
+            return not any((i + u, j + v) in other for u in (-1, 0, 1) for v in (-1, 0, 1))
 
         free = self._named.nearest_free(*goal, allowed) if own or other else None
         try:
@@ -178,5 +168,12 @@ class WalkingRoutes:
         except TooManyObstaclesError:
             return None
 
-    def _refuse(self, path: tuple[str | int, ...], message: str, remedy: str) -> None:
-        self.problems.append(Problem(message, self._base.place_of("actors", *path), remedy, Code.PLACEMENT))
+    def _refuse(self, path: Path, what: str, remedy: str) -> None:
+        label = ".".join(map(str, path[:2])) + "".join(f"[{number}]" for number in path[2:])
+        place = self._base.place_of("actors", *path)
+        self.problems.append(Problem(f"actors.{label}: {what}", place, remedy, Code.PLACEMENT))
+
+
+def _path(given: Actor, number: int) -> Path:
+    """Return the path of an actor's waypoint below the actor."""
+    return ("goal",) if given.goal is not None else ("route", number)

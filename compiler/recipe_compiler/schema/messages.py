@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from recipe_compiler.ir.errors import Code, Problem, split_remedy
+from recipe_compiler.ir.errors import MAX_SHOWN, Code, Problem, split_remedy
 from recipe_compiler.source.yaml_reader import Value, show
 
 Path = tuple[str | int, ...]
@@ -54,6 +55,7 @@ _PATTERNS = {  # what marks the pattern -> what is wrong, the remedy
     "_.-": ("is not an actor's name", "use letters, digits, _ . and - only, a letter or digit first"),
 }
 _CONFLICTS = {"way", "asset", "prop", "distribution", "clip"}  # of our own checks, those of keys that exclude others
+_MAX_COMPARED = 30  # of many names, those with the most letter pairs in common are compared letter by letter
 _MAX_LISTED = 12  # valid names that a remedy lists
 
 Words = tuple[Code, str, str | None]
@@ -64,8 +66,11 @@ def nearest(word: str, options: Iterable[str]) -> str:
     """Return the remedy for an unknown name: a similar valid name, else the first valid names."""
     names = list(options)
     close = near(word, names)
-    if close is not None:
-        return f"did you mean {show(close)}?"
+    return f"did you mean {show(close)}?" if close is not None else listed(names)
+
+
+def listed(names: Sequence[str]) -> str:
+    """A remedy that lists valid names, or the first of them."""
     if not names:
         return "there are none here"
     shown = ", ".join(names[:_MAX_LISTED])
@@ -80,12 +85,37 @@ def near(word: str, options: Iterable[str]) -> str | None:
     Dotted names are compared part by part, because names of one family share most of their letters.
     """
     names = list(options)
+    if len(names) > _MAX_COMPARED:
+        pairs = _letter_pairs(word[:100])
+        names = sorted(names, key=lambda name: -_overlap(pairs, _letter_pairs(name[:100])))[:_MAX_COMPARED]
     parts = word[:100].split(".")
     for name in difflib.get_close_matches(word[:100], names, n=5, cutoff=0.6):
         candidate = name.split(".")
         if len(parts) == 1 or (len(candidate) == len(parts) and all(map(_alike, parts, candidate))):
             return name
     return None
+
+
+class Suggestions:
+    """Remedies for wrong names among the same valid ones. Only the first wrong names are compared with all of these."""
+
+    def __init__(self, options: Iterable[str]) -> None:
+        self._options, self._searches = list(options), 0
+
+    def nearest(self, word: str) -> str:
+        """As `nearest`, for as many words as there are problems shown; then the valid names."""
+        self._searches += 1
+        return nearest(word, self._options) if self._searches <= MAX_SHOWN else listed(self._options)
+
+
+@lru_cache(maxsize=1 << 14)
+def _letter_pairs(text: str) -> frozenset[str]:
+    return frozenset(text[at : at + 2] for at in range(len(text) - 1))
+
+
+def _overlap(one: frozenset[str], other: frozenset[str]) -> float:
+    """The share of letter pairs that two words have in common, 0 to 1 (Dice's coefficient)."""
+    return 2 * len(one & other) / max(1, len(one) + len(other))
 
 
 def _alike(one: str, other: str) -> bool:

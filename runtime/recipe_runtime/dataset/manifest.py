@@ -103,7 +103,7 @@ def listed_files(manifest: Manifest) -> dict[str, tuple[int, str]]:
     """Return the size and SHA-256 of every file that a manifest lists.
 
     Raises:
-        ValueError: a row has no size, or its path leads out of the folder.
+        ValueError: a row has no size, its path leads out of the folder, or two rows cannot both be files.
     """
     rows: dict[str, tuple[int, str]] = {}
     for table in _TABLES:
@@ -114,7 +114,15 @@ def listed_files(manifest: Manifest) -> dict[str, tuple[int, str]]:
                 raise ValueError(f"{path!r} is not a path within a dataset")
             if not isinstance(row, dict) or not isinstance(row.get("size"), int) or isinstance(row["size"], bool):
                 raise ValueError(f"{path} has no size")
+            if path in rows:
+                raise ValueError(f"{path} is listed twice")
             rows[path] = row["size"], str(row.get("sha256"))
+    for path in rows:
+        folder = path.rpartition("/")[0]
+        while folder:
+            if folder in rows:
+                raise ValueError(f"{folder} is listed as a file, and {path} is in it")
+            folder = folder.rpartition("/")[0]
     return rows
 
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.lockfile import Lockfile, VariantRow
@@ -30,10 +31,11 @@ from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest import lock_of as lock_of
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.plan_reader import MAX_PLAN_BYTES, PlanReader
-from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, labels_of
+from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, instances_of, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv
 
 _MOST_LINE = 16 * 2**20  # limit of one frame's labels, bytes
+_MOST_KEPT = 32 * 2**20  # bytes of labels that are kept in memory while texts are compared; others are read again
 
 Fault = tuple[str, str]  # path of a file, and a message of one line that names it
 
@@ -158,16 +160,23 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
     """
     videos: list[Video] = []
     found: list[Fault] = []
+    kept = 0  # bytes of labels
     for variant in dataset.plan.variants:
         for sensor in variant.rig.sensors:
-            video = Video(variant.variant, sensor, variant.scene.clock.fps, ())
+            path = layout.labels_file(variant.variant, sensor.name)
+            frames = _LabelledFrames(dataset, variant, sensor)
             try:
-                labelled = labels(dataset, variant, sensor)
-                frames: list[FrameRecord] = [{**row, "digests": {}, "rgb": {}, "files": {}} for row in labelled]
-                videos.append(replace(video, frames=tuple(frames)))
+                size = frames.size()
+                if kept + size <= _MOST_KEPT:
+                    video = Video(variant.variant, sensor, variant.scene.clock.fps, tuple(frames))
+                    kept += size
+                else:
+                    video = Video(variant.variant, sensor, variant.scene.clock.fps, frames)
+                    for _ in frames:  # each is checked, and none is kept
+                        pass
+                videos.append(video)
             except (OSError, *DAMAGE) as error:
                 reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-                path = layout.labels_file(variant.variant, sensor.name)
                 found.append((path, f"{path}: {reason}"))
         if variant.scene.digest in traces:
             found += tracks_difference(dataset, variant, traces[variant.scene.digest])
@@ -177,6 +186,30 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
     for path, make in (*annotation_texts(*known), *closing_texts(*known, dataset.recipe_file)):
         found += _text_difference(dataset.root, path, make)
     return found
+
+
+class _LabelledFrames(Sequence[FrameRecord]):
+    """The labelled frames of a video, read from its file each time that they are iterated over."""
+
+    def __init__(self, dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> None:
+        self._known = dataset, variant, sensor
+
+    def __iter__(self) -> Iterator[FrameRecord]:
+        for row in labels(*self._known):
+            yield {**row, "digests": {}, "rgb": {}, "files": {}}
+
+    def __len__(self) -> int:
+        return self._known[1].scene.clock.frames
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return one frame or a slice; the file is read for it."""
+        return tuple(self)[index]
+
+    def size(self) -> int:
+        """Return the size of the file in bytes; 0 if there is none."""
+        dataset, variant, sensor = self._known
+        found = regular_file(dataset.root, layout.labels_file(variant.variant, sensor.name))
+        return found.st_size if found is not None else 0
 
 
 def tracks_difference(dataset: Dataset, variant: ScenarioPlan, trace: Trace) -> list[Fault]:
@@ -245,12 +278,13 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
     path = layout.labels_file(variant.variant, sensor.name)
     if regular_file(dataset.root, path) is None:
         raise ValueError("missing, or not a regular file")
+    actors = instances_of(variant.scene)
     row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
     with (dataset.root / path).open("rb") as lines:
         for frame in range(variant.scene.clock.frames):
             value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
             try:
-                objects = labels_of(lines.readline(_MOST_LINE), value, sensor)
+                objects = labels_of(lines.readline(_MOST_LINE), value, sensor, actors)
             except DAMAGE as error:
                 raise ValueError(f"line {frame + 1}: {error}") from None
             yield {"frame": frame, "objects": objects}
@@ -258,12 +292,11 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
             raise ValueError("it has more lines than frames")
 
 
-def _text_difference(root: Path, path: str, make: Callable[[], str]) -> list[Fault]:
+def _text_difference(root: Path, path: str, make: Callable[[], Iterable[str]]) -> list[Fault]:
     try:
-        text = make().encode()
+        return _pieces_difference(root, path, (piece.encode() for piece in make()))
     except DAMAGE as error:
         return [(path, f"{path} cannot be made from the labels: {type(error).__name__}")]
-    return _pieces_difference(root, path, [text])
 
 
 def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[Fault]:

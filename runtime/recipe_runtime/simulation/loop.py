@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 
 from recipe_compiler.ir.plan import ScenePlan
 
-from recipe_runtime.simulation import through_traffic
 from recipe_runtime.simulation.agent import Agent
 from recipe_runtime.simulation.agents import create_agents
 from recipe_runtime.simulation.bullet import World
@@ -19,6 +18,7 @@ from recipe_runtime.simulation.contacts import ContactRecorder
 from recipe_runtime.simulation.events import ContactEvent
 from recipe_runtime.simulation.neighbours import NeighbourGrid
 from recipe_runtime.simulation.recording import record_frame
+from recipe_runtime.simulation.traffic import through_traffic
 
 CONTROL_RATE, DECISION_RATE = 60, 10  # times a second
 

@@ -13,14 +13,17 @@ from recipe_runtime.simulation.path import Leg, nearest_on
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
+SIDESTEP, SIDESTEP_SLOPE = 1.0, 0.3  # sideways speed of a lane change: m/s, and as a share of the speed
 CLEARANCE = 0.3  # metres to both sides of a moving vehicle
-_TIGHT = 0.05  # the same beside what its front has reached, metres
+_TIGHT, _TOUCHING = 0.05, -0.1  # the same beside what its front has reached, and beside what its front is past
 _LONG = 2.9  # metres; longer halves are looked at in three pieces
 _PERSON = 0.55  # metres to both sides of a pedestrian
-_SLOPE, _SIDEWAYS = 0.3, 0.8  # metres to the side for each metre ahead, and m/s, that a vehicle makes at least
+_SURE, _LAG = 0.85, 2.0  # share of the sideways speed that is relied on, after so many metres
 _FORESIGHT = 2.5  # seconds ahead for which the way of a pedestrian on the road is foreseen
 _STEP = 1.2  # the same for one who is about to step onto it
-_KIND = 3.0  # m/s2 of braking for one who is not yet on the road
+_ROADSIDE = 6.0  # metres beside a corridor within which pedestrians matter
+_BEFORE_CROSSING, _PACE = 1.2, 1.6  # metres to stop before the middle of a crossing; m/s of who walks over it
+_KIND = 2.5  # m/s2 of braking for one who is not yet on the road
 
 
 @dataclass(slots=True)
@@ -34,6 +37,7 @@ class Corridor:
     radius: float  # half its width
     offset: float  # metres to the left of the path
     target: float  # the offset that it wants
+    base: float  # the offset that it has in its lane
     slope: float  # metres to the side for each metre ahead
     speed: float  # of the vehicle
     open_end: bool  # whether the last leg is the path's last
@@ -45,15 +49,19 @@ class Corridor:
         path, start, speed = vehicle.path, vehicle.progress, vehicle.speed
         end = start + vehicle.reach + length
         legs, open_end = path.window(start - 2.0, end), end >= path.length
-        slope = min(_SLOPE, _SIDEWAYS / max(speed, 0.1))
-        size, offset = (vehicle.reach, length, vehicle.radius), vehicle.offset
-        return cls(legs, start, *size, offset, target, slope, speed, open_end, roads)
+        slope = _SURE * min(SIDESTEP_SLOPE, SIDESTEP / max(speed, 0.1))
+        base = vehicle.driver.base_offset
+        in_lane = target == base == vehicle.driver.line  # then its offset is due to bends
+        offsets = (base if in_lane else vehicle.offset, target, base)
+        return cls(legs, start, vehicle.reach, length, vehicle.radius, *offsets, slope, speed, open_end, roads)
 
     def edges(self, gap: float) -> tuple[float, float]:
         """Return the right and the left edge of the strip at a distance from the front."""
-        aside, ahead = self.target - self.offset, self.slope * max(gap, 0.0)
+        aside = self.target - self.offset
         if aside == 0.0:
             return self.offset - self.radius, self.offset + self.radius
+        lag = _LAG if abs(self.offset - self.base) < 0.3 else 0.3
+        ahead = self.slope * max(gap - lag, 0.0)
         here = self.offset + max(-ahead, min(ahead, aside))
         return min(here, self.target) - self.radius, max(here, self.target) + self.radius
 
@@ -75,11 +83,12 @@ def obstacles(corridor: Corridor, neighbours: Sequence[Body]) -> list[Obstacle]:
     c, found = corridor, []
     low_x, low_y, high_x, high_y = _bounds(c)
     for body in neighbours:
-        x, y, size = body.x, body.y, body.reach
+        x, y, person = body.x, body.y, body.actor.category == "pedestrian"
+        size = _ROADSIDE if person else body.reach
         if x < low_x - size or x > high_x + size or y < low_y - size or y > high_y + size:
             continue
-        if body.actor.category == "pedestrian":
-            obstacle = _person(c, body)
+        if person:
+            obstacle = _crossing(c, body) or _person(c, body)
         elif size <= _LONG:
             obstacle = _vehicle(c, body, x, y, size)
         else:
@@ -127,7 +136,7 @@ def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstac
     gap = metres - cosine * size - sine * body.radius - c.start - c.reach
     if gap > c.length:
         return None
-    room = CLEARANCE if gap > 0.3 else _TIGHT
+    room = _room(gap, CLEARANCE)
     low, high = aside - half, aside + half
     driver = getattr(body, "driver", None)
     if driver is not None and gap > 0.3 and hx * tx + hy * ty > 0.9:  # a change of lanes that has begun
@@ -149,7 +158,7 @@ def _person(c: Corridor, body: Body) -> Obstacle | None:
     tx, ty = _direction(c, metres)
     vx, vy = body.velocity
     along, across = vx * tx + vy * ty, vy * tx - vx * ty
-    room = body.radius + (_PERSON if gap > 0.3 else _TIGHT)
+    room = body.radius + _room(gap, _PERSON)
     right, left = c.edges(gap)
     to_right, to_left = right - room - aside, aside - left - room  # metres to the corridor, if positive
     if to_right > 0.0 or to_left > 0.0:
@@ -164,3 +173,37 @@ def _person(c: Corridor, body: Body) -> Obstacle | None:
         if passed < distance / approach:
             return None
     return Obstacle(body, gap, min(along, c.speed), aside - body.radius, aside + body.radius, True)
+
+
+def _crossing(c: Corridor, body: Body) -> Obstacle | None:
+    """Return a pedestrian who crosses the path with right of way, as an obstacle before the crossing.
+
+    None once the vehicle can pass before, has passed, or cannot stop with comfort.
+    """
+    way: tuple[float, float, float, float] | None = getattr(body, "crossing", None)
+    if way is None:
+        return None
+    x, y, dx, dy = way[0], way[1], way[2] - way[0], way[3] - way[1]
+    size = math.sqrt(dx * dx + dy * dy)
+    for ax, ay, tx, ty, start, length in c.legs:
+        cross = tx * dy - ty * dx
+        if abs(cross) < 1e-6 * size:
+            continue
+        metres = ((x - ax) * dy - (y - ay) * dx) / cross  # along the leg, and across
+        across = ((x - ax) * ty - (y - ay) * tx) / cross * size
+        if not (0.0 <= metres <= length and 0.0 <= across <= size):
+            continue
+        gap = start + metres - c.start - c.reach - _BEFORE_CROSSING
+        walked = ((body.x - x) * dx + (body.y - y) * dy) / size
+        left = across - walked - c.radius - body.radius  # metres until it is in the way
+        if not 0.0 < gap <= c.length or left < -2.0 * c.radius - 1.0:
+            return None
+        if c.speed * c.speed > 2.0 * _KIND * gap or (gap + 2.0 * c.reach + 3.0) * _PACE < left * c.speed:
+            return None
+        return Obstacle(body, gap, 0.0, -c.radius, c.radius, True)
+    return None
+
+
+def _room(gap: float, usual: float) -> float:
+    """Return the metres to keep to the side of a body; less where the front is level with it, or past it."""
+    return usual if gap > 0.3 else _TIGHT if gap > -0.6 else _TOUCHING

@@ -17,7 +17,7 @@ from recipe_runtime.body.skeleton import BICYCLE
 from recipe_runtime.simulation.path import Path
 from recipe_runtime.simulation.traffic import corridor
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
-from recipe_runtime.simulation.traffic.corridor import Corridor, Obstacle
+from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE, Corridor, Obstacle
 from recipe_runtime.simulation.traffic.following import (
     HARDEST_BRAKING,
     following_acceleration,
@@ -36,7 +36,7 @@ _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
 _AT_LINE = 0.7  # metres between the front and the place where one waits
 _FIRM = 4.0  # m/s2, to stop where one waits and not only at the painted line behind it
 _LONG = 3.2  # half length from which the swing of the body counts
-_PULL_OUT = 7.5  # metres more behind a standing obstacle, from which a vehicle can pass it
+_PULL_OUT = 11.0  # metres more behind a standing obstacle, from which a vehicle can pass it
 _IDLE_TICKS = 20  # decisions to go without moving, after which it counts as stalled, for example by a crash
 _LANE_TICKS = 8  # decisions between two looks at other lanes
 
@@ -56,6 +56,7 @@ class Driver:
         style: How it follows others.
         passage: Where it stands with the junctions on its path.
         offset: The offset that it wants now, metres to the left of its path.
+        line: The offset to which the vehicle should have come by now.
         desired: The speed that it would have on a free road, m/s.
         waiting: Whether it waits at a stop line, or will have to.
         horizon: The neighbours that it needs are within so many metres.
@@ -65,9 +66,10 @@ class Driver:
     def __init__(self, actor: ActorPlan, road_map: RoadMap, junctions: JunctionControl) -> None:
         self.actor, self.style = actor, style_of(actor.shape)
         self.base_offset = _BICYCLE_OFFSET if int(actor.shape["body"]) == BICYCLE else 0.0
-        self.passage = Passage()
-        self.offset, self.desired = self.base_offset, actor.speed
-        self.waiting, self.stalled = False, False
+        self.passage = Passage(extent=math.inf if actor.route else 0.0)
+        self.offset = self.line = self.base_offset
+        self.desired = actor.speed
+        self.waiting, self.stalled = False, not actor.route or actor.speed <= 0.0
         self.horizon = 60.0
         self._map, self._junctions = road_map, junctions
         self._path: Path | None = None
@@ -113,14 +115,17 @@ class Driver:
         self.stalled = self._idle > _IDLE_TICKS or self.arrived(vehicle)
         self._note_room(vehicle, found, line)
         self.waiting = line < 12.0
-        self._choose_offset(vehicle, neighbours, nearest, line, seconds)
+        step = 0.1 * min(SIDESTEP, SIDESTEP_SLOPE * max(speed, 0.0))
+        aside = self.offset - self.line
+        self.line = self.offset if abs(aside) <= step else self.line + (step if aside > 0.0 else -step)
+        self._choose_offset(vehicle, neighbours, nearest, seconds)
         return Command(max(-HARDEST_BRAKING, wish), self.offset)
 
     def _take_path(self, vehicle: Vehicle) -> None:
         """Compute the speeds along a new path."""
         path = self._path = vehicle.path
         self._changer, self._overtaking = LaneChanger(), Overtaking()
-        self.offset = self.base_offset
+        self.offset = self.line = self.base_offset
         if path.legs:
             goal = self.actor.entry is None
             self._profile = speed_profile(path, self._map, lateral=_LATERAL, braking=_EARLY_BRAKING, goal=goal)
@@ -163,7 +168,7 @@ class Driver:
     def _corridor(self, vehicle: Vehicle, line: float) -> Corridor:
         """Return the strip in which others matter."""
         speed = vehicle.speed
-        length = 10.0 + 2.2 * speed + stopping_distance(speed, 2.2)
+        length = _PULL_OUT + 5.0 + 2.0 * speed + stopping_distance(speed, 2.2)
         crossing = self.passage.next
         if crossing is not None:
             to_line = crossing.entry - vehicle.progress
@@ -221,7 +226,7 @@ class Driver:
         return self.actor.speed > 0.0 and ax * bx + ay * by > 0.3
 
     def _choose_offset(
-        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, line: float, seconds: float
+        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, seconds: float
     ) -> None:
         """Choose a lane, or overtake."""
         self._ticks += 1

@@ -18,7 +18,7 @@ _BESIDE_RIDER, _BESIDE_CAR = 1.2, 0.6  # metres between the sides
 _LEFT_EDGE = 4.3  # metres to the left of the lane's middle that the vehicle's side may reach
 _NEAR = 22.0  # metres; farther leaders are not overtaken yet
 _AFTER = 3.0  # metres between the two when it is back in its lane
-_STANDS = 4.0  # seconds after which what stands is passed
+_STANDS, _PERSON_STANDS = 4.0, 25.0  # seconds after which a vehicle that stands is passed, and a pedestrian
 _TICK = 0.1  # seconds
 
 
@@ -67,7 +67,7 @@ class Overtaking:
 
     def _count(self, nearest: Obstacle | None) -> None:
         """Measure for how long the same body has stood ahead without waiting for others."""
-        stands = nearest is not None and abs(nearest.speed) < 0.2 and nearest.gap < 12.0 and is_stalled(nearest.body)
+        stands = nearest is not None and abs(nearest.speed) < 0.2 and nearest.gap < 16.0 and is_stalled(nearest.body)
         if nearest is None or not stands or nearest.body is not self._behind:
             self._seconds = 0.0
         self._behind = nearest.body if nearest is not None else None
@@ -76,7 +76,7 @@ class Overtaking:
     def _wants(self, nearest: Obstacle, desired: float) -> bool:
         """Return whether a leader is one to be overtaken."""
         if abs(nearest.speed) < 0.3:
-            return self._seconds > _STANDS
+            return self._seconds > (_PERSON_STANDS if nearest.person else _STANDS)
         return _is_bicycle(nearest.body) and 0.0 < nearest.speed < 0.75 * desired
 
     def _go_on(self, vehicle: Vehicle, neighbours: Sequence[Body], plan: _Plan, roads: RoadMap) -> float | None:

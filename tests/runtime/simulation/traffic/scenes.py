@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from recipe_compiler.ir.plan import Element, Pose, TownPlan
 from recipe_compiler.library import towns
+from recipe_compiler.library.towns.highway import Motorway
 from recipe_compiler.library.towns.streets import BAY, CORNER, LANE, SIDE, STOP, StreetGrid
 
 REACH = LANE + BAY + CORNER  # from the crossing's middle to its edge
@@ -64,6 +65,11 @@ def street(length: float = 800.0) -> TownPlan:
     return TownPlan(name="street", elements=(road,))
 
 
-def motorway(lanes: int = 3) -> towns.Town:
-    """A motorway along y."""
-    return towns.build("highway", 1, {"lanes": lanes, "length": 10})
+def motorway() -> TownPlan:
+    """A motorway along y with three lanes each way."""
+    return towns.build("highway", 1, {"lanes": 3, "length": 10}).plan
+
+
+def lane(number: int) -> float:
+    """The x of the motorway's lanes towards +y, counted from the median."""
+    return Motorway(3, 500.0).lane(number)

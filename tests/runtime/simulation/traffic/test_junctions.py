@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recipe_compiler.ir.plan import ActorPlan
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
-from tests.runtime.simulation.traffic.kinematic_world import Dummy, KinematicWorld, actor
+from tests.runtime.simulation.traffic.kinematic_world import Car, KinematicWorld, actor
 from tests.runtime.simulation.traffic.scenes import (
     GREEN,
     LINE,
@@ -17,21 +18,31 @@ from tests.runtime.simulation.traffic.scenes import (
     South,
     West,
     crossing,
+    lane,
     motorway,
     street,
     through,
 )
 
-SIGNED = {"stop": (East, West)}
+SIGNED = (East, West)
 LIGHTS = {East: RED, West: RED, North: GREEN, South: GREEN}
 
 
-def _vehicle(name: str, come: tuple[int, int], go: tuple[int, int], back: float = 30.0, kind: str = "sedan.a", **more):
+def _vehicle(
+    name: str,
+    come: tuple[int, int],
+    go: tuple[int, int],
+    back: float = 30.0,
+    kind: str = "sedan.a",
+    *,
+    speed: float | None = None,
+    obeys: bool = True,
+) -> ActorPlan:
     start, route = through(come, go, back)
-    return actor(name, f"vehicle.{kind}", start=start, route=route, **more)
+    return actor(name, f"vehicle.{kind}", start=start, route=route, speed=speed, obeys=obeys)
 
 
-def _gone(body: Dummy) -> bool:
+def _gone(body: Car) -> bool:
     """Whether a vehicle has left the crossing."""
     passage = body.driver.passage
     return passage.left == len(passage.crossings) == 1
@@ -56,11 +67,10 @@ def test_the_map_shows_what_stands_in_the_town() -> None:
 
 
 def test_the_map_knows_the_lanes_of_a_motorway() -> None:
-    town = motorway()
-    roads = RoadMap(town.plan)
-    lanes = [roads.lanes(town.streets.lane(n), 0.0) for n in range(3)]
-    assert [(x.left, x.right) for x in lanes] == [(0, 2), (1, 1), (2, 0)]  # counted from the median
-    assert roads.lanes(-town.streets.lane(0), 0.0) == lanes[0]
+    roads = RoadMap(motorway())
+    lanes = [roads.lanes(lane(n), 0.0) for n in range(3)]
+    assert [(x.left, x.right) for x in lanes if x] == [(0, 2), (1, 1), (2, 0)]  # counted from the median
+    assert roads.lanes(-lane(0), 0.0) == lanes[0]
 
 
 @pytest.mark.parametrize("kinds", [("sedan.a", "sedan.a"), ("bus.city", "truck.box"), ("bicycle.a", "van.a")])
@@ -89,14 +99,14 @@ def test_without_signs_the_right_goes_first() -> None:
 
 
 def test_a_stop_sign_makes_everybody_stand() -> None:
-    world = KinematicWorld(crossing(**SIGNED), [_vehicle("a", East, East)])
+    world = KinematicWorld(crossing(stop=SIGNED), [_vehicle("a", East, East)])
     _entered(world, "a")
     assert world["a"].longest > 0.05
 
 
 def test_the_priority_road_goes_first_and_does_not_brake() -> None:
     plans = [_vehicle("side", East, East, 12.0), _vehicle("main", North, North, 40.0)]
-    world = KinematicWorld(crossing(**SIGNED), plans)
+    world = KinematicWorld(crossing(stop=SIGNED), plans)
     slowest = 9.0
     while not world["main"].driver.passage.entered:
         world.step()
@@ -112,7 +122,7 @@ def test_nobody_waits_forever_beside_a_priority_road() -> None:
     """The starvation bound: an endless column of priority traffic lets one in."""
     column = [_vehicle(f"main.{n}", North, North, 10.0 + 17.0 * n, speed=7.0) for n in range(11)]
     column += [_vehicle(f"back.{n}", South, South, 18.0 + 17.0 * n, speed=7.0) for n in range(11)]
-    world = KinematicWorld(crossing(**SIGNED), [*column, _vehicle("side", East, North, 8.0)])
+    world = KinematicWorld(crossing(stop=SIGNED), [*column, _vehicle("side", East, North, 8.0)])
     assert _entered(world, "side", 40.0) < 40.0
     world.run(15.0)
     assert not world.overlaps
@@ -232,7 +242,7 @@ def test_movements_that_meet_are_never_inside_together(
 ) -> None:
     town = {
         "none": crossing(),
-        "signs": crossing(**SIGNED),
+        "signs": crossing(stop=SIGNED),
         "lights": crossing(lights=dict.fromkeys(DIRECTIONS, GREEN)),
     }[control]
     plans = [
@@ -242,7 +252,7 @@ def test_movements_that_meet_are_never_inside_together(
     world = KinematicWorld(town, plans)
     for _ in range(900):
         world.step()
-        inside = [b for b in world.bodies if b.driver.passage.left < b.driver.passage.entered]
+        inside = [b for b in world.cars if b.driver.passage.left < b.driver.passage.entered]
         for n, a in enumerate(inside):
             for b in inside[:n]:
                 one, two = a.driver.passage.crossings[0], b.driver.passage.crossings[0]
@@ -254,4 +264,4 @@ def test_movements_that_meet_are_never_inside_together(
         if world.tick % 5 == 0:
             world.find_overlaps()
     assert not world.overlaps
-    assert all(_gone(b) for b in world.bodies), [b.driver.passage.reason for b in world.bodies]
+    assert all(_gone(b) for b in world.cars), [b.driver.passage.reason for b in world.cars]

@@ -11,7 +11,8 @@ from recipe_runtime.simulation.path import Path
 from recipe_runtime.simulation.traffic.following import style_of
 from recipe_runtime.simulation.traffic.lane_change import KEEP_RIGHT, THRESHOLD, Neighbour, Own, gain
 
-from tests.runtime.simulation.traffic.kinematic_world import KinematicWorld, actor
+from tests.runtime.simulation.traffic.kinematic_world import Dummy, KinematicWorld, actor
+from tests.runtime.simulation.traffic.scenes import lane as scene_lane
 from tests.runtime.simulation.traffic.scenes import motorway, street
 
 CAR = style_of(blueprints.match("vehicle.sedan.a")[0].shape)
@@ -49,14 +50,14 @@ def test_without_reason_nobody_leaves_the_lane_for_the_left() -> None:
     assert gain(FAST, (None, None), (None, None)) + KEEP_RIGHT - THRESHOLD > 0.0  # but for the right
 
 
-def _on_motorway(name: str, lane: int, y: float, speed: float, kind: str = "sedan.a") -> ActorPlan:
-    x = motorway().streets.lane(lane)
+def _on_motorway(name: str, number: int, y: float, speed: float, kind: str = "sedan.a") -> ActorPlan:
+    x = scene_lane(number)
     return actor(name, f"vehicle.{kind}", start=(x, y, 90.0), route=[(x, 780.0)], speed=speed)
 
 
 def test_a_slow_truck_is_overtaken_on_three_lanes() -> None:
     plans = [_on_motorway("truck", 2, -300.0, 18.0, "truck.box"), _on_motorway("car", 2, -400.0, 30.0)]
-    world = KinematicWorld(motorway().plan, plans)
+    world = KinematicWorld(motorway(), plans)
     furthest = 0.0
     for _ in range(300):
         world.step()
@@ -70,8 +71,8 @@ def test_a_slow_truck_is_overtaken_on_three_lanes() -> None:
 
 def test_nobody_changes_beyond_the_lanes() -> None:
     plans = [_on_motorway(f"v{n}", n % 3, -300.0 + 14.0 * n, 18.0 + 5.0 * (n % 4)) for n in range(12)]
-    world = KinematicWorld(motorway().plan, plans)
-    middle = [motorway().streets.lane(n) for n in range(3)]
+    world = KinematicWorld(motorway(), plans)
+    middle = [scene_lane(n) for n in range(3)]
     for _ in range(250):
         world.step()
         for body in world.bodies:
@@ -82,17 +83,17 @@ def test_nobody_changes_beyond_the_lanes() -> None:
 
 def test_a_stopped_vehicle_blocks_one_lane_only() -> None:
     plans = [_on_motorway("broken", 1, 0.0, 0.0), _on_motorway("car", 1, -300.0, 28.0)]
-    world = KinematicWorld(motorway().plan, plans)
+    world = KinematicWorld(motorway(), plans)
     world.run(35.0)
     assert world["car"].y > 100.0 and not world.overlaps
 
 
-def _east(name: str, x: float, kind: str = "sedan.a", **more: object) -> ActorPlan:
-    return actor(name, f"vehicle.{kind}", start=(x, -1.5, 0.0), route=[(780.0, -1.5)], **more)
+def _east(name: str, x: float, kind: str = "sedan.a", speed: float | None = None) -> ActorPlan:
+    return actor(name, f"vehicle.{kind}", start=(x, -1.5, 0.0), route=[(780.0, -1.5)], speed=speed)
 
 
-def _west(name: str, x: float, **more: object) -> ActorPlan:
-    return actor(name, start=(x, 1.5, 180.0), route=[(10.0, 1.5)], **more)
+def _west(name: str, x: float, speed: float | None = None) -> ActorPlan:
+    return actor(name, start=(x, 1.5, 180.0), route=[(10.0, 1.5)], speed=speed)
 
 
 def test_a_bicycle_keeps_right_and_is_overtaken_with_distance() -> None:
@@ -165,7 +166,7 @@ def test_a_pedestrian_on_the_road_is_not_run_over() -> None:
     hardest = 0.0
     for _ in range(250):
         world.step()
-        car, body = world["car"], world["walker"]
+        car, body = world["car"], world.walker("walker")
         hardest = min(hardest, car.acceleration)
         inside = abs(car.x - body.x) < car.reach + body.radius and abs(car.y - body.y) < car.radius + body.radius
         assert not inside or car.speed < 0.1
@@ -186,7 +187,7 @@ def test_the_limit_and_bends_are_kept() -> None:
         world.step()
         car = world["car"]
         fastest = max(fastest, car.speed)
-        lateral = max(lateral, abs(car.path.curvature(car.progress)[0]) * car.speed * car.speed)
+        lateral = max(lateral, abs(car.path.curvature(car.progress)) * car.speed * car.speed)
         assert car.acceleration > -3.5
     assert 12.0 < fastest < 50.0 / 3.6 + 0.3
     assert lateral < 3.5
@@ -201,3 +202,24 @@ def test_projection_near_a_place_finds_the_right_leg() -> None:
     assert path.project_near(-5.0, 0.0, 0.0, 10.0) == (-5.0, 0.0)
     assert path.tangent(52.0) == (0.0, 1.0)
     assert [leg[4] for leg in path.window(45.0, 53.0)] == [0.0, 50.0]
+
+
+class _Crossing(Dummy):
+    """A pedestrian with right of way over a road."""
+
+    crossing: tuple[float, float, float, float] | None = None
+
+
+@pytest.mark.parametrize(("x", "stops"), [(60.0, True), (28.0, False)])
+def test_a_pedestrian_at_a_crossing_has_right_of_way(x: float, stops: bool) -> None:
+    """Who stands at the kerb with right of way is let over, unless the car could not stop with comfort."""
+    walker = _Crossing(actor("walker", "walker.pedestrian.0001", start=(x, -6.0, 90.0)))
+    walker.crossing = (x, -5.3, x, 5.3)
+    world = KinematicWorld(street(), [_east("car", 10.0)])
+    world.bodies.append(walker)
+    world["car"].speed = 9.0
+    world.run(12.0)
+    assert (world["car"].speed < 0.1 and world["car"].x + world["car"].reach < x - 1.0) == stops
+    walker.y = 2.0  # past the lane
+    world.run(12.0)
+    assert world["car"].x > x + 10.0

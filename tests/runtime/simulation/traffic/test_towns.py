@@ -22,12 +22,12 @@ def _check(name: str, count: int, seconds: float, seed: int) -> None:
     while world.seconds < seconds:
         world.step()
         means.append(world.mean_speed())
-        hard += sum(body.acceleration < -5.0 for body in world.bodies)
+        hard += sum(body.acceleration < -5.0 for body in world.cars)
         if world.tick % 5 == 0:
             world.find_overlaps()
     part = len(means) // 5
     assert sum(means[-part:]) > 0.5 * sum(means[:part])
-    assert max(body.longest for body in world.bodies if body.driver) < 90.0
+    assert max(body.longest for body in world.cars) < 90.0
     assert not world.on_red
     assert not world.overlaps
     assert hard < 0.002 * len(means) * count
