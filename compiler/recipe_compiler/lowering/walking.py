@@ -19,7 +19,7 @@ CLEARANCE = 0.35  # metres between the middle of a pedestrian and an obstacle
 BODY = 0.2  # metres; nobody's middle is nearer to an obstacle
 _OUTSIDE = 0.01  # metres from the clearance to the corners where routes bend
 _MOST = 160  # obstacles in one search; a way round more of them is not found
-_STEP, _RINGS = 0.25, 80  # metres between the free places that are tried, and the most rings of them
+_STEP, _RINGS = 0.25, 200  # metres between the free places that are tried, and the most rings of them
 _LEAST = 1e-6
 
 XY = tuple[float, float]
