@@ -54,8 +54,8 @@ def check_lockfile_is_of(recipe: Path, plan: DatasetPlan, path: Path, lock: Lock
     if other is not None:
         raise InputError(
             f"{path} is the lockfile of {_short(other)}, another recipe that is named {plan.recipe!r} as {recipe} is;"
-            f" give one of them another name (`recipe: NAME`), or make a folder {recipe.parent / FOLDER} for its own"
-            f" lockfile; `recipe lock {recipe} --replace` takes this one for {recipe}"
+            f" give one of them another name (`recipe: NAME`), or create the folder {recipe.parent / FOLDER} for its"
+            f" lockfile; `recipe lock {recipe} --replace` assigns this one to {recipe}"
         )
 
 

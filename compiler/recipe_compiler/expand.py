@@ -53,7 +53,7 @@ def chosen_axes(root: Value, sweep: Sweep, problems: list[Problem]) -> Axes:
                 )
             )
         elif name in names[:index]:
-            problems.append(Problem(f"sweep.axes: {show(name)} stands twice", place, "remove one", Code.CONFLICT))
+            problems.append(Problem(f"sweep.axes: {show(name)} occurs twice", place, "remove one", Code.CONFLICT))
     return {name: all_axes[name] for name in names if name in all_axes}
 
 
@@ -68,7 +68,7 @@ def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
     total = count(axes, sweep)
     if total <= MAX_VARIANTS:
         draws = sweep.draw.count * sweep.repeats * len(sweep.draw.values) if sweep.draw else 0
-        message = f"sweep.draw: {draws} draws are more than the most allowed, {MAX_DRAWS}"
+        message = f"sweep.draw: {draws} draws exceed the limit of {MAX_DRAWS}"
         remedy = "lower `count` or `repeats`, or draw fewer values"
         where = root.place_of("sweep", "draw")
         return [Problem(message, where, remedy, Code.INPUT_LIMIT)] if draws > MAX_DRAWS else []
@@ -80,7 +80,7 @@ def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
     place = root.key_place("sweep" if root.get("sweep") else "deltas")
     product = " x ".join(factors[:20])
     shown = str(total) if total.bit_length() < 60 else f"about 10^{total.bit_length() * 30103 // 100000}"
-    message = f"{shown} variants ({product}) are more than the most allowed, {MAX_VARIANTS}"
+    message = f"{shown} variants ({product}) exceed the limit of {MAX_VARIANTS}"
     remedy = "sweep fewer axes (`sweep.axes`), or give them fewer values, repeats or draws"
     return [Problem(message, place, remedy, Code.INPUT_LIMIT)]
 

@@ -114,7 +114,7 @@ def test_a_recipe_replaces_its_own_dataset_after_every_edit(recipe: Run) -> None
         write("a.yaml", text)
         assert recipe("build", "a.yaml").exit_code == 0
     write("copy/same.yaml", RECIPE.replace("seed: 1", "seed: 2"))
-    assert "there already" in recipe("build", "copy/same.yaml").stdout
+    assert "exists (sizes checked" in recipe("build", "copy/same.yaml").stdout
     os.chdir("..")
     Path("p").rename("q")
     os.chdir("q")
@@ -147,7 +147,7 @@ def test_a_whole_dataset_whose_recipe_cannot_be_recorded_is_no_error(
     with monkeypatch.context() as patch:
         patch.setattr(provenance, "write_atomic", full)
         assert recipe("build", "a.yaml", "--out", "sets/small").exit_code == 0
-        assert "there already" in recipe("build", "a.yaml", "--out", "sets/small").stdout
+        assert "exists (sizes checked" in recipe("build", "a.yaml", "--out", "sets/small").stdout
     assert [p.name for p in Path("sets").iterdir()] == ["small"]
     killed = write("sets/..small.source.json.4711.0.tmp", "{")  # by a build that was killed while it wrote the record
     assert recipe("build", "a.yaml", "--out", "sets/small").exit_code == 0
@@ -407,4 +407,4 @@ def test_an_unfinished_build_of_another_recipe_is_not_discarded_unasked(
         InputError, match=r"unfinished build of another recipe, 'small', and this is 'other'.*--replace"
     ):
         recipe("build", "b.yaml", "--out", "X")
-    assert "10 taken up from the stopped build" in recipe("build", "a.yaml", "--out", "X").stdout
+    assert "10 resumed from the stopped build" in recipe("build", "a.yaml", "--out", "X").stdout

@@ -72,7 +72,7 @@ def test_check_warns_of_a_large_recipe(tmp_path: Path) -> None:
         path.write_text(json.dumps(recipe))
         done = CliRunner().invoke(check.command, [str(path)], catch_exceptions=False)
         assert done.exit_code == 0
-        assert f"{path}: in order, {recipe['sweep']['repeats']:,} variants\n" in done.stdout
+        assert f"{path}: valid, {recipe['sweep']['repeats']:,} variants\n" in done.stdout
         assert says in done.stderr and "`recipe plan` and `recipe build` need --allow-large" in done.stderr
 
 

@@ -71,7 +71,7 @@ def test_an_interrupted_build_counts_the_frames_that_it_kept(command: Callable[.
     assert again.stderr == second.stderr  # what an earlier build left is kept by one that did nothing
     whole = command(_whole)
     assert whole.exit_code == 0
-    assert "12 frames: 2 rendered, 10 taken up from the stopped build;" in whole.stdout
+    assert "12 frames: 2 rendered, 10 resumed from the stopped build;" in whole.stdout
 
 
 def test_frames_of_another_recipe_are_not_counted(command: Callable[..., Result], tmp_path: Path) -> None:
@@ -108,8 +108,8 @@ def test_an_interrupted_repair_claims_nothing(command: Callable[..., Result], tm
     mended = command(_whole, "--repair")
     told = "mended: weather=dry/street/rgb/000001.png has other bytes than the manifest says\n"
     assert (mended.exit_code, mended.stdout.startswith(told)) == (0, True)
-    assert "none rendered, 10 taken over from the dataset that was there, 2 taken up from the stopped" in mended.stdout
-    assert "every file has the bytes that its manifest says" in command(_whole, "--repair").stdout
+    assert "none rendered, 10 reused from the existing dataset, 2 resumed from the stopped" in mended.stdout
+    assert "every file has the bytes that its manifest lists" in command(_whole, "--repair").stdout
 
 
 def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(

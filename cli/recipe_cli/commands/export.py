@@ -22,14 +22,14 @@ from recipe_cli.progress import Progress
     type=click.Choice(["webdataset"]),
     default="webdataset",
     show_default=True,
-    help="The form to write.",
+    help="The output format.",
 )
 @click.option(
     "--shard-size",
     metavar="SIZE",
     default="1G",
     show_default=True,
-    help="A shard is at most so large, unless one frame alone is larger.",
+    help="Size limit of a shard; only a shard with a single frame may exceed it.",
 )
 @REPLACE
 @JSON

@@ -71,7 +71,7 @@ def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, by
     lock = lockfile.read(path)
     check_lockfile_is_of(recipe, compiled.plan, path, lock)
     if not lock.sealed or lock.plan != compiled.plan.digest:
-        raise InputError(f"{path} says something else than {recipe} makes now; `recipe lock --update` first")
+        raise InputError(f"{path} differs from what {recipe} compiles to now; run `recipe lock --update` first")
     name = f"{FOLDER}/{compiled.plan.recipe}"
     found = {f"{name}.lock": replace(lock, source=f"../{recipe.name}", files=compiled.files).dumps().encode()}
     if motion.exists():

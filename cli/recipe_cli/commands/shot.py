@@ -37,7 +37,7 @@ from recipe_cli.progress import Progress
     shell_complete=completion.modalities,
     help="rgb, depth, instance or semantic; rgb if it is captured.",
 )
-@output_option(LocalPath(path_type=Path, dir_okay=False), "The PNG; by default its name.")
+@output_option(LocalPath(path_type=Path, dir_okay=False), "The PNG file to write.")
 @click.option("--map", "as_map", is_flag=True, help="Draw the town from above instead; RECIPE may be a town's name.")
 @REPLACE
 @DEVICE
@@ -57,7 +57,7 @@ def command(
     allow_large: bool,
     as_json: bool,
 ) -> None:
-    """Render one frame of RECIPE into a PNG: the very pixels of the full build (depth and labels in colours).
+    """Render one frame of RECIPE into a PNG: exactly the pixels of the full build (depth and labels in colours).
 
     With --map draw its town from above: lanes, sidewalks, crossings, parking places, spawn points, and the recipe's
     actors and sensors, with coordinates in metres.

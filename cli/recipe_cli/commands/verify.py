@@ -46,14 +46,14 @@ _MAX_SHOWN = 20
     type=click.FloatRange(0.5, 0.9999),
     default=0.95,
     show_default=True,
-    help="How sure the sample must make that fewer frames than --bound differ.",
+    help="Confidence that a smaller fraction of frames than --bound differs.",
 )
 @click.option(
     "--bound",
     type=click.FloatRange(0.0001, 0.9),
     default=0.05,
     show_default=True,
-    help="The share of differing frames that the sample must rule out.",
+    help="Fraction of differing frames that the sample must detect.",
 )
 @click.option("--frames", type=click.IntRange(1), help="Check this many frames, whatever the bound.")
 @click.option("--all", "everything", is_flag=True, help="Check every frame.")
@@ -69,7 +69,7 @@ _MAX_SHOWN = 20
     type=LocalPath(path_type=Path, file_okay=False),
     default=Path("differences"),
     show_default=True,
-    help="Where pictures of differing frames go.",
+    help="Folder for pictures of differing frames.",
 )
 @DEVICE
 @WORKERS
@@ -113,7 +113,7 @@ def command(
         allow_large=allow_large,
     )
     if against is not None and (len(targets) != 1 or _is_dataset(targets[0]) or integrity):
-        raise InputError("--against holds a dataset against one recipe or lockfile; name that one")
+        raise InputError("--against compares a dataset with one recipe or lockfile; name that one")
 
     def check(target: Path | str) -> Report:
         if integrity:

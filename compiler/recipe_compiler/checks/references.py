@@ -18,11 +18,11 @@ from recipe_compiler.schema.scene import Town
 from recipe_compiler.source.yaml_reader import Value, show
 
 Check = tuple[Callable[[Value], Iterator[Problem]], tuple[str, ...]]
-"""A check, and the sections that it looks at."""
+"""A check, and the sections of the base that it reads."""
 
 
 def unknown_preset(base: Value) -> Iterator[Problem]:
-    """A weather preset that CARLA does not have."""
+    """Report an unknown weather preset."""
     name = _text(base, "weather", "preset")
     if name is not None and name not in weather.PRESETS:
         message, place = f"weather: unknown preset {show(name)}", base.place_of("weather", "preset")
@@ -30,7 +30,7 @@ def unknown_preset(base: Value) -> Iterator[Problem]:
 
 
 def unknown_town(base: Value) -> Iterator[Problem]:
-    """An unknown town, or a parameter that it does not have or refuses."""
+    """Report an unknown town, and unknown or invalid parameters of a town."""
     name, spec = _text(base, "town", "name"), base.get("town")
     if name is None or spec is None:
         return
@@ -58,7 +58,7 @@ def unknown_town(base: Value) -> Iterator[Problem]:
 
 
 def unknown_blueprint(base: Value) -> Iterator[Problem]:
-    """A blueprint or glob that matches nothing in the library."""
+    """Report blueprints and glob patterns that match nothing in the library."""
     actors = base.get("actors")
     for name in actors.map if actors else ():
         glob = _text(base, "actors", name, "blueprint")
@@ -69,7 +69,7 @@ def unknown_blueprint(base: Value) -> Iterator[Problem]:
 
 
 def blueprint_remedy(glob: str) -> str:
-    """What to write instead of a blueprint that is not there: the nearest one, or the families that there are."""
+    """Return the remedy for an unknown blueprint: the nearest id, or the list of families."""
     close = near(glob, blueprints.names())
     if close is not None:
         return f"did you mean {show(close)}?"
@@ -78,7 +78,7 @@ def blueprint_remedy(glob: str) -> str:
 
 
 def unknown_carrier(base: Value) -> Iterator[Problem]:
-    """A sensor mounted on an actor that the variant does not have."""
+    """Report sensors mounted on an actor that the variant does not have."""
     actors, sensors = base.get("actors"), base.get("sensors")
     names = list(actors.map) if actors else []
     many = base.get("traffic", "density") is not None
@@ -117,7 +117,7 @@ def unknown_mix(base: Value) -> Iterator[Problem]:
 
 
 def _removal(base: Value, section: str, name: str) -> Place | None:
-    """Where a delta removes an entry of a section, or the section whole."""
+    """Return the place where a delta removes an entry of a section, or the whole section."""
     entries = base.get(section)
     if entries is None:
         return base.keys.get(section)
@@ -125,7 +125,7 @@ def _removal(base: Value, section: str, name: str) -> Place | None:
 
 
 def names_alike(base: Value) -> Iterator[Problem]:
-    """Actors or sensors whose names differ in case only: they become folders, and some disks take them for one."""
+    """Report names that differ in case only: they become folders, and some file systems ignore case."""
     for section in ("actors", "props", "sensors"):
         entries = base.get(section)
         if entries is not None:
@@ -133,7 +133,7 @@ def names_alike(base: Value) -> Iterator[Problem]:
 
 
 def alike(entries: Value, where: str) -> Iterator[Problem]:
-    """Problems of the keys of a map that differ in case only, each at the later one."""
+    """Report keys of a map that differ in case only, at the later key."""
     seen: dict[str, str] = {}
     for name in entries.map:
         first = seen.setdefault(name.lower(), name)
@@ -143,19 +143,19 @@ def alike(entries: Value, where: str) -> Iterator[Problem]:
 
 
 def unknown_day(base: Value) -> Iterator[Problem]:
-    """A date that does not exist."""
+    """Report a date that does not exist."""
     date = _text(base, "place", "date")
     if date is None or not re.match(r"[0-9]{4}-[0-9]{2}-[0-9]{2}\Z", date):
         return
     try:
         datetime.date.fromisoformat(date)
     except ValueError:
-        message, place = f"place.date: {show(date)} is not a day of the calendar", base.place_of("place", "date")
-        yield Problem(message, place, "write a day that the month has", Code.INVALID_VALUE)
+        message, place = f"place.date: {show(date)} does not exist", base.place_of("place", "date")
+        yield Problem(message, place, "write an existing date", Code.INVALID_VALUE)
 
 
 def unknown_asset(assets: Mapping[str, str]) -> Check:
-    """The check that props name assets that there are, of the right kind; `assets`: name -> mesh or image."""
+    """Return a check that props use existing assets of the right kind; `assets`: name -> mesh or image."""
 
     def wrong_asset(base: Value) -> Iterator[Problem]:
         props = base.get("props")
@@ -166,7 +166,9 @@ def unknown_asset(assets: Mapping[str, str]) -> Check:
                     continue
                 fitting = [n for n, k in assets.items() if k == kind]
                 article = "an" if kind == "image" else "a"
-                known = f"is of kind {assets.get(asset)}, not {article} {kind}" if asset in assets else "is no asset"
+                known = (
+                    f"is of kind {assets.get(asset)}, not {article} {kind}" if asset in assets else "is not an asset"
+                )
                 message, place = f"props.{name}.{key}: {show(asset)} {known}", base.place_of("props", name, key)
                 yield Problem(message, place, nearest(asset, fitting), Code.UNKNOWN_NAME)
 

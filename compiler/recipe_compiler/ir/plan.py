@@ -395,7 +395,7 @@ class DatasetPlan(Plan):
             near = get_close_matches(name, by_name, 1, 0.3) or list(by_name)[:1]
             raise InputError(
                 f"{self.recipe} has no variant {name!r}",
-                help=f"the nearest is {near[0]!r}, and `recipe plan` lists all",
+                help=f"did you mean {near[0]!r}? `recipe plan` lists all",
                 code=Code.UNKNOWN_NAME,
             )
         return by_name[name]

@@ -16,9 +16,9 @@ from recipe_compiler.source.yaml_reader import Value, show
 Path = tuple[str | int, ...]
 
 _LIMITS = {
-    "greater_than_equal": ("ge", "is below the least allowed, {}"),
+    "greater_than_equal": ("ge", "is below the minimum, {}"),
     "greater_than": ("gt", "must be above {}"),
-    "less_than_equal": ("le", "is above the most allowed, {}"),
+    "less_than_equal": ("le", "is above the maximum, {}"),
     "less_than": ("lt", "must be below {}"),
 }
 _KINDS = {
@@ -61,7 +61,7 @@ Words = tuple[Code, str, str | None]
 
 
 def nearest(word: str, options: Iterable[str]) -> str:
-    """A remedy for a wrong name: the nearest valid one if one is near, else the valid ones, or the first of them."""
+    """Return the remedy for an unknown name: a similar valid name, else the first valid names."""
     names = list(options)
     close = near(word, names)
     if close is not None:
@@ -75,9 +75,9 @@ def nearest(word: str, options: Iterable[str]) -> str:
 
 
 def near(word: str, options: Iterable[str]) -> str | None:
-    """The option that a word is a misspelling of; None if none is near.
+    """Return the option that a word is probably a misspelling of, or None.
 
-    Words of dotted names are compared one by one: names of one family share most of their letters.
+    Dotted names are compared part by part, because names of one family share most of their letters.
     """
     names = list(options)
     parts = word[:100].split(".")
@@ -89,7 +89,7 @@ def near(word: str, options: Iterable[str]) -> str | None:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Whether one is the other, but for a slip: a number is no slip of another number."""
+    """Whether two words are equal except for a typing error; different numbers are not."""
     if one == other or (any(c in one for c in "*?") and difflib.SequenceMatcher(None, one, other).ratio() >= 0.5):
         return True
     if one.isdigit() and other.isdigit():
@@ -103,10 +103,10 @@ def translate(error: ValidationError, model: type[BaseModel], root: Value, prefi
 
 
 def details(error: ValidationError) -> list[ErrorDetails]:
-    """The errors of a validation, without those that only follow from another.
+    """Return the errors of a validation, without those that follow from another.
 
-    Pydantic blames a value that fits no member of a union once for each, and a list for those of its items that do
-    not fit as if they were missing.
+    Pydantic reports a value that matches no member of a union once per member, and counts invalid items of a list as
+    missing.
     """
     found: list[ErrorDetails] = []
     for detail in error.errors(include_url=False):
@@ -121,7 +121,7 @@ def details(error: ValidationError) -> list[ErrorDetails]:
 
 def _problem(detail: ErrorDetails, model: type[BaseModel], root: Value, prefix: Path) -> Problem:
     path = (*prefix, *_without_markers(detail["loc"]))
-    if "key" in detail.get("ctx", {}):  # an error of a map that one of its keys is to blame for
+    if "key" in detail.get("ctx", {}):  # the error of a map that one of its keys causes
         path = (*path, detail["ctx"]["key"])
     key_is_wrong = detail["loc"][-1:] == ("[key]",)
     if detail["type"] == "extra_forbidden" or key_is_wrong:
@@ -186,7 +186,7 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wron
     if kind in {"too_short", "too_long"}:
         return _size(where, kind, context)
     if kind == "string_too_short":
-        return Code.INVALID_VALUE, f"{around}: an empty text stands for nothing", "remove it"
+        return Code.INVALID_VALUE, f"{around}: the text is empty", "remove it"
     if kind == "finite_number":
         return Code.INVALID_VALUE, f"{where}: is not a finite number", "write a finite one"
     given = "nothing" if value is None else show(value)
@@ -206,7 +206,7 @@ def _unknown_key(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Wo
     keys = fields_at(model, _without_markers(detail["loc"][:-1]))
     own = _CARLA.get(str(path[-1]))
     if own in keys:
-        return Code.UNKNOWN_KEY, what, f"what CARLA calls so is {show(own)} here"
+        return Code.UNKNOWN_KEY, what, f"CARLA's {path[-1]} is {show(own)} here"
     return Code.UNKNOWN_KEY, what, nearest(str(path[-1]), keys)
 
 
@@ -256,7 +256,7 @@ def _size(where: str, kind: str, context: Mapping[str, int]) -> Words:
     number = context["actual_length"]
     if kind == "too_long":
         most = context["max_length"]
-        return Code.OUT_OF_RANGE, f"{where}: {number} items are more than the most allowed, {most}", "remove some"
+        return Code.OUT_OF_RANGE, f"{where}: {number} items exceed the limit of {most}", "remove some"
     least = context["min_length"]
     message = f"{where}: needs at least {least} item{'s' if least > 1 else ''}, has {number}"
     return Code.OUT_OF_RANGE, message, "add one" if least - number == 1 else "add some"

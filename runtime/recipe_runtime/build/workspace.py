@@ -318,7 +318,7 @@ def check_out(out: Path) -> None:
         raise InputError(f"{out} is not a folder", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
     if out.is_mount():  # publishing is a rename, which cannot replace a mount point
         remedy = f"choose a folder in it, such as {out / 'dataset'}"
-        raise InputError(f"{out} is where a disk is mounted", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
+        raise InputError(f"{out} is a mount point", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
     _check_outside_datasets(out)
     if not out.is_dir() or not any(out.iterdir()):
         return

@@ -1,8 +1,8 @@
-"""A dataset folder, read back: its plan, its digests as a lockfile, and whether its files are what they must be.
+"""Reads a dataset folder: its plan, its digests as a lockfile, and whether its files are correct.
 
-A folder may be anyone's. What it says is held to the bounds of `admission` before any of it is used; nothing in it
-is followed out of it. Which files there must be is the plan's to say, and what is in the texts follows from plan,
-labels and traces: a manifest that was rewritten to match another file convinces nobody.
+The folder is not trusted. Its content is checked against the limits of `dataset.limits` before use, and links are not
+followed. The plan determines which files must exist, and plan, labels and traces determine the content of text files,
+so a manifest that was changed to match a forged text file is detected.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ from recipe_runtime.dataset.plan_reader import MAX_PLAN_BYTES, PlanReader
 from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv
 
-_MOST_LINE = 16 * 2**20  # bytes of one frame's labels
+_MOST_LINE = 16 * 2**20  # limit of one frame's labels, bytes
 
-Fault = tuple[str, str]  # the path of a file, and a line that names it and says what is wrong
+Fault = tuple[str, str]  # path of a file, and a message of one line that names it
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """What a folder says that it holds."""
+    """The content of a dataset folder, according to its manifest and plans."""
 
     root: Path
     plan: DatasetPlan
     lock: Lockfile
     files: dict[str, tuple[int, str]]  # path -> size, SHA-256
-    name: str  # what people call the folder
-    recipe_file: str | None = None  # where the recipe lies in it
+    name: str  # name in messages
+    recipe_file: str | None = None  # path of the recipe in the folder
 
 
 def read(root: Path, name: str = "") -> Dataset:
@@ -76,7 +76,7 @@ def read(root: Path, name: str = "") -> Dataset:
         ) from None
     except InputError as error:
         raise InputError(
-            f"{name}: {str(error).splitlines()[0]}; no dataset of this project says so", code=Code.INVALID_DATASET
+            f"{name}: {str(error).splitlines()[0]}; not a dataset of this project", code=Code.INVALID_DATASET
         ) from None
     except (OSError, *DAMAGE) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -87,7 +87,10 @@ def read(root: Path, name: str = "") -> Dataset:
 
 
 def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -> None:
-    """ValueError for a manifest that has many more rows than its plan stands for; a few are reported one by one."""
+    """Check that a manifest does not have far more rows than its plan requires.
+
+    Few surplus rows are reported singly.
+    """
     rows = [row["frames"] for row in manifest["variants"].values()]
     frames = sum(len(values) for sensors in rows for sensor in sensors.values() for values in sensor.values())
     for number, most, what in (
@@ -95,15 +98,15 @@ def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -
         (frames, row_count(plan), "digests of frames"),
     ):
         if number > 4 * most + 10_000:
-            raise ValueError(f"it lists {number:,} {what}, and its plan stands for {most:,}")
+            raise ValueError(f"it lists {number:,} {what}, and its plan requires {most:,}")
 
 
 def plan_alone(path: Path) -> DatasetPlan:
-    """One expanded plan from its file, as a dataset of one variant; InputError if it is none."""
+    """Read one expanded plan from its file, as a dataset of one variant; InputError if it is invalid."""
     try:
         found = path.lstat()
         if not stat.S_ISREG(found.st_mode) or found.st_size > MAX_PLAN_BYTES:
-            raise ValueError("it is no plain file, or too large")
+            raise ValueError("it is not a regular file, or too large")
         variant = PlanReader().read(path.read_bytes())
         alone = DatasetPlan(recipe=path.stem[:100], description="", variants=(variant,), annotations=(), depth="carla")
         check_bounds(alone)
@@ -120,25 +123,25 @@ def plan_alone(path: Path) -> DatasetPlan:
 
 
 def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
-    """Files that are missing, surplus, no plain files, or whose bytes are not the manifest's; one fault each.
+    """Return files that are missing, surplus, not regular, or whose content differs from the manifest; one fault each.
 
-    Every file is read once, in pieces; links are reported, and not followed.
+    Every file is read once, in chunks. Links are reported and not followed.
     """
     expected, listed = layout.expected_files(dataset.plan), {*dataset.files, layout.MANIFEST}
-    if dataset.recipe_file is not None:  # which files these must be, the recipe says
+    if dataset.recipe_file is not None:  # the recipe determines these files
         expected |= {path for path in listed if layout.is_recipe_file(path)}
     folders = {parent.as_posix() for path in expected | listed for parent in PurePosixPath(path).parents}
     kinds = dict(_entries(dataset.root, folders))
     found = _frames_without_digest(dataset)
     found += [(path, f"{path} is missing, and the manifest does not list it") for path in sorted(expected - listed)]
     found += [(path, f"{path} is in the manifest, and no file of this plan") for path in sorted(listed - expected)]
-    known: dict[tuple[int, int], str] = {}  # by device and inode: labels that variants share are read once
+    known: dict[tuple[int, int], str] = {}  # by device and inode: hard-linked labels are read once
     for number, (path, (size, sha256)) in enumerate(dataset.files.items(), start=1):
         damage = _file_damage(dataset.root, path, kinds.get(path), size, sha256, known)
         found += [(path, damage)] if damage else []
         progress("files", number, len(dataset.files))
     for path, kind in sorted(kinds.items()):
-        shown = path if path.isprintable() else ascii(path)  # a name may hold what a terminal obeys
+        shown = path if path.isprintable() else ascii(path)  # a name may contain control characters
         if kind == "folder" and path not in folders:
             found.append((path, f"{shown}/ is a folder of no file of this plan"))
         elif kind != "folder" and path not in listed:
@@ -147,10 +150,11 @@ def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
 
 
 def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Fault]:
-    """What the dataset's texts say otherwise than its plan, its labels and the given traces (by scene digest) do.
+    """Return faults of text files that contradict the plan, the labels or the given traces.
 
-    Labels are read line by line and compared with the manifest's digests; annotation files, sequence lists, plans and
-    card are made again from them, and `tracks.csv` from its scene's trace where there is one; then bytes are compared.
+    Labels are read line by line and compared with the manifest's digests. Annotation files, sequence lists, plans and
+    README are generated again from them, and `tracks.csv` from the scene's Trace (by scene digest) if it is given; then
+    the bytes are compared.
     """
     videos: list[Video] = []
     found: list[Fault] = []
@@ -168,7 +172,7 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
         if variant.scene.digest in traces:
             found += tracks_difference(dataset, variant, traces[variant.scene.digest])
     if found and len(videos) < len({(v.variant, s.name) for v in dataset.plan.variants for s in v.rig.sensors}):
-        return found  # without all labels nothing can be made from them
+        return found  # all labels are required to generate the files
     known = dataset.plan, dataset.lock.identity, videos
     for path, make in (*annotation_texts(*known), *closing_texts(*known, dataset.recipe_file)):
         found += _text_difference(dataset.root, path, make)
@@ -182,7 +186,7 @@ def tracks_difference(dataset: Dataset, variant: ScenarioPlan, trace: Trace) -> 
 
 
 def _entries(root: Path, folders: Collection[str]) -> Iterator[tuple[str, str]]:
-    """Every entry of the given folders below a root, and its kind; a link is one, and not followed."""
+    """Yield every entry of the given folders below a root, with its kind; links are listed and not followed."""
     waiting = ["."]
     while waiting:
         folder = waiting.pop()
@@ -217,7 +221,7 @@ def _file_damage(
 
 
 def _frames_without_digest(dataset: Dataset) -> list[Fault]:
-    """What the manifest's frames lack or have beyond the plan's."""
+    """Return the frames that the manifest lacks, or has in addition to the plan."""
     rows, expected = digests.bare(dataset.plan, "", {}).variants, set()
     for variant in dataset.plan.variants:
         key, frames = rows[variant.variant], range(variant.scene.clock.frames)
@@ -237,10 +241,10 @@ def _frames_without_digest(dataset: Dataset) -> list[Fault]:
 
 
 def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Iterator[LabelledFrame]:
-    """The labels of a video's frames; ValueError for the first line that is not the manifest's."""
+    """Return the labels of a video's frames; ValueError at the first line that differs from the manifest."""
     path = layout.labels_file(variant.variant, sensor.name)
     if regular_file(dataset.root, path) is None:
-        raise ValueError("missing, or no plain file")
+        raise ValueError("missing, or not a regular file")
     row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
     with (dataset.root / path).open("rb") as lines:
         for frame in range(variant.scene.clock.frames):
@@ -263,7 +267,7 @@ def _text_difference(root: Path, path: str, make: Callable[[], str]) -> list[Fau
 
 
 def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[Fault]:
-    """What is wrong with a file that is to consist of these pieces."""
+    """Return the fault of a file that must consist of these pieces, or None."""
     if regular_file(root, path) is None:
         return [(path, f"{path} is missing or cannot be read")]
     with (root / path).open("rb") as file:
@@ -272,21 +276,21 @@ def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[F
 
 
 def recipe_file_of(manifest: Manifest, files: Collection[str]) -> str | None:
-    """Where a manifest says that the recipe lies; ValueError if that is no file of the recipe that it lists."""
+    """Return the recipe's path according to the manifest; ValueError if it is not a listed file of the recipe."""
     path = manifest.get("recipe_file")
     if path is not None and (path not in files or not layout.is_recipe_file(path)):
-        raise ValueError("recipe_file is no file of the recipe")
+        raise ValueError("recipe_file is not a file of the recipe")
     return path
 
 
 def _plan(root: Path, manifest: Manifest, files: Collection[str]) -> DatasetPlan:
     order = manifest["order"]
     if not isinstance(order, list) or not order or not all(isinstance(name, str) for name in order):
-        raise ValueError("order is no list of variants' names")
+        raise ValueError("order is not a list of variant names")
     variants, reader = [], PlanReader()
     for name in order:
         path = layout.plan_file(name)
-        if path not in files:  # its own list holds no path that leads out of the folder
+        if path not in files:  # the list contains no path that leads out of the folder
             raise ValueError(f"the plan of {name!r} is not among its files")
         try:
             variant = reader.read(_bytes_of(root, path))

@@ -17,12 +17,12 @@ from recipe_runtime.simulation.chassis.kinds import GRIP, vehicle_kind, yaw_iner
 from recipe_runtime.simulation.chassis.steering import Steering
 from recipe_runtime.simulation.chassis.suspension import Suspension, Wheels
 from recipe_runtime.simulation.path import Path
+from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE
 from recipe_runtime.simulation.traffic.driver import Command, Driver
 
 _STEERING = 1.57  # steering rate of the front wheels, rad/s
 _STOPPING = 5.0  # m/s2, after a collision
 _HARD, _HIT = 0.3, 0.01  # m/s, change of the speed that stops it: by anything, and by a person while it moves
-_SIDESTEP, _SIDESTEP_SLOPE = 1.0, 0.2  # lateral speed of a lane change: m/s, and of its speed
 _TIP = 50.0  # lean rate of a two-wheeler, degrees/s
 
 
@@ -135,7 +135,7 @@ class VehicleAgent(Agent):
         return max(0.0, ahead + max(-kind.brake, min(kind.drive, self._command.acceleration)) * self._dt)
 
     def _steer_to_path(self, speed: float) -> None:
-        shift = min(_SIDESTEP, _SIDESTEP_SLOPE * speed)
+        shift = min(SIDESTEP, SIDESTEP_SLOPE * speed)
         line = move_towards(self._line, self._command.offset, shift * self._dt)
         slope = 0.0 if line == self._line else (shift if line > self._line else -shift) / max(speed, 0.1)
         self._line = line

@@ -223,7 +223,7 @@ def _whole(dataset: Dataset, path: str) -> bytes:
     size, sha256 = dataset.files.get(path, (-1, ""))
     there = regular_file(dataset.root, path)
     if there is None:
-        raise _damaged(dataset, f"{path} is missing, or no plain file")
+        raise _damaged(dataset, f"{path} is missing, or not a regular file")
     if there.st_size != size:
         raise _damaged(dataset, f"{path} has {count(there.st_size, 'byte')}, not {size:,}")
     try:

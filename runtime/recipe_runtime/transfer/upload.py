@@ -231,7 +231,7 @@ def scheme_of(url: str) -> str:
         raise InputError(f"{urls.shown(url)} chains several schemes with `::`; name one place, without a chain")
     if scheme not in SCHEMES:
         known = ", ".join(f"{name}://" for name in SCHEMES)
-        raise InputError(f"{urls.shown(url)}: {scheme}:// is no scheme for a dataset; use one of {known}")
+        raise InputError(f"{urls.shown(url)}: {scheme}:// is not a supported scheme; use one of {known}")
     return scheme
 
 

@@ -116,7 +116,7 @@ def _entries(body: bytes, locked: Mapping[str, str]) -> list[tuple[str, Trace]]:
 def _unpacked(packed: memoryview, size: int) -> Trace:
     """Unpack a Trace into a temporary file; more bytes than `size` are refused before they are written."""
     if not 0 < size <= MOST_BYTES:
-        raise ValueError(f"a Trace of {size} bytes is none")
+        raise ValueError(f"a Trace cannot have {size} bytes")
     unpacker, left = zlib.decompressobj(), size
     with tempfile.TemporaryFile() as file:
         for start in range(0, len(packed), _PIECE):
@@ -135,4 +135,4 @@ def _unpacked(packed: memoryview, size: int) -> Trace:
         return Trace.from_file(file)
 
 
-_SIZE = "a Trace does not have the size that is told"
+_SIZE = "a Trace does not have the stated size"

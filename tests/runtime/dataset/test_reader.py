@@ -175,7 +175,7 @@ def street(**values: Any) -> SensorPlan:
         (street(height=0), "64x0 is over"),
         (street(fov=180), "a camera of 180"),
         (street(lens_k=0.9, fov=170), "its lens needs a view wider than"),
-        (street(lens_k=50.0), "its lens is none"),
+        (street(lens_k=50.0), "invalid lens"),
         (street(on="nobody"), "on 'nobody'"),
         (street(poses=()), "poses are neither"),
     ],
@@ -194,7 +194,7 @@ def test_a_camera_response_out_of_bounds_is_refused(changes: dict[str, float]) -
     variant = PLAN.variants[0]
     responses = {n: r.model_copy(update=changes) for n, r in variant.appearance.responses.items()}
     appearance = variant.appearance.model_copy(update={"responses": responses})
-    with pytest.raises(InputError, match="its camera response is none"):
+    with pytest.raises(InputError, match="its camera response is invalid"):
         check_bounds(PLAN.model_copy(update={"variants": (variant.model_copy(update={"appearance": appearance}),)}))
 
 
@@ -203,7 +203,7 @@ def test_a_clock_out_of_bounds_is_refused(frames: int, fps: int) -> None:
     variant = PLAN.variants[0]
     clock = variant.scene.clock.model_copy(update={"frames": frames, "fps": fps})
     scene = variant.scene.model_copy(update={"clock": clock})
-    with pytest.raises(InputError, match=r"frames are over|is none"):
+    with pytest.raises(InputError, match=r"frames are over|is invalid"):
         check_bounds(PLAN.model_copy(update={"variants": (variant.model_copy(update={"scene": scene}),)}))
 
 

@@ -180,7 +180,7 @@ def test_damage_is_not_sent(url: str, built: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("url", "message"),
     [
-        ("nowhere://bucket/x", "nowhere://bucket/x: nowhere:// is no scheme for a dataset"),
+        ("nowhere://bucket/x", "nowhere://bucket/x: nowhere:// is not a supported scheme"),
         ("gs://bucket/x", r"its library is not installed; install it: pip install 'gcsfs>=2024\.6'"),
     ],
 )
