@@ -196,7 +196,7 @@ class Walkers:
         early = np.where(aim > level, _smooth(2.2 * u), _smooth(1.8 * u - 0.8))
         swing_z = z0 + (z1 - z0) * _smooth(u * 1.15) + hump + level + (aim - level) * early
         dx, dy = hx + (ahx - hx) * part, hy + (ahy - hy) * part
-        size = np.sqrt(dx * dx + dy * dy)
+        size = np.maximum(1e-9, np.sqrt(dx * dx + dy * dy))  # a foot that turns right round has no direction halfway
         on = feet.planted
         return _Ankles(
             x=np.where(on, x + ahead * hx, swing_x),
