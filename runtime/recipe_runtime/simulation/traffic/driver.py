@@ -35,6 +35,7 @@ _LATERAL, _EARLY_BRAKING = 2.0, 1.2  # m/s2 in bends, and before lower speeds
 _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
 _AT_LINE = 0.7  # metres between the front and the place where one waits
 _FIRM = 4.0  # m/s2, to stop where one waits and not only at the painted line behind it
+_SLACK = 0.5  # metres by which queues may stay longer than they must
 _PASSING = 1.5  # m/s of a vehicle that crosses, from which it counts as about to be gone
 _LONG = 3.2  # half length from which the swing of the body counts
 _PULL_OUT = 11.0  # metres more behind a standing obstacle, from which a vehicle can pass it
@@ -211,7 +212,7 @@ class Driver:
         """Store how far the front may go before it stands behind somebody."""
         room = solid = math.inf
         for obstacle in found:
-            here, body = obstacle.gap, obstacle.body
+            here, body = max(0.0, obstacle.gap - self.style.gap - _SLACK), obstacle.body
             driver = getattr(body, "driver", None)
             if driver is not None and body.actor.speed > 0.0:
                 if obstacle.along > 0.3:
@@ -222,7 +223,7 @@ class Driver:
             solid = solid if obstacle.person else min(solid, here)
         self.passage.room, self.passage.solid_room = room, solid
         end = math.inf if self.actor.entry is not None else vehicle.path.length - vehicle.progress
-        self.passage.extent = max(0.0, min(room, line, end))
+        self.passage.extent = max(0.0, min(room, line - _AT_LINE, end))
 
     def _choose_offset(
         self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, seconds: float
