@@ -269,13 +269,10 @@ def test_movements_that_meet_are_never_inside_together(
 
 def test_a_standing_queue_has_no_room_behind_it() -> None:
     """The gaps inside a queue are not room: five cars stand up to the junction, and a sixth must not enter."""
-    queue = [
-        actor(f"q{n}", start=(LINE + 4.0 + 7.0 * n, -1.5, 0.0), route=[(190.0, -1.5)]) for n in range(5)
-    ]  # the last one's rear is 1.7 m behind the junction
-    world = KinematicWorld(crossing(), [*queue, _vehicle("a", East, East), _vehicle("b", North, North, 60.0)])
-    for _ in range(300):
-        world["q4"].speed = 0.0
-        world["q4"].progress = 0.0
-        world.step()
+    places = [LINE + 4.0 + 7.0 * n for n in range(5)]  # the last one's rear is 1.7 m behind the junction
+    queue = [actor(f"q{n}", start=(x, -1.5, 0.0), route=[(190.0, -1.5)]) for n, x in enumerate(places)]
+    walker = actor("walker", "walker.pedestrian.0001", start=(places[-1] + 5.0, -1.5, 90.0))
+    world = KinematicWorld(crossing(), [*queue, walker, _vehicle("a", East, East), _vehicle("b", North, North, 50.0)])
+    world.run(20.0)
     assert not world["a"].driver.passage.entered and world["a"].driver.passage.reason == "room"
     assert _gone(world["b"]) and not world.overlaps
