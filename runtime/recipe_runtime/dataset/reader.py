@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 
 from recipe_compiler.ir.errors import Code, InputError
@@ -48,6 +48,7 @@ class Dataset:
     files: dict[str, tuple[int, str]]  # path -> size, SHA-256
     name: str  # name in messages
     recipe_file: str | None = None  # path of the recipe in the folder
+    plan_digests: Mapping[str, str] = field(default_factory=dict)  # variant -> digest of its plan
 
 
 def read(root: Path, name: str = "") -> Dataset:
@@ -83,7 +84,8 @@ def read(root: Path, name: str = "") -> Dataset:
         raise InputError(
             f"{name}: its manifest or a plan is damaged ({reason}); build the dataset again", code=Code.INVALID_DATASET
         ) from None
-    return Dataset(root, plan, lock, files, name, recipe_file)
+    plan_digests = {variant: row["plan"] for variant, row in manifest["variants"].items()}
+    return Dataset(root, plan, lock, files, name, recipe_file, plan_digests)
 
 
 def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -> None:
