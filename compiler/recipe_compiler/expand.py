@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.ir.errors import Code, Place, Problem
@@ -22,6 +22,7 @@ from recipe_compiler.source.merge import Merger, expand_shorthands
 from recipe_compiler.source.yaml_reader import Value, show
 
 MAX_NAME = 200  # a variant's name is a folder's, and file systems end at 255 bytes
+_MAX_MERGES = 300  # of deltas, to check a recipe whose sweep cannot be expanded
 PLAIN_NAME = "base"  # of the variant of a recipe without axes
 
 Axes = dict[str, dict[str, Value]]  # axis -> value -> delta
@@ -152,6 +153,31 @@ def variants(root: Value, axes: Axes, sweep: Sweep, seed: int) -> Iterator[Varia
                 final = _merged(merger, final, patch)
             number = (repeat - 1) * draws + draw
             yield Variant(name_of(combination, number), repeat_seed(seed, repeat), final)
+
+
+def covering(root: Value, rules: Sequence[Mapping[str, str]]) -> Iterator[Variant]:
+    """Few variants in which the values of all axes occur, to check a recipe whose sweep cannot be expanded.
+
+    Malformed values are left out, and so are the combinations that a rule of `rules` excludes.
+    """
+    deltas = root.get("deltas")
+    axes = {
+        axis: [(name, delta) for name, delta in values.map.items() if isinstance(delta.data, dict)]
+        for axis, values in (deltas.map.items() if deltas else ())
+        if isinstance(values.data, dict)
+    }
+    axes = {axis: values for axis, values in axes.items() if values}
+    merger, base = Merger(), expand_shorthands(root.map["base"])
+    number = min(max(map(len, axes.values()), default=0), _MAX_MERGES // max(1, len(axes)))
+    for index in range(number):
+        chosen = {axis: values[index % len(values)] for axis, values in axes.items()}
+        combination = {axis: name for axis, (name, _) in chosen.items()}
+        if any(rule.items() <= combination.items() for rule in rules):
+            continue
+        merged = base
+        for _, delta in chosen.values():
+            merged = _merged(merger, merged, delta)
+        yield Variant(name_of(combination, 1), 0, merged)
 
 
 def _merged(merger: Merger, base: Value, patch: Value) -> Value:

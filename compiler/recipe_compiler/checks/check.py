@@ -31,8 +31,12 @@ class Checker:
     """Validates merged bases, section by section, and caches results by the identity of the section."""
 
     def __init__(self, base: Value, assets: Mapping[str, str] | None = None) -> None:
-        """`base` is the recipe's own, before any delta: what deltas may name. `assets`: name -> mesh or image."""
-        self._checks = (*references.CHECKS, references.unknown_asset(assets or {}))
+        """`base` is the recipe's own, before any delta: what deltas may name.
+
+        `assets`: name -> mesh or image; None if they are not known, and names of assets are not checked.
+        """
+        own = () if assets is None else (references.unknown_asset(assets),)
+        self._checks = (*references.CHECKS, *own)
         self._names = {kind: set(value.map) if (value := base.get(kind)) else set() for kind in _NAMED}
         self._checked: dict[tuple[object, ...], tuple[object, list[Problem]]] = {}
         self._seen: dict[tuple[str, int], tuple[Value | None, object, list[Problem]]] = {}

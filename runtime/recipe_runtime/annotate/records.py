@@ -99,7 +99,7 @@ class Video:
     variant: str
     sensor: SensorPlan
     fps: int
-    frames: tuple[FrameRecord, ...]
+    frames: Sequence[FrameRecord]
 
     @property
     def name(self) -> str:

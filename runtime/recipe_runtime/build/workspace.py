@@ -49,10 +49,8 @@ from recipe_runtime.dataset.manifest_types import Manifest, ManifestHead
 from recipe_runtime.dataset.schedule import Shard, View
 
 _JOB = "job.json"
-_REMEDY = "free some space or allow writing, then build again: what is done is kept"
-
-
 _MAX_JOB = 1 << 24  # bytes of `job.json`
+_REMEDY = "free some space or allow writing, then build again: what is done is kept"
 
 
 class BuildJob(ManifestHead):
@@ -88,6 +86,7 @@ class Workspace:
                 self._recover()
                 if not self._is_mine():
                     self._clear()
+                self._remove_links()
                 make_folder(self.dataset)
                 make_folder(self._shards.folder)
             except BaseException:
@@ -115,7 +114,8 @@ class Workspace:
         return (shard, view) in self._shards
 
     def _holds(self, path: str, size: int, sha256: str) -> bool:
-        return (self.dataset / path).lstat().st_size == size and file_sha256(self.dataset / path) == sha256
+        found = regular_file(self.dataset, path)
+        return found is not None and found.st_size == size and file_sha256(self.dataset / path) == sha256
 
     def kept(self) -> int:
         """Return the number of finished frames, according to the names of the records.
@@ -229,10 +229,29 @@ class Workspace:
         return [stamp_of(found)] == list(row[2:]) or file_sha256(self.dataset / path) == row[1]
 
     def _sweep(self, files: Collection[str]) -> None:
-        """Remove files that do not belong to the dataset, such as partial files of a killed build."""
-        for path in sorted(p for p in self.dataset.rglob("*") if not p.is_dir()):
-            if path.relative_to(self.dataset).as_posix() not in files:
-                path.unlink()
+        """Remove files, links and folders that are not the dataset's, such as partial files of a killed build."""
+        folders = set[str]()
+        for path in files:
+            folder = path.rpartition("/")[0]
+            while folder and folder not in folders:
+                folders.add(folder)
+                folder = folder.rpartition("/")[0]
+        for found in sorted(self.dataset.rglob("*"), reverse=True):  # the content of a folder before the folder
+            name = found.relative_to(self.dataset).as_posix()
+            if not is_folder(found):
+                if name not in files:
+                    found.unlink()
+            elif name not in folders:
+                found.rmdir()
+
+    def _remove_links(self) -> None:
+        """Remove symbolic links, so that nothing is written through one; the files behind them are made again."""
+        for folder in (self.dataset, self._shards.folder):
+            if folder.is_symlink():
+                folder.unlink()
+            for path in sorted(folder.rglob("*")):
+                if path.is_symlink():
+                    path.unlink()
 
     def _take(self) -> None:
         """Create and lock the folder; a lock on a folder that was published in the meantime is discarded."""

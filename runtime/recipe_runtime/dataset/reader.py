@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.lockfile import Lockfile, VariantRow
@@ -34,6 +35,7 @@ from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, i
 from recipe_runtime.dataset.tracks import tracks_csv
 
 _MOST_LINE = 16 * 2**20  # limit of one frame's labels, bytes
+_MOST_KEPT = 32 * 2**20  # bytes of labels that are kept in memory while texts are compared; others are read again
 
 Fault = tuple[str, str]  # path of a file, and a message of one line that names it
 
@@ -160,16 +162,23 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
     """
     videos: list[Video] = []
     found: list[Fault] = []
+    kept = 0  # bytes of labels
     for variant in dataset.plan.variants:
         for sensor in variant.rig.sensors:
-            video = Video(variant.variant, sensor, variant.scene.clock.fps, ())
+            path = layout.labels_file(variant.variant, sensor.name)
+            frames = _LabelledFrames(dataset, variant, sensor)
             try:
-                labelled = labels(dataset, variant, sensor)
-                frames: list[FrameRecord] = [{**row, "digests": {}, "rgb": {}, "files": {}} for row in labelled]
-                videos.append(replace(video, frames=tuple(frames)))
+                size = frames.size()
+                if kept + size <= _MOST_KEPT:
+                    video = Video(variant.variant, sensor, variant.scene.clock.fps, tuple(frames))
+                    kept += size
+                else:
+                    video = Video(variant.variant, sensor, variant.scene.clock.fps, frames)
+                    for _ in frames:  # each is checked, and none is kept
+                        pass
+                videos.append(video)
             except (OSError, *DAMAGE) as error:
                 reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-                path = layout.labels_file(variant.variant, sensor.name)
                 found.append((path, f"{path}: {reason}"))
         if variant.scene.digest in traces:
             found += tracks_difference(dataset, variant, traces[variant.scene.digest])
@@ -179,6 +188,30 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
     for path, make in (*annotation_texts(*known), *closing_texts(*known, dataset.recipe_file)):
         found += _text_difference(dataset.root, path, make)
     return found
+
+
+class _LabelledFrames(Sequence[FrameRecord]):
+    """The labelled frames of a video, read from its file each time that they are iterated over."""
+
+    def __init__(self, dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> None:
+        self._known = dataset, variant, sensor
+
+    def __iter__(self) -> Iterator[FrameRecord]:
+        for row in labels(*self._known):
+            yield {**row, "digests": {}, "rgb": {}, "files": {}}
+
+    def __len__(self) -> int:
+        return self._known[1].scene.clock.frames
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return one frame or a slice; the file is read for it."""
+        return tuple(self)[index]
+
+    def size(self) -> int:
+        """Return the size of the file in bytes; 0 if there is none."""
+        dataset, variant, sensor = self._known
+        found = regular_file(dataset.root, layout.labels_file(variant.variant, sensor.name))
+        return found.st_size if found is not None else 0
 
 
 def tracks_difference(dataset: Dataset, variant: ScenarioPlan, trace: Trace) -> list[Fault]:
@@ -261,12 +294,11 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
             raise ValueError("it has more lines than frames")
 
 
-def _text_difference(root: Path, path: str, make: Callable[[], str]) -> list[Fault]:
+def _text_difference(root: Path, path: str, make: Callable[[], Iterable[str]]) -> list[Fault]:
     try:
-        text = make().encode()
+        return _pieces_difference(root, path, (piece.encode() for piece in make()))
     except DAMAGE as error:
         return [(path, f"{path} cannot be made from the labels: {type(error).__name__}")]
-    return _pieces_difference(root, path, [text])
 
 
 def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[Fault]:

@@ -7,7 +7,7 @@ so that each line has the digest that lockfile and manifest hold for the frame.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from recipe_compiler.ir.canonical import canonical_bytes, pretty
@@ -23,7 +23,7 @@ from recipe_runtime.dataset.json_stream import loads
 _MOST_RUN_CODES = 12  # characters a pixel of all masks of a frame: two runs of at most six
 _MOST_VALUES = 2_000_000  # of one frame's labels; the codes of masks hold brackets, which are counted
 
-Text = tuple[str, Callable[[], str]]  # a file's path, and what makes it
+Text = tuple[str, Callable[[], Iterable[str]]]  # a file's path, and what makes its pieces
 
 
 def labels_text(video: Video) -> str:
@@ -84,10 +84,10 @@ def annotation_texts(dataset: DatasetPlan, identity: str, videos: Sequence[Video
     if "coco" in kinds:
         yield layout.coco_file("rgb"), lambda: flat_coco(dataset, identity, videos, "rgb")
     if "mots_txt" in kinds:
-        yield layout.MOTS_SEQMAP, lambda: seqmap([_sequence(video) for video in videos])
+        yield layout.MOTS_SEQMAP, lambda: [seqmap([_sequence(video) for video in videos])]
         for video in videos:
             yield layout.mots_text_file(video.variant, video.sensor.name), lambda v=video: _mots(v)  # type: ignore[misc]
-            yield layout.seqinfo_file(video.variant, video.sensor.name), lambda v=video: _seqinfo(v)  # type: ignore[misc]
+            yield layout.seqinfo_file(video.variant, video.sensor.name), lambda v=video: [_seqinfo(v)]  # type: ignore[misc]
 
 
 def closing_texts(
@@ -95,20 +95,18 @@ def closing_texts(
 ) -> Iterator[Text]:
     """The plans and the card. `recipe_file`: where the recipe lies in the dataset, if it does."""
     for variant in dataset.variants:
-        yield layout.plan_file(variant.variant), lambda v=variant: pretty(v.document())  # type: ignore[misc]
-    yield layout.CARD, lambda: card(dataset, identity, videos, recipe_file)
+        yield layout.plan_file(variant.variant), lambda v=variant: [pretty(v.document())]  # type: ignore[misc]
+    yield layout.CARD, lambda: [card(dataset, identity, videos, recipe_file)]
 
 
 def _sequence(video: Video) -> str:
     return layout.sequence(video.variant, video.sensor.name)
 
 
-def _objects(video: Video) -> list[list[LabelRecord]]:
-    return [record["objects"] for record in video.frames]
-
-
-def _mots(video: Video) -> str:
-    return mots_lines(_objects(video), video.sensor.camera.width, video.sensor.camera.height)
+def _mots(video: Video) -> Iterator[str]:
+    return mots_lines(
+        (record["objects"] for record in video.frames), video.sensor.camera.width, video.sensor.camera.height
+    )
 
 
 def _seqinfo(video: Video) -> str:

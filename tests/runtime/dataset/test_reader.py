@@ -76,6 +76,27 @@ def test_what_was_built_is_whole(built: Path) -> None:
     assert is_whole(manifest_of(built), PLAN, built)
 
 
+def test_large_labels_are_read_frame_by_frame(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All labels of all videos were kept: memory grew with the frames of a stranger's dataset, without end."""
+    opened, original = list[str](), datasets.labels
+
+    def labels(dataset: Any, variant: Any, sensor: Any) -> Any:
+        opened.append(sensor.name)
+        return original(dataset, variant, sensor)
+
+    monkeypatch.setattr(datasets, "labels", labels)
+    assert differences(copy) == []
+    videos = len(opened)
+    monkeypatch.setattr(datasets, "_MOST_KEPT", 0)
+    assert differences(copy) == []
+    assert len(opened) >= 4 * videos  # checked, then for tracks and annotations of kwcoco, coco and README
+    path = copy / "annotations" / "kwcoco.json"
+    body = path.read_bytes()
+    path.unlink()
+    path.write_bytes(body.replace(b'"area":', b'"area": '))
+    assert [line.partition(" ")[0] for line in differences(copy)] == ["annotations/kwcoco.json"]
+
+
 def renamed(root: Path, old: str, new: str) -> None:
     """Rename a variant or sensor wherever the folder speaks of it, plan and manifest alike."""
     manifest = json.loads((root / "manifest.json").read_text().replace(json.dumps(old), json.dumps(new)))
