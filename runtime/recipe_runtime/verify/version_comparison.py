@@ -42,14 +42,14 @@ def version_notes(lock: Lockfile) -> list[str]:
     ours, notes = host_versions(), []
     stages = [f"{stage} {lock.stages[stage]} (here {STAGES[stage]})" for stage in STAGES if _differs(lock, stage)]
     if stages:
-        notes.append(f"it lists other versions of stages than this release: {', '.join(stages)}")
+        notes.append(f"the recorded versions of stages differ from those of this release: {', '.join(stages)}")
     tools = [
         f"{tool} {lock.tools[tool]} (here {ours[tool]})"
         for tool in sorted(lock.tools)
         if tool in ours and lock.tools[tool] != ours[tool] and _FORM.fullmatch(lock.tools[tool])
     ]
     if tools:
-        notes.append(f"it was made with other versions of tools: {', '.join(tools)}")
+        notes.append(f"the recorded versions of tools differ from those here: {', '.join(tools)}")
     return notes
 
 

@@ -203,7 +203,7 @@ def test_tools_of_another_release_may_have_other_names(locked: Lockfile) -> None
     report = check(replace(locked, tools={**locked.tools, "dataset-recipe": "99.0", "scipy": "1.0"}))
     assert report.verdict == "PASS"
     ours = host_versions()["dataset-recipe"]
-    assert report.notes == [f"it was made with other versions of tools: dataset-recipe 99.0 (here {ours})"]
+    assert report.notes == [f"the recorded versions of tools differ from those here: dataset-recipe 99.0 (here {ours})"]
 
 
 def test_other_versions_with_equal_frames_are_noted(locked: Lockfile) -> None:
@@ -212,6 +212,6 @@ def test_other_versions_with_equal_frames_are_noted(locked: Lockfile) -> None:
     report = check(replace(locked, stages=stages, tools=tools))
     assert report.verdict == "PASS"
     assert report.notes == [
-        f"it lists other versions of stages than this release: observe {observe + 1} (here {observe})",
-        f"it was made with other versions of tools: numpy 1.0 (here {numpy})",
+        f"the recorded versions of stages differ from those of this release: observe {observe + 1} (here {observe})",
+        f"the recorded versions of tools differ from those here: numpy 1.0 (here {numpy})",
     ]
