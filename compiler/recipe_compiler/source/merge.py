@@ -224,7 +224,9 @@ def forbidden(target: str) -> str:
     if target.startswith(("/", "~")) or "\\" in target or ":" in target or "\0" in target:
         return "an absolute or foreign path is refused; write it relative to this file, with `/`"
     if ".." in target.split("/"):
-        return "`..` is refused: a recipe reads only its own folder and what is below it; put the file there"
+        name = show(PurePosixPath(target).name)
+        reason = "`..` is refused: a recipe reads only files of its own folder and below"
+        return f"{reason}; copy {name} into the recipe's folder and write {name}"
     if len(target) > 200:
         return f"the path has {len(target)} characters, the limit is 200; shorten it"
     return ""
