@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 
-from recipe_compiler.ir.actor_kinds import BODIES
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import ActorPlan, Pose, RigPlan
 from recipe_compiler.source.yaml_reader import Value
@@ -57,14 +56,9 @@ def _is_inside(actor: ActorPlan, pose: Pose) -> bool:
         return abs(pose.x) < 0.2 and abs(pose.y) < 0.12 and 0.4 < pose.z < 0.9 * shape["height"]
     if abs(pose.y) > 0.4 * shape["width"] or not shape["clearance"] < pose.z < 0.93 * shape["height"]:
         return False
-    front = _front(shape) * shape["length"]
+    front = _CABINS.get(actor.blueprint.split(".")[1], _CABIN) * shape["length"]
     is_below_hood = pose.z < _HOOD * shape["height"] and pose.x < 0.42 * shape["length"]
     return -0.4 * shape["length"] < pose.x and (pose.x < front or is_below_hood)
-
-
-def _front(shape: Mapping[str, float]) -> float:
-    """Return how far the cabin reaches ahead of the middle of a vehicle, as a fraction of its length."""
-    return _CABINS.get(BODIES[round(shape["body"])], _CABIN)
 
 
 def _remedy(carrier: ActorPlan) -> str:

@@ -157,6 +157,10 @@ def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) ->
         remedy = "paths are relative to this file" if place else "`recipe init` writes a recipe"
         _report(sources, f"{where}there is no such file", place, nearest_file(path) or remedy, Code.FILE_NOT_FOUND)
         return None
+    except IsADirectoryError:
+        message = f"{_label(name, place) if place else f'{path}: '}is a folder"
+        _report(sources, message, place, "name a recipe file in it, such as NAME.yaml")
+        return None
     except (OSError, ValueError) as error:
         cause = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         _report(

@@ -311,7 +311,7 @@ def _legend(scale: float, cast: bool) -> Image.Image:
         ("lane, with its direction", _sample_lane),
         ("crossing", _sample_crossing),
         ("sidewalk", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _WALK, _THING)),
-        ("foot path, driveway", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _PATH)),
+        ("footpath, driveway", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _PATH)),
         ("building", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _BUILDING, _WALL)),
         ("wall, fence, guard rail", lambda c, y: c.line([(0.5, y), (6.5, y)], _WALL, 2.5)),
         ("tree, hedge", lambda c, y: c.disc((3.5, y), 1.2, _GREEN)),
