@@ -75,7 +75,9 @@ def read(root: Path, name: str = "") -> Dataset:
         recipe_file = recipe_file_of(manifest, files)
     except manifest_reader.NotAManifestError:
         raise InputError(
-            f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project", code=Code.INVALID_DATASET
+            f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project",
+            help="name a folder that `recipe build` made, such as datasets/NAME",
+            code=Code.INVALID_DATASET,
         ) from None
     except InputError as error:
         raise InputError(
