@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 DT = 0.1  # seconds between decisions
 _COMFORT, _LEAST_COMFORT = 0.2, 0.02  # metres between two people; between two in a jam
+_APART = 0.4  # metres between the middles of two people, at least: arms and shoulders
 _TO_WALL, _TO_VEHICLE = 0.05, 0.2  # metres kept to solid things and to vehicles
 _NEAR = 8.0  # metres within which others are avoided
 _BEHIND = -0.3  # metres ahead; who is farther behind is not avoided
@@ -199,7 +200,8 @@ class Walker:
             if size == other.radius:  # a pedestrian
                 if dx * ux + dy * uy < _BEHIND:
                     continue
-                room = radius + size + (0.0 if other is self.leader or other is own.follower else comfort)
+                room = max(radius + size, _APART)
+                room += 0.0 if other is self.leader or other is own.follower else comfort
                 discs.append((dx, dy, vx, vy, dx * dx + dy * dy - room * room))
                 continue
             moves = vx * vx + vy * vy > 0.1
