@@ -96,6 +96,13 @@ def test_no_way_leads_into_a_closed_ring() -> None:
     assert planner.way((-9.0, 0.0), (9.0, 0.0)) is not None
 
 
+def test_an_obstacle_of_any_size_is_found_and_costs_little_memory() -> None:
+    huge = ObstacleMap([box(0, 0, 30, 40_000, 1.0), box(5, 0, 0, 1, 1)], reach=1.8, cell=2.0)
+    assert [o.depth for o in huge.near(5.0, 0.0)] == [40_000, 1]
+    assert len(huge.across((-9.0, 9.0, 9.0, -9.0), 0.3)) == 1
+    assert huge.at(-900.0, -900.0 * math.tan(math.radians(30))) is not None
+
+
 @cache
 def planner_of(name: str) -> Planner:
     return Planner(towns.build(name, 0, {}).obstacles)

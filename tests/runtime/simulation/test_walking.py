@@ -64,7 +64,8 @@ def speeds(trace: Trace, name: str) -> Array:
 
 
 def turns(trace: Trace, name: str) -> Array:
-    return np.degrees(np.abs(trace.angular[:, trace.actors.index(name), 2].astype(np.float64) / METRE))
+    rates = np.abs(trace.angular[:, trace.actors.index(name), 2].astype(np.float64)) / METRE
+    return np.asarray(np.degrees(rates))
 
 
 ZIGZAG: Way = ((-5.0, -12.0), (-5.0, -4.0), (-7.0, -4.0), (-5.0, -9.0), (-5.0, 4.0))
@@ -181,7 +182,8 @@ NORTH = next(e for e in TOWN.plan.elements if e.kind == "junction" and abs(e.pos
 def test_a_crossing_is_where_the_way_is_on_the_road() -> None:
     """The main street is six metres wide, without bays."""
     _, found = crossing_of(((-6.0, 0.0), (6.0, 0.0)))
-    assert (found.start, found.end) == (pytest.approx(3.0, abs=0.3), pytest.approx(9.0, abs=0.3))
+    assert found.start == pytest.approx(3.0, abs=0.3)
+    assert found.end == pytest.approx(9.0, abs=0.3)
     assert found.junction is None
     assert found.signal is None
     assert Crossings(Path(((-6.0, -20.0), (-6.0, 20.0))), surroundings()).next(0.0) is None
