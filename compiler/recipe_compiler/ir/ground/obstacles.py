@@ -146,14 +146,17 @@ class ObstacleMap:
         for number, o in enumerate(self._all):
             half_x = abs(o.cos) * o.depth + abs(o.sin) * o.width + reach
             half_y = abs(o.sin) * o.depth + abs(o.cos) * o.width + reach
-            columns = range(self._index(o.x - half_x), self._index(o.x + half_x) + 1)
-            rows = range(self._index(o.y - half_y), self._index(o.y + half_y) + 1)
-            if len(columns) * len(rows) > _MOST_CELLS:
+            across = range(self._index(o.x - half_x), self._index(o.x + half_x) + 1)
+            along = range(self._index(o.y - half_y), self._index(o.y + half_y) + 1)
+            if len(across) * len(along) > _MOST_CELLS:
                 self._large.append((number, o))
                 continue
-            for i in columns:
-                for j in rows:
+            for i in across:
+                for j in along:
                     self._cells.setdefault((i, j), []).append((number, o))
+
+        columns, rows = [i for i, _ in self._cells] or [0], [j for _, j in self._cells] or [0]
+        self._extent = (min(columns), max(columns)), (min(rows), max(rows))  # of the cells that are not empty
 
     @classmethod
     def of(
@@ -200,12 +203,13 @@ class ObstacleMap:
         if x0 > x1:
             x0, y0, x1, y1 = x1, y1, x0, y0
         slope = (y1 - y0) / (x1 - x0) if x1 - x0 > 1e-9 else 0.0
-        for i in range(self._index(x0), self._index(x1) + 1):
+        (west, east), (south, north) = self._extent
+        for i in range(max(west, self._index(x0)), min(east, self._index(x1)) + 1):
             a, b = y0, y1
             if slope != 0.0:
                 a = y0 + slope * (max(x0, i * self._cell) - x0)
                 b = y0 + slope * (min(x1, (i + 1) * self._cell) - x0)
-            for j in range(self._index(min(a, b)), self._index(max(a, b)) + 1):
+            for j in range(max(south, self._index(min(a, b))), min(north, self._index(max(a, b))) + 1):
                 yield i, j
 
 
