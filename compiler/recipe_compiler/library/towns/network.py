@@ -161,9 +161,8 @@ def _times(site: Site, junction: str, along_y: bool) -> dict[str, float]:
 def signals(site: Site, streets: StreetGrid, main: int | None, speed: int) -> None:
     """Add traffic lights and road signs at the junctions.
 
-    Junctions of the main street have traffic lights. At other
-    junctions with three arms or more, streets along x have stop signs; some of those along y have crossing signs. Some approaches have a
-    speed limit sign behind the junction.
+    Junctions of the main street have traffic lights. At other junctions with three arms or more, streets along x have
+    stop signs. Some of the approaches along y have crossing signs, and some exits have a speed limit sign.
 
     Args:
         site: the elements are added to it.
