@@ -24,11 +24,3 @@ def test_every_code_is_in_use() -> None:
 
 def test_a_problem_without_a_code_has_the_general_one() -> None:
     assert Problem("x").code is Code.INVALID_INPUT
-
-
-def test_the_library_names_no_option_for_devices_places_and_sizes() -> None:
-    for name in ("frames/engines", "build/workspace", "build/ray", "frames/shot"):
-        text = (ROOT / "runtime" / "recipe_runtime" / f"{name}.py").read_text(encoding="utf-8")
-        assert not re.search(r"--(device|output|ray|allow-large)\b", text), name
-    text = (ROOT / "compiler" / "recipe_compiler" / "limits.py").read_text(encoding="utf-8")
-    assert "--allow-large" not in text

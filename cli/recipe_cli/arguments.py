@@ -55,9 +55,9 @@ JSON = click.option(
     is_flag=True,
     is_eager=True,
     callback=_note_json,
-    help="Print one JSON document for a program to read.",
+    help="Print one JSON document.",
 )
-ALLOW_LARGE = click.option("--allow-large", is_flag=True, help="Go on though the recipe is over the size limit.")
+ALLOW_LARGE = click.option("--allow-large", is_flag=True, help="Continue although the recipe exceeds the size limit.")
 DEVICE = click.option(
     "--device",
     default="cpu",
@@ -65,9 +65,7 @@ DEVICE = click.option(
     shell_complete=completion.devices,
     help="Where frames are rendered: cpu, cuda (every GPU here) or cuda:N.",
 )
-REPLACE = click.option(
-    "--replace", is_flag=True, help="Write over what is there, though this command did not make it of this recipe."
-)
+REPLACE = click.option("--replace", is_flag=True, help="Overwrite existing output of another recipe.")
 WORKERS = click.option(
     "--workers", type=click.IntRange(1, 256), default=None, help="Worker processes; one a CPU core by default."
 )

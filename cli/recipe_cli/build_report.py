@@ -71,9 +71,9 @@ def _print_result(outcome: Outcome, compiled: Compiled) -> None:
             what = str(compiled.cost)  # all of it was this build's work
         say(f"{out}: {what}; {_done(result)}")
     elif outcome.repair:
-        say(f"{out}: there already, and every file has the bytes that its manifest says")
+        say(f"{out}: exists, and every file has the bytes that its manifest lists")
     else:
-        say(f"{out}: there already (sizes checked; `recipe verify {out}` checks bytes, --repair mends them)")
+        say(f"{out}: exists (sizes checked; `recipe verify {out}` checks bytes, --repair repairs it)")
     say(f"look at {out / 'preview' / 'contact_sheet.png'}")
     say(result.identity)
 
@@ -103,8 +103,8 @@ def _done(result: BuildResult) -> str:
     """How many frames this build rendered, at what rate, and how many it reused."""
     made, seconds = result.made_frames, f"{result.wall:.1f} s"
     reused = (
-        (result.taken_frames, "taken over from the dataset that was there"),
-        (result.resumed_frames, "taken up from the stopped build"),
+        (result.taken_frames, "reused from the existing dataset"),
+        (result.resumed_frames, "resumed from the stopped build"),
     )
     known = [f"{number:,} {origin}" for number, origin in reused if number]
     if not known:

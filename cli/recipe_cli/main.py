@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 COMMANDS = {
     "init": "Write a new recipe, commented, ready to edit.",
     "check": "Read a recipe and report every mistake in it.",
-    "plan": "Show what a recipe stands for and what it costs, before any work.",
+    "plan": "Show what a recipe defines and what it costs, before any work.",
     "shot": "Render one frame, to look at.",
     "build": "Build the dataset.",
     "lock": "Write the lockfile: a digest for every frame.",
     "verify": "Re-render sample frames and compare them, byte for byte.",
-    "diff": "Say what differs between two recipes, lockfiles or datasets.",
-    "doctor": "Say what this host is, and whether it makes the bytes that it should.",
+    "diff": "Report the differences between two recipes, lockfiles or datasets.",
+    "doctor": "Report the host's fingerprint and the tiers that hold on it.",
     "pack": "Put a recipe and all that it needs into one file to share.",
     "export": "Write a dataset in another form, to train from.",
     "cache": "Show what is kept between runs, or make it smaller.",
@@ -141,4 +141,4 @@ def _usage(error: click.ClickException) -> Problem:
     context = error.ctx if isinstance(error, click.UsageError) else None
     command = context.command_path if context else "recipe"
     found = Problem(message, code=Code.USAGE)
-    return found if found.help else Problem(message, help=f"`{command} --help` says how it is used", code=Code.USAGE)
+    return found if found.help else Problem(message, help=f"see `{command} --help`", code=Code.USAGE)

@@ -54,8 +54,8 @@ def check_lockfile_is_of(recipe: Path, plan: DatasetPlan, path: Path, lock: Lock
     if other is not None:
         raise InputError(
             f"{path} is the lockfile of {_short(other)}, another recipe that is named {plan.recipe!r} as {recipe} is;"
-            f" give one of them another name (`recipe: NAME`), or make a folder {recipe.parent / FOLDER} for its own"
-            f" lockfile; `recipe lock {recipe} --replace` takes this one for {recipe}"
+            f" give one of them another name (`recipe: NAME`), or create the folder {recipe.parent / FOLDER} for its"
+            f" lockfile; `recipe lock {recipe} --replace` assigns this one to {recipe}"
         )
 
 
@@ -91,8 +91,8 @@ def source_of(recipe: Path, lockfile: Path) -> str:
     return Path(os.path.relpath(recipe.resolve(), lockfile.resolve().parent)).as_posix()
 
 
-def recipe_of(lockfile: Path, lock: Lockfile) -> Path:
-    """The recipe that a lockfile stands for: InputError if that leads out of the lockfile's project.
+def recipe_of(lockfile: Path, source: str) -> Path:
+    """The recipe that a lockfile names as its `source`: InputError if that leads out of the lockfile's project.
 
     The project is the folder that holds `lockfiles/`; of a lockfile elsewhere, its own folder.
     """
@@ -101,12 +101,12 @@ def recipe_of(lockfile: Path, lock: Lockfile) -> Path:
     folder = lockfile.resolve().parent
     project = folder.parent if folder.name == FOLDER else folder
     try:
-        recipe = (folder / lock.source).resolve()
+        recipe = (folder / source).resolve()
     except (OSError, ValueError, RuntimeError):
         recipe = Path("/")
-    if Path(lock.source).is_absolute() or not recipe.is_relative_to(project) or recipe == project:
+    if Path(source).is_absolute() or not recipe.is_relative_to(project) or recipe == project:
         raise InputError(
-            f"{lockfile}: its recipe {lock.source[:100]!r} is not a file of the folder {project}; name the recipe"
+            f"{lockfile}: its recipe {source[:100]!r} is not a file of the folder {project}; name the recipe"
         )
     return _short(recipe)
 
@@ -127,15 +127,37 @@ def recipe_files(recipe: Path, compiled: Compiled) -> dict[str, bytes]:
 
 
 def free_disk(folder: Path) -> int:
-    """Bytes free where a folder is or would be."""
+    """Bytes free where a folder is or would be; InputError if no files can be stored there, as in /proc."""
     import shutil
+    import sys
 
     there = folder.absolute()
     while True:
         try:
-            return shutil.disk_usage(there).free
+            usage = shutil.disk_usage(there)
+            break
         except OSError:  # not there yet, or a name that cannot be
             there = there.parent
+    if usage.total:
+        return usage.free
+    _check_stores_files(folder, there)
+    return sys.maxsize
+
+
+def _check_stores_files(folder: Path, parent: Path) -> None:
+    """InputError unless files can be made in `parent`, whose file system does not tell its size."""
+    import tempfile
+
+    from recipe_compiler.ir.errors import Code, InputError
+
+    try:
+        tempfile.TemporaryFile(dir=parent).close()
+    except OSError as error:
+        raise InputError(
+            f"{folder}: no files can be stored in {parent}: {error.strerror or error}",
+            help="choose another folder",
+            code=Code.OUTPUT_IN_THE_WAY,
+        ) from None
 
 
 def memory(workers: int) -> Memory:

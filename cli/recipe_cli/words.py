@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -10,12 +11,13 @@ if TYPE_CHECKING:
 _WORDS = {  # code -> the remedy, with the library's own where `{help}` stands
     "size-limit": "{help}, or give --allow-large",
     "unknown-device": "{help} (--device)",
-    "output-in-the-way": "{help} (--output)",
 }
-
-
-_ENDINGS = {  # how the library's remedy ends -> the option that does it
-    "or replace it": "--replace",
+_ADDED = {  # code -> what is added after parts of the library's remedy
+    "output-in-the-way": {
+        r"choose (another|a) (folder|place|file)": "--output",
+        r"replace it\b": "--replace",
+    },
+    "invalid-lockfile": {r"with traces\b": "`recipe lock --update --with-traces`"},
 }
 
 
@@ -23,8 +25,10 @@ def option_help(problem: Problem) -> str | None:
     """The remedy that names the option which helps with a problem of this code; None if none does."""
     if not problem.help or "--" in problem.help:
         return None
-    for ending, option in _ENDINGS.items():
-        if problem.help.endswith(ending):
-            return f"{problem.help} ({option})"
+    text = problem.help
+    for part, option in _ADDED.get(problem.code, {}).items():
+        text = re.sub(part, rf"\g<0> ({option})", text)
     words = _WORDS.get(problem.code)
-    return None if words is None else words.replace("{help}", problem.help)
+    if words is not None:
+        return words.replace("{help}", text)
+    return text if text != problem.help else None

@@ -26,6 +26,7 @@ from recipe_compiler.lowering import asset_files, placement, workload
 from recipe_compiler.lowering.lower import Lowering
 from recipe_compiler.schema.messages import nearest, translate
 from recipe_compiler.schema.recipe import Base, Recipe
+from recipe_compiler.schema.sweep import Sweep
 from recipe_compiler.source import merge
 from recipe_compiler.source.yaml_reader import Value, show
 
@@ -86,11 +87,13 @@ def _compile(
     yaml_places = {problem.place for problem in problems}  # a place with a YAML error gets no second problem
     if root is None:
         raise InputError(_sorted(problems))
-    recipe = _check_recipe(root, problems)
-    assets, unfit = asset_files.read(root, recipe.assets, path.parent, sources) if recipe else ({}, [])
-    axes = _check_sweep(root, recipe, problems)
-    if recipe is None or root.get("base") is None or _has_new(problems, sources.problems):
-        problems += [*unfit, *_check_base_alone(root, _kinds(recipe))]
+    recipe, faulty = _check_recipe(root, problems)
+    assets, unfit = asset_files.read(root, recipe.assets, path.parent, sources)
+    axes = _check_sweep(root, None if "sweep" in faulty else recipe.sweep, problems)
+    if root.get("base") is None or _has_new(problems, sources.problems):
+        kinds = None if "assets" in faulty else _kinds(recipe)
+        rules = recipe.sweep.exclude if "sweep" not in faulty else None
+        problems += [*unfit, *_check_variants_in_part(root, kinds, rules)]
         raise InputError(_sorted(sources.problems, _new(problems, yaml_places)))
     problems += unfit
     loads: list[limits.Load] = []
@@ -172,10 +175,9 @@ def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tup
     return plans, warnings.problems()
 
 
-def _kinds(recipe: Recipe | None) -> dict[str, str]:
+def _kinds(recipe: Recipe) -> dict[str, str]:
     """Asset name -> `mesh` or `image`."""
-    assets = recipe.assets if recipe else {}
-    return {name: "image" if asset.mesh is None else "mesh" for name, asset in assets.items()}
+    return {name: "image" if asset.mesh is None else "mesh" for name, asset in recipe.assets.items()}
 
 
 def _new(problems: Iterable[Problem], yaml_places: set[Place | None]) -> list[Problem]:
@@ -194,7 +196,12 @@ def _has_new(problems: list[Problem], of_reading: list[Problem]) -> bool:
     return len(problems) > len(of_reading)
 
 
-def _check_recipe(root: Value, problems: list[Problem]) -> Recipe | None:
+def _check_recipe(root: Value, problems: list[Problem]) -> tuple[Recipe, set[str]]:
+    """Check a recipe without `base` and `deltas`.
+
+    Returns:
+        The recipe, with defaults in place of faulty parts, so that the other parts can be checked; the faulty keys.
+    """
     for key in root.map:
         if key not in Recipe.model_fields and key not in _CHECKED_SEPARATELY:
             options = [*Recipe.model_fields, *_CHECKED_SEPARATELY]
@@ -216,24 +223,29 @@ def _check_recipe(root: Value, problems: list[Problem]) -> Recipe | None:
         )
     plain = {key: value.plain for key, value in root.map.items() if key in Recipe.model_fields}
     try:
-        return Recipe.model_validate(plain)
+        return Recipe.model_validate(plain), set()
     except ValidationError as error:
         problems += translate(error, Recipe, root)
-        return None
+        faulty = {str(detail["loc"][0]) for detail in error.errors()}
+    sound = {key: value for key, value in plain.items() if key not in faulty}
+    return Recipe.model_validate({"recipe": "unnamed", **sound}), faulty
 
 
-def _check_sweep(root: Value, recipe: Recipe | None, problems: list[Problem]) -> Axes:
+def _check_sweep(root: Value, sweep: Sweep | None, problems: list[Problem]) -> Axes:
+    """Check `deltas` and, unless it is faulty and None, `sweep`; return the axes."""
     wrong = check_deltas(root)
     problems += wrong
-    if recipe is None or wrong:
+    if wrong:
         return {}
     problems += check_removals(root)
-    axes = expand.chosen_axes(root, recipe.sweep, problems)
-    wrong = expand.check_exclusions(axes, recipe.sweep, root)
+    if sweep is None:
+        return {}
+    axes = expand.chosen_axes(root, sweep, problems)
+    wrong = expand.check_exclusions(axes, sweep, root)
     problems += wrong
-    excess = expand.too_many(axes, recipe.sweep, root)
+    excess = expand.too_many(axes, sweep, root)
     problems += excess
-    if not excess and not wrong and not expand.combinations(axes, recipe.sweep):
+    if not excess and not wrong and not expand.combinations(axes, sweep):
         problems.append(
             Problem(
                 "sweep.exclude: leaves no variant at all",
@@ -245,13 +257,28 @@ def _check_sweep(root: Value, recipe: Recipe | None, problems: list[Problem]) ->
     return axes
 
 
-def _check_base_alone(root: Value, kinds: dict[str, str]) -> list[Problem]:
-    problems: list[Problem] = []
+def _check_variants_in_part(
+    root: Value, kinds: dict[str, str] | None, rules: Sequence[Mapping[str, str]] | None
+) -> list[Problem]:
+    """Check base and deltas of a recipe that cannot be expanded: every value of an axis, in few combinations.
+
+    Args:
+        root: the recipe.
+        kinds: its assets; None if they are faulty.
+        rules: its exclusions; None if they are faulty.
+    """
     base = root.get("base")
-    if base is not None and isinstance(base.data, dict):
-        base = merge.expand_shorthands(base)
-        Checker(base, kinds).base(base, problems)
-    return problems
+    if base is None or not isinstance(base.data, dict):
+        return []
+    checker, found = Checker(base, kinds), Findings()
+    variants = [] if rules is None and root.get("sweep", "exclude") else list(expand.covering(root, rules or ()))
+    for merged in [variant.base for variant in variants] or [merge.expand_shorthands(base)]:
+        problems: list[Problem] = []
+        checker.base(merged, problems)
+        found.add(problems)
+        if found.total > 1000:
+            break
+    return found.problems()
 
 
 def _place_of_size(root: Value, cost: limits.Cost) -> Place:

@@ -9,19 +9,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.ir.errors import Code, Place, Problem
-from recipe_compiler.ir.plan import fixed
+from recipe_compiler.ir.plan_types import fixed
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.schema.fields import MAX_DRAWS, MAX_SEED, MAX_VARIANTS
-from recipe_compiler.schema.messages import nearest
+from recipe_compiler.schema.messages import Suggestions, nearest
 from recipe_compiler.schema.sweep import Distribution, Sweep
 from recipe_compiler.source.merge import Merger, expand_shorthands
 from recipe_compiler.source.yaml_reader import Value, show
 
 MAX_NAME = 200  # a variant's name is a folder's, and file systems end at 255 bytes
+_MAX_MERGES = 300  # of deltas, to check a recipe whose sweep cannot be expanded
 PLAIN_NAME = "base"  # of the variant of a recipe without axes
 
 Axes = dict[str, dict[str, Value]]  # axis -> value -> delta
@@ -53,7 +54,7 @@ def chosen_axes(root: Value, sweep: Sweep, problems: list[Problem]) -> Axes:
                 )
             )
         elif name in names[:index]:
-            problems.append(Problem(f"sweep.axes: {show(name)} stands twice", place, "remove one", Code.CONFLICT))
+            problems.append(Problem(f"sweep.axes: {show(name)} occurs twice", place, "remove one", Code.CONFLICT))
     return {name: all_axes[name] for name in names if name in all_axes}
 
 
@@ -68,7 +69,7 @@ def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
     total = count(axes, sweep)
     if total <= MAX_VARIANTS:
         draws = sweep.draw.count * sweep.repeats * len(sweep.draw.values) if sweep.draw else 0
-        message = f"sweep.draw: {draws} draws are more than the most allowed, {MAX_DRAWS}"
+        message = f"sweep.draw: {draws} draws exceed the limit of {MAX_DRAWS}"
         remedy = "lower `count` or `repeats`, or draw fewer values"
         where = root.place_of("sweep", "draw")
         return [Problem(message, where, remedy, Code.INPUT_LIMIT)] if draws > MAX_DRAWS else []
@@ -80,14 +81,15 @@ def too_many(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
     place = root.key_place("sweep" if root.get("sweep") else "deltas")
     product = " x ".join(factors[:20])
     shown = str(total) if total.bit_length() < 60 else f"about 10^{total.bit_length() * 30103 // 100000}"
-    message = f"{shown} variants ({product}) are more than the most allowed, {MAX_VARIANTS}"
+    message = f"{shown} variants ({product}) exceed the limit of {MAX_VARIANTS}"
     remedy = "sweep fewer axes (`sweep.axes`), or give them fewer values, repeats or draws"
     return [Problem(message, place, remedy, Code.INPUT_LIMIT)]
 
 
 def check_exclusions(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
     """Problems of exclusions that name an unknown axis or value."""
-    problems = []
+    problems, of_axes = [], Suggestions(axes)
+    of_values = {axis: Suggestions(values) for axis, values in axes.items()}
     for index, rule in enumerate(sweep.exclude):
         where = root.get("sweep", "exclude", index) or root
         if not rule:
@@ -102,10 +104,12 @@ def check_exclusions(axes: Axes, sweep: Sweep, root: Value) -> list[Problem]:
         for axis, value in rule.items():
             if axis not in axes:
                 message = f"sweep.exclude: there is no axis {show(axis)} in this sweep"
-                problems.append(Problem(message, where.key_place(axis), nearest(axis, axes), Code.UNKNOWN_NAME))
+                problems.append(Problem(message, where.key_place(axis), of_axes.nearest(axis), Code.UNKNOWN_NAME))
             elif value not in axes[axis]:
                 message = f"sweep.exclude: axis {axis} has no value {show(value)}"
-                problems.append(Problem(message, where.place_of(axis), nearest(value, axes[axis]), Code.UNKNOWN_NAME))
+                problems.append(
+                    Problem(message, where.place_of(axis), of_values[axis].nearest(value), Code.UNKNOWN_NAME)
+                )
     return problems
 
 
@@ -149,6 +153,31 @@ def variants(root: Value, axes: Axes, sweep: Sweep, seed: int) -> Iterator[Varia
                 final = _merged(merger, final, patch)
             number = (repeat - 1) * draws + draw
             yield Variant(name_of(combination, number), repeat_seed(seed, repeat), final)
+
+
+def covering(root: Value, rules: Sequence[Mapping[str, str]]) -> Iterator[Variant]:
+    """Few variants in which the values of all axes occur, to check a recipe whose sweep cannot be expanded.
+
+    Malformed values are left out, and so are the combinations that a rule of `rules` excludes.
+    """
+    deltas = root.get("deltas")
+    axes = {
+        axis: [(name, delta) for name, delta in values.map.items() if isinstance(delta.data, dict)]
+        for axis, values in (deltas.map.items() if deltas else ())
+        if isinstance(values.data, dict)
+    }
+    axes = {axis: values for axis, values in axes.items() if values}
+    merger, base = Merger(), expand_shorthands(root.map["base"])
+    number = min(max(map(len, axes.values()), default=0), _MAX_MERGES // max(1, len(axes)))
+    for index in range(number):
+        chosen = {axis: values[index % len(values)] for axis, values in axes.items()}
+        combination = {axis: name for axis, (name, _) in chosen.items()}
+        if any(rule.items() <= combination.items() for rule in rules):
+            continue
+        merged = base
+        for _, delta in chosen.values():
+            merged = _merged(merger, merged, delta)
+        yield Variant(name_of(combination, 1), 0, merged)
 
 
 def _merged(merger: Merger, base: Value, patch: Value) -> Value:

@@ -126,10 +126,7 @@ def test_identity_is_one_in_lock_build_and_verify(folder: Path) -> None:
     assert identity in locked.stdout
     assert identity in verified.stdout
     assert "is up to date" in locked.stdout
-    assert (
-        "there already (sizes checked; `recipe verify datasets/small` checks bytes, --repair mends them)"
-        in built.stdout
-    )
+    assert "exists (sizes checked; `recipe verify datasets/small` checks bytes, --repair repairs it)" in built.stdout
     assert (verified.returncode, verified.stdout[:4]) == (0, "PASS")
 
 
@@ -191,7 +188,7 @@ def test_a_shot_is_the_builds_very_frame(folder: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--variant", "weather=wett"], "small has no variant 'weather=wett'; the nearest is 'weather=wet'"),
+        (["--variant", "weather=wett"], "small has no variant 'weather=wett'; did you mean 'weather=wet'?"),
         (["--sensor", "roof"], "the rig has no sensor 'roof'; it has street"),
         (["--frame", "9"], "frame 9 is not there: weather=dry has frames 0 to 1"),
         (["--modality", "semantic"], "the sensor street captures rgb, depth, instance, not 'semantic'"),
@@ -275,7 +272,7 @@ def test_a_partial_rebuild_says_what_it_did_and_what_was_there(folder: Path, tmp
     assert re.fullmatch(whole, first), first
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
     told = run_here("build", "small.yaml", "--workers", "1", cwd=root).stdout.splitlines()[0]
-    part = r"datasets/small: 2 variants; 4 frames: 2 rendered, 2 taken over from the dataset that was there; [0-9.]+ s"
+    part = r"datasets/small: 2 variants; 4 frames: 2 rendered, 2 reused from the existing dataset; [0-9.]+ s"
     assert re.fullmatch(part, told), told
     only_dry = RECIPE.replace("{dry: {}, wet: {weather: HardRainNoon}}", "{dry: {}}")
     (root / "small.yaml").write_text(only_dry)
@@ -329,7 +326,7 @@ def test_lock_says_before_rendering_that_it_would_say_something_else(folder: Pat
     (tmp_path / "lockfiles" / "small.lock").write_text((folder / "lockfiles" / "small.lock").read_text())
     done = run_here("lock", "small.yaml", cwd=tmp_path)  # 40,000 frames would take an hour
     assert done.returncode == 2
-    assert "says something else than small.yaml makes now; --update replaces it" in problems(done.stderr)[0]
+    assert "differs from what small.yaml compiles to now; --update replaces it" in problems(done.stderr)[0]
 
 
 def test_verify_keeps_to_the_limits_of_a_strangers_recipe(tmp_path: Path) -> None:
@@ -382,7 +379,7 @@ def test_diff_names_the_first_cause(folder: Path, tmp_path: Path) -> None:
         same = run_here("diff", *pair, cwd=folder)
         assert (same.returncode, same.stdout) == (0, "nothing differs\n"), same.stdout
         assert same.stderr.splitlines() == [
-            "datasets/small was compared by its manifest; `recipe verify --integrity` checks that the files are those"
+            "datasets/small was compared by its manifest; `recipe verify` checks that the files are those"
         ]  # so motion and pixels were compared as well: a recipe stands with its lockfile
 
 
@@ -392,7 +389,9 @@ def test_diff_leaves_an_outdated_lockfile_aside_and_says_so(folder: Path, tmp_pa
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
     told = run_here("diff", "small.yaml", "datasets/small", cwd=root)
     aside, silent, _ = told.stderr.splitlines()
-    assert aside.startswith("lockfiles/small.lock is not what small.yaml makes now, and was left aside; `recipe lock")
+    assert aside.startswith(
+        "lockfiles/small.lock is not what small.yaml compiles to now, and was ignored; `recipe lock"
+    )
     assert silent.startswith("motion and pixels were not compared: small.yaml holds none")
 
 
@@ -508,7 +507,7 @@ def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path
     body = picture.read_bytes()
     picture.write_bytes(body[:-20] + bytes([body[-20] ^ 1]) + body[-19:])
     there = run_here("build", "small.yaml", cwd=root)
-    assert (there.returncode, "there already (sizes checked" in there.stdout) == (0, True)
+    assert (there.returncode, "exists (sizes checked" in there.stdout) == (0, True)
     assert run_here("verify", "datasets/small", "--integrity", cwd=root).returncode == 1
     mended = run_here("build", "small.yaml", "--repair", "--workers", "1", cwd=root)
     assert (mended.returncode, mended.stderr) == (0, "")
@@ -518,7 +517,7 @@ def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path
     assert picture.read_bytes() == body
     assert run_here("verify", "datasets/small", "--integrity", cwd=root).returncode == 0
     url = run_here("build", "small.yaml", "--repair", "--out", "memory://x/y", cwd=root)
-    assert (url.returncode, "--repair mends a folder, not memory://x/y" in url.stderr) == (2, True)
+    assert (url.returncode, "--repair repairs a folder, not memory://x/y" in url.stderr) == (2, True)
 
 
 @pytest.mark.slow
@@ -541,7 +540,7 @@ def test_a_pack_stands_for_its_recipe(folder: Path, tmp_path: Path) -> None:
     assert packed.returncode == 0, packed.stderr
     again = run_here("pack", "small.yaml", "-o", tmp_path / "again.recipe", cwd=folder)
     assert again.stdout.split()[-1] == packed.stdout.split()[-1]
-    assert run_here("check", "small.recipe", cwd=tmp_path).stdout == "small.recipe: in order, 2 variants\n"
+    assert run_here("check", "small.recipe", cwd=tmp_path).stdout == "small.recipe: valid, 2 variants\n"
     verified = run_here("verify", "small.recipe", "--all", cwd=tmp_path)
     assert (verified.returncode, verified.stdout.splitlines()[0]) == (0, "PASS  small.recipe")
     built = run_here("build", "small.recipe", "--workers", "1", cwd=tmp_path)

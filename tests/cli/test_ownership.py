@@ -62,7 +62,7 @@ def test_another_recipes_finished_dataset_is_not_replaced_unasked(recipe: Run) -
     assert recipe("build", "a.yaml", "--out", "X").exit_code == 0
     before = manifest("X")
     with pytest.raises(
-        InputError, match=r"X holds the dataset of another recipe, 'small', and this is 'other'.*--repl"
+        InputError, match=r"X holds the dataset of another recipe, 'small', and this is 'other'.*or replace it"
     ) as caught:
         recipe("build", "b.yaml", "--out", "X")
     assert caught.value.problems[0].code is Code.OUTPUT_IN_THE_WAY
@@ -102,7 +102,7 @@ def test_two_recipes_of_one_name_do_not_share_a_dataset(recipe: Run) -> None:
         recipe("build", "b/r.yaml")
     assert manifest("datasets/small") == first
     assert recipe("build", "b/r.yaml", "--replace").exit_code == 0
-    with pytest.raises(InputError, match="--replace"):  # it is b's now
+    with pytest.raises(InputError, match="or replace it"):  # it is b's now
         recipe("build", "a/r.yaml")
 
 
@@ -114,7 +114,7 @@ def test_a_recipe_replaces_its_own_dataset_after_every_edit(recipe: Run) -> None
         write("a.yaml", text)
         assert recipe("build", "a.yaml").exit_code == 0
     write("copy/same.yaml", RECIPE.replace("seed: 1", "seed: 2"))
-    assert "there already" in recipe("build", "copy/same.yaml").stdout
+    assert "exists (sizes checked" in recipe("build", "copy/same.yaml").stdout
     os.chdir("..")
     Path("p").rename("q")
     os.chdir("q")
@@ -127,7 +127,7 @@ def test_a_dataset_that_came_from_elsewhere_is_not_replaced_unasked(recipe: Run)
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
     provenance.record_path(Path("downloaded")).unlink()
     write("a.yaml", OTHER_PLAN)
-    with pytest.raises(InputError, match=r"not known to be built from a\.yaml; .*--replace"):
+    with pytest.raises(InputError, match=r"not known to be built from a\.yaml; .*or replace it"):
         recipe("build", "a.yaml", "--out", "downloaded")
     write("a.yaml", RECIPE)  # that makes this very dataset, so it may
     assert recipe("build", "a.yaml", "--out", "downloaded").exit_code == 0
@@ -147,7 +147,7 @@ def test_a_whole_dataset_whose_recipe_cannot_be_recorded_is_no_error(
     with monkeypatch.context() as patch:
         patch.setattr(provenance, "write_atomic", full)
         assert recipe("build", "a.yaml", "--out", "sets/small").exit_code == 0
-        assert "there already" in recipe("build", "a.yaml", "--out", "sets/small").stdout
+        assert "exists (sizes checked" in recipe("build", "a.yaml", "--out", "sets/small").stdout
     assert [p.name for p in Path("sets").iterdir()] == ["small"]
     killed = write("sets/..small.source.json.4711.0.tmp", "{")  # by a build that was killed while it wrote the record
     assert recipe("build", "a.yaml", "--out", "sets/small").exit_code == 0
@@ -168,7 +168,7 @@ def test_a_dataset_at_a_url_is_not_replaced_by_a_recipe_of_another_name(recipe: 
     url = f"file://{tmp_path}/there"
     assert recipe("build", "a.yaml", "--out", url).exit_code == 0
     before = manifest("there")
-    with pytest.raises(InputError, match=r"holds the dataset of another recipe, 'small'.*--replace"):
+    with pytest.raises(InputError, match=r"holds the dataset of another recipe, 'small'.*or replace it"):
         recipe("build", "b.yaml", "--out", url)
     assert not Path("datasets/other").exists()  # said before the work
     assert manifest("there") == before
@@ -371,7 +371,7 @@ def test_no_command_writes_over_a_file_that_is_there(recipe: Run, tmp_path: Path
         (blueprints.command, ["vehicle.bicycle.b", "--pictures", "f"]),
     )
     for command, arguments in cases:
-        with pytest.raises(InputError, match=r"is there already; name another file, or add --replace"):
+        with pytest.raises(InputError, match=r"is there already; choose another file, or replace it"):
             CliRunner().invoke(command, arguments, catch_exceptions=False)
     assert {path.read_text() for path in precious.values()} == {"precious"}
     assert not Path("f/vehicle.bicycle.b.png").exists()
@@ -404,7 +404,7 @@ def test_an_unfinished_build_of_another_recipe_is_not_discarded_unasked(
         patched.setattr(build, "_runner", lambda ray: nullcontext(_stopping(1)))
         assert recipe("build", "a.yaml", "--out", "X").exit_code == 130
     with pytest.raises(
-        InputError, match=r"unfinished build of another recipe, 'small', and this is 'other'.*--replace"
+        InputError, match=r"unfinished build of another recipe, 'small', and this is 'other'.*or replace it"
     ):
         recipe("build", "b.yaml", "--out", "X")
-    assert "10 taken up from the stopped build" in recipe("build", "a.yaml", "--out", "X").stdout
+    assert "10 resumed from the stopped build" in recipe("build", "a.yaml", "--out", "X").stdout

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from recipe_cli.commands import check, init, schema, shot
+from recipe_cli.commands import build, check, export, init, schema, shot
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
 
@@ -48,6 +48,20 @@ def test_a_host_that_will_not_have_a_file_is_told_in_one_line(tmp_path: Path) ->
         assert "\n" not in str(caught.value)
 
 
+def test_a_dataset_cannot_be_built_where_no_files_are_stored(tmp_path: Path) -> None:
+    (tmp_path / "r.yaml").write_text(json.dumps(small()))
+    with pytest.raises(InputError, match=r"/proc/x: no files can be stored in /proc: .*; choose another folder"):
+        CliRunner().invoke(build.command, [str(tmp_path / "r.yaml"), "--out", "/proc/x"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize("size", ["0", "0.4", "0K", "99999999999999T"])
+def test_a_shard_of_no_or_too_many_bytes_is_refused(tmp_path: Path, size: str) -> None:
+    """Before the dataset is read: there is none here."""
+    arguments = [str(tmp_path / "no"), str(tmp_path / "out"), "--shard-size", size]
+    with pytest.raises(InputError, match=f"--shard-size {size}: a shard holds 1 byte to "):
+        CliRunner().invoke(export.command, arguments, catch_exceptions=False)
+
+
 def test_a_folder_that_is_not_there_is_said_and_not_made(tmp_path: Path) -> None:
     (tmp_path / "r.yaml").write_text(json.dumps(small()))
     for command, arguments in ((schema.command, []), (shot.command, [str(tmp_path / "r.yaml")])):
@@ -72,7 +86,7 @@ def test_check_warns_of_a_large_recipe(tmp_path: Path) -> None:
         path.write_text(json.dumps(recipe))
         done = CliRunner().invoke(check.command, [str(path)], catch_exceptions=False)
         assert done.exit_code == 0
-        assert f"{path}: in order, {recipe['sweep']['repeats']:,} variants\n" in done.stdout
+        assert f"{path}: valid, {recipe['sweep']['repeats']:,} variants\n" in done.stdout
         assert says in done.stderr and "`recipe plan` and `recipe build` need --allow-large" in done.stderr
 
 

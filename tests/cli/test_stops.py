@@ -10,11 +10,14 @@ from typing import NoReturn
 import pytest
 from click.testing import CliRunner, Result
 from recipe_cli.commands import build
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.ir.lockfile import skeleton
 from recipe_runtime.build import local
 from recipe_runtime.build.worker import Job
 from recipe_runtime.dataset.schedule import Shard
 
 from tests.cli.reading import problems
+from tests.cli.runner import run_here
 from tests.cli.test_commands import RECIPE
 from tests.runtime.fakes import ENGINES
 
@@ -71,7 +74,7 @@ def test_an_interrupted_build_counts_the_frames_that_it_kept(command: Callable[.
     assert again.stderr == second.stderr  # what an earlier build left is kept by one that did nothing
     whole = command(_whole)
     assert whole.exit_code == 0
-    assert "12 frames: 2 rendered, 10 taken up from the stopped build;" in whole.stdout
+    assert "12 frames: 2 rendered, 10 resumed from the stopped build;" in whole.stdout
 
 
 def test_frames_of_another_recipe_are_not_counted(command: Callable[..., Result], tmp_path: Path) -> None:
@@ -108,8 +111,8 @@ def test_an_interrupted_repair_claims_nothing(command: Callable[..., Result], tm
     mended = command(_whole, "--repair")
     told = "mended: weather=dry/street/rgb/000001.png has other bytes than the manifest says\n"
     assert (mended.exit_code, mended.stdout.startswith(told)) == (0, True)
-    assert "none rendered, 10 taken over from the dataset that was there, 2 taken up from the stopped" in mended.stdout
-    assert "every file has the bytes that its manifest says" in command(_whole, "--repair").stdout
+    assert "none rendered, 10 reused from the existing dataset, 2 resumed from the stopped" in mended.stdout
+    assert "every file has the bytes that its manifest lists" in command(_whole, "--repair").stdout
 
 
 def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
@@ -130,3 +133,35 @@ def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
         stopped = command(_whole, "--repair")
     assert problems(stopped.stderr) == ["interrupted; run it again with --repair to mend what is still damaged"]
     assert picture.read_bytes() == whole  # it was in place by then
+
+
+@pytest.mark.parametrize(
+    ("command_line", "stopped"),
+    [
+        (("lock", "small.yaml"), "recipe_runtime.verify.locking.lock"),
+        (("verify", "small.yaml"), "recipe_runtime.verify.verify.verify"),
+        (("verify", "datasets/small", "--integrity"), "recipe_runtime.verify.verify.verify_files"),
+        (("export", "datasets/small", "out"), "recipe_runtime.transfer.shards._write"),
+        (("shot", "small.yaml"), "recipe_runtime.frames.shot.shot"),
+    ],
+)
+def test_an_interrupted_command_ends_with_130(
+    command: Callable[..., Result],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command_line: tuple[str, ...],
+    stopped: str,
+) -> None:
+    def interrupted(*_: object, **__: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    assert command(_whole).exit_code == 0
+    (tmp_path / "lockfiles").mkdir()
+    plan = compile_recipe(tmp_path / "small.yaml").plan
+    if command_line[0] == "verify":
+        skeleton(plan, "../small.yaml", {}, {}, {}).write(tmp_path / "lockfiles" / "small.lock")
+    monkeypatch.setattr(stopped, interrupted)
+    done = run_here(*command_line, cwd=tmp_path)
+    assert done.returncode == 130
+    assert done.stdout == "" and "interrupted" in done.stderr and "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists() and not (tmp_path / ".out.export").exists()

@@ -27,7 +27,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_lock_after_a_build_takes_it_over_and_is_the_lockfile_of_a_fresh_one(project: Path) -> None:
     locked = run("lock", "small.yaml", "--workers", "1", cwd=project)
     assert locked.returncode == 0, locked.stderr
-    assert "4 frames taken over from the dataset built here\n" in locked.stdout
+    assert "4 frames reused from the dataset built here\n" in locked.stdout
     text = (project / "lockfiles/small.lock").read_text()
     (project / "lockfiles/small.lock").unlink()
     shutil.move(project / "datasets", project / "elsewhere")

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from recipe_compiler.checks.findings import Findings
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import MAX_SHOWN, Code, InputError, Problem
 from recipe_compiler.library.blueprints import names
+from recipe_compiler.schema import messages
 from recipe_compiler.schema.messages import near
 from recipe_compiler.source.yaml_reader import MAX_BYTES, parse
 
@@ -150,3 +153,21 @@ def test_the_same_problem_of_thousands_of_variants_is_kept_once() -> None:
     for number in range(3000):
         found.add([problem] * 100, Variant(f"v{number}", 0, base))
     assert found.total == 300_000 and found.problems() == [Problem("wrong", help="")]
+
+
+def test_many_wrong_names_are_not_all_compared_with_many_valid_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Letter by letter, a recipe of 400 KB took minutes: each wrong name has few near ones, and only 50 are shown."""
+    compared = []
+    original = difflib.get_close_matches
+
+    def counted(word: str, names: list[str], **more: Any) -> list[str]:
+        compared.append(len(names))
+        return original(word, names, **more)
+
+    monkeypatch.setattr(difflib, "get_close_matches", counted)
+    valid = [f"actor{n:04}{'abcdefgh' * 6}" for n in range(900)]
+    suggestions = messages.Suggestions(valid)
+    remedies = [suggestions.nearest(f"{name}x") for name in valid]
+    assert len(compared) == MAX_SHOWN and max(compared) <= 30
+    assert remedies[:MAX_SHOWN] == [f'did you mean "{name}"?' for name in valid[:MAX_SHOWN]]
+    assert remedies[-1].startswith(f"valid are {valid[0]}, ") and remedies[-1].endswith("and 888 more")

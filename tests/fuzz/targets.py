@@ -122,7 +122,7 @@ def _trace(content: bytes) -> None:
 
 def _traces(content: bytes) -> None:
     with suppress(InputError):
-        trace_bundle.read(_file("fed.traces", content), {"a" * 64: "b" * 64})
+        trace_bundle.read(_file("fed.traces", content), {"a" * 64: "b" * 64}, {"a" * 64: 1 << 24})
 
 
 def _plan(content: bytes) -> None:

@@ -122,7 +122,7 @@ def check_names(whole: Whole, folder: Path) -> None:
     for path, body in named_files(folder / ".out.partial" / "dataset"):
         assert body == whole.files[path], f"{path} is not whole"
     for path, body in named_files(folder / ".out.partial" / "shards"):
-        assert json.loads(body)["seal"], path
+        assert len(body.partition(b"\n")[0]) == 64 and json.loads(body.partition(b"\n")[2]), path
 
 
 def check_whole(whole: Whole, folder: Path) -> None:

@@ -31,7 +31,7 @@ def test_of_one_dataset(tmp_path: Path, delay: float) -> None:
     assert all(gone(build.process.pid) for build in builds)
     assert sorted(p.name for p in tmp_path.iterdir()) == [".out.source.json", "cache", "out", "texts"]
     ended = Build(tmp_path).end()
-    assert (ended.code, "there already" in ended.out) == (0, True)
+    assert (ended.code, "exists (sizes checked" in ended.out) == (0, True)
 
 
 def test_of_two_datasets_with_one_cache(tmp_path: Path) -> None:

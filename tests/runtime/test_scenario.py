@@ -110,7 +110,7 @@ def test_what_is_not_there_is_said_with_what_is() -> None:
         scenario.render(0, "roof")
     with pytest.raises(InputError, match=r"captures .*, not 'thermal'"):
         scenario.render(0, "street", "thermal")
-    with pytest.raises(InputError, match="no variant 'weather=rains'; the nearest is 'weather=rain'"):
+    with pytest.raises(InputError, match="no variant 'weather=rains'; did you mean 'weather=rain'"):
         recipe_runtime.open(TINY, "weather=rains")
 
 

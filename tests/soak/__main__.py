@@ -23,16 +23,14 @@ def main() -> int:
     seeds = [int(n) for n in sys.argv[3:4]] or list(runs.SEEDS)
     tasks = [(town, count, seed) for town in towns for count in counts for seed in seeds]
     broken = 0
-    print(
-        "| town | vehicles + pedestrians | seed | mean speed, first 30 s | last 30 s | pedestrians | longest stand, s | contacts |"
-    )
-    print("|---|---|---|---|---|---|---|---|")
+    columns = ["town", "vehicles + pedestrians", "seed", "mean speed, first 30 s", "last 30 s", "pedestrians"]
+    columns += ["longest stand, s", "contacts"]
+    print(f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}")
     with ProcessPoolExecutor(2) as pool:
         for (town, _, seed), made in zip(tasks, pool.map(_one, tasks), strict=True):
-            speeds = f"{made.first_speed:.2f} | {made.last_speed:.2f} | {made.walking_speed:.2f}"
-            print(
-                f"| {town} | {made.vehicles} + {made.pedestrians} | {seed} | {speeds} | {made.longest_stand:.0f} | {made.collisions} |"
-            )
+            speeds = [f"{speed:.2f}" for speed in (made.first_speed, made.last_speed, made.walking_speed)]
+            row = [town, f"{made.vehicles} + {made.pedestrians}", seed, *speeds, f"{made.longest_stand:.0f}"]
+            print(f"| {' | '.join(map(str, [*row, made.collisions]))} |")
             for fault in made.faults():
                 broken += 1
                 print(f"    {fault}")

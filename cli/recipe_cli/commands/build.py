@@ -105,7 +105,7 @@ def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
     is_flag=False,
     flag_value="local",
     metavar="[ADDRESS]",
-    help="Share the work out on a Ray cluster: at ADDRESS, or one of this host's own.",
+    help="Distribute the work on a Ray cluster: at ADDRESS, or started on this host.",
 )
 @click.option(
     "--repair", is_flag=True, help="Hash every file of the dataset that is there, and make again what is damaged."
@@ -164,7 +164,9 @@ def _inputs(request: Request) -> Inputs:
     folder = Path(output) if output and "://" not in output else None
     if request.repair and output and folder is None:
         url = shown(output)
-        raise InputError(f"--repair mends a folder, not {url}; repair that, then build with --output {url} to copy it")
+        raise InputError(
+            f"--repair repairs a folder, not {url}; repair that, then build with --output {url} to copy it"
+        )
     workers = None if request.ray else worker_count(request.workers)  # a cluster's memory is not this host's
     free = free_disk(folder or Path())
     compiled = compile_quietly(recipe, allow_large=request.allow_large, free_disk=free, workers=workers)
@@ -280,7 +282,7 @@ def _locked_plan(
         )
     differences += compare_plans(plan, known)
     if differences:
-        remedy = "`recipe lock --update` locks what the recipe says now"
+        remedy = "`recipe lock --update` locks the recipe's current content"
         raise InputError(
             [Problem(f"{path}: {difference}", help=remedy, code=Code.OUTDATED_LOCKFILE) for difference in differences]
         )
@@ -294,7 +296,7 @@ def _warn_if_outdated(compiled: Compiled, path: Path, known: Lockfile) -> None:
 
     found = compare_files(compiled.plan, known, compiled.files) or compare_plans(compiled.plan, known)
     if found:
-        remedy = "this builds what the recipe says now, and ends with exit code 1; --locked refuses to"
+        remedy = "the current recipe is built, and the exit code is 1; --locked refuses this"
         warn(Problem(f"{path} is outdated: {found[0].message}", help=remedy, code=Code.OUTDATED_LOCKFILE))
 
 

@@ -10,11 +10,11 @@ from recipe_cli.console import print_json, say
 
 
 @click.command("cache")
-@click.option("--prune", is_flag=True, help="Remove what was not used for longest, down to --size.")
+@click.option("--prune", is_flag=True, help="Remove the least recently used entries, down to --size.")
 @click.option(
     "--size",
     metavar="SIZE",
-    help="With --prune: how much may stay, such as 500M; RECIPE_CACHE_LIMIT by default.",
+    help="With --prune: the size limit, such as 500M; RECIPE_CACHE_LIMIT by default.",
 )
 @JSON
 def command(prune: bool, size: str | None, as_json: bool) -> None:

@@ -37,7 +37,7 @@ def command(recipes: tuple[Path, ...], as_json: bool) -> None:
         if not as_json:
             for warning in found:
                 warn(warning)
-            say(f"{path}: in order, {count(variants, 'variant')}")
+            say(f"{path}: valid, {count(variants, 'variant')}")
     if as_json:
         errors = [_row(*each) for each in problems]
         rows = {"errors": errors, "problems": errors, "warnings": [_row(*each) for each in warnings]}
@@ -48,7 +48,7 @@ def command(recipes: tuple[Path, ...], as_json: bool) -> None:
 
 
 def _checked(path: Path) -> tuple[int, list[Problem]]:
-    """How many variants a recipe has and what to warn of; that it is large is no mistake."""
+    """Return the number of variants of a recipe and its warnings; a large size is not a mistake."""
     from recipe_compiler.compile import compile_recipe
     from recipe_compiler.limits import TooLargeError
 

@@ -23,7 +23,7 @@ _MOST_SHOWN = 40
 @ALLOW_LARGE
 @JSON
 def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None:
-    """Say what differs between FIRST and SECOND, the first cause first; nothing is rendered.
+    """Report the differences between FIRST and SECOND, in the order of the stages, without rendering.
 
     Each is a recipe (with its lockfile, if that is up to date), a pack, a lockfile, a dataset folder, or an
     expanded plan (`recipe plan --variant`, plans/*.json of a dataset). Datasets are compared by their
@@ -74,5 +74,5 @@ def _side(path: Path, allow_large: bool) -> Side:
             lock = lockfile.read(found)
             if lock.plan == compiled.plan.digest:
                 return Side(str(path), replace(lock, files=compiled.files), compiled.plan)
-            note = f"{found} is not what {path} makes now, and was left aside; `recipe lock --update` renews it"
+            note = f"{found} is not what {path} compiles to now, and was ignored; `recipe lock --update` updates it"
         return Side(str(path), bare(compiled.plan, "", compiled.files), compiled.plan, note=note)

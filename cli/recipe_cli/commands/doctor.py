@@ -17,7 +17,7 @@ _COLOURS = {"equal": "green", "differs": "red", "may differ": "yellow"}
 @click.command("doctor")
 @JSON
 def command(as_json: bool) -> None:
-    """Tell this host's fingerprint, build a golden recipe, and say which promises hold here.
+    """Report the host's fingerprint, build a golden recipe, and report which promises hold here.
 
     Exit code 0: nothing differs that must not; 1: something does, or the self-test could not be run (tier A: no).
     """

@@ -11,6 +11,8 @@ from recipe_cli.arguments import JSON, REPLACE, LocalPath, output_option
 from recipe_cli.console import print_json, say
 from recipe_cli.progress import Progress
 
+_MAX_SHARD = 1 << 50  # bytes
+
 
 @click.command("export")
 @click.argument("dataset", type=LocalPath(path_type=Path))
@@ -22,14 +24,14 @@ from recipe_cli.progress import Progress
     type=click.Choice(["webdataset"]),
     default="webdataset",
     show_default=True,
-    help="The form to write.",
+    help="The output format.",
 )
 @click.option(
     "--shard-size",
     metavar="SIZE",
     default="1G",
     show_default=True,
-    help="A shard is at most so large, unless one frame alone is larger.",
+    help="Size limit of a shard; only a shard with a single frame may exceed it.",
 )
 @REPLACE
 @JSON
@@ -44,13 +46,21 @@ def command(
         raise click.UsageError("Missing argument 'OUT'." if out is None else "OUT and --output are both given.")
     folder = out or output
     assert folder is not None
+    from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.limits import size
     from recipe_runtime.cache import pruning
     from recipe_runtime.dataset.reader import read
     from recipe_runtime.transfer import shards
 
+    shard_bytes = pruning.bytes_of(shard_size)
+    if not 1 <= shard_bytes <= _MAX_SHARD:
+        raise InputError(
+            f"--shard-size {shard_size}: a shard holds 1 byte to {size(_MAX_SHARD)}",
+            help="write for example 500M or 1G",
+            code=Code.OUT_OF_RANGE,
+        )
     with Progress(quiet=as_json) as progress:
-        index = shards.webdataset(read(dataset), folder, progress, pruning.bytes_of(shard_size), replace=replace)
+        index = shards.webdataset(read(dataset), folder, progress, shard_bytes, replace=replace)
     if as_json:
         print_json(index)
         return

@@ -21,7 +21,7 @@ from recipe_cli.console import print_json, say
     type=LocalPath(path_type=Path, file_okay=False),
     default=Path(),
     show_default=True,
-    help="The folder to write it to; made if it is not there.",
+    help="The output folder; created if it does not exist.",
 )
 @REPLACE
 @JSON

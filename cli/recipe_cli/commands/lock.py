@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 @click.option(
     "--with-traces",
     is_flag=True,
-    help="Write lockfiles/<recipe>.traces too: hosts that simulate otherwise start from it.",
+    help="Also write lockfiles/<recipe>.traces, for hosts whose simulation differs.",
 )
 @DEVICE
 @WORKERS
@@ -59,7 +59,7 @@ def command(
     """Write a digest of every frame of RECIPES into lockfiles/<recipe>.lock.
 
     Frames are rendered, and not kept; those of the dataset that `recipe build` made of the same plan here are taken
-    over, once its files have been hashed. A lock that was stopped goes on where it was.
+    over, once its files have been hashed. An interrupted lock is resumed.
     """
     from recipe_compiler.ir.errors import Code, InputError
 
@@ -176,7 +176,7 @@ def _print(locked: Locked) -> None:
         (locked.resumed_frames, "a stopped lock"),
     ):
         if number:
-            say(f"{counted(number, 'frame')} taken over from {origin}")
+            say(f"{counted(number, 'frame')} reused from {origin}")
 
 
 def _note(previous: Lockfile | None, made: Lockfile) -> str:
@@ -266,5 +266,5 @@ def _check_is_of_recipe(recipe: Path, compiled: Compiled, path: Path, update: bo
 def _outdated(path: Path, recipe: Path) -> InputError:
     from recipe_compiler.ir.errors import Code, InputError
 
-    what = f"{path} says something else than {recipe} makes now; --update replaces it"
+    what = f"{path} differs from what {recipe} compiles to now; --update replaces it"
     return InputError(what, code=Code.OUTDATED_LOCKFILE)

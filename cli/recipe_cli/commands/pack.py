@@ -68,12 +68,14 @@ def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, by
         raise InputError(f"{motion}: there are no traces; `recipe lock --update --with-traces` writes them")
     if not path.exists():
         return {}
-    lock = lockfile.read(path)
+    lock = lockfile.read(path, compiled.plan)
     check_lockfile_is_of(recipe, compiled.plan, path, lock)
     if not lock.sealed or lock.plan != compiled.plan.digest:
-        raise InputError(f"{path} says something else than {recipe} makes now; `recipe lock --update` first")
+        raise InputError(f"{path} differs from what {recipe} compiles to now; run `recipe lock --update` first")
     name = f"{FOLDER}/{compiled.plan.recipe}"
     found = {f"{name}.lock": replace(lock, source=f"../{recipe.name}", files=compiled.files).dumps().encode()}
     if motion.exists():
-        found[f"{name}{trace_bundle.SUFFIX}"] = trace_bundle.dumps(trace_bundle.read(motion, lock.traces))
+        found[f"{name}{trace_bundle.SUFFIX}"] = trace_bundle.dumps(
+            trace_bundle.read(motion, lock.traces, trace_bundle.size_limits(compiled.plan))
+        )
     return found

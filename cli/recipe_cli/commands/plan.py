@@ -1,4 +1,4 @@
-"""`recipe plan`: what a recipe stands for and what it costs, before any work."""
+"""`recipe plan`: what a recipe defines and what it costs, before any work."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _table(compiled: Compiled) -> None:
 def _here(cost: Cost) -> str:
     """How long that is on the cores of this host, which a build takes all of."""
     cores = worker_count(None)
-    return f", {_duration(cost.minutes_with(cores))} on the {cores} here" if cores > 1 else ""
+    return f", {_duration(cost.minutes_with(cores))} on this host's {cores} cores" if cores > 1 else ""
 
 
 def _duration(minutes: float) -> str:

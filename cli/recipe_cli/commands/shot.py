@@ -37,7 +37,7 @@ from recipe_cli.progress import Progress
     shell_complete=completion.modalities,
     help="rgb, depth, instance or semantic; rgb if it is captured.",
 )
-@output_option(LocalPath(path_type=Path, dir_okay=False), "The PNG; by default its name.")
+@output_option(LocalPath(path_type=Path, dir_okay=False), "The PNG file to write.")
 @click.option("--map", "as_map", is_flag=True, help="Draw the town from above instead; RECIPE may be a town's name.")
 @REPLACE
 @DEVICE
@@ -57,7 +57,7 @@ def command(
     allow_large: bool,
     as_json: bool,
 ) -> None:
-    """Render one frame of RECIPE into a PNG: the very pixels of the full build (depth and labels in colours).
+    """Render one frame of RECIPE into a PNG: exactly the pixels of the full build (depth and labels in colours).
 
     With --map draw its town from above: lanes, sidewalks, crossings, parking places, spawn points, and the recipe's
     actors and sensors, with coordinates in metres.
@@ -99,6 +99,19 @@ def command(
         say(f"pixels sha256:{made.digest}")
 
 
+def _check_town_name(recipe: Path) -> None:
+    """InputError for what is not there and is a misspelt name of a town rather than a file."""
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.library import towns
+    from recipe_compiler.schema.messages import near
+
+    close = None if recipe.exists() or recipe.suffix else near(str(recipe), towns.NAMES)
+    if close is not None:
+        raise InputError(
+            f"{recipe}: there is no such file or town", help=f'did you mean "{close}"?', code=Code.FILE_NOT_FOUND
+        )
+
+
 def _draw_map(
     recipe: Path, variant: str | None, output: Path | None, replace: bool, allow_large: bool, as_json: bool
 ) -> None:
@@ -109,6 +122,7 @@ def _draw_map(
         town, scenario, name = towns.build(str(recipe), 0, {}), None, str(recipe)
         title = f"{name}, as it is without parameters"
     else:
+        _check_town_name(recipe)
         compiled = compile_quietly(recipe, allow_large=allow_large)
         scenario = compiled.plan.named(variant)
         town, name = compiled.towns[scenario.scene.town.digest], compiled.plan.recipe

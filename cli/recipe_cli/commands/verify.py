@@ -29,7 +29,6 @@ from recipe_cli.progress import Progress
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.errors import Problem
-    from recipe_compiler.ir.lockfile import Lockfile
     from recipe_compiler.ir.plan import DatasetPlan
     from recipe_runtime.verify.verdict import Report
     from recipe_runtime.verify.verify import Options
@@ -46,14 +45,14 @@ _MAX_SHOWN = 20
     type=click.FloatRange(0.5, 0.9999),
     default=0.95,
     show_default=True,
-    help="How sure the sample must make that fewer frames than --bound differ.",
+    help="Confidence that a smaller fraction of frames than --bound differs.",
 )
 @click.option(
     "--bound",
     type=click.FloatRange(0.0001, 0.9),
     default=0.05,
     show_default=True,
-    help="The share of differing frames that the sample must rule out.",
+    help="Fraction of differing frames that the sample must detect.",
 )
 @click.option("--frames", type=click.IntRange(1), help="Check this many frames, whatever the bound.")
 @click.option("--all", "everything", is_flag=True, help="Check every frame.")
@@ -69,7 +68,7 @@ _MAX_SHOWN = 20
     type=LocalPath(path_type=Path, file_okay=False),
     default=Path("differences"),
     show_default=True,
-    help="Where pictures of differing frames go.",
+    help="Folder for pictures of differing frames.",
 )
 @DEVICE
 @WORKERS
@@ -113,7 +112,7 @@ def command(
         allow_large=allow_large,
     )
     if against is not None and (len(targets) != 1 or _is_dataset(targets[0]) or integrity):
-        raise InputError("--against holds a dataset against one recipe or lockfile; name that one")
+        raise InputError("--against compares a dataset with one recipe or lockfile; name that one")
 
     def check(target: Path | str) -> Report:
         if integrity:
@@ -162,11 +161,12 @@ def _each(
     return verdicts, problems
 
 
-def _recipe_of(path: Path, lock: Lockfile) -> Path:
+def _recipe_of(path: Path) -> Path:
     """The recipe that a lockfile names; InputError if it is not there."""
+    from recipe_compiler.ir import lockfile
     from recipe_compiler.ir.errors import Code, InputError
 
-    recipe = recipe_of(path, lock)
+    recipe = recipe_of(path, lockfile.read_source(path))
     if not recipe.exists():
         remedy = "if it was renamed: `recipe verify NEW.yaml`, then `recipe lock NEW.yaml --update`"
         raise InputError(f"{path} names {recipe}, which does not exist", help=remedy, code=Code.FILE_NOT_FOUND)
@@ -229,15 +229,15 @@ def _verify(target: Path | str, options: Options, allow_large: bool, against: Pa
         if against is not None:
             held = reader.read(stack.enter_context(dataset_at(against, progress)), shown(against))
         if target.suffix == ".lock":
-            path, lock = target, lockfile.read(target)
-            compiled = compile_quietly(_recipe_of(path, lock), allow_large=allow_large)
+            path, compiled = target, compile_quietly(_recipe_of(target), allow_large=allow_large)
+            lock = lockfile.read(path, compiled.plan)
         else:
             compiled = compile_quietly(target, allow_large=allow_large)
             path = lockfile_path(target, compiled.plan.recipe)
             lock = held.lock if held is not None and not path.exists() else lockfile.read(path, compiled.plan)
             if held is None or lock is not held.lock:
                 check_lockfile_is_of(target, compiled.plan, path, lock)
-        held_traces = trace_bundle.read(trace_bundle.beside(path), lock.traces)
+        held_traces = trace_bundle.read(trace_bundle.beside(path), lock.traces, trace_bundle.size_limits(compiled.plan))
         return verify(
             compiled.plan,
             lock,

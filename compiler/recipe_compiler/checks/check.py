@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError, create_model
 from recipe_compiler.checks import references
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.schema.fields import NAME, NAME_LENGTH, Model
-from recipe_compiler.schema.messages import details, nearest, translate
+from recipe_compiler.schema.messages import Suggestions, details, nearest, translate
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.source.yaml_reader import Value, show
 
@@ -31,8 +31,12 @@ class Checker:
     """Validates merged bases, section by section, and caches results by the identity of the section."""
 
     def __init__(self, base: Value, assets: Mapping[str, str] | None = None) -> None:
-        """`base` is the recipe's own, before any delta: what deltas may name. `assets`: name -> mesh or image."""
-        self._checks = (*references.CHECKS, references.unknown_asset(assets or {}))
+        """`base` is the recipe's own, before any delta: what deltas may name.
+
+        `assets`: name -> mesh or image; None if they are not known, and names of assets are not checked.
+        """
+        own = () if assets is None else (references.unknown_asset(assets),)
+        self._checks = (*references.CHECKS, *own)
         self._names = {kind: set(value.map) if (value := base.get(kind)) else set() for kind in _NAMED}
         self._checked: dict[tuple[object, ...], tuple[object, list[Problem]]] = {}
         self._seen: dict[tuple[str, int], tuple[Value | None, object, list[Problem]]] = {}
@@ -74,10 +78,11 @@ class Checker:
 
     def _translate(self, error: ValidationError, merged: Value) -> list[Problem]:
         unknown: dict[tuple[str, str], Problem] = {}
+        suggestions = {kind: Suggestions(sorted(names)) for kind, names in self._names.items()}
         for detail in details(error):
             kind, name = (*map(str, detail["loc"]), "", "")[:2]
             if detail["type"] == "missing" and kind in _NAMED and name and name not in self._names[kind]:
-                remedy = f"{nearest(name, sorted(self._names[kind]))} (a new one needs {_NEEDS[kind]})"
+                remedy = f"{suggestions[kind].nearest(name)} (a new one needs {_NEEDS[kind]})"
                 message = f"the base has no {_NAMED[kind]} {show(name)} to change"
                 place = (merged.get(kind) or merged).key_place(name)
                 unknown[kind, name] = Problem(message, place, remedy, Code.UNKNOWN_NAME)
@@ -147,9 +152,9 @@ def check_removals(root: Value) -> list[Problem]:
 def _removals(delta: Value, known: Mapping[str, set[str]]) -> list[Problem]:
     problems = []
     for kind, word in _NAMED.items():
-        named = delta.get(kind)
+        named, suggestions = delta.get(kind), Suggestions(sorted(known[kind]))
         for name, value in named.map.items() if named else ():
             if value.data is None and name not in known[kind] and named:
-                message, remedy = f"there is no {word} {show(name)} to remove", nearest(name, sorted(known[kind]))
+                message, remedy = f"there is no {word} {show(name)} to remove", suggestions.nearest(name)
                 problems.append(Problem(message, named.key_place(name), remedy, Code.UNKNOWN_NAME))
     return problems

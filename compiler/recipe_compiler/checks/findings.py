@@ -1,4 +1,4 @@
-"""Collects the problems of many variants: each once, with variant and town if only some variants have it."""
+"""Collects the problems of many variants and reports each once, with a note if only some variants have it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,10 @@ class _Finding:
 
 
 class Findings:
-    """Problems, the same one of several variants once. Two that differ in numbers only are the same: random draws."""
+    """Distinct problems of several variants.
+
+    Messages that differ in numbers only, as with random draws, count as one.
+    """
 
     def __init__(self) -> None:
         self.total = 0  # problems added, counted in each variant
@@ -37,7 +40,7 @@ class Findings:
         self._known: dict[int, tuple[Problem, _Finding]] = {}  # variants that share a section share its problems
 
     def add(self, problems: Iterable[Problem], variant: Variant | None = None) -> None:
-        """Add what was found, if anything, in a variant or in the recipe as a whole."""
+        """Add the problems of a variant, or of the recipe as a whole."""
         if variant is not None and variant is not self._last:
             self._variants, self._last = self._variants + 1, variant
         for problem in problems:
@@ -55,7 +58,7 @@ class Findings:
             finding.last = variant
 
     def problems(self) -> list[Problem]:
-        """All problems, by place, with a note where fewer than all variants have one."""
+        """Return all problems, sorted by place, with a note on those that only some variants have."""
         shown = [_noted(finding, self._variants) for finding in self._found.values()]
         return sorted(shown, key=lambda problem: problem.place or _NOWHERE)
 

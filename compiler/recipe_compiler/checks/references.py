@@ -13,16 +13,16 @@ from collections.abc import Callable, Iterator, Mapping
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.library import blueprints, towns, weather
 from recipe_compiler.schema.fields import BLUEPRINT
-from recipe_compiler.schema.messages import near, nearest
+from recipe_compiler.schema.messages import Suggestions, near, nearest
 from recipe_compiler.schema.scene import Town
 from recipe_compiler.source.yaml_reader import Value, show
 
 Check = tuple[Callable[[Value], Iterator[Problem]], tuple[str, ...]]
-"""A check, and the sections that it looks at."""
+"""A check, and the sections of the base that it reads."""
 
 
 def unknown_preset(base: Value) -> Iterator[Problem]:
-    """A weather preset that CARLA does not have."""
+    """Report an unknown weather preset."""
     name = _text(base, "weather", "preset")
     if name is not None and name not in weather.PRESETS:
         message, place = f"weather: unknown preset {show(name)}", base.place_of("weather", "preset")
@@ -30,7 +30,7 @@ def unknown_preset(base: Value) -> Iterator[Problem]:
 
 
 def unknown_town(base: Value) -> Iterator[Problem]:
-    """An unknown town, or a parameter that it does not have or refuses."""
+    """Report an unknown town, and unknown or invalid parameters of a town."""
     name, spec = _text(base, "town", "name"), base.get("town")
     if name is None or spec is None:
         return
@@ -58,7 +58,7 @@ def unknown_town(base: Value) -> Iterator[Problem]:
 
 
 def unknown_blueprint(base: Value) -> Iterator[Problem]:
-    """A blueprint or glob that matches nothing in the library."""
+    """Report blueprints and glob patterns that match nothing in the library."""
     actors = base.get("actors")
     for name in actors.map if actors else ():
         glob = _text(base, "actors", name, "blueprint")
@@ -69,7 +69,7 @@ def unknown_blueprint(base: Value) -> Iterator[Problem]:
 
 
 def blueprint_remedy(glob: str) -> str:
-    """What to write instead of a blueprint that is not there: the nearest one, or the families that there are."""
+    """Return the remedy for an unknown blueprint: the nearest id, or the list of families."""
     close = near(glob, blueprints.names())
     if close is not None:
         return f"did you mean {show(close)}?"
@@ -78,7 +78,7 @@ def blueprint_remedy(glob: str) -> str:
 
 
 def unknown_carrier(base: Value) -> Iterator[Problem]:
-    """A sensor mounted on an actor that the variant does not have."""
+    """Report sensors mounted on an actor that the variant does not have."""
     actors, sensors = base.get("actors"), base.get("sensors")
     names = list(actors.map) if actors else []
     many = base.get("traffic", "density") is not None
@@ -86,17 +86,18 @@ def unknown_carrier(base: Value) -> Iterator[Problem]:
         number = base.get("traffic", key)
         if number is not None and isinstance(number.data, int):
             names += [f"traffic.{kind}.{index}" for index in range(min(number.data, 1000))]
+    known, suggestions = set(names), Suggestions(names)
     for name in sensors.map if sensors else ():
         on = _text(base, "sensors", name, "mount", "on")
-        if on is not None and on not in names and (removed := _removal(base, "actors", on)) is not None:
+        if on is not None and on not in known and (removed := _removal(base, "actors", on)) is not None:
             message = f"the actor {show(on)} is removed here, but sensors.{name} is mounted on it"
             yield Problem(message, removed, "remove or remount the sensor too", Code.CONFLICT)
-        elif on is not None and on not in names:
+        elif on is not None and on not in known:
             if many and re.fullmatch(r"traffic\.(vehicle|pedestrian)\.[0-9]{1,3}", on):
                 continue  # whether there are so many is known when the town is
             message = f"sensors.{name}.mount.on: there is no actor {show(on)}"
             place = base.place_of("sensors", name, "mount", "on")
-            yield Problem(message, place, nearest(on, names), Code.UNKNOWN_NAME)
+            yield Problem(message, place, suggestions.nearest(on), Code.UNKNOWN_NAME)
 
 
 def unknown_sensor(base: Value) -> Iterator[Problem]:
@@ -117,7 +118,7 @@ def unknown_mix(base: Value) -> Iterator[Problem]:
 
 
 def _removal(base: Value, section: str, name: str) -> Place | None:
-    """Where a delta removes an entry of a section, or the section whole."""
+    """Return the place where a delta removes an entry of a section, or the whole section."""
     entries = base.get(section)
     if entries is None:
         return base.keys.get(section)
@@ -125,7 +126,7 @@ def _removal(base: Value, section: str, name: str) -> Place | None:
 
 
 def names_alike(base: Value) -> Iterator[Problem]:
-    """Actors or sensors whose names differ in case only: they become folders, and some disks take them for one."""
+    """Report names that differ in case only: they become folders, and some file systems ignore case."""
     for section in ("actors", "props", "sensors"):
         entries = base.get(section)
         if entries is not None:
@@ -133,7 +134,7 @@ def names_alike(base: Value) -> Iterator[Problem]:
 
 
 def alike(entries: Value, where: str) -> Iterator[Problem]:
-    """Problems of the keys of a map that differ in case only, each at the later one."""
+    """Report keys of a map that differ in case only, at the later key."""
     seen: dict[str, str] = {}
     for name in entries.map:
         first = seen.setdefault(name.lower(), name)
@@ -143,22 +144,22 @@ def alike(entries: Value, where: str) -> Iterator[Problem]:
 
 
 def unknown_day(base: Value) -> Iterator[Problem]:
-    """A date that does not exist."""
+    """Report a date that does not exist."""
     date = _text(base, "place", "date")
     if date is None or not re.match(r"[0-9]{4}-[0-9]{2}-[0-9]{2}\Z", date):
         return
     try:
         datetime.date.fromisoformat(date)
     except ValueError:
-        message, place = f"place.date: {show(date)} is not a day of the calendar", base.place_of("place", "date")
-        yield Problem(message, place, "write a day that the month has", Code.INVALID_VALUE)
+        message, place = f"place.date: {show(date)} does not exist", base.place_of("place", "date")
+        yield Problem(message, place, "write an existing date", Code.INVALID_VALUE)
 
 
 def unknown_asset(assets: Mapping[str, str]) -> Check:
-    """The check that props name assets that there are, of the right kind; `assets`: name -> mesh or image."""
+    """Return a check that props use existing assets of the right kind; `assets`: name -> mesh or image."""
 
     def wrong_asset(base: Value) -> Iterator[Problem]:
-        props = base.get("props")
+        props, suggestions = base.get("props"), dict[str, Suggestions]()
         for name in props.map if props else ():
             for key, kind in (("asset", "mesh"), ("image", "image")):
                 asset = _text(base, "props", name, key)
@@ -166,9 +167,13 @@ def unknown_asset(assets: Mapping[str, str]) -> Check:
                     continue
                 fitting = [n for n, k in assets.items() if k == kind]
                 article = "an" if kind == "image" else "a"
-                known = f"is of kind {assets.get(asset)}, not {article} {kind}" if asset in assets else "is no asset"
+                known = (
+                    f"is of kind {assets.get(asset)}, not {article} {kind}" if asset in assets else "is not an asset"
+                )
                 message, place = f"props.{name}.{key}: {show(asset)} {known}", base.place_of("props", name, key)
-                yield Problem(message, place, nearest(asset, fitting), Code.UNKNOWN_NAME)
+                yield Problem(
+                    message, place, suggestions.setdefault(kind, Suggestions(fitting)).nearest(asset), Code.UNKNOWN_NAME
+                )
 
     return wrong_asset, ("props",)
 

@@ -22,6 +22,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
+import itertools
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
@@ -155,7 +156,11 @@ class Lockfile:
     def _check_replaceable(self, path: Path) -> None:
         """InputError unless the file at `path` is a lockfile, whole or damaged, of this very recipe."""
         if not is_lockfile(path):
-            raise InputError(f"{path} is there already and is not a lockfile; move it away, or replace it")
+            raise InputError(
+                f"{path} is there already and is not a lockfile",
+                help="move it away, or replace it",
+                code=Code.OUTPUT_IN_THE_WAY,
+            )
         try:
             there = read(path)
         except InputError:
@@ -164,14 +169,15 @@ class Lockfile:
         other = there.other_recipe(path, own, self.plan)
         if there.recipe != self.recipe or other is not None:
             raise InputError(
-                f"{path} is the lockfile of another recipe, {other or there.recipe}, and not of {own};"
-                " give one of them another name, or replace it"
+                f"{path} is the lockfile of another recipe, {other or there.recipe}, and not of {own}",
+                help="give one of them another name, or replace it",
+                code=Code.OUTPUT_IN_THE_WAY,
             )
         gone = there.missing_recipe(path, own, self.plan)
         if gone is not None:
             raise InputError(
                 f"{path} is the lockfile of {gone}, which does not exist, and has another plan than {own}",
-                help="if that recipe was renamed, lock it under its new name first; else replace the lockfile",
+                help="if that recipe was renamed, lock it under its new name first; else replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
 
@@ -248,13 +254,34 @@ def read(path: Path, plan: DatasetPlan | None = None) -> Lockfile:
     Raises:
         InputError: it is not a valid lockfile; the place is the line.
     """
+    with _lines_of(path) as lines:
+        return _parse(lines, str(path), MAX_ROWS if plan is None else max_rows_for(plan))
+
+
+def read_source(path: Path) -> str:
+    """The path of the recipe that a lockfile names, from its first rows; the others are not read.
+
+    Raises:
+        InputError: it is not a lockfile, or names no recipe there.
+    """
+    parser = RowParser(str(path), MAX_ROWS)
+    with _lines_of(path) as lines:
+        for number, line in enumerate(itertools.islice(lines, 2), start=1):
+            parser.add(number, line.decode().rstrip("\r\n"))
+    if not parser.source:
+        raise invalid_line(str(path), 2, "the second row names no recipe")
+    return parser.source
+
+
+@contextlib.contextmanager
+def _lines_of(path: Path) -> Iterator[Iterator[bytes]]:
+    """The lines of a lockfile; InputError if it is absent, too large or unreadable."""
     try:
         with open_regular(path) as file:
             size = os.fstat(file.fileno()).st_size
             if size > MAX_BYTES:
                 raise ValueError(f"it has {size:,} bytes, and at most {MAX_BYTES >> 20} MiB are read")
-            lines = iter(lambda: file.readline(MAX_LINE), b"")
-            return _parse(lines, str(path), MAX_ROWS if plan is None else max_rows_for(plan))
+            yield iter(lambda: file.readline(MAX_LINE), b"")
     except FileNotFoundError:
         raise InputError(f"{path}: there is no lockfile; `recipe lock` writes it", code=Code.FILE_NOT_FOUND) from None
     except (OSError, ValueError) as error:

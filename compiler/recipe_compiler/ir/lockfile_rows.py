@@ -119,6 +119,11 @@ class RowParser:
         self._interned: dict[str, str] = {}  # keys and names occur in many rows
         self._lines = 0
 
+    @property
+    def source(self) -> str:
+        """The path of the recipe, if the row with it was added; else empty."""
+        return self._rows.source
+
     def add(self, number: int, line: str) -> None:
         """Parse one line.
 

@@ -78,7 +78,7 @@ def fault(camera: Lens, supersample: int) -> str | None:
     if bends(camera):
         slopes = [slope(camera, r) for r in _radii(camera)]
         if min(slopes) < _MIN_SLOPE or max(slopes) > _MAX_SLOPE:
-            return "bends the picture's corners too far; bring it nearer to 0"
+            return "bends the picture's corners too far; use a value nearer to 0"
         sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
         if sine / cosine * max(factor(camera, r) for r in _radii(camera)) > _MAX_TANGENT:
             return f"needs a view wider than 172 degrees at a fov of {camera.fov:g}; lower one of the two"

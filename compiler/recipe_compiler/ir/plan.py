@@ -16,43 +16,40 @@ from difflib import get_close_matches
 from functools import cached_property
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel
+from pydantic import BaseModel, ConfigDict, Field, RootModel
 
 from recipe_compiler.ir.actor_kinds import Category
 from recipe_compiler.ir.canonical import JsonValue, digest
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.modalities import MODALITIES, Modality
-
-# Limits of a plan, whether it was compiled here or read from a file. `plan_bounds` has the ranges
-# of bodies' shapes, and how many things a town may have of each kind.
-MAX_VARIANTS, MAX_SENSORS, MAX_FRAMES = 10_000, 1_000, 1_000_000
-MAX_ELEMENTS, MAX_ACTORS, MAX_PROPS, MAX_POINTS = 10_000, 1_000, 1_000, 10_000
-MAX_BODIES = MAX_ELEMENTS + MAX_ACTORS + MAX_PROPS
-MAX_SLOTS = 64
-MAX_FILE_BYTES = 32 << 20
-MAX_PIXELS_A_SIDE = 4096
-MAX_VARIANT_NAME, MAX_DESCRIPTION = 240, 2000  # characters
-
-
-def fixed(value: float) -> float:
-    """The value as a fixed decimal of six places; -0 becomes 0."""
-    return round(value, 6) + 0.0
-
-
-Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(fixed)]
-Metres = Annotated[Number, Field(ge=-100_000, le=100_000)]
-Degrees = Annotated[Number, Field(ge=-10_000, le=10_000)]
-Percent = Annotated[Number, Field(ge=0, le=100)]
-Colour = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]  # sRGB
-Name = Annotated[str, Field(min_length=1, max_length=100)]
-Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-Share = Annotated[Number, Field(ge=0, le=1)]
-Ten = Annotated[Number, Field(ge=0, le=10)]
-Tag = Annotated[int, Field(ge=0, le=255)]  # CARLA 0.9.14+ semantic tag
-Slot = Annotated[str, Field(max_length=1000)]
-Shape = Annotated[dict[Name, Number], Field(max_length=32)]
-Slots = Annotated[dict[Slot, Colour], Field(max_length=MAX_SLOTS)]
-
+from recipe_compiler.ir.plan_types import (
+    MAX_ACTORS,
+    MAX_BODIES,
+    MAX_DESCRIPTION,
+    MAX_ELEMENTS,
+    MAX_FILE_BYTES,
+    MAX_FRAMES,
+    MAX_PIXELS_A_SIDE,
+    MAX_POINTS,
+    MAX_PROPS,
+    MAX_SENSORS,
+    MAX_SLOTS,
+    MAX_VARIANT_NAME,
+    MAX_VARIANTS,
+    Colour,
+    Degrees,
+    Metres,
+    Name,
+    Number,
+    Percent,
+    Sha256,
+    Shape,
+    Share,
+    Slot,
+    Slots,
+    Tag,
+    Ten,
+)
 
 P = TypeVar("P", bound="Plan")
 
@@ -395,7 +392,7 @@ class DatasetPlan(Plan):
             near = get_close_matches(name, by_name, 1, 0.3) or list(by_name)[:1]
             raise InputError(
                 f"{self.recipe} has no variant {name!r}",
-                help=f"the nearest is {near[0]!r}, and `recipe plan` lists all",
+                help=f"did you mean {near[0]!r}? `recipe plan` lists all",
                 code=Code.UNKNOWN_NAME,
             )
         return by_name[name]

@@ -179,7 +179,7 @@ def actor_fault(actor: ActorPlan) -> str | None:
     family, kind = actor.blueprint.split(".")[:2]
     category, tag = ("pedestrian", Tag.PEDESTRIAN) if family == "walker" else ("vehicle", BODY_TAGS[kind])
     if (actor.category, actor.tag) != (category, tag):
-        return f"a {actor.blueprint} is no {actor.category} of tag {actor.tag}"
+        return f"a {actor.blueprint} is not a {actor.category} with tag {actor.tag}"
     return _shape_fault(actor.blueprint, actor.shape, ranges)
 
 

@@ -1,4 +1,4 @@
-"""The library of actors: pedestrians, cars and two-wheelers with their riders, as numbers and palettes."""
+"""The library of blueprints: pedestrians, vehicles, and two-wheelers with their riders."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ Palette = dict[str, tuple[str, ...]]
 
 @dataclass(frozen=True)
 class Blueprint:
-    """What an actor may be. `shape` is for its mesh and joints; `palette` holds the colours each slot may have.
+    """A kind of actor.
 
-    `attributes` tell what it is, under CARLA's names: `generation` of a pedestrian; `base_type` and
-    `number_of_wheels` of a vehicle.
+    `shape` determines its mesh and joints; `palette` holds the possible colours of each slot. `attributes` have CARLA's
+    names: `generation` of a pedestrian; `base_type` and `number_of_wheels` of a vehicle.
     """
 
     id: str
@@ -35,7 +35,7 @@ class Blueprint:
 _SKIN = ("#f1c7a5", "#e0ac86", "#c98f67", "#a86f4b", "#7d4f35", "#5a3826")
 _YOUNG_HAIR = ("#1e1814", "#2e221b", "#4a3222", "#6d4a2e", "#a57c4a", "#5b2f1d")
 _HAIR = (*_YOUNG_HAIR, "#8e8a86")
-_GROWN = 1.55  # metres; who is shorter is a child
+_GROWN = 1.55  # metres; shorter pedestrians are children
 _SHIRTS = (
     "#b43a35", "#2f5e8c", "#e3ded3", "#37704f", "#d9a63a", "#3b3f4a", "#7a4c7e", "#c96f3c",
     "#5f8fa8", "#8c8f94", "#d7c3a1", "#22334d",
@@ -67,8 +67,10 @@ def _person(
     limb: float = 1.0,
     bag: int = 0,
 ) -> dict[str, float]:
-    """What people differ in. `shoulder` and `girth` scale an average build of a height, `head` and `limb` an adult's
-    head and legs; `coat` lowers the hem, in metres. sleeves: 0 short, 1 long. legs: 0 shorts, 1 trousers, 2 a skirt.
+    """Return the shape parameters of a person.
+
+    `shoulder` and `girth` scale the average build for a height; `head` and `limb` scale an adult's head and legs.
+    `coat` lowers the hem, in metres. sleeves: 0 short, 1 long. legs: 0 shorts, 1 trousers, 2 skirt.
     """
     shape = {"shoulder": shoulder, "girth": girth, "hair": hair, "sleeves": sleeves, "legs": legs, "coat": coat}
     return {key: float(value) for key, value in (shape | {"head": head, "limb": limb, "bag": bag}).items()}
@@ -91,7 +93,7 @@ def _clothing(child: bool, hats: tuple[str, ...], person: Mapping[str, float]) -
 
 
 def _walker(number: int, height: float, speed: float = 1.4, **person: float) -> Blueprint:
-    """A pedestrian of that height; shorter than `_GROWN`, a child."""
+    """Return a pedestrian with a height in metres; below `_GROWN`, a child."""
     child = height < _GROWN
     shape = _person(**person)  # type: ignore[arg-type]
     return Blueprint(
@@ -131,8 +133,19 @@ def _vehicle(
     blind: bool = False,
     sign: float = 0.0,
 ) -> Blueprint:
-    """A vehicle of that length, width and height; `wheel` is a radius, a `blind` van has no windows in its rear, and a
-    taxi's lit `sign` is so many of its metres high.
+    """Return a vehicle.
+
+    Args:
+        name: the blueprint's id without `vehicle.`.
+        size: length, width and height, metres.
+        wheelbase: metres.
+        wheel: radius of the wheels, metres.
+        clearance: ground clearance, metres.
+        speed: default speed, m/s.
+        paint: colours to draw from.
+        spokes: number of spokes of a rim.
+        blind: whether a van has no rear windows.
+        sign: height of a taxi's lit roof sign, metres; 0: none.
     """
     kind, _, _ = name.partition(".")
     shape = {"body": BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
@@ -162,7 +175,7 @@ def _twowheeler(
     paint: tuple[str, ...],
     **person: float,
 ) -> Blueprint:
-    """A two-wheeler with somebody `rider` metres tall on it; the size is of both together."""
+    """Return a two-wheeler with a rider `rider` metres tall; the size includes both."""
     kind, _, _ = name.partition(".")
     shape = {"body": BODIES.index(kind), "length": size[0], "width": size[1], "height": size[2]}
     shape |= {"wheelbase": wheelbase, "wheel": wheel, "clearance": 0.15, "rider": rider}
@@ -257,7 +270,7 @@ LIBRARY: tuple[Blueprint, ...] = tuple(sorted((*_PEOPLE, *_CARS, *_RIDDEN), key=
 
 
 def specimen(blueprint: Blueprint) -> tuple[ActorPlan, dict[str, str]]:
-    """One actor of a blueprint, at the origin and bound nowhere, and colours drawn for it by the blueprint's id."""
+    """Return a stationary actor of a blueprint at the origin, and colours drawn by the blueprint's id."""
     actor = ActorPlan(
         name=blueprint.id,
         blueprint=blueprint.id,
@@ -274,17 +287,17 @@ def specimen(blueprint: Blueprint) -> tuple[ActorPlan, dict[str, str]]:
 
 
 def names() -> list[str]:
-    """What a recipe may write as a blueprint: a glob for each family, then every id."""
+    """Return the values of `blueprint` in a recipe: a glob pattern for each family, then every id."""
     ids = [blueprint.id for blueprint in LIBRARY]
     return [*sorted({f"{name.rsplit('.', 1)[0]}.*" for name in ids}), *ids]
 
 
 def parks(blueprint: Blueprint) -> bool:
-    """Whether such a vehicle fits into a parking bay, and can be left there."""
+    """Whether a vehicle has four wheels and fits into a parking bay."""
     return blueprint.attributes.get("number_of_wheels") == "4" and blueprint.shape["length"] <= 5.6
 
 
 @functools.lru_cache(maxsize=256)
 def match(glob: str) -> tuple[Blueprint, ...]:
-    """The blueprints whose id matches a case-sensitive glob such as `walker.pedestrian.*`, sorted by id."""
+    """Return the blueprints whose id matches a case-sensitive glob such as `walker.pedestrian.*`, sorted by id."""
     return tuple(blueprint for blueprint in LIBRARY if fnmatchcase(blueprint.id, glob))

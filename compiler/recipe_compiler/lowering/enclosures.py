@@ -1,4 +1,4 @@
-"""Warns of actors that start inside a building, or in a yard that is enclosed by buildings and walls.
+"""Warns of starts, goals and waypoints inside a building, and of starts in a yard enclosed by buildings and walls.
 
 Walls, fences and buildings are rectangles on the ground. A breadth-first search on a grid of square cells decides
 whether a lane or a sidewalk can be reached from the start.
@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import ActorPlan, Element
 from recipe_compiler.library.towns import Town
+from recipe_compiler.schema.scene import Actor, GroundPoint
 from recipe_compiler.source.yaml_reader import Value
 
 _BUILDINGS = ("building", "house", "tower")
 _BEHIND = ("building", "house", "wall")  # elements with the origin in the middle of their front
 _AROUND = ("fence", "guardrail", "hedge", "tower")  # elements with the origin in their middle
 _CELL = 0.5  # edge length of a cell, metres
+_BLOCK = 16.0  # edge length of the squares in which buildings are looked up, metres
 _REACH = 40.0  # metres; a start from which cells at this distance can be reached is not enclosed
 _REMEDY = "move it to a lane or a sidewalk, which a map of the town shows"
 
@@ -52,6 +54,28 @@ def of_enclosed_starts(
             what = "it is in a yard enclosed by buildings and walls, which the actor cannot leave"
         place = base.place_of("actors", actor.name, "start")
         yield Problem(f"actors.{actor.name}.start: {what}", place, _REMEDY, Code.PLACEMENT)
+
+
+def of_enclosed_goals(base: Value, actors: Mapping[str, Actor], town: Town) -> Iterator[Problem]:
+    """Yield warnings for goals and waypoints inside a building: the actor would walk on the spot at its wall.
+
+    Args:
+        base: the recipe's base, for the places of its values.
+        actors: the actors as the recipe gives them.
+        town: the town.
+    """
+    ways: list[tuple[tuple[str | int, ...], GroundPoint]] = []
+    for name, actor in actors.items():
+        ways += [((name, "goal"), actor.goal)] if actor.goal is not None else []
+        ways += [((name, "route", number), point) for number, point in enumerate(actor.route or ())]
+    ground = _Ground(town) if ways else None
+    for path, point in ways:
+        assert ground is not None
+        house = ground.building(point.x, point.y)
+        if house is not None:
+            label = ".".join(map(str, path[:2])) + "".join(f"[{number}]" for number in path[2:])
+            place = base.place_of("actors", *path)
+            yield Problem(f"actors.{label}: it is inside {house}", place, _REMEDY, Code.PLACEMENT)
 
 
 @dataclass(frozen=True)
@@ -91,13 +115,21 @@ class _Ground:
     def __init__(self, town: Town) -> None:
         kinds = (*_BEHIND, *_AROUND)
         self._obstacles = [_Obstacle.of(e) for e in town.plan.elements if e.kind in kinds]
+        self._buildings: dict[Cell, list[_Obstacle]] = {}  # by the squares of `_BLOCK` that they may reach into
+        for o in self._obstacles:
+            reach = o.depth + o.width
+            if o.building:
+                for i in range(math.floor((o.x - reach) / _BLOCK), math.floor((o.x + reach) / _BLOCK) + 1):
+                    for j in range(math.floor((o.y - reach) / _BLOCK), math.floor((o.y + reach) / _BLOCK) + 1):
+                        self._buildings.setdefault((i, j), []).append(o)
         self._spots = {_cell(point.pose.x, point.pose.y) for point in town.spawn_points}
         self._yards: list[set[Cell]] = []  # found so far
         self._open: set[Cell] = set()  # cells known not to be enclosed
 
     def building(self, x: float, y: float) -> str | None:
         """Return the name of the building that covers a point, or None."""
-        return next((o.name for o in self._obstacles if o.building and o.covers(x, y)), None)
+        near = self._buildings.get((math.floor(x / _BLOCK), math.floor(y / _BLOCK)), ())
+        return next((o.name for o in near if o.covers(x, y)), None)
 
     def yard(self, x: float, y: float) -> set[Cell]:
         """Return the cells that can be reached from a point.

@@ -146,6 +146,7 @@ class Lowering:
         routed = {name for name, actor in base.actors.items() if actor.goal is not None or actor.route is not None}
         self.warnings += lint.of_starts(variant.base, given, town)
         self.warnings += enclosures.of_enclosed_starts(variant.base, given, routed, town)
+        self.warnings += enclosures.of_enclosed_goals(variant.base, base.actors, town)
         seconds = traffic.warmup(base)
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics, warmup=seconds)
         # All colours come from a palette or are validated. Validating a town's again would be the slowest step here.

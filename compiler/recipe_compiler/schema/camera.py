@@ -23,59 +23,83 @@ from recipe_compiler.schema.fields import (
 )
 
 Span = Annotated[tuple[Degrees, Degrees], Loose, AfterValidator(ordered)]
-Sway = Annotated[Span | None, Field(description="[lowest, highest], degrees, added to the mount's.")]
+Sway = Annotated[Span | None, Field(description="Lowest and highest angle, degrees, added to the mount's angle.")]
 
 
 class Mount(Model):
-    """Where a sensor is: x forward, y left, z up; positive pitch looks down."""
+    """The pose of a sensor: x forward, y left, z up, in metres; angles in degrees."""
 
-    on: Annotated[ActorName | None, Field(description="An actor whose frame this is; absent: the world.")] = None
-    x: Annotated[Metres, Field(description="Metres.")] = 0.0
-    y: Annotated[Metres, Field(description="Metres.")] = 0.0
-    z: Annotated[Metres, Field(description="Metres.")] = 0.0
-    yaw: Annotated[Degrees, Field(description="Degrees, counter-clockwise.")] = 0.0
-    pitch: Annotated[Degrees, Field(description="Degrees, down.")] = 0.0
-    roll: Annotated[Degrees, Field(description="Degrees, to the right.")] = 0.0
+    on: Annotated[
+        ActorName | None,
+        Field(description="Actor that carries the sensor; the pose is in its frame. Default: the world frame."),
+    ] = None
+    x: Annotated[Metres, Field(description="Position along x, metres.")] = 0.0
+    y: Annotated[Metres, Field(description="Position along y, metres.")] = 0.0
+    z: Annotated[Metres, Field(description="Height, metres.")] = 0.0
+    yaw: Annotated[Degrees, Field(description="Degrees counter-clockwise seen from above; 0 looks along +x.")] = 0.0
+    pitch: Annotated[Degrees, Field(description="Degrees; positive looks down.")] = 0.0
+    roll: Annotated[Degrees, Field(description="Degrees; positive tilts to the right.")] = 0.0
 
 
 class Camera(Model):
-    """A camera and what it makes of light; names are CARLA's where it has one."""
+    """A camera and its response to light. Parameters that CARLA's RGB camera has too have CARLA's names."""
 
-    width: Annotated[int, Field(ge=16, le=4096, description="Pixels.")] = 800
-    height: Annotated[int, Field(ge=16, le=4096, description="Pixels.")] = 600
+    width: Annotated[int, Field(ge=16, le=4096, description="Width, pixels (CARLA: image_size_x).")] = 800
+    height: Annotated[int, Field(ge=16, le=4096, description="Height, pixels (CARLA: image_size_y).")] = 600
     fov: Annotated[float, bounded(1, 170, "Horizontal field of view, degrees.")] = 90.0
-    near: Annotated[float, bounded(0.01, 10, "Nearest depth, metres.")] = 0.1
-    far: Annotated[float, bounded(20, 10_000, "Farthest depth, metres.")] = 1000.0
-    lens_k: Annotated[float, bounded(-1, 1, "Distortion: above 0 barrel, below pincushion.")] = 0.0
-    lens_kcube: Annotated[float, bounded(-1, 1, "Distortion that grows faster to the corners.")] = 0.0
+    near: Annotated[float, bounded(0.01, 10, "Distance of the near plane, metres.")] = 0.1
+    far: Annotated[float, bounded(20, 10_000, "Distance of the far plane, metres.")] = 1000.0
+    lens_k: Annotated[
+        float, bounded(-1, 1, "Radial distortion, quadratic coefficient (CARLA: lens_k): > 0 barrel, < 0 pincushion.")
+    ] = 0.0
+    lens_kcube: Annotated[float, bounded(-1, 1, "Radial distortion, cubic coefficient (CARLA: lens_kcube).")] = 0.0
     exposure_mode: Annotated[
         Literal["auto", "manual"],
-        Field(description="auto: by sun, weather and lamps; manual: by shutter, iso and fstop."),
+        Field(description="auto: from sun, weather and lamps; manual: from shutter_speed, iso and fstop."),
     ] = "auto"
-    exposure_compensation: Annotated[float, bounded(-15, 15, "Stops on top of the exposure.")] = 0.0
-    shutter_speed: Annotated[float, bounded(1, 10_000, "1/s: 200 is open for 1/200 s.")] = 200.0
-    iso: Annotated[float, bounded(25, 102_400, "Sensitivity; noise grows as its root.")] = 100.0
-    fstop: Annotated[float, bounded(0.7, 32, "f-number; for the manual exposure.")] = 1.4
-    gamma: Annotated[float, bounded(0.5, 5, "2.2: sRGB; above: brighter.")] = 2.2
-    temp: Annotated[float, bounded(1500, 15_000, "Kelvin of the light taken for white.")] = 6500.0
-    tint: Annotated[float, bounded(-1, 1, "-1 green to 1 magenta.")] = 0.0
-    noise: Annotated[float, bounded(0, 10, "0: none; 1: a good street camera's.")] = 1.0
-    vignette_intensity: Annotated[float, bounded(0, 1, "How much darker corners are; 0: none.")] = 0.4
-    lens_circle_multiplier: Annotated[float, bounded(0, 10, "How dark the lens's rim is; 0: none.")] = 0.0
-    lens_circle_falloff: Annotated[float, bounded(0, 10, "How near to the corners the rim stays.")] = 5.0
-    chromatic_aberration_intensity: Annotated[
-        float, bounded(0, 10, "Percent by which red and blue part at corners.")
-    ] = 0.0
-    chromatic_aberration_offset: Annotated[float, bounded(0, 0.99, "Radius from which they part; 1: the corners.")] = (
-        0.0
+    exposure_compensation: Annotated[float, bounded(-15, 15, "Exposure compensation, stops (EV).")] = 0.0
+    shutter_speed: Annotated[float, bounded(1, 10_000, "Reciprocal of the exposure time, 1/s; 200 means 1/200 s.")] = (
+        200.0
     )
-    bloom_intensity: Annotated[float, bounded(0, 5, "Light that bright places shed about them.")] = 0.0
-    motion_blur_intensity: Annotated[float, bounded(0, 10, "0: none; 1: as long as the shutter is open.")] = 0.0
-    motion_blur_max_distortion: Annotated[float, bounded(0, 1, "Longest blur, as a share of the width.")] = 0.35
-    antialias: Annotated[bool, Field(description="Smooth edges in RGB; labels never are.")] = True
-    supersample: Annotated[int, Field(ge=1, le=4, description="RGB samples along a pixel's side.")] = 1
+    iso: Annotated[float, bounded(25, 102_400, "Sensitivity, ISO; noise is proportional to its square root.")] = 100.0
+    fstop: Annotated[float, bounded(0.7, 32, "Aperture, f-number; used with manual exposure.")] = 1.4
+    gamma: Annotated[float, bounded(0.5, 5, "Gamma; 2.2 is sRGB, higher values are brighter.")] = 2.2
+    temp: Annotated[
+        float, bounded(1500, 15_000, "White balance: colour temperature of the light that appears white, kelvins.")
+    ] = 6500.0
+    tint: Annotated[float, bounded(-1, 1, "White balance: tint from -1 (green) to 1 (magenta).")] = 0.0
+    noise: Annotated[
+        float, bounded(0, 10, "Strength of sensor noise; 0: none, 1: typical of a good surveillance camera.")
+    ] = 1.0
+    vignette_intensity: Annotated[float, bounded(0, 1, "Darkening towards the corners (vignetting); 0: none.")] = 0.4
+    lens_circle_multiplier: Annotated[
+        float, bounded(0, 10, "Darkness of the lens rim; 0: none (CARLA: lens_circle_multiplier).")
+    ] = 0.0
+    lens_circle_falloff: Annotated[
+        float, bounded(0, 10, "Falloff of the lens rim; higher values confine it to the corners.")
+    ] = 5.0
+    chromatic_aberration_intensity: Annotated[
+        float, bounded(0, 10, "Distance between red and blue at the corners, percent.")
+    ] = 0.0
+    chromatic_aberration_offset: Annotated[
+        float, bounded(0, 0.99, "Radius at which chromatic aberration starts, as a fraction of the half diagonal.")
+    ] = 0.0
+    bloom_intensity: Annotated[float, bounded(0, 5, "Strength of the glow around bright areas; 0: none.")] = 0.0
+    motion_blur_intensity: Annotated[
+        float, bounded(0, 10, "Blur length as a multiple of the motion during the exposure; 0: none, 1: realistic.")
+    ] = 0.0
+    motion_blur_max_distortion: Annotated[float, bounded(0, 1, "Longest blur, as a fraction of the image width.")] = (
+        0.35
+    )
+    antialias: Annotated[
+        bool, Field(description="Whether edges in RGB pictures are antialiased. Labels never are.")
+    ] = True
+    supersample: Annotated[
+        int, Field(ge=1, le=4, description="RGB samples per pixel along each axis; 2 means 4 samples per pixel.")
+    ] = 1
     enable_postprocess_effects: Annotated[
-        bool, Field(description="false: no noise, vignette, rim, aberration, bloom or motion blur.")
+        bool,
+        Field(description="false disables noise, vignette, lens rim, chromatic aberration, bloom and motion blur."),
     ] = True
 
     @model_validator(mode="after")
@@ -90,56 +114,58 @@ class Camera(Model):
 
 
 class Target(Model):
-    """Where linear motion ends; an absent coordinate is the mount's."""
+    """The end of a linear motion. A coordinate that is absent equals the mount's."""
 
-    x: Annotated[Metres | None, Field(description="Metres.")] = None
-    y: Annotated[Metres | None, Field(description="Metres.")] = None
-    z: Annotated[Metres | None, Field(description="Metres.")] = None
+    x: Annotated[Metres | None, Field(description="x, metres.")] = None
+    y: Annotated[Metres | None, Field(description="y, metres.")] = None
+    z: Annotated[Metres | None, Field(description="z, metres.")] = None
 
 
 class Linear(Model):
-    """From the mount to a point, straight, then it stays there."""
+    """Motion at constant speed from the mount to a point, where the sensor stays."""
 
-    to: Annotated[Target, Field(description="In the mount's frame.")]
-    speed: Annotated[float, Field(gt=0, le=100, allow_inf_nan=False, description="m/s.")]
+    to: Annotated[Target, Field(description="Point at which the motion ends, in the same frame as the mount.")]
+    speed: Annotated[float, Field(gt=0, le=100, allow_inf_nan=False, description="Speed, m/s.")]
 
 
 class Rotation(Model):
-    """A smooth sweep to and fro, a sine over time, that starts midway."""
+    """A sinusoidal oscillation of the orientation that starts at the middle of its range."""
 
     yaw: Sway = None
     pitch: Sway = None
     roll: Sway = None
-    period: Annotated[float, bounded(0.1, 86_400, "Seconds to and fro.")]
+    period: Annotated[float, bounded(0.1, 86_400, "Period of the oscillation, seconds.")]
 
 
 class Jitter(Model):
-    """Uniform between -m and m at every frame, on the whole rig, never added up."""
+    """A random offset of the sensor, uniform between -m and m, drawn independently at every frame."""
 
-    x: Annotated[Magnitude, Field(description="Metres.")] = 0.0
-    y: Annotated[Magnitude, Field(description="Metres.")] = 0.0
-    z: Annotated[Magnitude, Field(description="Metres.")] = 0.0
-    yaw: Annotated[Turn, Field(description="Degrees.")] = 0.0
-    pitch: Annotated[Turn, Field(description="Degrees.")] = 0.0
-    roll: Annotated[Turn, Field(description="Degrees.")] = 0.0
+    x: Annotated[Magnitude, Field(description="Largest offset along x, metres.")] = 0.0
+    y: Annotated[Magnitude, Field(description="Largest offset along y, metres.")] = 0.0
+    z: Annotated[Magnitude, Field(description="Largest offset along z, metres.")] = 0.0
+    yaw: Annotated[Turn, Field(description="Largest offset of the yaw, degrees.")] = 0.0
+    pitch: Annotated[Turn, Field(description="Largest offset of the pitch, degrees.")] = 0.0
+    roll: Annotated[Turn, Field(description="Largest offset of the roll, degrees.")] = 0.0
 
 
 class Motion(Model):
-    """How a rig moves in its mount's frame; any of the three, together."""
+    """Motion of a sensor relative to its mount. The three kinds of motion can be combined."""
 
-    linear: Annotated[Linear | None, Field(description="Along a line.")] = None
-    rotation: Annotated[Rotation | None, Field(description="To and fro.")] = None
-    jitter: Annotated[Jitter | None, Field(description="Shaking.")] = None
+    linear: Annotated[Linear | None, Field(description="Linear motion to a point.")] = None
+    rotation: Annotated[Rotation | None, Field(description="Oscillation of the orientation.")] = None
+    jitter: Annotated[Jitter | None, Field(description="Random offset at every frame.")] = None
 
 
 class Sensor(Model):
-    """One rig pose and all its modalities, which agree to the pixel."""
+    """A camera at a pose. All of its modalities agree to the pixel."""
 
-    mount: Annotated[Mount, Field(description="Where it is.")]
-    camera: Annotated[Camera, Field(description="Its picture.")] = Camera()
+    mount: Annotated[Mount, Field(description="Pose of the sensor and the actor that carries it.")]
+    camera: Annotated[Camera, Field(description="Intrinsics and response of the camera.")] = Camera()
     capture: Annotated[
         tuple[Modality, ...],
         AfterValidator(distinct),
-        Field(strict=False, min_length=1, description="Which of rgb, depth, instance, semantic."),
+        Field(
+            strict=False, min_length=1, description="Modalities to record, a list of rgb, depth, instance, semantic."
+        ),
     ]
-    motion: Annotated[Motion, Field(description="How it moves.")] = Motion()
+    motion: Annotated[Motion, Field(description="Motion relative to the mount. Default: none.")] = Motion()

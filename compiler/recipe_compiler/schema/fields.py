@@ -16,8 +16,8 @@ MAX_FRAMES = 100_000
 MAX_VARIANTS = 10_000
 MAX_DRAWS = 100_000  # of all variants together
 MAX_SEED = 2**32 - 1
-MAX_DRAWN = 1e15  # bounds of a draw: far beyond any number of the language, and no sum of two overflows
-NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # names become folders; a dot in one would break consumers of file stems
+MAX_DRAWN = 1e15  # limit of the bounds of a draw: far larger than any number in a recipe, and the sum of two is finite
+NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"  # names become folder names; tools that use file stems do not expect dots
 BLUEPRINT = r"^[A-Za-z0-9_.?*-]+$"
 NAME_LENGTH = 64
 MAX_PROPS, MAX_ASSETS = 1000, 100
@@ -34,7 +34,7 @@ Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 Magnitude = Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)]
 Turn = Annotated[float, Field(ge=0, le=180, allow_inf_nan=False)]
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
-Loose = Field(strict=False)  # a list stands for a tuple
+Loose = Field(strict=False)  # accept a list for a tuple
 
 Pair = TypeVar("Pair", tuple[int, int], tuple[float, float])
 
@@ -46,13 +46,13 @@ def bounded(low: float, high: float, description: str) -> FieldInfo:
 
 
 class Model(BaseModel):
-    """A frozen part of a recipe."""
+    """Base class of all parts of a recipe: frozen, and strict about keys and types."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
 def ordered(value: Pair) -> Pair:
-    """The range itself.
+    """Return the range unchanged.
 
     Raises:
         PydanticCustomError: the first number is above the second.
@@ -61,14 +61,14 @@ def ordered(value: Pair) -> Pair:
         low, high = (f"{number:g}" for number in value)
         raise PydanticCustomError(
             "range",
-            "the range [{low}, {high}] runs backwards; write the lower number first",
+            "the range [{low}, {high}] has its larger number first; write the lower number first",
             {"low": low, "high": high},
         )
     return value
 
 
 def distinct(value: tuple[str, ...]) -> tuple[str, ...]:
-    """The names themselves.
+    """Return the names unchanged.
 
     Raises:
         PydanticCustomError: a name is listed twice.

@@ -16,7 +16,10 @@ _SHORTHANDS = {"Town": "name", "Weather": "preset"}
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema (2020-12) of a recipe file. Deltas take any part of a base, and null to remove it."""
+    """Return the JSON Schema (2020-12) of a recipe file.
+
+    A delta may contain any part of a base, and null to remove it.
+    """
     schema = Recipe.model_json_schema(ref_template="#/$defs/{model}")
     base = Base.model_json_schema(ref_template="#/$defs/{model}")
     definitions = {**schema.pop("$defs", {}), **base.pop("$defs", {}), "Base": base}
@@ -36,20 +39,20 @@ def json_schema() -> dict[str, Any]:
         "base": {"$ref": "#/$defs/Base"},
         "deltas": {
             "type": "object",
-            "description": "Axis -> value -> what it changes in the base; null removes.",
+            "description": "Axes by name. An axis has named values, each with its changes to the base; null removes.",
             "propertyNames": {"pattern": NAME},
             "additionalProperties": axis,
         },
     }
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["title"] = "A recipe of a dataset"
-    schema["description"] = "What a recipe file may hold. A file that others extend may leave anything out."
+    schema["description"] = "A recipe file. A file that other recipes extend may omit any key."
     schema["$defs"] = dict(sorted(definitions.items()))
     return schema
 
 
 def _partial(definition: dict[str, Any]) -> dict[str, Any]:
-    """The same with nothing required, every value removable by null, and every map below it partial too."""
+    """Return the schema of a delta: no key is required, null removes a value, and nested maps are partial too."""
     partial = copy.deepcopy(definition)
     partial.pop("required", None)
     for key, value in partial.get("properties", {}).items():
@@ -67,15 +70,17 @@ def _redirected(value: Any) -> Any:
         changed = {k: _redirected(v) for k, v in value.items() if k not in {"minProperties"}}
         if "$ref" in changed:
             changed["$ref"] = changed["$ref"].replace("#/$defs/", "#/$defs/Partial")
-        for pattern, named in changed.get("patternProperties", {}).items():  # null removes a named thing
+        for pattern, named in changed.get("patternProperties", {}).items():  # null removes a named entry
             changed["patternProperties"][pattern] = {"anyOf": [named, {"type": "null"}]}
         return changed
     return [_redirected(item) for item in value] if isinstance(value, list) else value
 
 
 def template(name: str) -> str:
-    """The text of a new recipe of that name: commented, complete, good to edit."""
+    """Return the text of a new recipe with that name: complete, with comments."""
     text = (Path(__file__).parent / "template.yaml").read_text(encoding="utf-8")
     plain, problems = parse(f"recipe: {name}\n".encode(), "")
-    bare = plain is not None and not problems and plain.plain == {"recipe": name}  # not so `no`, or `12`
+    bare = (
+        plain is not None and not problems and plain.plain == {"recipe": name}
+    )  # unlike `no` or `12`, which need quotes
     return text.replace("recipe: my_dataset  ", f"recipe: {name if bare else json.dumps(name)} ".ljust(20))

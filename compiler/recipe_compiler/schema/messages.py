@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from recipe_compiler.ir.errors import Code, Problem, split_remedy
+from recipe_compiler.ir.errors import MAX_SHOWN, Code, Problem, split_remedy
 from recipe_compiler.source.yaml_reader import Value, show
 
 Path = tuple[str | int, ...]
 
 _LIMITS = {
-    "greater_than_equal": ("ge", "is below the least allowed, {}"),
+    "greater_than_equal": ("ge", "is below the minimum, {}"),
     "greater_than": ("gt", "must be above {}"),
-    "less_than_equal": ("le", "is above the most allowed, {}"),
+    "less_than_equal": ("le", "is above the maximum, {}"),
     "less_than": ("lt", "must be below {}"),
 }
 _KINDS = {
@@ -54,6 +55,7 @@ _PATTERNS = {  # what marks the pattern -> what is wrong, the remedy
     "_.-": ("is not an actor's name", "use letters, digits, _ . and - only, a letter or digit first"),
 }
 _CONFLICTS = {"way", "asset", "prop", "distribution", "clip"}  # of our own checks, those of keys that exclude others
+_MAX_COMPARED = 30  # of many names, those with the most letter pairs in common are compared letter by letter
 _MAX_LISTED = 12  # valid names that a remedy lists
 
 Words = tuple[Code, str, str | None]
@@ -61,11 +63,14 @@ Words = tuple[Code, str, str | None]
 
 
 def nearest(word: str, options: Iterable[str]) -> str:
-    """A remedy for a wrong name: the nearest valid one if one is near, else the valid ones, or the first of them."""
+    """Return the remedy for an unknown name: a similar valid name, else the first valid names."""
     names = list(options)
     close = near(word, names)
-    if close is not None:
-        return f"did you mean {show(close)}?"
+    return f"did you mean {show(close)}?" if close is not None else listed(names)
+
+
+def listed(names: Sequence[str]) -> str:
+    """A remedy that lists valid names, or the first of them."""
     if not names:
         return "there are none here"
     shown = ", ".join(names[:_MAX_LISTED])
@@ -75,11 +80,14 @@ def nearest(word: str, options: Iterable[str]) -> str:
 
 
 def near(word: str, options: Iterable[str]) -> str | None:
-    """The option that a word is a misspelling of; None if none is near.
+    """Return the option that a word is probably a misspelling of, or None.
 
-    Words of dotted names are compared one by one: names of one family share most of their letters.
+    Dotted names are compared part by part, because names of one family share most of their letters.
     """
     names = list(options)
+    if len(names) > _MAX_COMPARED:
+        pairs = _letter_pairs(word[:100])
+        names = sorted(names, key=lambda name: -_overlap(pairs, _letter_pairs(name[:100])))[:_MAX_COMPARED]
     parts = word[:100].split(".")
     for name in difflib.get_close_matches(word[:100], names, n=5, cutoff=0.6):
         candidate = name.split(".")
@@ -88,8 +96,30 @@ def near(word: str, options: Iterable[str]) -> str | None:
     return None
 
 
+class Suggestions:
+    """Remedies for wrong names among the same valid ones. Only the first wrong names are compared with all of these."""
+
+    def __init__(self, options: Iterable[str]) -> None:
+        self._options, self._searches = list(options), 0
+
+    def nearest(self, word: str) -> str:
+        """As `nearest`, for as many words as there are problems shown; then the valid names."""
+        self._searches += 1
+        return nearest(word, self._options) if self._searches <= MAX_SHOWN else listed(self._options)
+
+
+@lru_cache(maxsize=1 << 14)
+def _letter_pairs(text: str) -> frozenset[str]:
+    return frozenset(text[at : at + 2] for at in range(len(text) - 1))
+
+
+def _overlap(one: frozenset[str], other: frozenset[str]) -> float:
+    """The share of letter pairs that two words have in common, 0 to 1 (Dice's coefficient)."""
+    return 2 * len(one & other) / max(1, len(one) + len(other))
+
+
 def _alike(one: str, other: str) -> bool:
-    """Whether one is the other, but for a slip: a number is no slip of another number."""
+    """Whether two words are equal except for a typing error; different numbers are not."""
     if one == other or (any(c in one for c in "*?") and difflib.SequenceMatcher(None, one, other).ratio() >= 0.5):
         return True
     if one.isdigit() and other.isdigit():
@@ -103,10 +133,10 @@ def translate(error: ValidationError, model: type[BaseModel], root: Value, prefi
 
 
 def details(error: ValidationError) -> list[ErrorDetails]:
-    """The errors of a validation, without those that only follow from another.
+    """Return the errors of a validation, without those that follow from another.
 
-    Pydantic blames a value that fits no member of a union once for each, and a list for those of its items that do
-    not fit as if they were missing.
+    Pydantic reports a value that matches no member of a union once per member, and counts invalid items of a list as
+    missing.
     """
     found: list[ErrorDetails] = []
     for detail in error.errors(include_url=False):
@@ -121,7 +151,7 @@ def details(error: ValidationError) -> list[ErrorDetails]:
 
 def _problem(detail: ErrorDetails, model: type[BaseModel], root: Value, prefix: Path) -> Problem:
     path = (*prefix, *_without_markers(detail["loc"]))
-    if "key" in detail.get("ctx", {}):  # an error of a map that one of its keys is to blame for
+    if "key" in detail.get("ctx", {}):  # the error of a map that one of its keys causes
         path = (*path, detail["ctx"]["key"])
     key_is_wrong = detail["loc"][-1:] == ("[key]",)
     if detail["type"] == "extra_forbidden" or key_is_wrong:
@@ -186,7 +216,7 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wron
     if kind in {"too_short", "too_long"}:
         return _size(where, kind, context)
     if kind == "string_too_short":
-        return Code.INVALID_VALUE, f"{around}: an empty text stands for nothing", "remove it"
+        return Code.INVALID_VALUE, f"{around}: the text is empty", "remove it"
     if kind == "finite_number":
         return Code.INVALID_VALUE, f"{where}: is not a finite number", "write a finite one"
     given = "nothing" if value is None else show(value)
@@ -206,7 +236,7 @@ def _unknown_key(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Wo
     keys = fields_at(model, _without_markers(detail["loc"][:-1]))
     own = _CARLA.get(str(path[-1]))
     if own in keys:
-        return Code.UNKNOWN_KEY, what, f"what CARLA calls so is {show(own)} here"
+        return Code.UNKNOWN_KEY, what, f"CARLA's {path[-1]} is {show(own)} here"
     return Code.UNKNOWN_KEY, what, nearest(str(path[-1]), keys)
 
 
@@ -256,7 +286,7 @@ def _size(where: str, kind: str, context: Mapping[str, int]) -> Words:
     number = context["actual_length"]
     if kind == "too_long":
         most = context["max_length"]
-        return Code.OUT_OF_RANGE, f"{where}: {number} items are more than the most allowed, {most}", "remove some"
+        return Code.OUT_OF_RANGE, f"{where}: {number} items exceed the limit of {most}", "remove some"
     least = context["min_length"]
     message = f"{where}: needs at least {least} item{'s' if least > 1 else ''}, has {number}"
     return Code.OUT_OF_RANGE, message, "add one" if least - number == 1 else "add some"

@@ -14,47 +14,50 @@ from recipe_compiler.schema.weather import Geography, Weather
 
 
 class Base(Model):
-    """One scenario: what every variant starts from."""
+    """The scenario that all variants are derived from."""
 
-    clock: Annotated[Clock, Field(description="When frames are taken.")]
-    town: Annotated[Town, Field(description="The town, or its name.")]
-    weather: Annotated[Weather, Field(description="The weather, or a preset's name.")] = Weather()
+    clock: Annotated[Clock, Field(description="Frame rate and length of the clips.")]
+    town: Annotated[Town, Field(description="Town with its parameters, or the name of a town.")]
+    weather: Annotated[Weather, Field(description="Weather parameters, or the name of a preset.")] = Weather()
     time: Annotated[
         str | None,
         StringConstraints(pattern=r"^([01][0-9]|2[0-3]):[0-5][0-9](:[0-5][0-9])?$"),
-        Field(description='Time of day, quoted: "19:40"; sets the sun, unless a sun angle is given by hand.'),
+        Field(description='Time of day, quoted: "19:40". It sets the sun; angles given in `weather` override it.'),
     ] = None
-    place: Annotated[Geography, Field(description="Where `time` is told.")] = Geography()
+    place: Annotated[Geography, Field(description="Geographical location and date, used with `time`.")] = Geography()
     actors: Annotated[dict[Name, Actor], Field(description="Actors by name.")] = {}
-    traffic: Annotated[Traffic, Field(description="Seeded others.")] = Traffic()
-    props: Annotated[dict[Name, Prop], Field(max_length=MAX_PROPS, description="What stands about, by name.")] = {}
+    traffic: Annotated[Traffic, Field(description="Numbers of additional, randomly chosen actors.")] = Traffic()
+    props: Annotated[dict[Name, Prop], Field(max_length=MAX_PROPS, description="Static objects by name.")] = {}
     sensors: Annotated[dict[Name, Sensor], Field(min_length=1, description="Sensors by name.")]
 
 
 class Output(Model):
-    """What is written besides the frames."""
+    """The files written in addition to the frames."""
 
     annotations: Annotated[
         tuple[Literal["kwcoco", "coco", "mots_txt", "mots_png"], ...],
         AfterValidator(distinct),
-        Field(strict=False, description="Annotation formats."),
+        Field(strict=False, description="List of annotation formats."),
     ] = ("kwcoco", "coco")
     depth: Annotated[
-        Literal["carla", "npy"], Field(description="Depth on disk: CARLA's 24-bit PNG, or float32 metres.")
+        Literal["carla", "npy"],
+        Field(description="File format of depth: carla is CARLA's 24-bit PNG, npy is float32 in metres."),
     ] = "carla"
 
 
 class Recipe(Model):
-    """A recipe without its base and deltas, which are checked variant by variant."""
+    """A recipe without `base` and `deltas`, which are validated per variant."""
 
-    recipe: Annotated[Name, Field(description="The dataset's name.")]
-    description: Annotated[str, Field(max_length=2000, description="What the dataset is for.")] = ""
-    seed: Annotated[Seed, Field(description="Seeds every draw; 0 is a seed like any other.")] = 0
-    extends: Annotated[str | None, Field(description="A file below this one's folder that this one is laid over.")] = (
-        None
-    )
+    recipe: Annotated[Name, Field(description="Name of the dataset.")]
+    description: Annotated[str, Field(max_length=2000, description="Purpose of the dataset, as text.")] = ""
+    seed: Annotated[Seed, Field(description="Seed of all random draws.")] = 0
+    extends: Annotated[
+        str | None, Field(description="Recipe that this one extends: a file below this file's folder.")
+    ] = None
     assets: Annotated[
-        dict[Name, Asset], Field(max_length=MAX_ASSETS, description="Files that the recipe brings, by name.")
+        dict[Name, Asset], Field(max_length=MAX_ASSETS, description="Mesh and image files of the recipe, by name.")
     ] = {}
-    sweep: Annotated[Sweep, Field(description="Which variants there are.")] = Sweep()
-    output: Annotated[Output, Field(description="What is written.")] = Output()
+    sweep: Annotated[Sweep, Field(description="Selection of variants. Default: all combinations of the deltas.")] = (
+        Sweep()
+    )
+    output: Annotated[Output, Field(description="Output formats.")] = Output()

@@ -28,11 +28,11 @@ from recipe_compiler.schema.fields import (
 
 
 class Clock(Model):
-    """When frames are taken."""
+    """The frame rate, the length of a clip and the physics rate."""
 
-    fps: Annotated[int, Field(ge=1, le=1000, description="Frames a second; must divide `physics`.")]
-    frames: Annotated[int, Field(ge=1, le=MAX_FRAMES, description="Frames in a clip.")]
-    physics: Annotated[int, Field(ge=60, le=1000, description="Physics steps a second.")] = 240
+    fps: Annotated[int, Field(ge=1, le=1000, description="Frames per second; must divide `physics`.")]
+    frames: Annotated[int, Field(ge=1, le=MAX_FRAMES, description="Number of frames per clip.")]
+    physics: Annotated[int, Field(ge=60, le=1000, description="Physics steps per second.")] = 240
     warmup: Annotated[
         float | None,
         bounded(
@@ -58,28 +58,33 @@ class Clock(Model):
 
 
 class Town(Model):
-    """The town: its name, its seed and its own parameters."""
+    """A town: its name, its seed, and the parameters of that town."""
 
     model_config = ConfigDict(extra="allow")
 
     name: Annotated[
-        str, Field(max_length=NAME_LENGTH, description="One of the towns; `town: downtown` is short for it.")
+        str,
+        Field(
+            max_length=NAME_LENGTH,
+            description="Name of the town. `town: downtown` is short for `town: {name: downtown}`.",
+        ),
     ]
-    seed: Annotated[Seed, Field(description="Which of the towns of that name; the recipe's own seed has no say.")] = 0
+    seed: Annotated[Seed, Field(description="Seed of the town's layout, independent of the recipe's seed.")] = 0
 
 
 class GroundPoint(Model):
-    """A point on the ground plan."""
+    """A point on the ground, in the world frame."""
 
-    x: Annotated[Metres, Field(description="Metres.")]
-    y: Annotated[Metres, Field(description="Metres.")]
+    x: Annotated[Metres, Field(description="x in the world frame (east), metres.")]
+    y: Annotated[Metres, Field(description="y in the world frame (north), metres.")]
 
 
 class Start(GroundPoint):
-    """Where an actor starts; its height is the ground's."""
+    """The start of an actor, on the ground."""
 
     yaw: Annotated[
-        Degrees | None, Field(description="Degrees counter-clockwise from +x; absent: towards the way it goes.")
+        Degrees | None,
+        Field(description="Heading, degrees counter-clockwise from +x. Default: towards the first waypoint."),
     ] = None
 
 
@@ -89,19 +94,26 @@ class Actor(Model):
     blueprint: Annotated[
         str,
         StringConstraints(pattern=BLUEPRINT, max_length=NAME_LENGTH),
-        Field(description="An id of the library or a glob such as `walker.pedestrian.*`, chosen by seed and name."),
+        Field(description="Blueprint id, or a glob pattern such as `walker.pedestrian.*` to draw from."),
     ]
-    speed: Annotated[float | None, bounded(0, 60, "m/s; absent: the blueprint's own; 0: it stands.")] = None
-    start: Annotated[Start | None, Field(description="Absent: a spawn point of the town, by seed and name.")] = None
-    goal: Annotated[GroundPoint | None, Field(description="It goes there straight; absent: a route of the town.")] = (
+    speed: Annotated[float | None, bounded(0, 60, "Speed, m/s; 0: stationary. Default: the blueprint's speed.")] = None
+    start: Annotated[Start | None, Field(description="Start position. Default: a random spawn point of the town.")] = (
         None
     )
+    goal: Annotated[
+        GroundPoint | None, Field(description="Goal, reached in a straight line. Default: a random route of the town.")
+    ] = None
     route: Annotated[
         tuple[GroundPoint, ...] | None,
-        Field(strict=False, min_length=1, max_length=1000, description="Waypoints after the start, instead of `goal`."),
+        Field(
+            strict=False,
+            min_length=1,
+            max_length=1000,
+            description="List of waypoints after the start, instead of `goal`.",
+        ),
     ] = None
     look: Annotated[
-        dict[str, Colour], Field(description='Colours by slot: `{shirt: "#aa0000"}`; absent: by seed and name.')
+        dict[str, Colour], Field(description='Colours by slot, such as `{shirt: "#aa0000"}`. Default: random colours.')
     ] = {}
 
     @model_validator(mode="after")
@@ -121,11 +133,11 @@ class Density(Model):
 
 
 class Traffic(Model):
-    """Seeded actors, named traffic.vehicle.0, traffic.pedestrian.0, traffic.parked.0 and so on."""
+    """Randomly chosen actors, named traffic.vehicle.0, traffic.pedestrian.0, traffic.parked.0 and so on."""
 
     vehicles: Annotated[int, Field(ge=0, le=TRAFFIC_LIMIT, description="Number of moving vehicles.")] = 0
-    pedestrians: Annotated[int, Field(ge=0, le=TRAFFIC_LIMIT, description="Number of pedestrians.")] = 0
-    parked: Annotated[int, Field(ge=0, le=PARKED_LIMIT, description="Number of cars in parking places.")] = 0
+    pedestrians: Annotated[int, Field(ge=0, le=TRAFFIC_LIMIT, description="Number of walking pedestrians.")] = 0
+    parked: Annotated[int, Field(ge=0, le=PARKED_LIMIT, description="Number of parked cars.")] = 0
     density: Annotated[
         Density | None, Field(description="Numbers by length, instead of `vehicles` and `pedestrians`.")
     ] = None
@@ -140,7 +152,7 @@ class Traffic(Model):
     near: Annotated[Name | None, Field(description="A sensor: traffic is placed where it is likely to see it.")] = None
     seed: Annotated[Seed | None, Field(description="Seeds the traffic alone; absent: the seed of the recipe.")] = None
     ignore_lights_percentage: Annotated[
-        Percent, Field(description="Percentage of traffic that does not heed traffic lights.")
+        Percent, Field(description="Percentage of the traffic that ignores traffic lights.")
     ] = 0.0
 
     @model_validator(mode="after")
@@ -155,20 +167,20 @@ class Traffic(Model):
 
 
 class Asset(Model):
-    """A file that the recipe brings: a mesh or an image."""
+    """A file of the recipe: a mesh or an image."""
 
     mesh: Annotated[
-        str | None, Field(max_length=200, description="A .glb, .gltf, .obj or .stl file below this one's folder.")
+        str | None, Field(max_length=200, description="A .glb, .gltf, .obj or .stl file below this file's folder.")
     ] = None
-    image: Annotated[str | None, Field(max_length=200, description="A .png file below this one's folder.")] = None
+    image: Annotated[str | None, Field(max_length=200, description="A .png file below this file's folder.")] = None
     sha256: Annotated[
         str | None,
         StringConstraints(pattern=r"^[0-9a-f]{64}$"),
-        Field(description="The file's digest, so that no other file can stand in; the lockfile has it anyway."),
+        Field(description="SHA-256 of the file; another content is an error. The lockfile pins it too."),
     ] = None
     up: Annotated[
         Literal["y", "z"] | None,
-        Field(description="Which axis of an OBJ or STL mesh points up; absent: y for OBJ, z for STL. glTF's is y."),
+        Field(description="Axis of an OBJ or STL mesh that points up. Default: y for OBJ, z for STL."),
     ] = None
 
     @model_validator(mode="after")
@@ -181,38 +193,41 @@ class Asset(Model):
 
 
 class Standing(GroundPoint):
-    """Where a prop stands."""
+    """The pose of a prop."""
 
     z: Annotated[
-        Metres | None, Field(description="Height of its origin (a board's: its lower edge); absent: on the ground.")
+        Metres | None,
+        Field(description="Height of the origin (of a board: its lower edge), metres. Default: on the ground."),
     ] = None
-    yaw: Annotated[Degrees, Field(description="Degrees, counter-clockwise; a board faces that way.")] = 0.0
-    pitch: Annotated[Degrees, Field(description="Degrees, down.")] = 0.0
-    roll: Annotated[Degrees, Field(description="Degrees, to the right.")] = 0.0
+    yaw: Annotated[
+        Degrees, Field(description="Degrees counter-clockwise from +x; the direction that a board faces.")
+    ] = 0.0
+    pitch: Annotated[Degrees, Field(description="Degrees; positive tilts the front down.")] = 0.0
+    roll: Annotated[Degrees, Field(description="Degrees; positive tilts to the right.")] = 0.0
 
 
 class Board(Model):
-    """A board's size."""
+    """The size of a board."""
 
-    width: Annotated[float, bounded(0.01, 100, "Metres.")]
-    height: Annotated[float, bounded(0.01, 100, "Metres.")]
+    width: Annotated[float, bounded(0.01, 100, "Width, metres.")]
+    height: Annotated[float, bounded(0.01, 100, "Height, metres.")]
 
 
 class Prop(Model):
-    """A body that stands still: a mesh of the assets, or a flat board."""
+    """A static object: a mesh of `assets`, or a flat board."""
 
-    asset: Annotated[Name | None, Field(description="A mesh of `assets`.")] = None
-    size: Annotated[Board | None, Field(description="Of a flat board, instead of `asset`.")] = None
+    asset: Annotated[Name | None, Field(description="Name of a mesh in `assets`.")] = None
+    size: Annotated[Board | None, Field(description="Size of a flat board, instead of `asset`.")] = None
     image: Annotated[
-        Name | None, Field(description="An image of `assets`: on the board's front, or in place of the mesh's own.")
+        Name | None, Field(description="Name of an image in `assets`: texture of the board's front, or of the mesh.")
     ] = None
-    at: Annotated[Standing, Field(description="Where it stands.")]
+    at: Annotated[Standing, Field(description="Pose of the prop.")]
     scale: Annotated[
-        float, Field(ge=1e-4, le=1e4, allow_inf_nan=False, description="Metres of one unit of the mesh's file.")
+        float, Field(ge=1e-4, le=1e4, allow_inf_nan=False, description="Length of one unit of the mesh's file, metres.")
     ] = 1.0
-    tag: Annotated[PropLabel, Field(description="What it is to the semantic camera; CARLA's names.")] = "Static"
+    tag: Annotated[PropLabel, Field(description="Semantic tag of the prop, by CARLA's name.")] = "Static"
     look: Annotated[
-        dict[str, Colour], Field(description="Colours by slot; a board has `face` and `back`, a mesh its materials.")
+        dict[str, Colour], Field(description="Colours by slot: `face` and `back` of a board, the materials of a mesh.")
     ] = {}
 
     @model_validator(mode="after")

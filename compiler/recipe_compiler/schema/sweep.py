@@ -15,16 +15,21 @@ WholeRange = Annotated[tuple[int, int], Loose, AfterValidator(ordered)]
 
 
 class Distribution(Model):
-    """What a draw takes its value from: exactly one of the four."""
+    """The distribution of a random draw: exactly one of uniform, normal, integer and choice."""
 
-    uniform: Annotated[Range | None, Field(description="[low, high].")] = None
-    normal: Annotated[Annotated[tuple[Bound, Bound], Loose] | None, Field(description="[mean, deviation].")] = None
-    integer: Annotated[WholeRange | None, Field(description="[low, high], both included.")] = None
+    uniform: Annotated[Range | None, Field(description="Continuous uniform distribution, [low, high].")] = None
+    normal: Annotated[
+        Annotated[tuple[Bound, Bound], Loose] | None,
+        Field(description="Normal distribution, [mean, standard deviation]."),
+    ] = None
+    integer: Annotated[
+        WholeRange | None, Field(description="Uniform distribution over the integers [low, high], both included.")
+    ] = None
     choice: Annotated[
         tuple[bool | int | float | str, ...] | None,
-        Field(strict=False, min_length=1, max_length=1000, description="One of these."),
+        Field(strict=False, min_length=1, max_length=1000, description="List of values with equal probability."),
     ] = None
-    clip: Annotated[Range | None, Field(description="With `normal`: [low, high].")] = None
+    clip: Annotated[Range | None, Field(description="Limits [low, high] of a `normal` draw.")] = None
 
     @model_validator(mode="after")
     def _one(self) -> Distribution:
@@ -48,27 +53,29 @@ class Distribution(Model):
 
 
 class Draw(Model):
-    """Random draws, resolved when compiled; each is a variant with the same draws in all axes' values."""
+    """Random draws, resolved at compile time. Draw k has the same values in every combination of the axes."""
 
-    count: Annotated[int, Field(ge=1, le=MAX_VARIANTS, description="How many draws of each variant.")]
+    count: Annotated[
+        int, Field(ge=1, le=MAX_VARIANTS, description="Number of draws; each variant is repeated for every draw.")
+    ]
     values: Annotated[
         dict[Annotated[str, StringConstraints(min_length=1, max_length=200)], Distribution],
-        Field(min_length=1, max_length=100, description="Path, such as actors.hero1.speed, to distribution."),
+        Field(min_length=1, max_length=100, description="Distributions by path, such as actors.hero1.speed."),
     ]
 
 
 class Sweep(Model):
-    """Which variants there are."""
+    """The selection of variants."""
 
     axes: Annotated[
         tuple[str, ...] | None,
-        Field(strict=False, min_length=1, description="Axes to multiply; absent: all, in file order."),
+        Field(strict=False, min_length=1, description="Axes to combine. Default: all, in file order."),
     ] = None
     exclude: Annotated[
         tuple[dict[str, str], ...],
-        Field(strict=False, max_length=1000, description="Combinations to leave out: `{weather: foggy}`."),
+        Field(strict=False, max_length=1000, description="Combinations to leave out, such as `{weather: foggy}`."),
     ] = ()
     repeats: Annotated[
-        int, Field(ge=1, le=MAX_VARIANTS, description="Runs of each variant, each with a seed of its own.")
+        int, Field(ge=1, le=MAX_VARIANTS, description="Number of repetitions of each variant, each with its own seed.")
     ] = 1
-    draw: Annotated[Draw | None, Field(description="Random draws.")] = None
+    draw: Annotated[Draw | None, Field(description="Random draws of values.")] = None

@@ -123,7 +123,7 @@ def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:
     try:
         root = reader.document(yaml.parse(text, Loader=yaml.SafeLoader))
     except yaml.reader.ReaderError as error:
-        message = f"the character U+{int(error.character):04X} cannot stand in YAML"
+        message = f"the character U+{int(error.character):04X} is not allowed in YAML"
         place = _place_after(text[: error.position], file)
         return None, [*reader.problems, Problem(message, place, "remove it; is this a text file?", Code.NOT_TEXT)]
     except yaml.MarkedYAMLError as error:
@@ -253,7 +253,7 @@ class _Reader:
             if key == "<<" and inner.implicit[0]:
                 self._report(inner, "merge keys `<<` are not part of the language", "use `extends` or a delta")
             elif key in entries:
-                message = f"the key {show(key)} stands here twice, first on line {keys[key].line}"
+                message = f"duplicate key {show(key)}, first on line {keys[key].line}"
                 self._report(inner, message, "remove one", Code.DUPLICATE_KEY)
             value = self._value(next(events), events, depth + 1)
             if key not in entries and key != "<<":

@@ -8,8 +8,9 @@ part is in several pieces.
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from recipe_compiler.ir.plan import DatasetPlan
 
@@ -29,63 +30,39 @@ _CHANNELS = {
 }
 
 
-def kwcoco(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> str:
-    """Return the text of the kwcoco file: a video per sensor and variant, a track per actor visible in any.
+def kwcoco(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> Iterator[str]:
+    """Yield the text of the kwcoco file: a video per sensor and variant, a track per actor visible in any.
 
     Args:
         dataset: The plan of the dataset.
         identity: The dataset's identity line, written as its version.
         videos: All videos, in the plan's order.
     """
-    video_rows: list[Row] = []
-    images: list[Row] = []
-    annotations: list[Row] = []
-    for video_id, video in enumerate(videos, start=1):
-        camera = video.sensor.camera
-        row = {"id": video_id, "name": video.name, "variant": video.variant, "sensor": video.sensor.name}
-        video_rows.append({**row, "framerate": video.fps, "width": camera.width, "height": camera.height})
-        for record in video.frames:
-            images.append(_image(dataset, video, video_id, record["frame"], len(images) + 1))
-            for item in record["objects"]:
-                annotations.append(_annotation(item, len(images), len(annotations) + 1, camera.width, camera.height))
     return tables(
         {
             "info": _info(dataset, identity),
             "licenses": _LICENSES,
             "categories": category_rows(),
-            "videos": video_rows,
+            "videos": [_video(video, number) for number, video in enumerate(videos, start=1)],
             "tracks": _tracks(videos),
-            "images": images,
-            "annotations": annotations,
+            "images": _images(dataset, videos),
+            "annotations": _annotations(videos),
         }
     )
 
 
-def flat_coco(dataset: DatasetPlan, identity: str, videos: Sequence[Video], modality: str) -> str:
-    """Return the text of the flat COCO file for the images of one modality.
+def flat_coco(dataset: DatasetPlan, identity: str, videos: Sequence[Video], modality: str) -> Iterator[str]:
+    """Yield the text of the flat COCO file for the images of one modality.
 
     File names are relative to the dataset's folder.
     """
-    images: list[Row] = []
-    annotations: list[Row] = []
-    for number, video in enumerate(videos, start=1):
-        camera = video.sensor.camera
-        for record in video.frames if modality in video.sensor.capture else ():
-            name = layout.frame_file(video.variant, video.sensor.name, modality, record["frame"], dataset.depth)
-            row: Row = {"id": len(images) + 1, "file_name": name, "width": camera.width, "height": camera.height}
-            row |= {"license": 1, "date_captured": "", "coco_url": "", "flickr_url": ""}
-            images.append({**row, "video_id": number, "frame_index": record["frame"]})
-            annotations += [
-                _annotation(item, len(images), len(annotations) + 1 + n, camera.width, camera.height)
-                for n, item in enumerate(record["objects"])
-            ]
     return tables(
         {
             "info": _info(dataset, identity),
             "licenses": _LICENSES,
             "categories": category_rows(),
-            "images": images,
-            "annotations": annotations,
+            "images": _flat_images(dataset, videos, modality),
+            "annotations": _annotations([video for video in videos if modality in video.sensor.capture]),
         }
     )
 
@@ -123,6 +100,41 @@ def _tracks(videos: Sequence[Video]) -> list[Row]:
         }
         for instance, actor in sorted(actors.items())
     ]
+
+
+def _video(video: Video, number: int) -> Row:
+    camera = video.sensor.camera
+    row = {"id": number, "name": video.name, "variant": video.variant, "sensor": video.sensor.name}
+    return {**row, "framerate": video.fps, "width": camera.width, "height": camera.height}
+
+
+def _images(dataset: DatasetPlan, videos: Sequence[Video]) -> Iterator[Row]:
+    number = itertools.count(1)
+    for video_id, video in enumerate(videos, start=1):
+        for frame in range(len(video.frames)):
+            yield _image(dataset, video, video_id, frame, next(number))
+
+
+def _flat_images(dataset: DatasetPlan, videos: Sequence[Video], modality: str) -> Iterator[Row]:
+    number = itertools.count(1)
+    for video_id, video in enumerate(videos, start=1):
+        camera = video.sensor.camera
+        for frame in range(len(video.frames)) if modality in video.sensor.capture else ():
+            name = layout.frame_file(video.variant, video.sensor.name, modality, frame, dataset.depth)
+            row: Row = {"id": next(number), "file_name": name, "width": camera.width, "height": camera.height}
+            row |= {"license": 1, "date_captured": "", "coco_url": "", "flickr_url": ""}
+            yield {**row, "video_id": video_id, "frame_index": frame}
+
+
+def _annotations(videos: Sequence[Video]) -> Iterator[Row]:
+    """Yield the annotations of all frames, with ids that count the frames of these videos."""
+    number, image_id = itertools.count(1), 0
+    for video in videos:
+        camera = video.sensor.camera
+        for record in video.frames:
+            image_id += 1
+            for item in record["objects"]:
+                yield _annotation(item, image_id, next(number), camera.width, camera.height)
 
 
 def _image(dataset: DatasetPlan, video: Video, video_id: int, frame: int, image_id: int) -> Row:

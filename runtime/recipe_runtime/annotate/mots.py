@@ -8,7 +8,7 @@ evaluation counts neither as a hit nor as a false positive.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import pycocotools.mask
@@ -34,23 +34,21 @@ def mots_picture(instance: NDArray[np.uint16]) -> NDArray[np.uint16]:
     return out
 
 
-def mots_lines(frames: Sequence[Sequence[LabelRecord]], width: int, height: int) -> str:
-    """Return the `gt.txt` of one sequence.
+def mots_lines(frames: Iterable[Sequence[LabelRecord]], width: int, height: int) -> Iterator[str]:
+    """Yield the lines of the `gt.txt` of one sequence.
 
     Args:
         frames: The label records of every frame, in order.
         width: Width of the image in pixels.
         height: Height of the image in pixels.
     """
-    lines = []
     for number, records in enumerate(frames, start=1):
         codes: dict[int, list[str]] = {}
         for record in records:
             codes.setdefault(mots_id(record["instance"]), []).append(record["counts"])
         for name, counts in sorted(codes.items()):
             rle = counts[0] if len(counts) == 1 else _union(counts, width, height)
-            lines.append(f"{number} {name} {name // 1000} {height} {width} {rle}\n")
-    return "".join(lines)
+            yield f"{number} {name} {name // 1000} {height} {width} {rle}\n"
 
 
 def seqinfo(name: str, directory: str, rate: int, length: int, width: int, height: int) -> str:

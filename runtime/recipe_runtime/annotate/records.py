@@ -39,6 +39,35 @@ class LabelRecord(TypedDict):
     velocity: list[float]  # x, y, z in the world frame, m/s
 
 
+_LENGTHS = {"bbox": 4, "amodal_bbox": 4, "velocity": 3}  # of lists of numbers
+_BOX_LENGTHS = {"centre": 3, "size": 3, "rotation": 4}
+_TEXTS = ("actor", "counts")
+_NUMBERS = ("instance", "area", "amodal_area", "visible_fraction", "truncation", "distance")
+
+
+def is_label(record: object) -> bool:
+    """Whether plain JSON has the fields of a `LabelRecord`, and nothing else."""
+    if not isinstance(record, dict) or record.keys() != LabelRecord.__annotations__.keys():
+        return False
+    box = record["box3d"]
+    if not isinstance(box, dict) or box.keys() != Box3d.__annotations__.keys() or not _is_number(box["yaw"]):
+        return False
+    return (
+        all(_are_numbers(box[key], length) for key, length in _BOX_LENGTHS.items())
+        and all(_are_numbers(record[key], length) for key, length in _LENGTHS.items())
+        and all(isinstance(record[key], str) for key in _TEXTS)
+        and all(_is_number(record[key]) for key in _NUMBERS)
+    )
+
+
+def _are_numbers(value: object, length: int) -> bool:
+    return isinstance(value, list) and len(value) == length and all(map(_is_number, value))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
 FileRow: TypeAlias = tuple[int, str] | tuple[int, str, str]
 """Size in bytes, SHA-256, and, of a file in a workspace, its stamp (`core.files.stamp_of`)."""
 
@@ -70,7 +99,7 @@ class Video:
     variant: str
     sensor: SensorPlan
     fps: int
-    frames: tuple[FrameRecord, ...]
+    frames: Sequence[FrameRecord]
 
     @property
     def name(self) -> str:

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 
-def tables(sections: Mapping[str, object]) -> str:
-    """Return a JSON object with the sections in the given order and each list with one row per line.
+def tables(sections: Mapping[str, object]) -> Iterator[str]:
+    """Yield the text of a JSON object with the sections in the given order, each list or iterator one row per line.
 
     Raises:
         ValueError: A number is NaN or infinite.
     """
-    parts = []
-    for name, value in sections.items():
-        if isinstance(value, list) and value:
-            body = "[\n" + ",\n".join(_row(row) for row in value) + "\n]"
+    yield "{\n"
+    for number, (name, value) in enumerate(sections.items()):
+        yield (",\n" if number else "") + f"{json.dumps(name)}: "
+        if isinstance(value, (list, Iterator)):
+            empty = True
+            for row in value:
+                yield ("[\n" if empty else ",\n") + _row(row)
+                empty = False
+            yield "[]" if empty else "\n]"
         else:
-            body = _row(value)
-        parts.append(f"{json.dumps(name)}: {body}")
-    return "{\n" + ",\n".join(parts) + "\n}\n"
+            yield _row(value)
+    yield "\n}\n"
 
 
 def _row(value: object) -> str:

@@ -78,7 +78,10 @@ class Finisher:
 
     def _texts(self, texts: Iterable[Text]) -> Iterator[Task]:
         for path, make in texts:
-            yield lambda path=path, make=make: self._write(path, make())  # type: ignore[misc]
+            yield lambda path=path, make=make: self._write_pieces(path, make())  # type: ignore[misc]
+
+    def _write_pieces(self, path: str, pieces: Iterable[str]) -> dict[str, FileRow]:
+        return {path: self.work.write_pieces(path, (piece.encode() for piece in pieces))}
 
     def _labels(self) -> dict[str, FileRow]:
         """Write one `labels.jsonl` per view, linked into the folder of each of its variants."""

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.plan import DatasetPlan
 
@@ -25,6 +26,7 @@ from recipe_runtime.core.files import write_atomic
 from recipe_runtime.dataset.schedule import Shard, View, all_shards, views
 
 _KIND = "shards"
+_MAX_RECORD = 1 << 28  # bytes of a record in a workspace
 
 
 class ShardJournal(ABC):
@@ -36,14 +38,15 @@ class ShardJournal(ABC):
     def read(self, shard: Shard, view: View) -> list[FrameRecord] | None:
         """Return the records of a finished shard, or None if they are missing or damaged."""
         try:
-            kept = json.loads(self._get(shard, view) or b"null")
-            records: list[FrameRecord] = kept["records"]
-            whole = hmac.compare_digest(kept["seal"], self._seal(shard, view, records))
-            for record in records if whole else ():
+            seal, _, body = (self._get(shard, view) or b"").partition(b"\n")
+            if not hmac.compare_digest(seal, self._seal(shard, view, body)):
+                return None  # nothing of a record with another seal is parsed
+            records: list[FrameRecord] = json.loads(body)
+            for record in records:
                 record["files"] = {path: (row[0], row[1], *row[2:]) for path, row in record["files"].items()}
         except (OSError, ValueError, KeyError, TypeError):
             return None
-        return records if whole else None
+        return records
 
     def write(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> None:
         """Record a finished shard.
@@ -52,13 +55,13 @@ class ShardJournal(ABC):
             OSError: the record cannot be written.
             RunError: the cache cannot be written.
         """
-        body = {"seal": self._seal(shard, view, list(records)), "records": list(records)}
-        self._put(shard, view, json.dumps(body).encode())
+        body = json.dumps(list(records)).encode()
+        self._put(shard, view, self._seal(shard, view, body) + b"\n" + body)
 
-    def _seal(self, shard: Shard, view: View, records: Sequence[FrameRecord]) -> str:
+    def _seal(self, shard: Shard, view: View, body: bytes) -> bytes:
         """Return the seal of a record, which proves that this user's build wrote it for this shard."""
-        text = digest("shard-record/2", [_shard_digest(shard, view), list(records)])
-        return hmac.new(self._key, text.encode(), "sha256").hexdigest()
+        text = f"shard-record/3 {_shard_digest(shard, view)}\n".encode() + body
+        return hmac.new(self._key, text, "sha256").hexdigest().encode()
 
     @abstractmethod
     def frames(self) -> int:
@@ -93,7 +96,7 @@ class FolderJournal(ShardJournal):
         return sum(int(name.partition("-")[2]) for name in names if re.fullmatch(r"[0-9a-f]{32}-[0-9]+", name))
 
     def _get(self, shard: Shard, view: View) -> bytes | None:
-        return self._path(shard, view).read_bytes()
+        return read_regular(self._path(shard, view), _MAX_RECORD)
 
     def _put(self, shard: Shard, view: View, body: bytes) -> None:
         write_atomic(self._path(shard, view), body)

@@ -66,7 +66,7 @@ def check_replaceable(out: Path, manifest: Manifest | None, plan: DatasetPlan, s
     if manifest is None:
         return
     name, ours = str(manifest.get("recipe"))[:100], str(source) if source else plan.recipe
-    remedy = f"choose another folder with --out, or replace that dataset with {ours}'s (--replace)"
+    remedy = f"choose another folder, or replace it with {ours}'s"
     if name != plan.recipe:
         raise InputError(
             f"{out} holds the dataset of another recipe, {name!r}, and this is {plan.recipe!r}; {remedy}",

@@ -189,7 +189,7 @@ def _check_address(address: str) -> None:
     """
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if colon and not port.isdigit():
-        raise ValueError(f"{port!r} is no port; write HOST:PORT")
+        raise ValueError(f"{port!r} is not a port; write HOST:PORT")
     if colon:
         unencrypted = os.environ.get("RAY_USE_TLS", "0").lower() in ("", "0", "false")
         with socket.create_connection((host.strip("[]"), int(port)), timeout=TIMEOUT) as connection:

@@ -46,7 +46,7 @@ class RecipeFiles:
                 raise InputError(f"{path!r} cannot be a file of a dataset; rename it with plain, printable characters")
         size = sum(map(len, self.files.values()))
         if size > MAX_BYTES:
-            raise InputError(f"the recipe's files have {size:,} bytes, over {MAX_BYTES:,}; bring smaller ones")
+            raise InputError(f"the recipe's files have {size:,} bytes, over {MAX_BYTES:,}; use smaller ones")
 
     @property
     def place(self) -> str:

@@ -37,7 +37,7 @@ class Examined:
             out = self.held.root
             raise RunError(
                 f"{out}: its manifest says {self.held.lock.identity}, and this host makes {identity}; nothing was"
-                f" changed. `recipe verify {out}` tells where they part; to build it anew, move it away"
+                f" changed. `recipe verify {out}` reports the first difference; to build it again, move it away"
             )
 
 

@@ -32,7 +32,7 @@ from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.manifest import DAMAGE
 from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.dataset.schedule import Shard, Taken, View, views
-from recipe_runtime.dataset.text_files import labels_of
+from recipe_runtime.dataset.text_files import instances_of, labels_of
 
 
 def remember(store: Store, out: Path, plan: DatasetPlan) -> None:
@@ -134,7 +134,7 @@ class Reuse:
                 rgb[name] = self._digest(picture, sensor, "rgb", frame)
         labels = [m for m in view.sensor.capture if m != "rgb"] + ["labels"]
         digests = {m: self._digest(old.variant, sensor, m, frame) for m in labels}
-        seen = labels_of(self._lines(view)[frame], digests["labels"], sensor)
+        seen = labels_of(self._lines(view)[frame], digests["labels"], sensor, instances_of(view.scene))
         return {"frame": frame, "objects": seen, "digests": digests, "rgb": rgb, "files": files}
 
     def _linked(self, work: Workspace | None, source: str, paths: list[str]) -> dict[str, FileRow]:

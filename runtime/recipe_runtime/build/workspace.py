@@ -23,6 +23,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
+from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import Code, InputError, RunError
 
@@ -48,6 +49,7 @@ from recipe_runtime.dataset.manifest_types import Manifest, ManifestHead
 from recipe_runtime.dataset.schedule import Shard, View
 
 _JOB = "job.json"
+_MAX_JOB = 1 << 24  # bytes of `job.json`
 _REMEDY = "free some space or allow writing, then build again: what is done is kept"
 
 
@@ -84,6 +86,7 @@ class Workspace:
                 self._recover()
                 if not self._is_mine():
                     self._clear()
+                self._remove_links()
                 make_folder(self.dataset)
                 make_folder(self._shards.folder)
             except BaseException:
@@ -111,7 +114,8 @@ class Workspace:
         return (shard, view) in self._shards
 
     def _holds(self, path: str, size: int, sha256: str) -> bool:
-        return (self.dataset / path).lstat().st_size == size and file_sha256(self.dataset / path) == sha256
+        found = regular_file(self.dataset, path)
+        return found is not None and found.st_size == size and file_sha256(self.dataset / path) == sha256
 
     def kept(self) -> int:
         """Return the number of finished frames, according to the names of the records.
@@ -225,10 +229,29 @@ class Workspace:
         return [stamp_of(found)] == list(row[2:]) or file_sha256(self.dataset / path) == row[1]
 
     def _sweep(self, files: Collection[str]) -> None:
-        """Remove files that do not belong to the dataset, such as partial files of a killed build."""
-        for path in sorted(p for p in self.dataset.rglob("*") if not p.is_dir()):
-            if path.relative_to(self.dataset).as_posix() not in files:
-                path.unlink()
+        """Remove files, links and folders that are not the dataset's, such as partial files of a killed build."""
+        folders = set[str]()
+        for path in files:
+            folder = path.rpartition("/")[0]
+            while folder and folder not in folders:
+                folders.add(folder)
+                folder = folder.rpartition("/")[0]
+        for found in sorted(self.dataset.rglob("*"), reverse=True):  # the content of a folder before the folder
+            name = found.relative_to(self.dataset).as_posix()
+            if not is_folder(found):
+                if name not in files:
+                    found.unlink()
+            elif name not in folders:
+                found.rmdir()
+
+    def _remove_links(self) -> None:
+        """Remove symbolic links, so that nothing is written through one; the files behind them are made again."""
+        for folder in (self.dataset, self._shards.folder):
+            if folder.is_symlink():
+                folder.unlink()
+            for path in sorted(folder.rglob("*")):
+                if path.is_symlink():
+                    path.unlink()
 
     def _take(self) -> None:
         """Create and lock the folder; a lock on a folder that was published in the meantime is discarded."""
@@ -273,13 +296,16 @@ class Workspace:
             remove_tree(old)
 
     def _is_mine(self) -> bool:
-        path = self._partial / _JOB
-        return path.is_file() and path.read_text() == self._job
+        body = self._job.encode()
+        try:
+            return read_regular(self._partial / _JOB, len(body)) == body
+        except (OSError, ValueError):
+            return False
 
     def _other_recipe(self) -> str | None:
         """Return the name of the recipe whose unfinished frames are here, if it is another recipe."""
         try:
-            name = json.loads((self._partial / _JOB).read_text())["recipe"]
+            name = json.loads(read_regular(self._partial / _JOB, _MAX_JOB))["recipe"]
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None
         return str(name)[:100] if name != self._recipe and self._shards.frames() else None
@@ -299,7 +325,7 @@ class Workspace:
             raise InputError(
                 f"{self._partial} holds the unfinished build of another recipe, {other!r}, and this is"
                 f" {self._recipe!r}",
-                help="discard that work (--replace), or choose another folder (--out)",
+                help="choose another folder, or replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
         for child in sorted(self._partial.iterdir()):
@@ -318,7 +344,7 @@ def check_out(out: Path) -> None:
         raise InputError(f"{out} is not a folder", help="choose another folder", code=Code.OUTPUT_IN_THE_WAY)
     if out.is_mount():  # publishing is a rename, which cannot replace a mount point
         remedy = f"choose a folder in it, such as {out / 'dataset'}"
-        raise InputError(f"{out} is where a disk is mounted", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
+        raise InputError(f"{out} is a mount point", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
     _check_outside_datasets(out)
     if not out.is_dir() or not any(out.iterdir()):
         return

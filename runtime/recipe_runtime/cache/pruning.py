@@ -140,7 +140,7 @@ def bytes_of(text: str) -> int:
     """
     match = re.fullmatch(r"\s*(\d{1,15}(?:\.\d{1,15})?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
     if match is None:
-        raise InputError(f"{text!r} is no size; write for example 500M or 10G")
+        raise InputError(f"{text!r} is not a size; write for example 500M or 10G")
     return int(float(match[1]) * _UNITS[match[2].upper()])
 
 

@@ -29,7 +29,9 @@ class Assets:
         """Return why plans cannot be rendered here: the first file without a known path; None if all exist."""
         for sha256, file in {k: v for plan in plans for k, v in plan.files.items()}.items():
             if sha256 not in self.places or not self.places[sha256].is_file():
-                return f"the .{file.kind} file sha256:{sha256} is not at hand; name the recipe, which tells where it is"
+                return (
+                    f"the .{file.kind} file sha256:{sha256} is not available; name the recipe, which contains its path"
+                )
         return None
 
     def content(self, file: FilePlan) -> bytes:
@@ -40,13 +42,13 @@ class Assets:
         """
         path = self.places.get(file.sha256)
         if path is None:
-            reason = "name the recipe that brings it, which tells where it is"
-            raise RunError(f"the .{file.kind} file sha256:{file.sha256} is not at hand; {reason}")
+            reason = "name the recipe that uses it, which contains its path"
+            raise RunError(f"the .{file.kind} file sha256:{file.sha256} is not available; {reason}")
         try:
             content = read_regular(path, file.bytes)
         except (OSError, ValueError) as error:
             reason = (isinstance(error, OSError) and error.strerror) or str(error)
-            raise RunError(f"{path}: cannot be read: {reason}; put it back") from None
+            raise RunError(f"{path}: cannot be read: {reason}; restore it") from None
         if hashlib.sha256(content).hexdigest() != file.sha256:
             raise RunError(f"{path}: is no longer the file sha256:{file.sha256} of the plan; compile the recipe again")
         return content

@@ -22,7 +22,8 @@ def check_output(path: Path, *, replace: bool = False) -> None:
         return
     if path.is_file() or (path.is_symlink() and not path.exists()):
         raise InputError(
-            f"{path} is there already; name another file, or add --replace to write over it",
+            f"{path} is there already",
+            help="choose another file, or replace it",
             code=Code.OUTPUT_IN_THE_WAY,
         )
 

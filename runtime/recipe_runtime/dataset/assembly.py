@@ -21,7 +21,7 @@ class FrameAssembly:
     records: dict[tuple[int, int], FrameRecord] = field(default_factory=dict)
 
     def add(self, shard: Shard, records: Sequence[FrameRecord]) -> None:
-        """Add a finished shard. The variants of a frame may be in several shards, which agree in what they share."""
+        """Add a finished shard. Shards with other variants of the same frame have equal shared parts."""
         for record in records:
             place = shard.view, record["frame"]
             there = self.records.get(place)
@@ -34,7 +34,7 @@ class FrameAssembly:
             self.records[place] = record
 
     def videos(self) -> list[Video]:
-        """Every video, variants and sensors in the plan's order."""
+        """Return all videos, variants and sensors in the plan's order."""
         homes = self._homes()
         found = []
         for index, variant in enumerate(self.dataset.variants):
@@ -46,11 +46,14 @@ class FrameAssembly:
         return found
 
     def files(self) -> dict[str, FileRow]:
-        """Size and SHA-256 of every file that the workers wrote."""
+        """Return the size and SHA-256 of every file that the workers wrote."""
         return {path: row for record in self.records.values() for path, row in record["files"].items()}
 
     def pixels(self, video: Video) -> dict[str, dict[int, str]]:
-        """Digests of a video's frames: modality -> frame -> digest. `labels` stands for the records of what is seen."""
+        """Return the digests of a video's frames: modality -> frame -> digest.
+
+        `labels` is the digest of the label records.
+        """
         found: dict[str, dict[int, str]] = {}
         for record in video.frames:
             for modality, value in record["digests"].items():
@@ -60,7 +63,7 @@ class FrameAssembly:
         return found
 
     def identity(self) -> str:
-        """The dataset's identity: that of its lockfile, computed from the same rows."""
+        """Return the dataset's identity, which is that of its lockfile, computed from the same rows."""
         lock, seen = digests.bare(self.dataset, "", {}), views(self.dataset)
         frames = {
             key: value

@@ -1,4 +1,4 @@
-"""The dataset card: a README that says what is in the folder, and how to get the very same again."""
+"""The dataset card: a README.md that describes the content of the folder and how to build the same dataset again."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _DEPTH = {
 
 
 def card(dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_file: str | None = None) -> str:
-    """The text of README.md; `recipe_file` is the recipe's place in the dataset, if it lies there."""
+    """Return the text of README.md; `recipe_file` is the recipe's path in the dataset, if it is included."""
     parts = [
         f"# {one_line(dataset.recipe)}",
         paragraphs(dataset.description),
@@ -39,7 +39,7 @@ def card(dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_fi
 
 
 def _again(dataset: DatasetPlan, recipe_file: str | None) -> list[str]:
-    """How to make the dataset again; what a shell reads is quoted."""
+    """Return the commands that build the dataset again, with arguments quoted for the shell."""
     recipe, again = shlex.quote(recipe_file or f"{dataset.recipe}.yaml"), shlex.quote(f"../{dataset.recipe}-again")
     return [
         "## The same again",

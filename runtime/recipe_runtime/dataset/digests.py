@@ -1,4 +1,4 @@
-"""Rows of digests for plans, Traces and frames, as a build, `recipe lock` and `recipe verify` all use them."""
+"""Rows of digests for plans, Traces and frames, shared by `recipe build`, `recipe lock` and `recipe verify`."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import STAGES, host_versions
 from recipe_runtime.dataset.schedule import View
 
-CHECKPOINTS = 64  # at most, of a body; they locate the frame at which two motions diverge
+CHECKPOINTS = 64  # most checkpoints per body; they locate the frame at which two motions diverge
 CHECKPOINT_DIGITS = 8
 
 
 def bare(plan: DatasetPlan, source: str, files: dict[str, str]) -> Lockfile:
-    """The lockfile of a plan, without traces, bodies and frames."""
+    """Return the lockfile of a plan, without traces, bodies and frames."""
     return skeleton(plan, source, files, host_versions(), STAGES)
 
 
 def with_rows(
     bare_lock: Lockfile, traces: dict[str, Trace], scenes: list[ScenePlan], frames: dict[FrameKey, str]
 ) -> Lockfile:
-    """The same lockfile with its traces, bodies and frames filled in."""
+    """Return the same lockfile with its traces, bodies and frames filled in."""
     bodies = {
         (scene.digest, actor): motion
         for scene in scenes
@@ -35,7 +35,7 @@ def with_rows(
 
 
 def frame_rows(plan: DatasetPlan, view: View, record: FrameRecord) -> Iterator[tuple[FrameKey, str]]:
-    """The rows of one frame of one view: labels and depth once an observation, colours once a scenario."""
+    """Return the rows of one frame of one view: labels and depth once per observation, colours once per scenario."""
     by_name = {plan.variants[i].variant: plan.variants[i] for i in view.variants}
     for scenario in by_name.values():
         key = VariantRow(scenario.scene.digest, scenario.rig.digest, scenario.appearance.digest)
@@ -46,7 +46,7 @@ def frame_rows(plan: DatasetPlan, view: View, record: FrameRecord) -> Iterator[t
 
 
 def frame_keys(plan: DatasetPlan) -> Iterator[FrameKey]:
-    """The key of every row that `frame_rows` makes of a whole dataset."""
+    """Return the key of every row that `frame_rows` yields for a whole dataset."""
     for v in plan.variants:
         row = VariantRow(v.scene.digest, v.rig.digest, v.appearance.digest)
         for sensor in v.rig.sensors:
@@ -56,7 +56,7 @@ def frame_keys(plan: DatasetPlan) -> Iterator[FrameKey]:
 
 
 def body_motions(trace: Trace) -> dict[str, BodyMotion]:
-    """The digest of each actor's motion, and short digests of its prefixes."""
+    """Return the digest of each actor's motion, and short digests of its prefixes."""
     stride = -(-trace.frames // CHECKPOINTS)
     digests = trace.prefix_digests([*range(stride, trace.frames + 1, stride), trace.frames])
     return {
@@ -66,9 +66,9 @@ def body_motions(trace: Trace) -> dict[str, BodyMotion]:
 
 
 def first_divergence(locked: BodyMotion, ours: BodyMotion) -> tuple[int, int] | None:
-    """The frames [first, last] within which two motions diverge; None if they are equal.
+    """Return the frames [first, last] within which two motions diverge; None if they are equal.
 
-    `last` is -1 where the checkpoints do not bound it.
+    `last` is -1 if the checkpoints do not bound it.
     """
     if locked == ours:
         return None
@@ -80,7 +80,7 @@ def first_divergence(locked: BodyMotion, ours: BodyMotion) -> tuple[int, int] | 
 
 
 def divergence_text(first: int, last: int) -> str:
-    """The result of `first_divergence` as text."""
+    """Return the result of `first_divergence` as text."""
     if last < first:
         return f"from frame {first} on"
     return f"at frame {first}" if first == last else f"between frames {first} and {last}"

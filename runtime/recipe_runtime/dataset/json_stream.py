@@ -1,15 +1,15 @@
-"""A JSON document read piece by piece: only what is asked for is in memory, and no value is longer than its limit.
+"""A streaming reader of JSON documents: only requested values are in memory, and each has a length limit.
 
     stream = JsonStream(file, 1 << 20)
-    for key in stream.members():            # of the object that is next; its value is read before the next key
+    for key in stream.members():            # of the next value, an object; read the member's value before the next key
         if key == "files":
             for path in stream.members():   # an object, member by member
-                row = stream.value()        # a value, whole
+                row = stream.value()        # a complete value
         elif key == "digests":
             digests = list(stream.items())  # an array, item by item
     stream.end()
 
-Whatever is wrong with a document ends in a ValueError.
+All errors in a document are raised as ValueError.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _SPACE = re.compile(r"[ \t\n\r]*")
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        raise ValueError("an object has one key twice")
+        raise ValueError("an object has a key twice")
     return found
 
 
@@ -40,9 +40,12 @@ _DECODER = json.JSONDecoder(object_pairs_hook=_object, parse_constant=_refuse)
 
 
 def loads(body: bytes, most: int) -> Any:
-    """A whole document of at most `most` values; ValueError for one that has more, or is not JSON.
+    """Parse a complete document.
 
-    Values are bounded by counting separators, before any memory is taken for them.
+    The number of values is limited by counting separators before any memory is allocated.
+
+    Raises:
+        ValueError: the document has more than `most` values, or is not JSON.
     """
     if body.count(b",") + body.count(b"[") + body.count(b"{") > most:
         raise ValueError(f"it has more than {most:,} values")
@@ -57,7 +60,7 @@ def loads(body: bytes, most: int) -> Any:
 
 
 class JsonStream:
-    """A place in a JSON document of at most `most` bytes."""
+    """A position in a JSON document of at most `most` bytes."""
 
     def __init__(self, file: BinaryIO, most: int) -> None:
         self._left = most
@@ -65,7 +68,7 @@ class JsonStream:
         self._text, self._at, self._ended = "", 0, False
 
     def members(self) -> Iterator[str]:
-        """The keys of the object that is next, which may be given twice; each one's value is read by the caller."""
+        """Yield the keys of the next value, an object, including duplicates; the caller reads each key's value."""
         self._expect("{")
         if self._next() == "}":
             self._at += 1
@@ -80,7 +83,7 @@ class JsonStream:
                 return
 
     def items(self, most: int = MAX_VALUE) -> Iterator[Any]:
-        """The items of the array that is next, none longer than `most` characters."""
+        """Yield the items of the next value, an array; none is longer than `most` characters."""
         self._expect("[")
         if self._next() == "]":
             self._at += 1
@@ -91,7 +94,7 @@ class JsonStream:
                 return
 
     def value(self, most: int = MAX_VALUE) -> Any:
-        """The value that is next, whole; ValueError if it is longer than `most` characters."""
+        """Return the next value; ValueError if it is longer than `most` characters."""
         self._next()
         self._fill(most + 1)
         try:
@@ -108,26 +111,26 @@ class JsonStream:
         return found
 
     def end(self) -> None:
-        """ValueError if anything is left."""
+        """Check that nothing follows; ValueError otherwise."""
         if self._next():
             raise ValueError("it is not JSON: there is more after its end")
 
     def _ends(self, closing: str) -> bool:
-        """Go over the sign after a member or an item; whether it closes."""
+        """Skip the separator after a member or an item; return whether it closes the object or array."""
         found = self._next()
         if found not in (",", closing) or not found:
-            raise ValueError(f"it is not JSON: {found!r} stands where , or {closing} must")
+            raise ValueError(f"it is not JSON: {found!r} in place of , or {closing}")
         self._at += 1
         return found == closing
 
     def _expect(self, sign: str) -> None:
         found = self._next()
         if found != sign:
-            raise ValueError(f"it is not JSON of the expected form: {found!r} stands where {sign} must")
+            raise ValueError(f"it is not JSON of the expected form: {found!r} in place of {sign}")
         self._at += 1
 
     def _next(self) -> str:
-        """The next character that is no space, at which the place is then; nothing at the end."""
+        """Skip whitespace and return the next character; empty at the end of the document."""
         while True:
             self._at = _after_space(self._text, self._at)
             if self._at < len(self._text):
@@ -137,7 +140,7 @@ class JsonStream:
             self._fill(1)
 
     def _fill(self, need: int) -> None:
-        """Have so many characters from the place on, or all that there are."""
+        """Buffer at least this many characters after the position, or all that remain."""
         while len(self._text) - self._at < need and not self._ended:
             chunk = self._file.read(_CHUNK)
             self._left -= len(chunk)

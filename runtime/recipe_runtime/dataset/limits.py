@@ -1,10 +1,9 @@
-"""What a plan must be before anything is made of it.
+"""Checks of plans before use.
 
-A plan read from a dataset's folder may be anyone's, so no name may lead out of a folder and no number ask for more than
-a machine has. The models of `recipe_compiler.ir.plan` bound each number by itself, and
-`recipe_compiler.ir.plan_bounds` the shapes of bodies. Here are the sums, and what the parts of a plan must have in
-common. A plan that is compiled here is held to the same bounds before it is built, so that every dataset can be read
-again.
+A plan from a dataset's folder may have been written by anyone, so no name may lead out of a folder, and no number may
+require more resources than a machine has. The models of `recipe_compiler.ir.plan` limit each number, and
+`recipe_compiler.ir.plan_bounds` the shapes of bodies. This module limits totals and checks the consistency of a plan's
+parts. Compiled plans are checked too before they are built, so that every dataset can be read again.
 """
 
 from __future__ import annotations
@@ -13,46 +12,45 @@ from collections.abc import Iterator
 
 from recipe_compiler.ir import optics, plan_bounds
 from recipe_compiler.ir.errors import InputError, Problem
-from recipe_compiler.ir.plan import (
+from recipe_compiler.ir.plan import DatasetPlan, RigPlan, ScenarioPlan, ScenePlan, SensorPlan
+from recipe_compiler.ir.plan_types import (
     MAX_ACTORS,
     MAX_ELEMENTS,
     MAX_FILE_BYTES,
     MAX_PIXELS_A_SIDE,
     MAX_POINTS,
     MAX_PROPS,
-    DatasetPlan,
-    RigPlan,
-    ScenarioPlan,
-    ScenePlan,
-    SensorPlan,
 )
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.core import layout
 
-MOST_PICTURES = 1_000_000  # frames, over all sensors and variants
-MAX_ROWS = 600_000  # digests of frames: a frame's labels, and each of its modalities
-MAX_FILES = 600_000  # of a dataset; of each, a manifest has a row
-MAX_POSES = 300_000  # over all rigs that differ
-MOST_STEPS = 100_000_000  # of physics, over all scenes
+MOST_PICTURES = 1_000_000  # frames times sensors times variants
+MAX_ROWS = 600_000  # digests of frames: one for labels and one per modality
+MAX_FILES = 600_000  # files of a dataset, each of which has a row in the manifest
+MAX_POSES = 300_000  # of all distinct rigs
+MOST_STEPS = 100_000_000  # physics steps of all scenes
 MOST_METRES = 100_000.0
-MOST_SETTING = 1e6  # of a camera
+MOST_SETTING = 1e6  # of a camera's parameters
 
 
 def check_plan(dataset: DatasetPlan) -> None:
-    """InputError for a plan whose dataset could not be written or annotated."""
+    """Check that a plan's dataset can be written and annotated; InputError otherwise."""
     layout.check_names(dataset)
     for scene in {v.scene.digest: v.scene for v in dataset.variants}.values():
         for actor in scene.actors:
             if actor.tag not in CATEGORIES:
                 raise InputError(
-                    f"actor {actor.name!r}: tag {actor.tag} is none that is annotated: {sorted(CATEGORIES)}"
+                    f"actor {actor.name!r}: tag {actor.tag} is not an annotated class: {sorted(CATEGORIES)}"
                 )
 
 
 def check_bounds(dataset: DatasetPlan) -> None:
-    """InputError for a plan that no recipe compiles to, or that is larger than any that this project builds."""
+    """Check that a plan could result from a recipe and is not larger than any that this project builds.
+
+    Else InputError.
+    """
     if not dataset.variants:
         raise InputError("the plan has no variants")
     if len({v.variant for v in dataset.variants}) < len(dataset.variants):
@@ -72,7 +70,7 @@ def check_bounds(dataset: DatasetPlan) -> None:
 
 
 def _sums(dataset: DatasetPlan) -> Iterator[str]:
-    """Frames, digests, files and poses of the whole dataset."""
+    """Check the numbers of frames, digests, files and poses of the whole dataset."""
     frames = [(v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors]
     rigs = {v.rig.digest: v.rig for v in dataset.variants}
     numbers = (
@@ -87,26 +85,26 @@ def _sums(dataset: DatasetPlan) -> Iterator[str]:
 
 
 def row_count(dataset: DatasetPlan) -> int:
-    """How many digests of frames the plan's dataset has."""
+    """Return the number of frame digests of the plan's dataset."""
     videos = ((v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors)
     return sum(frames * (len(sensor.capture) + 1) for frames, sensor in videos)
 
 
 def file_count(dataset: DatasetPlan) -> int:
-    """How many files the plan's dataset has, without listing them; up to a dozen more."""
+    """Return the number of files of the plan's dataset, too high by at most a dozen, without listing them."""
     masks = "mots_png" in dataset.annotations
     total = 12
     for variant in dataset.variants:
         total += 2  # plan and tracks
         for sensor in variant.rig.sensors:
-            total += 3 + variant.scene.clock.frames * (len(sensor.capture) + masks)  # labels, and two texts of MOTS
+            total += 3 + variant.scene.clock.frames * (len(sensor.capture) + masks)  # labels, and two MOTS text files
     return total
 
 
 def _clock(scene: ScenePlan) -> Iterator[str]:
     clock = scene.clock
     if not (0 < clock.fps <= 1000 and clock.frames > 0 and 0 < clock.physics <= 1000 and not clock.physics % clock.fps):
-        yield f"a clock of {clock.fps} fps, {clock.frames} frames and {clock.physics} steps a second is none"
+        yield f"a clock of {clock.fps} fps, {clock.frames} frames and {clock.physics} steps per second is invalid"
 
 
 def _cast(scene: ScenePlan) -> Iterator[str]:
@@ -158,9 +156,9 @@ def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
     if not (0 < camera.width <= MAX_PIXELS_A_SIDE and 0 < camera.height <= MAX_PIXELS_A_SIDE):
         yield f"a picture of {camera.width}x{camera.height} is over {MAX_PIXELS_A_SIDE}x{MAX_PIXELS_A_SIDE} or empty"
     if not (0.0 < camera.fov < 180.0 and 0.0 < camera.near < camera.far <= MOST_METRES):
-        yield f"a camera of {camera.fov} degrees from {camera.near} to {camera.far} m is none"
+        yield f"a camera of {camera.fov} degrees from {camera.near} to {camera.far} m is invalid"
     if sensor.on is not None and sensor.on not in actors:
-        yield f"it is on {sensor.on!r}, which is no actor"
+        yield f"it is mounted on {sensor.on!r}, which is not an actor"
     if len(sensor.poses) not in (1, frames) or any(_beyond([p.x, p.y, p.z]) for p in sensor.poses):
         yield "its poses are neither one nor one a frame, or out of bounds"
     if not sensor.capture or len(set(sensor.capture)) < len(sensor.capture):
@@ -168,16 +166,19 @@ def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
 
 
 def _response(sensor: SensorPlan, variant: ScenarioPlan) -> Iterator[str]:
-    """Bounds within which a picture can be made; the language's own are narrower."""
+    """Yield violations of the limits within which a picture can be rendered.
+
+    The recipe language has narrower limits.
+    """
     response, camera = variant.appearance.responses[sensor.name], sensor.camera
     numbers = [v for v in response.model_dump().values() if isinstance(v, float)]
     positive = response.shutter_speed, response.iso, response.fstop, response.gamma, response.temp
     bounded = max(map(abs, numbers)) <= MOST_SETTING and min(positive) >= 0.01
     offset = 0.0 <= response.chromatic_aberration_offset < 1.0
     if not (bounded and offset and 1 <= response.supersample <= 4 and abs(response.exposure_compensation) <= 30.0):
-        yield "its camera response is none"
+        yield "its camera response is invalid"
     elif abs(camera.lens_k) > 1.0 or abs(camera.lens_kcube) > 1.0:
-        yield "its lens is none"
+        yield "invalid lens: |lens_k| and |lens_kcube| must be at most 1"
     else:
         sound = camera.width > 0 and camera.height > 0 and 0.0 < camera.fov < 180.0
         wrong = optics.fault(camera, response.supersample) if sound else None

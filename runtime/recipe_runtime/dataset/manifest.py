@@ -1,16 +1,16 @@
-"""`manifest.json`: what a dataset is made of, digest by digest and file by file.
+"""`manifest.json`: the digests of a dataset's content and files.
 
-    identity   what a paper prints: NAME@sha256:DIGEST, the lockfile's too; over plans, traces, pixels and labels
-    outputs    what the recipe asks to be written
+    identity   NAME@sha256:DIGEST for citation, equal to the lockfile's; over plans, traces, pixels and labels
+    outputs    the outputs that the recipe requests
     tools      versions of the packages that bytes depend on
     variants   digests of plan, scene, rig, appearance and trace; per sensor and modality a digest for every frame
-               (`labels`: the records of what is seen)
-    files      size and SHA-256 of every file, apart from this one and the pictures
-    recipe_file  the recipe's path in the dataset, if the recipe and what it uses lie there
-    pictures   the same of what is under preview/: drawn for people, and not part of any digest, because fonts and
-               scaling may change with Pillow
+               (`labels`: the label records)
+    files      size and SHA-256 of every file, except the manifest and the pictures
+    recipe_file  the recipe's path in the dataset, if the recipe and its files are included
+    pictures   the same for the files in preview/, which no digest covers, because fonts and scaling may change with
+               Pillow
 
-Pixels and files have digests of their own, so that a change of the encoder is recognised as one.
+Pixels and files have separate digests, so that a change of the encoder is distinguished from a change of the pixels.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ from recipe_runtime.dataset.manifest_types import (
 FORMAT = "recipe/manifest/1"
 _PICTURES = "preview/"
 
-# What reading a manifest that anyone may have written can raise.
+# Exceptions that reading an untrusted manifest can raise.
 DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RecursionError)
 
 _TABLES: Final[tuple[Literal["files", "pictures"], ...]] = ("files", "pictures")
 
 
 def head(dataset: DatasetPlan) -> ManifestHead:
-    """What a manifest says of the plan: two builds with equal heads make the same dataset."""
+    """The part of a manifest that is known before the build. Builds with equal heads produce the same dataset."""
     return {
         "format": FORMAT,
         "recipe": dataset.recipe,
@@ -64,7 +64,7 @@ def head(dataset: DatasetPlan) -> ManifestHead:
 def manifest_text(
     dataset: DatasetPlan, harvest: FrameAssembly, files: Mapping[str, FileRow], recipe_file: str | None
 ) -> str:
-    """The manifest of a finished dataset. `recipe_file`: where the recipe lies in it, if it does."""
+    """Return the manifest of a finished dataset; `recipe_file` is the recipe's path in it, if it is included."""
     sensors: dict[str, FrameDigests] = {}
     for video in harvest.videos():
         pixels = {m: [v for _, v in sorted(frames.items())] for m, frames in harvest.pixels(video).items()}
@@ -95,15 +95,15 @@ def manifest_text(
 
 
 def file_row(body: bytes) -> FileRow:
-    """The size and the SHA-256 of a file with these bytes."""
+    """Return the size and the SHA-256 of a file with this content."""
     return len(body), hashlib.sha256(body).hexdigest()
 
 
 def listed_files(manifest: Manifest) -> dict[str, tuple[int, str]]:
-    """Size and SHA-256 of every file that a manifest lists.
+    """Return the size and SHA-256 of every file that a manifest lists.
 
     Raises:
-        ValueError: a row has no size, or its path leads out of the folder.
+        ValueError: a row has no size, its path leads out of the folder, or two rows cannot both be files.
     """
     rows: dict[str, tuple[int, str]] = {}
     for table in _TABLES:
@@ -114,20 +114,29 @@ def listed_files(manifest: Manifest) -> dict[str, tuple[int, str]]:
                 raise ValueError(f"{path!r} is not a path within a dataset")
             if not isinstance(row, dict) or not isinstance(row.get("size"), int) or isinstance(row["size"], bool):
                 raise ValueError(f"{path} has no size")
+            if path in rows:
+                raise ValueError(f"{path} is listed twice")
             rows[path] = row["size"], str(row.get("sha256"))
+    for path in rows:
+        folder = path.rpartition("/")[0]
+        while folder:
+            if folder in rows:
+                raise ValueError(f"{folder} is listed as a file, and {path} is in it")
+            folder = folder.rpartition("/")[0]
     return rows
 
 
 def stays_inside(path: str) -> bool:
-    """Whether a path names something within the folder that it counts from."""
+    """Whether a relative path stays within its folder."""
     parts = path.split("/")
     return path.isprintable() and "\\" not in path and not any(part in ("", ".", "..") for part in parts)
 
 
 def lock_of(manifest: Manifest, source: str = "", files: dict[str, str] | None = None) -> Lockfile:
-    """A manifest's digests as lockfile rows; sealed if they add up to its identity.
+    """Return a manifest's digests as a lockfile, which is sealed if they match the manifest's identity.
 
-    KeyError, TypeError, AttributeError or ValueError if it is damaged.
+    Raises:
+        KeyError, TypeError, AttributeError, ValueError: the manifest is damaged.
     """
     variants, traces, frames = {}, {}, dict[FrameKey, str]()
     for name in manifest["order"]:
@@ -154,9 +163,9 @@ def lock_of(manifest: Manifest, source: str = "", files: dict[str, str] | None =
 
 
 def is_whole(manifest: Manifest, dataset: DatasetPlan, root: Path) -> bool:
-    """Whether a folder holds this very dataset, by its manifest and its files' sizes; bytes are not read here.
+    """Whether a folder contains exactly this dataset, judging by its manifest and its files' sizes.
 
-    `recipe verify` reads the bytes, and `recipe build --repair` mends them.
+    The content of the files is not read; `recipe verify` checks it, and `recipe build --repair` repairs it.
     """
     try:
         rows = listed_files(manifest)
@@ -167,7 +176,7 @@ def is_whole(manifest: Manifest, dataset: DatasetPlan, root: Path) -> bool:
 
 
 def is_of(manifest: Manifest, dataset: DatasetPlan) -> bool:
-    """Whether a manifest is of this plan and these tools, and its identity what its digests add up to."""
+    """Whether a manifest belongs to this plan and these tools, and its identity matches its digests."""
     if {key: manifest.get(key) for key in head(dataset)} != head(dataset) or manifest.get("tools") != tool_versions():
         return False
     try:

@@ -1,7 +1,7 @@
-"""A dataset's `manifest.json` read from a file that anyone may have written: row by row, each of them checked.
+"""Reads a dataset's `manifest.json` from an untrusted file, row by row, and checks each row.
 
-Memory is bounded by the number of rows, which is at most what a plan within the bounds of `admission` may have; a
-document that has more, or anything that a manifest has not, is refused at that place.
+Memory is limited by the number of rows, which must not exceed the limits of plans in `dataset.limits`. The first row
+too many, or the first unknown item, ends the reading with an error that names its place.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Annotated, BinaryIO, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from recipe_compiler.ir.modalities import DIGEST_KINDS
-from recipe_compiler.ir.plan import MAX_DESCRIPTION, MAX_VARIANT_NAME, MAX_VARIANTS, Name, Sha256
+from recipe_compiler.ir.plan_types import MAX_DESCRIPTION, MAX_VARIANT_NAME, MAX_VARIANTS, Name, Sha256
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import regular_file
@@ -23,15 +23,15 @@ from recipe_runtime.dataset.manifest import FORMAT, stays_inside
 from recipe_runtime.dataset.manifest_types import FileRecord, FrameDigests, Manifest, VariantRecord
 
 MAX_BYTES = 1 << 28
-_MAX_PATH, _MAX_PART = 2_000, 255  # bytes of a path, and of a name in it
+_MAX_PATH, _MAX_PART = 2_000, 255  # bytes of a path, and of one component
 _MAX_SIZE = 1 << 40  # bytes of a file
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 _LIST = 1 << 23  # characters of the order of variants
-_ROW = ("appearance", "folder", "plan", "rig", "scene", "trace")  # of a variant, besides its frames
+_ROW = ("appearance", "folder", "plan", "rig", "scene", "trace")  # keys of a variant, besides its frames
 
 
 class NotAManifestError(ValueError):
-    """The document is no manifest of this project, rather than a damaged one."""
+    """The document is not a manifest of this project, as opposed to a damaged one."""
 
 
 class _Outputs(BaseModel):
@@ -42,7 +42,7 @@ class _Outputs(BaseModel):
 
 
 class _Head(BaseModel):
-    """All of a manifest but its tables."""
+    """The fields of a manifest except its tables."""
 
     model_config = ConfigDict(strict=True, extra="forbid")
 
@@ -93,7 +93,7 @@ def parse(file: BinaryIO) -> Manifest:
     }
     for key in stream.members():
         if key not in _Head.model_fields and key not in tables:
-            raise NotAManifestError(f"{key[:40]!r} is no key of a manifest")
+            raise NotAManifestError(f"{key[:40]!r} is not a key of a manifest")
         if key in found:
             raise ValueError(f"{key} is given twice")
         found[key] = tables[key]() if key in tables else stream.value()
@@ -116,14 +116,14 @@ def parse(file: BinaryIO) -> Manifest:
 
 
 def first_error(error: ValidationError) -> str:
-    """The first thing that is wrong with a document, with its place, on one line."""
+    """Return the first error of a document with its place, on one line."""
     first = error.errors(include_url=False, include_context=False, include_input=False)[0]
     place = ".".join(str(step)[:60] for step in first["loc"][:8])
     return f"{place}: {first['msg']}"[:300]
 
 
 def _files(stream: JsonStream, most: int) -> dict[str, FileRecord]:
-    """Size and SHA-256 of files, by path."""
+    """Return the size and SHA-256 of files, by path."""
     rows: dict[str, FileRecord] = {}
     for path in stream.members():
         if not stays_inside(path):
@@ -143,7 +143,7 @@ def _files(stream: JsonStream, most: int) -> dict[str, FileRecord]:
 
 
 def _variants(stream: JsonStream) -> dict[str, VariantRecord]:
-    """Each variant's digests, and those of its frames."""
+    """Return the digests of each variant and of its frames."""
     rows: dict[str, VariantRecord] = {}
     left = [MAX_ROWS]
     for name in stream.members():
@@ -163,7 +163,7 @@ def _variants(stream: JsonStream) -> dict[str, VariantRecord]:
 
 
 def _frames(stream: JsonStream, left: list[int]) -> FrameDigests:
-    """Digests by sensor and modality. `left` holds how many more there may be."""
+    """Return digests by sensor and modality; `left` holds the number of further digests allowed."""
     sensors: FrameDigests = {}
     for sensor in stream.members():
         modalities = sensors.setdefault(sensor, {})
@@ -171,7 +171,7 @@ def _frames(stream: JsonStream, left: list[int]) -> FrameDigests:
             raise ValueError(f"the sensor {sensor[:40]!r} is given twice, or too long")
         for modality in stream.members():
             if modality in modalities or modality not in DIGEST_KINDS:
-                raise ValueError(f"the modality {modality[:40]!r} is given twice, or is none")
+                raise ValueError(f"the modality {modality[:40]!r} occurs twice or does not exist")
             digests = modalities[modality] = []
             for digest in stream.items(80):
                 _check_digest(digest, f"a frame of {sensor}")

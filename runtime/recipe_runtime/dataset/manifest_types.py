@@ -8,7 +8,7 @@ FrameDigests: TypeAlias = dict[str, dict[str, list[str]]]  # by sensor and modal
 
 
 class OutputRecord(TypedDict):
-    """What the recipe asks for besides pictures."""
+    """The outputs that the recipe requests besides pictures."""
 
     annotations: list[Literal["kwcoco", "coco", "mots_txt", "mots_png"]]
     depth: Literal["carla", "npy"]
@@ -22,7 +22,7 @@ class FileRecord(TypedDict):
 
 
 class VariantRecord(TypedDict):
-    """A variant: digests of its plan, of the plan's parts, of its Trace and of its frames; its folder."""
+    """A variant: the digests of its plan, of the plan's parts, of its Trace and of its frames, and its folder."""
 
     plan: str
     scene: str
@@ -34,7 +34,7 @@ class VariantRecord(TypedDict):
 
 
 class ManifestHead(TypedDict):
-    """The part of a manifest that follows from the plan alone."""
+    """The part of a manifest that depends on the plan only."""
 
     format: str
     recipe: str
@@ -56,6 +56,6 @@ class RequiredManifest(ManifestHead):
 
 
 class Manifest(RequiredManifest, total=False):
-    """The whole of `manifest.json`; `manifest.py` describes the fields."""
+    """All of `manifest.json`; `manifest.py` describes the fields."""
 
     recipe_file: str | None

@@ -1,7 +1,6 @@
-"""Expanded plans read from files that anyone may have written: bounded before they are taken into memory.
+"""Reads expanded plans from untrusted files, with limits on size before anything is stored.
 
-Parts that are equal in several variants become one object, as when they are compiled: it is checked once, and its
-digest is made once.
+Parts that are equal in several variants become one object, as in a compiled plan, so they are checked and hashed once.
 """
 
 from __future__ import annotations
@@ -12,18 +11,8 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
-from recipe_compiler.ir.plan import (
-    MAX_BODIES,
-    MAX_ELEMENTS,
-    AppearancePlan,
-    Looks,
-    Name,
-    RigPlan,
-    ScenarioPlan,
-    ScenePlan,
-    Slots,
-    TownPlan,
-)
+from recipe_compiler.ir.plan import AppearancePlan, Looks, RigPlan, ScenarioPlan, ScenePlan, TownPlan
+from recipe_compiler.ir.plan_types import MAX_BODIES, MAX_ELEMENTS, Name, Slots
 
 from recipe_runtime.dataset.json_stream import loads
 from recipe_runtime.dataset.limits import MAX_POSES
@@ -31,16 +20,16 @@ from recipe_runtime.dataset.manifest_reader import first_error
 
 T = TypeVar("T")
 
-MAX_BYTES = 1 << 28  # of all plans of a dataset together
-MAX_PLAN_BYTES = 1 << 26  # of one
-_MAX_VALUES = 2_600_000  # of one: 300,000 poses, and a town
+MAX_BYTES = 1 << 28  # of all plans of a dataset
+MAX_PLAN_BYTES = 1 << 26  # of one plan
+_MAX_VALUES = 2_600_000  # of one plan: 300,000 poses and a town
 _MOST = {"poses of sensors": MAX_POSES, "points of routes": 300_000, "elements of towns": 20 * MAX_ELEMENTS,
          "colours of bodies": 40 * MAX_BODIES}  # fmt: skip
 _SLOTS, _NAME = TypeAdapter(Slots), TypeAdapter(Name)
 
 
 class PlanReader:
-    """Reads the plans of one dataset, one after the other."""
+    """Reads the plans of one dataset."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[str, bytes], Any] = {}
@@ -49,7 +38,7 @@ class PlanReader:
         self._bytes = 0
 
     def read(self, body: bytes) -> ScenarioPlan:
-        """The plan in a file's bytes; ValueError, on one line, if it is none, or larger than any that compiles."""
+        """Return the plan in a file's content; ValueError with a one-line message if it is invalid or too large."""
         self._bytes += len(body)
         if len(body) > MAX_PLAN_BYTES or self._bytes > MAX_BYTES:
             raise ValueError(f"plans of more than {min(MAX_PLAN_BYTES, MAX_BYTES - self._bytes):,} bytes are not read")
@@ -88,7 +77,7 @@ class PlanReader:
         )
 
     def _looks(self, raw: dict[str, object]) -> Looks:
-        """Colours; those of bodies that have the same are one object."""
+        """Return colours; bodies with equal colours share one object."""
         self._count("colours of bodies", len(raw))
         if len(raw) > MAX_BODIES:
             raise ValueError(f"looks has more than {MAX_BODIES:,} bodies")
@@ -99,14 +88,14 @@ class PlanReader:
         key = tuple(slots.items())
         try:
             found = self._slots.get(key)
-        except TypeError:  # a list or an object where a colour must be
+        except TypeError:  # a list or an object in place of a colour
             found = None
         if found is None:
             found = self._slots[key] = _SLOTS.validate_python(slots)
         return found
 
     def _once(self, part: str, raw: dict[str, object], make: Callable[[dict[str, object]], T]) -> T:
-        """What `make` gives for a part of a plan; the same object for the same part."""
+        """Return the result of `make` for a part of a plan; the same object for equal parts."""
         key = part, hashlib.sha256(json.dumps(raw, sort_keys=True).encode()).digest()
         if key not in self._known:
             self._known[key] = make(raw)

@@ -1,17 +1,18 @@
-"""A dataset folder, read back: its plan, its digests as a lockfile, and whether its files are what they must be.
+"""Reads a dataset folder: its plan, its digests as a lockfile, and whether its files are correct.
 
-A folder may be anyone's. What it says is held to the bounds of `admission` before any of it is used; nothing in it
-is followed out of it. Which files there must be is the plan's to say, and what is in the texts follows from plan,
-labels and traces: a manifest that was rewritten to match another file convinces nobody.
+The folder is not trusted. Its content is checked against the limits of `dataset.limits` before use, and links are not
+followed. The plan determines which files must exist, and plan, labels and traces determine the content of text files,
+so a manifest that was changed to match a forged text file is detected.
 """
 
 from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.lockfile import Lockfile, VariantRow
@@ -30,24 +31,25 @@ from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest import lock_of as lock_of
 from recipe_runtime.dataset.manifest_types import Manifest
 from recipe_runtime.dataset.plan_reader import MAX_PLAN_BYTES, PlanReader
-from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, labels_of
+from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, instances_of, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv
 
-_MOST_LINE = 16 * 2**20  # bytes of one frame's labels
+_MOST_LINE = 16 * 2**20  # limit of one frame's labels, bytes
+_MOST_KEPT = 32 * 2**20  # bytes of labels that are kept in memory while texts are compared; others are read again
 
-Fault = tuple[str, str]  # the path of a file, and a line that names it and says what is wrong
+Fault = tuple[str, str]  # path of a file, and a message of one line that names it
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """What a folder says that it holds."""
+    """The content of a dataset folder, according to its manifest and plans."""
 
     root: Path
     plan: DatasetPlan
     lock: Lockfile
     files: dict[str, tuple[int, str]]  # path -> size, SHA-256
-    name: str  # what people call the folder
-    recipe_file: str | None = None  # where the recipe lies in it
+    name: str  # name in messages
+    recipe_file: str | None = None  # path of the recipe in the folder
 
 
 def read(root: Path, name: str = "") -> Dataset:
@@ -76,7 +78,7 @@ def read(root: Path, name: str = "") -> Dataset:
         ) from None
     except InputError as error:
         raise InputError(
-            f"{name}: {str(error).splitlines()[0]}; no dataset of this project says so", code=Code.INVALID_DATASET
+            f"{name}: {str(error).splitlines()[0]}; not a dataset of this project", code=Code.INVALID_DATASET
         ) from None
     except (OSError, *DAMAGE) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -87,7 +89,10 @@ def read(root: Path, name: str = "") -> Dataset:
 
 
 def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -> None:
-    """ValueError for a manifest that has many more rows than its plan stands for; a few are reported one by one."""
+    """Check that a manifest does not have far more rows than its plan requires.
+
+    Few surplus rows are reported singly.
+    """
     rows = [row["frames"] for row in manifest["variants"].values()]
     frames = sum(len(values) for sensors in rows for sensor in sensors.values() for values in sensor.values())
     for number, most, what in (
@@ -95,15 +100,15 @@ def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -
         (frames, row_count(plan), "digests of frames"),
     ):
         if number > 4 * most + 10_000:
-            raise ValueError(f"it lists {number:,} {what}, and its plan stands for {most:,}")
+            raise ValueError(f"it lists {number:,} {what}, and its plan requires {most:,}")
 
 
 def plan_alone(path: Path) -> DatasetPlan:
-    """One expanded plan from its file, as a dataset of one variant; InputError if it is none."""
+    """Read one expanded plan from its file, as a dataset of one variant; InputError if it is invalid."""
     try:
         found = path.lstat()
         if not stat.S_ISREG(found.st_mode) or found.st_size > MAX_PLAN_BYTES:
-            raise ValueError("it is no plain file, or too large")
+            raise ValueError("it is not a regular file, or too large")
         variant = PlanReader().read(path.read_bytes())
         alone = DatasetPlan(recipe=path.stem[:100], description="", variants=(variant,), annotations=(), depth="carla")
         check_bounds(alone)
@@ -120,25 +125,25 @@ def plan_alone(path: Path) -> DatasetPlan:
 
 
 def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
-    """Files that are missing, surplus, no plain files, or whose bytes are not the manifest's; one fault each.
+    """Return files that are missing, surplus, not regular, or whose content differs from the manifest; one fault each.
 
-    Every file is read once, in pieces; links are reported, and not followed.
+    Every file is read once, in chunks. Links are reported and not followed.
     """
     expected, listed = layout.expected_files(dataset.plan), {*dataset.files, layout.MANIFEST}
-    if dataset.recipe_file is not None:  # which files these must be, the recipe says
+    if dataset.recipe_file is not None:  # the recipe determines these files
         expected |= {path for path in listed if layout.is_recipe_file(path)}
     folders = {parent.as_posix() for path in expected | listed for parent in PurePosixPath(path).parents}
     kinds = dict(_entries(dataset.root, folders))
     found = _frames_without_digest(dataset)
     found += [(path, f"{path} is missing, and the manifest does not list it") for path in sorted(expected - listed)]
     found += [(path, f"{path} is in the manifest, and no file of this plan") for path in sorted(listed - expected)]
-    known: dict[tuple[int, int], str] = {}  # by device and inode: labels that variants share are read once
+    known: dict[tuple[int, int], str] = {}  # by device and inode: hard-linked labels are read once
     for number, (path, (size, sha256)) in enumerate(dataset.files.items(), start=1):
         damage = _file_damage(dataset.root, path, kinds.get(path), size, sha256, known)
         found += [(path, damage)] if damage else []
         progress("files", number, len(dataset.files))
     for path, kind in sorted(kinds.items()):
-        shown = path if path.isprintable() else ascii(path)  # a name may hold what a terminal obeys
+        shown = path if path.isprintable() else ascii(path)  # a name may contain control characters
         if kind == "folder" and path not in folders:
             found.append((path, f"{shown}/ is a folder of no file of this plan"))
         elif kind != "folder" and path not in listed:
@@ -147,32 +152,64 @@ def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
 
 
 def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Fault]:
-    """What the dataset's texts say otherwise than its plan, its labels and the given traces (by scene digest) do.
+    """Return faults of text files that contradict the plan, the labels or the given traces.
 
-    Labels are read line by line and compared with the manifest's digests; annotation files, sequence lists, plans and
-    card are made again from them, and `tracks.csv` from its scene's trace where there is one; then bytes are compared.
+    Labels are read line by line and compared with the manifest's digests. Annotation files, sequence lists, plans and
+    README are generated again from them, and `tracks.csv` from the scene's Trace (by scene digest) if it is given; then
+    the bytes are compared.
     """
     videos: list[Video] = []
     found: list[Fault] = []
+    kept = 0  # bytes of labels
     for variant in dataset.plan.variants:
         for sensor in variant.rig.sensors:
-            video = Video(variant.variant, sensor, variant.scene.clock.fps, ())
+            path = layout.labels_file(variant.variant, sensor.name)
+            frames = _LabelledFrames(dataset, variant, sensor)
             try:
-                labelled = labels(dataset, variant, sensor)
-                frames: list[FrameRecord] = [{**row, "digests": {}, "rgb": {}, "files": {}} for row in labelled]
-                videos.append(replace(video, frames=tuple(frames)))
+                size = frames.size()
+                if kept + size <= _MOST_KEPT:
+                    video = Video(variant.variant, sensor, variant.scene.clock.fps, tuple(frames))
+                    kept += size
+                else:
+                    video = Video(variant.variant, sensor, variant.scene.clock.fps, frames)
+                    for _ in frames:  # each is checked, and none is kept
+                        pass
+                videos.append(video)
             except (OSError, *DAMAGE) as error:
                 reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-                path = layout.labels_file(variant.variant, sensor.name)
                 found.append((path, f"{path}: {reason}"))
         if variant.scene.digest in traces:
             found += tracks_difference(dataset, variant, traces[variant.scene.digest])
     if found and len(videos) < len({(v.variant, s.name) for v in dataset.plan.variants for s in v.rig.sensors}):
-        return found  # without all labels nothing can be made from them
+        return found  # all labels are required to generate the files
     known = dataset.plan, dataset.lock.identity, videos
     for path, make in (*annotation_texts(*known), *closing_texts(*known, dataset.recipe_file)):
         found += _text_difference(dataset.root, path, make)
     return found
+
+
+class _LabelledFrames(Sequence[FrameRecord]):
+    """The labelled frames of a video, read from its file each time that they are iterated over."""
+
+    def __init__(self, dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> None:
+        self._known = dataset, variant, sensor
+
+    def __iter__(self) -> Iterator[FrameRecord]:
+        for row in labels(*self._known):
+            yield {**row, "digests": {}, "rgb": {}, "files": {}}
+
+    def __len__(self) -> int:
+        return self._known[1].scene.clock.frames
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return one frame or a slice; the file is read for it."""
+        return tuple(self)[index]
+
+    def size(self) -> int:
+        """Return the size of the file in bytes; 0 if there is none."""
+        dataset, variant, sensor = self._known
+        found = regular_file(dataset.root, layout.labels_file(variant.variant, sensor.name))
+        return found.st_size if found is not None else 0
 
 
 def tracks_difference(dataset: Dataset, variant: ScenarioPlan, trace: Trace) -> list[Fault]:
@@ -182,7 +219,7 @@ def tracks_difference(dataset: Dataset, variant: ScenarioPlan, trace: Trace) -> 
 
 
 def _entries(root: Path, folders: Collection[str]) -> Iterator[tuple[str, str]]:
-    """Every entry of the given folders below a root, and its kind; a link is one, and not followed."""
+    """Yield every entry of the given folders below a root, with its kind; links are listed and not followed."""
     waiting = ["."]
     while waiting:
         folder = waiting.pop()
@@ -217,7 +254,7 @@ def _file_damage(
 
 
 def _frames_without_digest(dataset: Dataset) -> list[Fault]:
-    """What the manifest's frames lack or have beyond the plan's."""
+    """Return the frames that the manifest lacks, or has in addition to the plan."""
     rows, expected = digests.bare(dataset.plan, "", {}).variants, set()
     for variant in dataset.plan.variants:
         key, frames = rows[variant.variant], range(variant.scene.clock.frames)
@@ -237,16 +274,17 @@ def _frames_without_digest(dataset: Dataset) -> list[Fault]:
 
 
 def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Iterator[LabelledFrame]:
-    """The labels of a video's frames; ValueError for the first line that is not the manifest's."""
+    """Return the labels of a video's frames; ValueError at the first line that differs from the manifest."""
     path = layout.labels_file(variant.variant, sensor.name)
     if regular_file(dataset.root, path) is None:
-        raise ValueError("missing, or no plain file")
+        raise ValueError("missing, or not a regular file")
+    actors = instances_of(variant.scene)
     row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
     with (dataset.root / path).open("rb") as lines:
         for frame in range(variant.scene.clock.frames):
             value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
             try:
-                objects = labels_of(lines.readline(_MOST_LINE), value, sensor)
+                objects = labels_of(lines.readline(_MOST_LINE), value, sensor, actors)
             except DAMAGE as error:
                 raise ValueError(f"line {frame + 1}: {error}") from None
             yield {"frame": frame, "objects": objects}
@@ -254,16 +292,15 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
             raise ValueError("it has more lines than frames")
 
 
-def _text_difference(root: Path, path: str, make: Callable[[], str]) -> list[Fault]:
+def _text_difference(root: Path, path: str, make: Callable[[], Iterable[str]]) -> list[Fault]:
     try:
-        text = make().encode()
+        return _pieces_difference(root, path, (piece.encode() for piece in make()))
     except DAMAGE as error:
         return [(path, f"{path} cannot be made from the labels: {type(error).__name__}")]
-    return _pieces_difference(root, path, [text])
 
 
 def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[Fault]:
-    """What is wrong with a file that is to consist of these pieces."""
+    """Return the fault of a file that must consist of these pieces, or None."""
     if regular_file(root, path) is None:
         return [(path, f"{path} is missing or cannot be read")]
     with (root / path).open("rb") as file:
@@ -272,21 +309,21 @@ def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[F
 
 
 def recipe_file_of(manifest: Manifest, files: Collection[str]) -> str | None:
-    """Where a manifest says that the recipe lies; ValueError if that is no file of the recipe that it lists."""
+    """Return the recipe's path according to the manifest; ValueError if it is not a listed file of the recipe."""
     path = manifest.get("recipe_file")
     if path is not None and (path not in files or not layout.is_recipe_file(path)):
-        raise ValueError("recipe_file is no file of the recipe")
+        raise ValueError("recipe_file is not a file of the recipe")
     return path
 
 
 def _plan(root: Path, manifest: Manifest, files: Collection[str]) -> DatasetPlan:
     order = manifest["order"]
     if not isinstance(order, list) or not order or not all(isinstance(name, str) for name in order):
-        raise ValueError("order is no list of variants' names")
+        raise ValueError("order is not a list of variant names")
     variants, reader = [], PlanReader()
     for name in order:
         path = layout.plan_file(name)
-        if path not in files:  # its own list holds no path that leads out of the folder
+        if path not in files:  # the list contains no path that leads out of the folder
             raise ValueError(f"the plan of {name!r} is not among its files")
         try:
             variant = reader.read(_bytes_of(root, path))

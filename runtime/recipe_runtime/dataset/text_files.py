@@ -7,22 +7,23 @@ so that each line has the digest that lockfile and manifest hold for the frame.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from recipe_compiler.ir.canonical import canonical_bytes, pretty
-from recipe_compiler.ir.plan import DatasetPlan, SensorPlan
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan, SensorPlan
 
 from recipe_runtime.annotate.coco import flat_coco, kwcoco
 from recipe_runtime.annotate.mots import mots_lines, runs_fill, seqinfo, seqmap
-from recipe_runtime.annotate.records import FrameRecord, LabelRecord, Video, label_digest
+from recipe_runtime.annotate.records import FrameRecord, LabelRecord, Video, is_label, label_digest
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.card import card
 from recipe_runtime.dataset.json_stream import loads
 
+_MOST_RUN_CODES = 12  # characters a pixel of all masks of a frame: two runs of at most six
 _MOST_VALUES = 2_000_000  # of one frame's labels; the codes of masks hold brackets, which are counted
 
-Text = tuple[str, Callable[[], str]]  # a file's path, and what makes it
+Text = tuple[str, Callable[[], Iterable[str]]]  # a file's path, and what makes its pieces
 
 
 def labels_text(video: Video) -> str:
@@ -39,18 +40,40 @@ def with_labels(video: Video, text: str) -> Video:
     return replace(video, frames=tuple(frames))
 
 
-def labels_of(line: bytes, digest: str | None, sensor: SensorPlan) -> list[LabelRecord]:
-    """The records of one line of labels; ValueError unless they are those of that digest, in canonical form."""
+def labels_of(line: bytes, digest: str | None, sensor: SensorPlan, actors: Mapping[str, int]) -> list[LabelRecord]:
+    """The records of one line of labels.
+
+    Args:
+        line: the line.
+        digest: the digest that the manifest has of it.
+        sensor: the sensor.
+        actors: the instance values of the scene's actors, by name (`instances_of`).
+
+    Raises:
+        ValueError: the line has another digest, is not in canonical form, or holds what no label has.
+    """
     records = loads(line, _MOST_VALUES)
     if label_digest(records) != digest:
         raise ValueError("it is not what the manifest's digest stands for")
     if canonical_bytes(records) + b"\n" != line:
         raise ValueError("it is not in canonical form")
+    if not isinstance(records, list) or not all(map(is_label, records)):
+        raise ValueError("it holds what no label has")
+    names = [record["actor"] for record in records]
+    if len(set(names)) < len(names) or any(actors.get(r["actor"]) != r["instance"] for r in records):
+        raise ValueError("it has labels of other actors than the scene's")
     size = sensor.camera.width * sensor.camera.height
+    if sum(len(record["counts"]) for record in records) > _MOST_RUN_CODES * (size + len(records) + 1):
+        raise ValueError("its masks have more runs than the picture has pixels")
     if not all(runs_fill(record["counts"], size) for record in records):
         raise ValueError("a mask has another size than the picture")
     found: list[LabelRecord] = records
     return found
+
+
+def instances_of(scene: ScenePlan) -> dict[str, int]:
+    """The instance value of every actor of a scene, by name."""
+    return {actor.name: actor.tag * 1000 + actor.instance for actor in scene.actors}
 
 
 def annotation_texts(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> Iterator[Text]:
@@ -61,10 +84,10 @@ def annotation_texts(dataset: DatasetPlan, identity: str, videos: Sequence[Video
     if "coco" in kinds:
         yield layout.coco_file("rgb"), lambda: flat_coco(dataset, identity, videos, "rgb")
     if "mots_txt" in kinds:
-        yield layout.MOTS_SEQMAP, lambda: seqmap([_sequence(video) for video in videos])
+        yield layout.MOTS_SEQMAP, lambda: [seqmap([_sequence(video) for video in videos])]
         for video in videos:
             yield layout.mots_text_file(video.variant, video.sensor.name), lambda v=video: _mots(v)  # type: ignore[misc]
-            yield layout.seqinfo_file(video.variant, video.sensor.name), lambda v=video: _seqinfo(v)  # type: ignore[misc]
+            yield layout.seqinfo_file(video.variant, video.sensor.name), lambda v=video: [_seqinfo(v)]  # type: ignore[misc]
 
 
 def closing_texts(
@@ -72,20 +95,18 @@ def closing_texts(
 ) -> Iterator[Text]:
     """The plans and the card. `recipe_file`: where the recipe lies in the dataset, if it does."""
     for variant in dataset.variants:
-        yield layout.plan_file(variant.variant), lambda v=variant: pretty(v.document())  # type: ignore[misc]
-    yield layout.CARD, lambda: card(dataset, identity, videos, recipe_file)
+        yield layout.plan_file(variant.variant), lambda v=variant: [pretty(v.document())]  # type: ignore[misc]
+    yield layout.CARD, lambda: [card(dataset, identity, videos, recipe_file)]
 
 
 def _sequence(video: Video) -> str:
     return layout.sequence(video.variant, video.sensor.name)
 
 
-def _objects(video: Video) -> list[list[LabelRecord]]:
-    return [record["objects"] for record in video.frames]
-
-
-def _mots(video: Video) -> str:
-    return mots_lines(_objects(video), video.sensor.camera.width, video.sensor.camera.height)
+def _mots(video: Video) -> Iterator[str]:
+    return mots_lines(
+        (record["objects"] for record in video.frames), video.sensor.camera.width, video.sensor.camera.height
+    )
 
 
 def _seqinfo(video: Video) -> str:

@@ -21,11 +21,11 @@ from recipe_runtime.annotate.objects import Annotator
 from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array
-from recipe_runtime.core.scene_transforms import SceneMotion
 from recipe_runtime.core.timings import Stopwatch
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.engines import Engines, SceneRenderer, real_engines
+from recipe_runtime.frames.scene_motion import SceneMotion
 
 _STREAM_BATCH = 512  # frames per batch of a frame stream
 

@@ -1,1 +1,1 @@
-"""Pictures of a dataset: contact sheets."""
+"""Pictures for people: contact sheets, town maps, differences and the catalogue of blueprints."""

@@ -1,4 +1,4 @@
-"""A drawing surface in metres, x to the right and y up: shapes are antialiased, text is kept apart from other text."""
+"""A drawing surface with world coordinates in metres (x right, y up), antialiased shapes and non-overlapping text."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ _INK = "#1d2126"
 
 
 def placed(pose: Pose, points: Sequence[Point]) -> list[Point]:
-    """Points of a pose's frame, in the world, metres."""
+    """Transform points from the frame of a pose to the world, metres."""
     s, c = exact.sin_cos_deg(pose.yaw)
     return [(pose.x + c * x - s * y, pose.y + s * x + c * y) for x, y in points]
 
 
 def rectangle(pose: Pose, x0: float, x1: float, y0: float, y1: float) -> list[Point]:
-    """A rectangle of a pose's frame, in the world."""
+    """Return the corners in the world of a rectangle in the frame of a pose."""
     return placed(pose, [(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
 
 
 class Canvas:
-    """Draws a part of the world: `box` in metres, so many pixels a metre."""
+    """Draws a part of the world, `box` in metres, at a number of pixels per metre."""
 
     def __init__(self, box: Box, scale: float, ground: str) -> None:
         self.box, self.scale = box, scale
@@ -36,14 +36,14 @@ class Canvas:
         self._texts: list[tuple[Point, str, str, int]] = []
 
     def pixel(self, point: Point) -> Point:
-        """Where a point of the world is in the finished picture."""
+        """Return the pixel of a world point in the finished picture."""
         return (point[0] - self.box[0]) * self.scale, (self.box[3] - point[1]) * self.scale
 
     def _fine(self, points: Sequence[Point]) -> list[Point]:
         return [(x * _OVERSAMPLING, y * _OVERSAMPLING) for x, y in map(self.pixel, points)]
 
     def polygon(self, points: Sequence[Point], fill: str | None, line: str | None = None, width: float = 1.0) -> None:
-        """A filled polygon; `width` of its outline in pixels."""
+        """Draw a filled polygon; `width` of its outline in pixels."""
         fine = self._fine(points)
         if fill:
             self._pen.polygon(fine, fill=fill)
@@ -51,27 +51,27 @@ class Canvas:
             self._pen.line([*fine, fine[0]], fill=line, width=round(width * _OVERSAMPLING), joint="curve")
 
     def line(self, points: Sequence[Point], colour: str, width: float = 1.0) -> None:
-        """A line through points, `width` in pixels."""
+        """Draw a polyline, `width` in pixels."""
         self._pen.line(self._fine(points), fill=colour, width=max(1, round(width * _OVERSAMPLING)), joint="curve")
 
     def disc(self, centre: Point, radius: float, fill: str | None, line: str | None = None, width: float = 1.0) -> None:
-        """A circle; radius in metres."""
+        """Draw a circle, radius in metres."""
         (x, y), r = self._fine([centre])[0], radius * self.scale * _OVERSAMPLING
         outline_width = round(width * _OVERSAMPLING) if line else 0
         self._pen.ellipse((x - r, y - r, x + r, y + r), fill=fill, outline=line, width=outline_width)
 
     def arrow(self, pose: Pose, length: float, colour: str, width: float = 1.5) -> None:
-        """An arrow along a pose's x, about its place; `length` in metres."""
+        """Draw an arrow along a pose's x axis, centred on it, `length` in metres."""
         tail, tip, head = -length / 2, length / 2, 0.35 * length
         self.line(placed(pose, [(tail, 0.0), (tip - head / 2, 0.0)]), colour, width)
         self.polygon(placed(pose, [(tip, 0.0), (tip - head, head / 2), (tip - head, -head / 2)]), colour)
 
     def text(self, place: Point, words: str, colour: str = _INK, size: int = 15) -> None:
-        """Words beside a place of the world, where they cover no other words."""
+        """Draw text beside a world point, at the first position where it overlaps no other text."""
         self._texts.append((place, words, colour, size))
 
     def finished(self) -> Image.Image:
-        """The picture."""
+        """Return the finished picture."""
         picture = self._large.resize(self.size, Image.Resampling.BOX)
         pen, taken = ImageDraw.Draw(picture), list[Box]()
         for place, words, colour, size in self._texts:
@@ -85,7 +85,7 @@ class Canvas:
         return picture
 
     def _beside(self, at: Point, wide: float, high: float, n: int) -> Box:
-        """The n-th place for words of a size beside a pixel, within the picture."""
+        """Return the n-th candidate position of a text box beside a pixel, within the picture."""
         gap = 9 + 14 * (n // 4)
         x = at[0] + gap if n % 2 == 0 else at[0] - gap - wide
         y = at[1] - high / 2 + (n // 2 % 2 * 2 - 1) * (gap - 2)

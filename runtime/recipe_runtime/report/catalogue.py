@@ -1,6 +1,6 @@
-"""The catalogue: portraits of blueprints on one sheet, with their names.
+"""The catalogue of blueprints: portraits on one sheet, with their names.
 
-Drawn and encoded with Pillow, whose fonts, scaling and JPEG may change; the portraits themselves do not.
+It is drawn and encoded with Pillow, whose fonts, scaling and JPEG encoder may change; the portraits themselves do not.
 """
 
 from __future__ import annotations
@@ -18,7 +18,11 @@ _QUALITY = 82
 
 
 def sheet(portraits: Sequence[tuple[str, NDArray[np.generic]]]) -> bytes:
-    """A JPEG with every portrait (name, pixels [H, W, 3] of one size) under its name, near to 8:5 as a whole."""
+    """Return a JPEG with every portrait above its name, with an aspect ratio near 8:5.
+
+    Args:
+        portraits: name and pixels [H, W, 3] of each; all have the same size.
+    """
     height = _WIDTH * portraits[0][1].shape[0] // portraits[0][1].shape[1]
     cell = _WIDTH + _GAP, height + _CAPTION + _GAP
     columns = next(

@@ -1,6 +1,6 @@
-"""Contact sheets: pictures for people. Every variant beside the others, and what is annotated drawn over the picture.
+"""Contact sheets: one picture of every variant side by side, and annotations drawn over pictures.
 
-Drawn with Pillow, whose fonts and scaling may change; so sheets are in no digest.
+They are drawn with Pillow, whose fonts and scaling may change, so no digest covers them.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _EMPTY = (33, 36, 42)
 _INK = (236, 238, 241)
 _CAPTION_INK = (196, 200, 207)
 _MARGIN, _GAP, _CAPTION, _TITLE = 24, 14, 26, 58
-_MOST = 96  # cells on one sheet
-# Colours that stay apart for colour-blind eyes (Okabe and Ito, 2008), by track.
+_MOST = 96  # most cells on one sheet
+# Colours that are distinguishable for colour-blind people (Okabe and Ito, 2008), by track.
 _HUES = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (213, 94, 0), (204, 121, 167))
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One picture and its caption; `row` and `column` place it on the sheet."""
+    """One picture and its caption at a row and a column of the sheet."""
 
     caption: str
     row: int
@@ -44,11 +44,11 @@ class Cell:
 
 
 Size = tuple[int, int]  # width, height
-Picture = Callable[[Video, int], Path]  # the file of a video's RGB picture at a frame
+Picture = Callable[[Video, int], Path]  # returns the file of a video's RGB picture at a frame
 
 
 def contact_sheet(title: str, videos: Sequence[Video], picture: Picture) -> bytes:
-    """A PNG with the middle frame of every variant, as its first colour camera sees it, laid out by the axes."""
+    """Return a PNG with the middle frame of every variant, from its first RGB camera, arranged by the axes."""
     firsts = {v.variant: v for v in reversed(videos) if "rgb" in v.sensor.capture and v.frames}
     shown = _thin([v for v in videos if firsts.get(v.variant) is v])
     cells = [
@@ -59,7 +59,7 @@ def contact_sheet(title: str, videos: Sequence[Video], picture: Picture) -> byte
 
 
 def overlay_sheet(title: str, videos: Sequence[Video], picture: Picture) -> bytes:
-    """A PNG with boxes, masks and names drawn over the middle frame of every video whose labels differ."""
+    """Return a PNG with boxes, masks and names over the middle frame of every video whose labels differ."""
     seen: dict[str, Video] = {}
     for video in videos:
         if "rgb" in video.sensor.capture and video.frames:
@@ -79,14 +79,17 @@ def _thin(videos: list[Video]) -> list[Video]:
 
 
 def _middle(video: Video) -> int:
-    """The frame nearest the middle at which most objects are seen."""
+    """Return the frame with the most visible objects, the nearest to the middle if there are several."""
     half = len(video.frames) // 2
     best = max(range(len(video.frames)), key=lambda n: (len(video.frames[n]["objects"]), -abs(n - half), -n))
     return int(video.frames[best]["frame"])
 
 
 def _places(names: Sequence[str]) -> list[tuple[int, int]]:
-    """Rows and columns: by axes where names are all of the form a=b,c=d, split where the sheet is nearest to 8:5."""
+    """Arrange names in rows and columns with an aspect ratio near 8:5.
+
+    Names of the form a=b,c=d are arranged by axes.
+    """
     axes = [dict(pair.split("=", 1) for pair in name.split(",") if "=" in pair) for name in names]
     keys = list(axes[0]) if axes else []
     if len(keys) < 2 or any(list(a) != keys for a in axes) or len({tuple(a.values()) for a in axes}) < len(names):
@@ -127,7 +130,7 @@ def _sheet(title: str, cells: Sequence[Cell], draw: Callable[[Cell, Size], Image
 
 
 def _caption(pen: ImageDraw.ImageDraw, text: str, corner: tuple[int, int], width: int) -> None:
-    """The text in the largest size that fits; a text too long for the smallest loses its middle."""
+    """Draw text at the largest size that fits; at the smallest size, the middle of the text is omitted if necessary."""
     for size in (15, 13, 11):
         font = ImageFont.load_default(size)
         if pen.textlength(text, font=font) <= width:
@@ -155,7 +158,7 @@ def _scaled(picture: Image.Image, size: Size) -> Image.Image:
 
 
 def _overlay(picture: Image.Image, cell: Cell, size: Size) -> Image.Image:
-    """The picture with each object's mask tinted, then scaled, then its box and name drawn at the sheet's scale."""
+    """Return a picture with tinted masks, scaled, with boxes and names drawn at the sheet's resolution."""
     pixels = np.asarray(picture).astype(np.int32)
     height, width = pixels.shape[:2]
     objects: list[LabelRecord] = next(r["objects"] for r in cell.video.frames if r["frame"] == cell.frame)
@@ -176,7 +179,7 @@ def _overlay(picture: Image.Image, cell: Cell, size: Size) -> Image.Image:
 
 
 def _mask(item: LabelRecord, height: int, width: int) -> NDArray[np.bool_]:
-    with warnings.catch_warnings():  # pycocotools has not learnt NumPy 2's copy keyword
+    with warnings.catch_warnings():  # pycocotools does not support NumPy 2's copy keyword
         warnings.simplefilter("ignore", DeprecationWarning)
         decoded = pycocotools.mask.decode({"size": [height, width], "counts": item["counts"].encode()})
     mask: NDArray[np.bool_] = decoded.astype(bool)

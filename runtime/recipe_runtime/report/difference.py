@@ -1,6 +1,6 @@
-"""Compare two pictures that should be equal: count the pixels that differ, and draw where they are.
+"""Compares two pictures that should be equal: counts and draws the pixels that differ.
 
-`recorded` is the picture in a dataset, `rendered` the one that this host makes; either may be the wrong one.
+`recorded` is the picture in a dataset, `rendered` the one that this host renders. Either may be wrong.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from recipe_runtime.core import codecs
 from recipe_runtime.core.files import host_errors, write_atomic
 from recipe_runtime.core.outputs import unused_names
 
-_MODES = ("RGB", "L", "I;16")  # what encode.png writes
+_MODES = ("RGB", "L", "I;16")  # the modes that codecs.png writes
 _MAX_SIDE = 4096
 _MAX_BYTES = 2 * _MAX_SIDE * _MAX_SIDE * 4
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PixelDifference:
-    """The number of pixels that differ, and the place and values of the first of them, row by row."""
+    """The number of pixels that differ, and the position and values of the first of them, row by row."""
 
     count: int
     x: int = 0
@@ -59,9 +59,9 @@ def first_difference(recorded: Path, rendered: Path) -> PixelDifference | None:
 
 
 def read_pixels(path: Path) -> NDArray[Any] | None:
-    """The pixels of a PNG or `.npy` file; None if it cannot be read, or is no picture that this project writes.
+    """Return the pixels of a PNG or `.npy` file; None if it cannot be read or this project does not write that type.
 
-    The file may be anyone's: a link is not followed, and no header makes this ask for more memory than a picture has.
+    The file is not trusted: a link is not followed, and no header makes this allocate more memory than a picture needs.
     """
     try:
         found = path.lstat()
@@ -72,7 +72,7 @@ def read_pixels(path: Path) -> NDArray[Any] | None:
             array: NDArray[Any] = np.load(body, allow_pickle=False)
             return array if array.dtype == np.float32 and array.ndim == 2 else None
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's of large pictures; it reads none that is larger still
+            warnings.simplefilter("ignore")  # Pillow's warning about large pictures; larger ones are refused anyway
             with Image.open(body, formats=("PNG",)) as picture:
                 return np.asarray(picture) if picture.mode in _MODES and max(picture.size) <= _MAX_SIDE else None
     except (
@@ -89,10 +89,12 @@ def read_pixels(path: Path) -> NDArray[Any] | None:
 
 
 def write_difference(stem: Path, made: Shot, there: Path | None) -> list[Path]:
-    """Write `STEM-rendered.png`, and with a file to compare with, `-recorded.png` and `-difference.png`: red differs.
+    """Write `STEM-rendered.png` and, if there is a recorded file, `-recorded.png` and `-difference.png` (red: differs).
 
-    Nothing is written over: where a picture of that name is another one, they are `STEM.2-rendered.png` and so on.
-    RunError if the folder cannot be written.
+    No file is overwritten: if another picture has one of the names, they are `STEM.2-rendered.png` and so on.
+
+    Raises:
+        RunError: the folder cannot be written.
     """
     rendered = made.picture()
     pictures = {"rendered": rendered}

@@ -1,6 +1,6 @@
-"""A town from above: lanes with their direction, sidewalks, crossings, parking, spawn points, and a recipe's cast.
+"""A map of a town: lanes with directions, sidewalks, crossings, parking places, spawn points, actors and sensors.
 
-Drawn with Pillow, whose fonts and scaling may change; so maps are in no digest.
+It is drawn with Pillow, whose fonts and scaling may change, so no digest covers it.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from recipe_compiler.ir.plan import ActorPlan, Element, Pose, ScenarioPlan, Sens
 from recipe_runtime.core import codecs
 from recipe_runtime.report.canvas import Box, Canvas, Point, placed, rectangle
 
-_LONGEST, _MOST, _MARGIN = 1800, 320.0, 30.0  # pixels; metres shown along an axis; metres about what is of interest
-_GRID, _AXIS, _LEGEND = 10, 74, 350  # metres; pixels for the axes' numbers; pixels for the legend
+_LONGEST, _MOST, _MARGIN = 1800, 320.0, 30.0  # longest side, pixels; largest extent, metres; margin, metres
+_GRID, _AXIS, _LEGEND = 10, 74, 350  # grid spacing, metres; width of the axes' labels and of the legend, pixels
 _INK, _PAPER, _GRID_LINE = "#1d2126", "#ffffff", "#9aa3ab"
 _GRASS, _WALK, _ASPHALT, _MARK, _PATH = "#dfe8d2", "#efe6d3", "#b4b8be", "#ffffff", "#d8ccb6"
 _BUILDING, _WALL, _GREEN, _THING = "#8f857b", "#5d544c", "#9dbb84", "#8a8f96"
 _LANE, _PARKING = "#5b636d", "#2d7f78"
 _VEHICLE, _PEDESTRIAN, _SENSOR = "#1f5fb0", "#c2571a", "#7a2a9b"
 _CAST = ("#c01f3a", "#0a7d3c", "#0b63c9", "#a85b00", "#8a1f8f", "#00707a")
-_FRONTED = ("building", "house", "wall")  # their pose is the middle of their front
+_FRONTED = ("building", "house", "wall")  # elements with the origin in the middle of their front
 _THINGS = (
     "bench",
     "billboard",
@@ -42,18 +42,18 @@ _THINGS = (
 
 @dataclass(frozen=True)
 class Spots:
-    """Where a town lets actors be: spawn points, each facing the way it goes, and parking places."""
+    """The places where a town lets actors start: spawn points with headings, and parking places."""
 
     vehicles: Sequence[Pose]
     pedestrians: Sequence[Pose]
     parking: Sequence[Pose]
-    bounds: tuple[tuple[float, float], tuple[float, float]]  # along x and along y, metres
+    bounds: tuple[tuple[float, float], tuple[float, float]]  # ranges of x and y, metres
 
 
 def town_map(town: TownPlan, spots: Spots, title: str, scenario: ScenarioPlan | None = None) -> bytes:
-    """A PNG of a town from above, with the named actors and the sensors of a scenario.
+    """Return a PNG with a map of a town, and the named actors and the sensors of a scenario.
 
-    Of a town of more than 320 m along an axis the part about the scenario's cast is shown, or its middle.
+    Of a town larger than 320 m, only the part around the scenario's actors and sensors is shown, or the middle.
     """
     cast = [a for a in scenario.scene.actors if not a.name.startswith("traffic.")] if scenario else []
     box = _shown(spots, scenario, cast)
@@ -76,7 +76,7 @@ def town_map(town: TownPlan, spots: Spots, title: str, scenario: ScenarioPlan | 
 
 
 def _shown(spots: Spots, scenario: ScenarioPlan | None, cast: Sequence[ActorPlan]) -> Box:
-    """The part of the world to draw: all that traffic may start in, or what is about the cast."""
+    """Return the part of the world to draw: all spawn points, or the surroundings of the actors and sensors."""
     points = [(p.x, p.y) for p in (*spots.vehicles, *spots.pedestrians)]
     interest = [(a.start.x, a.start.y) for a in cast]
     if scenario:
@@ -95,7 +95,7 @@ def _shown(spots: Spots, scenario: ScenarioPlan | None, cast: Sequence[ActorPlan
     return float(ends[0][0]), float(ends[1][0]), float(ends[0][1]), float(ends[1][1])
 
 
-# What a town is made of
+# Elements of a town
 
 
 def _sidewalk(canvas: Canvas, e: Element) -> None:
@@ -120,7 +120,7 @@ def _asphalt(canvas: Canvas, e: Element) -> None:
 
 
 def _road_marks(canvas: Canvas, e: Element) -> None:
-    """The middle line, bays, stop lines, and an arrow in each lane: traffic towards +x keeps to -y."""
+    """Draw centre line, parking bays, stop lines, and an arrow in each lane; traffic towards +x uses the lane at -y."""
     half, side, bay = e.size[0] / 2, e.size[1] / 2, e.shape["bay"]
     a, b, lane = e.shape["stop_a"] - half, half - e.shape["stop_b"], side - bay
     for k in range(int((b - a) / 4.5) + 1):
@@ -138,7 +138,7 @@ def _road_marks(canvas: Canvas, e: Element) -> None:
 
 
 def _carriageway_marks(canvas: Canvas, e: Element) -> None:
-    """Lines between lanes, and an arrow in each: all go along x, the median is on the left."""
+    """Draw lines between lanes, and an arrow in each; traffic drives along +x, with the median on its left."""
     half, side, lane, lanes = e.size[0] / 2, e.size[1] / 2, e.shape["lane"], int(e.shape["lanes"])
     strip = e.size[1] - e.shape["shoulder"] - lanes * lane
     for n in range(lanes + 1):
@@ -152,7 +152,7 @@ def _carriageway_marks(canvas: Canvas, e: Element) -> None:
 
 
 def _arrows(canvas: Canvas, pose: Pose, span: tuple[float, float], lanes: Sequence[tuple[float, float]]) -> None:
-    """Arrows some twelve metres apart; `lanes` are offsets along the pose's y, with the turn of who drives there."""
+    """Draw arrows about 12 m apart; `lanes` holds the offset along the pose's y and the heading relative to it."""
     count = max(1, int((span[1] - span[0]) / 12.0))
     for y, turn in lanes:
         for k in range(count):
@@ -210,7 +210,7 @@ _LAYERS: tuple[tuple[tuple[str, ...], Callable[[Canvas, Element], None]], ...] =
 )
 
 
-# What is marked
+# Actors, sensors and spawn points
 
 
 def _grid(canvas: Canvas) -> None:
@@ -239,7 +239,7 @@ def _vehicle_spot(canvas: Canvas, pose: Pose) -> None:
 
 
 def _actor(canvas: Canvas, actor: ActorPlan, colour: str) -> None:
-    """Where an actor starts, which way it looks, and the way that it goes."""
+    """Draw the start, the heading and the route of an actor."""
     start = (actor.start.x, actor.start.y)
     way = [start, *((p.x, p.y) for p in actor.route)]
     if len(way) > 1:
@@ -254,7 +254,7 @@ def _actor(canvas: Canvas, actor: ActorPlan, colour: str) -> None:
 
 
 def _sensor(canvas: Canvas, sensor: SensorPlan, scenario: ScenarioPlan) -> None:
-    """A sensor's place at the first frame and its horizontal field of view."""
+    """Draw a sensor's position at the first frame and its horizontal field of view."""
     poses, carrier = sensor.poses, next((a.start for a in scenario.scene.actors if a.name == sensor.on), Pose())
     first = poses[0]
     ((x, y),) = placed(carrier, [(first.x, first.y)])
@@ -270,11 +270,11 @@ def _sensor(canvas: Canvas, sensor: SensorPlan, scenario: ScenarioPlan) -> None:
     canvas.text((x, y), sensor.name, _SENSOR, 21)
 
 
-# The page
+# Axes, title and legend
 
 
 def _page(canvas: Canvas, title: str, cast: bool) -> Image.Image:
-    """The map between its axes, with a title and a legend."""
+    """Return the map with axes, a title and a legend."""
     picture = canvas.finished()
     left, top = _AXIS + 16, 64
     size = left + canvas.size[0] + 24 + _LEGEND, max(top + canvas.size[1] + _AXIS, 760)
@@ -289,7 +289,7 @@ def _page(canvas: Canvas, title: str, cast: bool) -> Image.Image:
 
 
 def _axes(pen: ImageDraw.ImageDraw, canvas: Canvas, corner: tuple[int, int]) -> None:
-    """Numbers at the grid's lines, every 10 or 20 metres, and the axes' names."""
+    """Draw coordinates at the grid lines, every 10 or 20 m, and the names of the axes."""
     x0, y0, x1, y1 = canvas.box
     step, font = _GRID if canvas.scale * _GRID > 60 else 2 * _GRID, ImageFont.load_default(19)
     (left, top), bottom = corner, corner[1] + canvas.size[1]
@@ -306,7 +306,7 @@ def _axes(pen: ImageDraw.ImageDraw, canvas: Canvas, corner: tuple[int, int]) -> 
 
 
 def _legend(scale: float, cast: bool) -> Image.Image:
-    """What the signs mean: each is drawn by what draws it on the map."""
+    """Draw the legend; each symbol is drawn by the function that draws it on the map."""
     rows: list[tuple[str, Callable[[Canvas, float], None]]] = [
         ("lane, with its direction", _sample_lane),
         ("crossing", _sample_crossing),

@@ -3,7 +3,7 @@
 Actors and obstacles are colliders in a horizontal plane: upright prisms of one height around z = 0, so that every
 contact is horizontal and nothing is lifted. A vehicle is a box with the mass of its kind, a parked one a static box, a
 pedestrian a sphere, and an obstacle the outline of its box. There is no gravity and no ground: the control loop sets
-velocities, and computes height, pitch and roll from the ground (`simulation.suspension`).
+velocities, and computes height, pitch and roll from the ground (`simulation.chassis`).
 
 Every engine parameter is set explicitly. Bodies never sleep, no body is removed, and no state is restored. Each island
 of touching bodies is solved separately. Importing this module prints PyBullet's build line, so it is imported only in

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 
 from recipe_compiler.ir.plan import ScenePlan
 
-from recipe_runtime.simulation import through_traffic
 from recipe_runtime.simulation.agent import Agent
 from recipe_runtime.simulation.agents import create_agents
 from recipe_runtime.simulation.bullet import World
@@ -19,6 +18,7 @@ from recipe_runtime.simulation.contacts import ContactRecorder
 from recipe_runtime.simulation.events import ContactEvent
 from recipe_runtime.simulation.neighbours import NeighbourGrid
 from recipe_runtime.simulation.recording import record_frame
+from recipe_runtime.simulation.traffic import through_traffic
 
 CONTROL_RATE, DECISION_RATE = 60, 10  # times a second
 
@@ -27,6 +27,7 @@ class Simulation:
     """A scene that is simulated step by step.
 
     Attributes:
+        world: The bodies.
         agents: In plan order.
         contacts: What has touched so far.
         step: Physics steps since the beginning of the warm-up.
@@ -37,10 +38,10 @@ class Simulation:
         self._warmup = clock.warmup_steps
         self._control = max(1, clock.physics // CONTROL_RATE)  # steps
         self._decision = self._control * max(1, clock.physics // (DECISION_RATE * self._control))
-        self._world = World(scene.town, clock.physics, scene.props)
-        control_dt = self._control * self._world.dt
-        self.agents, self._junctions = create_agents(self._world, scene, control_dt)
-        self.contacts = ContactRecorder(self._world, self.agents)
+        self.world = World(scene.town, clock.physics, scene.props)
+        control_dt = self._control * self.world.dt
+        self.agents, self._junctions = create_agents(self.world, scene, control_dt)
+        self.contacts = ContactRecorder(self.world, self.agents)
         self.step = 0
         if self._warmup == 0:  # everybody starts from rest
             for agent in self.agents:
@@ -49,7 +50,7 @@ class Simulation:
     @property
     def seconds(self) -> float:
         """Time since frame 0; negative during the warm-up."""
-        return (self.step - self._warmup) * self._world.dt
+        return (self.step - self._warmup) * self.world.dt
 
     def agents_now(self) -> Sequence[Agent]:
         """The agents as they are at this step.
@@ -61,7 +62,7 @@ class Simulation:
             return self.agents
         copies = [copy.copy(agent) for agent in self.agents]
         for agent in copies:
-            agent.read(since * self._world.dt)
+            agent.read(since * self.world.dt)
         return copies
 
     def advance(self) -> None:
@@ -72,12 +73,12 @@ class Simulation:
             for agent in self.agents:
                 if agent.present:
                     agent.control()
-        self._world.step()
+        self.world.step()
         self.contacts.record(self.step - self._warmup)
         self.step += 1
         if self.step % self._control == 0:
             for agent in self.agents:
-                agent.read(self._control * self._world.dt)
+                agent.read(self._control * self.world.dt)
         if self.step == self._warmup:
             for agent in self.agents:
                 if agent.held:
@@ -85,7 +86,7 @@ class Simulation:
 
     def close(self) -> None:
         """End the engine."""
-        self._world.close()
+        self.world.close()
 
     def _decide(self) -> None:
         self._junctions.update(self.agents, self.seconds)

@@ -13,16 +13,16 @@ from recipe_runtime.body.kinematics import PartPose, Quaternion, Vector, axis_ro
 from recipe_runtime.body.skeleton import Bike, axle_shift, has_rider, is_parked, is_person, wheel_joints
 from recipe_runtime.simulation.agent import STANDSTILL, Agent, move_towards
 from recipe_runtime.simulation.bullet import World, orientation
+from recipe_runtime.simulation.chassis.kinds import GRIP, vehicle_kind, yaw_inertia
+from recipe_runtime.simulation.chassis.steering import Steering
+from recipe_runtime.simulation.chassis.suspension import Suspension, Wheels
 from recipe_runtime.simulation.path import Path
-from recipe_runtime.simulation.steering import Steering
-from recipe_runtime.simulation.suspension import Suspension, Wheels
+from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE
 from recipe_runtime.simulation.traffic.driver import Command, Driver
-from recipe_runtime.simulation.vehicle_kinds import GRIP, vehicle_kind, yaw_inertia
 
 _STEERING = 1.57  # steering rate of the front wheels, rad/s
 _STOPPING = 5.0  # m/s2, after a collision
 _HARD, _HIT = 0.3, 0.01  # m/s, change of the speed that stops it: by anything, and by a person while it moves
-_SIDESTEP, _SIDESTEP_SLOPE = 1.0, 0.2  # lateral speed of a lane change: m/s, and of its speed
 _TIP = 50.0  # lean rate of a two-wheeler, degrees/s
 
 
@@ -48,7 +48,7 @@ class VehicleAgent(Agent):
         self._command = Command(0.0, 0.0)
         self._steer = 0.0  # tangent of the angle
         self._line = driver.base_offset  # metres to the left of the path where it steers to
-        self._stand: tuple[float, float, Quaternion] | None = None  # where it stands
+        self._stand: tuple[float, float, Quaternion] | None = (self.x, self.y, self._yaw())  # where it stands
         self._distance = 0.0  # metres that its wheels have rolled
         self._wheels = self._wheel_places()
         self._suspension = Suspension.on_ground(self._wheels, world.ground, (self.x, self.y), self.heading)
@@ -108,7 +108,6 @@ class VehicleAgent(Agent):
         ahead, left, turn = vx * hx + vy * hy, vy * hx - vx * hy, self.yaw_rate
         speed = self._wanted_speed(ahead)
         if speed == 0.0 == ahead == left == turn:
-            self._stand = self._stand or (self.x, self.y, self._yaw())
             return
         self._steer_to_path(max(ahead, 0.0))
         wanted_turn = speed * self._steer / self._base
@@ -119,7 +118,8 @@ class VehicleAgent(Agent):
         if change == (0.0, 0.0) and new_turn == turn:
             return
         ahead, left = ahead + change[0], left + change[1]
-        if self._stand and speed == ahead == left == new_turn == 0.0:  # its tyres withstood what pushed it
+        if speed == ahead == left == new_turn == 0.0:  # from now on its tyres withstand what pushes it
+            self._stand = self._stand or (self.x, self.y, self._yaw())
             self._world.place(self.body, *self._stand)
             return
         self._stand = None
@@ -135,7 +135,7 @@ class VehicleAgent(Agent):
         return max(0.0, ahead + max(-kind.brake, min(kind.drive, self._command.acceleration)) * self._dt)
 
     def _steer_to_path(self, speed: float) -> None:
-        shift = min(_SIDESTEP, _SIDESTEP_SLOPE * speed)
+        shift = min(SIDESTEP, SIDESTEP_SLOPE * speed)
         line = move_towards(self._line, self._command.offset, shift * self._dt)
         slope = 0.0 if line == self._line else (shift if line > self._line else -shift) / max(speed, 0.1)
         self._line = line

@@ -5,37 +5,39 @@
         lockfiles/small.lock, small.traces    if they exist
         pack.json           format, the recipe's path, SHA-256 of every file
 
-A content has exactly one byte form: a pack that is read is packed again, and must result in the same bytes. A pack
-can therefore contain no link, no duplicate name, no compression bomb and no data between its entries. Names and sizes
-are checked first.
+A content has exactly one byte form: a pack is read entry by entry, and each header must have the bytes that packing
+the content again results in. A pack can therefore contain no link, no duplicate name, no compression bomb and no data
+between its entries. Names and sizes are checked before contents are read.
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 import json
+import os
 import re
 import tempfile
-import zipfile
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
+from typing import BinaryIO
 
-from recipe_compiler.ir.bounded_reads import read_regular
+from recipe_compiler.ir.bounded_reads import open_regular
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem
 
 from recipe_runtime.core.files import host_errors
+from recipe_runtime.transfer import stored_zip
 
 SUFFIX = ".recipe"
 MOST_BYTES = 512 << 20
 MOST_FILES = 2000
 _INDEX = "pack.json"
+_MOST_INDEX = 1 << 20  # bytes
 _FORMAT = "recipe/pack/1"
 _PART = re.compile(r"[A-Za-z0-9_+=,@ -][A-Za-z0-9._+=,@ -]*")
-_DAMAGE = (ValueError, EOFError, KeyError, TypeError, AttributeError, RecursionError, NotImplementedError, RuntimeError)
+_DAMAGE = (ValueError, KeyError, TypeError, AttributeError, RecursionError)
 
 
 @dataclass(frozen=True)
@@ -52,15 +54,17 @@ class Pack:
             InputError: a name is not allowed in a pack, or the pack is too large.
         """
         _check(self.recipe, {path: len(body) for path, body in self.files.items()})
+        entries = [(_INDEX, self.index()), *sorted(self.files.items())]
+        rows = [stored_zip.row_of(path, body) for path, body in entries]
+        parts = (
+            part for row, (_, body) in zip(rows, entries, strict=True) for part in (stored_zip.local_header(row), body)
+        )
+        return b"".join([*parts, stored_zip.directory(rows)])
+
+    def index(self) -> bytes:
+        """Return the bytes of `pack.json`."""
         digests = {path: hashlib.sha256(body).hexdigest() for path, body in sorted(self.files.items())}
-        index = canonical_bytes({"format": _FORMAT, "recipe": self.recipe, "files": digests})
-        out = io.BytesIO()
-        with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as archive:
-            for path, body in [(_INDEX, index), *sorted(self.files.items())]:
-                entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
-                entry.create_system, entry.external_attr = 3, 0o100644 << 16
-                archive.writestr(entry, body)
-        return out.getvalue()
+        return canonical_bytes({"format": _FORMAT, "recipe": self.recipe, "files": digests})
 
 
 def is_pack(path: Path) -> bool:
@@ -80,14 +84,12 @@ def read(path: Path) -> Pack:
         InputError: the file is missing, is not a pack, is damaged, or is not in canonical form.
     """
     try:
-        body = read_regular(path, MOST_BYTES)
-        if len(body) > MOST_BYTES:
-            raise ValueError(f"it is larger than {MOST_BYTES >> 20} MiB")
-        return _loads(body)
+        with open_regular(path) as file:
+            return _load(file)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; `recipe pack` makes one", code=Code.FILE_NOT_FOUND) from None
-    except (OSError, zipfile.BadZipFile, InputError, *_DAMAGE) as error:
-        lines = str(error).splitlines() or [type(error).__name__]  # zipfile's EOFError says nothing
+    except (OSError, InputError, *_DAMAGE) as error:
+        lines = str(error).splitlines() or [type(error).__name__]
         reason = (isinstance(error, OSError) and error.strerror) or lines[0]
         raise InputError(f"{path}: is not a pack that can be used: {reason}", code=Code.INVALID_PACK) from None
 
@@ -121,21 +123,22 @@ def unpacked(path: Path, named: Callable[[Path], Named | None] = lambda recipe: 
             raise InputError(_placed(error, folder, str(path))) from error.__cause__
 
 
-def _loads(body: bytes) -> Pack:
-    with zipfile.ZipFile(io.BytesIO(body)) as archive:
-        entries = archive.infolist()
-        if len(entries) > MOST_FILES + 1:
-            raise ValueError(f"it holds more than {MOST_FILES} files")
-        if any(e.compress_type != zipfile.ZIP_STORED or e.file_size != e.compress_size for e in entries):
-            raise ValueError("an entry is compressed; in a pack none is")
-        if sum(e.file_size for e in entries) > len(body):
-            raise ValueError("its entries are larger than it is")
-        found = {e.filename: archive.read(e) for e in entries}
-    index = json.loads(found.pop(_INDEX))
+def _load(file: BinaryIO) -> Pack:
+    """Read the entries in their order; each must have the bytes that `Pack.dumps` writes. Nothing is kept twice."""
+    size = os.fstat(file.fileno()).st_size
+    if size > MOST_BYTES:
+        raise ValueError(f"it is larger than {MOST_BYTES >> 20} MiB")
+    row, body = stored_zip.read_entry(file, _INDEX, min(size, _MOST_INDEX))
+    index = json.loads(body)
     if not isinstance(index, dict) or index.get("format") != _FORMAT:
         raise ValueError(f"its {_INDEX} is not of format {_FORMAT}")
-    pack = Pack(index["recipe"], found)
-    if pack.dumps() != body:
+    _check(index["recipe"], dict.fromkeys(index["files"], 0))  # names; the file's own size limits the sum
+    rows, files = [row], {}
+    for name in sorted(index["files"]):
+        row, files[name] = stored_zip.read_entry(file, name, size - file.tell())
+        rows.append(row)
+    pack, end = Pack(index["recipe"], files), stored_zip.directory(rows)
+    if file.read(len(end) + 1) != end or pack.index() != body:
         raise ValueError("it is not in the one form that a pack of its content has")
     return pack
 

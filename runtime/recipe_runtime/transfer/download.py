@@ -108,7 +108,7 @@ class _Fetch:
             return listed_files(manifest_reader.read(self._root))
         except manifest_reader.NotAManifestError:
             raise InputError(
-                f"{self._url} is not a dataset: its {layout.MANIFEST} is none of this project",
+                f"{self._url} is not a dataset: its {layout.MANIFEST} is not from this project",
                 code=Code.INVALID_DATASET,
             ) from None
         except ValueError as error:

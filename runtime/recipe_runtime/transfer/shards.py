@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import TypedDict, cast
 
 from recipe_compiler.ir.canonical import canonical_bytes
-from recipe_compiler.ir.errors import InputError, RunError
+from recipe_compiler.ir.errors import Code, InputError, RunError
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core import layout
@@ -111,10 +111,18 @@ def webdataset(
     if known is not None and same and _is_whole(out, known):
         return known
     if out.is_symlink() or (out.exists() and (known is None or _has_other_files(out, known))):
-        raise InputError(f"{out} is there already, and is not an export alone; move it away or name another folder")
+        raise InputError(
+            f"{out} is there already, and is not an export alone",
+            help="move it away, or choose another folder",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
     if known is not None and not replace:
         what = "an export of this dataset whose shards are damaged" if same else "another export"
-        raise InputError(f"{out} is there already, and is {what}; name another folder, or replace it (--replace)")
+        raise InputError(
+            f"{out} is there already, and is {what}",
+            help="choose another folder, or replace it",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
     with host_errors(str(out), _REMEDY), _alone(out) as work:
         rows = _write(dataset, work, progress, shard_bytes)
         index: ExportIndex = {
@@ -223,7 +231,7 @@ def _whole(dataset: Dataset, path: str) -> bytes:
     size, sha256 = dataset.files.get(path, (-1, ""))
     there = regular_file(dataset.root, path)
     if there is None:
-        raise _damaged(dataset, f"{path} is missing, or no plain file")
+        raise _damaged(dataset, f"{path} is missing, or not a regular file")
     if there.st_size != size:
         raise _damaged(dataset, f"{path} has {count(there.st_size, 'byte')}, not {size:,}")
     try:

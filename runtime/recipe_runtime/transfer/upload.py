@@ -8,13 +8,12 @@ dataset.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import fsspec
@@ -22,12 +21,12 @@ from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, RecipeError, RunError
 
 from recipe_runtime.core import layout, urls
-from recipe_runtime.core.files import file_sha256, host_errors
+from recipe_runtime.core.files import file_sha256, regular_file
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.nonce import fresh_nonce
 from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest_types import Manifest
+from recipe_runtime.transfer.upload_journal import Rows, UploadJournal
 
 NOTE = ".recipe-upload.json"
 SCHEMES = (
@@ -38,7 +37,6 @@ _MOST_NOTE = 10_000  # bytes
 _AT_ONCE = 8  # concurrent uploads
 _S3, _GCS = "s3fs>=2024.6", "gcsfs>=2024.6"  # must equal the extras s3 and gcs of pyproject.toml
 _LIBRARIES = {"s3": _S3, "s3a": _S3, "gs": _GCS, "gcs": _GCS}
-Rows = dict[str, tuple[int, str]]  # path -> size, SHA-256
 
 
 @dataclass(frozen=True)
@@ -80,8 +78,9 @@ class Target:
         name = str(self._there.get("recipe"))[:100] if self._there else recipe
         if name != recipe:
             raise InputError(
-                f"{self.url} holds the dataset of another recipe, {name!r}, and this is {recipe!r};"
-                " choose another place with --out, or replace that dataset (--replace)"
+                f"{self.url} holds the dataset of another recipe, {name!r}, and this is {recipe!r}",
+                help="choose another place, or replace it",
+                code=Code.OUTPUT_IN_THE_WAY,
             )
 
     def put(self, root: Path, progress: Progress, *, replace: bool = False) -> Copied:
@@ -106,7 +105,7 @@ class Target:
         rows, sizes = listed_files(manifest), self._sizes()
         if self._there == manifest and self._is_whole(rows, sizes):
             return Copied(0, 0, len(rows))
-        journal = _Journal(root, self._full)
+        journal = UploadJournal(root, self._full)
         known = listed_files(self._there) if self._there else journal.rows(self._note())
         foreign = sorted(set(sizes) - set(known) - set(rows) - {layout.MANIFEST, NOTE})
         if foreign:
@@ -127,7 +126,7 @@ class Target:
         journal.close()
         return Copied(len(missing) - copied, copied, len(rows) - len(missing))
 
-    def _send(self, root: Path, rows: Rows, missing: list[str], journal: _Journal, progress: Progress) -> int:
+    def _send(self, root: Path, rows: Rows, missing: list[str], journal: UploadJournal, progress: Progress) -> int:
         """Send missing files, each distinct content once, then copy the others within the store.
 
         Return the number of copies.
@@ -173,15 +172,34 @@ class Target:
         self._fs.pipe_file(self._at(path), body)
 
     def _make_room(self, path: str) -> None:
-        """Create the folder of a file on a local disk, and remove an existing file, which may be a hard link."""
-        if "file" in self._fs.protocol:
-            place = self._at(path)
-            self._fs.makedirs(place.rpartition("/")[0], exist_ok=True)
-            with suppress(FileNotFoundError):
-                self._fs.rm_file(place)
+        """Create the folder of a file on a local disk, and remove an existing file, which may be a hard link.
+
+        Raises:
+            InputError: a folder below the place is a symbolic link.
+        """
+        if "file" not in self._fs.protocol:
+            return
+        folder = Path(self._prefix)
+        for name in PurePosixPath(path).parent.parts:
+            folder /= name
+            if folder.is_symlink():
+                raise InputError(
+                    f"{folder} is a symbolic link, and a dataset is written through none",
+                    help="remove the link, or choose another place",
+                    code=Code.OUTPUT_IN_THE_WAY,
+                )
+        folder.mkdir(parents=True, exist_ok=True)
+        with suppress(FileNotFoundError):
+            self._fs.rm_file(self._at(path))
+
+    def _is_file(self, path: str) -> bool:
+        """Return whether a path can be read; on a local disk pipes and links cannot."""
+        return "file" not in self._fs.protocol or regular_file(Path(self._prefix), path) is not None
 
     def _note(self) -> str | None:
         """Return the name of the unfinished upload according to the marker file, or None."""
+        if not self._is_file(NOTE):
+            return None
         try:
             return str(json.loads(self._fs.cat_file(self._at(NOTE), end=_MOST_NOTE))["copy"])
         except (FileNotFoundError, *DAMAGE):
@@ -202,12 +220,16 @@ class Target:
 
     def _manifest(self) -> Manifest | None:
         """Return the manifest at the place; None if there is none of this project."""
+        if not self._is_file(layout.MANIFEST):
+            return None
         try:
             place = self._at(layout.MANIFEST)
             if (self._fs.size(place) or 0) > manifest_reader.MAX_BYTES:
                 return None
             with self._fs.open(place, "rb") as file:
-                return manifest_reader.parse(file)
+                manifest = manifest_reader.parse(file)
+            listed_files(manifest)
+            return manifest
         except (FileNotFoundError, *DAMAGE):
             return None
 
@@ -231,7 +253,7 @@ def scheme_of(url: str) -> str:
         raise InputError(f"{urls.shown(url)} chains several schemes with `::`; name one place, without a chain")
     if scheme not in SCHEMES:
         known = ", ".join(f"{name}://" for name in SCHEMES)
-        raise InputError(f"{urls.shown(url)}: {scheme}:// is no scheme for a dataset; use one of {known}")
+        raise InputError(f"{urls.shown(url)}: {scheme}:// is not a supported scheme; use one of {known}")
     return scheme
 
 
@@ -286,47 +308,3 @@ def reported_errors(url: str, remedy: str) -> Iterator[None]:
 
 def _plain(error: Exception, url: str) -> str:
     return urls.without_secrets(str(error), url)
-
-
-class _Journal:
-    """The files sent to a place so far, recorded beside the dataset's folder, so that another process can resume.
-
-    Its first line names the upload; the record is valid only if the marker file at the place has the same name.
-    """
-
-    def __init__(self, root: Path, url: str) -> None:
-        name = hashlib.sha256(url.encode()).hexdigest()[:16]
-        self._path = root.with_name(f".{root.name}.sent-{name}")
-
-    def rows(self, token: str | None) -> Rows:
-        """Return the recorded files of the upload with that name; a truncated last line is ignored."""
-        found: Rows = {}
-        with suppress(OSError):
-            first, *lines = self._path.read_text().splitlines() or [""]
-            for line in lines if first == token else ():
-                with suppress(ValueError):
-                    path, size, sha256 = json.loads(line)
-                    found[path] = int(size), str(sha256)
-        return found
-
-    def begin(self, rows: Rows) -> str:
-        """Start recording a new upload and return its name.
-
-        Args:
-            rows: files that exist at the place already.
-        """
-        token = f"{fresh_nonce():x}"
-        with host_errors(str(self._path), "free some space or allow writing"):
-            self._path.write_text(f"{token}\n")
-        for path, row in rows.items():
-            self.note(path, row)
-        return token
-
-    def note(self, path: str, row: tuple[int, str]) -> None:
-        """Record a file."""
-        with host_errors(str(self._path), "free some space or allow writing"), self._path.open("a") as file:
-            file.write(f"{json.dumps([path, *row])}\n")
-
-    def close(self) -> None:
-        """Remove the record after a complete upload."""
-        self._path.unlink(missing_ok=True)

@@ -35,7 +35,7 @@ def compare_files(plan: DatasetPlan, lock: Lockfile, files: dict[str, str]) -> l
     for path in sorted({*lock.files, *files}):
         if lock.files.get(path) != files.get(path):
             how = "is new" if path not in lock.files else "is gone" if path not in files else "has changed"
-            found.append(Difference("recipe", f"{path} {how} since it was locked; `recipe lock --update` accepts it"))
+            found.append(Difference("recipe", f"{path} {how} since it was locked; lock the recipe again to accept it"))
     return found
 
 
@@ -87,11 +87,16 @@ def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
         kinds = (
             ("stage", set(STAGES), set(lock.stages)),
             ("trace", {v.scene.digest for v in plan.variants}, set(lock.traces)),
+            ("body", _body_keys(plan) if lock.bodies else set(), set(lock.bodies)),  # a manifest has none
             ("frame", set(digests.frame_keys(plan)), set(lock.frames)),
         )
         for kind, ours, theirs in kinds:
             found += _uneven(kind, sorted(map(str, ours - theirs)), sorted(map(str, theirs - ours)))
     return [Difference("lockfile", message) for message in found]
+
+
+def _body_keys(plan: DatasetPlan) -> set[tuple[str, str]]:
+    return {(v.scene.digest, actor.name) for v in plan.variants for actor in v.scene.actors}
 
 
 def lacks_frames(plan: DatasetPlan, lock: Lockfile) -> bool:
@@ -117,6 +122,10 @@ def compare_locks(
 def compare_datasets(plan: DatasetPlan, lock: Lockfile, held: Lockfile, name: str) -> list[Difference]:
     """Compare the digests `held` of a dataset called `name` with a recipe's plan and its lockfile."""
     found = compare_plans(plan, held) + _digests(lock, held)
+    if not held.sealed:
+        found.append(Difference("lockfile", "it was damaged or edited: its digests do not add up to its identity"))
+    if held.recipe != plan.recipe:
+        found.append(Difference("lockfile", f"it is of the recipe {held.recipe!r}, and this is {plan.recipe!r}"))
     return [replace(difference, message=f"{name}: {difference.message}") for difference in found]
 
 

@@ -78,7 +78,7 @@ def left_out(a: Side, b: Side) -> list[str]:
     if folders:
         whose = form(len(folders), "its manifest", "their manifests")
         what = f"{' and '.join(folders)} {form(len(folders), 'was', 'were')} compared by {whose}"
-        notes.append(f"{what}; `recipe verify --integrity` checks that the files are those")
+        notes.append(f"{what}; `recipe verify` checks that the files are those")
     return notes
 
 

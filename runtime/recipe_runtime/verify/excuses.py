@@ -84,7 +84,7 @@ def _other_stage(stage: str, lock: Lockfile) -> str | None:
         if (version > STAGES[name]) == (released > here) and released != here:
             return (
                 f"the lockfile is of {name} version {version}, this is {STAGES[name]}; dataset-recipe {theirs}"
-                " reproduces it, if the lockfile tells the truth: verify it with that release"
+                " reproduces it, if the lockfile is genuine: verify it with that release"
             )
     return None
 

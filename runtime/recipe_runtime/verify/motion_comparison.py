@@ -69,6 +69,15 @@ def motion_difference(lock: Lockfile, scene: ScenePlan, trace: Trace) -> MotionD
     return MotionDifference(f"body {actor} parts {where}; {bodies}", agreed, recorded=True)
 
 
+def contradicting_body(lock: Lockfile, scene: ScenePlan, trace: Trace) -> str | None:
+    """The first body whose locked motion is another than the locked Trace has; None if there is none."""
+    rows = {actor: lock.bodies.get((scene.digest, actor)) for actor in trace.actors}
+    if not any(rows.values()):
+        return None  # a manifest has no rows of bodies
+    whole = trace.prefix_digests([trace.frames])
+    return next((actor for actor, row in rows.items() if row is not None and row.digest != whole[actor][0]), None)
+
+
 def tracks_differ(dataset: Dataset, scene: ScenePlan, trace: Trace) -> bool:
     """Whether the tracks that a dataset has of a scene, in every variant of it, are others than a Trace makes."""
     variants = [variant for variant in dataset.plan.variants if variant.scene.digest == scene.digest]

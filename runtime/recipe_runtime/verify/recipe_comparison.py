@@ -26,12 +26,24 @@ def recipe_differences(dataset: Dataset, allow_large: bool = False) -> list[Diff
     try:
         plan, files = compiled_with_files(dataset.root / place, allow_large)
     except InputError as error:
-        excuse = "it is over the size limits; --allow-large compiles it" if isinstance(error, TooLargeError) else None
+        excuse = (
+            "it is over the size limits, and large recipes are not allowed"
+            if isinstance(error, TooLargeError)
+            else None
+        )
         first = str(error).splitlines()[0].replace(f"{dataset.root}/", "")
         return [Difference("recipe", f"{place} cannot be compiled: {first}", excuse, path=place)]
     found = [Difference("recipe", message, path=path) for path, message in _surplus(dataset, files)]
     made, excuse = {v.variant: v.digest for v in plan.variants}, excuse_of("plan", dataset.lock)
     other = [v.variant for v in dataset.plan.variants if made.get(v.variant) != v.digest]
+    names = [variant.variant for variant in plan.variants]
+    if plan.recipe != dataset.plan.recipe:
+        message = f"{place} is the recipe {plan.recipe!r}, and the dataset is named {dataset.plan.recipe!r}"
+        found.append(Difference("recipe", message))
+    if plan.description != dataset.plan.description:
+        found.append(Difference("recipe", f"{place} has another description than the dataset", path=place))
+    if not other and names != [variant.variant for variant in dataset.plan.variants]:
+        found.append(Difference("recipe", f"{place} has other variants than the dataset, or in another order", excuse))
     if other:
         found.append(Difference("recipe", f"{place} is not the recipe of {other[0]}: its plan is another", excuse))
     elif (plan.annotations, plan.depth) != (dataset.plan.annotations, dataset.plan.depth):
@@ -52,7 +64,7 @@ def _lockfile_differences(dataset: Dataset) -> list[Difference]:
     if path not in dataset.files or regular_file(dataset.root, path) is None:
         return []
     try:
-        lock = lockfile.read(dataset.root / path)
+        lock = lockfile.read(dataset.root / path, dataset.plan)
     except InputError as error:
         first = str(error).splitlines()[0].replace(f"{dataset.root}/", "")
         return [Difference("lockfile", first, path=path)]

@@ -17,7 +17,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from recipe_compiler.ir.bounded_reads import read_regular
-from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core.files import host_errors, write_atomic
 from recipe_runtime.core.trace import Trace
@@ -25,6 +26,7 @@ from recipe_runtime.core.trace import Trace
 SUFFIX = ".traces"
 MOST_BYTES = 1 << 30  # limit of the file, and of a Trace
 _HEAD = b"recipe-traces 1\n"
+_MOST_HEADER, _MOST_POSE = 1 << 20, 1 << 13  # bytes of a Trace: of its names, and of an actor in a frame
 _MOST_LINE = 400
 _PIECE = 1 << 16
 
@@ -68,21 +70,29 @@ def write(path: Path, traces: Mapping[str, Trace], *, replace: bool = False) -> 
     if path.is_file() and not replace:
         with path.open("rb") as file:
             if file.read(len(_HEAD)) != _HEAD:
-                raise InputError(f"{path} is there already and is not a file of traces; move it away, or add --replace")
+                raise InputError(
+                    f"{path} is there already and is not a file of traces",
+                    help="move it away, or replace it",
+                    code=Code.OUTPUT_IN_THE_WAY,
+                )
     with host_errors(str(path), "free some space or allow writing"):
         write_atomic(path, body)
     return True
 
 
-def read(path: Path, locked: Mapping[str, str]) -> dict[str, Trace]:
-    """Read the traces that the `trace` rows of a lockfile name, by scene; empty if there is no file.
+def read(path: Path, locked: Mapping[str, str], limits: Mapping[str, int]) -> dict[str, Trace]:
+    """Read the traces beside a lockfile.
 
     Args:
         path: the file.
-        locked: Trace digests by scene digest.
+        locked: the digest of each scene's Trace, as the lockfile has it.
+        limits: the most bytes of each scene's Trace (`size_limits`).
+
+    Returns:
+        The traces by scene; none if there is no file.
 
     Raises:
-        InputError: the file is damaged, or contains a Trace that is not the locked one.
+        InputError: the file is damaged, or holds a Trace that is not the locked one.
     """
     if not path.exists():
         return {}
@@ -90,33 +100,47 @@ def read(path: Path, locked: Mapping[str, str]) -> dict[str, Trace]:
         body = read_regular(path, MOST_BYTES)
         if len(body) > MOST_BYTES or not body.startswith(_HEAD):
             raise ValueError("it is not a file of traces, or too large")
-        return dict(_entries(body, locked))
+        return _entries(body, locked, limits)
     except (OSError, ValueError, KeyError, zlib.error, TypeError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or error
         raise InputError(
-            f"{path}: cannot be used: {reason}; `recipe lock --update --with-traces` writes it again"
+            f"{path}: cannot be used: {reason}",
+            help="lock the recipe again, with traces",
+            code=Code.INVALID_LOCKFILE,
         ) from None
 
 
-def _entries(body: bytes, locked: Mapping[str, str]) -> list[tuple[str, Trace]]:
-    found, at = [], len(_HEAD)
+def size_limits(plan: DatasetPlan) -> dict[str, int]:
+    """The most bytes of each scene's Trace."""
+    scenes = {variant.scene.digest: variant.scene for variant in plan.variants}
+    return {
+        digest: min(MOST_BYTES, _MOST_HEADER + _MOST_POSE * scene.clock.frames * len(scene.actors))
+        for digest, scene in scenes.items()
+    }
+
+
+def _entries(body: bytes, locked: Mapping[str, str], limits: Mapping[str, int]) -> dict[str, Trace]:
+    found: dict[str, Trace] = {}
+    at = len(_HEAD)
     while at < len(body):
         end = body.index(b"\n", at, at + _MOST_LINE)
         scene, digest, packed, raw = body[at:end].decode("ascii").split(" ")
         at = end + 1 + int(packed)
         if locked.get(scene) != digest:
             raise ValueError(f"it holds a Trace of scene {scene[:16]} that is not the lockfile's")
+        if scene in found or int(raw) > limits.get(scene, 0):
+            raise ValueError(f"it holds scene {scene[:16]} twice, or more motion than the scene has")
         trace = _unpacked(memoryview(body)[end + 1 : at], int(raw))
         if trace.digest != digest:
             raise ValueError(f"the Trace of scene {scene[:16]} is not what its digest says")
-        found.append((scene, trace))
+        found[scene] = trace
     return found
 
 
 def _unpacked(packed: memoryview, size: int) -> Trace:
     """Unpack a Trace into a temporary file; more bytes than `size` are refused before they are written."""
     if not 0 < size <= MOST_BYTES:
-        raise ValueError(f"a Trace of {size} bytes is none")
+        raise ValueError(f"a Trace cannot have {size} bytes")
     unpacker, left = zlib.decompressobj(), size
     with tempfile.TemporaryFile() as file:
         for start in range(0, len(packed), _PIECE):
@@ -135,4 +159,4 @@ def _unpacked(packed: memoryview, size: int) -> Trace:
         return Trace.from_file(file)
 
 
-_SIZE = "a Trace does not have the size that is told"
+_SIZE = "a Trace does not have the stated size"

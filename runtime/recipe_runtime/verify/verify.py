@@ -50,7 +50,13 @@ from recipe_runtime.verify.compare import (
 from recipe_runtime.verify.excuses import excuse_of
 from recipe_runtime.verify.file_comparison import FileComparison
 from recipe_runtime.verify.locking import render_rows
-from recipe_runtime.verify.motion_comparison import MotionDifference, OtherMotion, motion_difference, tracks_differ
+from recipe_runtime.verify.motion_comparison import (
+    MotionDifference,
+    OtherMotion,
+    contradicting_body,
+    motion_difference,
+    tracks_differ,
+)
 from recipe_runtime.verify.recipe_comparison import recipe_differences
 from recipe_runtime.verify.sampling import Bound, draw, sample_size
 from recipe_runtime.verify.verdict import Difference, Report
@@ -253,6 +259,9 @@ class _Check:
                 if self.lock.traces.get(digest) == made.digest:
                     self.traces[digest] = made
                     whole.add(digest)
+                    body = contradicting_body(self.lock, scene, made)
+                    if body is not None:
+                        found.append(Difference("trace", f"body {body}: its row contradicts the trace's"))
                     continue
                 difference = motion_difference(self.lock, scene, made)
                 message, reason = difference.message, "" if difference.contradiction else reason

@@ -99,6 +99,15 @@ def test_a_start_inside_a_building_is_warned_of() -> None:
     assert warned({"early": at(-8, -19)}) == []  # on the sidewalk before it
 
 
+def test_a_goal_or_waypoint_inside_a_building_is_warned_of() -> None:
+    """The actor would walk on the spot at the wall."""
+    (goal,) = warned({"lost": {**at(-8, -19), "goal": {"x": -14, "y": -19}}})
+    assert goal.startswith("actors.lost.goal: it is inside building.")
+    (waypoint,) = warned({"lost": {**at(-8, -19), "route": [{"x": -8, "y": -18}, {"x": -14, "y": -19}]}})
+    assert waypoint.startswith("actors.lost.route[1]: it is inside building.")
+    assert warned({"early": {**at(-8, -19), "goal": {"x": -8, "y": -10}}}) == []
+
+
 def test_a_start_in_a_closed_yard_is_warned_of() -> None:
     yard = "actors.lost.start: it is in a yard enclosed by buildings and walls, which the actor cannot leave; "
     (message,) = warned({"lost": at(36, 0)})

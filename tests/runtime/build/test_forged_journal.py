@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import stat
+import tracemalloc
 from pathlib import Path
 
 import pytest
 from recipe_compiler.ir.errors import RunError
 from recipe_runtime.build.pipeline import BuildResult, build, kept_frames
+from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.cache.cache_folder import KEY, MARKER, is_cache_folder
 from recipe_runtime.cache.journal_key import journal_key, read_key
 
@@ -45,8 +48,38 @@ def test_a_record_of_another_seal_is_made_again(tmp_path: Path) -> None:
     records = sorted((tmp_path / ".tiny.partial/shards").iterdir())
     assert len(records) > 1
     records[0].write_bytes(records[1].read_bytes())
-    records[1].write_text('{"seal": "0", "records": []}')
+    records[1].write_bytes(b"0" * 64 + b"\n[]")
     assert made(tmp_path, tmp_path / "cache").resumed == len(records) - 2
+
+
+def test_a_record_without_its_seal_is_not_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lists of lists of 256 MiB took many times their size, before the seal was looked at."""
+    stopped(tmp_path, tmp_path / "cache")
+    parsed, original = list[bytes](), json.loads
+
+    def loads(text: bytes) -> object:
+        parsed.append(text)
+        return original(text)
+
+    monkeypatch.setattr(json, "loads", loads)
+    for path in sorted((tmp_path / ".tiny.partial/shards").iterdir()):
+        path.write_bytes(b"0" * 64 + b"\n" + b"[" * 100)
+    assert made(tmp_path, tmp_path / "cache").resumed == 0
+    assert b"[" * 100 not in parsed
+
+
+def test_a_job_of_gigabytes_is_not_read(tmp_path: Path) -> None:
+    """A sparse `job.json` of 3 GB in a downloaded work folder took 6 GB of memory."""
+    partial = tmp_path / ".tiny.partial"
+    partial.mkdir()
+    with (partial / "job.json").open("wb") as file:
+        file.truncate(3 << 30)
+    tracemalloc.start()
+    try:
+        with Workspace(tmp_path / "tiny", None):
+            assert tracemalloc.get_traced_memory()[1] < 1 << 26
+    finally:
+        tracemalloc.stop()
 
 
 def test_the_key_is_made_once_and_is_the_users_alone(tmp_path: Path) -> None:

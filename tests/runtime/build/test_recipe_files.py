@@ -7,6 +7,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from recipe_compiler.compile import compile_recipe
@@ -195,3 +196,23 @@ def test_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recipe_runtime.build.recipe_files.MAX_BYTES", 10)
     with pytest.raises(InputError, match="have 11 bytes, over 10"):
         RecipeFiles("tiny.yaml", {"tiny.yaml": b"01234567890"})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"recipe": "imagenet"}, "the dataset is named 'imagenet'"),
+        ({"description": "PASS"}, "another description"),
+        ({"variants": COMPILED.plan.variants[::-1]}, "other variants than the dataset, or in another order"),
+    ],
+)
+def test_what_a_dataset_claims_besides_its_plans_is_its_recipes(
+    copied: Path, change: dict[str, Any], message: str
+) -> None:
+    """Name, description and order of variants are in no variant's digest, but in the identity line and the card."""
+    held = datasets.read(copied)
+    assert recipe_differences(held) == []
+    if "variants" in change and len(COMPILED.plan.variants) < 2:
+        change = {"variants": ()}
+    forged = replace(held, plan=held.plan.model_copy(update=change))
+    assert any(message in difference.message and not difference.excuse for difference in recipe_differences(forged))

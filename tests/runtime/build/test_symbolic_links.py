@@ -10,8 +10,9 @@ from recipe_runtime.build.pipeline import build
 from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.cache.leases import lease
 from recipe_runtime.cache.store import Store
+from recipe_runtime.dataset.reader import damaged_files, read
 
-from tests.runtime.fakes import ENGINES, dataset_plan, tree
+from tests.runtime.fakes import BROKEN, ENGINES, dataset_plan, tree
 
 PLAN = dataset_plan()
 
@@ -50,6 +51,33 @@ def test_a_link_within_a_work_folder_is_not_followed(tmp_path: Path, name: str) 
     build(PLAN, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
     assert tree(tmp_path / "victim") == before
     assert not partial.exists()
+
+
+@pytest.mark.parametrize("name", ["dataset", "shards", "of a variant"])
+def test_a_link_that_appears_in_unfinished_work_is_removed(tmp_path: Path, name: str) -> None:
+    """A folder replaced by a link was taken for whole by every later build, which then refused to publish it."""
+    with pytest.raises(RecipeError):
+        build(PLAN, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=BROKEN, shard_frames=2)
+    place, elsewhere = tmp_path / ".tiny.partial" / name, tmp_path / "elsewhere"
+    if name == "of a variant":
+        place = next(path for path in sorted((tmp_path / ".tiny.partial/dataset").iterdir()) if path.is_dir())
+    place.rename(elsewhere)
+    place.symlink_to(elsewhere)
+    before = tree(elsewhere)
+    built = build(PLAN, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES, shard_frames=2)
+    assert tree(elsewhere) == before
+    assert damaged_files(read(built.path), lambda *_: None) == []
+
+
+def test_folders_and_links_of_others_are_not_published(tmp_path: Path) -> None:
+    """An empty folder made in the work folder during a build made `recipe verify` fail afterwards."""
+    with pytest.raises(RecipeError):
+        build(PLAN, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=BROKEN)
+    dataset = tmp_path / ".tiny.partial" / "dataset"
+    (dataset / "empty" / "inner").mkdir(parents=True)
+    (dataset / "empty" / "file").touch()
+    built = build(PLAN, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    assert not (built / "empty").exists()
 
 
 @pytest.mark.parametrize("link", ["traces", "traces/ab"])

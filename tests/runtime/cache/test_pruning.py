@@ -85,7 +85,7 @@ def test_sizes_are_read_as_people_write_them(text: str, count: int) -> None:
 
 @pytest.mark.parametrize("text", ["", "much", "-1G", "1X", "1e9"])
 def test_what_is_no_size_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="is no size"):
+    with pytest.raises(InputError, match="is not a size"):
         bytes_of(text)
 
 
@@ -137,5 +137,5 @@ def test_a_build_leaves_its_cache_within_the_bound(tmp_path: Path, monkeypatch: 
     assert result.built
     assert entries([store.root]) == []
     monkeypatch.setenv("RECIPE_CACHE_LIMIT", "lots")
-    with pytest.raises(InputError, match="RECIPE_CACHE_LIMIT: 'lots' is no size"):
+    with pytest.raises(InputError, match="RECIPE_CACHE_LIMIT: 'lots' is not a size"):
         build(dataset_plan(), tmp_path / "other", workers=0, cache=tmp_path / "cache", engines=ENGINES)

@@ -255,7 +255,7 @@ def test_a_manifest_has_no_more_rows_than_its_plan_may_explain(built: Path) -> N
     manifest["files"] |= {f"more/{n}": row for n in range(12_000)}
     try:
         path.write_text(json.dumps(manifest))
-        with pytest.raises(InputError, match=r"it lists 12,\d{3} files, and its plan stands for"):
+        with pytest.raises(InputError, match=r"it lists 12,\d{3} files, and its plan requires"):
             datasets.read(built)
     finally:
         path.write_bytes(before)

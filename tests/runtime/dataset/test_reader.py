@@ -12,15 +12,19 @@ from typing import Any, cast
 
 import pytest
 from recipe_compiler.compile import compile_recipe
+from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import SensorPlan
 from recipe_runtime.annotate.mots import runs_fill
+from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.build.pipeline import build
+from recipe_runtime.core import layout
 from recipe_runtime.core.layout import expected_files
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.limits import check_bounds
 from recipe_runtime.dataset.manifest import is_whole
 from recipe_runtime.dataset.manifest_types import Manifest
+from recipe_runtime.dataset.text_files import instances_of, labels_of
 
 from tests.runtime import fakes
 from tests.sources import ROOT
@@ -70,6 +74,27 @@ def test_what_was_built_is_whole(built: Path) -> None:
     assert damage(built) == differences(built) == []
     assert {p.relative_to(built).as_posix() for p in built.rglob("*") if p.is_file()} == expected_files(PLAN)
     assert is_whole(manifest_of(built), PLAN, built)
+
+
+def test_large_labels_are_read_frame_by_frame(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All labels of all videos were kept: memory grew with the frames of a stranger's dataset, without end."""
+    opened, original = list[str](), datasets.labels
+
+    def labels(dataset: Any, variant: Any, sensor: Any) -> Any:
+        opened.append(sensor.name)
+        return original(dataset, variant, sensor)
+
+    monkeypatch.setattr(datasets, "labels", labels)
+    assert differences(copy) == []
+    videos = len(opened)
+    monkeypatch.setattr(datasets, "_MOST_KEPT", 0)
+    assert differences(copy) == []
+    assert len(opened) >= 4 * videos  # checked, then for tracks and annotations of kwcoco, coco and README
+    path = copy / "annotations" / "kwcoco.json"
+    body = path.read_bytes()
+    path.unlink()
+    path.write_bytes(body.replace(b'"area":', b'"area": '))
+    assert [line.partition(" ")[0] for line in differences(copy)] == ["annotations/kwcoco.json"]
 
 
 def renamed(root: Path, old: str, new: str) -> None:
@@ -175,7 +200,7 @@ def street(**values: Any) -> SensorPlan:
         (street(height=0), "64x0 is over"),
         (street(fov=180), "a camera of 180"),
         (street(lens_k=0.9, fov=170), "its lens needs a view wider than"),
-        (street(lens_k=50.0), "its lens is none"),
+        (street(lens_k=50.0), "invalid lens"),
         (street(on="nobody"), "on 'nobody'"),
         (street(poses=()), "poses are neither"),
     ],
@@ -194,7 +219,7 @@ def test_a_camera_response_out_of_bounds_is_refused(changes: dict[str, float]) -
     variant = PLAN.variants[0]
     responses = {n: r.model_copy(update=changes) for n, r in variant.appearance.responses.items()}
     appearance = variant.appearance.model_copy(update={"responses": responses})
-    with pytest.raises(InputError, match="its camera response is none"):
+    with pytest.raises(InputError, match="its camera response is invalid"):
         check_bounds(PLAN.model_copy(update={"variants": (variant.model_copy(update={"appearance": appearance}),)}))
 
 
@@ -203,7 +228,7 @@ def test_a_clock_out_of_bounds_is_refused(frames: int, fps: int) -> None:
     variant = PLAN.variants[0]
     clock = variant.scene.clock.model_copy(update={"frames": frames, "fps": fps})
     scene = variant.scene.model_copy(update={"clock": clock})
-    with pytest.raises(InputError, match=r"frames are over|is none"):
+    with pytest.raises(InputError, match=r"frames are over|is invalid"):
         check_bounds(PLAN.model_copy(update={"variants": (variant.model_copy(update={"scene": scene}),)}))
 
 
@@ -362,3 +387,30 @@ def test_names_that_a_terminal_obeys_are_spelled_out_and_strange_depths_not_ente
         "deep/ is a folder of no file of this plan",
         r"'\udcff' is not in the manifest",
     ]
+
+
+def test_labels_hold_what_labels_have_and_nothing_else(built: Path) -> None:
+    """A manifest lists the digest of any line: what is in it is bounded by the scene and the picture."""
+    dataset = datasets.read(built)
+    variant = dataset.plan.variants[0]
+    sensor, actors = variant.rig.sensors[0], instances_of(variant.scene)
+    line = (built / layout.labels_file(variant.variant, sensor.name)).read_bytes().splitlines(keepends=True)[0]
+    records = json.loads(line)
+    assert labels_of(line, label_digest(records), sensor, actors) == records
+    first = records[0]
+    forgeries: tuple[Any, ...] = (
+        [{**first, "zz": [{}] * 100}],
+        [{**first, "velocity": [0.0] * 4}],
+        [{**first, "box3d": {**first["box3d"], "more": 1}}],
+        [{**first, "area": "many"}],
+        [{**first, "actor": "ghost"}],
+        [{**first, "instance": first["instance"] + 1}],
+        [first, first],
+        [{**first, "counts": first["counts"] + "0" * 100_000}],
+        [[]],
+        {},
+    )
+    for forged in forgeries:
+        body = canonical_bytes(forged) + b"\n"
+        with pytest.raises(ValueError, match=r"no label has|other actors|more runs"):
+            labels_of(body, label_digest(forged), sensor, actors)

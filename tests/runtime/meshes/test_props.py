@@ -119,7 +119,7 @@ def test_a_dataset_without_its_assets_is_inconclusive_and_says_why(tmp_path: Pat
     assert (with_assets.verdict, with_assets.bound.checked) == ("PASS", 3)
     assert (without.verdict, without.stage, without.bound.checked) == ("INCONCLUSIVE", "observation", 0)
     (difference,) = without.differences
-    assert "sha256:" in str(difference) and "is not at hand; name the recipe" in str(difference)
+    assert "sha256:" in str(difference) and "is not available; name the recipe" in str(difference)
 
 
 def test_a_dataset_names_its_assets(tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_bytes_that_changed_are_not_used(tmp_path: Path) -> None:
     other.unlink()
     with pytest.raises(RunError, match="cannot be read: No such file"):
         prop_body(prop, Assets({prop.mesh.sha256: other}))
-    with pytest.raises(RunError, match="is not at hand; name the recipe"):
+    with pytest.raises(RunError, match="is not available; name the recipe"):
         prop_body(prop, Assets())
 
 

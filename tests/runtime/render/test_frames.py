@@ -136,6 +136,18 @@ def test_one_frames_weathers_share_what_is_remembered() -> None:
     assert shots == {n: picture(Renderer(street()), 3, n) for n in WEATHERS}
 
 
+def test_shading_leaves_the_patterns_of_samples_alone() -> None:
+    """The depth of puddles, which all wet weathers share, is stored beside the patterns and not over their numbers."""
+    renderer = Renderer(street())
+    seen = renderer.observe(CAMERA, EYE, parts_at())
+    samples = renderer._camera._sampler.points(seen, antialias=True).data
+    before = samples.details.numpy().tobytes()
+    renderer.shade(seen, STANDING_WATER["still"], "street", 0, 0.0)
+    assert samples.details.numpy().tobytes() == before
+    known = samples.puddle_depths.numpy()[samples.surfaces.numpy() >= 0]
+    assert (known < 0.0).any() and (known == 0.0).any()
+
+
 def test_an_older_frame_may_be_shaded_after_a_newer_one() -> None:
     """They share what stands still, and its arrays serve one of them at a time."""
     renderer, weather = Renderer(street()), WEATHERS["rainy"]

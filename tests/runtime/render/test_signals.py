@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from recipe_compiler.ir import signals
 from recipe_compiler.ir.plan import Element, ScenarioPlan
 from recipe_compiler.ir.semantic_tags import Tag
-from recipe_runtime.core.scene_transforms import SceneMotion
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.frames.engines import real_engines
+from recipe_runtime.frames.scene_motion import SceneMotion
 from recipe_runtime.frames.source import FrameSource
 
 from tests.compiler.kitchen import only, small

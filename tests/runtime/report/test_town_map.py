@@ -121,6 +121,14 @@ def test_the_command_draws_a_recipe_or_a_town(tmp_path: Path, monkeypatch: pytes
             assert picture.size[0] > 1000
 
 
+def test_a_misspelt_town_is_answered_with_the_near_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=r'downtwn: there is no such file or town; did you mean "downtown"\?'):
+        run("--map", "downtwn")
+    with pytest.raises(InputError, match="there is no such file"):
+        run("--map", "downtwn.yaml")  # a file's name
+
+
 def test_a_map_is_of_no_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match="--map draws a town, not a frame"):

@@ -17,6 +17,7 @@ from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.dataset.reader import read
 from recipe_runtime.transfer.upload import NOTE, Copied, Target
+from recipe_runtime.transfer.upload_journal import UploadJournal
 from recipe_runtime.verify.verify import Options, verify_files
 
 from tests.runtime.fakes import ENGINES, dataset_plan
@@ -143,6 +144,45 @@ def test_a_place_that_a_build_made_is_not_written_through_its_links(built: Path,
     assert local(target) == local(built)
 
 
+def test_a_folder_that_is_a_link_is_not_written_through(built: Path, tmp_path: Path) -> None:
+    """A dataset of a stranger with `recipe -> elsewhere` had the build's recipe written there."""
+    place, other = tmp_path / "there" / "small", tmp_path / "elsewhere"
+    put(f"file://{place}", built)
+    manifest = json.loads((place / "manifest.json").read_text())
+    folder = next(path for path in manifest["files"] if "/" in path).partition("/")[0]
+    (place / folder).rename(other)
+    (place / folder).symlink_to(other)
+    kept = {path: row for path, row in manifest["files"].items() if not path.startswith(f"{folder}/")}
+    manifest["files"] = {**kept, folder: {"size": 1, "sha256": "0" * 64}}
+    (place / "manifest.json").write_text(json.dumps(manifest))
+    before = local(other)
+    with pytest.raises(InputError, match=r"(is a symbolic link|holds files but no)"):
+        put(f"file://{place}", built)
+    assert local(other) == before and before
+
+
+def test_the_journal_follows_no_link_and_waits_for_no_pipe(built: Path, tmp_path: Path) -> None:
+    """The name of the journal can be computed by whoever prepares the folder."""
+    url, root = f"file://{tmp_path}/there/small", tmp_path / "small"
+    shutil.copytree(built, root)
+    journal, precious = UploadJournal(root, url), tmp_path / "precious"
+    precious.write_text("precious")
+    path = journal._path
+    path.symlink_to(precious)
+    assert journal.rows("x") == {}
+    put(url, root)
+    assert precious.read_text() == "precious" and not path.is_symlink()
+    os.mkfifo(path)
+    assert journal.rows("x") == {}
+    path.unlink()
+    path.write_bytes(b"x\n" + b"[" * 50_000 + b"\n" + b'[["a"], 1]\n["a", 3, "b"]\n')
+    assert journal.rows("x") == {"a": (3, "b")}
+    path.unlink()
+    path.symlink_to(precious)
+    with pytest.raises(RunError, match="cannot be written"):
+        journal.note("a", (1, "b"))
+
+
 @pytest.mark.parametrize("url", ["s3://", "memory://", "file:///"])
 def test_a_url_without_a_place(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -180,7 +220,7 @@ def test_damage_is_not_sent(url: str, built: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("url", "message"),
     [
-        ("nowhere://bucket/x", "nowhere://bucket/x: nowhere:// is no scheme for a dataset"),
+        ("nowhere://bucket/x", "nowhere://bucket/x: nowhere:// is not a supported scheme"),
         ("gs://bucket/x", r"its library is not installed; install it: pip install 'gcsfs>=2024\.6'"),
     ],
 )

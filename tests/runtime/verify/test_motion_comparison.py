@@ -247,3 +247,25 @@ def test_a_datasets_pictures_must_be_its_own_digests(built: Path, tmp_path: Path
     assert report.verdict == "FAIL"
     (fault,) = [d for d in report.differences if d.excuse is None]
     assert fault.message == f"{RGB} does not hold the pixels whose digest the manifest has"
+
+
+@pytest.mark.parametrize("forge", ["digest", "surplus", "missing"])
+def test_rows_of_bodies_are_compared_where_the_trace_agrees(locked: Lockfile, forge: str) -> None:
+    key = next(iter(locked.bodies))
+    bodies = dict(locked.bodies)
+    if forge == "digest":
+        bodies[key] = replace(bodies[key], digest="1" * 64)
+    elif forge == "surplus":
+        bodies["f" * 64, "ghost"] = bodies[key]
+    else:
+        del bodies[key]
+    report = check(replace(locked, bodies=bodies))
+    assert (report.verdict, report.stage) == ("FAIL", "trace" if forge == "digest" else "lockfile")
+
+
+@pytest.mark.parametrize("forge", [{"sealed": False}, {"recipe": "imagenet"}])
+def test_a_forged_identity_of_a_dataset_fails_against_a_recipe(locked: Lockfile, built: Path, forge: Any) -> None:
+    honest = datasets.read(built)
+    assert check(locked, dataset=honest).verdict == "PASS"
+    report = check(locked, dataset=replace(honest, lock=replace(honest.lock, **forge)))
+    assert (report.verdict, report.stage) == ("FAIL", "lockfile")

@@ -13,11 +13,12 @@ from recipe_compiler.ir.errors import InputError
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.verify import trace_bundle
 
-from tests.runtime.fakes import scene_plan, simulate
+from tests.runtime.fakes import dataset_plan, scene_plan, simulate
 
 SCENES = [scene_plan(frames) for frames in (3, 5)]
 TRACES = {scene.digest: simulate(scene) for scene in SCENES}
 LOCKED = {scene: trace.digest for scene, trace in TRACES.items()}
+LIMITS = dict.fromkeys(TRACES, 1 << 20)
 
 
 def test_traces_come_back_whole(tmp_path: Path) -> None:
@@ -25,17 +26,17 @@ def test_traces_come_back_whole(tmp_path: Path) -> None:
     assert path.name == "street.traces"
     assert trace_bundle.write(path, TRACES)
     assert not trace_bundle.write(path, TRACES)
-    assert {s: t.digest for s, t in trace_bundle.read(path, LOCKED).items()} == LOCKED
+    assert {s: t.digest for s, t in trace_bundle.read(path, LOCKED, LIMITS).items()} == LOCKED
 
 
 def test_no_file_is_no_trace(tmp_path: Path) -> None:
-    assert trace_bundle.read(tmp_path / "street.traces", LOCKED) == {}
+    assert trace_bundle.read(tmp_path / "street.traces", LOCKED, LIMITS) == {}
 
 
 def test_a_trace_that_the_lockfile_does_not_name_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.traces").write_bytes(trace_bundle.dumps(TRACES))
-    with pytest.raises(InputError, match=r"not the lockfile's; `recipe lock --update --with-traces`"):
-        trace_bundle.read(tmp_path / "a.traces", {**LOCKED, SCENES[0].digest: "0" * 64})
+    with pytest.raises(InputError, match=r"not the lockfile's; lock the recipe again, with traces"):
+        trace_bundle.read(tmp_path / "a.traces", {**LOCKED, SCENES[0].digest: "0" * 64}, LIMITS)
 
 
 def test_a_trace_under_anothers_digest_is_refused(tmp_path: Path) -> None:
@@ -47,7 +48,7 @@ def test_a_trace_under_anothers_digest_is_refused(tmp_path: Path) -> None:
         body = body.replace(trace.digest.encode(), LOCKED[scene].encode())
     (tmp_path / "a.traces").write_bytes(body)
     with pytest.raises(InputError, match="is not what its digest says"):
-        trace_bundle.read(tmp_path / "a.traces", LOCKED)
+        trace_bundle.read(tmp_path / "a.traces", LOCKED, LIMITS)
 
 
 def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
@@ -56,8 +57,8 @@ def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
     for told in (1000, 1 << 40, -1):
         head = f"{scene} {LOCKED[scene]} {len(packed)} {told}\n".encode()
         (tmp_path / "a.traces").write_bytes(b"recipe-traces 1\n" + head + packed)
-        with pytest.raises(InputError, match=r"size that is told|bytes is none"):
-            trace_bundle.read(tmp_path / "a.traces", LOCKED)
+        with pytest.raises(InputError, match=r"the stated size|a Trace cannot have|more motion than"):
+            trace_bundle.read(tmp_path / "a.traces", LOCKED, LIMITS)
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -68,7 +69,7 @@ def test_any_damage_is_the_locked_motion_or_a_clear_refusal(tmp_path: Path, at: 
     path = tmp_path / "a.traces"
     path.write_bytes(body[:at] if cut else body)
     try:
-        found = trace_bundle.read(path, LOCKED)
+        found = trace_bundle.read(path, LOCKED, LIMITS)
     except InputError:
         return
     assert all(LOCKED[scene] == trace.digest for scene, trace in found.items())
@@ -82,3 +83,20 @@ def test_the_file_is_what_compressing_each_trace_at_once_gives() -> None:
     packed = zlib.compress(raw, 9)
     head = f"{scene.digest} {trace.digest} {len(packed)} {len(raw)}\n".encode()
     assert trace_bundle.dumps({scene.digest: trace}) == b"recipe-traces 1\n" + head + packed
+
+
+def test_a_scene_has_one_trace_of_at_most_its_motion(tmp_path: Path) -> None:
+    """Forty rows of one scene, each unpacked to a quarter of a gigabyte, filled the disk."""
+    path, one = tmp_path / "a.traces", {SCENES[0].digest: TRACES[SCENES[0].digest]}
+    body = trace_bundle.dumps(one)
+    head = b"recipe-traces 1\n"
+    path.write_bytes(body + body.removeprefix(head))
+    with pytest.raises(InputError, match="twice, or more motion"):
+        trace_bundle.read(path, LOCKED, LIMITS)
+    path.write_bytes(body)
+    with pytest.raises(InputError, match="twice, or more motion"):
+        trace_bundle.read(path, LOCKED, {SCENES[0].digest: 100})
+    plan = dataset_plan(frames=3)
+    limits = trace_bundle.size_limits(plan)
+    assert limits.keys() == {variant.scene.digest for variant in plan.variants}
+    assert all(len(simulate(v.scene).to_bytes()) < limits[v.scene.digest] < 2 << 20 for v in plan.variants)

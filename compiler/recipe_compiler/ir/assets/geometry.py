@@ -83,10 +83,10 @@ def finish(raws: Sequence[Raw], up: str) -> MeshData:
     check_count(sum(len(raw.triangles) * (1 + raw.both_sides) for raw in raws), "triangles", MAX_TRIANGLES)
     parts = [part for raw in raws if (part := _part(raw, up)) is not None]
     if not parts:
-        raise AssetError("holds no triangle that has an area; export it with faces")
+        raise AssetError("has no triangle with an area above 0; export it with faces")
     slots = len({part.slot for part in parts})
     if slots > MAX_SLOTS:
-        raise AssetError(f"{slots} materials are more than the most allowed, {MAX_SLOTS}; join some")
+        raise AssetError(f"{slots} materials exceed the limit of {MAX_SLOTS}; join some")
     low = np.min([part.vertices.min(axis=0) for part in parts], axis=0)
     high = np.max([part.vertices.max(axis=0) for part in parts], axis=0)
     return MeshData(tuple(parts), _triple(low), _triple(high))
@@ -95,7 +95,7 @@ def finish(raws: Sequence[Raw], up: str) -> MeshData:
 def check_count(count: int, what: str, most: int) -> None:
     """AssetError for more than the most allowed."""
     if count > most:
-        raise AssetError(f"{count} {what} are more than the most allowed, {most}; simplify the mesh")
+        raise AssetError(f"{count} {what} exceed the limit of {most}; simplify the mesh")
 
 
 def rounded(values: Floats) -> Floats:

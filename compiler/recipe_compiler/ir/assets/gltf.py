@@ -74,7 +74,7 @@ def _open(content: bytes) -> tuple[JsonObject, bytes | None]:
         return _parsed(content), None
     if len(content) < 20 or int.from_bytes(content[8:12], "little") != len(content):
         told = int.from_bytes(content[8:12], "little")
-        raise AssetError(f"its header tells of {told} bytes, but it has {len(content)}; export it again: it is cut")
+        raise AssetError(f"its header states {told} bytes, but it has {len(content)}; export it again")
     if int.from_bytes(content[4:8], "little") != 2:
         raise AssetError("is not glTF version 2; export it as glTF 2.0")
     chunks: dict[bytes, bytes] = {}
@@ -82,7 +82,7 @@ def _open(content: bytes) -> tuple[JsonObject, bytes | None]:
     while at + 8 <= len(content):
         length, kind = int.from_bytes(content[at : at + 4], "little"), content[at + 4 : at + 8]
         if at + 8 + length > len(content):
-            raise AssetError(f"is cut: a chunk of {length} bytes goes beyond its end; export it again")
+            raise AssetError(f"is truncated: a chunk of {length} bytes exceeds the file; export it again")
         chunks.setdefault(kind, content[at + 8 : at + 8 + length])
         at += 8 + length
     return _parsed(chunks.get(b"JSON", b"")), chunks.get(b"BIN\0")
@@ -94,12 +94,12 @@ def _parsed(text: bytes) -> JsonObject:
     try:
         found = json.loads(text.decode("utf-8-sig"), parse_constant=_no_number)
     except (ValueError, RecursionError):
-        raise AssetError("is not glTF: its description is no JSON; export it again") from None
+        raise AssetError("is not glTF: its content is not JSON; export it again") from None
     if not isinstance(found, dict) or not str(_object(found.get("asset", {})).get("version", "")).startswith("2."):
         raise AssetError("is not glTF version 2; export it as glTF 2.0")
     needed = sorted(set(map(str, _list(found.get("extensionsRequired", [])))) - _READ)
     if needed:
-        raise AssetError(f"needs the extension {needed[0][:40]!r}, which is not read here; export it without")
+        raise AssetError(f"needs the extension {needed[0][:40]!r}, which is not supported; export it without")
     return found
 
 
@@ -144,7 +144,7 @@ class _Document:
                 raise AssetError(f"node {index} is below itself or below two others; export it again")
             seen.add(index)
             if "skin" in node:
-                raise AssetError("is moved by a skeleton (skin), which is not read here; apply its pose, then export")
+                raise AssetError("has a skin (skeleton), which is not supported; apply its pose, then export it")
             matrix = _composed(above, _local(node))
             if "mesh" in node:
                 yield self._index("meshes", node["mesh"]), matrix
@@ -181,7 +181,7 @@ class _Document:
         """The parts of a mesh, moved by a node's matrix."""
         for primitive in map(_object, _list(self._item("meshes", mesh)["primitives"])):
             if primitive.get("mode", 4) != 4 or "targets" in primitive:
-                raise AssetError("holds lines, points, strips or morph targets; export it as plain triangles")
+                raise AssetError("has lines, points, strips or morph targets; export it as plain triangles")
             attributes, material = _object(primitive["attributes"]), self._material(primitive)
             points = self._floats(attributes["POSITION"], 3)
             normals = self._floats(attributes["NORMAL"], 3) if "NORMAL" in attributes else None
@@ -191,7 +191,7 @@ class _Document:
                 raise AssetError("has columns of different length; export it again")
             rows = self._array(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(len(points))
             if len(rows) % 3:
-                raise AssetError(f"{len(rows)} corners make no whole triangles; export it again")
+                raise AssetError(f"{len(rows)} corners are not a multiple of 3; export it again")
             triangles = rows.astype(np.int64).reshape(-1, 3)
             yield Raw(
                 material.slot,
@@ -209,7 +209,7 @@ class _Document:
         """A column of numbers; whole ones that stand for shares of 1 become that."""
         found = self._array(accessor)
         if found.shape[1] != width:
-            raise AssetError(f"has {found.shape[1]} numbers where there should be {width}; export it again")
+            raise AssetError(f"has {found.shape[1]} numbers instead of {width}; export it again")
         if self._item("accessors", accessor).get("normalized") and found.dtype.kind in "iu":
             scale = float(np.iinfo(found.dtype.str).max)
             return np.maximum(found.astype(np.float64) / scale, -1.0)
@@ -219,7 +219,7 @@ class _Document:
         """What an accessor describes, [count, width]; AssetError if it reaches beyond its data."""
         entry = self._item("accessors", accessor)
         if "sparse" in entry or "bufferView" not in entry:
-            raise AssetError("holds sparse or absent data, which is not read here; export it plainly")
+            raise AssetError("has sparse or missing accessor data, which is not supported; export it without")
         kind, width, count = (
             np.dtype(_KINDS[_whole(entry["componentType"])]),
             _WIDTHS[str(entry["type"])],
@@ -231,7 +231,7 @@ class _Document:
         stride = _whole(self._item("bufferViews", entry["bufferView"]).get("byteStride", row))
         start = _whole(entry.get("byteOffset", 0))
         if count == 0 or stride < row or start + (count - 1) * stride + row > len(view):
-            raise AssetError("a column reaches beyond its data, or is empty; export it again")
+            raise AssetError("an accessor is empty or exceeds its data; export it again")
         rows: NDArray[np.generic] = np.ndarray((count, width), kind, view, start, (stride, kind.itemsize))
         return rows.copy()
 
@@ -240,7 +240,7 @@ class _Document:
         start, length = _whole(entry.get("byteOffset", 0)), _whole(entry["byteLength"])
         buffer = self._buffer(entry["buffer"])
         if start + length > len(buffer):
-            raise AssetError("a view reaches beyond its buffer; export it again")
+            raise AssetError("a buffer view exceeds its buffer; export it again")
         return memoryview(buffer)[start : start + length]
 
     def _buffer(self, index: object) -> bytes:
@@ -267,14 +267,16 @@ class _Document:
         index = self._index("materials", primitive["material"])
         entry = self._item("materials", index)
         if entry.get("alphaMode", "OPAQUE") != "OPAQUE":
-            raise AssetError(f"material {self._slots[index]!r} is see-through (alphaMode); make it opaque")
+            raise AssetError(f"material {self._slots[index]!r} is transparent (alphaMode); make it opaque")
         base = _object(entry.get("pbrMetallicRoughness", {}))
         image, channel, repeat = None, 0, True
         if "baseColorTexture" in base:
             used = _object(base["baseColorTexture"])
             texture = self._item("textures", used["index"])
             if "source" not in texture or "KHR_texture_transform" in _object(used.get("extensions", {})):
-                raise AssetError("has a texture that is moved or in no plain format; export it with a PNG image")
+                raise AssetError(
+                    "has a transformed texture, or one in an unsupported format; export it with a PNG image"
+                )
             image, channel = _whole(texture["source"]), _whole(used.get("texCoord", 0))
             self._item("images", image)
             sampler = self._item("samplers", texture["sampler"]) if "sampler" in texture else {}
@@ -285,7 +287,7 @@ class _Document:
     def _repeats(self, sampler: JsonObject) -> bool:
         modes = {sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)}
         if not modes <= {_CLAMP, _REPEAT}:
-            raise AssetError("has a texture that repeats mirrored, which is not read here; let it repeat plainly")
+            raise AssetError("has a mirrored texture wrap mode, which is not supported; use plain repetition")
         return _REPEAT in modes
 
     def image(self, number: int) -> bytes:
@@ -312,7 +314,7 @@ def _colour(factor: object) -> str:
     """Linear RGBA as sRGB text."""
     rgb = [_number(value) for value in _list(factor)[:3]]
     if len(rgb) != 3 or not all(0.0 <= value <= 1.0 for value in rgb):
-        raise AssetError("a base colour is none: its numbers are not between 0 and 1; export it again")
+        raise AssetError("a base colour has numbers that are not between 0 and 1; export it again")
     curve = [12.92 * v if v <= 0.0031308 else 1.055 * exact.power(v, 1 / 2.4) - 0.055 for v in rgb]
     return "#" + "".join(f"{int(v * 255.0 + 0.5):02x}" for v in curve)
 
@@ -337,7 +339,7 @@ def _number(value: object) -> float:
 
 def _whole(value: object) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 1 << 40:
-        raise AssetError("a count or an offset is none; export it again")
+        raise AssetError("a count or an offset is invalid; export it again")
     return value
 
 
@@ -354,7 +356,7 @@ def _local(node: JsonObject) -> Matrix:
     x, y, z, w = _numbers(node.get("rotation", [0, 0, 0, 1]), 4)
     length = x * x + y * y + z * z + w * w
     if length < 1e-12:
-        raise AssetError("a node is turned by nothing (a quaternion of zeros); export it again")
+        raise AssetError("a node has a zero quaternion; export it again")
     d = 2.0 / length
     turn = (
         (1.0 - d * (y * y + z * z), d * (x * y - z * w), d * (x * z + y * w)),

@@ -67,7 +67,7 @@ class _Reader:
 
     def _numbers(self, column: list[list[float]], words: Sequence[bytes], least: int) -> None:
         if len(words) - 1 < least:
-            raise AssetError(f"{len(words) - 1} numbers where there should be {least}; export it again")
+            raise AssetError(f"{len(words) - 1} numbers instead of {least}; export it again")
         if len(column) >= MAX_VERTICES:
             check_count(len(column) + 1, "vertices", MAX_VERTICES)
         column.append([number(w) for w in words[1 : 1 + least]])
@@ -80,7 +80,7 @@ class _Reader:
             if cell:
                 found[place] = _index(cell, len(column))
         if len(cells) > 3 or found[0] < 0:
-            raise AssetError("a corner of a face names no vertex; export it again")
+            raise AssetError("a corner of a face has no vertex; export it again")
         return found[0], found[1], found[2]
 
     def _face(self, words: Sequence[bytes]) -> None:
@@ -129,7 +129,7 @@ def _index(cell: bytes, count: int) -> int:
     """From 1, or from -1 backwards, to from 0."""
     shown = cell[:20].decode("ascii", "replace")
     if not re.match(rb"-?[0-9]{1,9}\Z", cell):
-        raise AssetError(f"{shown!r} stands where a face's corner should; export it again")
+        raise AssetError(f"{shown!r} is not a corner of a face; export it again")
     value = int(cell)
     value = value - 1 if value > 0 else count + value
     if not 0 <= value < count or cell.strip(b"-0") == b"":

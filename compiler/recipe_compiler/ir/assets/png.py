@@ -32,11 +32,11 @@ def size(content: bytes) -> tuple[int, int]:
         kind = next((name for head, name in _ALIEN.items() if content.startswith(head)), "something else")
         raise AssetError(f"is not a PNG image but {kind}; save it as an 8-bit PNG, which decodes the same everywhere")
     if len(content) < 33 or content[8:16] != b"\0\0\0\rIHDR":
-        raise AssetError("is cut or damaged: it has no header; save it again")
+        raise AssetError("is truncated or damaged: it has no header; save it again")
     width, height, depth = struct.unpack(">IIB", content[16:25])
     if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= MAX_PIXELS):
-        most = f"{MAX_SIDE} a side and {MAX_PIXELS >> 20} Mpx"
-        raise AssetError(f"its header tells of {width} x {height} pixels, more than {most}, or none; make it smaller")
+        most = f"{MAX_SIDE} per side and {MAX_PIXELS >> 20} Mpx"
+        raise AssetError(f"its header states {width} x {height} pixels, not 1 to {most}; make it smaller")
     if depth > 8:
         raise AssetError(f"has {depth} bits a channel; save it with 8")
     return width, height
@@ -58,13 +58,13 @@ def decode(content: bytes, *, opaque: bool = True) -> Pixels:
                 pixels = np.asarray(file.convert("RGBA" if clear else "RGB"), np.uint8)
     except (OSError, ValueError, SyntaxError, EOFError, zlib.error, struct.error, Warning) as error:
         reason = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
-        raise AssetError(f"is cut or damaged: {reason}; save it again") from None
+        raise AssetError(f"is truncated or damaged: {reason}; save it again") from None
     except Image.DecompressionBombError:
-        raise AssetError("its pixels are more than its header tells; save it again") from None
+        raise AssetError("it has more pixels than its header states; save it again") from None
     if pixels.shape[:2] != (height, width):
-        raise AssetError("is damaged: its pixels are not those that its header tells of; save it again")
+        raise AssetError("is damaged: its pixels do not match its header; save it again")
     if clear and opaque and int(pixels[..., 3].min()) < 255:
-        raise AssetError("is partly see-through; flatten it on a background")
+        raise AssetError("is partly transparent; flatten it on a background")
     return np.ascontiguousarray(pixels[..., :3])
 
 
@@ -80,7 +80,7 @@ def _check_length(content: bytes, packed: bytes) -> None:
     """
     width, height, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", content[16:29])
     if colour not in _CHANNELS:
-        raise AssetError("is damaged: its header names no kind of colour; save it again")
+        raise AssetError("is damaged: the colour type in its header is invalid; save it again")
     passes = _PASSES if interlaced else ((0, 1, 0, 1),)
     length = 0
     for x, across, y, down in passes:
@@ -91,7 +91,7 @@ def _check_length(content: bytes, packed: bytes) -> None:
     except zlib.error:
         found = -1
     if found != length:
-        raise AssetError(f"is cut or damaged: its data are not the {length} bytes that its pixels take; save it again")
+        raise AssetError(f"is truncated or damaged: its pixels need {length} bytes of data; save it again")
 
 
 def _chunks(content: bytes) -> Iterator[bytes]:
@@ -99,15 +99,15 @@ def _chunks(content: bytes) -> Iterator[bytes]:
     at, kind = len(SIGNATURE), b""
     while kind != b"IEND":
         if at + 12 > len(content):
-            raise AssetError("is cut: its last chunk is missing; save it again")
+            raise AssetError("is truncated: its last chunk is missing; save it again")
         length, kind = struct.unpack(">I4s", content[at : at + 8])
         end = at + 12 + length
         if end > len(content):
-            raise AssetError(f"is cut: a chunk of {length} bytes goes beyond its end; save it again")
+            raise AssetError(f"is truncated: a chunk of {length} bytes exceeds the file; save it again")
         if kind == b"IHDR" and at != len(SIGNATURE):
             raise AssetError("is damaged: it has two headers; save it again")
         if kind in _KEPT:
             if zlib.crc32(content[at + 4 : end - 4]) != struct.unpack(">I", content[end - 4 : end])[0]:
-                raise AssetError("is damaged: a chunk's checksum does not fit; save it again")
+                raise AssetError("is damaged: the checksum of a chunk is wrong; save it again")
             yield content[at:end]
         at = end

@@ -26,7 +26,7 @@ def read(content: bytes) -> list[Raw]:
     else:
         expected = 84 + _FACET.itemsize * count
         raise AssetError(
-            f"its header tells of {count} triangles, {expected} bytes, but it has {len(content)}; export it again"
+            f"its header states {count} triangles ({expected} bytes), but it has {len(content)} bytes; export it again"
         )
     triangles = np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
     return [Raw(SLOT, corners, triangles, both_sides=True)]
@@ -38,7 +38,7 @@ def _text(content: bytes) -> Floats:
     check_count(count, "triangles", MAX_TRIANGLES)
     rows = _VERTEX.findall(lower)
     if len(rows) != 3 * count or b"endsolid" not in lower:
-        raise AssetError(f"is cut or damaged: {len(rows)} corners for {count} triangles; export it again")
+        raise AssetError(f"is truncated or damaged: {len(rows)} corners for {count} triangles; export it again")
     return np.array([number(word) for row in rows for word in row], np.float64).reshape(-1, 3)
 
 
@@ -53,4 +53,4 @@ def number(word: bytes) -> float:
             return float(word)
     except ValueError:
         pass
-    raise AssetError(f"{word[:20].decode('ascii', 'replace')!r} stands where a number should; export it again")
+    raise AssetError(f"{word[:20].decode('ascii', 'replace')!r} is not a number; export it again")

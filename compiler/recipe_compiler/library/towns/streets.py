@@ -11,7 +11,8 @@ import math
 from dataclasses import dataclass
 
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.plan import Point, Pose, fixed
+from recipe_compiler.ir.plan import Point, Pose
+from recipe_compiler.ir.plan_types import fixed
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.towns.town import Span
 

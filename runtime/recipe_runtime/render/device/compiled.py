@@ -26,7 +26,8 @@ from recipe_runtime.core.files import file_sha256, write_atomic
 LOCK_SECONDS = 300.0  # a process that is stopped while it compiles does not stop the others for longer
 _POLL_SECONDS = 0.1
 _LOADED = (".o", ".cubin", ".ptx", ".meta")
-_warned: set[Path] = set()
+_warned: set[Path] = set()  # folders of modules of which one was damaged
+_announced: set[Path] = set()  # folders of modules of which the first was compiled
 _LOG = logging.getLogger(__name__)  # where a program sets up no logging, a warning is a line on standard error
 
 
@@ -51,6 +52,7 @@ def load(wp: Any, module: Any, device: str, block_dim: int) -> None:
     with _alone(folder.parent):
         if not is_whole(folder):
             _discard(folder)
+            _announce(folder, device)
         wp.load_module(module, device=device, block_dim=block_dim)
         _note(folder)
 
@@ -89,6 +91,15 @@ def _discard(folder: Path) -> None:
         _warned.add(folder.parent)
         text = "compiled kernels in %s are damaged, or from an earlier version; compiling them again"
         _LOG.warning(text, printable(str(folder.parent)))
+
+
+def _announce(folder: Path, device: str) -> None:
+    """Say that compiling takes a while, once: before the first module of a version for this kind of device."""
+    suffixes = (".o",) if device == "cpu" else (".cubin", ".ptx")
+    if folder.parent in _warned | _announced or any(p.suffix in suffixes for p in sorted(folder.parent.glob("wp_*/*"))):
+        return
+    _announced.add(folder.parent)
+    _LOG.warning("compiling kernels, once for this version: about 30 s")
 
 
 def _kept(folder: Path) -> list[str]:

@@ -199,12 +199,15 @@ def add_lamps(
 
 
 @wp.func
-def is_swaying(air: wp.array[Air], pattern: wp.int32, to_point: wp.vec3f) -> wp.bool:
-    """Whether a point is of leaves or grass that are seen to move in the wind."""
+def swaying_phase(air: wp.array[Air], pattern: wp.int32, p: wp.vec3f, to_point: wp.vec3f) -> wp.int32:
+    """The phase of leaves or grass at a point, if they are seen to move in the wind; -1 for all else."""
+    phase = wp.int32(-1)
     swaying = air[0].flutter > 0.0 and (pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS)
     if swaying:
         swaying = dot(to_point, to_point) < MAX_LEAF_DISTANCE * MAX_LEAF_DISTANCE
-    return swaying
+    if swaying:
+        phase = leaf_phase(p)
+    return phase
 
 
 @wp.func
@@ -235,12 +238,12 @@ def weathered_material(
     air: wp.array[Air],
     i: wp.int32,
     pattern: wp.int32,
-    swaying: wp.bool,
+    phase: wp.int32,
     p: wp.vec3f,
     distance: wp.float32,
     m: Material,
 ) -> Material:
-    """The material of a sample in rain and wind; `swaying` is what `is_swaying` found."""
+    """The material of a sample in rain and wind; `phase` is what `swaying_phase` found."""
     # (Parts of a material are assigned one by one: the choice between two whole ones would go through memory.)
     if air[0].wet > 0.0:
         low = samples[0].puddle_depths[i]
@@ -251,8 +254,8 @@ def weathered_material(
         m.albedo = moist.albedo
         m.coat = moist.coat
         m.gloss = moist.gloss
-    if swaying:
-        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, leaf_step(leaf_phase(p), air[0].stirs))
+    if phase >= 0:
+        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, leaf_step(phase, air[0].stirs))
         m.albedo = moving.albedo
         m.normal = moving.normal
     return m
@@ -291,7 +294,7 @@ def shade_surface(
     tile: wp.int32,
     surface: wp.int32,
     pattern: wp.int32,
-    swaying: wp.bool,
+    phase: wp.int32,
     p: wp.vec3f,
     n: wp.vec3f,
     to_point: wp.vec3f,
@@ -305,14 +308,14 @@ def shade_surface(
         n = normalize(n - sight * (facing * -1.0))
         facing = wp.float32(0.0)
     m = dry_material(samples, colours, air, i, surface, pattern, n)
-    m = weathered_material(samples, air, i, pattern, swaying, p, distance, m)
+    m = weathered_material(samples, air, i, pattern, phase, p, distance, m)
     free = contact_occlusion(bodies, body_lists, tile, p, n)
     sky_left = open_sky(free, p, n)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
     light, shine, past = add_sun(air, beams, m, p, back, ambient(air, n) * sky_left)
     rest = AT_REST
-    if swaying:
-        rest = LEAF + wp.uint8(leaf_phase(p))
+    if phase >= 0:
+        rest = LEAF + wp.uint8(phase)
     known = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
     if air[0].night > 0.0:
         light, shine = add_lamps(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
@@ -369,12 +372,12 @@ def shade_samples(
     to_point = p - eye
     surface = nonnegative(surface)
     pattern = colours[0].pattern[surface]
-    swaying = is_swaying(air, pattern, to_point)
+    phase = swaying_phase(air, pattern, p, to_point)
     # (A dirty leaf is shaded: `is_light_unchanged` does not know how the wind has turned it. A normal that turns away
     # is bent first, below: these are few.)
     if (
         i < previous[0].known
-        and not swaying
+        and phase < 0
         and dot(n, to_point) <= 0.0
         and is_light_unchanged(previous, air, beams, bodies, body_lists, out_known[i], tile, p, n)
     ):
@@ -382,7 +385,7 @@ def shade_samples(
     mark_dirty(previous, samples[0].pixels[i])
     seen, mirrored, gloss, known = shade_surface(
         samples, colours, air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
-        i, tile, surface, pattern, swaying, p, n, to_point,
+        i, tile, surface, pattern, phase, p, n, to_point,
     )  # fmt: skip
     out_known[i] = known
     write_light(air, i, seen, mirrored, gloss, out_radiance, out_gleam, out_shown)

@@ -15,9 +15,9 @@ from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.body.skeleton import BICYCLE
 from recipe_runtime.simulation.path import Path
-from recipe_runtime.simulation.traffic import corridor, overtaking
+from recipe_runtime.simulation.traffic import corridor
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
-from recipe_runtime.simulation.traffic.corridor import Corridor, Obstacle
+from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE, Corridor, Obstacle
 from recipe_runtime.simulation.traffic.following import (
     HARDEST_BRAKING,
     following_acceleration,
@@ -27,14 +27,16 @@ from recipe_runtime.simulation.traffic.following import (
 )
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.lane_change import LaneChanger, Own
-from recipe_runtime.simulation.traffic.overtaking import Overtaking
+from recipe_runtime.simulation.traffic.overtaking import Overtaking, is_stalled
 from recipe_runtime.simulation.traffic.passage import Passage
 from recipe_runtime.simulation.traffic.road_map import Lanes, RoadMap, speed_profile
 
 _LATERAL, _EARLY_BRAKING = 2.0, 1.2  # m/s2 in bends, and before lower speeds
 _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
 _AT_LINE = 0.7  # metres between the front and the place where one waits
+_FIRM = 4.0  # m/s2, to stop where one waits and not only at the painted line behind it
 _LONG = 3.2  # half length from which the swing of the body counts
+_PULL_OUT = 11.0  # metres more behind a standing obstacle, from which a vehicle can pass it
 _IDLE_TICKS = 20  # decisions to go without moving, after which it counts as stalled, for example by a crash
 _LANE_TICKS = 8  # decisions between two looks at other lanes
 
@@ -54,6 +56,7 @@ class Driver:
         style: How it follows others.
         passage: Where it stands with the junctions on its path.
         offset: The offset that it wants now, metres to the left of its path.
+        line: The offset to which the vehicle should have come by now.
         desired: The speed that it would have on a free road, m/s.
         waiting: Whether it waits at a stop line, or will have to.
         horizon: The neighbours that it needs are within so many metres.
@@ -63,9 +66,10 @@ class Driver:
     def __init__(self, actor: ActorPlan, road_map: RoadMap, junctions: JunctionControl) -> None:
         self.actor, self.style = actor, style_of(actor.shape)
         self.base_offset = _BICYCLE_OFFSET if int(actor.shape["body"]) == BICYCLE else 0.0
-        self.passage = Passage()
-        self.offset, self.desired = self.base_offset, actor.speed
-        self.waiting, self.stalled = False, False
+        self.passage = Passage(extent=math.inf if actor.route else 0.0)
+        self.offset = self.line = self.base_offset
+        self.desired = actor.speed
+        self.waiting, self.stalled = False, not actor.route or actor.speed <= 0.0
         self.horizon = 60.0
         self._map, self._junctions = road_map, junctions
         self._path: Path | None = None
@@ -102,25 +106,26 @@ class Driver:
         wish = min(free, self._before_line(vehicle, line, free), self._before_goal(vehicle, free))
         nearest: Obstacle | None = None
         for obstacle in found:
-            if self._overtaking.passes(obstacle, vehicle):
-                continue
             if nearest is None or obstacle.gap < nearest.gap:
                 nearest = obstacle
+            gap = obstacle.gap - self._spare(vehicle, obstacle)
             standstill = style.gap + (0.5 if obstacle.person else 0.0)
-            leader = obstacle.speed
-            wish = min(wish, following_acceleration(speed, free, obstacle.gap, leader, style, standstill))
+            wish = min(wish, following_acceleration(speed, free, gap, obstacle.speed, style, standstill))
         self._idle = self._idle + 1 if speed < 0.1 and wish > 0.2 else 0
         self.stalled = self._idle > _IDLE_TICKS or self.arrived(vehicle)
         self._note_room(vehicle, found, line)
         self.waiting = line < 12.0
-        self._choose_offset(vehicle, neighbours, nearest, line, seconds)
+        step = 0.1 * min(SIDESTEP, SIDESTEP_SLOPE * max(speed, 0.0))
+        aside = self.offset - self.line
+        self.line = self.offset if abs(aside) <= step else self.line + (step if aside > 0.0 else -step)
+        self._choose_offset(vehicle, neighbours, nearest, seconds)
         return Command(max(-HARDEST_BRAKING, wish), self.offset)
 
     def _take_path(self, vehicle: Vehicle) -> None:
         """Compute the speeds along a new path."""
         path = self._path = vehicle.path
         self._changer, self._overtaking = LaneChanger(), Overtaking()
-        self.offset = self.base_offset
+        self.offset = self.line = self.base_offset
         if path.legs:
             goal = self.actor.entry is None
             self._profile = speed_profile(path, self._map, lateral=_LATERAL, braking=_EARLY_BRAKING, goal=goal)
@@ -138,7 +143,10 @@ class Driver:
         crossing = self.passage.next
         if crossing is None or self.passage.granted:
             return math.inf
-        return crossing.entry - self._junctions.setback(crossing) - vehicle.progress - vehicle.reach
+        painted = crossing.entry - vehicle.progress - vehicle.reach
+        hold = painted - self._junctions.setback(crossing)
+        needed = stopping_distance(vehicle.speed, _FIRM)
+        return hold if hold > needed - 0.3 else max(hold, min(painted, needed + _AT_LINE))
 
     def _before_line(self, vehicle: Vehicle, line: float, free: float) -> float:
         """Return the acceleration that stops at the line."""
@@ -160,13 +168,13 @@ class Driver:
     def _corridor(self, vehicle: Vehicle, line: float) -> Corridor:
         """Return the strip in which others matter."""
         speed = vehicle.speed
-        length = 10.0 + 2.2 * speed + stopping_distance(speed, 2.2)
+        length = _PULL_OUT + 5.0 + 2.0 * speed + stopping_distance(speed, 2.2)
         crossing = self.passage.next
         if crossing is not None:
             to_line = crossing.entry - vehicle.progress
             if to_line < 30.0:  # to see whether there is room behind the junction
                 length = max(length, crossing.leave - vehicle.progress + vehicle.reach + 6.0)
-        return Corridor.of(vehicle, min(length, self.horizon - 5.0), (vehicle.offset, self.offset))
+        return Corridor.of(vehicle, min(length, self.horizon - 5.0), self.offset, self._map)
 
     def _swung_at(self, vehicle: Vehicle, neighbours: Sequence[Body], found: list[Obstacle]) -> list[Obstacle]:
         """Return the vehicles at which a long body would swing in the junction that it is in."""
@@ -191,13 +199,20 @@ class Driver:
                     more.append(Obstacle(body, contact - after - 0.5, 0.0, 0.0, 0.0, False))
         return more
 
+    def _spare(self, vehicle: Vehicle, obstacle: Obstacle) -> float:
+        """Return the metres to keep beyond the usual ones: enough to pull out behind what stays where it is."""
+        if obstacle.person or self._lanes is not None or abs(obstacle.speed) > 0.2 or not is_stalled(obstacle.body):
+            return 0.0
+        room = obstacle.gap - self.style.gap - stopping_distance(vehicle.speed, _FIRM)
+        return max(0.0, min(_PULL_OUT, room))
+
     def _note_room(self, vehicle: Vehicle, found: Sequence[Obstacle], line: float) -> None:
         """Store how far the front may go before it stands behind somebody."""
         room = solid = math.inf
         for obstacle in found:
             here = obstacle.gap
             driver = getattr(obstacle.body, "driver", None)
-            if not obstacle.person and driver is not None and driver.path_like(vehicle, obstacle.body):
+            if not obstacle.person and driver is not None and driver.leads(vehicle, obstacle.body):
                 here += max(0.0, driver.passage.extent)
             room = min(room, here)
             solid = solid if obstacle.person else min(solid, here)
@@ -205,14 +220,13 @@ class Driver:
         end = math.inf if self.actor.entry is not None else vehicle.path.length - vehicle.progress
         self.passage.extent = max(0.0, min(room, line, end))
 
-    def path_like(self, vehicle: Vehicle, own: Body) -> bool:
-        """Return whether this driver's vehicle goes on in about the direction of another one."""
-        return (
-            self.actor.speed > 0.0 and vehicle.heading[0] * own.heading[0] + vehicle.heading[1] * own.heading[1] > 0.3
-        )
+    def leads(self, vehicle: Vehicle, own: Body) -> bool:
+        """Return whether this driver's own vehicle goes on in about the direction of another one."""
+        (ax, ay), (bx, by) = vehicle.heading, own.heading
+        return self.actor.speed > 0.0 and ax * bx + ay * by > 0.3
 
     def _choose_offset(
-        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, line: float, seconds: float
+        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, seconds: float
     ) -> None:
         """Choose a lane, or overtake."""
         self._ticks += 1
@@ -221,6 +235,5 @@ class Driver:
                 own = Own(vehicle.speed, self.desired, 2.0 * vehicle.reach, self.style)
                 self.offset = self._changer.decide(vehicle, own, self._lanes, neighbours, seconds)
             return
-        room = overtaking.room_ahead(vehicle, self.passage)
-        shift = self._overtaking.decide(vehicle, neighbours, nearest, room, self.desired)
+        shift = self._overtaking.decide(vehicle, neighbours, nearest, self._map)
         self.offset = self.base_offset if shift is None else shift

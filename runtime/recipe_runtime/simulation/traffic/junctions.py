@@ -23,7 +23,7 @@ from recipe_compiler.ir.signals import light
 
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.following import stopping_distance
-from recipe_runtime.simulation.traffic.passage import Crossing, Passage
+from recipe_runtime.simulation.traffic.passage import Crossing, Passage, decision_distance
 from recipe_runtime.simulation.traffic.road_map import DIRECTIONS, RoadMap
 from recipe_runtime.simulation.traffic.swept_path import Movement, Overlap, sweep
 
@@ -173,20 +173,21 @@ class JunctionControl:
         for a in approaches:
             a.passage.see(a.vehicle, a.hold, seconds, dt, self._light(a, seconds) != "red")
         for a in sorted(approaches, key=lambda a: (a.passage.since, a.order)):
-            speed, passage = a.vehicle.speed, a.passage
+            passage = a.passage
             if passage.granted:
                 if self._must_give_back(a, seconds):
                     self._release(passage, a.crossing)
                 continue
             passage.reason = self._reason(a, approaches, seconds)
-            if not passage.reason and a.hold < stopping_distance(speed, 1.5) + speed + 6.0:
+            if not passage.reason and a.hold < decision_distance(a.vehicle.speed):
                 passage.granted, passage.stood = True, 0.0
                 self._claims[number].append((passage, a.crossing, a.vehicle))
 
     def _must_give_back(self, a: _Approach, seconds: float) -> bool:
         """Return whether a vehicle with permission that has not entered loses it."""
         can_stop = a.distance > stopping_distance(a.vehicle.speed, _FIRM)
-        if a.passage.stood > _GIVES_UP or (can_stop and not a.passage.has_room(a.vehicle)):
+        calmly = a.distance > stopping_distance(a.vehicle.speed, _COMFORTABLE) + 0.5
+        if a.passage.stood > _GIVES_UP or (calmly and not a.passage.has_room(a.vehicle)):
             return True
         return can_stop and a.vehicle.actor.obeys and self._light(a, seconds) in ("red", "amber")
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
-from recipe_runtime.simulation.traffic.following import Style, following_acceleration, free_acceleration
+from recipe_runtime.simulation.traffic.following import Style, free_acceleration, idm
 from recipe_runtime.simulation.traffic.road_map import Lanes
 
 POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.15, 0.2  # the last two in m/s2
@@ -48,7 +48,7 @@ def acceleration(follower: Own | Neighbour, leader: Neighbour | None, gap: float
     if leader is None or gap == math.inf:
         return free
     style = follower.style
-    return min(free, following_acceleration(follower.speed, free, gap, leader.speed, style, style.gap))
+    return min(free, idm(follower.speed, free, gap, leader.speed, style, style.gap))
 
 
 def gain(

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from recipe_runtime.body.skeleton import BICYCLE, is_person
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.corridor import Corridor, Obstacle, obstacles
-from recipe_runtime.simulation.traffic.passage import Passage
+from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 _BESIDE_RIDER, _BESIDE_CAR = 1.2, 0.6  # metres between the sides
 _LEFT_EDGE = 4.3  # metres to the left of the lane's middle that the vehicle's side may reach
-_LATERAL = 1.0  # m/s, sideways
 _NEAR = 22.0  # metres; farther leaders are not overtaken yet
 _AFTER = 3.0  # metres between the two when it is back in its lane
-_STANDS = 4.0  # seconds after which what stands is passed
+_STANDS, _PERSON_STANDS = 4.0, 25.0  # seconds after which a vehicle that stands is passed, and a pedestrian
 _TICK = 0.1  # seconds
 
 
@@ -39,19 +38,8 @@ class Overtaking:
         self._behind: Body | None = None
         self._seconds = 0.0  # for which it has been behind somebody who stands
 
-    def passes(self, obstacle: Obstacle, vehicle: Vehicle) -> bool:
-        """Return whether an obstacle is being overtaken and the vehicle will be beside its way in time."""
-        plan = self._plan
-        if plan is None or obstacle.body is not plan.body:
-            return False
-        if plan.offset - vehicle.radius < obstacle.left + 0.2:
-            return False
-        aside = max(0.0, obstacle.left + 0.3 - (vehicle.offset - vehicle.radius))
-        closing = max(0.0, vehicle.speed - obstacle.speed)
-        return obstacle.gap > closing * aside / _LATERAL + 0.7
-
     def decide(
-        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, room: float, desired: float
+        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, roads: RoadMap
     ) -> float | None:
         """Return the offset for overtaking, metres to the left of the path; None to stay in the lane.
 
@@ -59,26 +47,27 @@ class Overtaking:
             vehicle: The vehicle, on a street.
             neighbours: Agents in its neighbourhood, in plan order.
             nearest: The nearest obstacle in its corridor that is not being overtaken.
-            room: Metres of straight road ahead of its front without a junction.
-            desired: The speed that it would have on a free road, m/s.
+            roads: The roads.
         """
+        desired = vehicle.driver.desired
         self._count(nearest)
         if self._plan is not None:
-            return self._go_on(vehicle, neighbours, self._plan, room, desired)
-        if nearest is None or not self._wants(nearest, desired) or nearest.gap > _NEAR:
+            return self._go_on(vehicle, neighbours, self._plan, roads)
+        if nearest is None or nearest.gap > _NEAR or not self._wants(nearest, desired):
             return None
+        room = room_ahead(vehicle)
         rider = nearest.person or _is_bicycle(nearest.body)
         offset = nearest.left + (_BESIDE_RIDER if rider else _BESIDE_CAR) + vehicle.radius
         if offset + vehicle.radius > _LEFT_EDGE or nearest.right > 1.0:
             return None
-        if not _free(vehicle, neighbours, nearest.body, (nearest.gap, nearest.speed), offset, room, desired):
+        if not _free(vehicle, neighbours, nearest.body, (nearest.gap, nearest.speed), offset, room, roads):
             return None
         self._plan = _Plan(nearest.body, offset)
         return offset
 
     def _count(self, nearest: Obstacle | None) -> None:
         """Measure for how long the same body has stood ahead without waiting for others."""
-        stands = nearest is not None and abs(nearest.speed) < 0.2 and nearest.gap < 12.0 and _is_stalled(nearest.body)
+        stands = nearest is not None and abs(nearest.speed) < 0.2 and nearest.gap < 16.0 and is_stalled(nearest.body)
         if nearest is None or not stands or nearest.body is not self._behind:
             self._seconds = 0.0
         self._behind = nearest.body if nearest is not None else None
@@ -87,12 +76,10 @@ class Overtaking:
     def _wants(self, nearest: Obstacle, desired: float) -> bool:
         """Return whether a leader is one to be overtaken."""
         if abs(nearest.speed) < 0.3:
-            return self._seconds > _STANDS
+            return self._seconds > (_PERSON_STANDS if nearest.person else _STANDS)
         return _is_bicycle(nearest.body) and 0.0 < nearest.speed < 0.75 * desired
 
-    def _go_on(
-        self, vehicle: Vehicle, neighbours: Sequence[Body], plan: _Plan, room: float, desired: float
-    ) -> float | None:
+    def _go_on(self, vehicle: Vehicle, neighbours: Sequence[Body], plan: _Plan, roads: RoadMap) -> float | None:
         """Continue, end or give up."""
         tx, ty = vehicle.path.tangent(vehicle.progress)
         body = plan.body
@@ -103,14 +90,16 @@ class Overtaking:
             return None
         if ahead > sizes:  # not yet beside
             speed = body.velocity[0] * tx + body.velocity[1] * ty
-            if not _free(vehicle, neighbours, body, (ahead - sizes, speed), plan.offset, room + 4.0, desired):
+            leader, room = (ahead - sizes, speed), room_ahead(vehicle) + 4.0
+            if not _free(vehicle, neighbours, body, leader, plan.offset, room, roads):
                 self._plan = None
                 return None
         return plan.offset
 
 
-def room_ahead(vehicle: Vehicle, passage: Passage) -> float:
+def room_ahead(vehicle: Vehicle) -> float:
     """Return the metres of straight road ahead of a vehicle's front without a junction; 0 in a junction."""
+    passage = vehicle.driver.passage
     if passage.left < passage.entered:
         return 0.0
     path, front = vehicle.path, vehicle.progress + vehicle.reach
@@ -131,7 +120,7 @@ def _free(
     leader: tuple[float, float],
     offset: float,
     room: float,
-    desired: float,
+    roads: RoadMap,
 ) -> bool:
     """Return whether there is time and room to pass a body.
 
@@ -142,19 +131,19 @@ def _free(
         leader: Its distance from the vehicle's front, and its speed, m and m/s.
         offset: The offset while passing.
         room: Metres without a junction ahead.
-        desired: Speed while passing.
+        roads: The roads.
     """
     gap, speed = leader
-    pace = max(1.5, (vehicle.speed + 2.0 * desired) / 3.0)
+    pace = max(1.5, (vehicle.speed + 2.0 * vehicle.driver.desired) / 3.0)
     if pace - speed < 1.0:
         return False
     seconds = (gap + 2.0 * (body.reach + vehicle.reach) + _AFTER) / (pace - max(0.0, speed)) + 0.5
     way = pace * seconds
     if way > room:
         return False
-    back = vehicle.offset if vehicle.offset < 0.5 else 0.0
-    strip = Corridor.of(vehicle, min(2.5 * way + 15.0, vehicle.driver.horizon), (offset, back))
-    for other in obstacles(strip, neighbours):
+    length = min(2.5 * way + 15.0, vehicle.driver.horizon)
+    lanes = [Corridor.of(vehicle, length, target, roads) for target in (vehicle.driver.base_offset, offset)]
+    for other in [*obstacles(lanes[0], neighbours), *obstacles(lanes[1], neighbours)]:
         if other.body is body:
             continue
         at = other.gap + other.speed * seconds  # of its nearest part when the vehicle is back
@@ -169,7 +158,7 @@ def _overtaken(vehicle: Vehicle, neighbours: Sequence[Body], offset: float) -> b
     for body in neighbours:
         dx, dy = body.x - vehicle.x, body.y - vehicle.y
         along, aside = dx * tx + dy * ty, dy * tx - dx * ty
-        if -25.0 < along <= 0.0 and aside - body.radius + vehicle.radius > 0.3 and aside < offset + 2.0:
+        if -25.0 < along <= 0.0 and aside > body.radius - vehicle.radius + 0.3 and aside < offset + 2.0:
             speed = body.velocity[0] * tx + body.velocity[1] * ty
             if along + body.reach > -vehicle.reach - 1.0 and abs(aside) < 3.5 and speed > -0.5:
                 return True
@@ -182,7 +171,7 @@ def _is_bicycle(body: Body) -> bool:
     return not is_person(body.actor.shape) and int(body.actor.shape["body"]) == BICYCLE
 
 
-def _is_stalled(body: Body) -> bool:
+def is_stalled(body: Body) -> bool:
     """Return whether a body stands for a reason of its own: not in a queue, nor at a stop line."""
     driver = getattr(body, "driver", None)
     return driver is None or driver.stalled

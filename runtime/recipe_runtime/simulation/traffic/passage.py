@@ -7,13 +7,20 @@ from dataclasses import dataclass, field
 
 from recipe_runtime.simulation.path import Path
 from recipe_runtime.simulation.traffic.agents import Vehicle
+from recipe_runtime.simulation.traffic.following import stopping_distance
 from recipe_runtime.simulation.traffic.road_map import direction_of
 from recipe_runtime.simulation.traffic.swept_path import Movement
 
 _STANDING = 0.3  # m/s
 _AT_THE_LINE = 6.0  # metres before the waiting place within which a standing vehicle waits for the junction
+_STOPPED_SPEED = 0.1  # m/s
 _STOPPED = 3.0  # metres before it within which a stop counts at a stop sign
 _BEHIND = 1.0  # metres between a junction and the rear of a vehicle that stands behind it
+
+
+def decision_distance(speed: float) -> float:
+    """Return the metres before a stop line within which a vehicle asks for permission, so that it need not brake."""
+    return stopping_distance(speed, 1.5) + speed + 6.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,10 +88,10 @@ class Passage:
             dt: Seconds since the last update.
             free: Whether the light allows going.
         """
-        if self.since == math.inf and hold < 15.0:
+        if self.since == math.inf and hold < decision_distance(vehicle.speed):
             self.since = seconds
         if vehicle.speed < _STANDING and hold < _AT_THE_LINE:
-            self.stopped = self.stopped or hold < _STOPPED
+            self.stopped = self.stopped or (hold < _STOPPED and vehicle.speed < _STOPPED_SPEED)
             self.waited += dt if free else 0.0
             self.stood += dt if self.granted else 0.0
 

@@ -38,6 +38,7 @@ class Junction:
 
     x: float
     y: float
+    half: tuple[float, float]  # half its size along x and y, without the ways to its stop lines
     arms: tuple[Arm, Arm, Arm, Arm]
 
     @property
@@ -105,6 +106,12 @@ class RoadMap:
         road = self._road(x, y)
         return road.limit if road else None
 
+    def paved(self, x: float, y: float) -> bool:
+        """Return whether a position is on a carriageway or a junction."""
+        if self._road(x, y) is not None:
+            return True
+        return any(abs(x - j.x) < j.half[0] and abs(y - j.y) < j.half[1] for j in self.junctions)
+
     def lanes(self, x: float, y: float) -> Lanes | None:
         """Return the lanes beside the one at a position; None on a street, and off the road."""
         road = self._road(x, y)
@@ -113,7 +120,7 @@ class RoadMap:
         dx, dy = x - road.x, y - road.y
         aside = dy * road.along[0] - dx * road.along[1]
         from_right = aside + road.half_width - road.shoulder
-        number = min(max(int(math.floor(from_right / road.lane)), 0), road.lanes - 1)  # 0 is the rightmost
+        number = min(max(math.floor(from_right / road.lane), 0), road.lanes - 1)  # 0 is the rightmost
         return Lanes(road.lanes - 1 - number, number, road.lane)
 
     def passages(self, path: Path) -> list[tuple[int, float, float]]:
@@ -204,8 +211,9 @@ def direction_of(vector: tuple[float, float]) -> int:
 
 
 def _junction(e: Element) -> Junction:
-    x, y = e.size[0] / 2 + _LINE, e.size[1] / 2 + _LINE
-    return Junction(e.pose.x, e.pose.y, (Arm(x), Arm(y), Arm(x), Arm(y)))
+    half = (e.size[0] / 2, e.size[1] / 2)
+    x, y = half[0] + _LINE, half[1] + _LINE
+    return Junction(e.pose.x, e.pose.y, half, (Arm(x), Arm(y), Arm(x), Arm(y)))
 
 
 def _clip(

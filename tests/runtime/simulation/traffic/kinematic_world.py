@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from typing import Literal
 
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, Point, Pose, TownPlan
@@ -12,12 +12,12 @@ from recipe_compiler.ir.signals import light
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints, towns
 from recipe_runtime.simulation.path import Path
-from recipe_runtime.simulation.traffic.driver import Driver
+from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE
+from recipe_runtime.simulation.traffic.driver import Command, Driver
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 TICK = 0.1
-_LATERAL = 1.0
 
 
 def actor(
@@ -27,46 +27,40 @@ def actor(
     start: tuple[float, float, float],
     route: Sequence[tuple[float, float]] = (),
     speed: float | None = None,
-    **more: object,
+    obeys: bool = True,
 ) -> ActorPlan:
     """A plan of an actor; `start` is x, y and yaw."""
     found = blueprints.match(blueprint)[0]
     return ActorPlan(
-        name=name, blueprint=found.id, category=found.category, tag=found.tag, instance=1, shape=dict(found.shape),
-        start=Pose(x=start[0], y=start[1], yaw=start[2]), route=tuple(Point(x=x, y=y) for x, y in route),
-        speed=found.default_speed if speed is None else speed, **more,
-    )  # fmt: skip
+        name=name,
+        blueprint=found.id,
+        category=found.category,
+        tag=found.tag,
+        instance=1,
+        shape=dict(found.shape),
+        start=Pose(x=start[0], y=start[1], yaw=start[2]),
+        route=tuple(Point(x=x, y=y) for x, y in route),
+        speed=found.default_speed if speed is None else speed,
+        obeys=obeys,
+    )
 
 
-@dataclass(eq=False)
 class Dummy:
-    """A vehicle or a pedestrian: position, heading and speed along a path."""
+    """A body on a path: position, heading and speed."""
 
-    actor: ActorPlan
-    driver: Driver | None = None
-    path: Path = field(init=False)
-    progress: float = 0.0
-    offset: float = 0.0
-    speed: float = 0.0
-    present: bool = True
-    waiting: bool = False
-    acceleration: float = 0.0
-    stood: float = 0.0  # seconds that it has stood without a break
-    longest: float = 0.0
-
-    def __post_init__(self) -> None:
-        start = self.actor.start
-        self.path = Path([(start.x, start.y), *((p.x, p.y) for p in self.actor.route)])
-        shape = self.actor.shape
+    def __init__(self, actor: ActorPlan) -> None:
+        self.actor = actor
+        start, shape = actor.start, actor.shape
+        self.path = Path([(start.x, start.y), *((p.x, p.y) for p in actor.route)])
         self.radius = shape["width"] / 2 if "width" in shape else 0.13 * shape["height"]
         self.reach = shape["length"] / 2 if "width" in shape else self.radius
         self.x, self.y = start.x, start.y
         s, c = exact.sin_cos_deg(start.yaw)
         self.heading, self.velocity = (c, s), (0.0, 0.0)
-        if self.driver is not None:
-            self.offset = self.driver.base_offset
-            self.progress = -0.0
-        self.place()
+        self.progress = self.offset = self.speed = 0.0
+        self.present, self.waiting = True, False
+        self.acceleration = 0.0
+        self.stood = self.longest = 0.0  # seconds that it has stood without a break, now and at most
 
     def place(self) -> None:
         """Put the body where its progress and offset say."""
@@ -87,6 +81,16 @@ class Dummy:
                 for u, v in ((1, 1), (1, -1), (-1, -1), (-1, 1))]  # fmt: skip
 
 
+class Car(Dummy):
+    """A vehicle with its driver."""
+
+    def __init__(self, actor: ActorPlan, driver: Driver) -> None:
+        super().__init__(actor)
+        self.driver = driver
+        self.offset = driver.base_offset
+        self.place()
+
+
 class KinematicWorld:
     """Vehicles and pedestrians of a town, ten ticks a second."""
 
@@ -94,8 +98,9 @@ class KinematicWorld:
         self.road_map = RoadMap(town)
         self.junctions = JunctionControl(self.road_map)
         self.bodies = [
-            Dummy(a, Driver(a, self.road_map, self.junctions) if a.category == "vehicle" else None) for a in actors
+            Car(a, Driver(a, self.road_map, self.junctions)) if a.category == "vehicle" else Dummy(a) for a in actors
         ]
+        self.cars = [body for body in self.bodies if isinstance(body, Car)]
         self.tick, self._start = 0, start
         self.on_red: list[tuple[str, float]] = []
         self.overlaps: set[tuple[str, str]] = set()
@@ -105,8 +110,11 @@ class KinematicWorld:
     def seconds(self) -> float:
         return self._start + TICK * self.tick
 
-    def __getitem__(self, name: str) -> Dummy:
-        return next(b for b in self.bodies if b.actor.name == name)
+    def __getitem__(self, name: str) -> Car:
+        return next(car for car in self.cars if car.actor.name == name)
+
+    def walker(self, name: str) -> Dummy:
+        return next(body for body in self.bodies if body.actor.name == name)
 
     def run(self, seconds: float, *, check: bool = True) -> None:
         for _ in range(round(seconds / TICK)):
@@ -117,45 +125,49 @@ class KinematicWorld:
     def step(self) -> None:
         t, bodies = self.seconds, self.bodies
         self.junctions.update(bodies, t)
-        commands = []
+        commands: list[tuple[Car, Command]] = []
+        for car in self.cars:
+            if car.present:
+                reach = car.driver.horizon
+                near = [
+                    other
+                    for other in bodies
+                    if other is not car
+                    and other.present
+                    and abs(other.x - car.x) < reach
+                    and abs(other.y - car.y) < reach
+                ]
+                commands.append((car, car.driver.decide(car, near, t)))
+                self.decisions += 1
+        for car, command in commands:
+            before, car.waiting = car.progress, car.driver.waiting
+            self._move(car, command)
+            self._check_red(car, before, t)
         for body in bodies:
-            if body.driver is None or not body.present:
-                commands.append(None)
-                continue
-            reach = body.driver.horizon
-            near = [
-                o for o in bodies
-                if o is not body and o.present and abs(o.x - body.x) < reach and abs(o.y - body.y) < reach
-            ]  # fmt: skip
-            commands.append(body.driver.decide(body, near, t))
-            self.decisions += 1
-        for body, command in zip(bodies, commands, strict=True):
-            before = body.progress
-            if command is not None:
-                body.waiting = body.driver.waiting
-                self._move(body, command.acceleration, command.offset)
-                self._check_red(body, before, t)
-            elif body.driver is None:
+            if not isinstance(body, Car):
                 self._walk(body)
+            elif not body.present:
+                self._enter(body)
             body.stood = body.stood + TICK if body.speed < 0.1 else 0.0
             body.longest = max(body.longest, body.stood)
         self.tick += 1
 
-    def _move(self, body: Dummy, acceleration: float, offset: float) -> None:
-        a = max(-8.0, min(3.5, acceleration))
+    def _move(self, body: Car, command: Command) -> None:
+        a = max(-8.0, min(3.5, command.acceleration))
         speed = max(0.0, body.speed + a * TICK)
         body.acceleration = (speed - body.speed) / TICK
         body.progress += (body.speed + speed) / 2 * TICK
         body.speed = speed
-        step = min(_LATERAL, 0.4 * speed) * TICK
-        body.offset += max(-step, min(step, offset - body.offset))
+        step = min(SIDESTEP, SIDESTEP_SLOPE * speed) * TICK
+        body.offset += max(-step, min(step, command.offset - body.offset))
         if body.actor.entry is not None and body.progress >= body.path.length:
             self._enter(body)
         body.place()
 
-    def _enter(self, body: Dummy) -> None:
+    def _enter(self, body: Car) -> None:
         """Through traffic: begin at the entry again when there is room, else stay away."""
         entry = body.actor.entry
+        assert entry is not None
         s, c = exact.sin_cos_deg(entry.yaw)
         for other in self.bodies:
             dx, dy = other.x - entry.x, other.y - entry.y
@@ -175,7 +187,8 @@ class KinematicWorld:
             return
         (hx, hy), ahead = body.path.tangent(body.progress), 0.0
         for other in self.bodies:
-            if other.driver is None or other.speed < 0.5:
+            far = max(abs(other.x - body.x), abs(other.y - body.y)) > 30.0
+            if far or not isinstance(other, Car) or other.speed < 0.5:
                 continue
             for k in (0.0, 0.5, 1.0, 1.5, 2.0):
                 dx = body.x + hx * 1.4 * k - other.x - other.velocity[0] * k
@@ -188,7 +201,7 @@ class KinematicWorld:
         body.progress += body.speed * TICK
         body.place()
 
-    def _check_red(self, body: Dummy, before: float, t: float) -> None:
+    def _check_red(self, body: Car, before: float, t: float) -> None:
         for crossing in body.driver.passage.crossings:
             if before + body.reach <= crossing.entry < body.progress + body.reach:
                 signal = self.road_map.junctions[crossing.junction].arms[crossing.arm].signal
@@ -196,16 +209,16 @@ class KinematicWorld:
                     self.on_red.append((body.actor.name, t))
 
     def find_overlaps(self, deeper: float = 0.05) -> None:
-        bodies = [b for b in self.bodies if b.present]
+        bodies = [car for car in self.cars if car.present]
         for n, a in enumerate(bodies):
             for b in bodies[:n]:
                 far = a.reach + b.reach
-                if abs(a.x - b.x) < far and abs(a.y - b.y) < far and (a.driver or b.driver):
-                    if _overlap(a.corners(deeper), b.corners(deeper)):
-                        self.overlaps.add((b.actor.name, a.actor.name))
+                near = abs(a.x - b.x) < far and abs(a.y - b.y) < far
+                if near and _overlap(a.corners(deeper), b.corners(deeper)):
+                    self.overlaps.add((b.actor.name, a.actor.name))
 
     def mean_speed(self) -> float:
-        moving = [b.speed for b in self.bodies if b.driver and b.present and b.actor.speed > 0]
+        moving = [car.speed for car in self.cars if car.present and car.actor.speed > 0]
         return sum(moving) / max(1, len(moving))
 
 
@@ -220,11 +233,17 @@ def _overlap(a: Sequence[tuple[float, float]], b: Sequence[tuple[float, float]])
     return True
 
 
-def town_traffic(name: str, vehicles: int, pedestrians: int, seconds: float, seed: int = 1, **params: object):
+def town_traffic(
+    name: str, vehicles: int, pedestrians: int, seconds: float, seed: int = 1, **params: object
+) -> tuple[towns.Town, list[ActorPlan]]:
     """A town, and plans of traffic in it as the compiler would place it."""
     town = towns.build(name, seed, params)
     plans: list[ActorPlan] = []
-    for category, count, glob in (("vehicle", vehicles, "vehicle.*"), ("pedestrian", pedestrians, "walker.*")):
+    wanted: list[tuple[Literal["vehicle", "pedestrian"], int, str]] = [
+        ("vehicle", vehicles, "vehicle.*"),
+        ("pedestrian", pedestrians, "walker.*"),
+    ]
+    for category, count, glob in wanted:
         spots = list(town.spots[category])
         for n in range(count):
             stream = Stream(seed, "test", category, str(n))
@@ -252,6 +271,6 @@ def town_traffic(name: str, vehicles: int, pedestrians: int, seconds: float, see
                     route=route,
                     speed=speed,
                     entry=entry,
-                )  # fmt: skip
+                )
             )
     return town, plans

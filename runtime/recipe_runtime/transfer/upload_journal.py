@@ -1,0 +1,72 @@
+"""The record of a running upload, from which another process resumes it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from contextlib import suppress
+from itertools import islice
+from pathlib import Path
+
+from recipe_compiler.ir.bounded_reads import open_regular
+
+from recipe_runtime.core.files import host_errors, write_atomic
+from recipe_runtime.core.nonce import fresh_nonce
+from recipe_runtime.dataset.limits import MAX_FILES
+
+Rows = dict[str, tuple[int, str]]  # path -> size, SHA-256
+
+_MAX_LINE = 8192  # bytes
+_REMEDY = "free some space or allow writing"
+
+
+class UploadJournal:
+    """The files sent to a place so far, recorded beside the dataset's folder. Links are not followed.
+
+    Its first line names the upload; the record is valid only if the marker file at the place has the same name.
+    """
+
+    def __init__(self, root: Path, url: str) -> None:
+        name = hashlib.sha256(url.encode()).hexdigest()[:16]
+        self._path = root.with_name(f".{root.name}.sent-{name}")
+
+    def rows(self, token: str | None) -> Rows:
+        """Return the recorded files of the upload with that name; damaged lines are ignored."""
+        found: Rows = {}
+        with suppress(OSError, ValueError), open_regular(self._path, follow_links=False) as file:
+            if token is None or file.readline(_MAX_LINE) != f"{token}\n".encode():
+                return {}
+            for line in islice(iter(lambda: file.readline(_MAX_LINE), b""), MAX_FILES):
+                with suppress(ValueError, TypeError, OverflowError, RecursionError):
+                    path, size, sha256 = json.loads(line)
+                    found[str(path)] = int(size), str(sha256)
+        return found
+
+    def begin(self, rows: Rows) -> str:
+        """Start recording a new upload and return its name.
+
+        Args:
+            rows: files that exist at the place already.
+        """
+        token = f"{fresh_nonce():x}"
+        with host_errors(str(self._path), _REMEDY):
+            write_atomic(
+                self._path, "".join([f"{token}\n", *(_line(path, row) for path, row in rows.items())]).encode()
+            )
+        return token
+
+    def note(self, path: str, row: tuple[int, str]) -> None:
+        """Record a file."""
+        with host_errors(str(self._path), _REMEDY):
+            handle = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+            with os.fdopen(handle, "ab") as file:
+                file.write(_line(path, row).encode())
+
+    def close(self) -> None:
+        """Remove the record after a complete upload."""
+        self._path.unlink(missing_ok=True)
+
+
+def _line(path: str, row: tuple[int, str]) -> str:
+    return f"{json.dumps([path, *row])}\n"
