@@ -11,15 +11,13 @@ yaw about fixed axes (R = Rz(yaw) Ry(pitch) Rx(roll)); positive pitch looks down
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cached_property
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, RootModel
+from pydantic import ConfigDict, Field, RootModel
 
-from recipe_compiler.ir.actor_kinds import Category
-from recipe_compiler.ir.canonical import JsonValue, digest
+from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.modalities import MODALITIES, Modality
 from recipe_compiler.ir.plan_types import (
@@ -50,25 +48,8 @@ from recipe_compiler.ir.plan_types import (
     Tag,
     Ten,
 )
-
-P = TypeVar("P", bound="Plan")
-
-
-class Plan(BaseModel):
-    """A frozen value with a canonical form."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", ignored_types=(cached_property,))
-
-    def document(self) -> dict[str, JsonValue]:
-        """This plan as plain JSON values."""
-        return self.model_dump(mode="json")
-
-    def model_copy(self: P, *, update: Mapping[str, object] | None = None, deep: bool = False) -> P:
-        """Copy the plan. The copy computes its own digests: pydantic would keep those of the original."""
-        copied = super().model_copy(update=update, deep=deep)
-        for name in copied.__dict__.keys() - type(copied).model_fields.keys():
-            del copied.__dict__[name]
-        return copied
+from recipe_compiler.ir.plan_types import Plan as Plan
+from recipe_compiler.ir.semantic_tags import Category
 
 
 class Pose(Plan):
@@ -115,7 +96,7 @@ class Element(Plan):
     kind: Name
     pose: Pose
     size: tuple[Metres, Metres, Metres]  # metres along its own x, y, z
-    shape: Shape = {}
+    shape: Shape = Field(default_factory=dict)
 
 
 class TownPlan(Plan):
@@ -328,7 +309,7 @@ class AppearancePlan(Plan):
     weather: Weather
     sun: Sun
     looks: Looks
-    textures: Annotated[dict[Name, Textures], Field(max_length=MAX_PROPS)] = {}  # body -> slot -> image
+    textures: Annotated[dict[Name, Textures], Field(default_factory=dict, max_length=MAX_PROPS)]  # body -> slot -> image
     responses: Annotated[dict[Name, CameraResponse], Field(max_length=MAX_SENSORS)]  # by sensor
 
     @cached_property

@@ -11,10 +11,9 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from recipe_compiler.ir.actor_kinds import BODIES, BODY_TAGS
 from recipe_compiler.ir.plan import ActorPlan, Element
 from recipe_compiler.ir.plurals import count
-from recipe_compiler.ir.semantic_tags import Tag
+from recipe_compiler.ir.semantic_tags import BODIES, BODY_TAGS, Tag
 
 Range = tuple[float, float]
 

@@ -1,10 +1,14 @@
-"""Limits and field types of plans."""
+"""Limits, field types and the base class of plans."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Annotated, TypeVar
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from recipe_compiler.ir.canonical import JsonValue
 
 # Limits of a plan, whether it was compiled here or read from a file. `plan_bounds` has the ranges
 # of bodies' shapes, and how many things a town may have of each kind.
@@ -35,3 +39,22 @@ Tag = Annotated[int, Field(ge=0, le=255)]  # CARLA 0.9.14+ semantic tag
 Slot = Annotated[str, Field(max_length=1000)]
 Shape = Annotated[dict[Name, Number], Field(max_length=32)]
 Slots = Annotated[dict[Slot, Colour], Field(max_length=MAX_SLOTS)]
+
+P = TypeVar("P", bound="Plan")
+
+
+class Plan(BaseModel):
+    """A frozen value with a canonical form."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", ignored_types=(cached_property,))
+
+    def document(self) -> dict[str, JsonValue]:
+        """This plan as plain JSON values."""
+        return self.model_dump(mode="json")
+
+    def model_copy(self: P, *, update: Mapping[str, object] | None = None, deep: bool = False) -> P:
+        """Copy the plan. The copy computes its own digests: pydantic would keep those of the original."""
+        copied = super().model_copy(update=update, deep=deep)
+        for name in copied.__dict__.keys() - type(copied).model_fields.keys():
+            del copied.__dict__[name]
+        return copied

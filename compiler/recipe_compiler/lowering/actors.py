@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.actor_kinds import Category
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import ActorPlan, Point, Pose
+from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints
 from recipe_compiler.library.blueprints import Blueprint

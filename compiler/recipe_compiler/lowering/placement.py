@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.actor_kinds import Category
 from recipe_compiler.ir.plan import Pose
+from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.blueprints import Blueprint
 

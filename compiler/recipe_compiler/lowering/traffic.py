@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.actor_kinds import Category
 from recipe_compiler.ir.plan import Point, Pose
+from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints, towns
 from recipe_compiler.library.blueprints import Blueprint

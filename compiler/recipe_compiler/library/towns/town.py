@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
-from recipe_compiler.ir.actor_kinds import CATEGORIES, Category
 from recipe_compiler.ir.plan import Point, Pose, TownPlan
+from recipe_compiler.ir.semantic_tags import CATEGORIES, Category
 from recipe_compiler.ir.streams import Stream
 
 Span = tuple[float, float]

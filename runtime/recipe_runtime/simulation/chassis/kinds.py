@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from recipe_compiler.ir.actor_kinds import BODIES
+from recipe_compiler.ir.semantic_tags import BODIES
 
 GRIP = 0.8 * 9.81  # m/s2, of tyres in any direction
 
