@@ -309,7 +309,9 @@ class AppearancePlan(Plan):
     weather: Weather
     sun: Sun
     looks: Looks
-    textures: Annotated[dict[Name, Textures], Field(default_factory=dict, max_length=MAX_PROPS)]  # body -> slot -> image
+    textures: Annotated[dict[Name, Textures], Field(max_length=MAX_PROPS)] = Field(
+        default_factory=dict
+    )  # body -> slot -> image
     responses: Annotated[dict[Name, CameraResponse], Field(max_length=MAX_SENSORS)]  # by sensor
 
     @cached_property

@@ -13,8 +13,9 @@ from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints
 from recipe_compiler.library.blueprints import Blueprint
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering import placement, traffic
+from recipe_compiler.lowering import pedestrian_traffic, placement, traffic
 from recipe_compiler.lowering.placement import Footprint
+from recipe_compiler.lowering.walking import BODY
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.scene import Actor
@@ -133,6 +134,11 @@ class ActorLowering:
         blueprint = traffic.blueprint(category, self._base.traffic, self._town, self._stream(name, "blueprint"))
         speed = blueprint.default_speed * self._stream(name, "speed").uniform(0.85, 1.15)
         speed *= self._town.pace if category == "vehicle" else 1.0
+        if category == "pedestrian":
+            pair = self._beside_previous(name, index, blueprint)
+            if pair is not None:
+                return pair
+            speed = pedestrian_traffic.running_speed(blueprint, self._stream(name, "run")) or speed
 
         def score(pose: Pose) -> float:
             assert self._view is not None
@@ -149,8 +155,29 @@ class ActorLowering:
         block = placement.VEHICLE_NUMBERS if category == "vehicle" else placement.PEDESTRIAN_NUMBERS
         plan = self._plan(name, block + index, blueprint, start, self._route(name, blueprint, start, speed), speed)
         ignores = self._stream(name, "lights").uniform(0.0, 100.0) < self._base.traffic.ignore_lights_percentage
-        entry = self._town.streets.entry(start) if category == "vehicle" else None
-        return plan.model_copy(update={"obeys": not ignores, "entry": entry})
+        if category == "vehicle":
+            return plan.model_copy(update={"obeys": not ignores, "entry": self._town.streets.entry(start)})
+        route, pauses = pedestrian_traffic.with_pauses(start, plan.route, self._stream(name, "pauses"))
+        return plan.model_copy(update={"obeys": not ignores, "route": route, "pauses": pauses})
+
+    def _beside_previous(self, name: str, index: int, blueprint: Blueprint) -> ActorPlan | None:
+        """The plan of a pedestrian who walks beside the one before it in the traffic; None for all others."""
+        stream = self._stream(name, "companion")
+        if index == 0 or not pedestrian_traffic.is_paired(stream):
+            return None
+        leader = self._plan_of(f"traffic.pedestrian.{index - 1}")
+        if leader is None:
+            return None
+        beside = Footprint.of(blueprint, leader.start.x, leader.start.y, leader.start.yaw)
+        for start in pedestrian_traffic.places_beside(leader, stream):
+            body = Footprint.of(blueprint, start.x, start.y, start.yaw)
+            if self._spots.free(body, beside) and self._town.obstacles.at(start.x, start.y, BODY) is None:
+                self._spots.occupy(body)
+                self._colour(name, blueprint, {})
+                number = placement.PEDESTRIAN_NUMBERS + index
+                plan = self._plan(name, number, blueprint, start, leader.route, leader.speed)
+                return plan.model_copy(update={"obeys": leader.obeys, "companion": leader.name})
+        return None
 
     def _parked(self, index: int) -> ActorPlan | None:
         """Return the plan of a parked car in a free parking place; None, with a problem, if no place is free."""

@@ -29,9 +29,10 @@ from recipe_compiler.ir.plan import (
 )
 from recipe_compiler.library import weather
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering import camera_motion, enclosures, lint, props, sun, traffic
+from recipe_compiler.lowering import camera_motion, lint, props, sun, traffic
 from recipe_compiler.lowering.actors import ActorLowering
 from recipe_compiler.lowering.asset_files import AssetFile
+from recipe_compiler.lowering.walking_routes import WalkingRoutes
 from recipe_compiler.schema.camera import Camera
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.scene import Town as TownSpec
@@ -143,10 +144,13 @@ class Lowering:
         if actors is None or stage.problems:
             return None
         given = [actor for actor in actors if actor.name in base.actors and base.actors[actor.name].start is not None]
-        routed = {name for name, actor in base.actors.items() if actor.goal is not None or actor.route is not None}
         self.warnings += lint.of_starts(variant.base, given, town)
-        self.warnings += enclosures.of_enclosed_starts(variant.base, given, routed, town)
-        self.warnings += enclosures.of_enclosed_goals(variant.base, base.actors, town)
+        routes = WalkingRoutes(variant.base, base.actors, town, stage.plans, actors)
+        actors = routes.planned()
+        self.problems += routes.problems
+        self.warnings += routes.warnings
+        if routes.problems:
+            return None
         seconds = traffic.warmup(base)
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics, warmup=seconds)
         # All colours come from a palette or are validated. Validating a town's again would be the slowest step here.

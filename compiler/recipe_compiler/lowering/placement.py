@@ -111,11 +111,11 @@ class Spots:
         """Note that a body stands here."""
         self._standing.setdefault(_cell(body.x, body.y), []).append(body)
 
-    def free(self, body: Footprint) -> bool:
-        """Return whether a body fits here."""
+    def free(self, body: Footprint, beside: Footprint | None = None) -> bool:
+        """Return whether a body fits here, if need be touching the one beside which it is to stand."""
         i, j = _cell(body.x, body.y)
         near = (other for a in (i - 1, i, i + 1) for b in (j - 1, j, j + 1) for other in self._standing.get((a, b), ()))
-        return not any(body.overlaps(other) for other in near)
+        return not any(body.overlaps(other) for other in near if other != beside)
 
     def take(self, blueprint: Blueprint, stream: Stream, score: Callable[[Pose], float] | None = None) -> Pose | None:
         """Take a free spawn point: the first in the stream's order, or the best of several.

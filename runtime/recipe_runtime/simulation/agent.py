@@ -1,6 +1,6 @@
 """The base class of agents: a body in the world, a route, and the steps of its control loop.
 
-An agent decides ten times a second, from the state of the agents near it, where it wants to go. Sixty times a second
+An agent decides ten times a second, from the state of the agents near it, where it wants to go. Thirty times a second
 it reads back what the engine made of its body, and changes its velocity by no more than its legs, engine, brakes and
 tyres can in that time; so what a collision did to it lasts. Only plain arithmetic and `sqrt` are used; cross products
 replace angles where possible.

@@ -11,6 +11,7 @@ from recipe_runtime.simulation.traffic.driver import Driver
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 from recipe_runtime.simulation.vehicle import create_vehicle
+from recipe_runtime.simulation.walking.surroundings import Surroundings
 
 
 def create_agents(world: World, scene: ScenePlan, control_dt: float) -> tuple[list[Agent], JunctionControl]:
@@ -26,10 +27,17 @@ def create_agents(world: World, scene: ScenePlan, control_dt: float) -> tuple[li
     """
     road_map = RoadMap(scene.town)
     junctions = JunctionControl(road_map)
+    surroundings = Surroundings(scene, world.ground, road_map)
 
     def create(actor: ActorPlan) -> Agent:
         if actor.category == "pedestrian":
-            return PedestrianAgent(world, actor, control_dt)
+            return PedestrianAgent(world, actor, control_dt, surroundings)
         return create_vehicle(world, actor, control_dt, Driver(actor, road_map, junctions))
 
-    return [create(actor) for actor in scene.actors], junctions
+    agents = [create(actor) for actor in scene.actors]
+    walkers = {agent.actor.name: agent for agent in agents if isinstance(agent, PedestrianAgent)}
+    for walker in walkers.values():
+        leader = walkers.get(walker.actor.companion or "")
+        if leader is not None and leader is not walker:
+            walker.walk_beside(leader)
+    return agents, junctions

@@ -1,6 +1,6 @@
 """The simulation of a scene, step by step.
 
-Time is counted in physics steps from the beginning of the warm-up. Agents read their bodies and control them sixty
+Time is counted in physics steps from the beginning of the warm-up. Agents read their bodies and control them thirty
 times a second, and decide ten times a second, whatever the frame rate.
 """
 
@@ -20,7 +20,7 @@ from recipe_runtime.simulation.neighbours import NeighbourGrid
 from recipe_runtime.simulation.recording import record_frame
 from recipe_runtime.simulation.traffic import through_traffic
 
-CONTROL_RATE, DECISION_RATE = 60, 10  # times a second
+CONTROL_RATE, DECISION_RATE = 30, 10  # times a second
 
 
 class Simulation:

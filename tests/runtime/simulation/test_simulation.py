@@ -165,7 +165,7 @@ def test_a_planted_foot_does_not_slide() -> None:
     flat = foot[1:, 2] < 0.15 + 0.045 * 1.78 + 0.002
     moved = np.abs(np.diff(foot[:, 1]))
     both = flat & (np.abs(np.diff(foot[:, 2])) < 1e-3)
-    assert both.sum() >= 5
+    assert both.sum() >= 4
     assert moved[both].max() < 0.012  # against 0.047 that the body moves in a frame
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
+from recipe_compiler.ir.ground.obstacles import ObstacleMap
 from recipe_compiler.ir.plan import Point, Pose, TownPlan
 from recipe_compiler.ir.semantic_tags import CATEGORIES, Category
 from recipe_compiler.ir.streams import Stream
@@ -112,6 +113,11 @@ class Town:
     def ground(self, x: float, y: float) -> float:
         """Height of the ground at a point: 0 on the road, the height of the kerb on a sidewalk."""
         return self.streets.ground(x, y)
+
+    @cached_property
+    def obstacles(self) -> ObstacleMap:
+        """What nobody can walk through."""
+        return ObstacleMap.of(self.plan)
 
     @cached_property
     def lane_metres(self) -> float:
