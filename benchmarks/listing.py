@@ -93,7 +93,7 @@ def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -
 
 
 def further(folder: Path, frames: int) -> Result:
-    """Cost of a further weather of the scene, measured alternately: seconds per frame, and share of the first."""
+    """Cost of an additional weather of the scene, measured alternately: seconds per frame, and share of the first."""
     found: Result = {name: {"seconds": [], "shares": []} for name in FURTHER}
     for turn in range(TURNS):
         first = ours(RECIPE, folder / f"first-{turn}", [FIRST], frames, 1)["steady"]

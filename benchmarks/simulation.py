@@ -71,16 +71,17 @@ def scene(actors: int, seconds: int) -> ScenePlan:
 def measure(plan: ScenePlan) -> dict[str, float]:
     """Simulate a scene in this process and time it."""
     from recipe_runtime.simulation.loop import Simulation
-    from recipe_runtime.simulation.recording import record_frame
+    from recipe_runtime.simulation.recording import FrameRecorder
 
     clock = plan.clock
     simulation = Simulation(plan)
+    recorder = FrameRecorder(simulation.agents, simulation.world.ground)
     steps = (clock.frames - 1) * clock.steps_per_frame
     recording, start = 0.0, time.process_time()
     for step in range(steps):
         if step % clock.steps_per_frame == 0:
             began = time.process_time()
-            record_frame(simulation.agents_now())
+            recorder.record(simulation.agents_now())
             recording += time.process_time() - began
         simulation.advance()
     ours = (time.process_time() - start) / steps

@@ -40,12 +40,15 @@ def _goals(found: dict[str, Any]) -> list[str]:
         *_times("listing: 20 times the plain script", two, found["plain"], "TinyRenderer"),
         *_times("listing: 4 times the same through EGL", two, found["plain"], "EGL"),
         *_times("town, moving camera: 10 times the plain script", town, found["town plain"], "TinyRenderer"),
-        *[(f"a further weather, {n}: 0.6 of the first", _middle(r["shares"])) for n, r in found["further"].items()],
+        *[(f"an additional weather, {n}: 0.6 of the first", _middle(r["shares"])) for n, r in found["further"].items()],
         *[
             (f"the same, {n}: 0.6 of a first at its own goal", _middle(_owed(r, found)))
             for n, r in found["further"].items()
         ],
-        (f"a further weather, the mean of {len(found['twelve']['alone']) - 1}: 0.6 of a first", f"{_mean(found):.2f}"),
+        (
+            f"an additional weather, the mean of {len(found['twelve']['alone']) - 1}: 0.6 of a first",
+            f"{_mean(found):.2f}",
+        ),
         ("twelve weathers: 8 times one (the mean of the twelve, each built alone)", f"{_twelve(found):.1f}"),
         ("2 workers: 1.9 times one, while frames are made (the mean of turns)", f"{sum(turns) / len(turns):.2f}"),
         ("memory of a worker: under 1,536 MiB", f"{peak:.0f} MiB"),
@@ -58,7 +61,7 @@ def _middle(values: list[float]) -> str:
 
 
 def _owed(row: dict[str, Any], found: dict[str, Any]) -> list[float]:
-    """Share of a further weather in the cost of a first one that just meets its goal, 20 times the script."""
+    """Share of an additional weather in the cost of a first one that just meets its goal, 20 times the script."""
     plain = found["plain"]["TinyRenderer, shadows"]
     allowed = 2 * plain["steady"] / plain["frames"] / 20
     return [seconds / allowed for seconds in row["seconds"]]
@@ -70,7 +73,7 @@ def _twelve(found: dict[str, Any]) -> float:
 
 
 def _mean(found: dict[str, Any]) -> float:
-    """Mean cost of a further weather, as a share of the mean cost of a weather that is built alone."""
+    """Mean cost of an additional weather, as a share of the mean cost of a weather that is built alone."""
     return (_twelve(found) - 1.0) / (len(found["twelve"]["alone"]) - 1)
 
 

@@ -33,6 +33,15 @@ def files(*suffixes: str) -> Completer:
     return complete
 
 
+def recipe_or_town(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Recipe files and, with --map, also the names of towns."""
+    from recipe_compiler.library import towns
+
+    named = _items(towns.NAMES, incomplete) if context.params.get("as_map") else []
+    found = files(*SUFFIXES)(context, parameter, incomplete)
+    return [*named, *(item for item in found if item.type != "file" or not named)]
+
+
 def variants(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """The variants of the recipe."""
     return _items(_outline(context).variants, incomplete)

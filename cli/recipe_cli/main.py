@@ -101,7 +101,7 @@ def main() -> None:
     except KeyboardInterrupt:
         from recipe_compiler.ir.errors import Code, Problem
 
-        fail([Problem("interrupted", code=Code.INTERRUPTED)], run)
+        fail([Problem("interrupted", help="run the command again", code=Code.INTERRUPTED)], run)
         sys.exit(130)
 
 
@@ -117,7 +117,7 @@ def _explained(error: Exception) -> tuple[Sequence[Problem], int]:
     if isinstance(error, click.ClickException):
         return [_usage(error)], 2
     if isinstance(error, click.Abort):
-        return [Problem("interrupted", code=Code.INTERRUPTED)], 130
+        return [Problem("interrupted", help="run the command again", code=Code.INTERRUPTED)], 130
     if isinstance(error, MemoryError):
         remedy = "close other programs, or ask for fewer workers or smaller pictures"
         return [Problem("out of memory", help=remedy, code=Code.OUT_OF_MEMORY)], 1
@@ -140,5 +140,8 @@ def _usage(error: click.ClickException) -> Problem:
     message = message[:1].lower() + message[1:]
     context = error.ctx if isinstance(error, click.UsageError) else None
     command = context.command_path if context else "recipe"
+    if isinstance(error, click.NoSuchOption) and error.option_name == "--frames":
+        remedy = "the recipe sets the number of frames: change `frames` in its `clock`"
+        return Problem("no such option '--frames'", help=remedy, code=Code.USAGE)
     found = Problem(message, code=Code.USAGE)
     return found if found.help else Problem(message, help=f"see `{command} --help`", code=Code.USAGE)

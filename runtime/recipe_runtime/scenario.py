@@ -195,7 +195,9 @@ class Scenario(Sequence[Frame]):
         frame, plan = self._number(frame), self._sensor(sensor)
         if modality not in plan.capture:
             raise InputError(
-                f"the sensor {plan.name} captures {', '.join(plan.capture)}, not {modality!r}", code=Code.UNKNOWN_NAME
+                f"the sensor {plan.name} does not capture {modality!r}",
+                help=f"it captures {', '.join(plan.capture)}",
+                code=Code.UNKNOWN_NAME,
             )
         if self._disk_cache is None:
             return self._render(frame, plan, modality)

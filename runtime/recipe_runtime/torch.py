@@ -108,7 +108,7 @@ def _check(scenario: Scenario, sensor: str, modalities: Sequence[str]) -> None:
     captured = scenario.modalities(sensor)
     for modality in modalities:
         if modality not in captured:
-            raise InputError(f"the sensor {sensor} captures {', '.join(captured)}, not {modality!r}")
+            raise InputError(f"the sensor {sensor} does not capture {modality!r}; it captures {', '.join(captured)}")
 
 
 def _running(counts: Sequence[int]) -> list[int]:

@@ -190,8 +190,8 @@ def test_a_shot_is_the_builds_very_frame(folder: Path, tmp_path: Path) -> None:
     [
         (["--variant", "weather=wett"], "small has no variant 'weather=wett'; did you mean 'weather=wet'?"),
         (["--sensor", "roof"], "the rig has no sensor 'roof'; it has street"),
-        (["--frame", "9"], "frame 9 is not there: weather=dry has frames 0 to 1"),
-        (["--modality", "semantic"], "the sensor street captures rgb, depth, instance, not 'semantic'"),
+        (["--frame", "9"], "frame 9 does not exist: weather=dry has 2 frames; choose a frame from 0 to 1"),
+        (["--modality", "semantic"], "the sensor street does not capture 'semantic'; it captures rgb, depth, instance"),
     ],
 )
 def test_a_shot_of_what_is_not_there_says_what_is(folder: Path, arguments: list[str], says: str) -> None:

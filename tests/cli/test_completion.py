@@ -45,6 +45,7 @@ def completed(*words: str) -> list[str]:
         (("shot", "small.yaml", "--device", "cp"), ["cpu"]),
         (("verify", "small.yaml", "--device", "cud"), ["cuda"]),
         (("shot", "gone.yaml", "--variant", ""), []),
+        (("shot", "--map", "s"), ["small.yaml", "suburb"]),
     ],
 )
 def test_values_are_completed(folder: Path, words: tuple[str, ...], values: list[str]) -> None:

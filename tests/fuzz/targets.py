@@ -36,7 +36,9 @@ from recipe_runtime.transfer import bundle
 from recipe_runtime.verify import trace_bundle
 from recipe_runtime.verify.compare import compare_datasets, compare_locks
 from recipe_runtime.verify.diff import Side, differences
+from recipe_runtime.verify.motion_comparison import contradicting_body, motion_difference
 from recipe_runtime.verify.verify import Options, verify_files
+from recipe_runtime.verify.version_comparison import version_notes
 
 from tests.runtime.fakes import ENGINES, dataset_plan, scene_plan, simulate
 from tests.sources import ROOT
@@ -187,10 +189,15 @@ def _town_plan(content: bytes) -> None:
 
 
 def _verified(content: bytes) -> None:
-    """A lockfile that is compared with a plan and an honest lockfile."""
+    """A lockfile that is compared with a plan, its motion and an honest lockfile."""
     with suppress(InputError):
         lock = lockfile.read(_file("fed.lock", content))
-        compare_locks(dataset_plan(2, 1), lock, _locked())
+        plan = dataset_plan(2, 1)
+        compare_locks(plan, lock, _locked())
+        assert all(note.isprintable() for note in version_notes(lock))
+        scene = plan.variants[0].scene
+        contradicting_body(lock, scene, simulate(scene))
+        motion_difference(lock, scene, simulate(scene))
         differences(Side("fed", lock, None), Side("honest", _locked(), None))
 
 

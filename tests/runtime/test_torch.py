@@ -87,5 +87,5 @@ def test_names_that_are_not_there_are_refused_at_once(dataset_class: Any) -> Non
         dataset_class(TINY, sensors=["roof"])
     with pytest.raises(InputError, match="there is no device 'gpu'"):
         dataset_class(TINY, device="gpu")
-    with pytest.raises(InputError, match="captures rgb, instance, not 'depth'"):
+    with pytest.raises(InputError, match="does not capture 'depth'; it captures rgb, instance"):
         dataset_class(compiled(TINY), modalities=["depth"])

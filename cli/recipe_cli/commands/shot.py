@@ -12,7 +12,6 @@ from recipe_cli.arguments import (
     ALLOW_LARGE,
     DEVICE,
     JSON,
-    RECIPE,
     REPLACE,
     VARIANT,
     LocalPath,
@@ -27,7 +26,7 @@ from recipe_cli.progress import Progress
 
 
 @click.command("shot")
-@RECIPE
+@click.argument("recipe", type=LocalPath(path_type=Path), shell_complete=completion.recipe_or_town)
 @VARIANT
 @click.option("--sensor", metavar="NAME", shell_complete=completion.sensors, help="The sensor; the first by default.")
 @click.option("--frame", type=click.IntRange(0), help="The frame; the middle one by default.")

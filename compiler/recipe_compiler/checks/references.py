@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.library import blueprints, towns, weather
+from recipe_compiler.schema import remedies
 from recipe_compiler.schema.fields import BLUEPRINT
 from recipe_compiler.schema.messages import Suggestions, near, nearest
 from recipe_compiler.schema.scene import Town
@@ -26,7 +27,7 @@ def unknown_preset(base: Value) -> Iterator[Problem]:
     name = _text(base, "weather", "preset")
     if name is not None and name not in weather.PRESETS:
         message, place = f"weather: unknown preset {show(name)}", base.place_of("weather", "preset")
-        yield Problem(message, place, nearest(name, weather.PRESETS), Code.UNKNOWN_NAME)
+        yield Problem(message, place, remedies.of_text(name) or nearest(name, weather.PRESETS), Code.UNKNOWN_NAME)
 
 
 def unknown_town(base: Value) -> Iterator[Problem]:
@@ -36,7 +37,7 @@ def unknown_town(base: Value) -> Iterator[Problem]:
         return
     if name not in towns.NAMES:
         message, place = f"town: unknown town {show(name)}", base.place_of("town", "name")
-        yield Problem(message, place, nearest(name, towns.NAMES), Code.UNKNOWN_NAME)
+        yield Problem(message, place, remedies.of_text(name) or nearest(name, towns.NAMES), Code.UNKNOWN_NAME)
         return
     declared = towns.PARAMETERS[name]
     for key, value in spec.map.items():

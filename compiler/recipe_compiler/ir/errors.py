@@ -65,6 +65,7 @@ class Code(str, Enum):
     AXES_OVERLAP = "axes-overlap"
     PLACEMENT = "placement"
     OVERRIDDEN = "overridden"
+    IMPLAUSIBLE = "implausible"
 
     def __str__(self) -> str:
         return self.value

@@ -372,10 +372,11 @@ class DatasetPlan(Plan):
         if name is None:
             return self.variants[0]
         if name not in by_name:
-            near = get_close_matches(name, by_name, 1, 0.3) or list(by_name)[:1]
+            near = get_close_matches(name, by_name, 1, 0.6)
+            hint = f"did you mean {near[0]!r}?" if near else f"the first is {next(iter(by_name))!r}, and"
             raise InputError(
                 f"{self.recipe} has no variant {name!r}",
-                help=f"did you mean {near[0]!r}? `recipe plan` lists all",
+                help=f"{hint} `recipe plan` lists all",
                 code=Code.UNKNOWN_NAME,
             )
         return by_name[name]

@@ -187,7 +187,7 @@ class ActorLowering:
             if not self._reported("traffic.parked"):
                 places = len(self._town.parking)
                 message = f"traffic.parked: no free parking place is left; the town has {places} in total"
-                message += "; lower it, or choose a larger town"
+                message += "; lower it, or choose a larger town" if places else "; remove it, or choose another town"
                 self._report_no_room(("traffic", "parked"), message)
             return None
         fitting = [b for b in blueprints.match("vehicle.*") if blueprints.parks(b)]

@@ -29,7 +29,7 @@ from recipe_compiler.ir.plan import (
 )
 from recipe_compiler.library import weather
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering import camera_motion, lint, props, sun, traffic
+from recipe_compiler.lowering import camera_motion, lint, plausibility, props, sun, traffic
 from recipe_compiler.lowering.actors import ActorLowering
 from recipe_compiler.lowering.asset_files import AssetFile
 from recipe_compiler.lowering.walking_routes import WalkingRoutes
@@ -108,6 +108,10 @@ class Lowering:
         seen = ("cameras", id(base.town), id(base.sensors), id(base.clock), variant.seed)
         parts = (base.town, base.sensors, base.clock)
         self._once_reporting(seen, parts, lambda: self.warnings.extend(lint.of_cameras(variant.base, rig, town)))
+        viewed = ("mounts", id(base.actors), id(base.traffic), *seen[1:])
+        shared = (*parts, base.actors, base.traffic)
+        of_views = plausibility.of_views(variant.base, rig, scene.plan.actors)
+        self._once_reporting(viewed, shared, lambda: self.warnings.extend(of_views))
         numbers, where = self._weather_and_sun(variant, base)
         appearance = AppearancePlan(
             seed=variant.seed,
@@ -145,6 +149,7 @@ class Lowering:
             return None
         given = [actor for actor in actors if actor.name in base.actors and base.actors[actor.name].start is not None]
         self.warnings += lint.of_starts(variant.base, given, town)
+        self.warnings += plausibility.of_speeds(variant.base, actors)
         routes = WalkingRoutes(variant.base, base.actors, town, stage.plans, actors)
         actors = routes.planned()
         self.problems += routes.problems

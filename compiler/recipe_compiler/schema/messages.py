@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from recipe_compiler.ir.errors import MAX_SHOWN, Code, Problem, split_remedy
+from recipe_compiler.schema import remedies
 from recipe_compiler.source.yaml_reader import Value, show
 
 Path = tuple[str | int, ...]
@@ -85,6 +86,9 @@ def near(word: str, options: Iterable[str]) -> str | None:
     Dotted names are compared part by part, because names of one family share most of their letters.
     """
     names = list(options)
+    same = next((name for name in names if name.lower() == word.lower()), None)
+    if same is not None:
+        return same
     if len(names) > _MAX_COMPARED:
         pairs = _letter_pairs(word[:100])
         names = sorted(names, key=lambda name: -_overlap(pairs, _letter_pairs(name[:100])))[:_MAX_COMPARED]
@@ -196,11 +200,11 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wron
         limit = f"{where}: {show(value)} {words.format(_number(context[key]))}"
         sides = {"ge": "of at least", "gt": "above", "le": "of at most", "lt": "below"}
         span = _range(model, detail["loc"]) or f" {sides[key]} {_number(context[key])}"
-        return Code.OUT_OF_RANGE, limit, f"write a value{span}"
+        return Code.OUT_OF_RANGE, limit, f"write a value{span}{remedies.of_limit(str(path[-1]), value)}"
     if kind == "string_pattern_mismatch":
         wrong, remedy = next(words for mark, words in _PATTERNS.items() if mark in context["pattern"][:40])
         code = Code.INVALID_NAME if remedy == _NAME_RULE else Code.INVALID_VALUE
-        return code, f"{around}: {show(value)} {wrong}", remedy
+        return code, f"{around}: {show(value)} {wrong}", remedies.of_text(value) or remedy
     if kind == "string_too_long":
         return (
             Code.INVALID_VALUE,
@@ -211,7 +215,7 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wron
         return (
             Code.INVALID_VALUE,
             f"{where}: unknown value {show(value)}",
-            nearest(str(value), _literals(context["expected"])),
+            remedies.of_text(value) or nearest(str(value), _literals(context["expected"])),
         )
     if kind in {"too_short", "too_long"}:
         return _size(where, kind, context)
@@ -225,7 +229,7 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: Path, key_is_wron
     if len(path) == 1 and where in _BY_NAME and kind.startswith("model_"):
         several = _SEVERAL if isinstance(value, list) else f"write such as `{where}: {_DEFAULTS[where]}`"
         return Code.INVALID_VALUE, f"{where}: must be {_BY_NAME[where]} or a map, not {given}", several
-    return _wrong_type(kind, detail, where, _range(model, detail["loc"]))
+    return _wrong_type(kind, detail, path, model)
 
 
 def _unknown_key(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Words:
@@ -236,8 +240,8 @@ def _unknown_key(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Wo
     keys = fields_at(model, _without_markers(detail["loc"][:-1]))
     own = _CARLA.get(str(path[-1]))
     if own in keys:
-        return Code.UNKNOWN_KEY, what, f"CARLA's {path[-1]} is {show(own)} here"
-    return Code.UNKNOWN_KEY, what, nearest(str(path[-1]), keys)
+        return Code.UNKNOWN_KEY, what, f"use {show(own)}, which is CARLA's {path[-1]}"
+    return Code.UNKNOWN_KEY, what, remedies.of_key(str(path[-1]), detail["input"]) or nearest(str(path[-1]), keys)
 
 
 def _missing(detail: ErrorDetails, model: type[BaseModel], path: Path) -> Words:
@@ -265,14 +269,16 @@ def _metadata(annotation: object) -> list[object]:
     return [*getattr(annotation, "__metadata__", ()), *inner]
 
 
-def _wrong_type(kind: str, detail: ErrorDetails, where: str, span: str) -> Words:
-    value = detail["input"]
+def _wrong_type(kind: str, detail: ErrorDetails, path: Path, model: type[BaseModel]) -> Words:
+    value, where, span = detail["input"], dotted(path), _range(model, detail["loc"])
     for word, wanted in _KINDS.items():
         if kind.startswith(f"{word}_"):
             given = "nothing" if value is None else show(value)
             unquote = word in {"int", "float", "bool"} and isinstance(value, str) and _looks_plain(value)
             within = span if word in {"int", "float"} else ""
-            remedy = "remove the quotes" if unquote else _EXAMPLES.get(wanted)
+            fields = fields_at(model, _without_markers(detail["loc"])) if wanted == "a map" else ()
+            known = remedies.of_value(str(path[-1]), wanted, value, fields)
+            remedy = "remove the quotes" if unquote else known or _EXAMPLES.get(wanted)
             return Code.INVALID_VALUE, f"{where}: must be {wanted}{within}, not {given}", remedy
     message, remedy = split_remedy(f"{where}: {detail['msg']}")
     return Code.CONFLICT if kind in _CONFLICTS else Code.INVALID_VALUE, message, remedy

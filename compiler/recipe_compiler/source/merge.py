@@ -157,6 +157,10 @@ def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) ->
         remedy = "paths are relative to this file" if place else "`recipe init` writes a recipe"
         _report(sources, f"{where}there is no such file", place, nearest_file(path) or remedy, Code.FILE_NOT_FOUND)
         return None
+    except IsADirectoryError:
+        message = f"{_label(name, place) if place else f'{path}: '}is a folder"
+        _report(sources, message, place, "name a recipe file in it, such as NAME.yaml")
+        return None
     except (OSError, ValueError) as error:
         cause = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         _report(
@@ -224,7 +228,9 @@ def forbidden(target: str) -> str:
     if target.startswith(("/", "~")) or "\\" in target or ":" in target or "\0" in target:
         return "an absolute or foreign path is refused; write it relative to this file, with `/`"
     if ".." in target.split("/"):
-        return "`..` is refused: a recipe reads only its own folder and what is below it; put the file there"
+        name = show(PurePosixPath(target).name)
+        reason = "`..` is refused: a recipe reads only files of its own folder and below"
+        return f"{reason}; copy {name} into the recipe's folder and write {name}"
     if len(target) > 200:
         return f"the path has {len(target)} characters, the limit is 200; shorten it"
     return ""

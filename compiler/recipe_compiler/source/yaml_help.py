@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 
 from recipe_compiler.ir.errors import Code, Place, Problem
 
@@ -32,9 +33,14 @@ def explain(problem: str, context: str, opened: int | None, text: str, place: Pl
     """
     lines = LINE_BREAK.split(text)
     line = lines[place.line - 1] if place.line <= len(lines) else ""
-    if "\t" in line[: len(line) - len(line.lstrip())]:
+    indentation = line[: len(line) - len(line.lstrip())]
+    if "\t" in indentation:
         return Problem("a tab cannot indent YAML", place, "use spaces", Code.YAML_SYNTAX)
-    wrong = _open_quote(problem, context, opened, lines, place) or _key_without_colon(problem, opened, lines, place)
+    wrong = (
+        _odd_indentation(lines, place)
+        or _open_quote(problem, context, opened, lines, place)
+        or _key_without_colon(problem, opened, lines, place)
+    )
     wrong = wrong or _indentation(lines, place)
     if wrong is not None:
         return wrong
@@ -59,7 +65,7 @@ def _known(problem: str, context: str, line: int | None) -> tuple[str, str] | No
             what = f"a `,` is missing before this, or the `{brackets[0]}` of {opened} is not closed"
             return what, f"put `,` between entries, and `{brackets[1]}` after the last"
     if "escape" in problem:
-        return f"a backslash in double quotes starts an escape, and this is none ({problem})", "use single quotes"
+        return f"a backslash in double quotes starts an escape, and this is not one ({problem})", "use single quotes"
     if "simple key" in context and "could not find expected ':'" in problem:
         return f"{opened} has no `: ` after its key", "write `key: value`, with a space after the colon"
     if problem.endswith("but found '-'"):
@@ -70,7 +76,7 @@ def _known(problem: str, context: str, line: int | None) -> tuple[str, str] | No
     if problem.endswith(("but found '}'", "but found ']'")):
         return "this closes a bracket that is not open", "remove it"
     if "cannot start any token" in problem:
-        return f"a value cannot start so ({problem})", "quote the text"
+        return f"a value cannot start with this character ({problem})", "quote the text"
     return None
 
 
@@ -102,6 +108,10 @@ def _key_without_colon(problem: str, opened: int | None, lines: list[str], place
         number = opened if "could not find expected ':'" in problem else None
     if number is None or not 0 < number <= len(lines) or len(lines[number - 1]) > 200:
         return None  # the pattern below takes its time over a long line
+    words = re.match(r"\s*([A-Za-z_][\w.-]*) +[^\s:#][^:#]*\Z", lines[number - 1])
+    if words and "mapping values" in problem and _column(line) == _column(lines[number - 1]):
+        message, remedy = missing_colon(words[1], colon=False)
+        return Problem(message, Place(place.file, number, words.end(1) + 1), remedy, Code.YAML_SYNTAX)
     found = re.match(r"(\s*(?:- )?[A-Za-z_][\w.-]*)(:?)(\S*)\s*(?:#.*)?\Z", lines[number - 1])
     if found is None or (found[3] and not found[2]) or (found[2] and not found[3]):
         return None
@@ -109,6 +119,24 @@ def _key_without_colon(problem: str, opened: int | None, lines: list[str], place
     if found[2]:
         return Problem(f"line {number}: no space after the `:`", where, "put a space after the colon", Code.YAML_SYNTAX)
     return Problem(f"line {number}: a key needs a `:`", where, "write `key:` or `key: value`", Code.YAML_SYNTAX)
+
+
+def key_before_bracket(text: str) -> tuple[str, bool] | None:
+    """The key of a text such as `clock {fps: 10}` or `clock:{fps: 10}`, and whether the colon is there."""
+    found = re.match(r"([A-Za-z_][\w.-]*)(:\s*| +)[{\[]", text)
+    return (found[1], found[2] == ":") if found and found[2] in (":", " " * len(found[2])) else None
+
+
+def missing_colon(key: str, colon: bool) -> tuple[str, str]:
+    """What is wrong with a key that has no `: `, and the remedy; `colon`: whether the colon alone is there."""
+    what = "a space is missing after `{}:`" if colon else "a `:` and a space are missing after `{}`"
+    return what.format(key[:40]), f"write `{key[:40]}: `"
+
+
+def name_of(character: str) -> str:
+    """A character as messages name it, such as `U+00A0 (no-break space)`."""
+    name = unicodedata.name(character, "")
+    return f"U+{ord(character):04X}" + (f" ({name.lower()})" if name else "")
 
 
 def _is_entry(line: str) -> bool:
@@ -144,6 +172,17 @@ def _indentation(lines: list[str], place: Place) -> Problem | None:
     start = Place(place.file, wrong, _column(lines[wrong - 1]) + 1)
     remedy = f"give them the same indentation: start line {wrong} with {_spaces(right)}"
     return Problem(what, start, remedy, Code.YAML_SYNTAX)
+
+
+def _odd_indentation(lines: list[str], place: Place) -> Problem | None:
+    """A character in the indentation that looks like a space, on the line of the place or on one of the two above."""
+    for number in range(place.line, max(0, place.line - 3), -1):
+        line = lines[number - 1] if number <= len(lines) else ""
+        at = _column(line)
+        if line[at : at + 1] != "\t" and line[at : at + 1].isspace():
+            message = f"the character {name_of(line[at])} cannot indent YAML"
+            return Problem(message, Place(place.file, number, at + 1), "use spaces", Code.YAML_SYNTAX)
+    return None
 
 
 def _siblings(lines: list[str], among: int, column: int, least: int) -> int:
@@ -187,10 +226,9 @@ def ambiguity(text: str) -> tuple[str, str] | None:
     if _BINARY.match(text):
         return f"YAML turns the bare {short} into a binary number", f'write it in decimal, or quote it: "{short}"'
     if _EXPONENT.match(text) and not _FLOAT.match(text):
-        return (
-            f"YAML reads the bare {short} as a number or as text",
-            f'write it without exponent, or quote it: "{short}"',
-        )
+        exact = float(text)
+        plain = f": {exact:.0f}" if exact.is_integer() and abs(exact) < 1e15 else ""
+        return f"YAML reads the bare {short} as a number or as text", f"write the number without exponent{plain}"
     return None
 
 

@@ -20,7 +20,7 @@ import yaml
 
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.ir.errors import printable as printable
-from recipe_compiler.source.yaml_help import LINE_BREAK, ambiguity, explain
+from recipe_compiler.source.yaml_help import LINE_BREAK, ambiguity, explain, key_before_bracket, missing_colon
 
 MAX_BYTES = 1 << 20
 MAX_NODES = 50_000  # after aliases are expanded
@@ -90,12 +90,12 @@ class Value:
 
 
 def show(value: object) -> str:
-    """A value as messages show it: JSON, shortened, in ASCII so that terminals obey nothing in it."""
+    """A value as messages show it: JSON, shortened; letters of any script as they are, what terminals obey escaped."""
     if isinstance(value, dict):
         return "a map"
     if isinstance(value, list | tuple):
         return "a list"
-    text = json.dumps(value[:60] if isinstance(value, str) else value)
+    text = printable(json.dumps(value[:60] if isinstance(value, str) else value, ensure_ascii=False))
     return text if len(text) <= 60 and not (isinstance(value, str) and len(value) > 60) else text[:56] + '..."'
 
 
@@ -153,7 +153,7 @@ def _place_after(text: str, file: str) -> Place:
 
 
 class _StopError(Exception):
-    """Reading cannot go on."""
+    """Reading stops: what follows cannot be understood."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
@@ -222,10 +222,10 @@ class _Reader:
         name = event.anchor or ""
         value, nodes = self._anchors.get(name, (None, -1))
         if value is None:
-            cause = "is not defined above" if nodes < 0 else "stands inside the value that it names"
+            cause = "is not defined above" if nodes < 0 else "is used inside the value that it names"
             remedy = f"define it above with `&{name[:40]}`, or quote a text that starts with `*`"
             if nodes >= 0:
-                remedy = "write the value out instead: it would hold itself"
+                remedy = "write out the value: it would contain itself"
             raise self._stop(event, f"the alias *{name[:40]} {cause}", remedy)
         self._count(event, nodes)
         return value
@@ -252,6 +252,8 @@ class _Reader:
             key = inner.value
             if key == "<<" and inner.implicit[0]:
                 self._report(inner, "merge keys `<<` are not part of the language", "use `extends` or a delta")
+            elif inner.implicit[0] and (unmarked := key_before_bracket(key)):
+                raise self._stop(inner, *missing_colon(*unmarked), Code.YAML_SYNTAX)
             elif key in entries:
                 message = f"duplicate key {show(key)}, first on line {keys[key].line}"
                 self._report(inner, message, "remove one", Code.DUPLICATE_KEY)

@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TypeVar
 
 from recipe_compiler.ir import exact
 
+from recipe_runtime.body.exact_arrays import Floats
 from recipe_runtime.body.skeleton import Joint
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 PartPose = tuple[Vector, Quaternion]  # origin and orientation
+Real = TypeVar("Real", float, Floats)  # numbers, or arrays of one shape
 
 IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
@@ -26,7 +29,9 @@ def axis_rotation(axis: str, degrees: float) -> Quaternion:
     return (s * (axis == "x"), s * (axis == "y"), s * (axis == "z"), c)
 
 
-def compose(first: Quaternion, second: Quaternion) -> Quaternion:
+def compose(
+    first: tuple[Real, Real, Real, Real], second: tuple[Real, Real, Real, Real]
+) -> tuple[Real, Real, Real, Real]:
     """Return the Hamilton product first * second: `second` is relative to the axes that `first` rotated."""
     ax, ay, az, aw = first
     bx, by, bz, bw = second
@@ -38,7 +43,7 @@ def compose(first: Quaternion, second: Quaternion) -> Quaternion:
     )
 
 
-def rotate(rotation: Quaternion, v: Sequence[float]) -> Vector:
+def rotate(rotation: tuple[Real, Real, Real, Real], v: tuple[Real, Real, Real]) -> tuple[Real, Real, Real]:
     """Rotate a vector."""
     x, y, z, w = rotation
     a, b, c = v

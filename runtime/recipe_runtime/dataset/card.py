@@ -17,7 +17,7 @@ from recipe_runtime.dataset.markdown import one_line, paragraphs
 _DEPTH = {
     "carla": "PNG in CARLA's 24-bit form: metres = 1000 * (R + 256 G + 65536 B) / 16777215; 1000 m and more, sky "
     "included, are 1000 m. Within 0.03 mm of the float32 metres that are hashed.",
-    "npy": "`.npy`, float32 metres: the very numbers that are hashed; the camera's far limit for the sky.",
+    "npy": "`.npy`, float32 metres: the values that are hashed; the camera's far limit for the sky.",
 }
 
 
@@ -33,7 +33,7 @@ def card(dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_fi
         _layout(dataset),
         *_again(dataset, recipe_file),
         f"`{layout.MANIFEST}` holds the SHA-256 of every file and a digest of every frame's pixels; "
-        "`plans/` holds each variant with nothing left to decide.",
+        "`plans/` holds the plan of each variant, fully expanded.",
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -42,9 +42,9 @@ def _again(dataset: DatasetPlan, recipe_file: str | None) -> list[str]:
     """Return the commands that build the dataset again, with arguments quoted for the shell."""
     recipe, again = shlex.quote(recipe_file or f"{dataset.recipe}.yaml"), shlex.quote(f"../{dataset.recipe}-again")
     return [
-        "## The same again",
-        "This dataset is made by a recipe, and can be made again, byte for byte, from the recipe alone, with "
-        "Dataset Recipe (`manifest.json` names the version):",
+        "## How to rebuild it",
+        "This dataset was built from a recipe by Dataset Recipe (`manifest.json` names the version). The same version "
+        "verifies it, and builds it again from the recipe alone, byte for byte:",
         f"    recipe verify .\n    recipe build {recipe} --output {again}",
         *([f"`{layout.RECIPE}/` holds the recipe and every file that it uses."] if recipe_file else []),
     ]
@@ -61,7 +61,7 @@ def _counts(videos: Sequence[Video]) -> str:
     pictures = sum(len(v.frames) * len(v.sensor.capture) for v in videos)
     variants = len({v.variant for v in videos})
     words = f"{count(variants, 'variant')}, {count(frames, 'frame')}, {count(pictures, 'picture')}."
-    return f"## What is in it\n\n{words}\n\n" + "\n".join(rows)
+    return f"## Content\n\n{words}\n\n" + "\n".join(rows)
 
 
 def _objects(videos: Sequence[Video]) -> str:
@@ -79,22 +79,22 @@ def _objects(videos: Sequence[Video]) -> str:
 
 def _layout(dataset: DatasetPlan) -> str:
     lines = [
-        "## Where it lies",
+        "## Files",
         "",
         "- `<variant>/<sensor>/<modality>/000000.png`, frames from 0; labels that variants share are hard links.",
         f"- depth: {_DEPTH[dataset.depth]}",
         "- instance: 16-bit PNG, CARLA tag * 1000 + number; the same actor in every sensor, frame, variant and file; "
         "0 for town and sky.",
         "- semantic: 8-bit PNG of CARLA 0.9.14+ tags.",
-        "- `<variant>/<sensor>/labels.jsonl`: a line a frame, the records that every annotation file is made from.",
+        "- `<variant>/<sensor>/labels.jsonl`: one line per frame, the source of every annotation file.",
         "- `<variant>/tracks.csv`: pose and velocity of every actor at every frame, in the world: x, y on the ground, "
         "z up, metres and seconds.",
     ]
     described = {
         "kwcoco": f"- `{layout.KWCOCO}`: videos, tracks, boxes, masks, amodal boxes, 3-D boxes, distances.",
-        "coco": "- `annotations/coco/rgb.json`: flat COCO; its file names count from this folder.",
+        "coco": "- `annotations/coco/rgb.json`: flat COCO; its paths are relative to this folder.",
         "mots_txt": f"- `{layout.MOTS_SEQUENCES}/`: MOTSChallenge text; `mots/` is TrackEval's GT_FOLDER.",
-        "mots_png": "- `mots/instances/`: MOTS PNG, frames from 1; pedestrian 2, car 1, other vehicles to be ignored.",
+        "mots_png": "- `mots/instances/`: MOTS PNG, frames from 1; pedestrian 2, car 1, other vehicles 10 (ignored).",
     }
     lines += [described[name] for name in sorted(set(dataset.annotations))]
     return "\n".join(lines)

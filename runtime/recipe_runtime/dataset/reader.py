@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -50,6 +50,7 @@ class Dataset:
     files: dict[str, tuple[int, str]]  # path -> size, SHA-256
     name: str  # name in messages
     recipe_file: str | None = None  # path of the recipe in the folder
+    plan_digests: Mapping[str, str] = field(default_factory=dict)  # variant -> digest of its plan
 
 
 def read(root: Path, name: str = "") -> Dataset:
@@ -74,7 +75,9 @@ def read(root: Path, name: str = "") -> Dataset:
         recipe_file = recipe_file_of(manifest, files)
     except manifest_reader.NotAManifestError:
         raise InputError(
-            f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project", code=Code.INVALID_DATASET
+            f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project",
+            help="name a folder that `recipe build` made, such as datasets/NAME",
+            code=Code.INVALID_DATASET,
         ) from None
     except InputError as error:
         raise InputError(
@@ -85,7 +88,8 @@ def read(root: Path, name: str = "") -> Dataset:
         raise InputError(
             f"{name}: its manifest or a plan is damaged ({reason}); build the dataset again", code=Code.INVALID_DATASET
         ) from None
-    return Dataset(root, plan, lock, files, name, recipe_file)
+    plan_digests = {variant: row["plan"] for variant, row in manifest["variants"].items()}
+    return Dataset(root, plan, lock, files, name, recipe_file, plan_digests)
 
 
 def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.plan import ScenarioPlan, ScenePlan, SensorPlan
+from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
@@ -87,12 +88,16 @@ def shot(
     frame = frames // 2 if frame is None else frame
     if frame >= frames:
         raise InputError(
-            f"frame {frame} is not there: {scenario.variant} has frames 0 to {frames - 1}", code=Code.OUT_OF_RANGE
+            f"frame {frame} does not exist: {scenario.variant} has {count(frames, 'frame')}",
+            help=f"choose a frame from 0 to {frames - 1}",
+            code=Code.OUT_OF_RANGE,
         )
     modality = modality or ("rgb" if "rgb" in plan.capture else plan.capture[0])
     if modality not in plan.capture:
         raise InputError(
-            f"the sensor {plan.name} captures {', '.join(plan.capture)}, not {modality!r}", code=Code.UNKNOWN_NAME
+            f"the sensor {plan.name} does not capture {modality!r}",
+            help=f"it captures {', '.join(plan.capture)}",
+            code=Code.UNKNOWN_NAME,
         )
     place = devices(device)[0]
     with leased(store.root), ThreadPoolExecutor(max_workers=1) as background:

@@ -24,6 +24,7 @@ _GRASS, _WALK, _ASPHALT, _MARK, _PATH = "#dfe8d2", "#efe6d3", "#b4b8be", "#fffff
 _BUILDING, _WALL, _GREEN, _THING = "#8f857b", "#5d544c", "#9dbb84", "#8a8f96"
 _LANE, _PARKING = "#5b636d", "#2d7f78"
 _VEHICLE, _PEDESTRIAN, _SENSOR = "#1f5fb0", "#c2571a", "#7a2a9b"
+_TRAFFIC = "#ffd23f"
 _CAST = ("#c01f3a", "#0a7d3c", "#0b63c9", "#a85b00", "#8a1f8f", "#00707a")
 _FRONTED = ("building", "house", "wall")  # elements with the origin in the middle of their front
 _THINGS = (
@@ -67,7 +68,7 @@ def town_map(town: TownPlan, spots: Spots, title: str, scenario: ScenarioPlan | 
     if scenario:
         for actor in scenario.scene.actors:
             if actor.name.startswith("traffic."):
-                canvas.disc((actor.start.x, actor.start.y), 0.5, _PAPER, _INK, 1.5)
+                _traffic(canvas, actor)
         for n, actor in enumerate(cast):
             _actor(canvas, actor, _CAST[n % len(_CAST)])
         for sensor in scenario.rig.sensors:
@@ -238,6 +239,28 @@ def _vehicle_spot(canvas: Canvas, pose: Pose) -> None:
     canvas.polygon(placed(pose, [(1.2, 0.0), (-0.8, 0.8), (-0.8, -0.8)]), _VEHICLE)
 
 
+def _traffic(canvas: Canvas, actor: ActorPlan) -> None:
+    if actor.category == "pedestrian":
+        _traffic_pedestrian(canvas, actor.start)
+    elif actor.name.startswith("traffic.parked."):
+        _parked_car(canvas, actor.start)
+    else:
+        _traffic_vehicle(canvas, actor.start)
+
+
+def _traffic_pedestrian(canvas: Canvas, pose: Pose) -> None:
+    canvas.disc((pose.x, pose.y), 0.8, _TRAFFIC, _INK, 1.5)
+
+
+def _traffic_vehicle(canvas: Canvas, pose: Pose) -> None:
+    corners = [(2.4, 0.0), (1.2, 1.0), (-2.2, 1.0), (-2.2, -1.0), (1.2, -1.0)]
+    canvas.polygon(placed(pose, corners), _TRAFFIC, _INK, 1.5)
+
+
+def _parked_car(canvas: Canvas, pose: Pose) -> None:
+    canvas.polygon(rectangle(pose, -2.0, 2.0, -0.8, 0.8), _PARKING, _INK, 1.0)
+
+
 def _actor(canvas: Canvas, actor: ActorPlan, colour: str) -> None:
     """Draw the start, the heading and the route of an actor."""
     start = (actor.start.x, actor.start.y)
@@ -311,10 +334,11 @@ def _legend(scale: float, cast: bool) -> Image.Image:
         ("lane, with its direction", _sample_lane),
         ("crossing", _sample_crossing),
         ("sidewalk", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _WALK, _THING)),
-        ("foot path, driveway", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _PATH)),
+        ("footpath, driveway", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _PATH)),
         ("building", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -3, 3, -1, 1), _BUILDING, _WALL)),
         ("wall, fence, guard rail", lambda c, y: c.line([(0.5, y), (6.5, y)], _WALL, 2.5)),
         ("tree, hedge", lambda c, y: c.disc((3.5, y), 1.2, _GREEN)),
+        ("street furniture", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -0.8, 0.8, -0.5, 0.5), _THING)),
         (
             "parking place",
             lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -2.3, 2.3, -0.9, 0.9), None, _PARKING, 1.5),
@@ -325,7 +349,9 @@ def _legend(scale: float, cast: bool) -> Image.Image:
     if cast:
         rows += [
             ("actor: start and route", _sample_actor),
-            ("traffic: start", lambda c, y: c.disc((3.5, y), 0.5, _PAPER, _INK, 1.5)),
+            ("traffic: vehicle at the start", lambda c, y: _traffic_vehicle(c, Pose(x=3.5, y=y))),
+            ("traffic: pedestrian at the start", lambda c, y: _traffic_pedestrian(c, Pose(x=3.5, y=y))),
+            ("parked car", lambda c, y: _parked_car(c, Pose(x=3.5, y=y))),
             ("sensor and field of view", _sample_sensor),
         ]
     high, metre = 3.4, 10.0

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 
 from recipe_compiler.ir.plan import ActorPlan, Pose
 
-from recipe_runtime.body.kinematics import PartPose, Quaternion, Vector, forward_kinematics
-from recipe_runtime.body.skeleton import is_person, joints_of
+from recipe_runtime.body.kinematics import Quaternion, Vector
+from recipe_runtime.body.skeleton import is_person
 from recipe_runtime.simulation.bullet import World, orientation
 
 STANDSTILL = 8.0  # seconds for which an agent stands after a hard collision
@@ -50,7 +50,6 @@ class Agent(ABC):
 
     def __init__(self, world: World, actor: ActorPlan, body: int, control_dt: float) -> None:
         self.actor, self.body = actor, body
-        self._joints = joints_of(actor.shape)
         self._world, self._dt = world, control_dt
         self.waiting, self.present = False, True
         self.held = actor.held
@@ -113,10 +112,6 @@ class Agent(ABC):
         """Stop, and stand until a time (seconds since frame 0), as after a collision."""
         self._stands_until = until
 
-    def parts(self) -> list[PartPose]:
-        """Position and orientation of every part, the base first."""
-        return forward_kinematics(self._base_pose(), self._joints, self._joint_rotations())
-
     def velocities(self) -> tuple[Vector, Vector]:
         """Linear and angular velocity of the base, m/s and rad/s in the world frame."""
         return (*self.velocity, self.vertical_speed), (0.0, 0.0, self.yaw_rate)
@@ -165,11 +160,3 @@ class Agent(ABC):
         Returns:
             Whether another call without a displacement would change nothing.
         """
-
-    @abstractmethod
-    def _base_pose(self) -> PartPose:
-        """Position and orientation of the base part."""
-
-    @abstractmethod
-    def _joint_rotations(self) -> Sequence[Quaternion]:
-        """Return the rotations of the joints, in their order."""

@@ -17,7 +17,7 @@ from recipe_runtime.simulation.bullet import World
 from recipe_runtime.simulation.contacts import ContactRecorder
 from recipe_runtime.simulation.events import ContactEvent
 from recipe_runtime.simulation.neighbours import NeighbourGrid
-from recipe_runtime.simulation.recording import record_frame
+from recipe_runtime.simulation.recording import FrameRecorder
 from recipe_runtime.simulation.traffic import through_traffic
 
 CONTROL_RATE, DECISION_RATE = 30, 10  # times a second
@@ -110,12 +110,13 @@ def run(scene: ScenePlan, take: Callable[[int, bytes], None], report: Callable[[
     """
     clock = scene.clock
     simulation = Simulation(scene)
+    recorder = FrameRecorder(simulation.agents, simulation.world.ground)
     steps = clock.warmup_steps + (clock.frames - 1) * clock.steps_per_frame
     while True:
         frame, rest = divmod(simulation.step - clock.warmup_steps, clock.steps_per_frame)
         if rest == 0:
             if frame >= 0:
-                take(frame, record_frame(simulation.agents_now()))
+                take(frame, recorder.record(simulation.agents_now()))
             report(simulation.step, steps)
         if simulation.step == steps:
             break

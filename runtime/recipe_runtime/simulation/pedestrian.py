@@ -9,15 +9,17 @@ from collections.abc import Sequence
 from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.body import walk_cycle
-from recipe_runtime.body.kinematics import PartPose, Quaternion
+from recipe_runtime.body.footsteps import Footsteps
+from recipe_runtime.body.gait import Gait
 from recipe_runtime.body.skeleton import Figure
+from recipe_runtime.body.walk_cycle import HEAD_TURN
 from recipe_runtime.simulation.agent import STANDSTILL, Agent, move_towards
 from recipe_runtime.simulation.bullet import World
 from recipe_runtime.simulation.walking.surroundings import Surroundings
 from recipe_runtime.simulation.walking.walker import Walker, Wish
 
 _MASS = 75.0  # kg
-_ACCELERATION, _STEP_RATE = 3.4, 0.9  # m/s2, m/s up and down kerbs
+_ACCELERATION = 3.4  # m/s2
 _TURN_STANDING, _TURN_WALKING, _TURN_ACCELERATION = 3.0, 2.05, 20.0  # rad/s at rest and at `_WALKING` m/s; rad/s2
 _WALKING, _TURNING, _TURN_GAIN = 0.8, 2.9, 4.0  # m/s; m/s2 across in a bend; 1/s
 _SIDESTEP, _SMALL_STEPS, _FACES = 0.35, 0.3, 0.15  # m/s: aside, in any direction, and from where it turns to face
@@ -29,6 +31,7 @@ class PedestrianAgent(Agent):
     """A pedestrian.
 
     Attributes:
+        figure: Its proportions.
         look: Degrees to the left of its heading where it wants to look.
         pace: The speed that it wants now, m/s.
         crossing: The way over a road, from kerb to kerb (x, y, x, y, metres), that it is on, or is about to enter with
@@ -44,11 +47,9 @@ class PedestrianAgent(Agent):
         self.follower: PedestrianAgent | None = None
         self._walker, self._wish = Walker(actor, surroundings), Wish()
         self.sight = _SIGHT
-        self.z = world.ground.height(self.x, self.y)
-        self._figure = Figure.of(actor.shape)
-        self._phase = zlib.crc32(actor.name.encode()) / 2.0**32
-        self._pace = 0.0
-        self._pose_cache: tuple[float, float, Sequence[Quaternion]] = (-1.0, 0.0, ())  # phase, pace, joint rotations
+        self.figure = Figure.of(actor.shape)
+        self._footsteps = self._steady_footsteps()
+        self.z, self._head_yaw = self._footsteps.height, 0.0
 
     @property
     def mass(self) -> float:
@@ -100,20 +101,32 @@ class PedestrianAgent(Agent):
         if (vx, vy) != self.velocity or turn != self.yaw_rate:
             self._world.set_velocity(self.body, vx, vy, turn)
 
+    def start_moving(self) -> None:
+        """Let a held pedestrian go, in the middle of its stride."""
+        super().start_moving()
+        self._footsteps = self._steady_footsteps()
+
+    def _steady_footsteps(self) -> Footsteps:
+        phase = zlib.crc32(self.actor.name.encode()) / 2.0**32
+        place, ground = (self.x, self.y), self._world.ground.height
+        return Footsteps.steady(Gait(self.figure), phase, self.speed, place, self.heading, ground)
+
+    def read(self, seconds: float) -> None:
+        """Read the state of the body from the engine, and turn the head."""
+        if self._head_yaw != max(-HEAD_TURN, min(HEAD_TURN, self.look)):
+            self._at_rest = False
+        super().read(seconds)
+
     def _follow(self, dx: float, dy: float, seconds: float) -> bool:
-        """Advance the walk cycle by the distance covered, and follow the ground."""
-        distance = math.sqrt(dx * dx + dy * dy)
-        self._pace = math.sqrt(self.velocity[0] * self.velocity[0] + self.velocity[1] * self.velocity[1])
-        self._phase += distance / walk_cycle.stride_length(self._figure, self._pace)
-        z = move_towards(self.z, self._world.ground.height(self.x, self.y), _STEP_RATE * seconds)
-        self.vertical_speed, self.z = (z - self.z) / seconds, z
-        return distance == 0.0 and self.vertical_speed == 0.0
+        """Move the feet with the body, and follow the ground on which they stand."""
+        feet, head = self._footsteps, self._head_yaw
+        self._footsteps = feet.moved(
+            (self.x, self.y), self.heading, self.velocity, self.yaw_rate, seconds, self._world.ground.height
+        )
+        self._head_yaw = walk_cycle.turn_head(head, self.look, seconds)
+        self.vertical_speed, self.z = (self._footsteps.height - self.z) / seconds, self._footsteps.height
+        return self._footsteps is feet and self._head_yaw == head
 
-    def _base_pose(self) -> PartPose:
-        """Return the pose of the base, at the height where the lower sole touches the ground."""
-        return (self.x, self.y, self.z - walk_cycle.lowest_sole(self._figure, self._joint_rotations())), self._yaw()
-
-    def _joint_rotations(self) -> Sequence[Quaternion]:
-        if self._pose_cache[:2] != (self._phase, self._pace):
-            self._pose_cache = self._phase, self._pace, walk_cycle.pose(self._figure, self._phase, self._pace)
-        return self._pose_cache[2]
+    def walk_row(self) -> walk_cycle.Row:
+        """Return the state from which its pose is computed."""
+        return walk_cycle.row(self._footsteps, (self.x, self.y), self.heading, self._head_yaw)

@@ -176,20 +176,14 @@ class VehicleAgent(Agent):
         self.progress, self.offset, self._leg = self.path.locate(self.x, self.y, self._leg)
         return self._suspension is before
 
-    def _base_pose(self) -> PartPose:
+    def base_pose(self) -> PartPose:
+        """Return the position and orientation of the chassis."""
         return (self.x, self.y, self.z), compose(self._yaw(), self._suspension.tilt)
 
-    def _joint_rotations(self) -> Sequence[Quaternion]:
-        """Return the rotations of the wheels: rolling and, in front, steering with Ackermann geometry."""
-        shape = self.actor.shape
-        rolled = self._distance / (2.0 * math.pi * shape["wheel"])
-        spin = axis_rotation("y", 360.0 * (rolled - math.floor(rolled)))
-        half = shape["width"] / 2 - 0.13
-        curvature = self._steer / self._base
-        steered = [
-            axis_rotation("z", exact.atan2_deg(self._base * curvature, 1.0 - s * half * curvature)) for s in (1, -1)
-        ]
-        return [compose(steered[0], spin), compose(steered[1], spin), spin, spin]
+    @property
+    def rolled(self) -> float:
+        """Metres that its wheels have rolled."""
+        return self._distance
 
 
 class ParkedVehicle(VehicleAgent):
@@ -216,7 +210,8 @@ class ParkedVehicle(VehicleAgent):
     def collide(self, other: Agent | None, impulse: float, seconds: float) -> None:
         """Do nothing."""
 
-    def _base_pose(self) -> PartPose:
+    def base_pose(self) -> PartPose:
+        """Return the pose where it is parked."""
         start = self.actor.start
         return (start.x, start.y, start.z), orientation(start)
 
@@ -244,13 +239,14 @@ class TwoWheeler(VehicleAgent):
         self._lean = move_towards(self._lean, lean, _TIP * seconds)
         return at_rest and before == (self._foot_weight, self._lean)
 
-    def _base_pose(self) -> PartPose:
+    def base_pose(self) -> PartPose:
         """Return the pose of the base, leaning about the tyres, which stay on the ground."""
-        (x, y, z), rotation = super()._base_pose()
+        (x, y, z), rotation = super().base_pose()
         lift = self._bike.tyre * (1.0 - exact.cos_deg(self._lean))
         return (x, y, z + lift), compose(rotation, axis_rotation("x", -self._lean))
 
-    def _joint_rotations(self) -> Sequence[Quaternion]:
+    def joint_rotations(self) -> Sequence[Quaternion]:
+        """Return the rotations of the joints of vehicle and rider."""
         steer = exact.atan2_deg(self._steer, 1.0)
         return riding.pose(self._bike, steer=steer, distance=self._distance, foot_weight=self._foot_weight)
 

@@ -9,10 +9,13 @@ from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import DatasetPlan
 from recipe_compiler.ir.plurals import count
 
+from recipe_runtime.core import layout
 from recipe_runtime.core.versions import STAGES
 from recipe_runtime.dataset import digests
+from recipe_runtime.dataset.reader import Dataset
 from recipe_runtime.verify.excuses import excuse_of
 from recipe_runtime.verify.verdict import ORDER, Difference
+from recipe_runtime.verify.version_comparison import tool_faults
 
 Excuse = Callable[[str, Lockfile], str | None]  # (stage, lockfile) -> reason why the stage may differ, as in `excuses`
 
@@ -75,6 +78,16 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse
     return found
 
 
+def compare_plan_digests(dataset: Dataset) -> list[Difference]:
+    """Compare the plan digest of each variant in a dataset's manifest with the variant's plan."""
+    excuse = excuse_of("plan", dataset.lock)
+    return [
+        Difference("plan", f"{layout.MANIFEST}: the plan digest of {v.variant} is another than its plan has", excuse)
+        for v in dataset.plan.variants
+        if dataset.plan_digests.get(v.variant) != v.digest
+    ]
+
+
 def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
     """Check that a lockfile is complete and has exactly the rows of motion and frames that the plan requires."""
     found = []
@@ -82,6 +95,7 @@ def compare_rows(plan: DatasetPlan, lock: Lockfile) -> list[Difference]:
         found.append("it was damaged or edited: its digests do not add up")
     if lock.recipe != plan.recipe:
         found.append(f"it is of the recipe {lock.recipe!r}, and this is {plan.recipe!r}")
+    found += tool_faults(lock)
     agreed = {name: row for name, row in digests.bare(plan, "", {}).variants.items() if lock.variants.get(name) == row}
     if len(agreed) == len(plan.variants) == len(lock.variants):
         kinds = (
@@ -126,6 +140,7 @@ def compare_datasets(plan: DatasetPlan, lock: Lockfile, held: Lockfile, name: st
         found.append(Difference("lockfile", "it was damaged or edited: its digests do not add up to its identity"))
     if held.recipe != plan.recipe:
         found.append(Difference("lockfile", f"it is of the recipe {held.recipe!r}, and this is {plan.recipe!r}"))
+    found += [Difference("lockfile", message) for message in tool_faults(held)]
     return [replace(difference, message=f"{name}: {difference.message}") for difference in found]
 
 

@@ -60,7 +60,7 @@ def excuse_of(stage: str, lock: Lockfile) -> str | None:
         stage: a stage, or `texts` or `card`.
         lock: the lockfile.
     """
-    reason = host.unfit(stage) or _other_stage(stage, lock)
+    reason = host.unfit(stage) or release_excuse(stage, lock)
     if reason:
         return reason
     if stage == "trace" and "glibc" not in lock.tools:
@@ -73,8 +73,8 @@ def own_excuse_of(stage: str, golden: Lockfile) -> str | None:
     return excuse_of(stage, golden) or _other_tools(stage, golden, _OWN_TOOLS_OF)
 
 
-def _other_stage(stage: str, lock: Lockfile) -> str | None:
-    """Return the first stage version that belongs to another release, in words."""
+def release_excuse(stage: str, lock: Lockfile) -> str | None:
+    """Return the first stage version that belongs to another release, in words; None if there is none."""
     theirs, ours = lock.tools.get(_RELEASE, ""), host_versions()[_RELEASE]
     released, here = _parsed(_RELEASE, theirs), _parsed(_RELEASE, ours)
     for name in _STAGES_OF.get(stage, ()):

@@ -7,15 +7,20 @@ if such motion is recorded at all, as rows of bodies in a lockfile or as the tra
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from recipe_compiler.ir.lockfile import Lockfile
-from recipe_compiler.ir.plan import ScenePlan
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
 from recipe_compiler.ir.plurals import count, form
 
+from recipe_runtime.cache.store import is_motion_of
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import digests
 from recipe_runtime.dataset.reader import Dataset, tracks_difference
+from recipe_runtime.verify.excuses import release_excuse
+from recipe_runtime.verify.sampling import draw_scenes
+from recipe_runtime.verify.verdict import Difference
 
 CONTRADICTION = "the motion of every body agrees, and the digest of the whole does not: the lockfile contradicts itself"
 
@@ -70,12 +75,50 @@ def motion_difference(lock: Lockfile, scene: ScenePlan, trace: Trace) -> MotionD
 
 
 def contradicting_body(lock: Lockfile, scene: ScenePlan, trace: Trace) -> str | None:
-    """The first body whose locked motion is another than the locked Trace has; None if there is none."""
+    """The first body whose row, checkpoints included, contradicts the locked Trace; None if there is none."""
     rows = {actor: lock.bodies.get((scene.digest, actor)) for actor in trace.actors}
     if not any(rows.values()):
         return None  # a manifest has no rows of bodies
-    whole = trace.prefix_digests([trace.frames])
-    return next((actor for actor, row in rows.items() if row is not None and row.digest != whole[actor][0]), None)
+    ours = digests.body_motions(trace)
+    return next((actor for actor, row in rows.items() if row is not None and row != ours[actor]), None)
+
+
+def fit_traces(
+    plan: DatasetPlan, lock: Lockfile, traces: Mapping[str, Trace]
+) -> tuple[list[Difference], dict[str, Trace]]:
+    """Separate locked Traces, by scene digest, that have other frames, actors or parts than their scene.
+
+    Returns:
+        A difference for each of these, and the other Traces.
+    """
+    scenes = {variant.scene.digest: variant.scene for variant in plan.variants}
+    unfit = [digest for digest, t in traces.items() if digest in scenes and not is_motion_of(t, scenes[digest])]
+    message = "the locked Trace of scene {} has other frames, actors or parts than the scene"
+    found = [Difference("trace", message.format(digest[:16]), release_excuse("trace", lock)) for digest in unfit]
+    return found, {digest: trace for digest, trace in traces.items() if digest not in unfit}
+
+
+def scenes_to_simulate(
+    plan: DatasetPlan, lock: Lockfile, drawn: Collection[str], nonce: int
+) -> tuple[dict[str, ScenePlan], list[str]]:
+    """Choose the scenes whose motion is compared with the locked motion; none if no frame is.
+
+    Args:
+        plan: the plan.
+        lock: the lockfile; only a scene with a row of a Trace is chosen in addition to the drawn ones.
+        drawn: the digests of the scenes of the frames that are compared.
+        nonce: the seed of the draw, if there are more than `sampling.MAX_SCENES`.
+
+    Returns:
+        The scenes by digest, and notes on scenes that are left out.
+    """
+    every = {v.scene.digest: v.scene for v in plan.variants if v.scene.digest in lock.traces or v.scene.digest in drawn}
+    chosen = draw_scenes(list(every), drawn, nonce) if drawn else []
+    scenes, notes = {digest: every[digest] for digest in chosen}, []
+    if chosen and len(chosen) < len(every):
+        which = f"{len(every) - len(chosen):,} of {len(every):,} scenes"
+        notes.append(f"the motion of {which}, and so their tracks.csv, was not compared")
+    return scenes, notes
 
 
 def tracks_differ(dataset: Dataset, scene: ScenePlan, trace: Trace) -> bool:

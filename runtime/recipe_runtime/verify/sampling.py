@@ -6,7 +6,7 @@ frames differs, the probability that none of them is drawn is at most (1 - p)^k.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -15,6 +15,8 @@ from recipe_compiler.ir.plurals import count
 from recipe_compiler.ir.streams import Stream
 
 T = TypeVar("T")
+
+MAX_SCENES = 64  # number of scenes up to which every scene is simulated, however few frames are drawn
 
 
 @dataclass(frozen=True)
@@ -59,3 +61,21 @@ def draw(items: Sequence[T], count: int, nonce: int) -> list[T]:
         other = stream.integer(k, len(places) - 1)
         places[k], places[other] = places[other], places[k]
     return [items[place] for place in sorted(places[:count])]
+
+
+def draw_scenes(scenes: Sequence[str], drawn: Collection[str], nonce: int) -> list[str]:
+    """Choose the scenes whose motion is compared.
+
+    Args:
+        scenes: all scenes.
+        drawn: the scenes of the frames that are compared; these are always chosen.
+        nonce: the seed of the draw.
+
+    Returns:
+        All scenes if there are at most `MAX_SCENES`; else those of the drawn frames, and random others up to that
+        number; in the order of `scenes`.
+    """
+    rest = [scene for scene in scenes if scene not in drawn]
+    others = draw(rest, max(0, min(len(rest), MAX_SCENES - len(set(drawn)))), nonce)
+    chosen = {*drawn, *others}
+    return [scene for scene in scenes if scene in chosen]

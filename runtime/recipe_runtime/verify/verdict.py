@@ -108,6 +108,8 @@ class Report:
         resumed = f"; {self.resumed:,} were rendered by the run that was stopped" if self.resumed else ""
         if self.verdict == "PASS":
             return f"{self.bound}{resumed}"
+        if self.bound.checked == 0:
+            return f"none of {count(self.bound.total, 'frame')} compared, because what precedes rendering differs"
         frames = {(d.variant, d.sensor, d.frame) for d in self.differences if d.frame is not None}
         which = f"{len(frames)} of them {form(len(frames), 'differs', 'differ')}"
         return f"{self.bound.checked} of {count(self.bound.total, 'frame')} compared, {which}{resumed}"

@@ -41,6 +41,7 @@ from recipe_runtime.report.difference import write_difference
 from recipe_runtime.verify.compare import (
     compare_datasets,
     compare_files,
+    compare_plan_digests,
     compare_plans,
     compare_rows,
     lacks_frames,
@@ -54,12 +55,15 @@ from recipe_runtime.verify.motion_comparison import (
     MotionDifference,
     OtherMotion,
     contradicting_body,
+    fit_traces,
     motion_difference,
+    scenes_to_simulate,
     tracks_differ,
 )
 from recipe_runtime.verify.recipe_comparison import recipe_differences
 from recipe_runtime.verify.sampling import Bound, draw, sample_size
 from recipe_runtime.verify.verdict import Difference, Report
+from recipe_runtime.verify.version_comparison import version_notes
 
 Choice = tuple[str, str, int]  # variant, sensor, frame
 
@@ -107,13 +111,15 @@ def verify(
     engines = engines or real_engines(Assets(asset_places(dataset) if dataset is not None else {}))
     choices = all_choices(plan)
     differences = _listed_differences(plan, lock, files, dataset)
+    unfit, locked_traces = fit_traces(plan, lock, traces or {})
+    differences += unfit
     other = {d.variant for d in differences if d.stage == "plan"}
     chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
     if lacks_frames(plan, lock):  # the verdict is FAIL already, and the plan may ask for anything
         chosen = []
     pictures: list[str] = []
     with leased(), tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
-        check = _Check(plan, lock, engines, options, progress, Path(folder), dataset, traces or {})
+        check = _Check(plan, lock, engines, options, progress, Path(folder), dataset, locked_traces)
         check.cache = cache if options.everything else None
         compared, found = check.run(chosen)
         differences += found
@@ -134,18 +140,24 @@ def verify(
         bound,
         differences,
         pictures,
-        notes=[note] if note else [],
+        notes=[*([note] if note else []), *check.notes, *version_notes(lock)],
         resumed=check.resumed,
     )
 
 
 def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Report:
     """Compare a dataset's files with its manifest, and that with its plan; nothing is simulated or rendered."""
-    differences = compare_rows(dataset.plan, dataset.lock)
+    differences = compare_rows(dataset.plan, dataset.lock) + compare_plan_digests(dataset)
     differences += _recipe_and_damage(differences, dataset, options, progress)
     bound = Bound(0, len(all_choices(dataset.plan)), options.confidence)
     return Report(
-        dataset.plan.recipe, dataset.lock.identity, options.nonce, bound, differences, files=len(dataset.files)
+        dataset.plan.recipe,
+        dataset.lock.identity,
+        options.nonce,
+        bound,
+        differences,
+        files=len(dataset.files),
+        notes=version_notes(dataset.lock),
     )
 
 
@@ -157,8 +169,10 @@ def _listed_differences(
     if files is not None:
         found += compare_files(plan, lock, files)
     found += compare_plans(plan, lock)
-    if dataset is not None and dataset.lock is not lock:
-        found += compare_datasets(plan, lock, dataset.lock, dataset.name)
+    if dataset is not None:
+        found += compare_plan_digests(dataset)
+        if dataset.lock is not lock:
+            found += compare_datasets(plan, lock, dataset.lock, dataset.name)
     return found
 
 
@@ -222,12 +236,14 @@ class _Check:
     other: dict[str, OtherMotion] = field(default_factory=dict)  # by scene, this host's where it need not be the locked
     cache: Path | None = None  # where the journal is kept
     resumed: int = 0  # frames taken up from the journal of a run that was stopped
+    notes: list[str] = field(default_factory=list)
     _journal: CacheJournal | None = None
 
     def run(self, chosen: list[Choice]) -> tuple[int, list[Difference]]:
-        """Simulate the scenes of the chosen frames and render the frames alone: how many were, and what differs."""
+        """Simulate scenes and render the chosen frames alone: how many were rendered, and what differs."""
         by_name = {v.variant: v for v in self.plan.variants}
-        scenes = {by_name[name].scene.digest: by_name[name].scene for name, _, _ in chosen}
+        drawn = {by_name[name].scene.digest for name, _, _ in chosen}
+        scenes, self.notes = scenes_to_simulate(self.plan, self.lock, drawn, self.options.nonce)
         whole, found = self._motions(scenes)
         reason = host.cannot_render() or self.engines.assets.missing(by_name[name] for name, _, _ in chosen)
         if reason:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.plan import ActorPlan, Clock, Point, Pose, ScenePlan
 from recipe_compiler.library import blueprints, towns
 from recipe_compiler.library.towns.streets import StreetGrid
-from recipe_runtime.body import riding, walk_cycle
+from recipe_runtime.body import riding
 from recipe_runtime.body.kinematics import IDENTITY, axis_rotation, forward_kinematics, rotate, two_bone_ik
-from recipe_runtime.body.skeleton import Bike, Figure
+from recipe_runtime.body.skeleton import Bike
 from recipe_runtime.core.trace import METRE, Trace
 from recipe_runtime.core.transforms import invert, part_transforms
 from recipe_runtime.frames.portrait import matrices
@@ -25,7 +25,6 @@ from recipe_runtime.simulation.terrain import Ground
 TOWN = towns.build("downtown", 0, {"blocks": [2, 2]})
 GROUND = Ground(TOWN.plan)
 STREETS = cast(StreetGrid, TOWN.streets)
-PEOPLE = [b for b in blueprints.LIBRARY if b.category == "pedestrian"]
 BIKES = [b for b in blueprints.LIBRARY if b.attributes.get("number_of_wheels") == "2"]
 
 
@@ -204,21 +203,6 @@ def test_a_limb_reaches_its_target_and_keeps_its_length() -> None:
     assert knee[0] > 0.1  # the knee is in front
 
 
-@pytest.mark.parametrize("blueprint", PEOPLE, ids=lambda b: b.id)
-def test_somebody_always_treads_the_ground(blueprint: blueprints.Blueprint) -> None:
-    """Over a whole stride the lowest point of the body is within a centimetre of the ground."""
-    figure, speed = Figure.of(blueprint.shape), blueprint.default_speed
-    actor = turning("vehicle.sedan.a", "left").model_copy(update={"shape": blueprint.shape, "category": "pedestrian"})
-    body = actor_body(actor)
-    for n in range(12):
-        turns = walk_cycle.pose(figure, n / 12, speed)
-        base = (0.0, 0.0, -walk_cycle.lowest_sole(figure, turns))
-        assert abs(lowest(body, matrices(forward_kinematics((base, IDENTITY), figure.joints, turns)))) < 0.005
-        assert base[2] == pytest.approx(
-            -walk_cycle.pelvis_drop(figure, n / 12, speed), abs=0.012
-        )  # where the engine has it
-
-
 @cache
 def stroll() -> tuple[tuple[ActorPlan, ...], Trace]:
     """An adult and two children walk along a sidewalk, from standing to standing."""
@@ -263,33 +247,3 @@ def test_feet_touch_the_ground_and_do_not_slide(n: int) -> None:
         ]
         assert len(slides) > 10
         assert max(slides) < 0.003  # a frame, in which the body goes 33 mm and more
-
-
-@pytest.mark.parametrize("blueprint", PEOPLE[::4], ids=lambda b: b.id)
-def test_a_planted_foot_goes_back_as_fast_as_the_body_goes_on(blueprint: blueprints.Blueprint) -> None:
-    """Stride length * strides a second = speed; so while a foot is flat it moves by -stride for each phase."""
-    figure, speed = Figure.of(blueprint.shape), blueprint.default_speed
-    at = []
-    for phase in (0.15, 0.18, 0.21):
-        low = walk_cycle.pelvis_drop(figure, phase, speed)
-        parts = forward_kinematics(((0.0, 0.0, -low), IDENTITY), figure.joints, walk_cycle.pose(figure, phase, speed))
-        names = ["pelvis", *(joint.part for joint in figure.joints)]
-        at.append(parts[names.index("foot_left")][0])
-    assert np.diff([x for x, _, _ in at]) == pytest.approx(
-        [-0.03 * walk_cycle.stride_length(figure, speed)] * 2, abs=1e-3
-    )
-    assert [z for _, _, z in at] == pytest.approx([figure.ankle] * 3, abs=2e-3)
-
-
-def test_children_step_quicker() -> None:
-    adult, child = (Figure.of(blueprints.match(f"walker.pedestrian.{n}")[0].shape) for n in ("0001", "0013"))
-    assert 1.2 / walk_cycle.stride_length(child, 1.2) > 1.25 * 1.2 / walk_cycle.stride_length(adult, 1.2)
-
-
-def test_arms_swing_against_the_legs() -> None:
-    figure = Figure.of(PEOPLE[0].shape)
-    names = [joint.part for joint in figure.joints]
-    turns = walk_cycle.pose(figure, 0.0, 1.4)  # the left heel strikes
-    thigh, arm = turns[names.index("thigh_left")], turns[names.index("upper_arm_left")]
-    assert rotate(thigh, (0.0, 0.0, -1.0))[0] > 0.2  # the left leg is in front, the left arm behind
-    assert rotate(arm, (0.0, 0.0, -1.0))[0] < -0.2

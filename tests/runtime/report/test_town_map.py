@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from PIL import Image
+from PIL import Image, ImageDraw
 from recipe_cli.commands.shot import command
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir import exact
@@ -104,6 +104,46 @@ def test_a_recipes_cast_is_marked_by_name(tmp_path: Path, drawn: dict[str, list[
         "car": (-1.6, 24.0),
         "street": (-4.8, -8.5),
     }
+
+
+def test_traffic_is_distinguished_by_kind(tmp_path: Path, drawn: dict[str, list[Any]]) -> None:
+    """Cars, pedestrians and parked cars were one and the same dot."""
+    path = tmp_path / "first.yaml"
+    traffic = "traffic: {vehicles: 4, pedestrians: 4, parked: 4}"
+    path.write_text(template("first").replace("base:\n", f"base:\n  {traffic}\n", 1))
+    compiled = compile_recipe(path)
+    scenario = compiled.plan.variants[0]
+    town = compiled.towns[scenario.scene.town.digest]
+    town_map.town_map(town.plan, Spots((), (), (), town.streets.bounds), "first", scenario)
+    canvas, picture = drawn["canvas"][0]
+    seen: dict[str, set[tuple[str, bool]]] = {}
+    for actor in scenario.scene.actors:
+        if not actor.name.startswith("traffic."):
+            continue
+        s, c = exact.sin_cos_deg(actor.start.yaw)
+        colours = []
+        for ahead in (0.0, 1.1):  # metres; the second is outside a pedestrian's disc, and within a vehicle
+            x, y = ahead * c - 0.5 * s, ahead * s + 0.5 * c  # (beside the routes of named actors)
+            u, v = canvas.pixel((actor.start.x + x, actor.start.y + y))
+            red, green, blue = picture.getpixel((int(u), int(v)))
+            colours.append("yellow" if min(red, green) > blue + 90 else "teal" if green > red + 40 else "other")
+        seen.setdefault(actor.name.split(".")[1], set()).add((colours[0], colours[0] == colours[1]))
+    assert seen == {"vehicle": {("yellow", True)}, "pedestrian": {("yellow", False)}, "parked": {("teal", True)}}
+
+
+def test_the_legend_explains_every_layer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Grey squares were on the map and not in its legend."""
+    words: list[str] = []
+    whole = ImageDraw.ImageDraw.text
+
+    def text(self: ImageDraw.ImageDraw, at: Any, said: str, *rest: Any, **more: Any) -> None:
+        words.append(said)
+        whole(self, at, said, *rest, **more)
+
+    monkeypatch.setattr(ImageDraw.ImageDraw, "text", text)
+    town_map._legend(8.0, True)
+    assert {"street furniture", "footpath, driveway", "parked car"} <= set(words)
+    assert sum(said.startswith("traffic: ") for said in words) == 2
 
 
 def run(*arguments: str) -> Result:

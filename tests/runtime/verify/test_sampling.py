@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_runtime.verify.sampling import Bound, draw, sample_size
+from recipe_runtime.verify.sampling import Bound, draw, draw_scenes, sample_size
 
 
 @given(st.integers(1, 400), st.data())
@@ -46,3 +46,14 @@ def test_the_sample_misses_no_more_often_than_it_says(bad: Sequence[int]) -> Non
     """5 % of 80 frames differ, wherever they are: the sample of 59 misses them far more rarely than in 5 % of runs."""
     missed = sum(not set(bad).intersection(draw(range(80), 59, nonce)) for nonce in range(2000))
     assert missed <= 2000 * 0.05 * 0.5
+
+
+@pytest.mark.parametrize(
+    ("scenes", "drawn", "chosen"), [(3, 1, 3), (64, 1, 64), (65, 1, 64), (500, 59, 64), (90, 80, 80)]
+)
+def test_scenes_of_drawn_frames_and_others_up_to_a_limit(scenes: int, drawn: int, chosen: int) -> None:
+    names = [f"{number:03}" for number in range(scenes)]
+    found = draw_scenes(names, set(names[-drawn:]), nonce=7)
+    assert len(found) == chosen and found == sorted(found)
+    assert set(names[-drawn:]) <= set(found)
+    assert found == draw_scenes(names, set(names[-drawn:]), nonce=7)

@@ -12,7 +12,7 @@ from itertools import pairwise
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library.towns.site import Site, beside
-from recipe_compiler.library.towns.streets import BAY, CORNER, KERB, LANE, SIDE, STOP, StreetGrid
+from recipe_compiler.library.towns.streets import BAY, CORNER, KERB, LANE, SIDE, STOP, Cell, StreetGrid
 from recipe_compiler.library.towns.town import SpawnPoint
 
 WALK = 6.0  # from the kerb to the building fronts
@@ -161,9 +161,8 @@ def _times(site: Site, junction: str, along_y: bool) -> dict[str, float]:
 def signals(site: Site, streets: StreetGrid, main: int | None, speed: int) -> None:
     """Add traffic lights and road signs at the junctions.
 
-    Junctions of the main street have traffic lights. At other
-    junctions, streets along x have stop signs and some of those along y have crossing signs. Some approaches have a
-    speed limit sign behind the junction.
+    Junctions of the main street have traffic lights. At other junctions with three arms or more, streets along x have
+    stop signs. Some of the approaches along y have crossing signs, and some exits have a speed limit sign.
 
     Args:
         site: the elements are added to it.
@@ -193,13 +192,19 @@ def signals(site: Site, streets: StreetGrid, main: int | None, speed: int) -> No
                         arm=arm,
                         **_times(site, f"{i}.{j}", along_y),
                     )
-                elif not along_y:
+                elif not along_y and _arms(streets, (i, j)) > 2:
                     _post(site, f"sign.stop.{name}", corner, "stop")
                 elif site.chance(0.5, "sign", name):
                     _post(site, f"sign.crossing.{name}", beside(corner, 1.6, 0.0), "crossing")
                 past = beside(heading, -(ahead + SIDE + 6.4), aside + 0.4)
                 if site.chance(0.45, "limit", name):
                     _post(site, f"sign.speed.{name}", past, "speed", speed)
+
+
+def _arms(streets: StreetGrid, junction: Cell) -> int:
+    """Return the number of streets that lead from a junction to another one."""
+    i, j = junction
+    return sum(streets.exists(cell) for cell in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)))
 
 
 def spawn_points(streets: StreetGrid) -> Iterator[SpawnPoint]:

@@ -75,6 +75,7 @@ class Obstacle:
     speed: float  # along the path, m/s
     right: float  # its edges, metres to the left of the path
     left: float
+    along: float  # cosine of the angle between its heading and the path
     person: bool
 
 
@@ -146,7 +147,7 @@ def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstac
     if low > left + room or high < right - room:
         return None
     vx, vy = body.velocity
-    return Obstacle(body, gap, vx * tx + vy * ty, low, high, False)
+    return Obstacle(body, gap, vx * tx + vy * ty, low, high, hx * tx + hy * ty, False)
 
 
 def _person(c: Corridor, body: Body) -> Obstacle | None:
@@ -172,7 +173,7 @@ def _person(c: Corridor, body: Body) -> Obstacle | None:
         passed = (gap + 2.0 * c.reach + 1.0) / max(c.speed, 0.5)
         if passed < distance / approach:
             return None
-    return Obstacle(body, gap, min(along, c.speed), aside - body.radius, aside + body.radius, True)
+    return Obstacle(body, gap, min(along, c.speed), aside - body.radius, aside + body.radius, 0.0, True)
 
 
 def _crossing(c: Corridor, body: Body) -> Obstacle | None:
@@ -200,7 +201,7 @@ def _crossing(c: Corridor, body: Body) -> Obstacle | None:
             return None
         if c.speed * c.speed > 2.0 * _KIND * gap or (gap + 2.0 * c.reach + 3.0) * _PACE < left * c.speed:
             return None
-        return Obstacle(body, gap, 0.0, -c.radius, c.radius, True)
+        return Obstacle(body, gap, 0.0, -c.radius, c.radius, 0.0, True)
     return None
 
 

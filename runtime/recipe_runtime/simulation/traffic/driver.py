@@ -35,6 +35,8 @@ _LATERAL, _EARLY_BRAKING = 2.0, 1.2  # m/s2 in bends, and before lower speeds
 _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
 _AT_LINE = 0.7  # metres between the front and the place where one waits
 _FIRM = 4.0  # m/s2, to stop where one waits and not only at the painted line behind it
+_SLACK = 0.5  # metres by which queues may stay longer than they must
+_PASSING = 1.5  # m/s of a vehicle that crosses, from which it counts as about to be gone
 _LONG = 3.2  # half length from which the swing of the body counts
 _PULL_OUT = 11.0  # metres more behind a standing obstacle, from which a vehicle can pass it
 _IDLE_TICKS = 20  # decisions to go without moving, after which it counts as stalled, for example by a crash
@@ -188,15 +190,15 @@ class Driver:
         for body in neighbours:
             if body.actor.category == "pedestrian" or any(body is other for other in known):
                 continue
-            for k in (-0.5, 0.5):
-                x = body.x + k * body.reach * body.heading[0] - junction.x
-                y = body.y + k * body.reach * body.heading[1] - junction.y
+            for k in (-1.0, 0.0, 1.0):
+                x = body.x + k * (body.reach - body.radius) * body.heading[0] - junction.x
+                y = body.y + k * (body.reach - body.radius) * body.heading[1] - junction.y
                 if abs(x) > 25.0 or abs(y) > 25.0:
                     continue
                 after = vehicle.progress - crossing.entry
                 contact = crossing.movement.first_contact(x, y, body.radius, after + 1.0)
                 if contact is not None:
-                    more.append(Obstacle(body, contact - after - 0.5, 0.0, 0.0, 0.0, False))
+                    more.append(Obstacle(body, contact - after - 0.5, 0.0, 0.0, 0.0, 0.0, False))
         return more
 
     def _spare(self, vehicle: Vehicle, obstacle: Obstacle) -> float:
@@ -210,20 +212,18 @@ class Driver:
         """Store how far the front may go before it stands behind somebody."""
         room = solid = math.inf
         for obstacle in found:
-            here = obstacle.gap
-            driver = getattr(obstacle.body, "driver", None)
-            if not obstacle.person and driver is not None and driver.leads(vehicle, obstacle.body):
-                here += max(0.0, driver.passage.extent)
+            here, body = max(0.0, obstacle.gap - self.style.gap - _SLACK), obstacle.body
+            driver = getattr(body, "driver", None)
+            if driver is not None and body.actor.speed > 0.0:
+                if obstacle.along > 0.3:
+                    here += max(0.0, driver.passage.extent)
+                elif obstacle.along > -0.7 and body.speed > _PASSING:
+                    continue  # it crosses, and will be gone
             room = min(room, here)
             solid = solid if obstacle.person else min(solid, here)
         self.passage.room, self.passage.solid_room = room, solid
         end = math.inf if self.actor.entry is not None else vehicle.path.length - vehicle.progress
-        self.passage.extent = max(0.0, min(room, line, end))
-
-    def leads(self, vehicle: Vehicle, own: Body) -> bool:
-        """Return whether this driver's own vehicle goes on in about the direction of another one."""
-        (ax, ay), (bx, by) = vehicle.heading, own.heading
-        return self.actor.speed > 0.0 and ax * bx + ay * by > 0.3
+        self.passage.extent = max(0.0, min(room, line - _AT_LINE, end))
 
     def _choose_offset(
         self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, seconds: float

@@ -141,7 +141,7 @@ class JunctionControl:
         for arm in range(4):
             if arm != crossing.arm:
                 line = self.road_map.junctions[number].arms[arm].line
-                over = movement.reach_into(DIRECTIONS[arm], _LANE) + 0.4 - line
+                over = movement.reach_into(DIRECTIONS[arm], _LANE) + 0.5 - line
                 self._setbacks[number][arm] = max(self._setbacks[number][arm], min(over, _MAX_SETBACK))
 
     def _advance(self, vehicle: Vehicle, passage: Passage) -> None:

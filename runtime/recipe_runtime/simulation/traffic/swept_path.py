@@ -20,8 +20,9 @@ from recipe_runtime.simulation.path import Path, Point
 
 Turn = Literal["straight", "left", "right"]
 _POSE_STEP, _TRACTRIX_STEP = 1.0, 0.25  # metres along the path
-_SLICE = 1.0  # metres of a body that one circle covers
-MARGIN = 0.25  # metres that two bodies keep apart
+_SLICE, _LONG_SLICE = 0.6, 1.0  # metres of a body that one circle covers, and of one longer than a van
+_VAN = 5.6  # metres
+MARGIN = 0.3  # metres that two bodies keep apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +128,7 @@ def sweep(
     entry, leave = span
     turn = turn_of(path.tangent(entry), path.tangent(leave))
     half, width = shape["length"] / 2, shape["width"]
-    count = max(2, math.ceil(shape["length"] / _SLICE))
+    count = max(2, math.ceil(shape["length"] / (_SLICE if shape["length"] < _VAN else _LONG_SLICE)))
     piece = shape["length"] / count
     rows = int((leave - entry + 2.0 * half) / _POSE_STEP) + 2
     poses = _poses(path, entry - half, rows, shape, offset, rear=turn == "right")

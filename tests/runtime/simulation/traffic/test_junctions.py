@@ -265,3 +265,14 @@ def test_movements_that_meet_are_never_inside_together(
             world.find_overlaps()
     assert not world.overlaps
     assert all(_gone(b) for b in world.cars), [b.driver.passage.reason for b in world.cars]
+
+
+def test_a_standing_queue_has_no_room_behind_it() -> None:
+    """The gaps inside a queue are not room: five cars stand up to the junction, and a sixth must not enter."""
+    places = [LINE + 4.0 + 7.0 * n for n in range(5)]  # the last one's rear is 1.7 m behind the junction
+    queue = [actor(f"q{n}", start=(x, -1.5, 0.0), route=[(190.0, -1.5)]) for n, x in enumerate(places)]
+    walker = actor("walker", "walker.pedestrian.0001", start=(places[-1] + 5.0, -1.5, 90.0))
+    world = KinematicWorld(crossing(), [*queue, walker, _vehicle("a", East, East), _vehicle("b", North, North, 50.0)])
+    world.run(20.0)
+    assert not world["a"].driver.passage.entered and world["a"].driver.passage.reason == "room"
+    assert _gone(world["b"]) and not world.overlaps

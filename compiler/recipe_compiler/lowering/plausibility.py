@@ -1,0 +1,67 @@
+"""Warns of values that are valid and improbable: running at 40 m/s, a field of view in radians, a camera in a car."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.ir.plan import ActorPlan, Pose, RigPlan
+from recipe_compiler.source.yaml_reader import Value
+
+FASTEST_RUNNER = 12.5  # m/s
+NARROWEST = 5.0  # degrees; smaller fields of view are telescopes, or radians
+_CABINS = {"van": 0.22, "bus": 0.42, "truck": 0.42}  # how far it reaches ahead of the middle, per length of the body
+_CABIN = 0.14  # the same, of other bodies: well behind any windscreen
+_HOOD = 0.5  # its height, as a fraction of the whole
+
+
+def of_speeds(base: Value, actors: Iterable[ActorPlan]) -> Iterator[Problem]:
+    """Yield warnings for pedestrians that are faster than any runner."""
+    for actor in actors:
+        if actor.category == "pedestrian" and actor.speed > FASTEST_RUNNER:
+            message = f"actors.{actor.name}.speed: no pedestrian runs at {actor.speed:g} m/s"
+            place = base.place_of("actors", actor.name, "speed")
+            yield Problem(message, place, "walking is 1 to 2 m/s, running is 3 to 10 m/s", Code.IMPLAUSIBLE)
+
+
+def of_views(base: Value, rig: RigPlan, actors: Iterable[ActorPlan]) -> Iterator[Problem]:
+    """Yield warnings for cameras with a very small field of view, and for cameras inside the actor that carries them.
+
+    Args:
+        base: the recipe's base, for the places of its values.
+        rig: the sensors and their poses.
+        actors: the actors of the scene.
+    """
+    carriers = {actor.name: actor for actor in actors}
+    for sensor in rig.sensors:
+        fov, carrier = sensor.camera.fov, carriers.get(sensor.on or "")
+        if fov < NARROWEST:
+            message = f"sensors.{sensor.name}.camera.fov: {fov:g} degrees is a very small field of view"
+            place = base.place_of("sensors", sensor.name, "camera", "fov")
+            remedy = f"write {math.degrees(fov):.1f} if it is in radians" if fov <= math.pi else "write a larger one"
+            yield Problem(message, place, remedy, Code.IMPLAUSIBLE)
+        if carrier is not None and any(_is_inside(carrier, pose) for pose in sensor.poses[:1]):
+            message = f"sensors.{sensor.name}: it is inside {carrier.name}, the actor that carries it"
+            place = base.place_of("sensors", sensor.name, "mount")
+            yield Problem(message, place, _remedy(carrier), Code.PLACEMENT)
+
+
+def _is_inside(actor: ActorPlan, pose: Pose) -> bool:
+    """Whether a pose in an actor's frame is inside its body. Poses near the surface count as outside."""
+    shape = actor.shape
+    if actor.category == "pedestrian":
+        return abs(pose.x) < 0.1 and abs(pose.y) < 0.15 and 0.0 < pose.z < shape["height"]
+    if "rider" in shape:
+        return abs(pose.x) < 0.2 and abs(pose.y) < 0.12 and 0.4 < pose.z < 0.9 * shape["height"]
+    if abs(pose.y) > 0.4 * shape["width"] or not shape["clearance"] < pose.z < 0.93 * shape["height"]:
+        return False
+    front = _CABINS.get(actor.blueprint.split(".")[1], _CABIN) * shape["length"]
+    is_below_hood = pose.z < _HOOD * shape["height"] and pose.x < 0.42 * shape["length"]
+    return -0.4 * shape["length"] < pose.x and (pose.x < front or is_below_hood)
+
+
+def _remedy(carrier: ActorPlan) -> str:
+    if carrier.category == "pedestrian":
+        return "move the mount ahead of the face, such as x: 0.3"
+    return f"`recipe blueprints {carrier.blueprint}` prints a mount that sees the road, as dashcam"

@@ -1,0 +1,101 @@
+"""Remedies for values that people write by habit: other units, a decimal comma, brackets, times without quotes."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Collection
+
+from recipe_compiler.library import towns, weather
+from recipe_compiler.source.yaml_help import name_of
+
+_KMH = 3.6  # km/h in 1 m/s
+_MPH = 2.2369362921
+_WITH_UNIT = re.compile(r"([-+]?[0-9]{1,9}(?:\.[0-9]{1,9})?) ?([A-Za-z°%/²]{1,8})\Z")
+_PER_HOUR = {"km/h": _KMH, "kmh": _KMH, "kph": _KMH, "mph": _MPH}
+_DECIMAL_COMMA = re.compile(r"[-+]?[0-9]{1,9},[0-9]{1,9}\Z")
+_CURLY = "\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb"
+
+
+def of_value(key: str, wanted: str, value: object, fields: Collection[str] = ()) -> str | None:
+    """Return the remedy for a value of the wrong type; None if nothing in particular is known.
+
+    Args:
+        key: the key of the value.
+        wanted: what it must be, such as `a number` or `text`.
+        value: what is given.
+        fields: the keys of the map that is wanted.
+    """
+    if key == "time" and isinstance(value, int | float) and not isinstance(value, bool):
+        return _time(value)
+    if isinstance(value, list) and len(value) == 1 and wanted not in ("a list", "a map"):
+        return "remove the brackets"
+    if wanted == "a map" and isinstance(value, list) and {"x", "y"} <= set(fields):
+        return _point(value, fields)
+    number = _number_of(value)
+    if wanted == "a list" and key in ("yaw", "pitch", "roll") and number is not None:
+        return f"write [{-abs(number):g}, {abs(number):g}]"
+    if wanted in ("a number", "a whole number") and isinstance(value, str):
+        return _number(value)
+    return None
+
+
+def of_text(text: object) -> str | None:
+    """Return the remedy for text with curly quotes, which YAML takes for part of it; None if it has none."""
+    curly = next((c for c in str(text)[:200] if c in _CURLY), None)
+    return None if curly is None else f"replace {name_of(curly)} by straight quotes"
+
+
+def of_limit(key: str, value: object) -> str:
+    """Return what the remedy for a number beyond its limits adds: the unit, where another one is usual."""
+    number = _number_of(value)
+    if key == "speed" and number is not None and number > 0:
+        return f", in m/s ({number:g} km/h is {number / _KMH:.1f})"
+    return ""
+
+
+def of_key(key: str, value: object) -> str | None:
+    """Return the remedy for an unknown key; None if nothing in particular is known."""
+    if value is None and key.isdecimal():
+        return "write numbers with a decimal point, not a comma"
+    odd = next((c for c in key if unicodedata.category(c) in ("Zs", "Cf") and c != " "), None)
+    return None if odd is None else f"remove the character {name_of(odd)}"
+
+
+def of_delta(value: object) -> str | None:
+    """Return the remedy for a name that stands in place of a delta's map; None if it is no known name."""
+    for section, names in (("weather", weather.PRESETS), ("town", towns.NAMES)):
+        if isinstance(value, str) and value in names:
+            return f"write {{{section}: {value}}}"
+    return None
+
+
+def _number_of(value: object) -> float | None:
+    return value if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _time(value: float) -> str | None:
+    if isinstance(value, int) and value >= 100:
+        hours, minutes = divmod(value, 100)
+    else:
+        hours, minutes = int(value), round(value % 1 * 60)
+    return f'write "{hours:02d}:{minutes:02d}"' if 0 <= hours < 24 and 0 <= minutes < 60 else None
+
+
+def _point(value: list[object], fields: Collection[str]) -> str | None:
+    axes = ("x", "y", "z")[: len(value)]
+    if not 2 <= len(value) <= 3 or not set(axes) <= set(fields) or None in map(_number_of, value):
+        return None
+    return f"write {{{', '.join(f'{axis}: {number:g}' for axis, number in zip(axes, value, strict=True))}}}"
+
+
+def _number(text: str) -> str | None:
+    if _DECIMAL_COMMA.match(text):
+        return f"write {text.replace(',', '.')}, with a decimal point"
+    found = _WITH_UNIT.match(text)
+    if found is None:
+        return of_text(text)
+    per_hour = _PER_HOUR.get(found[2].lower())
+    if per_hour is None:
+        return f"write {found[1]}, without the unit"
+    return f"write {float(found[1]) / per_hour:.1f}: the unit is m/s"

@@ -1,0 +1,34 @@
+"""Errors of the command line have a remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import pytest
+from recipe_cli import main
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_runtime.dataset import reader
+
+
+def test_frames_of_a_build_are_the_recipes() -> None:
+    problems, code = main._explained(click.NoSuchOption("--frames"))
+    assert code == 2
+    assert problems[0].message == "no such option '--frames'"
+    assert problems[0].help == "the recipe sets the number of frames: change `frames` in its `clock`"
+
+
+def test_another_unknown_option_refers_to_the_help() -> None:
+    (problem,), _ = main._explained(click.NoSuchOption("--frumes"))
+    assert problem.help == "see `recipe --help`"
+
+
+def test_an_interrupted_command_says_what_to_do() -> None:
+    (problem,), code = main._explained(click.Abort())
+    assert (problem.code, problem.help, code) == (Code.INTERRUPTED, "run the command again", 130)
+
+
+def test_a_folder_that_is_no_dataset_has_a_remedy(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        reader.read(tmp_path)
+    assert caught.value.problems[0].help == "name a folder that `recipe build` made, such as datasets/NAME"

@@ -1,0 +1,217 @@
+"""Rows of a lockfile or manifest that no drawn frame depends on are compared all the same, or reported."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recipe_compiler.ir.canonical import pretty
+from recipe_compiler.ir.errors import RunError
+from recipe_compiler.ir.lockfile import Lockfile
+from recipe_compiler.ir.plan import DatasetPlan, ScenePlan
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.versions import STAGES, host_versions
+from recipe_runtime.dataset import reader as datasets
+from recipe_runtime.verify import sampling
+from recipe_runtime.verify.locking import lock
+from recipe_runtime.verify.verdict import Report
+from recipe_runtime.verify.verify import Options, verify, verify_files
+
+from tests.runtime import fakes
+
+
+def quiet(stage: str, done: int, total: int) -> None:
+    pass
+
+
+def three_scenes() -> DatasetPlan:
+    """Three variants, each of a scene of its own."""
+    first = fakes.dataset_plan(frames=4, weathers=1).variants[0]
+    variants = tuple(
+        first.model_copy(update={"variant": f"v={n}", "scene": _starting_at(first.scene, n)}) for n in range(3)
+    )
+    return fakes.dataset_plan(frames=4, weathers=1, variants=variants)
+
+
+def _starting_at(scene: ScenePlan, x: int) -> ScenePlan:
+    start = scene.actors[0].start.model_copy(update={"x": 4.0 + x / 4})
+    return scene.model_copy(update={"actors": (scene.actors[0].model_copy(update={"start": start}), *scene.actors[1:])})
+
+
+PLAN = three_scenes()
+
+
+@pytest.fixture(scope="module")
+def locked() -> Lockfile:
+    return lock(PLAN, "tiny.yaml", {}, workers=0, progress=quiet, engines=fakes.ENGINES)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("built")
+    build(PLAN, root / "tiny", workers=0, cache=root / "cache", engines=fakes.ENGINES)
+    return root / "tiny"
+
+
+@pytest.fixture
+def copy(built: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(built, tmp_path / "tiny"))
+
+
+def check(forged: Lockfile, **more: Any) -> Report:
+    """Compare one frame with a lockfile."""
+    engines = more.pop("engines", fakes.ENGINES)
+    return verify(PLAN, forged, Options(nonce=1, count=1, workers=0), quiet, engines=engines, **more)
+
+
+def check_folder(root: Path) -> Report:
+    """Compare one frame of a dataset."""
+    held = datasets.read(root)
+    options = Options(nonce=1, count=1, workers=0)
+    return verify(held.plan, held.lock, options, quiet, dataset=held, engines=fakes.ENGINES)
+
+
+def edit_manifest(root: Path, edit: Any) -> None:
+    """Change a manifest and make its identity agree, as a forger would."""
+    manifest = json.loads((root / "manifest.json").read_text())
+    edit(manifest)
+    manifest["identity"] = datasets.lock_of(manifest).identity
+    (root / "manifest.json").write_text(pretty(manifest))
+
+
+def test_an_honest_dataset_passes_without_notes(built: Path) -> None:
+    report = check_folder(built)
+    assert (report.verdict, report.differences, report.notes) == ("PASS", [], [])
+
+
+@pytest.mark.parametrize("variant", ["v=0", "v=1", "v=2"])
+def test_forged_tracks_fail_though_no_frame_of_the_scene_is_drawn(copy: Path, variant: str) -> None:
+    path, text = f"{variant}/tracks.csv", b"frame,forged\n0,1\n"
+    (copy / path).unlink()
+    (copy / path).write_bytes(text)
+    row = {"size": len(text), "sha256": hashlib.sha256(text).hexdigest()}
+    edit_manifest(copy, lambda manifest: manifest["files"].update({path: row}))
+    report = check_folder(copy)
+    assert report.verdict == "FAIL"
+    assert any(d.path == path for d in report.differences)
+
+
+def test_a_forged_trace_digest_fails_though_no_frame_of_the_scene_is_drawn(locked: Lockfile) -> None:
+    for scene in locked.traces:
+        assert check(replace(locked, traces={**locked.traces, scene: "0" * 64})).verdict == "FAIL"
+
+
+@pytest.mark.parametrize("variant", ["v=0", "v=1", "v=2"])
+def test_a_dataset_with_a_forged_trace_digest_does_not_pass(copy: Path, variant: str) -> None:
+    """A manifest does not name a C library, so its motion alone is INCONCLUSIVE."""
+    edit_manifest(copy, lambda manifest: manifest["variants"][variant].update(trace="0" * 64))
+    assert check_folder(copy).verdict != "PASS"
+
+
+def test_scenes_that_are_not_simulated_are_reported(locked: Lockfile, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Verification stays quick for a plan of many scenes, and states what it left out."""
+    monkeypatch.setattr(sampling, "MAX_SCENES", 2)
+    report = check(locked)
+    assert report.verdict == "PASS"
+    assert report.notes == ["the motion of 1 of 3 scenes, and so their tracks.csv, was not compared"]
+
+
+def test_forged_checkpoints_of_a_body_fail(locked: Lockfile) -> None:
+    """Checkpoints decide which frames another host may excuse, so they must be those of the locked Trace."""
+    for key, motion in locked.bodies.items():
+        forged = replace(motion, checkpoints=tuple("deadbeef" for _ in motion.checkpoints))
+        report = check(replace(locked, bodies={**locked.bodies, key: forged}))
+        assert (report.verdict, report.stage) == ("FAIL", "trace")
+
+
+@pytest.mark.parametrize("fault", ["no actors", "one frame", "other parts"])
+def test_a_locked_trace_that_is_no_motion_of_its_scene_fails(locked: Lockfile, fault: str) -> None:
+    """The frames would be rendered from this host's motion, while the report said that they were not."""
+    scene = PLAN.variants[0].scene
+    true = fakes.simulate(scene)
+    fields = ("positions", "rotations", "linear", "angular")
+    trace = {
+        "no actors": replace(true, actors=(), parts=(), **{name: getattr(true, name)[:, :0] for name in fields}),
+        "one frame": replace(true, **{name: getattr(true, name)[:1] for name in fields}),
+        "other parts": replace(true, parts=tuple(f"{part}x" for part in true.parts)),
+    }[fault]
+    assert isinstance(trace, Trace)
+    forged = replace(
+        locked,
+        traces={**locked.traces, scene.digest: trace.digest},
+        tools={**locked.tools, "glibc": "2.99"},
+        bodies={},
+    )
+    report = check(forged, traces={scene.digest: trace})
+    assert (report.verdict, report.stage) == ("FAIL", "trace")
+    messages = [difference.message for difference in report.differences]
+    assert any("has other frames, actors or parts than the scene" in message for message in messages)
+    assert not any("from the locked motion on" in message for message in messages)
+
+
+def test_a_host_without_simulation_does_not_use_an_unfit_trace(locked: Lockfile) -> None:
+    def simulate(scene: ScenePlan) -> Trace:
+        raise RunError("no simulation here")
+
+    scene = PLAN.variants[0].scene
+    trace = replace(fakes.simulate(scene), parts=("a/base", "b/base", "c/base"))
+    forged = replace(locked, traces={**locked.traces, scene.digest: trace.digest})
+    with pytest.raises(RunError):
+        check(forged, traces={scene.digest: trace}, engines=replace(fakes.ENGINES, simulate=simulate))
+
+
+def test_a_forged_plan_digest_of_a_variant_fails(copy: Path) -> None:
+    edit_manifest(copy, lambda manifest: manifest["variants"]["v=1"].update(plan="1" * 64))
+    held = datasets.read(copy)
+    for report in (check_folder(copy), verify_files(held, Options(nonce=1), quiet)):
+        assert (report.verdict, report.stage) == ("FAIL", "plan")
+        assert "manifest.json: the plan digest of v=1" in report.differences[0].message
+
+
+@pytest.mark.parametrize(
+    ("tools", "message"),
+    [
+        ({"evil": "9.9"}, "it lists 1 unknown tool, 'evil' the first"),
+        ({**host_versions(), "evil": "9.9"}, "it lists 1 unknown tool, 'evil' the first"),
+        ({**host_versions(), "numpy": "two"}, "it lists 1 malformed version, 'two' of 'numpy' the first"),
+        ({**host_versions(), "numpy": "2\x1b[31m"}, "it lists 1 malformed version, '2\\x1b[31m' of 'numpy' the first"),
+    ],
+)
+def test_rows_of_tools_have_known_names_and_versions(
+    locked: Lockfile, copy: Path, tools: dict[str, str], message: str
+) -> None:
+    assert [d.message for d in check(replace(locked, tools=tools)).differences] == [message]
+    edit_manifest(copy, lambda manifest: manifest.update(tools=tools))
+    held = datasets.read(copy)
+    reports = (
+        check_folder(copy),
+        verify_files(held, Options(nonce=1), quiet),
+        check(locked, dataset=held),  # a recipe's own lockfile, and a dataset that is not its
+    )
+    for report in reports:
+        assert report.verdict == "FAIL"
+        assert any(message in d.message for d in report.differences)
+
+
+def test_tools_of_another_release_may_have_other_names(locked: Lockfile) -> None:
+    report = check(replace(locked, tools={**locked.tools, "dataset-recipe": "99.0", "scipy": "1.0"}))
+    assert report.verdict == "PASS"
+    ours = host_versions()["dataset-recipe"]
+    assert report.notes == [f"the recorded versions of tools differ from those here: dataset-recipe 99.0 (here {ours})"]
+
+
+def test_other_versions_with_equal_frames_are_noted(locked: Lockfile) -> None:
+    observe, numpy = STAGES["observe"], host_versions()["numpy"]
+    stages, tools = {**locked.stages, "observe": observe + 1}, {**locked.tools, "numpy": "1.0"}
+    report = check(replace(locked, stages=stages, tools=tools))
+    assert report.verdict == "PASS"
+    assert report.notes == [
+        f"the recorded versions of stages differ from those of this release: observe {observe + 1} (here {observe})",
+        f"the recorded versions of tools differ from those here: numpy 1.0 (here {numpy})",
+    ]
