@@ -30,6 +30,7 @@ from recipe_runtime.simulation.traffic.swept_path import Movement, Overlap, swee
 
 PATIENCE, PATIENCE_AT_LIGHTS = 20.0, 12.0  # seconds of waiting, while the light allows going, until others yield
 _IN_SIGHT = 60.0  # metres before the stop line within which vehicles count as approaching
+EMERGING = 90.0  # metres before it within which those who overtake and those who leave the junction exclude each other
 _COMFORTABLE, _FIRM = 2.0, 3.0  # m/s2
 _GIVES_UP = 2.0  # seconds that a vehicle with permission may stand before the line
 _SAFETY = 0.7  # seconds between two vehicles at one place
@@ -92,9 +93,9 @@ class JunctionControl:
             if crossing is None or not vehicle.present or (vehicle.actor.held and seconds < 0.0):
                 continue
             distance = crossing.entry - vehicle.progress - vehicle.reach
+            if distance < EMERGING and vehicle.driver.overtakes:
+                self._overtaken[crossing.junction].add(crossing.arm)
             if distance < _IN_SIGHT:
-                if vehicle.driver.overtakes:
-                    self._overtaken[crossing.junction].add(crossing.arm)
                 lane = lanes.setdefault(crossing.junction, [None] * 4)
                 first = lane[crossing.arm]
                 if first is None or distance < first.distance:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from recipe_runtime.body.skeleton import BICYCLE, is_person
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.corridor import SIDESTEP_SLOPE, Corridor, Obstacle, obstacles
-from recipe_runtime.simulation.traffic.junctions import JunctionControl
+from recipe_runtime.simulation.traffic.junctions import EMERGING, JunctionControl
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 _BESIDE_RIDER, _BESIDE_CAR = 1.2, 0.6  # metres between the sides
@@ -20,7 +20,6 @@ _LEFT_EDGE = 4.3  # metres to the left of the lane's middle that the vehicle's s
 _NEAR = 22.0  # metres; farther leaders are not overtaken yet
 _AFTER = 3.0  # metres between the two when it is back in its lane
 _STANDS, _PERSON_STANDS = 4.0, 25.0  # seconds after which a vehicle that stands is passed, and a pedestrian
-_EMERGING = 90.0  # metres before a junction within which those who leave it towards the vehicle matter
 _TICK = 0.1  # seconds
 
 
@@ -113,7 +112,7 @@ def room_ahead(vehicle: Vehicle, junctions: JunctionControl) -> float:
     end = path.length
     if crossing is not None:
         end = crossing.entry - junctions.setback(crossing)
-        if end - front < _EMERGING and junctions.leads_into(crossing):
+        if end - front < EMERGING and junctions.leads_into(crossing):
             return 0.0
     tx, ty = path.tangent(vehicle.progress)
     for leg in path.window(vehicle.progress, end - 1.0)[1:]:
