@@ -189,7 +189,7 @@ class Driver:
     def _swung_at(self, vehicle: Vehicle, neighbours: Sequence[Body], found: list[Obstacle]) -> list[Obstacle]:
         """Return the vehicles at which a long body would swing in the junction that it is in."""
         passage = self.passage
-        if passage.left >= passage.entered:
+        if not passage.inside:
             return []
         crossing = passage.crossings[passage.left]
         junction = self._map.junctions[crossing.junction]
@@ -225,8 +225,8 @@ class Driver:
             if driver is not None and body.actor.speed > 0.0:
                 if obstacle.along > 0.3:
                     here += max(0.0, driver.passage.extent)
-                elif obstacle.along > -0.7 and body.speed > _PASSING:
-                    continue  # it crosses, and will be gone
+                elif body.speed > _PASSING and (obstacle.along > -0.7 or driver.passage.inside):
+                    continue  # it crosses or turns, and will be gone
             room = min(room, here)
             solid = solid if obstacle.person else min(solid, here)
         self.passage.room, self.passage.solid_room = room, solid

@@ -105,7 +105,7 @@ def room_ahead(vehicle: Vehicle, junctions: JunctionControl) -> float:
     0 in a junction, and if somebody leaves the next one towards it.
     """
     passage = vehicle.driver.passage
-    if passage.left < passage.entered:
+    if passage.inside:
         return 0.0
     path, front = vehicle.path, vehicle.progress + vehicle.reach
     crossing = passage.next

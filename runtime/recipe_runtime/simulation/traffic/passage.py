@@ -64,6 +64,11 @@ class Passage:
         """The next junction, whose stop line is ahead."""
         return self.crossings[self.entered] if self.entered < len(self.crossings) else None
 
+    @property
+    def inside(self) -> bool:
+        """Whether the vehicle is in a junction."""
+        return self.left < self.entered
+
     def begin(self, path: Path, crossings: list[Crossing]) -> None:
         """Take a new path."""
         self.path, self.crossings = path, crossings
