@@ -77,11 +77,13 @@ def measure(plan: ScenePlan) -> dict[str, float]:
     simulation = Simulation(plan)
     recorder = FrameRecorder(simulation.agents, simulation.world.ground)
     steps = (clock.frames - 1) * clock.steps_per_frame
-    recording, start = 0.0, time.process_time()
+    frames, recording, start = 0, 0.0, time.process_time()
     for step in range(steps):
         if step % clock.steps_per_frame == 0:
             began = time.process_time()
-            recorder.record(simulation.agents_now())
+            recorder.add(simulation.agents_now())
+            if recorder.full:
+                frames += len(list(recorder.frames()))
             recording += time.process_time() - began
         simulation.advance()
     ours = (time.process_time() - start) / steps
