@@ -14,7 +14,7 @@ import numpy as np
 
 from recipe_runtime.body import exact_arrays
 from recipe_runtime.body.exact_arrays import Floats
-from recipe_runtime.body.kinematics import compose, rotate
+from recipe_runtime.body.kinematics import PartPose, compose, rotate
 from recipe_runtime.body.skeleton import Joint
 
 Components3 = tuple[Floats, Floats, Floats]
@@ -27,6 +27,18 @@ class Poses:
 
     positions: Floats
     rotations: Floats
+
+    def of_first(self) -> list[PartPose]:
+        """Return the poses of the parts of the first actor at the first moment."""
+        shape = self.positions.shape[1], -1
+        positions, rotations = (
+            self.positions.reshape(3, *shape)[:, :, 0].T,
+            self.rotations.reshape(4, *shape)[:, :, 0].T,
+        )
+        return [
+            ((x, y, z), (a, b, c, w))
+            for (x, y, z), (a, b, c, w) in zip(positions.tolist(), rotations.tolist(), strict=True)
+        ]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Poses of two-wheelers and their riders, all at once: hands on the grips, feet on the pedals, the pegs or the ground."""
+"""Poses of two-wheelers and riders, all at once: hands on the grips, feet on the pedals, the pegs or the ground."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ from recipe_compiler.ir import exact
 
 from recipe_runtime.body import exact_arrays
 from recipe_runtime.body.exact_arrays import Floats
-from recipe_runtime.body.kinematics import Quaternion, Vector, axis_rotation, compose, inverse, rotate
+from recipe_runtime.body.kinematics import (
+    IDENTITY,
+    PartPose,
+    Quaternion,
+    Vector,
+    axis_rotation,
+    compose,
+    inverse,
+    rotate,
+)
 from recipe_runtime.body.limbs import two_bone_ik
 from recipe_runtime.body.poses import Components3, Components4, Poses, SkeletonGroup, axis_rotations, components4
 from recipe_runtime.body.skeleton import Bike
@@ -31,6 +40,16 @@ def foot_down(speed: float) -> float:
 def resting_lean(bike: Bike, foot_weight: float) -> float:
     """Return the lean to the left, in degrees, while the foot is on the ground."""
     return foot_weight * (3.0 if bike.motor else 7.0)
+
+
+def steady_pose(bike: Bike, distance: float) -> list[PartPose]:
+    """Return the poses of the base and all joints of a two-wheeler that goes straight on, at the origin.
+
+    Args:
+        bike: Its dimensions.
+        distance: Distance covered, metres.
+    """
+    return Riders([bike]).pose([[(0.0, 0.0, 0.0, *IDENTITY, 0.0, distance, 0.0)]]).of_first()
 
 
 class Riders:

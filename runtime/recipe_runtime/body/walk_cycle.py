@@ -61,9 +61,7 @@ def steady_pose(figure: Figure, phase: float, speed: float) -> list[PartPose]:
     """
     place, heading = (0.0, 0.0), (1.0, 0.0)
     feet = Footsteps.steady(Gait(figure), phase, speed, place, heading, _level_ground)
-    poses = Walkers([figure]).pose([row(feet, place, heading)], _level_ground)
-    positions, rotations = poses.positions[:, :, 0].T.tolist(), poses.rotations[:, :, 0].T.tolist()
-    return [((x, y, z), (a, b, c, w)) for (x, y, z), (a, b, c, w) in zip(positions, rotations, strict=True)]
+    return Walkers([figure]).pose([row(feet, place, heading)], _level_ground).of_first()
 
 
 def _level_ground(_x: float, _y: float) -> float:
@@ -134,7 +132,7 @@ class Walkers:
         self._out = np.array([4.0 + 22.0 * max(0.0, figure.girth - 1.0) for figure in figures])
         self._scale = np.array([3.0 / Gait(figure).unit_speed for figure in figures])
 
-    def pose(self, rows: Sequence[Row] | Sequence[Sequence[Row]], ground: Ground) -> Poses:
+    def pose(self, rows: Sequence[Sequence[float]] | Sequence[Sequence[Sequence[float]]], ground: Ground) -> Poses:
         """Return the poses of all parts, in the order of `Figure.joints` after the base.
 
         Args:

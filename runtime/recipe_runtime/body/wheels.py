@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from recipe_runtime.body import exact_arrays
-from recipe_runtime.body.exact_arrays import Floats
 from recipe_runtime.body.kinematics import compose
 from recipe_runtime.body.poses import Poses, SkeletonGroup, axis_rotations
 from recipe_runtime.body.skeleton import wheel_joints
