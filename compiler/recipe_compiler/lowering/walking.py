@@ -30,10 +30,16 @@ class TooManyObstaclesError(Exception):
 
 
 class Planner:
-    """Plans ways among obstacles. Equal questions have equal answers, whatever was asked before."""
+    """Plans ways among obstacles. Equal questions have equal answers, until the work allowed is used up."""
 
-    def __init__(self, obstacles: ObstacleMap) -> None:
-        self._obstacles = obstacles
+    def __init__(self, obstacles: ObstacleMap, work: float = math.inf) -> None:
+        """Create a planner.
+
+        Args:
+            obstacles: the obstacles.
+            work: straight ways that may be tested in all searches together.
+        """
+        self._obstacles, self._work = obstacles, work
 
     def inside(self, x: float, y: float, body: float = BODY) -> Obstacle | None:
         """Return the obstacle in which a body at a position would be, or None."""
@@ -69,13 +75,17 @@ class Planner:
         """Return the waypoints of the shortest way, without the start; the goal is the last. None if there is none.
 
         Raises:
-            TooManyObstaclesError: the way leads round too many obstacles.
+            TooManyObstaclesError: the way leads round too many obstacles, or the work allowed is used up.
         """
         found = self._blocking(start, goal, start, goal)
         search, points = _Search(self._obstacles, start, goal), [start, goal]
         while found:
+            if self._work < 0:
+                raise TooManyObstaclesError
             search.add(found)
+            before = search.tests
             shortest = search.shortest()
+            self._work -= search.tests - before
             if shortest is None:
                 return None
             points = shortest
@@ -95,6 +105,7 @@ class _Search:
     def __init__(self, around: ObstacleMap, start: XY, goal: XY) -> None:
         self.obstacles: list[Obstacle] = []
         self._around = around
+        self.tests = 0
         self._points = [start, goal]
         self._margins: list[float] = []
         self._tested: dict[tuple[int, int], int] = {}  # pair of points -> obstacles that do not block it; -1: blocked
@@ -148,6 +159,7 @@ class _Search:
         if tested < 0:
             return False
         segment = (*self._points[a], *self._points[b])
+        self.tests += len(self.obstacles) - tested
         for number in range(tested, len(self.obstacles)):
             if self.obstacles[number].meets(segment, self._margins[number]):
                 self._tested[key] = -1

@@ -21,6 +21,7 @@ from recipe_compiler.lowering.walking import XY, Planner, TooManyObstaclesError
 from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import Value
 
+_WORK = 20_000_000  # tests of obstacles for all named pedestrians together, about ten seconds
 _NEAREST = "the nearest free point is x: {:g}, y: {:g}"
 _MOVE = "move it to a lane or a sidewalk, which a map of the town shows"
 _IN_YARD = "it is in a yard enclosed by buildings and walls, which the actor cannot leave"
@@ -60,7 +61,8 @@ class WalkingRoutes:
         static = town.obstacles.with_more(o for o in solid if o is not None) if props else town.obstacles
         standing = [a for a in actors if a.category == "vehicle" and (not a.route or a.speed <= 0.0)]
         self._crowd = Planner(static)
-        self._named = Planner(static.with_more(Obstacle.of_vehicle(a) for a in standing)) if standing else self._crowd
+        vehicles = [Obstacle.of_vehicle(actor) for actor in standing]
+        self._named = Planner(static.with_more(vehicles) if vehicles else static, _WORK)
         self._yards = Yards(town)
 
     def planned(self) -> tuple[ActorPlan, ...]:

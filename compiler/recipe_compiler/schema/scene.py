@@ -101,7 +101,7 @@ class Actor(Model):
         None
     )
     goal: Annotated[
-        GroundPoint | None, Field(description="Goal, reached in a straight line. Default: a random route of the town.")
+        GroundPoint | None, Field(description="Goal, reached by the shortest way. Default: a random route of the town.")
     ] = None
     route: Annotated[
         tuple[GroundPoint, ...] | None,

@@ -14,7 +14,7 @@ from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
 from recipe_compiler.ir.plan import ActorPlan, ScenePlan
 from recipe_compiler.library import towns
-from recipe_compiler.lowering.walking import CLEARANCE, Planner
+from recipe_compiler.lowering.walking import CLEARANCE, Planner, TooManyObstaclesError
 
 from tests.compiler.kitchen import compiled, small
 
@@ -94,6 +94,20 @@ def test_no_way_leads_into_a_closed_ring() -> None:
     planner = Planner(ObstacleMap(ring))
     assert planner.way((-9.0, 0.0), (0.0, 0.0)) is None
     assert planner.way((-9.0, 0.0), (9.0, 0.0)) is not None
+
+
+def test_the_work_of_all_searches_is_bounded() -> None:
+    planner = Planner(ObstacleMap([box(0, 0.5, 0, 1.0, 2.0)]), work=60)
+    with pytest.raises(TooManyObstaclesError):
+        for _ in range(100):
+            planner.way((-5.0, 0.0), (5.0, 0.0))
+
+
+def test_an_obstacle_of_any_size_is_found_and_costs_little_memory() -> None:
+    huge = ObstacleMap([box(0, 0, 30, 40_000, 1.0), box(5, 0, 0, 1, 1)], reach=1.8, cell=2.0)
+    assert [o.depth for o in huge.near(5.0, 0.0)] == [40_000, 1]
+    assert len(huge.across((-9.0, 9.0, 9.0, -9.0), 0.3)) == 1
+    assert huge.at(-900.0, -900.0 * math.tan(math.radians(30))) is not None
 
 
 @cache

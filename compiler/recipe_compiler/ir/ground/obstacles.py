@@ -22,6 +22,7 @@ FURNITURE |= {"hydrant", "kiosk", "lamp", "planter", "statue", "tower", "traffic
 STEP_OVER, HEADROOM = 0.25, 1.9  # heights that anybody steps over, and walks under
 _BARK = 1.1  # half the side of a tree's square, as a multiple of its trunk's radius
 _CELL, _REACH = 4.0, 0.6  # edge length of a cell of the index; the greatest margin of a query
+_MOST_CELLS = 4096  # of one obstacle in the index
 _INFINITE = math.inf
 
 Segment = tuple[float, float, float, float]  # x and y of its start, x and y of its end
@@ -141,12 +142,21 @@ class ObstacleMap:
         """
         self._all, self._cell = list(obstacles), cell
         self._cells: dict[tuple[int, int], list[tuple[int, Obstacle]]] = {}
+        self._large: list[tuple[int, Obstacle]] = []  # obstacles that are near every place
         for number, o in enumerate(self._all):
             half_x = abs(o.cos) * o.depth + abs(o.sin) * o.width + reach
             half_y = abs(o.sin) * o.depth + abs(o.cos) * o.width + reach
-            for i in range(self._index(o.x - half_x), self._index(o.x + half_x) + 1):
-                for j in range(self._index(o.y - half_y), self._index(o.y + half_y) + 1):
+            across = range(self._index(o.x - half_x), self._index(o.x + half_x) + 1)
+            along = range(self._index(o.y - half_y), self._index(o.y + half_y) + 1)
+            if len(across) * len(along) > _MOST_CELLS:
+                self._large.append((number, o))
+                continue
+            for i in across:
+                for j in along:
                     self._cells.setdefault((i, j), []).append((number, o))
+
+        columns, rows = [i for i, _ in self._cells] or [0], [j for _, j in self._cells] or [0]
+        self._extent = (min(columns), max(columns)), (min(rows), max(rows))  # of the cells that are not empty
 
     @classmethod
     def of(
@@ -170,7 +180,8 @@ class ObstacleMap:
 
     def near(self, x: float, y: float) -> list[Obstacle]:
         """Return the obstacles within at least the map's reach of a point, and some farther ones."""
-        return [o for _, o in self._cells.get((self._index(x), self._index(y)), ())]
+        here = self._cells.get((self._index(x), self._index(y)), [])
+        return [o for _, o in (sorted(here + self._large, key=_number) if self._large else here)]
 
     def at(self, x: float, y: float, margin: float = 0.0) -> Obstacle | None:
         """Return the first obstacle that covers a point when it is enlarged by a margin, at most the map's reach."""
@@ -178,7 +189,7 @@ class ObstacleMap:
 
     def across(self, segment: Segment, margin: float) -> list[Obstacle]:
         """Return the obstacles, enlarged by a margin of at most the map's reach, through which a segment runs."""
-        found: dict[int, Obstacle] = {}
+        found = dict(self._large)
         for cell in self._along(segment):
             found.update(self._cells.get(cell, ()))
         return [found[n] for n in sorted(found) if found[n].meets(segment, margin)]
@@ -192,10 +203,15 @@ class ObstacleMap:
         if x0 > x1:
             x0, y0, x1, y1 = x1, y1, x0, y0
         slope = (y1 - y0) / (x1 - x0) if x1 - x0 > 1e-9 else 0.0
-        for i in range(self._index(x0), self._index(x1) + 1):
+        (west, east), (south, north) = self._extent
+        for i in range(max(west, self._index(x0)), min(east, self._index(x1)) + 1):
             a, b = y0, y1
             if slope != 0.0:
                 a = y0 + slope * (max(x0, i * self._cell) - x0)
                 b = y0 + slope * (min(x1, (i + 1) * self._cell) - x0)
-            for j in range(self._index(min(a, b)), self._index(max(a, b)) + 1):
+            for j in range(max(south, self._index(min(a, b))), min(north, self._index(max(a, b))) + 1):
                 yield i, j
+
+
+def _number(entry: tuple[int, Obstacle]) -> int:
+    return entry[0]

@@ -10,9 +10,10 @@ from recipe_compiler.ir.plan import ActorPlan
 from recipe_runtime.simulation.path import Path
 
 _LEAST_LOOK, _LOOK_SECONDS = 0.7, 0.45  # metres, and seconds of walking, to the point that one walks towards
+_PASSING_LOOK = 3.0  # metres, the same while somebody is passed
 _NEAR = 0.25  # metres; a nearer point gives no direction
 _BRAKING = 1.5  # m/s2 before a stop
-_THERE = 0.15  # metres from the place of a pause
+_THERE, _REACHED = 0.15, 0.3  # metres from the place of a pause; to a waypoint, from where the next one counts
 
 Vector2 = tuple[float, float]
 
@@ -41,7 +42,16 @@ class Route:
 
     def advance(self, x: float, y: float) -> None:
         """Update the progress."""
-        self.metres, self.aside, self._leg = self.path.locate(x, y, self._leg)
+        legs = self.path.legs
+        metres, self.aside, self._leg = self.path.locate(x, y, self._leg)
+        while self._leg + 1 < len(legs):
+            ax, ay, tx, ty, start, _ = legs[self._leg + 1]
+            dx, dy = x - ax, y - ay
+            along, aside = dx * tx + dy * ty, dy * tx - dx * ty
+            if start - metres > _REACHED and (along <= 0.0 or abs(aside) >= abs(self.aside)):
+                break
+            self._leg, metres, self.aside = self._leg + 1, start + along, aside
+        self.metres = max(metres, self.path.start_of(self._leg))
 
     def pauses(self, seconds: float, standing: bool) -> bool:
         """Return whether the pedestrian stands for a pause now."""
@@ -61,10 +71,19 @@ class Route:
             return min(self.left, max(0.0, self._pauses[self._next_pause][0] - self.metres))
         return self.left
 
-    def direction(self, x: float, y: float, speed: float) -> Vector2:
-        """Return the direction to a point of the path ahead, as a unit vector."""
+    def direction(self, x: float, y: float, speed: float, *, passing: bool) -> Vector2:
+        """Return the direction to a point of the path ahead, as a unit vector.
+
+        Args:
+            x: position, metres.
+            y: position, metres.
+            speed: m/s.
+            passing: whether somebody is being passed; the pedestrian then returns to its path later.
+        """
         look = max(_LEAST_LOOK, _LOOK_SECONDS * speed, min(abs(self.aside), 3.0))
         end = self.path.length
+        if passing and self.path.legs:
+            look = max(look, min(_PASSING_LOOK, self.path.start_of(self._leg + 1) - self.metres))
         px, py = self.path.at(min(self.metres + look, end))
         dx, dy = px - x, py - y
         size = math.sqrt(dx * dx + dy * dy)

@@ -23,12 +23,13 @@ if TYPE_CHECKING:
 
 DT = 0.1  # seconds between decisions
 _COMFORT, _LEAST_COMFORT = 0.2, 0.02  # metres between two people; between two in a jam
-_TO_WALL, _TO_VEHICLE = 0.05, 0.2  # metres kept to solid things and to vehicles
+_TO_WALL, _TO_VEHICLE, _TO_COMPANION = 0.05, 0.2, 0.08  # metres kept to solid things, vehicles and companions
 _NEAR = 8.0  # metres within which others are avoided
 _BEHIND = -0.3  # metres ahead; who is farther behind is not avoided
 _FORESIGHT, _STILL = 1.5, 4.0  # seconds ahead for vehicles that move, and that stand
 _STANDING = 0.15  # m/s
 _BLOCKED, _DETOUR = 2.0, 3.5  # seconds of standing until one goes round what is in the way, and for how long
+_PASSING = 1.0  # seconds after a step aside for which one keeps to that side
 _ARRIVED, _CROWDED, _BACK = 0.02, 1.2, 0.6  # metres to the goal: there; near enough if others stand there; goes back
 _DECISION = 1.0  # metres before the kerb, beside the way to brake, where one decides whether to enter a road
 _NEAR_ROAD = 6.0  # metres before a road from which vehicles far away matter
@@ -68,7 +69,7 @@ class Walker:
         self._crossings = Crossings(self._route.path, surroundings)
         self._seed = zlib.crc32(actor.name.encode())
         self._side, self._beside = 0, 1
-        self._stood, self._detour_until = 0.0, -math.inf
+        self._stood, self._detour_until, self._passing_until = 0.0, -math.inf, -math.inf
         self._arrived = not actor.route or actor.speed <= 0.0
 
     def decide(self, own: PedestrianAgent, others: Sequence[Agent], seconds: float, *, stands: bool) -> Wish:
@@ -111,7 +112,7 @@ class Walker:
         speed = min(speed, braking_speed(stop), 2.5 * stop)
         if waits and stop < 0.1:
             return Wish(*own.heading, waits=True, look=self._look_both_ways(seconds))
-        ux, uy = route.direction(own.x, own.y, own.speed)
+        ux, uy = route.direction(own.x, own.y, own.speed, passing=seconds < self._passing_until)
         wish = self._avoid(own, others, (ux, uy), speed, stop, on_road=on_road, seconds=seconds)
         look = self._look_both_ways(seconds) if waits else self._look_at(own, own.follower, seconds)
         return Wish(wish.ux, wish.uy, wish.speed, waits, way, look)
@@ -182,7 +183,10 @@ class Walker:
             self._detour_until, self._stood = seconds + _DETOUR, 0.0
         scene = self._scene(own, others, ahead, on_road)
         choice = avoidance.choose(scene, ahead, speed, distance, self._side, seconds < self._detour_until)
-        self._side = choice.side if choice.side or seconds >= self._detour_until else self._side
+        if choice.side:
+            self._side, self._passing_until = choice.side, seconds + _PASSING
+        elif seconds > max(self._passing_until, self._detour_until):
+            self._side = 0
         return choice
 
     def _scene(self, own: PedestrianAgent, others: Sequence[Agent], ahead: tuple[float, float], on_road: bool) -> Scene:
@@ -199,7 +203,7 @@ class Walker:
             if size == other.radius:  # a pedestrian
                 if dx * ux + dy * uy < _BEHIND:
                     continue
-                room = radius + size + (0.0 if other is self.leader or other is own.follower else comfort)
+                room = radius + size + (_TO_COMPANION if other is self.leader or other is own.follower else comfort)
                 discs.append((dx, dy, vx, vy, dx * dx + dy * dy - room * room))
                 continue
             moves = vx * vx + vy * vy > 0.1
