@@ -108,7 +108,7 @@ def test_a_damaged_file_is_not_taken_over(tmp_path: Path, path: str) -> None:
     assert tree(_build(tmp_path / "a", second).path) == _fresh(tmp_path / "b", second)
 
 
-def test_a_strangers_dataset_is_not_taken_from(tmp_path: Path) -> None:
+def test_an_untrusted_dataset_is_not_taken_from(tmp_path: Path) -> None:
     calls: Calls = []
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=1))
     (tmp_path / "a" / "cache").rename(tmp_path / "a" / "gone")  # nothing tells that this program built it
