@@ -226,7 +226,7 @@ def test_a_new_recipe_compiles_and_is_never_overwritten(tmp_path: Path) -> None:
     assert run_here("check", "rain_bench.yaml", cwd=tmp_path).returncode == 0
     again = run_here("init", "rain_bench", cwd=tmp_path)
     assert again.returncode == 2
-    assert "is there already" in again.stderr
+    assert "exists already" in again.stderr
     assert run_here("init", "../x", cwd=tmp_path).returncode == 2
 
 
@@ -512,7 +512,7 @@ def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path
     mended = run_here("build", "small.yaml", "--repair", "--workers", "1", cwd=root)
     assert (mended.returncode, mended.stderr) == (0, "")
     first, *_, last = mended.stdout.splitlines()
-    assert first == "mended: weather=dry/street/rgb/000001.png has other bytes than the manifest says"
+    assert first == "repaired: weather=dry/street/rgb/000001.png has other bytes than the manifest says"
     assert last == there.stdout.splitlines()[-1]
     assert picture.read_bytes() == body
     assert run_here("verify", "datasets/small", "--integrity", cwd=root).returncode == 0

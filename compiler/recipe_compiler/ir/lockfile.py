@@ -157,7 +157,7 @@ class Lockfile:
         """InputError unless the file at `path` is a lockfile, whole or damaged, of this recipe."""
         if not is_lockfile(path):
             raise InputError(
-                f"{path} is there already and is not a lockfile",
+                f"{path} exists already and is not a lockfile",
                 help="move it away, or replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )

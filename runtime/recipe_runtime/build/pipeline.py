@@ -279,7 +279,7 @@ class _Stages:
             variants = reuse.covered(view)
             if not variants:
                 continue
-            self.progress("take over", number, len(seen))
+            self.progress("reuse", number, len(seen))
             with self.watch("write"):
                 records = reuse.take(work, view, variants)
             if records:
@@ -287,5 +287,5 @@ class _Stages:
                 found[number] = Taken(variants, frozenset(frames))
                 assembly.add(Shard(number, frames, variants), records)
         if found:
-            self.progress("take over", len(seen), len(seen))
+            self.progress("reuse", len(seen), len(seen))
         return found
