@@ -36,6 +36,7 @@ _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
 _AT_LINE = 0.7  # metres between the front and the place where one waits
 _FIRM = 4.0  # m/s2, to stop where one waits and not only at the painted line behind it
 _SLACK = 0.5  # metres by which queues may stay longer than they must
+_RETURN = 6.0  # metres more before somebody who overtakes and comes closer: to return into the lane
 _PASSING = 1.5  # m/s of a vehicle that crosses, from which it counts as about to be gone
 _LONG = 3.2  # half length from which the swing of the body counts
 _PULL_OUT = 11.0  # metres more behind a standing obstacle, from which a vehicle can pass it
@@ -77,8 +78,13 @@ class Driver:
         self._path: Path | None = None
         self._profile: Sequence[float] = ()
         self._lanes: Lanes | None = None
-        self._changer, self._overtaking = LaneChanger(), Overtaking()
+        self._changer, self._overtaking = LaneChanger(), Overtaking(junctions)
         self._ticks = self._idle = 0
+
+    @property
+    def overtakes(self) -> bool:
+        """Whether it is in the oncoming lane of a street."""
+        return self._lanes is None and max(self.offset, self.line) > self.base_offset + 0.3
 
     def arrived(self, vehicle: Vehicle) -> bool:
         """Return whether the vehicle stands at the end of its path for good."""
@@ -112,6 +118,8 @@ class Driver:
                 nearest = obstacle
             gap = obstacle.gap - self._spare(vehicle, obstacle)
             standstill = style.gap + (0.5 if obstacle.person else 0.0)
+            if obstacle.along < -0.5 and not self.overtakes:
+                standstill += _RETURN
             wish = min(wish, following_acceleration(speed, free, gap, obstacle.speed, style, standstill))
         self._idle = self._idle + 1 if speed < 0.1 and wish > 0.2 else 0
         self.stalled = self._idle > _IDLE_TICKS or self.arrived(vehicle)
@@ -126,7 +134,7 @@ class Driver:
     def _take_path(self, vehicle: Vehicle) -> None:
         """Compute the speeds along a new path."""
         path = self._path = vehicle.path
-        self._changer, self._overtaking = LaneChanger(), Overtaking()
+        self._changer, self._overtaking = LaneChanger(), Overtaking(self._junctions)
         self.offset = self.line = self.base_offset
         if path.legs:
             goal = self.actor.entry is None

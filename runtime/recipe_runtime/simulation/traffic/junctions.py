@@ -6,6 +6,7 @@ vehicle of each lane, in order of arrival, under these conditions:
 - its light is green, or amber and a comfortable stop is no longer possible; at a stop sign it has stood;
 - its swept path meets none of a vehicle that holds permission, beyond the place where that one is already past;
 - there is room for it behind the junction, so that it will not stand inside;
+- nobody who overtakes comes towards it on the road that it would enter;
 - no vehicle with priority arrives before it has passed (gap acceptance): priority roads go before stop signs, oncoming
   traffic before left turns, and without signs who comes from the right goes first if both arrive together;
 - nobody else has waited too long. Who has, goes next: the others still stand or can stop.
@@ -29,6 +30,7 @@ from recipe_runtime.simulation.traffic.swept_path import Movement, Overlap, swee
 
 PATIENCE, PATIENCE_AT_LIGHTS = 20.0, 12.0  # seconds of waiting, while the light allows going, until others yield
 _IN_SIGHT = 60.0  # metres before the stop line within which vehicles count as approaching
+EMERGING = 90.0  # metres before it within which those who overtake and those who leave the junction exclude each other
 _COMFORTABLE, _FIRM = 2.0, 3.0  # m/s2
 _GIVES_UP = 2.0  # seconds that a vehicle with permission may stand before the line
 _SAFETY = 0.7  # seconds between two vehicles at one place
@@ -58,6 +60,7 @@ class JunctionControl:
         self._setbacks = [[0.0] * 4 for _ in road_map.junctions]
         self._measured: list[set[int]] = [set() for _ in road_map.junctions]
         self._claims: list[list[tuple[Passage, Crossing, Vehicle]]] = [[] for _ in road_map.junctions]
+        self._overtaken: list[set[int]] = [set() for _ in road_map.junctions]  # arms on which somebody overtakes
         self._seconds: float | None = None
 
     def setback(self, crossing: Crossing) -> float:
@@ -81,6 +84,8 @@ class JunctionControl:
         ]
         for _, vehicle in vehicles:
             self._follow(vehicle)
+        for overtaken in self._overtaken:
+            overtaken.clear()
         for order, vehicle in vehicles:
             passage = vehicle.driver.passage
             self._advance(vehicle, passage)
@@ -88,6 +93,8 @@ class JunctionControl:
             if crossing is None or not vehicle.present or (vehicle.actor.held and seconds < 0.0):
                 continue
             distance = crossing.entry - vehicle.progress - vehicle.reach
+            if distance < EMERGING and vehicle.driver.overtakes:
+                self._overtaken[crossing.junction].add(crossing.arm)
             if distance < _IN_SIGHT:
                 lane = lanes.setdefault(crossing.junction, [None] * 4)
                 first = lane[crossing.arm]
@@ -101,6 +108,11 @@ class JunctionControl:
     def holds(self, passage: Passage, crossing: Crossing) -> bool:
         """Return whether a vehicle has permission for a crossing."""
         return any(p is passage and c is crossing for p, c, _ in self._claims[crossing.junction])
+
+    def leads_into(self, crossing: Crossing) -> bool:
+        """Return whether somebody who has permission leaves a junction into the road that leads to a crossing."""
+        against = _opposite(crossing.arm)
+        return any(claimed.exit == against for _, claimed, _ in self._claims[crossing.junction])
 
     def _follow(self, vehicle: Vehicle) -> None:
         """Find the junctions on a vehicle's path, if the path is a new one."""
@@ -209,6 +221,8 @@ class JunctionControl:
             return "sign"
         if not a.passage.has_room(a.vehicle):
             return "room"
+        if _opposite(a.crossing.exit) in self._overtaken[a.crossing.junction]:
+            return "oncoming"
         for passage, crossing, holder in self._claims[a.crossing.junction]:
             if passage is a.passage or (crossing.arm == a.crossing.arm and crossing is not a.crossing):
                 continue
@@ -229,7 +243,7 @@ class JunctionControl:
 
     def _goes_first(self, other: _Approach, a: _Approach, seconds: float) -> bool:
         """Return whether a vehicle must let another one, which has no permission yet, go first."""
-        if other.passage.reason in ("light", "room", "sign"):
+        if other.passage.reason in ("light", "room", "sign", "oncoming"):
             return False
         overlap = self.overlap(a.crossing.movement, other.crossing.movement)
         if overlap is None:
@@ -253,7 +267,7 @@ class JunctionControl:
         ranks = [self._rank(approach, seconds) for approach in (other, a)]
         if ranks[0] != ranks[1]:
             return ranks[0] > ranks[1]
-        if (other.crossing.arm - a.crossing.arm) % 4 == 2:
+        if other.crossing.arm == _opposite(a.crossing.arm):
             return a.crossing.movement.turn == "left" and other.crossing.movement.turn != "left"
         if (other.crossing.arm - a.crossing.arm) % 4 == 1 and ranks[0] == 1:  # from the right
             return abs(other.passage.since - a.passage.since) < 1.0 and a.passage.waited < 5.0
@@ -275,3 +289,8 @@ class JunctionControl:
         if rise >= way:
             return (math.sqrt(speed * speed + 2.0 * style.acceleration * way) - speed) / style.acceleration
         return (fastest - speed) / style.acceleration + (way - rise) / fastest
+
+
+def _opposite(direction: int) -> int:
+    """Return the number of the opposite direction of travel."""
+    return (direction + 2) % 4

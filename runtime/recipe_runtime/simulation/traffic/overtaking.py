@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 from recipe_runtime.body.skeleton import BICYCLE, is_person
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
-from recipe_runtime.simulation.traffic.corridor import Corridor, Obstacle, obstacles
+from recipe_runtime.simulation.traffic.corridor import SIDESTEP_SLOPE, Corridor, Obstacle, obstacles
+from recipe_runtime.simulation.traffic.junctions import EMERGING, JunctionControl
 from recipe_runtime.simulation.traffic.road_map import RoadMap
 
 _BESIDE_RIDER, _BESIDE_CAR = 1.2, 0.6  # metres between the sides
@@ -33,7 +34,8 @@ class _Plan:
 class Overtaking:
     """Whether one vehicle overtakes, and whom."""
 
-    def __init__(self) -> None:
+    def __init__(self, junctions: JunctionControl) -> None:
+        self._junctions = junctions
         self._plan: _Plan | None = None
         self._behind: Body | None = None
         self._seconds = 0.0  # for which it has been behind somebody who stands
@@ -55,7 +57,7 @@ class Overtaking:
             return self._go_on(vehicle, neighbours, self._plan, roads)
         if nearest is None or nearest.gap > _NEAR or not self._wants(nearest, desired):
             return None
-        room = room_ahead(vehicle)
+        room = room_ahead(vehicle, self._junctions)
         rider = nearest.person or _is_bicycle(nearest.body)
         offset = nearest.left + (_BESIDE_RIDER if rider else _BESIDE_CAR) + vehicle.radius
         if offset + vehicle.radius > _LEFT_EDGE or nearest.right > 1.0:
@@ -90,21 +92,28 @@ class Overtaking:
             return None
         if ahead > sizes:  # not yet beside
             speed = body.velocity[0] * tx + body.velocity[1] * ty
-            leader, room = (ahead - sizes, speed), room_ahead(vehicle) + 4.0
+            leader, room = (ahead - sizes, speed), room_ahead(vehicle, self._junctions) + 4.0
             if not _free(vehicle, neighbours, body, leader, plan.offset, room, roads):
                 self._plan = None
                 return None
         return plan.offset
 
 
-def room_ahead(vehicle: Vehicle) -> float:
-    """Return the metres of straight road ahead of a vehicle's front without a junction; 0 in a junction."""
+def room_ahead(vehicle: Vehicle, junctions: JunctionControl) -> float:
+    """Return the metres of straight road from a vehicle's front to the place where it waits for a junction.
+
+    0 in a junction, and if somebody leaves the next one towards it.
+    """
     passage = vehicle.driver.passage
     if passage.left < passage.entered:
         return 0.0
     path, front = vehicle.path, vehicle.progress + vehicle.reach
     crossing = passage.next
-    end = path.length if crossing is None else crossing.entry
+    end = path.length
+    if crossing is not None:
+        end = crossing.entry - junctions.setback(crossing)
+        if end - front < EMERGING and junctions.leads_into(crossing):
+            return 0.0
     tx, ty = path.tangent(vehicle.progress)
     for leg in path.window(vehicle.progress, end - 1.0)[1:]:
         if leg[2] * tx + leg[3] * ty < 0.999:
@@ -137,7 +146,8 @@ def _free(
     pace = max(1.5, (vehicle.speed + 2.0 * vehicle.driver.desired) / 3.0)
     if pace - speed < 1.0:
         return False
-    seconds = (gap + 2.0 * (body.reach + vehicle.reach) + _AFTER) / (pace - max(0.0, speed)) + 0.5
+    back = (offset - vehicle.driver.base_offset) / SIDESTEP_SLOPE + vehicle.reach  # metres to return into the lane
+    seconds = (gap + 2.0 * (body.reach + vehicle.reach) + _AFTER) / (pace - max(0.0, speed)) + back / pace + 0.5
     way = pace * seconds
     if way > room:
         return False

@@ -29,6 +29,7 @@ class Crossing:
 
     junction: int
     arm: int  # direction of travel at the stop line
+    exit: int  # direction of travel where it leaves the junction
     entry: float  # arc length at the stop line
     leave: float  # arc length where the junction ends
     movement: Movement
@@ -36,7 +37,8 @@ class Crossing:
     @classmethod
     def on(cls, path: Path, junction: int, span: tuple[float, float], movement: Movement) -> Crossing:
         """Return the crossing of a junction between two arc lengths of a path."""
-        return cls(junction, direction_of(path.tangent(span[0])), span[0], span[1], movement)
+        arm, way_out = (direction_of(path.tangent(metres)) for metres in span)
+        return cls(junction, arm, way_out, span[0], span[1], movement)
 
 
 @dataclass(slots=True)

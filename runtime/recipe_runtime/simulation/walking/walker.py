@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 DT = 0.1  # seconds between decisions
 _COMFORT, _LEAST_COMFORT = 0.2, 0.02  # metres between two people; between two in a jam
+_APART = 0.42  # metres between the middles of two people, at least
 _TO_WALL, _TO_VEHICLE, _TO_COMPANION = 0.05, 0.2, 0.08  # metres kept to solid things, vehicles and companions
 _NEAR = 8.0  # metres within which others are avoided
 _BEHIND = -0.3  # metres ahead; who is farther behind is not avoided
@@ -203,7 +204,8 @@ class Walker:
             if size == other.radius:  # a pedestrian
                 if dx * ux + dy * uy < _BEHIND:
                     continue
-                room = radius + size + (_TO_COMPANION if other is self.leader or other is own.follower else comfort)
+                kept = _TO_COMPANION if other is self.leader or other is own.follower else comfort
+                room = max(radius + size + kept, _APART)
                 discs.append((dx, dy, vx, vy, dx * dx + dy * dy - room * room))
                 continue
             moves = vx * vx + vy * vy > 0.1

@@ -276,3 +276,19 @@ def test_a_standing_queue_has_no_room_behind_it() -> None:
     world.run(20.0)
     assert not world["a"].driver.passage.entered and world["a"].driver.passage.reason == "room"
     assert _gone(world["b"]) and not world.overlaps
+
+
+@pytest.mark.parametrize("back", [24.0, 36.0, 48.0, 60.0])
+def test_nobody_leaves_a_junction_towards_somebody_who_overtakes(back: float) -> None:
+    """Both would stand head to head in one lane for good."""
+    bike = _vehicle("bike", East, East, 80.0, "bicycle.child")
+    plans = [bike, _vehicle("truck", East, East, 95.0, "truck.box"), _vehicle("bus", North, West, back, "bus.city")]
+    world = KinematicWorld(crossing(), plans)
+    together = overtaken = 0
+    for _ in range(600):
+        world.step()
+        truck, bus = world["truck"].driver, world["bus"].driver.passage
+        overtaken += truck.overtakes
+        together += truck.overtakes and bus.left < bus.entered and not truck.passage.entered
+    assert together == 0 and overtaken > 0 and not world.overlaps
+    assert _gone(world["truck"]) and _gone(world["bus"])
