@@ -61,7 +61,7 @@ def print_outcome(outcome: Outcome, compiled: Compiled, *, explain: bool) -> Non
 def _print_result(outcome: Outcome, compiled: Compiled) -> None:
     out, result = outcome.folder, outcome.result
     for line in result.mended[:_MAX_SHOWN]:
-        say(f"mended: {line}")
+        say(f"repaired: {line}")
     if len(result.mended) > _MAX_SHOWN:
         say(f"  ... and {len(result.mended) - _MAX_SHOWN} more; --json lists all")
     if result.built:
@@ -87,11 +87,14 @@ def interruption(plan: DatasetPlan, folder: Path, repair: bool, target: Target |
     kept, manifest = kept_frames(plan, folder), read_manifest(folder)
     if kept:
         again = "run it again with --repair" if repair else "build again"  # a plain build goes by sizes alone
-        return f"interrupted; {kept:,} of {count(_frames(plan), 'frame')} are kept", f"{again} to go on"
+        return f"interrupted; {kept:,} of {count(_frames(plan), 'frame')} are kept", f"{again} to continue"
     if repair:  # it may have been stopped before the mended dataset was put in place, or after
-        return "interrupted", "run it again with --repair to mend what is still damaged"
+        return "interrupted", "run it again with --repair to repair the rest"
     if manifest is not None and is_whole(manifest, plan, folder):
-        return f"interrupted; {folder} is whole", f"build again to go on copying it to {target.url}" if target else ""
+        return (
+            f"interrupted; {folder} is complete",
+            f"build again to continue copying it to {target.url}" if target else "",
+        )
     return "interrupted; no frame was finished yet", "build again to start over"
 
 

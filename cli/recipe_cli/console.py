@@ -1,8 +1,8 @@
 """The only module of the command line that writes to the terminal.
 
 Every text is escaped here: recipes, datasets, lockfiles and file names are untrusted, and a terminal obeys control
-characters. A text is one line: a line break in it is escaped, and where a terminal would wrap a line, it goes on
-indented. So only what a command prints as a line of its own stands at the start of a line, such as a verdict.
+characters. A text is one line: a line break in it is escaped, and the continuation of a line that a terminal would wrap
+is indented. So only text that a command prints as a line of its own, such as a verdict, is at the start of a line.
 """
 
 from __future__ import annotations

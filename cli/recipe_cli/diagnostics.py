@@ -67,7 +67,7 @@ def _lines(severity: str, problem: Problem) -> list[tuple[str | Styled, ...]]:
 
 
 def _excerpt(source: str, column: int) -> tuple[str, str]:
-    """A line of text, shortened about a column, and the carets under what stands there."""
+    """A line of text, shortened around a column, and the carets under the token at that column."""
     at = min(max(column - 1, 0), len(source))
     start = at - _BEFORE if at > _BEFORE else 0
     end = at + _AFTER if len(source) - at > _AFTER else len(source)

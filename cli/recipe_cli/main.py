@@ -89,11 +89,11 @@ def main() -> None:
     """Run the command; every error is printed with its place and remedy, and ends in an exit code."""
     import signal
 
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that temporary folders go, as they do on an error
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that temporary folders are removed, as after an error
     run = State(as_json="--json" in sys.argv[1:])
     try:
         code = recipe.main(prog_name="recipe", complete_var="_RECIPE_COMPLETE", standalone_mode=False, obj=run)
-        sys.exit(code or 0)  # what it returns is the code of an Exit
+        sys.exit(code or 0)  # it returns the code of an Exit
     except Exception as error:
         problems, code = _explained(error)
         fail(problems, run)

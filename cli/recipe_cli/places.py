@@ -62,8 +62,8 @@ def check_lockfile_is_of(recipe: Path, plan: DatasetPlan, path: Path, lock: Lock
 def _project(start: Path, owners: frozenset[int]) -> Path:
     """The root of the project that a folder belongs to: the nearest folder upwards with one of `_MARKERS`.
 
-    The search ends at the first folder of another user, and a marker of another user does not count: nobody but the
-    caller and the owner of the recipe decides which lockfile is used. The folder itself, if it is in no project.
+    The search ends at the first folder of another user, and a marker of another user does not count: only the
+    caller and the owner of the recipe decide which lockfile is used. The folder itself, if it is in no project.
     """
     for folder in (start, *start.parents):
         if any(_owner(folder / marker) in owners for marker in _MARKERS):
@@ -145,7 +145,7 @@ def free_disk(folder: Path) -> int:
 
 
 def _check_stores_files(folder: Path, parent: Path) -> None:
-    """InputError unless files can be made in `parent`, whose file system does not tell its size."""
+    """InputError unless files can be created in `parent`, whose file system reports no size."""
     import tempfile
 
     from recipe_compiler.ir.errors import Code, InputError

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from recipe_compiler.ir.errors import Problem
 
-_WORDS = {  # code -> the remedy, with the library's own where `{help}` stands
+_WORDS = {  # code -> the remedy, in which `{help}` is the library's own
     "size-limit": "{help}, or give --allow-large",
     "unknown-device": "{help} (--device)",
 }

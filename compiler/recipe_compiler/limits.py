@@ -57,11 +57,11 @@ _MEMORY_RECORD = 4000  # a labelled object, in the build's own process
 _PER_ELEMENT = (6.5e-5, 3400)  # of a town, for each town that differs
 _PER_COLOURS = (3e-6, 70)  # of an element, for each scene that differs
 _PER_ACTOR = (1.8e-4, 6000)  # for each scene that differs
-_PER_POINT = (1.2e-5, 1100)  # of their ways
+_PER_POINT = (1.2e-5, 1100)  # of their routes
 _PER_POSE = (1e-4, 1600)  # for each rig that differs
 _PER_SENSOR = (7e-5, 6000)
 _PER_VARIANT = (4e-4, 12_000)
-_PER_CHANGE = (5e-5, 3600)  # laid over the base, for each variant
+_PER_CHANGE = (5e-5, 3600)  # merged into the base, for each variant
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Cost:
         return self.main_memory + min(workers, self.frames) * self.worker_memory
 
     def over(self, free_disk: int | None = None, memory: Memory | None = None) -> list[str]:
-        """The exceeded limits in words; empty if there is none.
+        """The exceeded limits in words; empty if none is exceeded.
 
         Args:
             free_disk: bytes free where the dataset would be written, if known.
@@ -183,7 +183,7 @@ class TooLargeError(InputError):
     """A recipe exceeds the size limits; `cost` has the estimate, `reasons` the exceeded limits."""
 
     def __init__(self, place: Place, cost: Cost, reasons: Iterable[str]) -> None:
-        """`place` is where the number stands that contributes most to the cost."""
+        """`place` is that of the number that contributes most to the cost."""
         self.cost = cost
         self.reasons = tuple(reasons)
         self.place = place
@@ -248,7 +248,7 @@ def _simulating(load: Load) -> float:
 
 
 def _observing(load: Load, view: View, depth: str) -> float:
-    """Seconds for what all appearances of a view share."""
+    """Seconds of the work that all appearances of a view share."""
     frame = _LABEL + load.actors * _LABEL_ACTOR
     frame += sum(_FILE + view.pixels / 1e6 * _ENCODE[kind] for kind in _kinds(view, depth))
     whole, least = view.frames, _OBSERVE_STILL * view.samples / 1e6

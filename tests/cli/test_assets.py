@@ -71,7 +71,7 @@ def test_a_pack_brings_its_assets_along(tmp_path: Path) -> None:
         ("gone.stl", b"", "there is no such file"),
     ],
 )
-def test_a_strangers_pack_is_refused_with_the_place_of_its_asset(
+def test_an_untrusted_pack_is_refused_with_the_place_of_its_asset(
     path: str, content: bytes, words: str, tmp_path: Path
 ) -> None:
     from recipe_runtime.transfer.bundle import Pack

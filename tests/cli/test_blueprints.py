@@ -31,7 +31,7 @@ def test_the_table_has_a_row_for_each() -> None:
     assert bus.startswith("vehicle.bus.city  bus   8.30 x 2.35 x 2.95  16 Bus  7    x: 4.3, z: 1.9  glass, headlight")
 
 
-def test_json_tells_what_a_program_needs() -> None:
+def test_json_contains_what_a_program_needs() -> None:
     rows = json.loads(run("*.bicycle.*", "--json").stdout)
     assert {row["class"] for row in rows} == {"Bicycle"}
     assert rows[0]["attributes"] == {"base_type": "bicycle", "number_of_wheels": "2"}

@@ -170,7 +170,7 @@ def test_verify_is_inconclusive_on_another_stage_version(folder: Path, tmp_path:
 
 
 @pytest.mark.slow
-def test_a_shot_is_the_builds_very_frame(folder: Path, tmp_path: Path) -> None:
+def test_a_shot_is_the_same_frame_as_the_build(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "shot.png"
     done = run_here("shot", "small.yaml", "--variant", "weather=wet", "--frame", "1", "-o", out, "--json", cwd=folder)
     assert done.returncode == 0, done.stderr
@@ -194,14 +194,14 @@ def test_a_shot_is_the_builds_very_frame(folder: Path, tmp_path: Path) -> None:
         (["--modality", "semantic"], "the sensor street does not capture 'semantic'; it captures rgb, depth, instance"),
     ],
 )
-def test_a_shot_of_what_is_not_there_says_what_is(folder: Path, arguments: list[str], says: str) -> None:
+def test_a_shot_of_an_unknown_name_lists_the_valid_ones(folder: Path, arguments: list[str], says: str) -> None:
     done = run_here("shot", "small.yaml", *arguments, cwd=folder)
     assert (done.returncode, done.stdout) == (2, "")
     assert says in problems(done.stderr)[0]
     assert "Traceback" not in done.stderr
 
 
-def test_plan_tells_cost_and_sharing_and_prints_a_variant(folder: Path) -> None:
+def test_plan_shows_cost_and_sharing_and_prints_a_variant(folder: Path) -> None:
     shown = run_here("plan", "small.yaml", cwd=folder)
     assert "2 variants: 1 simulation, 1 observation, 2 appearances" in shown.stdout
     assert "4 frames, 12 images" in shown.stdout
@@ -226,7 +226,7 @@ def test_a_new_recipe_compiles_and_is_never_overwritten(tmp_path: Path) -> None:
     assert run_here("check", "rain_bench.yaml", cwd=tmp_path).returncode == 0
     again = run_here("init", "rain_bench", cwd=tmp_path)
     assert again.returncode == 2
-    assert "is there already" in again.stderr
+    assert "exists already" in again.stderr
     assert run_here("init", "../x", cwd=tmp_path).returncode == 2
 
 
@@ -250,7 +250,7 @@ def test_a_build_that_differs_from_its_lockfile_says_so(folder: Path, tmp_path: 
     assert (tmp_path / "datasets" / "small" / "manifest.json").is_file()
 
 
-def test_an_outdated_lockfile_is_told_before_the_work(folder: Path, tmp_path: Path) -> None:
+def test_an_outdated_lockfile_is_reported_before_the_work(folder: Path, tmp_path: Path) -> None:
     """An hour's build that ends in `differs` is an hour lost: the warning comes even if the build cannot begin."""
     root = _project(folder, tmp_path, "lockfiles")
     (root / "small.yaml").write_text(RECIPE.replace("HardRainNoon", "WetNoon"))
@@ -297,7 +297,7 @@ def test_nothing_but_its_own_words_reaches_the_terminal(folder: Path, tmp_path: 
 
 
 @pytest.mark.parametrize("source", ["/etc/passwd", "../../etc/passwd", "../..", "a%00b"])
-def test_a_strangers_lockfile_reads_nothing_outside_its_folder(folder: Path, tmp_path: Path, source: str) -> None:
+def test_an_untrusted_lockfile_reads_nothing_outside_its_folder(folder: Path, tmp_path: Path, source: str) -> None:
     from dataclasses import replace
 
     from recipe_compiler.ir import lockfile
@@ -329,7 +329,7 @@ def test_lock_says_before_rendering_that_it_would_say_something_else(folder: Pat
     assert "differs from what small.yaml compiles to now; --update replaces it" in problems(done.stderr)[0]
 
 
-def test_verify_keeps_to_the_limits_of_a_strangers_recipe(tmp_path: Path) -> None:
+def test_verify_keeps_to_the_limits_of_an_untrusted_recipe(tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text(RECIPE.replace("frames: 2", "frames: 100000"))
     done = run_here("verify", "small.yaml", cwd=tmp_path)
     assert done.returncode == 2
@@ -395,7 +395,7 @@ def test_diff_leaves_an_outdated_lockfile_aside_and_says_so(folder: Path, tmp_pa
     assert silent.startswith("motion and pixels were not compared: small.yaml holds none")
 
 
-def test_diff_of_what_is_none_is_refused(tmp_path: Path) -> None:
+def test_diff_of_an_unknown_path_is_refused(tmp_path: Path) -> None:
     (tmp_path / "plan.json").write_text("[]")
     for path in ("plan.json", "gone.lock", "gone.yaml", "."):
         told = run_here("diff", path, "plan.json", cwd=tmp_path)
@@ -512,7 +512,7 @@ def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path
     mended = run_here("build", "small.yaml", "--repair", "--workers", "1", cwd=root)
     assert (mended.returncode, mended.stderr) == (0, "")
     first, *_, last = mended.stdout.splitlines()
-    assert first == "mended: weather=dry/street/rgb/000001.png has other bytes than the manifest says"
+    assert first == "repaired: weather=dry/street/rgb/000001.png has other bytes than the manifest says"
     assert last == there.stdout.splitlines()[-1]
     assert picture.read_bytes() == body
     assert run_here("verify", "datasets/small", "--integrity", cwd=root).returncode == 0
@@ -535,7 +535,7 @@ def test_a_dataset_from_elsewhere_is_held_against_a_recipe(folder: Path, tmp_pat
 
 
 @pytest.mark.slow
-def test_a_pack_stands_for_its_recipe(folder: Path, tmp_path: Path) -> None:
+def test_a_pack_replaces_its_recipe(folder: Path, tmp_path: Path) -> None:
     packed = run_here("pack", "small.yaml", "-o", tmp_path / "small.recipe", cwd=folder)
     assert packed.returncode == 0, packed.stderr
     again = run_here("pack", "small.yaml", "-o", tmp_path / "again.recipe", cwd=folder)

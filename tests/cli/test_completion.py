@@ -53,7 +53,7 @@ def test_values_are_completed(folder: Path, words: tuple[str, ...], values: list
     assert len(completed(*words)) >= len(values)
 
 
-def test_a_broken_recipe_completes_nothing_and_says_nothing(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_broken_recipe_completes_nothing_and_prints_nothing(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (folder / "small.yaml").write_text("recipe: [")
     assert completed("shot", "small.yaml", "--variant", "") == []
     assert capfd.readouterr() == ("", "")

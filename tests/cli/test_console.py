@@ -172,7 +172,7 @@ def test_an_error_has_its_code_place_source_line_and_help(capsys: pytest.Capture
 
 
 @given(st.text(max_size=300), st.integers(1, 400))
-def test_the_caret_stands_under_the_column(source: str, column: int) -> None:
+def test_the_caret_is_under_the_column(source: str, column: int) -> None:
     text, caret = diagnostics._excerpt(source, column)
     assert text.isprintable() and set(caret) <= {" ", "^"}
     assert console.width(text) <= 8 * (diagnostics._BEFORE + diagnostics._AFTER + 4) * 2

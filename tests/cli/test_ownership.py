@@ -208,7 +208,7 @@ def test_a_lockfile_in_python_is_not_written_over_another_recipes(recipe: Run) -
     with pytest.raises(InputError, match=r"another recipe, a/r\.yaml, and not of b/r\.yaml"):
         theirs.write(path)
     notes = write("lockfiles/notes.lock", "mine\n")
-    with pytest.raises(InputError, match="is there already and is not a lockfile"):
+    with pytest.raises(InputError, match="exists already and is not a lockfile"):
         mine.write(notes)
     assert (lockfile.read(path), notes.read_text()) == (mine, "mine\n")
     assert theirs.write(path, replace=True) and mine.write(notes, replace=True)
@@ -371,7 +371,7 @@ def test_no_command_writes_over_a_file_that_is_there(recipe: Run, tmp_path: Path
         (blueprints.command, ["vehicle.bicycle.b", "--pictures", "f"]),
     )
     for command, arguments in cases:
-        with pytest.raises(InputError, match=r"is there already; choose another file, or replace it"):
+        with pytest.raises(InputError, match=r"exists already; choose another file, or replace it"):
             CliRunner().invoke(command, arguments, catch_exceptions=False)
     assert {path.read_text() for path in precious.values()} == {"precious"}
     assert not Path("f/vehicle.bicycle.b.png").exists()

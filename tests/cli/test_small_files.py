@@ -35,7 +35,7 @@ def test_any_other_name_is_refused_with_one_that_would_do(tmp_path: Path, name: 
     assert not list(tmp_path.iterdir())
 
 
-def test_a_host_that_will_not_have_a_file_is_told_in_one_line(tmp_path: Path) -> None:
+def test_a_host_that_will_not_have_a_file_is_reported_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "full.json").symlink_to("/dev/full")
     for command, arguments in (
         (init.command, ["x", "--dir", "/proc"]),

@@ -68,7 +68,7 @@ def test_an_interrupted_build_counts_the_frames_that_it_kept(command: Callable[.
     second = command(_stopping(1))  # a shard is five frames in each of two weathers
     assert (second.exit_code, problems(second.stderr)) == (
         130,
-        ["interrupted; 10 of 12 frames are kept; build again to go on"],
+        ["interrupted; 10 of 12 frames are kept; build again to continue"],
     )
     again = command(_stopping(0))
     assert again.stderr == second.stderr  # what an earlier build left is kept by one that did nothing
@@ -96,7 +96,7 @@ def test_an_interrupted_copy_says_that_the_dataset_is_whole(
     url = f"file://{tmp_path}/there"
     stopped = command(_whole, "--out", url)
     assert problems(stopped.stderr) == [
-        f"interrupted; datasets/small is whole; build again to go on copying it to {url}"
+        f"interrupted; datasets/small is complete; build again to continue copying it to {url}"
     ]
 
 
@@ -104,12 +104,12 @@ def test_an_interrupted_repair_claims_nothing(command: Callable[..., Result], tm
     command(_whole)
     picture = tmp_path / "datasets/small/weather=dry/street/rgb/000001.png"
     picture.write_bytes(picture.read_bytes()[:-1] + b"!")
-    nothing = "interrupted; run it again with --repair to mend what is still damaged"
+    nothing = "interrupted; run it again with --repair to repair the rest"
     assert problems(command(_stopping(0), "--repair").stderr) == [nothing]
-    some = "interrupted; 2 of 12 frames are kept; run it again with --repair to go on"
+    some = "interrupted; 2 of 12 frames are kept; run it again with --repair to continue"
     assert problems(command(_stopping(1), "--repair").stderr) == [some]
     mended = command(_whole, "--repair")
-    told = "mended: weather=dry/street/rgb/000001.png has other bytes than the manifest says\n"
+    told = "repaired: weather=dry/street/rgb/000001.png has other bytes than the manifest says\n"
     assert (mended.exit_code, mended.stdout.startswith(told)) == (0, True)
     assert "none rendered, 10 reused from the existing dataset, 2 resumed from the stopped" in mended.stdout
     assert "every file has the bytes that its manifest lists" in command(_whole, "--repair").stdout
@@ -131,7 +131,7 @@ def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
     with monkeypatch.context() as patch:
         patch.setattr(pruning, "tidy", tidy)
         stopped = command(_whole, "--repair")
-    assert problems(stopped.stderr) == ["interrupted; run it again with --repair to mend what is still damaged"]
+    assert problems(stopped.stderr) == ["interrupted; run it again with --repair to repair the rest"]
     assert picture.read_bytes() == whole  # it was in place by then
 
 

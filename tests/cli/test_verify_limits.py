@@ -53,7 +53,7 @@ def test_nothing_is_simulated_where_frames_have_no_digest(built: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["frame", "variant"])
-def test_a_lockfile_is_read_up_to_a_few_times_what_its_recipe_stands_for(
+def test_a_lockfile_is_read_up_to_a_few_times_what_its_recipe_has(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
     """A lockfile that is verified by name has the limits of its recipe's plan, too."""

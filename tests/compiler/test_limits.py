@@ -137,7 +137,7 @@ def test_a_product_is_counted_without_being_built() -> None:
     assert count(axes, Sweep(repeats=7)) == 7 * 1000**40  # type: ignore[arg-type]  # a stand-in for axes
 
 
-def test_time_is_told_of_one_core_and_of_many_and_knows_what_moves() -> None:
+def test_time_is_reported_of_one_core_and_of_many_and_knows_what_moves() -> None:
     """Measured on builds: a camera that moves costs three times as much, and workers do not share the start."""
     still = View(frames=300, pixels=480_000, samples=480_000, capture=("rgb", "depth"))
     cost, moving = (

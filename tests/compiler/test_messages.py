@@ -71,7 +71,7 @@ def test_a_bad_byte_has_its_line_and_column() -> None:
     assert str(problem.place) == "f.yaml:2:6" and "byte 0xe9 at offset 15" in problem.message
 
 
-def test_limits_tell_what_was_reached() -> None:
+def test_errors_of_limits_name_the_limit() -> None:
     _, (large,) = parse(b"#" * (MAX_BYTES + 1), "f.yaml")
     assert f"{MAX_BYTES:,} bytes" in large.message and large.code is Code.INPUT_LIMIT
     bomb = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
@@ -103,7 +103,7 @@ def test_an_error_of_several_variants_comes_once_and_counts_them(tmp_path: Path)
     assert problem.note == "in variant w=wet,h=a, town downtown, and in 2 other variants"
 
 
-def test_a_town_without_room_is_told_with_its_variant(tmp_path: Path) -> None:
+def test_a_town_without_room_is_reported_with_its_variant(tmp_path: Path) -> None:
     deltas = {"t": {"wide": {}, "narrow": {"town": {"name": "plaza", "blocks": None}, "traffic": {"vehicles": 249}}}}
     (problem,) = wrong(tmp_path, small() | {"deltas": deltas})
     assert problem.code is Code.NO_ROOM and problem.note == "in variant t=narrow, town plaza"

@@ -33,7 +33,7 @@ def small_recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/python.md"])
-def test_an_example_runs_as_it_stands(page: str) -> None:
+def test_an_example_runs_unchanged(page: str) -> None:
     """That of docs/python.md asked for frame 40 of 31, and raised IndexError."""
     known: dict[str, object] = {}
     exec(examples(page)[0], known)
@@ -44,7 +44,7 @@ def test_an_example_runs_as_it_stands(page: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_example_of_pytorch_runs_as_it_stands() -> None:
+def test_the_example_of_pytorch_runs_unchanged() -> None:
     pytest.importorskip("torch")
     known: dict[str, object] = {}
     exec(examples("docs/python.md")[1], known)

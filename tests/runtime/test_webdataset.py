@@ -74,7 +74,7 @@ def test_what_is_decoded_are_the_frames_that_were_rendered(tmp_path: Path, depth
 
 @pytest.mark.slow
 @QUIET
-def test_the_pages_example_runs_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_pages_example_runs_unchanged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     exported(plan_of(), tmp_path, 1)  # as of the page's command: the dataset is smaller than a shard
     (example,) = (code for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "webdataset" in code)
     monkeypatch.chdir(tmp_path)

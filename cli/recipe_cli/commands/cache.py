@@ -18,7 +18,7 @@ from recipe_cli.console import print_json, say
 )
 @JSON
 def command(prune: bool, size: str | None, as_json: bool) -> None:
-    """Show what the cache holds: traces, and compiled kernels. All of it can be made again.
+    """Show what the cache holds: traces, and compiled kernels. All of it can be recomputed.
 
     A build that made something prunes it to RECIPE_CACHE_LIMIT (10G unless that is set; `none`: never).
     """

@@ -50,7 +50,7 @@ def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None
 
 
 def _side(path: Path, allow_large: bool) -> Side:
-    """What a path stands for, by what it is."""
+    """Read a path as a recipe, a lockfile or a dataset, by its kind."""
     from dataclasses import replace
 
     from recipe_compiler.ir import lockfile
@@ -70,7 +70,7 @@ def _side(path: Path, allow_large: bool) -> Side:
     with opened(path) as recipe:
         compiled = compile_quietly(recipe, allow_large=allow_large)
         found, note = lockfile_path(recipe, compiled.plan.recipe), None
-        if found.exists():  # so it tells of motion and pixels too
+        if found.exists():  # so motion and pixels are compared too
             lock = lockfile.read(found)
             if lock.plan == compiled.plan.digest:
                 return Side(str(path), replace(lock, files=compiled.files), compiled.plan)

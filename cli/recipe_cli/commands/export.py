@@ -40,7 +40,7 @@ def command(
 ) -> None:
     """Write the frames of DATASET, a folder that `recipe build` made, into OUT.
 
-    As WebDataset: tar files in which the pictures and the records of a frame lie side by side.
+    As WebDataset: tar files in which the pictures and the records of a frame are adjacent.
     """
     if (out is None) == (output is None):
         raise click.UsageError("Missing argument 'OUT'." if out is None else "OUT and --output are both given.")

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @click.command("lock")
 @click.argument("recipes", nargs=-1, required=True, type=LocalPath(path_type=Path), shell_complete=RECIPES)
-@click.option("--update", is_flag=True, help="Replace the recipe's lockfile if it says something else.")
+@click.option("--update", is_flag=True, help="Replace the recipe's lockfile if it differs.")
 @REPLACE
 @click.option(
     "--with-traces",
@@ -58,8 +58,8 @@ def command(
 ) -> None:
     """Write a digest of every frame of RECIPES into lockfiles/<recipe>.lock.
 
-    Frames are rendered, and not kept; those of the dataset that `recipe build` made of the same plan here are taken
-    over, once its files have been hashed. An interrupted lock is resumed.
+    Frames are rendered and not kept. Frames of the dataset that `recipe build` made from the same plan here are reused,
+    once its files have been hashed. An interrupted lock is resumed.
     """
     from recipe_compiler.ir.errors import Code, InputError
 
@@ -206,7 +206,7 @@ def _interrupted(recipe: Path, known: Known) -> Problem:
     kept, code = known.kept_frames(), Code.INTERRUPTED
     if not kept:
         return Problem("interrupted", help=f"lock {recipe} again to start over", code=code)
-    return Problem(f"interrupted; {counted(kept, 'frame')} kept", help=f"lock {recipe} again to go on", code=code)
+    return Problem(f"interrupted; {counted(kept, 'frame')} kept", help=f"lock {recipe} again to continue", code=code)
 
 
 def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, replace: bool) -> None:
@@ -229,7 +229,7 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, re
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RunError(f"{path.parent}: cannot be made: {error.strerror}") from error
+        raise RunError(f"{path.parent}: cannot be created: {error.strerror}") from error
     if path.is_dir() or not os.access(path.parent, os.W_OK):
         raise RunError(f"{path}: cannot be written; make the folder writable, or move what is in the way")
 
@@ -241,7 +241,7 @@ def _check_is_of_recipe(recipe: Path, compiled: Compiled, path: Path, update: bo
 
     if update and not lockfile.is_lockfile(path):
         raise InputError(
-            f"{path} is there already and is not a lockfile; move it away, or add --replace",
+            f"{path} exists already and is not a lockfile; move it away, or add --replace",
             code=Code.OUTPUT_IN_THE_WAY,
         )
     try:

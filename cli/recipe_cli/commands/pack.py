@@ -55,7 +55,7 @@ def command(
 
 
 def _locked(recipe: Path, compiled: Compiled, with_traces: bool) -> dict[str, bytes]:
-    """The lockfile and the traces beside it, as they lie in a pack; none if the recipe has no lockfile."""
+    """The lockfile and the traces beside it, by their paths in a pack; empty if the recipe has no lockfile."""
     from dataclasses import replace
 
     from recipe_compiler.ir import lockfile

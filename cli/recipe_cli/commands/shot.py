@@ -99,7 +99,7 @@ def command(
 
 
 def _check_town_name(recipe: Path) -> None:
-    """InputError for what is not there and is a misspelt name of a town rather than a file."""
+    """Raise InputError if the file does not exist and its name is a misspelt name of a town."""
     from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.library import towns
     from recipe_compiler.schema.messages import near

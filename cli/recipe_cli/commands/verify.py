@@ -194,13 +194,13 @@ def _integrity(target: Path | str, options: Options) -> Report:
     from recipe_runtime.verify.verify import verify_files
 
     if not _is_dataset(target):
-        raise InputError(f"{target}: --integrity hashes the files of a dataset folder; this is none")
+        raise InputError(f"{target}: --integrity hashes the files of a dataset folder; name one")
     with Progress() as progress, dataset_at(target, progress) as folder:
         return verify_files(reader.read(folder, shown(target)), options, progress)
 
 
 def _check_cost(plan: DatasetPlan, name: str, allow_large: bool) -> None:
-    """InputError for a dataset's plan over the limits that a recipe has: the folder may be anyone's."""
+    """Raise InputError if a dataset's plan exceeds the size limits of recipes: the folder is untrusted."""
     from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.lowering.workload import plan_cost
 

@@ -95,7 +95,7 @@ class Lockfile:
             plan: the digest of its plan.
 
         Returns:
-            The recipe file that the lockfile was made of, if it is there, is not `recipe`, and the plans differ;
+            The recipe file from which the lockfile was made, if it exists, is not `recipe`, and the plans differ;
             else None. A recipe that was renamed or moved keeps its lockfile.
         """
         source = path.parent / self.source
@@ -107,7 +107,7 @@ class Lockfile:
             return None
 
     def missing_recipe(self, path: Path, recipe: Path, plan: str) -> Path | None:
-        """The recipe file that this lockfile was made of and that is gone, unless it is one of the same name or plan.
+        """The deleted recipe file from which this lockfile was made, unless it has the same name or plan.
 
         The recipe may have been renamed and not locked since; then this is its only lockfile.
 
@@ -131,7 +131,7 @@ class Lockfile:
             Whether it was written.
 
         Raises:
-            InputError: the file there is not a lockfile, or is the lockfile of another recipe or of one that is gone,
+            InputError: the file there is not a lockfile, or is the lockfile of another recipe or of a deleted one,
                 and not `replace`.
         """
         if os.path.lexists(path):
@@ -154,17 +154,17 @@ class Lockfile:
         return True
 
     def _check_replaceable(self, path: Path) -> None:
-        """InputError unless the file at `path` is a lockfile, whole or damaged, of this very recipe."""
+        """InputError unless the file at `path` is a lockfile, whole or damaged, of this recipe."""
         if not is_lockfile(path):
             raise InputError(
-                f"{path} is there already and is not a lockfile",
+                f"{path} exists already and is not a lockfile",
                 help="move it away, or replace it",
                 code=Code.OUTPUT_IN_THE_WAY,
             )
         try:
             there = read(path)
         except InputError:
-            return  # damaged: nothing to lose
+            return  # damaged: it may be replaced
         own = Path(os.path.normpath(path.parent / self.source))
         other = there.other_recipe(path, own, self.plan)
         if there.recipe != self.recipe or other is not None:

@@ -71,7 +71,7 @@ class VariantRow:
 def max_rows_for(plan: DatasetPlan) -> dict[str, int]:
     """The maximal number of rows of each kind in a lockfile that is compared with a plan.
 
-    It is several times what the plan stands for, so that a lockfile from before an edit of the recipe is still read.
+    It is several times the plan's own number, so that a lockfile from before an edit of the recipe is still read.
     """
     scenes = {variant.scene.digest: variant.scene for variant in plan.variants}.values()
     numbers = {

@@ -40,7 +40,7 @@ Pair = TypeVar("Pair", tuple[int, int], tuple[float, float])
 
 
 def bounded(low: float, high: float, description: str) -> FieldInfo:
-    """What pydantic knows of a finite number from low to high, both included."""
+    """Return the field of a finite number from low to high, both included."""
     field: FieldInfo = Field(ge=low, le=high, allow_inf_nan=False, description=description)
     return field
 

@@ -63,7 +63,7 @@ def of_key(key: str, value: object) -> str | None:
 
 
 def of_delta(value: object) -> str | None:
-    """Return the remedy for a name that stands in place of a delta's map; None if it is no known name."""
+    """Return the remedy for a delta that is a name instead of a map; None if the name is unknown."""
     for section, names in (("weather", weather.PRESETS), ("town", towns.NAMES)):
         if isinstance(value, str) and value in names:
             return f"write {{{section}: {value}}}"

@@ -1,7 +1,7 @@
 """`extends` and deltas: JSON merge patches (RFC 7386) over values that keep their places.
 
-A map is merged into what is there, anything else replaces it whole, `null` removes. So a merged value's place is
-that of the file and line that set it. Files are read from the root recipe's own folder and below it, nowhere else.
+A map is merged into the existing map, any other value replaces the existing value, and `null` removes it. The place of
+a merged value is that of the file and line that set it. Files are read only from the root recipe's folder and below.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from recipe_compiler.source import yaml_reader
 from recipe_compiler.source.yaml_reader import Value, show
 
 MAX_CHAIN = 16
-_MAX_NAMES = 2000  # of a folder's files, those that a misspelt name is compared with
+_MAX_NAMES = 2000  # number of a folder's files with which a misspelt name is compared
 
-# A bare word here stands for a map with one entry: `weather: ClearNoon` for `{preset: ClearNoon}`.
+# A bare word is short for a map with one entry: `weather: ClearNoon` for `{preset: ClearNoon}`.
 SHORTHANDS = {"weather": "preset", "town": "name"}
 
 
@@ -47,7 +47,7 @@ class Merger:
         for key, value in patch.map.items():
             if value.data is None:
                 changed |= entries.pop(key, None) is not None
-                keys[key] = patch.key_place(key)  # so that an error of its absence points here
+                keys[key] = patch.key_place(key)  # so that an error about its absence has this place
                 continue
             before = entries.get(key)
             after = self.merge(before if before is not None else Value({}, value.place), value)
@@ -202,7 +202,7 @@ def _kind(value: Value) -> str:
 
 
 def _next(folder: Path, name: str, value: Value, seen: list[str], sources: Sources) -> tuple[str | None, Place | None]:
-    """The file that this one extends, relative to the root recipe's folder, and where it says so."""
+    """The file that this one extends, relative to the root recipe's folder, and the place of its name."""
     extends = value.get("extends")
     if extends is None or extends.data is None:
         return None, None

@@ -9,7 +9,7 @@ from recipe_compiler.ir.errors import Code, Place, Problem
 
 LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
 
-# What YAML 1.1 or 1.2 makes of a plain scalar that the other reads differently.
+# Plain scalars that YAML 1.1 and YAML 1.2 read differently.
 _YES_NO = re.compile(r"(?i:(yes|on|y)|(no|off|n))\Z")
 _BASE_60 = re.compile(r"[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?\Z")
 _UNDERSCORED = re.compile(r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?\Z")
@@ -25,9 +25,9 @@ def explain(problem: str, context: str, opened: int | None, text: str, place: Pl
     """The problem of a text that is not YAML.
 
     Args:
-        problem: what the reader of YAML says.
-        context: in what it found it.
-        opened: the line at which that starts, counted from 1.
+        problem: the YAML reader's message.
+        context: the construct in which it found the problem.
+        opened: the line at which the construct starts, counted from 1.
         text: the whole text.
         place: where reading stopped.
     """
@@ -54,7 +54,7 @@ def explain(problem: str, context: str, opened: int | None, text: str, place: Pl
 
 
 def _known(problem: str, context: str, line: int | None) -> tuple[str, str] | None:
-    """What is wrong and the remedy, for the errors that people meet."""
+    """What is wrong and the remedy, for common errors."""
     opened = f"line {line}" if line else "a line above"
     if "mapping values are not allowed" in problem:
         return "there is a second `: ` in this line", "quote a text that holds `: `, or start a new line"
@@ -81,7 +81,7 @@ def _known(problem: str, context: str, line: int | None) -> tuple[str, str] | No
 
 
 def _open_quote(problem: str, context: str, opened: int | None, lines: list[str], place: Place) -> Problem | None:
-    """A quote that nothing closes, or that the next quote, meant to open, closes."""
+    """A quote that is never closed, or that is closed by a quote that was meant to open another text."""
     at, quote = None, ""
     if "quoted scalar" in context and "end of stream" in problem and opened and opened <= len(lines):
         starting = re.findall(r"(?:[:,\[{]|-|\A)\s*(['\"])", lines[opened - 1])
@@ -107,7 +107,7 @@ def _key_without_colon(problem: str, opened: int | None, lines: list[str], place
     else:
         number = opened if "could not find expected ':'" in problem else None
     if number is None or not 0 < number <= len(lines) or len(lines[number - 1]) > 200:
-        return None  # the pattern below takes its time over a long line
+        return None  # the pattern below is slow on long lines
     words = re.match(r"\s*([A-Za-z_][\w.-]*) +[^\s:#][^:#]*\Z", lines[number - 1])
     if words and "mapping values" in problem and _column(line) == _column(lines[number - 1]):
         message, remedy = missing_colon(words[1], colon=False)
@@ -147,7 +147,7 @@ def _indentation(lines: list[str], place: Place) -> Problem | None:
     """What is wrong with a line that starts in a column where no map or list above it does."""
     own = lines[place.line - 1] if place.line <= len(lines) else ""
     indent = _column(own)
-    open_columns: dict[int, int] = {}  # column -> line of the last entry there, of what is open
+    open_columns: dict[int, int] = {}  # column -> line of the last entry that starts there, of open maps and lists
     last = ""
     for number, line in enumerate(lines[: place.line - 1], 1):
         if not _is_entry(line):
@@ -204,8 +204,8 @@ def _spaces(number: int) -> str:
 
 
 def ambiguity(text: str) -> tuple[str, str] | None:
-    """What YAML makes of a plain scalar if its versions disagree about it, and how to write it instead."""
-    if len(text) > 100:  # no number, and some of these patterns take their time over long text
+    """How YAML reads a plain scalar about which its versions disagree, and the remedy; None if they agree."""
+    if len(text) > 100:  # not a number, and some of these patterns are slow on long text
         return None
     short = text[:40]
     if match := _YES_NO.match(text):

@@ -42,11 +42,11 @@ class Value:
 
     data: bool | int | float | str | tuple[Value, ...] | dict[str, Value] | None
     place: Place
-    keys: dict[str, Place] = field(default_factory=dict)  # of a map: where each key stands
+    keys: dict[str, Place] = field(default_factory=dict)  # of a map: the place of each key
 
     @cached_property
     def plain(self) -> Plain:
-        """The same without places."""
+        """The value as plain Python data, without places."""
         if isinstance(self.data, dict):
             return {key: value.plain for key, value in self.data.items()}
         if isinstance(self.data, tuple):
@@ -55,11 +55,11 @@ class Value:
 
     @property
     def map(self) -> dict[str, Value]:
-        """Its entries; none for what is not a map."""
+        """Its entries; empty if it is not a map."""
         return self.data if isinstance(self.data, dict) else {}
 
     def get(self, *path: str | int) -> Value | None:
-        """The value at a path of keys and indices below it; None if there is none."""
+        """The value at a path of keys and indices below it; None if it does not exist."""
         here: Value = self
         for step in path:
             if isinstance(here.data, dict) and step in here.data:
@@ -71,7 +71,7 @@ class Value:
         return here
 
     def place_of(self, *path: str | int) -> Place:
-        """Where the value at a path stands; if there is none, the key of the nearest map around it."""
+        """The place of the value at a path; if it does not exist, the place of the nearest enclosing map's key."""
         here, place = self, self.place
         for step in path:
             child = here.get(step)
@@ -82,7 +82,7 @@ class Value:
         return place
 
     def key_place(self, key: str | int) -> Place:
-        """Where a key of this map stands; for an item of a list, the item's own place."""
+        """The place of a key of this map; for an item of a list, the item's own place."""
         if isinstance(key, str) and key in self.keys:
             return self.keys[key]
         child = self.get(key)
@@ -90,7 +90,7 @@ class Value:
 
 
 def show(value: object) -> str:
-    """A value as messages show it: JSON, shortened; letters of any script as they are, what terminals obey escaped."""
+    """A value for messages: JSON, shortened; letters of every script are kept, control characters are escaped."""
     if isinstance(value, dict):
         return "a map"
     if isinstance(value, list | tuple):
@@ -140,7 +140,7 @@ def parse(content: bytes, file: str) -> tuple[Value | None, list[Problem]]:
 
 
 def lines(content: bytes) -> list[str]:
-    """The lines of a file, to show where a problem is; none of a file that is too large."""
+    """The lines of a file, to show where a problem is; empty if the file is too large."""
     if len(content) > MAX_BYTES:
         return []
     return LINE_BREAK.split(content.decode("utf-8-sig", errors="replace"))

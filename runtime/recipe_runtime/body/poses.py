@@ -1,6 +1,7 @@
 """Poses of many actors at once: rotations and forward kinematics over arrays, elementwise.
 
 Components come first: vectors are [3, ...], quaternions [4, ...] (x, y, z, w), each component an array of one shape.
+Actors come last, and any number of moments before them, so that many frames of few actors are also computed at once.
 The functions of `kinematics` that take tuples of numbers take tuples of such components.
 """
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from recipe_runtime.body import exact_arrays
 from recipe_runtime.body.exact_arrays import Floats
-from recipe_runtime.body.kinematics import compose, rotate
+from recipe_runtime.body.kinematics import PartPose, compose, rotate
 from recipe_runtime.body.skeleton import Joint
 
 Components3 = tuple[Floats, Floats, Floats]
@@ -22,10 +23,22 @@ Components4 = tuple[Floats, Floats, Floats, Floats]
 
 @dataclass(frozen=True)
 class Poses:
-    """Position [3, P, N] and orientation [4, P, N] of P parts of N actors, in the world frame."""
+    """Position [3, P, ..., N] and orientation [4, P, ..., N] of P parts of N actors, in the world frame."""
 
     positions: Floats
     rotations: Floats
+
+    def of_first(self) -> list[PartPose]:
+        """Return the poses of the parts of the first actor at the first moment."""
+        shape = self.positions.shape[1], -1
+        positions, rotations = (
+            self.positions.reshape(3, *shape)[:, :, 0].T,
+            self.rotations.reshape(4, *shape)[:, :, 0].T,
+        )
+        return [
+            ((x, y, z), (a, b, c, w))
+            for (x, y, z), (a, b, c, w) in zip(positions.tolist(), rotations.tolist(), strict=True)
+        ]
 
 
 @dataclass(frozen=True)
@@ -62,12 +75,12 @@ class SkeletonGroup:
         """Return the poses of all parts, with the bits of `kinematics.forward_kinematics`.
 
         Args:
-            base: Positions of the base parts, each component [N].
+            base: Positions of the base parts, each component [..., N].
             rotation: Their orientations.
-            joints: Rotations of the joints relative to their parents, [4, J, N].
+            joints: Rotations of the joints relative to their parents, [4, J, ..., N].
         """
-        count = len(base[0])
-        positions, rotations = np.empty((3, self._parts, count)), np.empty((4, self._parts, count))
+        shape = base[0].shape
+        positions, rotations = np.empty((3, self._parts, *shape)), np.empty((4, self._parts, *shape))
         for axis in range(3):
             positions[axis, 0] = base[axis]
         for axis in range(4):
@@ -76,6 +89,7 @@ class SkeletonGroup:
             parts = [k + 1 for k in level.joints]
             parent = components4(rotations[:, level.parents])
             offset = self._offsets[:, level.joints]
+            offset = offset.reshape(*offset.shape[:2], *(1,) * (len(shape) - 1), -1)
             moved = rotate(parent, (offset[0], offset[1], offset[2]))
             turned = compose(parent, components4(joints[:, level.joints]))
             for axis in range(3):

@@ -26,7 +26,6 @@ HEAD_TURN = 70.0  # degrees to either side
 _HEAD_RATE = 150.0  # degrees/s
 _HEEL, _BALL = 0.036, 0.117  # where the sole rolls, metres behind and ahead of the ankle for a height of 1 m
 _LAND, _LIFT = -16.0, 44.0  # pitch of the foot where it is put down and lifted, degrees, toes down
-_SIDES = np.array([[1.0], [-1.0]])
 
 Row = tuple[float, ...]
 
@@ -62,9 +61,7 @@ def steady_pose(figure: Figure, phase: float, speed: float) -> list[PartPose]:
     """
     place, heading = (0.0, 0.0), (1.0, 0.0)
     feet = Footsteps.steady(Gait(figure), phase, speed, place, heading, _level_ground)
-    poses = Walkers([figure]).pose([row(feet, place, heading)], _level_ground)
-    positions, rotations = poses.positions[:, :, 0].T.tolist(), poses.rotations[:, :, 0].T.tolist()
-    return [((x, y, z), (a, b, c, w)) for (x, y, z), (a, b, c, w) in zip(positions, rotations, strict=True)]
+    return Walkers([figure]).pose([row(feet, place, heading)], _level_ground).of_first()
 
 
 def _level_ground(_x: float, _y: float) -> float:
@@ -83,7 +80,7 @@ _BODY, _FOOT = 10, 13  # numbers of a row for the body and for each foot
 
 @dataclass(frozen=True)
 class _Body:
-    """State of the bodies of N people; each array [N]."""
+    """State of the bodies of N people; each array [..., N]."""
 
     x: Floats
     y: Floats
@@ -100,18 +97,18 @@ class _Body:
 
 @dataclass(frozen=True)
 class _Feet:
-    """State of the feet of N people, left and right; each array [2, N]."""
+    """State of the feet of N people, left and right; each array [2, ..., N]."""
 
     phase: Floats
     planted: NDArray[np.bool_]
     progress: Floats
-    place: Floats  # [5, 2, N]: x, y, z and direction
+    place: Floats  # [5, 2, ..., N]: x, y, z and direction
     aim: Floats
 
 
 @dataclass(frozen=True)
 class _Ankles:
-    """Positions of the ankles in the world frame, and how the feet are turned; each array [2, N]."""
+    """Positions of the ankles in the world frame, and how the feet are turned; each array [2, ..., N]."""
 
     x: Floats
     y: Floats
@@ -135,26 +132,26 @@ class Walkers:
         self._out = np.array([4.0 + 22.0 * max(0.0, figure.girth - 1.0) for figure in figures])
         self._scale = np.array([3.0 / Gait(figure).unit_speed for figure in figures])
 
-    def pose(self, rows: Sequence[Row], ground: Ground) -> Poses:
+    def pose(self, rows: Sequence[Sequence[float]] | Sequence[Sequence[Sequence[float]]], ground: Ground) -> Poses:
         """Return the poses of all parts, in the order of `Figure.joints` after the base.
 
         Args:
-            rows: The state of each person.
+            rows: The state of each person, or, for each of some moments, the state of each person.
             ground: Height of the ground.
         """
-        data = np.array(rows).T
+        data = np.ascontiguousarray(np.moveaxis(np.array(rows), -1, 0))
         pace = data[6] * self._scale
         x, y, hx, hy, height, phase, _, duty, running, head_yaw = data[:_BODY]
         walking = np.minimum(1.0, pace / 0.5)
         body = _Body(x, y, hx, hy, height, phase, pace, duty, running, head_yaw, walking)
-        foot = data[_BODY:].reshape(2, _FOOT, -1).transpose(1, 0, 2)
+        foot = data[_BODY:].reshape(2, _FOOT, *x.shape).swapaxes(0, 1)
         feet = _Feet(foot[0], foot[1] > 0.0, foot[2], foot[3:8], foot[8:13])
         ankles = self._ankles(body, feet)
         _lift_over_kerbs(ankles, feet, self._height, self._ankle, ground)
-        hips = _SIDES * (0.05 * self._height)
-        hip_x, hip_y = body.x - body.hy * hips, body.y + body.hx * hips
+        aside_x, aside_y = -body.hy * (0.05 * self._height), body.hx * (0.05 * self._height)
+        hip_x, hip_y = np.stack([x + aside_x, x - aside_x]), np.stack([y + aside_y, y - aside_y])
         base = self._base_height(body, feet, ankles, hip_x, hip_y)
-        joints = np.empty((4, 12, len(rows)))
+        joints = np.empty((4, 12, *x.shape))
         self._upper_body(body, joints)
         self._legs(body, ankles, (hip_x, hip_y, base + self._hip), joints)
         yaw = about_by_angle("z", body.hy, body.hx)
@@ -321,12 +318,12 @@ def _smooth(u: Floats) -> Floats:
 
 def _lift_over_kerbs(ankles: _Ankles, feet: _Feet, height: Floats, ankle: Floats, ground: Ground) -> None:
     """Raise feet on their way between two levels so that no sole is inside the ground, in place."""
-    for side, n in np.argwhere((feet.place[2] != feet.aim[2]) & ~feet.planted).tolist():
-        x, y, hx, hy = (float(a[side, n]) for a in (ankles.x, ankles.y, ankles.hx, ankles.hy))
-        s, c = float(ankles.sine[side, n]), float(ankles.cosine[side, n])
+    for foot in map(tuple, np.argwhere((feet.place[2] != feet.aim[2]) & ~feet.planted).tolist()):
+        x, y, hx, hy = (float(a[foot]) for a in (ankles.x, ankles.y, ankles.hx, ankles.hy))
+        s, c = float(ankles.sine[foot]), float(ankles.cosine[foot])
         s, c = 2.0 * s * c, c * c - s * s
-        size, up = float(height[n]), float(ankle[n])
+        size, up = float(height[foot[-1]]), float(ankle[foot[-1]])
         for at, low in ((-1.3 * _HEEL, up), (0.5 * _BALL, up), (1.1 * _BALL, up), (1.1 * _BALL, 0.3 * up)):
             ahead, sole = at * size * c - low * s, -at * size * s - low * c
             level = ground(x + ahead * hx, y + ahead * hy)
-            ankles.z[side, n] = max(float(ankles.z[side, n]), level - sole + 0.01)
+            ankles.z[foot] = max(float(ankles.z[foot]), level - sole + 0.01)

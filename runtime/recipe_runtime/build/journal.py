@@ -69,7 +69,7 @@ class ShardJournal(ABC):
 
     @abstractmethod
     def _get(self, shard: Shard, view: View) -> bytes | None:
-        """Return the bytes of a record; None or OSError if there is none."""
+        """Return the bytes of a record; None or OSError if it does not exist."""
 
     @abstractmethod
     def _put(self, shard: Shard, view: View, body: bytes) -> None:

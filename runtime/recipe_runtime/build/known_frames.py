@@ -24,7 +24,7 @@ Proof = Callable[[dict[str, str], Progress], Sequence[tuple[Shard, list[FrameRec
 class Known:
     """Frames that `lock` need not render, because this host has rendered them before.
 
-    `cache`: where the journal of a lock that was stopped is kept, and this one's. `proof`: which frames a dataset
+    `cache`: the folder of the journals, of a stopped lock and of this one. `proof`: which frames a dataset
     proves, given the digest of every scene's motion (`reuse.known_frames`).
     """
 
@@ -37,13 +37,13 @@ class Known:
     def begin(
         self, plan: DatasetPlan, traces: dict[str, str], progress: Progress
     ) -> tuple[dict[FrameKey, str], list[Shard], CacheJournal]:
-        """The rows that the dataset proves, the shards without them, and the journal of the rest."""
+        """Return the rows that the dataset proves, the remaining shards, and their journal."""
         seen, rows, taken = views(plan), dict[FrameKey, str](), dict[int, Taken]()
         for shard, records in self.proof(traces, progress):
             taken[shard.view] = Taken(shard.variants, frozenset(shard.frames))
             self.taken_frames += shard.pictures
             rows.update(row for record in records for row in frame_rows(plan, seen[shard.view], record))
-        # Every device makes the same bytes, so the journal may be continued on another one.
+        # Every device produces the same bytes, so the journal may be continued on another one.
         key = digest("journal/lock/1", [plan.digest, builder(), traces])
         self._journal = CacheJournal(self.cache, key, plan)
         return rows, missing_shards(all_shards(plan), taken), self._journal

@@ -1,7 +1,7 @@
 """Build a dataset from its plan.
 
     simulate   simulate every scene once; Traces are stored by digest
-    take over  link the frames that the dataset being replaced has in common with this one
+    reuse      link the frames that the dataset being replaced has in common with this one
     render     shards of frames, by worker processes: observe, annotate, shade, encode, hash, write
     annotate   write the annotation files over all frames (kwcoco, COCO, MOTS, tracks), and check them
     finish     write plans, contact sheets, card and manifest; then publish the dataset by one rename
@@ -51,13 +51,13 @@ class BuildResult:
     path: Path
     identity: str
     manifest: Manifest
-    built: bool  # False: it was there already, complete
-    mended: tuple[str, ...] = ()  # what was wrong with the files of a repaired dataset, a line each
+    built: bool  # False: it existed already, complete
+    mended: tuple[str, ...] = ()  # the faults of a repaired dataset's files, one per line
     resumed: int = 0  # shards continued from a stopped build
     shards: int = 0
     resumed_frames: int = 0  # the same, counted in frames
     made_frames: int = 0  # rendered by this build
-    taken_frames: int = 0  # taken over from the dataset that was there
+    taken_frames: int = 0  # reused from the existing dataset
     seconds: dict[str, float] = field(default_factory=dict)
     wall: float = 0.0
 
@@ -79,9 +79,9 @@ def build(
     replace: bool = False,
     recipe_files: RecipeFiles | None = None,
 ) -> BuildResult:
-    """Build a dataset in the folder `out`, or return at once if it is there already.
+    """Build a dataset in the folder `out`, or return at once if it exists already.
 
-    An earlier dataset of the same recipe in `out` is replaced; what the two have in common is taken over.
+    An earlier dataset of the same recipe in `out` is replaced; what the two have in common is reused.
 
     Args:
         dataset: the plan.
@@ -94,17 +94,17 @@ def build(
         shard_frames: number of frames in a shard.
         explain: called once, before frames are rendered, with the reason for each stage that runs or does not.
         run: renders the shards: `local.run`, or a cluster's runner (`ray.joined`).
-        repair: whether the files of a dataset that is there are compared by their bytes, rather than their sizes, and
-            the frames that differ rendered again.
+        repair: whether the files of an existing dataset are compared by bytes instead of sizes, and frames that
+            differ are rendered again.
         source: the recipe's file; with it, two recipes of one name are distinguished (`provenance`).
         replace: whether the dataset of another recipe may be replaced.
         recipe_files: files to put into the dataset's `recipe/` folder.
 
     Raises:
-        InputError: `out` holds something else than a dataset or, unless `replace`, the dataset of another recipe.
+        InputError: `out` contains something other than a dataset or, unless `replace`, the dataset of another recipe.
         RunError: the host failed. Finished shards are kept, and the next build continues.
     """
-    places = devices(device) if run is local.run else (device,)  # a cluster's nodes may have other devices than here
+    places = devices(device) if run is local.run else (device,)  # nodes of a cluster may have other devices
     job = Job(dataset, engines or real_engines(), places, cache or default_cache(), None, resumes=True)
     stages = _Stages(job, progress or _no_progress, workers, shard_frames, run, explain)
     pruned = [job.cache] if cache else pruning.folders()
@@ -124,7 +124,7 @@ def _build(
     """Build as `build` describes; afterwards prune the cache folders `pruned`."""
     start, cache_limit, dataset, store = time.perf_counter(), pruning.limit(), stages.dataset, Store(stages.job.cache)
     check_plan(dataset)
-    check_bounds(dataset)  # or the dataset could not be read again
+    check_bounds(dataset)  # else the dataset could not be read back
     Workspace.settle(out)
     manifest = read_manifest(out)
     stages.examined = examine(dataset, out, stages.progress) if repair else None
@@ -135,7 +135,7 @@ def _build(
     check_out(out)
     if not replace_other:
         provenance.check_replaceable(out, manifest, dataset, source)
-    # A repair renders only damaged frames. A dataset that another program built stays untrusted after it.
+    # A repair renders only damaged frames, so a dataset that another program built remains untrusted.
     trusted = not damage or earlier(store, out) is not None
     with pruning.leased(store.root), _workspace(dataset, out, journal_key(store.root), replace_other) as work:
         counts = stages.run_all(work, out, recipe_files)
@@ -162,7 +162,7 @@ def _build(
 
 
 def kept_frames(dataset: DatasetPlan, out: Path, cache: Path | None = None) -> int:
-    """How many frames of a stopped build the next build of this dataset, with that cache, continues with."""
+    """Return how many frames of a stopped build the next build with this cache resumes from."""
     key = read_key(cache or default_cache())
     return 0 if key is None else _workspace(dataset, out.absolute(), key).kept()
 
@@ -177,7 +177,7 @@ def _no_progress(stage: str, done: int, total: int) -> None:
 
 @dataclass(frozen=True)
 class _Counts:
-    """How many shards and frames came from where."""
+    """Numbers of shards and frames by origin."""
 
     shards: int
     resumed: int
@@ -234,7 +234,7 @@ class _Stages:
     @contextmanager
     def _early_pool(self, job: Job, work: Workspace, new: list[ScenePlan]) -> Iterator[Runner]:
         """The runner to use. Where there is one new scene, its workers start and load it while it is simulated."""
-        single = len(simulations(self.dataset)) == 1 and not self.examined  # else the shards are not known yet
+        single = len(simulations(self.dataset)) == 1 and not self.examined  # otherwise the shards are not known yet
         if new and single and self.workers and self.run is local.run:
             seen, shards = views(self.dataset), all_shards(self.dataset, self.shard_frames)
             left = [shard for shard in shards if not work.noted(shard, seen[shard.view])]
@@ -273,13 +273,13 @@ class _Stages:
         return Store(self.job.cache).trace(scene, lambda: self.job.engines.simulate(scene))
 
     def _take_over(self, work: Workspace, assembly: FrameAssembly, reuse: Reuse) -> dict[int, Taken]:
-        """Link the frames that an earlier dataset has of this one; returns which, by the number of the view."""
+        """Link the frames that an earlier dataset shares with this one; return them by the number of the view."""
         found, seen = {}, views(self.dataset)
         for number, view in enumerate(seen):
             variants = reuse.covered(view)
             if not variants:
                 continue
-            self.progress("take over", number, len(seen))
+            self.progress("reuse", number, len(seen))
             with self.watch("write"):
                 records = reuse.take(work, view, variants)
             if records:
@@ -287,5 +287,5 @@ class _Stages:
                 found[number] = Taken(variants, frozenset(frames))
                 assembly.add(Shard(number, frames, variants), records)
         if found:
-            self.progress("take over", len(seen), len(seen))
+            self.progress("reuse", len(seen), len(seen))
         return found

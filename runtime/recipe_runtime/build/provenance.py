@@ -89,7 +89,7 @@ def check_replaceable(out: Path, manifest: Manifest | None, plan: DatasetPlan, s
 
 
 def _recorded(out: Path, manifest: Manifest) -> str | None:
-    """Return the recorded path of the recipe of this very dataset, or None."""
+    """Return the recorded path of this dataset's own recipe, or None."""
     try:
         row = json.loads(read_regular(record_path(out), _MAX_BYTES))
         known = (row["format"], row["recipe"], row["identity"]) == (_FORMAT, manifest["recipe"], manifest["identity"])

@@ -31,7 +31,7 @@ class FinishedShards(Protocol):
 
 @dataclass
 class Resumption:
-    """A journal in the cache to continue; where the cache cannot be written, the run goes on without it.
+    """A journal in the cache to continue; if the cache cannot be written, the run continues without one.
 
     Args:
         journal: the journal.

@@ -197,7 +197,7 @@ def reasons(reuse: Reuse, simulated: Sequence[str], taken: Mapping[int, Taken]) 
             )
             if there.frames:
                 whole = count(len(there.frames), "frame")
-                yield f"take over {view.sensor.name}, {whole} of {which}: nothing of them changed"
+                yield f"reuse {view.sensor.name}, {whole} of {which}: nothing of them changed"
             if lost:
                 damaged = count(lost, "frame")
                 yield f"make {view.sensor.name}, {damaged} of {which} again: files of them are damaged or missing"
@@ -237,7 +237,7 @@ def proven(
     """
     found, reuse, seen = [], Reuse(plan, before), views(plan)
     for number, view in enumerate(seen):
-        progress("take over", number, len(seen))
+        progress("reuse", number, len(seen))
         variants = reuse.covered(view)
         scene = view.scene.digest
         if not variants or scene not in traces or before.lock.traces.get(scene) != traces[scene]:
@@ -245,7 +245,7 @@ def proven(
         records = reuse.take(None, view, variants)
         if records:
             found.append((Shard(number, tuple(record["frame"] for record in records), variants), records))
-    progress("take over", len(seen), len(seen))
+    progress("reuse", len(seen), len(seen))
     return found
 
 

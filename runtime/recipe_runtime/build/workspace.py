@@ -245,7 +245,7 @@ class Workspace:
                 found.rmdir()
 
     def _remove_links(self) -> None:
-        """Remove symbolic links, so that nothing is written through one; the files behind them are made again."""
+        """Remove symbolic links, so that nothing is written through one; their files are written again."""
         for folder in (self.dataset, self._shards.folder):
             if folder.is_symlink():
                 folder.unlink()

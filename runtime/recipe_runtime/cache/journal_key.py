@@ -1,4 +1,4 @@
-"""The secret that seals the journal of a build, so that nobody but this host's user can write one that is believed.
+"""The secret that seals the journal of a build, so that only this host's user can write a valid one.
 
 It is 32 random bytes in the cache folder, made once. No byte of a dataset depends on it.
 """

@@ -22,7 +22,7 @@ def check_output(path: Path, *, replace: bool = False) -> None:
         return
     if path.is_file() or (path.is_symlink() and not path.exists()):
         raise InputError(
-            f"{path} is there already",
+            f"{path} exists already",
             help="choose another file, or replace it",
             code=Code.OUTPUT_IN_THE_WAY,
         )

@@ -36,7 +36,7 @@ class Trace:
     """Motion of F frames, P rigid parts and A actors, in the world frame.
 
     `parts` names them `actor/part`, actors in plan order, each actor's base part first. `linear` and `angular` are
-    the velocities of each actor's base. The arrays are read-only views of a file, or lie in memory.
+    the velocities of each actor's base. The arrays are read-only views of a file, or in memory.
     """
 
     actors: tuple[str, ...]

@@ -2,7 +2,7 @@
 
 A URL may hold a secret as the password before `@`, as a long user name (a token), in its query (`?sig=...`,
 `?X-Amz-Signature=...`, `?token=...`), in parameters of its path (`;sig=...`), or in its fragment. The colon before a
-password may be escaped (`%3A`). Passwords of S3 URLs hold `/` and `@` as they are, so everything up to the last `@` is
+password may be escaped (`%3A`). Passwords of S3 URLs contain unescaped `/` and `@`, so everything up to the last `@` is
 taken for the password. A path library may have merged slashes, so one slash begins a URL as two do. Where a part may or
 may not be a secret it is masked.
 """
@@ -31,7 +31,7 @@ def without_secrets(text: str, *urls: str) -> str:
 
     Args:
         text: a URL, or text with some, such as a library's error.
-        urls: further URLs, whose secrets are masked wherever they stand in the text, with or without their URL.
+        urls: further URLs, whose secrets are masked wherever they occur in the text, with or without their URL.
     """
     found = {secret for url in urls for secret in _secrets(url)}
     for secret in sorted(found, key=len, reverse=True):
@@ -79,7 +79,7 @@ def _split(scheme: str, rest: str) -> tuple[str, str | None, str]:
 
 
 def _secrets(url: str) -> set[str]:
-    """The secrets of a URL, and of those chained in it, as they stand in it and decoded."""
+    """The secrets of a URL, and of those chained in it, as written and decoded."""
     found: set[str] = set()
     for match in _URL.finditer(url):
         user, password, place = _split(match["scheme"], match["rest"])

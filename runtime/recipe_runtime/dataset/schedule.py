@@ -1,8 +1,8 @@
-"""Plans to tasks: what is the same is done once.
+"""Divides the work of a dataset into views and shards, so that equal work is done once.
 
 Variants that share a scene share its simulation. Variants whose scene and sensor are equal share a view: its frames
-are observed once, their labels are one set of files, and only the colours are made for each appearance. A shard is a
-few frames of one view; shards may be done in any order, by any number of workers, with the same bytes.
+are observed once, their labels are one set of files, and only colours are computed for each appearance. A shard is a
+few frames of one view; shards may be processed in any order, by any number of workers, with the same bytes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ SHARD_FRAMES = 5
 
 @dataclass(frozen=True)
 class View:
-    """One sensor in one scene, and the variants that see the same through it, by their places in the plan."""
+    """One sensor in one scene, and the variants with equal observations, by their indices in the plan."""
 
     key: str
     scene: ScenePlan
@@ -28,7 +28,7 @@ class View:
 
 @dataclass(frozen=True)
 class Shard:
-    """Frames of one view (by its place among the plan's views), for some of its variants."""
+    """Frames of one view (by its index among the plan's views), for some of its variants."""
 
     view: int
     frames: tuple[int, ...]
@@ -36,12 +36,12 @@ class Shard:
 
     @property
     def pictures(self) -> int:
-        """How many frames of the dataset they are: each variant has its own."""
+        """The number of frames of the dataset: each variant has its own."""
         return len(self.frames) * len(self.variants)
 
 
 def views(dataset: DatasetPlan) -> list[View]:
-    """Every view of a dataset, the views of one scene together, each where its first variant stands."""
+    """Every view of a dataset, grouped by scene, in the order of the first variants."""
     groups: dict[tuple[str, str], list[int]] = {}
     for index, variant in enumerate(dataset.variants):
         for sensor in variant.rig.sensors:
@@ -70,7 +70,7 @@ def all_shards(dataset: DatasetPlan, size: int = SHARD_FRAMES) -> list[Shard]:
 
 
 def chosen_shards(dataset: DatasetPlan, chosen: Iterable[tuple[str, str, int]]) -> list[Shard]:
-    """Shards for chosen frames alone: (variant, sensor, frame)."""
+    """Shards of chosen frames only: (variant, sensor, frame)."""
     places = {variant.variant: index for index, variant in enumerate(dataset.variants)}
     homes = {(v, view.sensor.name): n for n, view in enumerate(views(dataset)) for v in view.variants}
     wanted: dict[tuple[int, int], set[int]] = {}
@@ -94,14 +94,14 @@ def simulations(dataset: DatasetPlan) -> list[ScenePlan]:
 
 @dataclass(frozen=True)
 class Taken:
-    """What was taken over of a view: these frames, for these variants."""
+    """The reused part of a view: these frames, for these variants."""
 
     variants: tuple[int, ...]
     frames: frozenset[int]
 
 
 def missing_shards(shards: Sequence[Shard], taken: Mapping[int, Taken]) -> list[Shard]:
-    """The shards without what was taken over, by view; those of which nothing is left are dropped."""
+    """The shards without the reused frames, by view; empty shards are dropped."""
     found = []
     for shard in shards:
         there = taken.get(shard.view, Taken((), frozenset()))

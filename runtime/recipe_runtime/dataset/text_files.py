@@ -1,7 +1,7 @@
-"""Every text of a dataset that follows from its plan and its labels: what the build writes and the verifier compares.
+"""The text files of a dataset, which follow from its plan and labels: builds write them, the verifier compares them.
 
-The labels themselves are kept as `<variant>/<sensor>/labels.jsonl`: a line a frame, the canonical JSON of its records,
-so that each line has the digest that lockfile and manifest hold for the frame.
+The labels are stored as `<variant>/<sensor>/labels.jsonl`: one line per frame, the canonical JSON of its records, so
+that each line has the digest that lockfile and manifest contain for the frame.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ Text = tuple[str, Callable[[], Iterable[str]]]  # a file's path, and what makes 
 
 
 def labels_text(video: Video) -> str:
-    """The labels of a video, a line a frame."""
+    """The labels of a video, one line per frame."""
     return "".join(canonical_bytes(record["objects"]).decode() + "\n" for record in video.frames)
 
 
 def with_labels(video: Video, text: str) -> Video:
-    """The video with its labels as they are written: numbers as JSON has them, so that a reader's are the same."""
+    """The video with its labels as a reader of the file gets them: numbers rounded as in JSON."""
     lines = text.split("\n")  # not splitlines: a name may hold another separator
     frames: list[FrameRecord] = [
         {**record, "objects": json.loads(line)} for record, line in zip(video.frames, lines, strict=False)
@@ -50,7 +50,7 @@ def labels_of(line: bytes, digest: str | None, sensor: SensorPlan, actors: Mappi
         actors: the instance values of the scene's actors, by name (`instances_of`).
 
     Raises:
-        ValueError: the line has another digest, is not in canonical form, or holds what no label has.
+        ValueError: the line has another digest, is not in canonical form, or contains what no label has.
     """
     records = loads(line, _MOST_VALUES)
     if label_digest(records) != digest:
@@ -77,7 +77,7 @@ def instances_of(scene: ScenePlan) -> dict[str, int]:
 
 
 def annotation_texts(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> Iterator[Text]:
-    """The annotation files that the recipe asks for."""
+    """The annotation files that the recipe selects."""
     kinds = dataset.annotations
     if "kwcoco" in kinds:
         yield layout.KWCOCO, lambda: kwcoco(dataset, identity, videos)
@@ -93,7 +93,7 @@ def annotation_texts(dataset: DatasetPlan, identity: str, videos: Sequence[Video
 def closing_texts(
     dataset: DatasetPlan, identity: str, videos: Sequence[Video], recipe_file: str | None
 ) -> Iterator[Text]:
-    """The plans and the card. `recipe_file`: where the recipe lies in the dataset, if it does."""
+    """The plans and the card. `recipe_file`: the recipe's path in the dataset, if it is included."""
     for variant in dataset.variants:
         yield layout.plan_file(variant.variant), lambda v=variant: [pretty(v.document())]  # type: ignore[misc]
     yield layout.CARD, lambda: [card(dataset, identity, videos, recipe_file)]

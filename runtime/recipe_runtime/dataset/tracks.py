@@ -1,4 +1,4 @@
-"""`tracks.csv`: where every actor is at every frame, and how fast, as text with fixed decimals."""
+"""`tracks.csv`: position and velocity of every actor at every frame, with a fixed number of decimals."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _COLUMNS = "frame,time,actor,instance,x,y,z,qx,qy,qz,qw,yaw,vx,vy,vz,wx,wy,wz"
 
 
 def tracks_csv(scene: ScenePlan, trace: Trace) -> Iterator[bytes]:
-    """The file, piece by piece: a row for every frame and actor, of its base part in the world frame.
+    """Yield the file in pieces: one row per frame and actor, for its base part in the world frame.
 
-    Metres, a quaternion, yaw in degrees, metres and radians a second.
+    Positions in metres, a quaternion, yaw in degrees, velocities in metres and radians per second.
     """
     bases = [trace.base_part(actor) for actor in trace.actors]
     instances = {actor.name: actor.tag * 1000 + actor.instance for actor in scene.actors}

@@ -67,9 +67,7 @@ def stance(actor: ActorPlan) -> list[PartPose]:
     if is_person(shape):
         return walk_cycle.steady_pose(Figure.of(shape), _PHASE, actor.speed)
     if has_rider(shape):
-        return forward_kinematics(
-            ((0.0, 0.0, 0.0), IDENTITY), joints, riding.pose(Bike.of(shape), steer=0.0, distance=0.7)
-        )
+        return riding.steady_pose(Bike.of(shape), 0.7)
     return forward_kinematics(((0.0, 0.0, 0.0), IDENTITY), joints, [IDENTITY] * len(joints))
 
 

@@ -125,6 +125,10 @@ class Agent(ABC):
         sine = math.sqrt(0.5 * (1.0 - hx))
         return 0.0, 0.0, sine, hy / (2.0 * sine)
 
+    @abstractmethod
+    def pose_row(self) -> Sequence[float]:
+        """Return the state from which the poses of its parts are computed, see `recording`."""
+
     @property
     @abstractmethod
     def mass(self) -> float:

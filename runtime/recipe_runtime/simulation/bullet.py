@@ -5,6 +5,9 @@ contact is horizontal and nothing is lifted. A vehicle is a box with the mass of
 pedestrian a sphere, and an obstacle the outline of its box. There is no gravity and no ground: the control loop sets
 velocities, and computes height, pitch and roll from the ground (`simulation.chassis`).
 
+A step costs time for every body, also for those that stand still. Upright obstacles near each other therefore form one
+body of several boxes.
+
 Every engine parameter is set explicitly. Bodies never sleep, no body is removed, and no state is restored. Each island
 of touching bodies is solved separately. Importing this module prints PyBullet's build line, so it is imported only in
 processes whose standard output is redirected (see `simulation.process`).
@@ -19,6 +22,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, Element, Pose, PropPlan, TownPlan
 
 from recipe_runtime.body.kinematics import Quaternion, Vector, rotate
+from recipe_runtime.simulation.boxes import Box, neighbourhoods
 from recipe_runtime.simulation.terrain import Ground
 
 PlanarState = tuple[float, float, float, float, float, float, float]
@@ -27,7 +31,8 @@ PlanarState = tuple[float, float, float, float, float, float, float]
 _SOLID = {"bench", "bin", "bollard", "bus_stop", "bush", "fence", "fountain"}
 _SOLID |= {"guardrail", "hedge", "hydrant", "kiosk", "lamp", "planter", "statue", "tower", "traffic_light"}
 _OBSTACLE, _ACTOR, _PARKED, _OVERHEAD = 1, 2, 4, 8  # collision groups
-_HALF_HEIGHT = 1.0  # metres, of every collider
+_HALF_HEIGHT, _THINNEST = 1.0, 0.001  # metres, of every collider
+_MOST_SHAPES = 16  # that PyBullet joins in a body
 _STEP_OVER, _HEADROOM, _CLEAR = 0.25, 1.9, 3.2  # heights that anybody steps over, walks under, and drives under
 _TILTING_INERTIA = 1e12  # kg m2: bodies turn about the vertical only
 _AWAY, _SPACING = -1000.0, 20.0  # where absent bodies lie: this height, so far apart
@@ -55,7 +60,8 @@ class World:
     def __init__(self, town: TownPlan, steps_per_second: int, props: Sequence[PropPlan] = ()) -> None:
         self.ground = Ground(town)
         self.dt = 1.0 / steps_per_second
-        self.names: dict[int, str] = {}  # body id -> name of the actor, element or prop
+        self.names: dict[int, str] = {}  # collider -> name of the actor, element or prop
+        self._joined: dict[int, Sequence[tuple[int, Box]]] = {}  # body -> its colliders, if it has several
         self._client = pybullet.connect(pybullet.DIRECT)
         pybullet.resetSimulation(physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
@@ -86,10 +92,14 @@ class World:
             physicsClientId=self._client,
         )
         pybullet.setGravity(0.0, 0.0, 0.0, physicsClientId=self._client)
+        boxes: dict[int, list[Box]] = {_OBSTACLE: [], _OVERHEAD: []}
         for element in town.elements:
-            self._add_element(element)
+            self._add_element(element, boxes)
         for prop in props:  # collides as its bounding box
-            self._add_obstacle(prop.name, prop.pose, prop.low, prop.high)
+            self._add_obstacle(prop.name, prop.pose, (prop.low, prop.high), boxes)
+        for group, upright in boxes.items():
+            for near in neighbourhoods(upright, _MOST_SHAPES):
+                self._join(near, group)
 
     def close(self) -> None:
         """Disconnect the client."""
@@ -124,10 +134,19 @@ class World:
         self.set_velocity(body, 0.0, 0.0, 0.0)
 
     def contacts(self) -> Iterator[tuple[int, int, float]]:
-        """Yield the two bodies and the impulse (N s) of every contact point that carried load in the last step."""
+        """Yield the two colliders and the impulse (N s) of every contact point that carried load in the last step.
+
+        The collider of an actor is its body; those of obstacles are negative.
+        """
         for point in pybullet.getContactPoints(physicsClientId=self._client):
             if point[9] > 0.0:
-                yield point[1], point[2], point[9] * self.dt
+                first, second = self._collider(point[1], point[5]), self._collider(point[2], point[6])
+                yield first, second, point[9] * self.dt
+
+    def _collider(self, body: int, at: Vector) -> int:
+        """Return the collider of a body to which a contact point belongs."""
+        joined = self._joined.get(body)
+        return body if joined is None else min(joined, key=lambda entry: entry[1].distance(at[0], at[1]))[0]
 
     def add_pedestrian(self, actor: ActorPlan, radius: float, mass: float) -> int:
         """Add a pedestrian and return its body id."""
@@ -173,18 +192,29 @@ class World:
         self._filter(body, _ACTOR if mass > 0.0 else _PARKED, mask)
         return body
 
-    def _add_element(self, element: Element) -> None:
+    def _add_element(self, element: Element, boxes: dict[int, list[Box]]) -> None:
         x, y, z = element.size
         if element.kind in ("building", "house", "wall"):
-            self._add_obstacle(element.name, element.pose, (-x, -y / 2, 0.0), (0.0, y / 2, z))
+            extent = (-x, -y / 2, 0.0), (0.0, y / 2, z)
         elif element.kind in _SOLID:
-            self._add_obstacle(element.name, element.pose, (-x / 2, -y / 2, 0.0), (x / 2, y / 2, z))
+            extent = (-x / 2, -y / 2, 0.0), (x / 2, y / 2, z)
         elif element.kind == "tree":
             thick = 1.1 * element.shape["trunk"]
-            self._add_obstacle(element.name, element.pose, (-thick, -thick, 0.0), (thick, thick, z / 2))
+            extent = (-thick, -thick, 0.0), (thick, thick, z / 2)
+        else:
+            return
+        self._add_obstacle(element.name, element.pose, extent, boxes)
 
-    def _add_obstacle(self, name: str, pose: Pose, low: Vector, high: Vector) -> None:
-        """Add the outline, seen from above, of a box in a pose, unless all actors pass under or over it."""
+    def _add_obstacle(self, name: str, pose: Pose, extent: tuple[Vector, Vector], boxes: dict[int, list[Box]]) -> None:
+        """Add the outline, seen from above, of a box in a pose, unless all actors pass under or over it.
+
+        Args:
+            name: Of the element or prop.
+            pose: Its pose.
+            extent: The box's lowest and highest coordinates in that pose.
+            boxes: For each collision group the upright boxes, to which it is added if it is upright.
+        """
+        low, high = extent
         turn = orientation(pose)
         corners = [
             rotate(turn, (x, y, z)) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])
@@ -193,13 +223,31 @@ class World:
         bottom, top = (f(corner[2] for corner in corners) + pose.z for f in (min, max))
         if top - floor < _STEP_OVER or bottom - floor > _CLEAR:
             return
+        group = _OBSTACLE if bottom - floor < _HEADROOM else _OVERHEAD
         if pose.pitch == 0.0 and pose.roll == 0.0:
-            shape = self._box(high[0] - low[0], high[1] - low[1])
             dx, dy, _ = rotate(turn, ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0))
+            half = (max(high[0] - low[0], _THINNEST) / 2, max(high[1] - low[1], _THINNEST) / 2)
+            boxes[group].append(Box(name, (pose.x + dx, pose.y + dy), turn, half))
         else:
-            shape, turn, dx, dy = self._prism(corners), (0.0, 0.0, 0.0, 1.0), 0.0, 0.0
-        body = self._add_body(name, shape, 0.0, (pose.x + dx, pose.y + dy, 0.0), turn, 0.5)
-        self._filter(body, _OBSTACLE if bottom - floor < _HEADROOM else _OVERHEAD, _ACTOR)
+            body = self._add_body(name, self._prism(corners), 0.0, (pose.x, pose.y, 0.0), (0.0, 0.0, 0.0, 1.0), 0.5)
+            self._filter(body, group, _ACTOR)
+
+    def _join(self, boxes: Sequence[Box], group: int) -> None:
+        """Add a body of several boxes that never moves."""
+        x, y = boxes[0].place
+        shape = pybullet.createCollisionShapeArray(
+            shapeTypes=[pybullet.GEOM_BOX] * len(boxes),
+            halfExtents=[(*box.half, _HALF_HEIGHT) for box in boxes],
+            collisionFramePositions=[(box.place[0] - x, box.place[1] - y, 0.0) for box in boxes],
+            collisionFrameOrientations=[box.rotation for box in boxes],
+            physicsClientId=self._client,
+        )
+        body = self._add_body("", shape, 0.0, (x, y, 0.0), (0.0, 0.0, 0.0, 1.0), 0.5)
+        self._filter(body, group, _ACTOR)
+        del self.names[body]
+        first = -1 - len(self.names)
+        self._joined[body] = [(first - number, box) for number, box in enumerate(boxes)]
+        self.names.update((collider, box.name) for collider, box in self._joined[body])
 
     def _add_body(
         self, name: str, shape: int, mass: float, position: Vector, rotation: Quaternion, friction: float
@@ -225,8 +273,8 @@ class World:
         return body
 
     def _box(self, x: float, y: float) -> int:
-        """Create an upright box, at least a millimetre thick."""
-        half = (max(x, 0.001) / 2, max(y, 0.001) / 2, _HALF_HEIGHT)
+        """Create an upright box."""
+        half = (max(x, _THINNEST) / 2, max(y, _THINNEST) / 2, _HALF_HEIGHT)
         shape: int = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client)
         return shape
 

@@ -116,7 +116,10 @@ def run(scene: ScenePlan, take: Callable[[int, bytes], None], report: Callable[[
         frame, rest = divmod(simulation.step - clock.warmup_steps, clock.steps_per_frame)
         if rest == 0:
             if frame >= 0:
-                take(frame, recorder.record(simulation.agents_now()))
+                recorder.add(simulation.agents_now())
+            if recorder.full or simulation.step == steps:
+                for number, data in recorder.frames():
+                    take(number, data)
             report(simulation.step, steps)
         if simulation.step == steps:
             break

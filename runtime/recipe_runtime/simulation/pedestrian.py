@@ -127,6 +127,6 @@ class PedestrianAgent(Agent):
         self.vertical_speed, self.z = (self._footsteps.height - self.z) / seconds, self._footsteps.height
         return self._footsteps is feet and self._head_yaw == head
 
-    def walk_row(self) -> walk_cycle.Row:
+    def pose_row(self) -> Sequence[float]:
         """Return the state from which its pose is computed."""
         return walk_cycle.row(self._footsteps, (self.x, self.y), self.heading, self._head_yaw)

@@ -9,7 +9,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, Pose
 
 from recipe_runtime.body import riding
-from recipe_runtime.body.kinematics import PartPose, Quaternion, Vector, axis_rotation, compose
+from recipe_runtime.body.kinematics import IDENTITY, PartPose, Quaternion, Vector, axis_rotation, compose
 from recipe_runtime.body.skeleton import Bike, axle_shift, has_rider, is_parked, is_person, wheel_joints
 from recipe_runtime.simulation.agent import STANDSTILL, Agent, move_towards
 from recipe_runtime.simulation.bullet import World, orientation
@@ -178,12 +178,13 @@ class VehicleAgent(Agent):
 
     def base_pose(self) -> PartPose:
         """Return the position and orientation of the chassis."""
-        return (self.x, self.y, self.z), compose(self._yaw(), self._suspension.tilt)
+        tilt = self._suspension.tilt
+        return (self.x, self.y, self.z), self._yaw() if tilt is IDENTITY else compose(self._yaw(), tilt)
 
-    @property
-    def rolled(self) -> float:
-        """Metres that its wheels have rolled."""
-        return self._distance
+    def pose_row(self) -> Sequence[float]:
+        """Return the state from which its pose is computed."""
+        place, turn = self.base_pose()
+        return (*place, *turn, self._distance, self.curvature)
 
 
 class ParkedVehicle(VehicleAgent):
@@ -245,10 +246,10 @@ class TwoWheeler(VehicleAgent):
         lift = self._bike.tyre * (1.0 - exact.cos_deg(self._lean))
         return (x, y, z + lift), compose(rotation, axis_rotation("x", -self._lean))
 
-    def joint_rotations(self) -> Sequence[Quaternion]:
-        """Return the rotations of the joints of vehicle and rider."""
-        steer = exact.atan2_deg(self._steer, 1.0)
-        return riding.pose(self._bike, steer=steer, distance=self._distance, foot_weight=self._foot_weight)
+    def pose_row(self) -> Sequence[float]:
+        """Return the state from which the pose of vehicle and rider is computed."""
+        place, turn = self.base_pose()
+        return (*place, *turn, self._steer, self._distance, self._foot_weight)
 
 
 def create_vehicle(world: World, actor: ActorPlan, control_dt: float, driver: Driver) -> VehicleAgent:

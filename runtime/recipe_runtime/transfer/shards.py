@@ -112,14 +112,14 @@ def webdataset(
         return known
     if out.is_symlink() or (out.exists() and (known is None or _has_other_files(out, known))):
         raise InputError(
-            f"{out} is there already, and is not an export alone",
+            f"{out} exists already, and is not an export alone",
             help="move it away, or choose another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )
     if known is not None and not replace:
         what = "an export of this dataset whose shards are damaged" if same else "another export"
         raise InputError(
-            f"{out} is there already, and is {what}",
+            f"{out} exists already, and is {what}",
             help="choose another folder, or replace it",
             code=Code.OUTPUT_IN_THE_WAY,
         )

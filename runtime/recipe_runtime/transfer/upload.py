@@ -288,9 +288,7 @@ def reported_errors(url: str, remedy: str) -> Iterator[None]:
         help = f"install it: pip install '{library}'" if library else _plain(error, url)
         raise InputError(f"{shown}: its library is not installed", help=help, code=Code.MISSING_LIBRARY) from None
     except FileNotFoundError:
-        raise InputError(
-            f"{shown}: there is no such place (a bucket must be there already)", code=Code.REMOTE
-        ) from None
+        raise InputError(f"{shown}: there is no such place (a bucket must exist already)", code=Code.REMOTE) from None
     except PermissionError as error:
         raise RunError(
             f"{shown}: access was refused ({_plain(error, url)}); see to credentials and rights", code=Code.REMOTE

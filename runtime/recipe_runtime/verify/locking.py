@@ -1,4 +1,4 @@
-"""Plans and frames to lockfile rows; the same rows whether a build, `recipe lock` or the verifier asks."""
+"""Computes lockfile rows from plans and frames: the same rows for builds, `recipe lock` and the verifier."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def lock(
     traces: dict[str, Trace] | None = None,
     known: Known | None = None,
 ) -> Lockfile:
-    """Simulate every scene and render every frame that is not `known`, keep none, and list their digests.
+    """Simulate every scene, render every frame that is not `known` without keeping it, and return the digests.
 
     `traces` is filled with the motion of each scene, by its digest.
     """
-    check_bounds(plan)  # or the lockfile could not be read again
+    check_bounds(plan)  # else the lockfile could not be read back
     engines = engines or real_engines()
     with leased(), tempfile.TemporaryDirectory(prefix="recipe-lock-") as folder:
         made = fresh_traces(simulations(plan), engines, Store(Path(folder)), progress)
@@ -56,7 +56,7 @@ def lock(
 
 
 def fresh_traces(scenes: list[ScenePlan], engines: Engines, store: Store, progress: Progress) -> dict[str, Trace]:
-    """Simulate every scene anew, into a store that workers read; a bad entry of the user's cache is replaced."""
+    """Simulate every scene again, into a store that workers read; an invalid entry of the user's cache is replaced."""
     traces = {}
     for number, scene in enumerate(scenes):
         progress("simulate", number, len(scenes))

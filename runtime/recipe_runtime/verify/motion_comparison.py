@@ -1,6 +1,6 @@
 """Compares a scene's locked motion with this host's, and decides which differences of frames it may excuse.
 
-A lockfile or manifest may be anyone's, and so may the digest of its motion. A claim of other motion alone excuses
+A lockfile or manifest is untrusted, and so is the digest of its motion. A claim of other motion alone excuses
 little: a frame may differ only from the frame on in which the recorded motion of a body differs, and its colours only
 if such motion is recorded at all, as rows of bodies in a lockfile or as the tracks of a dataset.
 """
@@ -75,7 +75,7 @@ def motion_difference(lock: Lockfile, scene: ScenePlan, trace: Trace) -> MotionD
 
 
 def contradicting_body(lock: Lockfile, scene: ScenePlan, trace: Trace) -> str | None:
-    """The first body whose row, checkpoints included, contradicts the locked Trace; None if there is none."""
+    """The first body whose row, checkpoints included, contradicts the locked Trace; None if none does."""
     rows = {actor: lock.bodies.get((scene.digest, actor)) for actor in trace.actors}
     if not any(rows.values()):
         return None  # a manifest has no rows of bodies

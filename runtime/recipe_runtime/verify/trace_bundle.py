@@ -71,7 +71,7 @@ def write(path: Path, traces: Mapping[str, Trace], *, replace: bool = False) -> 
         with path.open("rb") as file:
             if file.read(len(_HEAD)) != _HEAD:
                 raise InputError(
-                    f"{path} is there already and is not a file of traces",
+                    f"{path} exists already and is not a file of traces",
                     help="move it away, or replace it",
                     code=Code.OUTPUT_IN_THE_WAY,
                 )

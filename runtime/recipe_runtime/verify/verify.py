@@ -72,7 +72,7 @@ MAX_PICTURES = 8
 
 @dataclass(frozen=True)
 class Options:
-    """How much to check. `count` frames, or as many as `confidence` and `bound` ask for; `everything` takes all."""
+    """How much to check: `count` frames, or as many as `confidence` and `bound` require, or `everything`."""
 
     nonce: int
     confidence: float = 0.95
@@ -97,16 +97,16 @@ def verify(
     engines: Engines | None = None,
     cache: Path | None = None,
 ) -> Report:
-    """Compare what this host makes of a plan with a lockfile, and with a dataset's files.
+    """Compare the frames that this host renders from a plan with a lockfile, and with a dataset's files.
 
     Args:
         lock: the expected digests.
         options: the extent of the comparison.
-        files: SHA-256 of the recipe's files as they are now; None where there is only a dataset's plan.
+        files: SHA-256 of the recipe's current files; None if there is only a dataset's plan.
         dataset: the dataset whose files are compared.
         traces: the locked Traces by scene, for hosts whose own simulation need not agree.
         engines: simulation and renderer; None for the real ones.
-        cache: where a run over all frames keeps its journal, and continues one that was stopped.
+        cache: the folder in which a run over all frames keeps its journal, and finds that of a stopped run.
     """
     engines = engines or real_engines(Assets(asset_places(dataset) if dataset is not None else {}))
     choices = all_choices(plan)
@@ -115,7 +115,7 @@ def verify(
     differences += unfit
     other = {d.variant for d in differences if d.stage == "plan"}
     chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
-    if lacks_frames(plan, lock):  # the verdict is FAIL already, and the plan may ask for anything
+    if lacks_frames(plan, lock):  # the verdict is FAIL already, and the plan is untrusted
         chosen = []
     pictures: list[str] = []
     with leased(), tempfile.TemporaryDirectory(prefix="recipe-verify-") as folder:
@@ -222,7 +222,7 @@ def choose(choices: list[Choice], options: Options) -> list[Choice]:
 
 @dataclass
 class _Check:
-    """The frames of one verification: made anew in a folder of their own, and compared."""
+    """The frames of one verification: rendered into a temporary folder and compared."""
 
     plan: DatasetPlan
     lock: Lockfile
@@ -235,12 +235,12 @@ class _Check:
     traces: dict[str, Trace] = field(default_factory=dict)  # by scene, those that are the locked ones
     other: dict[str, OtherMotion] = field(default_factory=dict)  # by scene, this host's where it need not be the locked
     cache: Path | None = None  # where the journal is kept
-    resumed: int = 0  # frames taken up from the journal of a run that was stopped
+    resumed: int = 0  # frames resumed from the journal of a stopped run
     notes: list[str] = field(default_factory=list)
     _journal: CacheJournal | None = None
 
     def run(self, chosen: list[Choice]) -> tuple[int, list[Difference]]:
-        """Simulate scenes and render the chosen frames alone: how many were rendered, and what differs."""
+        """Simulate scenes and render only the chosen frames; return their number and the differences."""
         by_name = {v.variant: v for v in self.plan.variants}
         drawn = {by_name[name].scene.digest for name, _, _ in chosen}
         scenes, self.notes = scenes_to_simulate(self.plan, self.lock, drawn, self.options.nonce)
@@ -252,10 +252,10 @@ class _Check:
         return len(chosen), found + self._frames(chosen)
 
     def _motions(self, scenes: dict[str, ScenePlan]) -> tuple[set[str], list[Difference]]:
-        """Simulate the scenes: those whose frames are to be compared, and what differs.
+        """Simulate the scenes; return those whose frames are to be compared, and the differences.
 
-        Where this host need not agree, frames are made from the locked Trace if it lies beside the lockfile, else from
-        this host's own: a digest of other motion, which anyone can write, spares no frame from being compared.
+        If this host's simulation may differ, frames are rendered from the locked Trace beside the lockfile if there is
+        one, else from this host's own: a digest of other motion, which is untrusted, exempts no frame.
         """
         store, excuse = Store(self.folder), excuse_of("trace", self.lock)
         whole, found = set(), []
@@ -316,12 +316,12 @@ class _Check:
         return {**self.traces, **{scene: other.trace for scene, other in self.other.items()}}
 
     def track_excuses(self) -> dict[str, str]:
-        """Why `tracks.csv` may differ, by its path: it holds motion that this host need not agree with."""
+        """Why `tracks.csv` may differ, by its path: it contains motion that may differ on this host."""
         found = [(v, self.other.get(v.scene.digest)) for v in self.plan.variants]
         return {layout.tracks_file(v.variant): other.reason for v, other in found if other is not None}
 
     def _resumption(self, job: Job) -> Resumption | None:
-        """The journal of a run of the same plan and motion by the same code, on this very host and device."""
+        """The journal of a run of the same plan and motion by the same code, on this host and device."""
         if self.cache is None:
             return None
         traces = {scene: trace.digest for scene, trace in self.simulated().items()}
@@ -330,7 +330,7 @@ class _Check:
         return Resumption(self._journal, self._are_the_datasets)
 
     def _are_the_datasets(self, records: list[FrameRecord]) -> bool:
-        """Whether the files made of these frames were those that the dataset has; they themselves were not kept."""
+        """Whether the files of these frames were equal to the dataset's; the files themselves were not kept."""
         if self.dataset is None:
             return True
         root, rows = self.dataset.root, [row for record in records for row in record["files"].items()]
@@ -342,7 +342,7 @@ class _Check:
             self._journal.remove()
 
     def _frame(self, choice: Choice, key: VariantRow, rows: dict[FrameKey, str]) -> Difference | None:
-        """The first of a frame's modalities that differs from the lockfile; what comes later follows from it."""
+        """The first of a frame's modalities that differs from the lockfile; later differences follow from it."""
         name, sensor, frame = choice
         for modality in self._modalities(choice, DIGEST_KINDS):
             row = (key.frame_key(modality), sensor, modality, frame)

@@ -32,7 +32,7 @@ def test_palettes_are_colours() -> None:
             assert all(re.fullmatch("#[0-9a-f]{6}", colour) for colour in colours)
 
 
-def test_generations_and_wheels_are_told() -> None:
+def test_generations_and_wheels_are_reported() -> None:
     children = [b for b in LIBRARY if b.attributes.get("generation") == "child"]
     assert len(children) >= 4
     assert all(b.shape["height"] < 1.55 and b.shape["head"] > 1.0 for b in children)

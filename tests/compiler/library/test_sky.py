@@ -102,7 +102,7 @@ def test_the_default_place_has_day_dusk_and_night() -> None:
     assert noon > 50 and -3 < dusk < 3 and night < -18
 
 
-def test_sun_is_told_to_a_hundredth_so_that_no_last_bit_shows() -> None:
+def test_sun_is_reported_to_a_hundredth_so_that_no_last_bit_shows() -> None:
     azimuth, altitude = sun.from_time("10:17", date="2022-08-12", latitude=49.0, longitude=8.0, utc_offset=None)
     assert (azimuth, altitude) == (round(azimuth, 2), round(altitude, 2))
     assert sun.wrapped(-0.001) == 0.0 and sun.wrapped(359.999) == 0.0

@@ -77,12 +77,12 @@ def test_a_patch_laid_twice_is_laid_once(target: Any, patch: Any) -> None:
 
 
 @given(st.dictionaries(st.sampled_from("abc"), plain, max_size=3))
-def test_an_empty_patch_gives_the_very_same_object(target: Any) -> None:
+def test_an_empty_patch_gives_the_same_object(target: Any) -> None:
     before = value(target)
     assert Merger().merge(before, value({})) is before
 
 
-def test_what_a_patch_leaves_alone_is_the_very_same_object() -> None:
+def test_what_a_patch_leaves_alone_is_the_same_object() -> None:
     before = value({"a": {"b": 1}, "c": {"d": 2}})
     after = Merger().merge(before, value({"a": {"b": 3}}))
     assert after.map["c"] is before.map["c"]

@@ -8,11 +8,14 @@ from typing import cast
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, Clock, Point, Pose, ScenePlan
 from recipe_compiler.library import blueprints, towns
 from recipe_compiler.library.towns.streets import StreetGrid
 from recipe_runtime.body import riding
-from recipe_runtime.body.kinematics import IDENTITY, axis_rotation, forward_kinematics, rotate, two_bone_ik
+from recipe_runtime.body.kinematics import IDENTITY, PartPose, Quaternion, axis_rotation, compose, inverse, rotate
+from recipe_runtime.body.limbs import two_bone_ik
+from recipe_runtime.body.poses import Components4
 from recipe_runtime.body.skeleton import Bike
 from recipe_runtime.core.trace import METRE, Trace
 from recipe_runtime.core.transforms import invert, part_transforms
@@ -155,21 +158,23 @@ def test_a_lean_balances_weight_and_centrifugal_force() -> None:
     assert judged > 3
 
 
+def ride(
+    bike: Bike, *, steer: float = 0.0, distance: float = 0.0, foot_weight: float = 0.0, turn: Quaternion = IDENTITY
+) -> dict[str, PartPose]:
+    """The pose of every part of a two-wheeler and its rider, with the base at the origin; the steering in degrees."""
+    tangent = exact.sin_deg(steer) / exact.cos_deg(steer)
+    poses = riding.Riders([bike]).pose([[(0.0, 0.0, 0.0, *turn, tangent, distance, foot_weight)]])
+    return dict(zip(["chassis", *(joint.part for joint in bike.joints())], poses.of_first(), strict=True))
+
+
 @pytest.mark.parametrize("blueprint", BIKES, ids=lambda b: b.id)
 @pytest.mark.parametrize("gone", [0.0, 0.6, 1.3, 2.9])
 def test_riders_hold_the_grips_and_tread_the_pedals(blueprint: blueprints.Blueprint, gone: float) -> None:
     bike = Bike.of(blueprint.shape)
     steer = 8.0
-    parts = dict(
-        zip(
-            ["chassis", *(joint.part for joint in bike.joints())],
-            forward_kinematics(
-                ((0.0, 0.0, 0.0), IDENTITY), bike.joints(), riding.pose(bike, steer=steer, distance=gone)
-            ),
-            strict=True,
-        )
-    )
-    for side, s in (("left", 1.0), ("right", -1.0)):
+    parts = ride(bike, steer=steer, distance=gone)
+    pedals, _ = riding.Riders([bike]).pedal_positions(np.array([[360.0 * gone / 4.2]]))
+    for row, (side, s) in enumerate((("left", 1.0), ("right", -1.0))):
         at, turn_ = parts[f"forearm_{side}"]
         palm = np.array(at) + rotate(turn_, (0.0, 0.0, -0.19 * bike.figure.height))
         x, y, z = bike.grips
@@ -177,16 +182,14 @@ def test_riders_hold_the_grips_and_tread_the_pedals(blueprint: blueprints.Bluepr
         assert np.abs(palm - grip).max() < 0.025
         at, turn_ = parts[f"foot_{side}"]
         sole = np.array(at) + rotate(turn_, (0.085 * bike.figure.height, 0.0, -bike.figure.ankle))
-        pedal, _ = riding.pedal_position(bike, s, 360.0 * gone / 4.2)
-        assert np.abs(sole - pedal).max() < 0.03
+        assert np.abs(sole - [axis[row, 0, 0] for axis in pedals]).max() < 0.03
 
 
 @pytest.mark.parametrize("blueprint", BIKES, ids=lambda b: b.id)
 def test_who_halts_puts_a_foot_down(blueprint: blueprints.Blueprint) -> None:
     bike = Bike.of(blueprint.shape)
-    lean = riding.resting_lean(bike, 1.0)
-    turns = riding.pose(bike, steer=0.0, distance=0.4, foot_weight=1.0)
-    poses = matrices(forward_kinematics(((0.0, 0.0, 0.0), axis_rotation("x", -lean)), bike.joints(), turns))
+    lean = axis_rotation("x", -riding.resting_lean(bike, 1.0))
+    poses = matrices(list(ride(bike, distance=0.4, foot_weight=1.0, turn=lean).values()))
     actor = turning(blueprint.id, "left")
     names = [name for name, _ in actor_body(actor).parts]
     foot = names.index("foot_left")
@@ -195,12 +198,41 @@ def test_who_halts_puts_a_foot_down(blueprint: blueprints.Blueprint) -> None:
     assert abs(lowest(actor_body(actor), poses)) < 0.02
 
 
-def test_a_limb_reaches_its_target_and_keeps_its_length() -> None:
-    thigh, shin = two_bone_ik((0.2, 0.1, -0.6), 0.4, 0.4, (1.0, 0.0, 0.0), knee=True)
-    knee = rotate(thigh, (0.0, 0.0, -0.4))
-    foot = np.array(knee) + rotate(thigh, rotate(shin, (0.0, 0.0, -0.4)))
-    assert np.abs(foot - (0.2, 0.1, -0.6)).max() < 1e-12
-    assert knee[0] > 0.1  # the knee is in front
+def test_limbs_reach_their_targets_and_keep_their_length() -> None:
+    targets = np.array([(0.2, 0.1, -0.6), (-0.3, 0.2, -0.5), (0.5, -0.1, 0.3), (0.1, 0.6, 0.1), (0.0, -0.5, -0.4)])
+    upper, lower = np.array([0.4, 0.45, 0.4, 0.5, 0.35]), np.array([0.4, 0.4, 0.42, 0.45, 0.5])
+    pole = (np.array(1.0), np.array(0.2), np.array(0.1))
+    tx, ty, tz = targets.T
+    thighs, shins = two_bone_ik((tx, ty, tz), upper, lower, pole, knee=True)
+    for k, target in enumerate(targets.tolist()):
+        thigh, shin = _number(thighs, k), _number(shins, k)
+        knee = rotate(thigh, (0.0, 0.0, -float(upper[k])))
+        foot = np.add(knee, rotate(compose(thigh, shin), (0.0, 0.0, -float(lower[k]))))
+        assert np.abs(foot - target).max() < 1e-12
+        along = sum(a * b for a, b in zip(knee, target, strict=True)) / sum(a * a for a in target)
+        bent = [a - along * b for a, b in zip(knee, target, strict=True)]
+        assert bent[0] + 0.2 * bent[1] + 0.1 * bent[2] > 0.0  # towards the pole
+        _, hinge, _, _ = compose(inverse(thigh), compose(thigh, shin))
+        assert hinge > 0.0  # the lower bone folds backwards
+
+
+def _number(rotations: Components4, number: int) -> Quaternion:
+    x, y, z, w = (float(axis[number]) for axis in rotations)
+    return x, y, z, w
+
+
+def test_riders_are_posed_the_same_alone_and_together() -> None:
+    """Frames are computed many at once; the bits are those of one rider at one moment."""
+    bikes = [bike for bike in map(Bike.of, (b.shape for b in BIKES)) if not bike.motor]
+    moments = [
+        [(*(1.0, 2.0, 0.1), *IDENTITY, 0.1 * t, 0.7 * t + n, 0.3 * n) for n in range(len(bikes))] for t in (0, 1, 2)
+    ]
+    together = riding.Riders(bikes).pose(moments)
+    for n, bike in enumerate(bikes):
+        for t, rows in enumerate(moments):
+            alone = riding.Riders([bike]).pose([[rows[n]]])
+            assert np.array_equal(alone.positions[:, :, 0, 0], together.positions[:, :, t, n])
+            assert np.array_equal(alone.rotations[:, :, 0, 0], together.rotations[:, :, t, n])
 
 
 @cache

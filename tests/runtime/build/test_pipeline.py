@@ -339,7 +339,7 @@ def test_an_error_names_variant_sensor_and_frame(tmp_path: Path, workers: int) -
 
 
 @pytest.mark.parametrize("workers", [0, 1])
-def test_a_scene_that_cannot_be_loaded_is_told_with_its_first_frame(tmp_path: Path, workers: int) -> None:
+def test_a_scene_that_cannot_be_loaded_is_reported_with_its_first_frame(tmp_path: Path, workers: int) -> None:
     """Workers load it while it is simulated; what fails there is no less told."""
     with pytest.raises(RunError) as caught:
         again(tmp_path, engines=UNLOADABLE, workers=workers)

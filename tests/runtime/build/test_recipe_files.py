@@ -115,7 +115,7 @@ def test_a_recipe_of_other_outputs_is_found(copied: Path) -> None:
     assert "asks for other outputs" in recipe_differences(datasets.read(copied))[0].message
 
 
-def test_a_recipe_that_is_none_is_found(copied: Path) -> None:
+def test_an_invalid_recipe_is_found(copied: Path) -> None:
     forge(copied, "recipe/recipe.yaml", b"recipe: [")
     (found,) = recipe_differences(datasets.read(copied))
     assert found.excuse is None

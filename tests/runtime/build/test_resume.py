@@ -263,7 +263,7 @@ def test_a_sample_is_rendered_whatever_was_stopped(fresh: Lockfile, tmp_path: Pa
     assert check(fresh, tmp_path, everything=False).resumed == 0
 
 
-def test_a_locks_journal_is_none_of_a_verifications(fresh: Lockfile, tmp_path: Path) -> None:
+def test_a_locks_journal_is_not_used_by_verify(fresh: Lockfile, tmp_path: Path) -> None:
     stopped_lock(tmp_path)
     assert check(fresh, tmp_path).resumed == 0
 

@@ -108,7 +108,7 @@ def test_a_damaged_file_is_not_taken_over(tmp_path: Path, path: str) -> None:
     assert tree(_build(tmp_path / "a", second).path) == _fresh(tmp_path / "b", second)
 
 
-def test_a_strangers_dataset_is_not_taken_from(tmp_path: Path) -> None:
+def test_an_untrusted_dataset_is_not_taken_from(tmp_path: Path) -> None:
     calls: Calls = []
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=1))
     (tmp_path / "a" / "cache").rename(tmp_path / "a" / "gone")  # nothing tells that this program built it
@@ -141,7 +141,7 @@ def test_each_stage_says_why_it_runs(tmp_path: Path) -> None:
     told.clear()
     _build(tmp_path, dataset_plan(frames=6, weathers=2), explain=told.extend)
     assert told[0] == "simulate nothing: the motion of 1 scene is in the cache"
-    assert told[1] == "take over street, 6 frames of weather=w0,jitter=still: nothing of them changed"
+    assert told[1] == "reuse street, 6 frames of weather=w0,jitter=still: nothing of them changed"
     assert told[2] == (
         "shade street, 6 frames of weather=w1,jitter=still: an appearance that the earlier dataset has not"
     )

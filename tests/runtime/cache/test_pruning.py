@@ -37,7 +37,7 @@ def _filled(root: Path) -> Store:
     return store
 
 
-def test_sizes_are_told_by_kind(tmp_path: Path) -> None:
+def test_sizes_are_reported_by_kind(tmp_path: Path) -> None:
     _filled(tmp_path)
     told = sizes(entries([tmp_path]))
     assert told["kernels"] == (1, 500)

@@ -92,7 +92,7 @@ def test_no_part_of_a_signature_in_a_path_is_left(secret: str) -> None:
 
 
 @pytest.mark.parametrize("kind", [ValueError, PermissionError, ConnectionError, ImportError])
-def test_an_error_of_a_library_tells_no_secret(kind: type[Exception]) -> None:
+def test_an_error_of_a_library_shows_no_secret(kind: type[Exception]) -> None:
     url = "s3://KEY:wJalr/XUtn@bucket/x?sig=abcdef"
     with pytest.raises((InputError, RunError)) as caught, reported_errors(url, "try again"):
         raise kind("403 for KEY:wJalr/XUtn@bucket, sig abcdef, at https://bucket/x?sig=abcdef&k=v")

@@ -245,7 +245,7 @@ def test_a_clock_out_of_bounds_is_refused(frames: int, fps: int) -> None:
         (f"{STREET}/labels.jsonl", b'"hero1"', b'"hero7"'),
     ],
 )
-def test_a_forged_text_is_told_though_the_manifest_matches(copy: Path, path: str, old: bytes, new: bytes) -> None:
+def test_a_forged_text_is_reported_though_the_manifest_matches(copy: Path, path: str, old: bytes, new: bytes) -> None:
     body = (copy / path).read_bytes()
     assert old in body
     rewrite(copy, path, body.replace(old, new, 1))
@@ -269,7 +269,7 @@ def test_a_forged_text_is_told_though_the_manifest_matches(copy: Path, path: str
         b'["\\ud800"]\n',
     ],
 )
-def test_labels_of_any_kind_are_told(copy: Path, line: bytes) -> None:
+def test_labels_of_any_kind_are_reported(copy: Path, line: bytes) -> None:
     path = f"{STREET}/labels.jsonl"
     rest = (copy / path).read_bytes().split(b"\n", 1)[1]
     rewrite(copy, path, line + rest)
@@ -278,14 +278,14 @@ def test_labels_of_any_kind_are_told(copy: Path, line: bytes) -> None:
     assert len(message) < 300
 
 
-def test_surplus_labels_are_told(copy: Path) -> None:
+def test_surplus_labels_are_reported(copy: Path) -> None:
     path = f"{STREET}/labels.jsonl"
     rewrite(copy, path, (copy / path).read_bytes() + b"[]\n")
     assert differences(copy) == [f"{path}: it has more lines than frames"]
 
 
 @pytest.mark.parametrize("path", [f"{STREET}/rgb/000002.png", "annotations/kwcoco.json", f"{STREET}/labels.jsonl"])
-def test_a_removed_file_is_told_though_the_manifest_matches(copy: Path, path: str) -> None:
+def test_a_removed_file_is_reported_though_the_manifest_matches(copy: Path, path: str) -> None:
     (copy / path).unlink()
     manifest = manifest_of(copy)
     del manifest["files"][path]
@@ -293,13 +293,13 @@ def test_a_removed_file_is_told_though_the_manifest_matches(copy: Path, path: st
     assert damage(copy) == [f"{path} is missing, and the manifest does not list it"]
 
 
-def test_an_added_file_is_told_though_the_manifest_matches(copy: Path) -> None:
+def test_an_added_file_is_reported_though_the_manifest_matches(copy: Path) -> None:
     (copy / f"{STREET}/rgb/000004.png").write_bytes(b"one frame more")
     rewrite(copy, f"{STREET}/rgb/000004.png", b"one frame more")
     assert damage(copy) == [f"{STREET}/rgb/000004.png is in the manifest, and no file of this plan"]
 
 
-def test_removed_digests_are_told(copy: Path) -> None:
+def test_removed_digests_are_reported(copy: Path) -> None:
     manifest = manifest_of(copy)
     for variant in manifest["variants"].values():
         variant["frames"]["street"]["rgb"].pop()
@@ -311,7 +311,7 @@ def test_removed_digests_are_told(copy: Path) -> None:
     ]
 
 
-def test_what_is_no_plain_file_is_told_and_never_opened(copy: Path, tmp_path: Path) -> None:
+def test_what_is_no_plain_file_is_reported_and_never_opened(copy: Path, tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_bytes((copy / "README.md").read_bytes())
     (copy / "README.md").unlink()

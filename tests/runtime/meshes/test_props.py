@@ -180,7 +180,7 @@ def test_the_lockfile_has_a_row_for_every_asset(tmp_path: Path) -> None:
         ({"mesh": {"sha256": "0" * 64, "bytes": 1 << 40, "kind": "obj"}}, r"scene\.props\.1\.mesh\.bytes"),
     ],
 )
-def test_a_strangers_plan_is_bounded(changes: dict[str, Any], words: str, tmp_path: Path) -> None:
+def test_an_untrusted_plan_is_bounded(changes: dict[str, Any], words: str, tmp_path: Path) -> None:
     _, plan = _plan(tmp_path)
     variant = plan.variants[0].model_dump(mode="json")
     variant["scene"]["props"][1] |= changes
@@ -190,7 +190,7 @@ def test_a_strangers_plan_is_bounded(changes: dict[str, Any], words: str, tmp_pa
 
 
 @pytest.mark.parametrize("sha256", ["../../etc/passwd", "0" * 63, "Z" * 64])
-def test_a_strangers_plan_names_files_by_digest_alone(sha256: str, tmp_path: Path) -> None:
+def test_an_untrusted_plan_names_files_by_digest_alone(sha256: str, tmp_path: Path) -> None:
     _, plan = _plan(tmp_path)
     variant = plan.variants[0].model_dump(mode="json")
     variant["scene"]["props"][1]["mesh"]["sha256"] = sha256

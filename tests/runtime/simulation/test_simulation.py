@@ -117,7 +117,7 @@ def test_frame_0_is_the_start() -> None:
 @pytest.mark.parametrize("plan", [HERO1, HERO2])
 def test_pedestrians_reach_their_speed(plan: ActorPlan) -> None:
     velocity = meeting().linear[45, meeting().actors.index(plan.name)] / METRE
-    assert np.hypot(velocity[0], velocity[1]) == pytest.approx(plan.speed, abs=0.05)
+    assert np.hypot(velocity[0], velocity[1]) == pytest.approx(plan.speed, abs=0.06)
 
 
 @pytest.mark.slow
@@ -182,7 +182,7 @@ def test_a_vehicle_stops_behind_another() -> None:
     trace = simulate(scene(CAR, parked, frames=300))
     gap = base(trace, "parked")[:, 1] - base(trace, "car")[:, 1]
     reach = (CAR.shape["length"] + parked.shape["length"]) / 2
-    assert reach + 0.5 < gap.min() < reach + 6
+    assert reach + 0.5 < gap.min() < reach + 8  # with room to pull out
     assert np.abs(trace.linear[:, 0]).max(axis=1)[200:].min() / METRE < 0.05
 
 

@@ -85,7 +85,7 @@ def test_a_file_url_is_read_where_it_is(built: Path) -> None:
         ("more/or/less.txt", b"more", "more/ is a folder of no file of this plan"),
     ],
 )
-def test_what_differs_there_is_told(store: dict[str, Any], path: str, body: bytes | None, said: str) -> None:
+def test_what_differs_there_is_reported(store: dict[str, Any], path: str, body: bytes | None, said: str) -> None:
     if body is None:
         store.pop(f"/fetched/small/{path}")
     else:
@@ -95,7 +95,7 @@ def test_what_differs_there_is_told(store: dict[str, Any], path: str, body: byte
     assert any(said in str(d) for d in report.differences), [str(d) for d in report.differences]
 
 
-def test_a_flipped_bit_there_is_told(store: dict[str, Any], built: Path) -> None:
+def test_a_flipped_bit_there_is_reported(store: dict[str, Any], built: Path) -> None:
     path = "weather=w0,jitter=still/street/rgb/000002.png"
     body = (built / path).read_bytes()
     spoil(path, body[:-9] + bytes([body[-9] ^ 1]) + body[-8:])

@@ -161,7 +161,7 @@ def test_a_forged_export_is_neither_believed_nor_followed(built: Dataset, tmp_pa
     else:
         index["shards"] = [{**index["shards"][0], "file": "../precious"}] if forgery == "name" else 7
         (out / shards.INDEX).write_text(json.dumps(index))
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists already"):
         exported(built, out)
     if forgery == "link":
         shards.webdataset(built, out, lambda *_: None, SMALL, replace=True)
@@ -186,10 +186,10 @@ def test_what_is_there_already_is_left_alone(built: Dataset, tmp_path: Path) -> 
     made = exported(built, tmp_path / "out")
     times = [p.stat().st_mtime_ns for p in made]
     assert [p.stat().st_mtime_ns for p in exported(built, tmp_path / "out")] == times
-    with pytest.raises(InputError, match="is there already, and is another export"):
+    with pytest.raises(InputError, match="exists already, and is another export"):
         exported(built, tmp_path / "out", SMALL * 2)
     (tmp_path / "mine").mkdir()
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists already"):
         exported(built, tmp_path / "mine")
 
 

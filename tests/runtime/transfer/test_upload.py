@@ -308,7 +308,7 @@ def test_a_bucket_that_is_not_there(s3: str, tmp_path: Path) -> None:
     shutil.copy(TINY, tmp_path)
     done = recipe(tmp_path, "build", "tiny.yaml", "--out", "s3://nobodys-bucket/tiny")
     assert (done.returncode, done.stdout) == (2, "")
-    assert "s3://nobodys-bucket/tiny: there is no such place (a bucket must be there already)" in done.stderr
+    assert "s3://nobodys-bucket/tiny: there is no such place (a bucket must exist already)" in done.stderr
     assert not (tmp_path / "datasets").exists()
 
 

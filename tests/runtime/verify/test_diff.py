@@ -41,7 +41,7 @@ def test_nothing_differs_from_itself(ours: Side) -> None:
     assert left_out(ours, ours) == []
 
 
-def test_a_field_that_many_variants_share_is_told_once(ours: Side) -> None:
+def test_a_field_that_many_variants_share_is_reported_once(ours: Side) -> None:
     assert ours.plan is not None
     document = ours.plan.model_dump(mode="json")
     for variant in document["variants"]:
@@ -145,7 +145,7 @@ def test_files_that_differ_come_last_and_in_the_order_in_which_they_are_made(our
     assert caused[-1].message == "6 of 6 files differ, the first: plans/x.json is in theirs only"
 
 
-def test_variants_and_outputs_of_one_side_are_told_in_sentences(ours: Side) -> None:
+def test_variants_and_outputs_of_one_side_are_reported_in_sentences(ours: Side) -> None:
     assert ours.plan is not None
     plan = DatasetPlan(
         recipe=ours.plan.recipe, description="", variants=ours.plan.variants[:2], annotations=(), depth="npy"

@@ -63,7 +63,7 @@ CHANGES: dict[str, Callable[[Lockfile], dict[str, Any]]] = {
 }
 
 
-def test_what_is_equal_is_told_so(golden: Path) -> None:
+def test_what_is_equal_is_reported_so(golden: Path) -> None:
     assert set(_states().values()) == {"equal"}
 
 
@@ -97,7 +97,7 @@ def test_another_tool_is_a_reason_and_no_promise(golden: Path) -> None:
     assert "warp-lang 0.1" in found.tiers["A"]
 
 
-def test_a_host_that_cannot_is_told_why(golden: Path) -> None:
+def test_a_host_that_cannot_is_reported_why(golden: Path) -> None:
     def barred(scene: ScenePlan) -> NoReturn:
         raise RunError("there is no PyBullet here")
 

@@ -95,7 +95,7 @@ def test_lockfile_and_dataset_have_one_identity(locked: Lockfile, built: Path) -
     assert held.lock.frames == locked.frames
 
 
-def test_a_broken_seal_is_told_first(locked: Lockfile) -> None:
+def test_a_broken_seal_is_reported_first(locked: Lockfile) -> None:
     report = check(replace(locked, sealed=False))
     assert (report.verdict, report.stage) == ("FAIL", "lockfile")
 
@@ -142,7 +142,7 @@ def test_a_build_is_compared_with_its_lockfile_stage_by_stage(locked: Lockfile) 
     assert [d.stage for d in compare_locks(PLAN, replace(locked, sealed=False), locked)] == ["lockfile"]
 
 
-def test_an_edited_recipe_is_told(locked: Lockfile) -> None:
+def test_an_edited_recipe_is_reported(locked: Lockfile) -> None:
     """Another text of the same plan is a note; another plan is a difference, and names the file."""
     edited = replace(locked, files={"tiny.yaml": "b" * 64})
     report = check(edited)
@@ -153,7 +153,7 @@ def test_an_edited_recipe_is_told(locked: Lockfile) -> None:
     assert "tiny.yaml has changed since it was locked" in str(report.differences[0])
 
 
-def test_another_plan_is_told_by_its_part(locked: Lockfile) -> None:
+def test_another_plan_is_reported_by_its_part(locked: Lockfile) -> None:
     report = check(locked, fakes.dataset_plan(frames=6, weathers=1))
     assert (report.verdict, report.stage) == ("FAIL", "plan")
     assert "the recipe has no variant weather=w1,jitter=still" in report.differences[0].message
@@ -355,7 +355,7 @@ def test_equal_pixels_in_other_bytes_are_a_matter_of_encoding(built: Path, tmp_p
     assert stages == {"encoding", "file"}
 
 
-def test_a_manifest_whose_digests_do_not_add_up_is_told(built: Path, tmp_path: Path) -> None:
+def test_a_manifest_whose_digests_do_not_add_up_is_reported(built: Path, tmp_path: Path) -> None:
     root = tmp_path / "tiny"
     shutil.copytree(built, root)
     lockfile = datasets.read(root).lock

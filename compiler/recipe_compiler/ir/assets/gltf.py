@@ -108,7 +108,7 @@ def _no_number(word: str) -> NoReturn:
 
 
 class _Document:
-    """A glTF document. Its methods raise AssetError, or KeyError and the like for what is not there."""
+    """A glTF document. Its methods raise AssetError, or KeyError and similar exceptions for absent parts."""
 
     def __init__(self, document: JsonObject, beside: bytes | None) -> None:
         self._json, self._beside = document, beside
@@ -206,7 +206,7 @@ class _Document:
             )
 
     def _floats(self, accessor: object, width: int) -> Floats:
-        """A column of numbers; whole ones that stand for shares of 1 become that."""
+        """A column of numbers; normalized integers become fractions of 1."""
         found = self._array(accessor)
         if found.shape[1] != width:
             raise AssetError(f"has {found.shape[1]} numbers instead of {width}; export it again")

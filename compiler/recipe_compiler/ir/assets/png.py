@@ -76,7 +76,7 @@ _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 def _check_length(content: bytes, packed: bytes) -> None:
     """AssetError unless the data unpack to just as many bytes as the header's pixels take.
 
-    The decoder leaves rows that are missing as they happen to be, and this unpacks no more than it has to.
+    The decoder leaves missing rows undefined, and this decompresses only as much as it needs.
     """
     width, height, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", content[16:29])
     if colour not in _CHANNELS:
