@@ -19,7 +19,7 @@ WALK = 6.0  # from the kerb to the building fronts
 BAY_LENGTH = 6.2
 # Road sign -> the value of the `face` parameter of an element of kind "sign".
 FACES = {"stop": 0, "speed": 1, "crossing": 2, "give_way": 3, "parking": 4, "ahead": 5, "dead_end": 6}
-_SPACING = 9.0  # metres between the starts of two vehicles in a lane
+_SPACING = 5.0  # metres between two spawn points of a lane; longer vehicles take several
 _STAND = BAY - 0.15 - 1.0  # from the edge of the lane to the middle of a parked car
 
 
