@@ -78,10 +78,18 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse
     return found
 
 
-def compare_plan_digests(dataset: Dataset) -> list[Difference]:
-    """Compare the plan digest of each variant in a dataset's manifest with the variant's plan."""
-    excuse = excuse_of("plan", dataset.lock)
-    return [
+def compare_manifest(plan: DatasetPlan, dataset: Dataset) -> list[Difference]:
+    """Compare what no identity covers in a dataset's manifest: the description, and the variants' plan digests.
+
+    Args:
+        plan: the plan of the recipe at hand, or the dataset's own.
+        dataset: the dataset; each plan digest is compared with the plan in its folder.
+    """
+    found, excuse = [], excuse_of("plan", dataset.lock)
+    if dataset.plan.description != plan.description:
+        message = f"{layout.MANIFEST}: the description of the dataset is not the recipe's"
+        found.append(Difference("recipe", message))
+    return found + [
         Difference("plan", f"{layout.MANIFEST}: the plan digest of {v.variant} is another than its plan has", excuse)
         for v in dataset.plan.variants
         if dataset.plan_digests.get(v.variant) != v.digest
