@@ -54,6 +54,8 @@ def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None
     changed = sorted(path for path, value in files.items() if value not in locked)
     if lock.plan != plan or not (lock.files and changed):
         return None
+    if changed[0] not in lock.files:
+        return f"{changed[0]} is not a file that was locked; its plan is the locked one"
     rest = f" and {count(len(changed) - 1, 'more file')}" if len(changed) > 1 else ""
     return f"the text of {changed[0]}{rest} has changed since it was locked; the plan has not"
 
