@@ -109,18 +109,16 @@ def command(
         everything=everything,
         workers=worker_count(workers, device),
         device=device,
-        pictures=pictures,
+        pictures=_checked_pictures(pictures),
         allow_large=allow_large,
     )
-    _check_pictures(pictures)
     if against is not None and (len(targets) != 1 or _is_dataset(targets[0]) or integrity):
         raise InputError("--against compares a dataset with one recipe or lockfile; name that one")
 
     def check(target: Path | str) -> Report:
         if integrity:
             return _integrity(target, options)
-        if isinstance(target, Path):
-            _check_exists(target)
+        _check_exists(target)
         with opened(target) if isinstance(target, Path) else nullcontext(target) as place:
             return _verify(place, options, allow_large, against)
 
@@ -139,8 +137,8 @@ def command(
     raise click.exceptions.Exit(min((_EXIT[verdict] for verdict in verdicts), key=(1, 3, 0).index))
 
 
-def _check_pictures(folder: Path) -> None:
-    """InputError if the default folder for pictures is a symbolic link, which the user did not name."""
+def _checked_pictures(folder: Path) -> Path:
+    """The folder for pictures; InputError if it is the default one and a symbolic link: the user did not name it."""
     from recipe_compiler.ir.errors import Code, InputError
 
     chosen = click.get_current_context().get_parameter_source("pictures")
@@ -150,6 +148,7 @@ def _check_pictures(folder: Path) -> None:
             help="replace the link with a folder, or choose one with --pictures",
             code=Code.OUTPUT_IN_THE_WAY,
         )
+    return folder
 
 
 def _each(
@@ -190,11 +189,11 @@ def _recipe_of(path: Path) -> Path:
     return recipe
 
 
-def _check_exists(target: Path) -> None:
+def _check_exists(target: Path | str) -> None:
     """InputError with a remedy if there is no such lockfile or dataset; a missing recipe is reported when compiled."""
     from recipe_compiler.ir.errors import Code, InputError
 
-    if target.exists() or target.suffix not in ("", ".lock"):
+    if not isinstance(target, Path) or target.exists() or target.suffix not in ("", ".lock"):
         return
     what, remedy = "dataset folder", "`recipe build` makes one, in datasets/NAME; or name a recipe or a lockfile"
     if target.suffix:
