@@ -52,10 +52,12 @@ def check_lockfile_is_of(recipe: Path, plan: DatasetPlan, path: Path, lock: Lock
 
     other = lock.other_recipe(path, recipe, plan.digest)
     if other is not None:
+        own = recipe.parent / FOLDER
+        apart = "" if os.path.lexists(own) else f", or create the folder {own} for its lockfile"
         raise InputError(
             f"{path} is the lockfile of {_short(other)}, another recipe that is named {plan.recipe!r} as {recipe} is;"
-            f" give one of them another name (`recipe: NAME`), or create the folder {recipe.parent / FOLDER} for its"
-            f" lockfile; `recipe lock {recipe} --replace` assigns this one to {recipe}"
+            f" give one of them another name (`recipe: NAME`){apart};"
+            f" `recipe lock {recipe} --replace` assigns this one to {recipe}"
         )
 
 

@@ -198,6 +198,18 @@ def test_two_recipes_of_one_name_do_not_share_a_lockfile(recipe: Run) -> None:
     assert recipe("lock", "a/r.yaml").stdout.startswith("lockfiles/small.lock is up to date")
 
 
+def test_two_recipes_of_one_name_in_one_folder_get_remedies_that_can_be_followed(recipe: Run) -> None:
+    write("lockfiles/.keep", "")
+    write("a.yaml", RECIPE)
+    write("b.yaml", OTHER_PLAN)
+    recipe("lock", "a.yaml")
+    with pytest.raises(InputError, match=r"another recipe that is named 'small' as b\.yaml") as caught:
+        recipe("lock", "b.yaml")
+    assert "create the folder" not in str(caught.value) and "another name (`recipe: NAME`); `recipe" in str(
+        caught.value
+    )
+
+
 def test_a_lockfile_in_python_is_not_written_over_another_recipes(recipe: Run) -> None:
     write("a/r.yaml", RECIPE)
     write("b/r.yaml", OTHER_PLAN)
@@ -250,7 +262,7 @@ def test_a_comment_or_another_file_name_is_not_another_recipe(recipe: Run) -> No
     assert recipe("lock", "small.yaml").exit_code == 0
     locked = Path("lockfiles/small.lock").read_bytes()
     write("renamed.yaml", f"# a remark\n\n{RECIPE}description: The same plan.\n")
-    note = "the text of renamed.yaml has changed since it was locked; the plan has not"
+    note = "renamed.yaml is not a file that was locked; its plan is the locked one"
     verified = recipe("verify", "renamed.yaml", "--frames", "1")
     assert (verified.exit_code, verified.stdout.splitlines()[0]) == (0, "PASS  renamed.yaml"), verified.stdout
     assert f"  note: {note}" in verified.stdout.splitlines()

@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import re
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +17,7 @@ from recipe_cli.commands import build, check, export, init, schema, shot
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError, RunError
 
+from tests.cli.runner import run_here
 from tests.compiler.kitchen import small
 
 
@@ -52,6 +54,55 @@ def test_a_dataset_cannot_be_built_where_no_files_are_stored(tmp_path: Path) -> 
     (tmp_path / "r.yaml").write_text(json.dumps(small()))
     with pytest.raises(InputError, match=r"/proc/x: no files can be stored in /proc: .*; choose another folder"):
         CliRunner().invoke(build.command, [str(tmp_path / "r.yaml"), "--out", "/proc/x"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize("there", [None, "recipe: mine\n"])
+def test_a_recipe_that_a_full_disk_does_not_take_leaves_what_was_there(tmp_path: Path, there: str | None) -> None:
+    path = tmp_path / "mine.yaml"
+    if there is not None:
+        path.write_text(there)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(
+            RunError, match=r"mine\.yaml cannot be written: .*; free some space, or choose another --dir"
+        ):
+            CliRunner().invoke(init.command, ["mine", "--dir", str(tmp_path), "--replace"], catch_exceptions=False)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert [entry.name for entry in tmp_path.iterdir()] == ([] if there is None else ["mine.yaml"])
+    assert there is None or path.read_text() == there
+
+
+@pytest.mark.parametrize(
+    ("command", "folder"), [("lock", "lockfiles"), ("verify", "differences")], ids=["lock", "verify"]
+)
+def test_a_default_folder_that_is_a_link_is_not_written_through(tmp_path: Path, command: str, folder: str) -> None:
+    """The command line does not name it, so a folder from elsewhere must not choose where files go."""
+    (tmp_path / "r.yaml").write_text(json.dumps(small()))
+    (tmp_path / "victim").mkdir()
+    (tmp_path / folder).symlink_to("victim")
+    done = run_here(command, "r.yaml", cwd=tmp_path)
+    assert done.returncode == 2 and f"{folder} is a symbolic link" in done.stderr
+    assert not list((tmp_path / "victim").iterdir())
+
+
+def test_a_missing_target_of_verify_has_a_fitting_remedy(tmp_path: Path) -> None:
+    (tmp_path / "lockfiles").mkdir()
+    (tmp_path / "lockfiles" / "mine.lock").write_text("")
+    for target, remedy in (
+        ("datasets/mine", "`recipe build` makes one"),
+        ("mine.lock", "did you mean lockfiles/mine.lock?"),
+        ("other.lock", "`recipe lock RECIPE` writes one"),
+        ("other.yaml", "`recipe init` writes a recipe"),
+    ):
+        done = run_here("verify", target, cwd=tmp_path)
+        assert done.returncode == 2 and remedy in done.stderr
+
+
+def test_a_map_of_an_unknown_town_names_the_towns(tmp_path: Path) -> None:
+    done = run_here("shot", "--map", "Town03", cwd=tmp_path)
+    assert done.returncode == 2 and "towns are downtown, highway, plaza, suburb" in done.stderr
 
 
 @pytest.mark.parametrize("size", ["0", "0.4", "0K", "99999999999999T"])

@@ -29,6 +29,7 @@ def command(name: str, folder: Path, replace: bool, as_json: bool) -> None:
     """Write NAME.yaml: a street with people and cars, a camera, three weathers; and what to run next."""
     from recipe_compiler.ir.errors import Code, InputError, RunError
     from recipe_compiler.schema import template
+    from recipe_runtime.core.outputs import write_output
 
     _check_name(name)
     path = folder / f"{name}.yaml"
@@ -39,9 +40,10 @@ def command(name: str, folder: Path, replace: bool, as_json: bool) -> None:
                 code=Code.OUTPUT_IN_THE_WAY,
             )
         folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(template(name), encoding="utf-8")
+        write_output(path, template(name).encode(), replace=replace)
     except OSError as error:
-        raise RunError(f"{path} cannot be written: {error.strerror or error}; choose another --dir") from None
+        remedy = "free some space, or choose another --dir"
+        raise RunError(f"{path} cannot be written: {error.strerror or error}", help=remedy) from None
     if as_json:
         print_json({"file": str(path)})
         return

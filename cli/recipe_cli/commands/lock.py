@@ -218,12 +218,18 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, re
     """
     import os
 
-    from recipe_compiler.ir.errors import InputError, RunError
+    from recipe_compiler.ir.errors import Code, InputError, RunError
 
     try:
         str(recipe).encode()
     except UnicodeEncodeError:
         raise InputError(f"{str(recipe)!r}: a lockfile names its recipe in UTF-8; rename the file") from None
+    if path.parent.is_symlink():
+        raise InputError(
+            f"{path.parent} is a symbolic link, and lockfiles are written through none",
+            help="replace the link with a folder",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
     if path.is_file() and not replace:
         _check_is_of_recipe(recipe, compiled, path, update)
     try:

@@ -99,16 +99,16 @@ def command(
 
 
 def _check_town_name(recipe: Path) -> None:
-    """Raise InputError if the file does not exist and its name is a misspelt name of a town."""
+    """Raise InputError if there is no such file, and the name has no suffix, as names of towns have none."""
     from recipe_compiler.ir.errors import Code, InputError
     from recipe_compiler.library import towns
     from recipe_compiler.schema.messages import near
 
-    close = None if recipe.exists() or recipe.suffix else near(str(recipe), towns.NAMES)
-    if close is not None:
-        raise InputError(
-            f"{recipe}: there is no such file or town", help=f'did you mean "{close}"?', code=Code.FILE_NOT_FOUND
-        )
+    if recipe.exists() or recipe.suffix:
+        return
+    close = near(str(recipe), towns.NAMES)
+    remedy = f'did you mean "{close}"?' if close else f"towns are {', '.join(sorted(towns.NAMES))}; or name a recipe"
+    raise InputError(f"{recipe}: there is no such file or town", help=remedy, code=Code.FILE_NOT_FOUND)
 
 
 def _draw_map(

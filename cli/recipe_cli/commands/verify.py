@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from recipe_cli.arguments import (
     ALLOW_LARGE,
@@ -108,7 +109,7 @@ def command(
         everything=everything,
         workers=worker_count(workers, device),
         device=device,
-        pictures=pictures,
+        pictures=_checked_pictures(pictures),
         allow_large=allow_large,
     )
     if against is not None and (len(targets) != 1 or _is_dataset(targets[0]) or integrity):
@@ -117,6 +118,7 @@ def command(
     def check(target: Path | str) -> Report:
         if integrity:
             return _integrity(target, options)
+        _check_exists(target)
         with opened(target) if isinstance(target, Path) else nullcontext(target) as place:
             return _verify(place, options, allow_large, against)
 
@@ -133,6 +135,20 @@ def command(
     elif as_json:
         print_json(state().partial["reports"])
     raise click.exceptions.Exit(min((_EXIT[verdict] for verdict in verdicts), key=(1, 3, 0).index))
+
+
+def _checked_pictures(folder: Path) -> Path:
+    """The folder for pictures; InputError if it is the default one and a symbolic link: the user did not name it."""
+    from recipe_compiler.ir.errors import Code, InputError
+
+    chosen = click.get_current_context().get_parameter_source("pictures")
+    if folder.is_symlink() and chosen is ParameterSource.DEFAULT:
+        raise InputError(
+            f"{folder} is a symbolic link, and pictures are written through none unless it is named",
+            help="replace the link with a folder, or choose one with --pictures",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+    return folder
 
 
 def _each(
@@ -171,6 +187,19 @@ def _recipe_of(path: Path) -> Path:
         remedy = "if it was renamed: `recipe verify NEW.yaml`, then `recipe lock NEW.yaml --update`"
         raise InputError(f"{path} names {recipe}, which does not exist", help=remedy, code=Code.FILE_NOT_FOUND)
     return recipe
+
+
+def _check_exists(target: Path | str) -> None:
+    """InputError with a remedy if there is no such lockfile or dataset; a missing recipe is reported when compiled."""
+    from recipe_compiler.ir.errors import Code, InputError
+
+    if not isinstance(target, Path) or target.exists() or target.suffix not in ("", ".lock"):
+        return
+    what, remedy = "dataset folder", "`recipe build` makes one, in datasets/NAME; or name a recipe or a lockfile"
+    if target.suffix:
+        near = target.parent / FOLDER / target.name
+        what, remedy = "lockfile", f"did you mean {near}?" if near.is_file() else "`recipe lock RECIPE` writes one"
+    raise InputError(f"{target}: there is no such {what}", help=remedy, code=Code.FILE_NOT_FOUND)
 
 
 def _all_lockfiles() -> list[Path]:

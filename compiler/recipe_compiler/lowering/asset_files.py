@@ -15,12 +15,14 @@ from pathlib import Path, PurePosixPath
 from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import FilePlan
+from recipe_compiler.ir.plurals import count
 from recipe_compiler.schema.scene import Asset
 from recipe_compiler.source.merge import Sources, forbidden, nearest_file, stays_below
 from recipe_compiler.source.yaml_reader import Value, printable, show
 
 MESH_BYTES, IMAGE_BYTES, ALL_BYTES = 32 << 20, 16 << 20, 128 << 20
 ALL_TRIANGLES, ALL_PIXELS = 2_000_000, 64 << 20
+INVALID_FILES, INVALID_BYTES = 5, 32 << 20  # invalid files that are decoded before the others are left out
 _KINDS = {"mesh": ("glb", "gltf", "obj", "stl"), "image": ("png",)}
 _WHY = {
     "mesh": "export it in one of these formats",
@@ -80,18 +82,24 @@ def read(
     problems: list[Problem] = []
     names = {printable(str(folder / name)): name for name in sources.files}
     total = triangles = pixels = 0
+    invalid: list[int] = []  # sizes of invalid files
     for name, asset in assets.items():
+        if len(invalid) >= INVALID_FILES or sum(invalid) > INVALID_BYTES:
+            message = (
+                f"assets: {count(len(invalid), 'file')} above cannot be used, and those from {name} on were not read"
+            )
+            problems.append(Problem(message, root.place_of("assets", name), "correct them first", Code.INVALID_ASSET))
+            break
         key = "mesh" if asset.mesh is not None else "image"
         place = root.place_of("assets", name, key)
         path = _path(names.get(place.file, ""), asset.mesh or asset.image or "")
+        content = b""
         try:
-            one = _read_one(name, asset, folder, path)
+            content = _content(asset, folder, path)
+            one = _decoded(name, asset, path, content)
         except (OSError, ValueError) as error:
-            reason = (isinstance(error, OSError) and f"cannot be read: {error.strerror}") or str(error)
-            if isinstance(error, FileNotFoundError):
-                near = nearest_file(folder / path) or "paths are relative to this file"
-                reason = f"there is no such file; {near}"
-            shown = show(asset.mesh if asset.mesh is not None else asset.image)
+            invalid += [len(content)] if content else []
+            shown, reason = show(asset.mesh if asset.mesh is not None else asset.image), _reason(error, folder / path)
             problems.append(Problem(f"assets.{name}: {shown}: {reason}", place, code=Code.INVALID_ASSET))
             continue
         found[name] = one
@@ -102,8 +110,8 @@ def read(
             problems.append(Problem(message, root.place_of("assets", name, "sha256"), remedy, Code.INVALID_ASSET))
         total, triangles = total + one.file.bytes, triangles + one.triangles
         pixels += one.pixels[0] * one.pixels[1]
-        for count, what, most in _sums(total, triangles, pixels):
-            message = f"assets: {count} {what} in total up to here exceed the limit of {most}"
+        for number, what, most in _sums(total, triangles, pixels):
+            message = f"assets: {number} {what} in total up to here exceed the limit of {most}"
             problems.append(Problem(message, place, "use fewer or smaller assets", Code.INPUT_LIMIT))
             return found, problems
     return found, problems
@@ -137,12 +145,19 @@ def _sums(total: int, triangles: int, pixels: int) -> Iterator[tuple[int, str, i
     return (row for row in every if row[0] > row[2])
 
 
-def _read_one(name: str, asset: Asset, folder: Path, path: str) -> AssetFile:
-    """Read one asset.
+def _reason(error: OSError | ValueError, path: Path) -> str:
+    """Return why an asset cannot be used, in words."""
+    if isinstance(error, FileNotFoundError):
+        return f"there is no such file; {nearest_file(path) or 'paths are relative to this file'}"
+    return (isinstance(error, OSError) and f"cannot be read: {error.strerror}") or str(error)
+
+
+def _content(asset: Asset, folder: Path, path: str) -> bytes:
+    """Read the file of one asset.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: the path is not allowed, or the content is invalid.
+        ValueError: the path is not allowed, or the file is too large.
     """
     key, given = ("mesh", asset.mesh) if asset.mesh is not None else ("image", asset.image or "")
     assert given is not None
@@ -162,8 +177,16 @@ def _read_one(name: str, asset: Asset, folder: Path, path: str) -> AssetFile:
     content = read_regular(folder / path, most)
     if len(content) > most:
         raise ValueError(f"is larger than {most:,} bytes, the limit for a {key}; simplify it")
+    return content
+
+
+def _decoded(name: str, asset: Asset, path: str, content: bytes) -> AssetFile:
+    """Validate the content of one asset; ValueError if it is invalid."""
+    kind = PurePosixPath(path).suffix[1:].lower()
     file = FilePlan(sha256=hashlib.sha256(content).hexdigest(), bytes=len(content), kind=kind)
-    return _mesh(name, path, file, asset.up, content) if key == "mesh" else _image(name, path, file, content)
+    if asset.mesh is not None:
+        return _mesh(name, path, file, asset.up, content)
+    return _image(name, path, file, content)
 
 
 def _image(name: str, path: str, file: FilePlan, content: bytes) -> AssetFile:

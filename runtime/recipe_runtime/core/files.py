@@ -79,6 +79,12 @@ def file_sha256(path: Path) -> str:
     return hasher.hexdigest()
 
 
+def has_content(root: Path, path: str, size: int, sha256: str) -> bool:
+    """Whether a path below a folder is a regular file, through no link, with this size and SHA-256."""
+    there = regular_file(root, path)
+    return there is not None and there.st_size == size and file_sha256(root / path) == sha256
+
+
 def write_atomic(path: Path, body: bytes | bytearray | memoryview) -> None:
     """Write a file atomically. An OSError names the file."""
     with atomic_file(path) as file:

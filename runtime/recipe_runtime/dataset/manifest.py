@@ -25,7 +25,7 @@ from typing import Final, Literal
 
 from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.lockfile import FrameKey, Lockfile, VariantRow
-from recipe_compiler.ir.plan import DatasetPlan
+from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 
 from recipe_runtime.annotate.records import FileRow
 from recipe_runtime.core import layout
@@ -36,6 +36,7 @@ from recipe_runtime.dataset.manifest_types import (
     FrameDigests,
     Manifest,
     ManifestHead,
+    PlannedVariant,
     RequiredManifest,
     VariantRecord,
 )
@@ -71,12 +72,8 @@ def manifest_text(
         sensors.setdefault(video.variant, {})[video.sensor.name] = pixels
     variants: dict[str, VariantRecord] = {
         v.variant: {
-            "plan": v.digest,
-            "scene": v.scene.digest,
-            "rig": v.rig.digest,
-            "appearance": v.appearance.digest,
+            **_planned_variant(v),
             "trace": harvest.traces[v.scene.digest],
-            "folder": layout.folder(v.variant),
             "frames": sensors[v.variant],
         }
         for v in dataset.variants
@@ -92,6 +89,16 @@ def manifest_text(
         "pictures": {p: row for p, row in rows.items() if p.startswith(_PICTURES)},
     }
     return pretty(manifest if recipe_file is None else {**manifest, "recipe_file": recipe_file})
+
+
+def _planned_variant(variant: ScenarioPlan) -> PlannedVariant:
+    return {
+        "plan": variant.digest,
+        "scene": variant.scene.digest,
+        "rig": variant.rig.digest,
+        "appearance": variant.appearance.digest,
+        "folder": layout.folder(variant.variant),
+    }
 
 
 def file_row(body: bytes) -> FileRow:
@@ -176,11 +183,15 @@ def is_whole(manifest: Manifest, dataset: DatasetPlan, root: Path) -> bool:
 
 
 def is_of(manifest: Manifest, dataset: DatasetPlan) -> bool:
-    """Whether a manifest belongs to this plan and these tools, and its identity matches its digests."""
+    """Whether a manifest has the digests of this plan and these tools, and its identity matches its digests."""
     if {key: manifest.get(key) for key in head(dataset)} != head(dataset) or manifest.get("tools") != tool_versions():
         return False
     try:
-        return lock_of(manifest).sealed
+        planned = {v.variant: _planned_variant(v) for v in dataset.variants}
+        rows = manifest["variants"]
+        same = manifest["order"] == list(planned) and rows.keys() == planned.keys()
+        same = same and all(planned[name].items() <= rows[name].items() for name in planned)
+        return same and lock_of(manifest).sealed
     except DAMAGE:
         return False
 

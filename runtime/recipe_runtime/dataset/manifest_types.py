@@ -21,15 +21,20 @@ class FileRecord(TypedDict):
     sha256: str
 
 
-class VariantRecord(TypedDict):
-    """A variant: the digests of its plan, of the plan's parts, of its Trace and of its frames, and its folder."""
+class PlannedVariant(TypedDict):
+    """The part of a variant's record that depends on its plan only: digests of the plan and its parts, the folder."""
 
     plan: str
     scene: str
     rig: str
     appearance: str
-    trace: str
     folder: str
+
+
+class VariantRecord(PlannedVariant):
+    """A variant: the digests of its plan, of the plan's parts, of its Trace and of its frames, and its folder."""
+
+    trace: str
     frames: FrameDigests
 
 

@@ -54,6 +54,8 @@ def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None
     changed = sorted(path for path, value in files.items() if value not in locked)
     if lock.plan != plan or not (lock.files and changed):
         return None
+    if changed[0] not in lock.files:
+        return f"{changed[0]} is not a file that was locked; its plan is the locked one"
     rest = f" and {count(len(changed) - 1, 'more file')}" if len(changed) > 1 else ""
     return f"the text of {changed[0]}{rest} has changed since it was locked; the plan has not"
 
@@ -78,10 +80,18 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse
     return found
 
 
-def compare_plan_digests(dataset: Dataset) -> list[Difference]:
-    """Compare the plan digest of each variant in a dataset's manifest with the variant's plan."""
-    excuse = excuse_of("plan", dataset.lock)
-    return [
+def compare_manifest(plan: DatasetPlan, dataset: Dataset) -> list[Difference]:
+    """Compare what no identity covers in a dataset's manifest: the description, and the variants' plan digests.
+
+    Args:
+        plan: the plan of the recipe at hand, or the dataset's own.
+        dataset: the dataset; each plan digest is compared with the plan in its folder.
+    """
+    found, excuse = [], excuse_of("plan", dataset.lock)
+    if dataset.plan.description != plan.description:
+        message = f"{layout.MANIFEST}: the description of the dataset is not the recipe's"
+        found.append(Difference("recipe", message))
+    return found + [
         Difference("plan", f"{layout.MANIFEST}: the plan digest of {v.variant} is another than its plan has", excuse)
         for v in dataset.plan.variants
         if dataset.plan_digests.get(v.variant) != v.digest

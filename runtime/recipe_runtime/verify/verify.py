@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+from typing import NoReturn
 
 from recipe_compiler.ir import canonical
 from recipe_compiler.ir.errors import RunError
@@ -28,12 +29,12 @@ from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import host, layout
 from recipe_runtime.core.asset_files import Assets
-from recipe_runtime.core.files import file_sha256
+from recipe_runtime.core.files import has_content
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import builder
 from recipe_runtime.dataset import digests
-from recipe_runtime.dataset.reader import Dataset, Fault, damaged_files, regular_file, text_differences
+from recipe_runtime.dataset.reader import Dataset, Fault, damaged_files, text_differences
 from recipe_runtime.dataset.schedule import chosen_shards
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.shot import shot
@@ -41,7 +42,7 @@ from recipe_runtime.report.difference import write_difference
 from recipe_runtime.verify.compare import (
     compare_datasets,
     compare_files,
-    compare_plan_digests,
+    compare_manifest,
     compare_plans,
     compare_rows,
     lacks_frames,
@@ -68,6 +69,7 @@ from recipe_runtime.verify.version_comparison import version_notes
 Choice = tuple[str, str, int]  # variant, sensor, frame
 
 MAX_PICTURES = 8
+_NONE: Mapping[str, NoReturn] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def verify(
         compared, found = check.run(chosen)
         differences += found
         if dataset is not None:
-            differences += _recipe_and_damage(differences, dataset, options, progress)
+            differences += _recipe_and_damage(differences, dataset, options, progress, check.traces)
             excuses = {layout.CARD: excuse_of("card", lock), **check.track_excuses()}
             faults = text_differences(dataset, check.simulated())
             differences += _not_yet_reported(differences, faults, excuse_of("texts", lock), excuses)
@@ -147,7 +149,7 @@ def verify(
 
 def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Report:
     """Compare a dataset's files with its manifest, and that with its plan; nothing is simulated or rendered."""
-    differences = compare_rows(dataset.plan, dataset.lock) + compare_plan_digests(dataset)
+    differences = compare_rows(dataset.plan, dataset.lock) + compare_manifest(dataset.plan, dataset)
     differences += _recipe_and_damage(differences, dataset, options, progress)
     bound = Bound(0, len(all_choices(dataset.plan)), options.confidence)
     return Report(
@@ -170,17 +172,17 @@ def _listed_differences(
         found += compare_files(plan, lock, files)
     found += compare_plans(plan, lock)
     if dataset is not None:
-        found += compare_plan_digests(dataset)
+        found += compare_manifest(plan, dataset)
         if dataset.lock is not lock:
             found += compare_datasets(plan, lock, dataset.lock, dataset.name)
     return found
 
 
 def _recipe_and_damage(
-    known: list[Difference], dataset: Dataset, options: Options, progress: Progress
+    known: list[Difference], dataset: Dataset, options: Options, progress: Progress, traces: Mapping[str, Trace] = _NONE
 ) -> list[Difference]:
     """How the recipe in a dataset's folder differs, and the files that differ from the manifest."""
-    found = recipe_differences(dataset, options.allow_large)
+    found = recipe_differences(dataset, options.allow_large, traces)
     return found + _not_yet_reported([*known, *found], damaged_files(dataset, progress))
 
 
@@ -188,7 +190,7 @@ def _not_yet_reported(
     known: list[Difference],
     faults: Iterable[Fault],
     excuse: str | None = None,
-    excuses: Mapping[str, str | None] = MappingProxyType({}),
+    excuses: Mapping[str, str | None] = _NONE,
 ) -> list[Difference]:
     """File faults as differences, skipping files already reported by an unexcused difference.
 
@@ -334,7 +336,7 @@ class _Check:
         if self.dataset is None:
             return True
         root, rows = self.dataset.root, [row for record in records for row in record["files"].items()]
-        return bool(rows) and all(_has_bytes(root, path, row[0], row[1]) for path, row in rows)
+        return bool(rows) and all(has_content(root, path, row[0], row[1]) for path, row in rows)
 
     def close(self) -> None:
         """Delete the journal: the run is finished."""
@@ -393,8 +395,3 @@ class _Check:
             except (RunError, OSError) as error:
                 return [*pictures, f"no picture could be written to {out}: {error}"]
         return pictures
-
-
-def _has_bytes(root: Path, path: str, size: int, sha256: str) -> bool:
-    there = regular_file(root, path)
-    return there is not None and there.st_size == size and file_sha256(root / path) == sha256

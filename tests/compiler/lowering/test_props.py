@@ -156,3 +156,17 @@ def test_all_assets_together_are_bounded(
     monkeypatch.setattr(asset_files, limit, 11)
     with pytest.raises(InputError, match=rf"assets: \d+ {what}\w* in total up to here exceed the limit of"):
         compiled(tmp_path, {})
+
+
+@pytest.mark.parametrize(("limit", "most", "read"), [("INVALID_FILES", 2, 2), ("INVALID_BYTES", 20, 3)])
+def test_after_a_few_invalid_files_the_others_are_not_read(
+    limit: str, most: int, read: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Decoding a file before it is refused may take seconds, and a recipe may name one file a hundred times."""
+    monkeypatch.setattr(asset_files, limit, most)
+    (tmp_path / "bad.png").write_bytes(b"not a PNG.")
+    with pytest.raises(InputError) as caught:
+        compiled(tmp_path, {}, **{f"bad{n}": {"image": "bad.png"} for n in range(9)})
+    found = [problem.message for problem in caught.value.problems if problem.message.startswith("assets")]
+    assert len(found) == read + 1
+    assert f"{read} files above cannot be used, and those from bad{read} on were not read" in found[-1]

@@ -123,7 +123,11 @@ def test_an_invalid_recipe_is_found(copied: Path) -> None:
 
 
 def test_a_comment_in_a_listed_recipe_changes_nothing_that_it_makes(copied: Path) -> None:
-    forge(copied, "recipe/recipe.yaml", FILES["recipe.yaml"] + b"# a comment\n")
+    body, path = FILES["recipe.yaml"] + b"# a comment\n", "recipe/lockfiles/assets.lock"
+    forge(copied, "recipe/recipe.yaml", body)
+    known = lockfile.read(copied / path)
+    files = {**known.files, "recipe.yaml": hashlib.sha256(body).hexdigest()}
+    forge(copied, path, replace(known, files=files).dumps().encode())
     assert recipe_differences(datasets.read(copied)) == []
 
 
@@ -139,6 +143,46 @@ def test_another_datasets_lockfile_is_found(copied: Path) -> None:
     forge(copied, "recipe/lockfiles/assets.lock", other.dumps().encode())
     (found,) = (d for d in checked(copied).differences)
     assert (found.stage, found.path) == ("lockfile", "recipe/lockfiles/assets.lock")
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("tools", "it lists 1 unknown tool, 'evil' the first"),
+        ("stages", "it has, of nothing in the recipe, 1 stage row"),
+        ("files", "its rows of files are not those of the recipe in the dataset"),
+        ("source", "its rows of files are not those of the recipe in the dataset"),
+    ],
+)
+def test_forged_rows_that_no_identity_covers_are_found_in_the_datasets_lockfile(
+    copied: Path, kind: str, message: str
+) -> None:
+    path = "recipe/lockfiles/assets.lock"
+    known = lockfile.read(copied / path)
+    change: dict[str, Any] = {
+        "tools": {**known.tools, "evil": "9"},
+        "stages": {**known.stages, "evil": 9},
+        "files": {**known.files, "x.yaml": "c" * 64},
+        "source": "../other.yaml",
+    }
+    forge(copied, path, replace(known, **{kind: change[kind]}).dumps().encode())
+    report = checked(copied)
+    assert report.verdict == "FAIL"
+    assert [(d.path, d.excuse) for d in report.differences] == [(path, None)]
+    assert f"{path}: " in report.differences[0].message and message in report.differences[0].message
+
+
+def test_a_recipe_with_another_description_than_a_dataset_without_recipe_fails(copied: Path) -> None:
+    """The description is in the dataset's card and annotations, and in no digest of a lockfile."""
+    shutil.rmtree(copied / "recipe")
+    manifest = json.loads((copied / "manifest.json").read_text())
+    manifest["files"] = {path: row for path, row in manifest["files"].items() if not path.startswith("recipe/")}
+    del manifest["recipe_file"]
+    for description, stages in ((COMPILED.plan.description, set()), ("licensed for any use", {"recipe"})):
+        (copied / "manifest.json").write_text(json.dumps({**manifest, "description": description}))
+        held = datasets.read(copied)
+        report = verify(COMPILED.plan, held.lock, Options(1, count=1, workers=0), quiet, dataset=held, engines=ENGINES)
+        assert {d.stage for d in report.differences if d.stage == "recipe" and d.excuse is None} == stages
 
 
 def test_a_link_in_the_recipes_place_is_not_followed(copied: Path, tmp_path: Path) -> None:

@@ -7,10 +7,11 @@ import os
 from pathlib import Path
 
 import pytest
+from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import InputError, RunError
 from recipe_runtime.build.pipeline import BuildResult, build
 from recipe_runtime.core import layout
-from recipe_runtime.dataset.reader import read
+from recipe_runtime.dataset.reader import lock_of, read
 from recipe_runtime.verify.verify import Options, verify_files
 
 from tests.runtime.build.test_reuse import Calls, counting
@@ -73,6 +74,20 @@ def test_a_label_is_mended_under_all_its_names(made: BuildResult, tmp_path: Path
     assert len(mended.mended) == shared.stat().st_nlink + 1
     assert tree(mended.path) == before
     assert alone.stat().st_nlink == shared.stat().st_nlink > 1
+
+
+@pytest.mark.parametrize("key", ["plan", "scene"])
+def test_a_dataset_whose_manifest_has_another_plan_of_a_variant_is_built_again(
+    made: BuildResult, tmp_path: Path, key: str
+) -> None:
+    """A plan's digest is not part of the identity, so the manifest may say anything and still be consistent."""
+    path = made.path / "manifest.json"
+    before, manifest = path.read_bytes(), json.loads(path.read_text())
+    manifest["variants"]["weather=w0,jitter=still"][key] = "1" * 64
+    manifest["identity"] = lock_of(manifest).identity
+    path.write_text(pretty(manifest))
+    assert _build(tmp_path).built
+    assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize(

@@ -130,6 +130,19 @@ def test_forged_checkpoints_of_a_body_fail(locked: Lockfile) -> None:
         assert (report.verdict, report.stage) == ("FAIL", "trace")
 
 
+def test_forged_rows_of_bodies_in_a_datasets_own_lockfile_fail(locked: Lockfile, copy: Path) -> None:
+    path = "recipe/lockfiles/tiny.lock"
+    (copy / path).parent.mkdir(parents=True)
+    bodies = {key: replace(motion, digest="ab" * 32) for key, motion in locked.bodies.items()}
+    for written, stages in ((locked, set()), (replace(locked, bodies=bodies), {"trace"})):
+        body = written.dumps().encode()
+        (copy / path).write_bytes(body)
+        row = {"size": len(body), "sha256": hashlib.sha256(body).hexdigest()}
+        edit_manifest(copy, lambda manifest, row=row: manifest["files"].update({path: row}))
+        found = [d for d in check_folder(copy).differences if d.message.startswith(f"{path}: ")]
+        assert {d.stage for d in found if d.excuse is None} == stages
+
+
 @pytest.mark.parametrize("fault", ["no actors", "one frame", "other parts"])
 def test_a_locked_trace_that_is_no_motion_of_its_scene_fails(locked: Lockfile, fault: str) -> None:
     """The frames would be rendered from this host's motion, while the report said that they were not."""
