@@ -57,7 +57,7 @@ class SceneSource:
         self._engines = engines or real_engines()
         self._renderer = renderer
         self._annotator: Annotator | None = None
-        self.reels = device != "cpu"  # whether concurrent frames are faster than single ones
+        self.use_streams = device != "cpu"  # whether concurrent frames are faster than single ones
         self._stream: tuple[str, Any] = "", None  # the stream used last, with its key
 
     @property
@@ -92,9 +92,9 @@ class SceneSource:
             lanes: Maximum number of concurrent frames on a GPU.
         """
         watch = watch or Stopwatch()
-        reel = self._stream_for(sensor, appearances, lanes) if len(frames) > 1 else None
-        if reel is not None:
-            yield from self._streamed(reel, sensor, frames, watch)
+        stream = self._stream_for(sensor, appearances, lanes) if len(frames) > 1 else None
+        if stream is not None:
+            yield from self._streamed(stream, sensor, frames, watch)
             return
         for frame in frames:
             with watch("observe"):
@@ -122,7 +122,7 @@ class SceneSource:
             if response is None or response.motion_blur_intensity == 0.0 or self.scene.clock.frames < 2:
                 return self.renderer.shade(seen, appearance, sensor.name, frame, time)
             return self.renderer.shade(
-                seen, appearance, sensor.name, frame, time, moment=self._neighbour_frame(sensor, frame)
+                seen, appearance, sensor.name, frame, time, neighbour=self._neighbour_frame(sensor, frame)
             )
 
     @contextmanager
@@ -136,7 +136,7 @@ class SceneSource:
 
     def _stream_for(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
         """Return a frame stream and its key; None on a CPU, and for cameras that need one frame at a time."""
-        if not self.reels:
+        if not self.use_streams:
             return None
         from recipe_runtime.render.gpu.frame_stream import can_stream
 
@@ -147,11 +147,11 @@ class SceneSource:
         self._stream = "", None  # not reentrant; and its memory is freed before another one is allocated
         if known != key:
             kept = None
-            kept = self.renderer.reel(sensor.camera, sensor.name, appearances, lanes)
+            kept = self.renderer.frame_stream(sensor.camera, sensor.name, appearances, lanes)
         return key, kept
 
     def _streamed(
-        self, reel: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], watch: Stopwatch
+        self, stream: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], watch: Stopwatch
     ) -> Iterator[Made]:
         from recipe_runtime.render.gpu.frame_stream import FrameBatch
 
@@ -161,17 +161,17 @@ class SceneSource:
                 numbers = frames[start : start + _STREAM_BATCH]
                 poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in numbers])
                 times = [frame / self.scene.clock.fps for frame in numbers]
-                prints = reel[1].frames(
+                rendered = stream[1].frames(
                     FrameBatch(numbers, times, poses, part_transforms(self.trace, np.array(numbers)))
                 )
                 for _ in numbers:
                     with watch("render"):
-                        made = next(prints)
+                        made = next(rendered)
                     left -= 1
                     yield Made(made.number, made.observation, made.pictures)
         finally:
             if not left:  # otherwise frames are still in flight
-                self._stream = reel
+                self._stream = stream
 
     def _neighbour_frame(self, sensor: SensorPlan, frame: int) -> Any:
         """Return the previous frame, or for frame 0 the next one; the length of the blur is equal."""
