@@ -151,7 +151,7 @@ class SceneSource:
         return key, kept
 
     def _streamed(
-        self, stream: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], watch: Stopwatch
+        self, reel: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], watch: Stopwatch
     ) -> Iterator[Made]:
         from recipe_runtime.render.gpu.frame_stream import FrameBatch
 
@@ -161,17 +161,17 @@ class SceneSource:
                 numbers = frames[start : start + _STREAM_BATCH]
                 poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in numbers])
                 times = [frame / self.scene.clock.fps for frame in numbers]
-                rendered = stream[1].frames(
+                prints = reel[1].frames(
                     FrameBatch(numbers, times, poses, part_transforms(self.trace, np.array(numbers)))
                 )
                 for _ in numbers:
                     with watch("render"):
-                        made = next(rendered)
+                        made = next(prints)
                     left -= 1
                     yield Made(made.number, made.observation, made.pictures)
         finally:
             if not left:  # otherwise frames are still in flight
-                self._stream = stream
+                self._stream = reel
 
     def _neighbour_frame(self, sensor: SensorPlan, frame: int) -> Any:
         """Return the previous frame, or for frame 0 the next one; the length of the blur is equal."""
