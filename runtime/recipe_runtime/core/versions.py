@@ -76,6 +76,6 @@ def code_of(packages: frozenset[str], runtime: Path = Path(__file__).parents[1])
 
 
 def host_versions() -> dict[str, str]:
-    """The same, with the interpreter and the C library, on which simulation may depend."""
+    """The tool versions with those of the interpreter and the C library, on which simulation may depend."""
     python, glibc = ".".join(platform.python_version_tuple()[:2]), platform.libc_ver()[1] or "none"
     return {**tool_versions(), "python": python, "glibc": glibc}

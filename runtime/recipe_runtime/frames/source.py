@@ -59,7 +59,7 @@ class SceneSource:
         self._motion = SceneMotion(scene, trace)
         self._renderer = renderer
         self._annotator: Annotator | None = None
-        self.reels = device != "cpu"  # whether concurrent frames are faster than single ones
+        self.use_streams = device != "cpu"  # whether concurrent frames are faster than single ones
         self._stream: tuple[str, Any] = "", None  # the stream used last, with its key
 
     @property
@@ -94,9 +94,9 @@ class SceneSource:
             lanes: Maximum number of concurrent frames on a GPU.
         """
         watch = watch or Stopwatch()
-        reel = self._stream_for(sensor, appearances, lanes) if len(frames) > 1 else None
-        if reel is not None:
-            yield from self._streamed(reel, sensor, frames, watch)
+        stream = self._stream_for(sensor, appearances, lanes) if len(frames) > 1 else None
+        if stream is not None:
+            yield from self._streamed(stream, sensor, frames, watch)
             return
         for frame in frames:
             with watch("observe"):
@@ -124,7 +124,7 @@ class SceneSource:
             if response is None or response.motion_blur_intensity == 0.0 or self.scene.clock.frames < 2:
                 return self.renderer.shade(seen, appearance, sensor.name, frame, time)
             return self.renderer.shade(
-                seen, appearance, sensor.name, frame, time, moment=self._neighbour_frame(sensor, frame)
+                seen, appearance, sensor.name, frame, time, neighbour=self._neighbour_frame(sensor, frame)
             )
 
     @contextmanager
@@ -138,7 +138,7 @@ class SceneSource:
 
     def _stream_for(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
         """Return a frame stream and its key; None on a CPU, and for cameras that need one frame at a time."""
-        if not self.reels:
+        if not self.use_streams:
             return None
         from recipe_runtime.render.gpu.frame_stream import can_stream
 
@@ -149,7 +149,7 @@ class SceneSource:
         self._stream = "", None  # not reentrant; and its memory is freed before another one is allocated
         if known != key:
             kept = None
-            kept = self.renderer.reel(sensor.camera, sensor.name, appearances, lanes)
+            kept = self.renderer.frame_stream(sensor.camera, sensor.name, appearances, lanes)
         return key, kept
 
     def _streamed(
