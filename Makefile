@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-s3 test-torch test-gpu fuzz bench bench-long bench-estimates presets lock verify golden requirements clean test-ray bench-ray
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-gpu fuzz bench bench-long bench-estimates presets lock verify golden requirements clean test-ray bench-ray
 
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -50,13 +50,16 @@ python-fits:
 	  exit 2; fi
 
 test-quick: install-dev  ## the tests that take under a second each, in a minute or so
-	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability"
+	$(BIN)/python -m pytest -q $(PARALLEL) -m "not slow and not cpus and not torch and not ray and not s3 and not reliability and not soak"
 
 test-cpus: install-dev  ## the same bytes on emulated CPUs (needs qemu-user; takes a while)
 	$(BIN)/python -m pytest -q -m cpus --durations=0
 
 test-reliability: install-dev  ## builds that are killed, starved and shut out, as real processes (some minutes)
 	$(BIN)/python -m pytest -q -m reliability -rs --durations=5
+
+test-soak: install-dev  ## hours of traffic: no deadlock, no overlap, no red light ignored (a quarter of an hour)
+	$(BIN)/python -m pytest -q $(PARALLEL) --dist load -m soak -rs
 
 test-gpu: install-dev  ## the same bytes on a CUDA GPU; skipped, with the reason, where there is none
 	$(BIN)/python -m pytest -q -m gpu -rs

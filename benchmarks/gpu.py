@@ -36,10 +36,10 @@ def take_of(variant: ScenarioPlan, trace: Trace, count: int, moving: bool) -> Fr
     return FrameBatch(numbers.tolist(), (numbers / clock.fps).tolist(), poses, part_transforms(trace, numbers))
 
 
-def compare(variant: ScenarioPlan, renderer: Renderer, reel: FrameStream, take: FrameBatch) -> int:
+def compare(variant: ScenarioPlan, renderer: Renderer, stream: FrameStream, take: FrameBatch) -> int:
     """Count the pixels of the frames that differ from those that the CPU renders."""
     sensor, differing = variant.rig.sensors[0], 0
-    for at, made in enumerate(reel.frames(take)):
+    for at, made in enumerate(stream.frames(take)):
         seen = renderer.observe(sensor.camera, take.poses[at], take.parts[at])
         picture = renderer.shade(seen, variant.appearance, sensor.name, made.number, take.times[at])
         ours, theirs = made.observation, seen
@@ -55,14 +55,14 @@ def measure(dataset: DatasetPlan, trace_of: Callable[[ScenarioPlan], Trace], opt
         bodies = [*town_bodies(variant.scene.town), *[actor_body(actor) for actor in variant.scene.actors]]
         gpu, cpu = Renderer(bodies, options.device), Renderer(bodies)
         for moving in (False, True):
-            reel = gpu.reel(sensor.camera, sensor.name, [variant.appearance], options.lanes)
+            stream = gpu.frame_stream(sensor.camera, sensor.name, [variant.appearance], options.lanes)
             few = take_of(variant, trace, options.compare, moving)
-            differing = compare(variant, cpu, reel, few)
+            differing = compare(variant, cpu, stream, few)
             many = take_of(variant, trace, options.frames, moving)
-            for _ in reel.frames(many):  # once for the shadow maps and the clocks
+            for _ in stream.frames(many):  # once for the shadow maps and the clocks
                 pass
             start, busy = time.perf_counter(), time.process_time()
-            for _ in reel.frames(many):
+            for _ in stream.frames(many):
                 pass
             wall, busy = time.perf_counter() - start, time.process_time() - busy
             camera = "moving" if moving else "still"

@@ -21,6 +21,7 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.frames.engines import real_engines
 from recipe_runtime.frames.source import FrameSource
 
+from benchmarks import simulation
 from benchmarks.stage import write_stage
 from benchmarks.table import text_of
 
@@ -86,6 +87,7 @@ def measure(dataset: DatasetPlan, folder: Path, arguments: argparse.Namespace) -
     trace = real_engines().simulate(town.scene)
     found["town plain"], _ = plain(folder / "town", town, trace, arguments.slow_frames // 2)
     found["kernels"] = {name: kernels(recipe, variant) for name, (recipe, variant) in STAGED.items()}
+    found["simulation"] = {str(size): simulation.measured(size) for size in simulation.SIZES}
     found["load after"] = [round(x, 2) for x in os.getloadavg()]
     return found
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import statistics
 from typing import Any
 
+from benchmarks.simulation import GOALS
+
 BUSY = 0.5  # processes running in the minute before the first contender
 
 
@@ -26,7 +28,7 @@ def text_of(found: dict[str, Any]) -> str:
         lines += [_row(f"{scene}: Dataset Recipe, {name}", row) for name, row in found[ours].items()]
         lines += [_row(f"{scene}: plain script, {name}", row) for name, row in found[plain].items()]
     lines += [f"{line}; skipped" for line in found["skipped"]]
-    lines += ["", *_ratios(found), "", *_kernels(found["kernels"])]
+    lines += ["", *_ratios(found), "", *_simulation(found["simulation"]), "", *_kernels(found["kernels"])]
     return "\n".join(lines)
 
 
@@ -79,6 +81,19 @@ def _times(goal: str, ours: dict[str, Any], plain: dict[str, Any], kind: str) ->
     """Ratio of the frame rate to that of every plain script of a kind."""
     rows = [(name, row) for name, row in plain.items() if name.startswith(kind)]
     return [(f"{goal} ({name})", f"{ours['fps'] / row['fps']:.1f}") for name, row in rows]
+
+
+def _simulation(found: dict[str, dict[str, float]]) -> list[str]:
+    """Format the speed of the simulation, by the number of actors."""
+    lines = [
+        "| simulation, actors | times real time | goal | of that, poses | bare PyBullet steps | ratio of CPU time |",
+        "|---|---|---|---|---|---|",
+    ]
+    for actors, row in found.items():
+        goal, share = GOALS[int(actors)], 100 * row["recording"]
+        cells = f"{row['real_time']:.1f} | {goal:.0f} | {share:.0f} % | {row['bare']:.0f} | {row['ratio']:.1f}"
+        lines.append(f"| {actors} | {cells} |")
+    return lines
 
 
 def _kernels(found: dict[str, dict[str, float]]) -> list[str]:

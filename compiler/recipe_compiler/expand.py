@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.ir.errors import Code, Place, Problem
-from recipe_compiler.ir.plan import fixed
+from recipe_compiler.ir.plan_types import fixed
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.schema.fields import MAX_DRAWS, MAX_SEED, MAX_VARIANTS
 from recipe_compiler.schema.messages import Suggestions, nearest

@@ -33,7 +33,8 @@ _PREVIEW = (4.0, 900_000, 1_200_000)  # bytes a pixel of a view, at most for a v
 # Seconds on one core of an x86 processor of the 2020s. Start-up of the build itself, a worker, a simulation.
 _START_BUILD, _START_WORKER, _START_SIMULATION = 1.7, 2.2, 0.6
 _LOAD_ELEMENT, _LOAD_ACTOR = 0.0022, 0.018  # meshes, for each scene
-_SIMULATE_ACTOR, _STEP, _STEP_ACTOR = 0.012, 0.00065, 0.000033  # an actor to place; a physics step; an actor and step
+_SIMULATE_ACTOR, _STEP, _STEP_ACTOR = 0.012, 0.00005, 0.0000055  # an actor to place; a physics step; an actor and step
+_POSE_ACTOR = 0.000075  # an actor and frame
 _LABEL, _LABEL_ACTOR = 0.0035, 0.0004  # a frame; an actor in it
 _OBSERVE, _OBSERVE_STILL, _OBSERVE_MOVING = 0.05, 0.005, 0.005  # a megasample, moving and still; a moved frame
 _SHADE, _SHADE_STILL = (
@@ -241,7 +242,9 @@ def _kinds(view: View, depth: str) -> list[str]:
 
 def _simulating(load: Load) -> float:
     """Seconds to simulate a scene."""
-    return _START_SIMULATION + load.actors * _SIMULATE_ACTOR + load.steps * (_STEP + load.actors * _STEP_ACTOR)
+    frames = max((view.frames for view in load.views), default=0)
+    steps = load.steps * (_STEP + load.actors * _STEP_ACTOR)
+    return _START_SIMULATION + load.actors * (_SIMULATE_ACTOR + frames * _POSE_ACTOR) + steps
 
 
 def _observing(load: Load, view: View, depth: str) -> float:

@@ -284,7 +284,7 @@ def test_every_command_gives_its_errors_as_one_document(command: str, tmp_path: 
 
 
 def test_warnings_are_in_the_document_of_a_command_that_succeeds(tmp_path: Path) -> None:
-    twins = {n: {"blueprint": "walker.pedestrian.0001", "start": {"x": 1, "y": 1}} for n in ("a", "b")}
+    twins = {n: {"blueprint": "walker.pedestrian.0001", "start": {"x": 8, "y": 5}} for n in ("a", "b")}
     document = {**RECIPE, "base": {**RECIPE["base"], "actors": twins}}  # type: ignore[dict-item]  # RECIPE is a plain dict
     (tmp_path / "r.yaml").write_text(json.dumps(document))
     for command in (check.command, plan.command):

@@ -172,7 +172,7 @@ def test_hours_of_work_need_an_explicit_yes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "least", "most"),
     [
-        ({"steps": 100_000}, 5, 50),
+        ({"steps": 1_000_000}, 5, 50),
         ({"view": replace(SMALL_VIEW, samples=4 * 30_000, still=False)}, 1.2, 4),
         ({"view": replace(SMALL_VIEW, frames=3000)}, 1.5, 10),
         ({"elements": 70_000}, 5, 40),

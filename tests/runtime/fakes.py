@@ -162,11 +162,13 @@ class Renderer:
         frame: int,
         time: float,
         *,
-        moment: object = None,
+        neighbour: object = None,
     ) -> NDArray[np.uint8]:
         return self.picture(obs, appearance, frame)
 
-    def reel(self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int) -> NoReturn:
+    def frame_stream(
+        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int
+    ) -> NoReturn:
         raise AssertionError("a CPU renders its frames one by one")
 
     def picture(self, obs: Seen, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:

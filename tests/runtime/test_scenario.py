@@ -62,11 +62,11 @@ def test_labels_on_demand_equal_the_built_ones(built: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reels", [False, True])
-def test_a_stream_gives_what_is_rendered_one_by_one(reels: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("use_streams", [False, True])
+def test_a_stream_gives_what_is_rendered_one_by_one(use_streams: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also by the way of a GPU, which draws many frames at once: here on the CPU."""
     scenario, again = recipe_runtime.open(TINY, RAIN), recipe_runtime.open(TINY, RAIN)
-    monkeypatch.setattr(scenario._scenes.source(scenario.plan.scene), "reels", reels)
+    monkeypatch.setattr(scenario._scenes.source(scenario.plan.scene), "use_streams", use_streams)
     for sensor in scenario.sensors:
         seen = []
         for number, arrays in scenario.stream(sensor, [2, 0, -1]):
@@ -78,11 +78,11 @@ def test_a_stream_gives_what_is_rendered_one_by_one(reels: bool, monkeypatch: py
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reels", [False, True])
-def test_two_streams_at_once_do_not_mix(reels: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("use_streams", [False, True])
+def test_two_streams_at_once_do_not_mix(use_streams: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pairs of frames that follow one another, as flow wants them."""
     scenario = recipe_runtime.open(TINY, RAIN)
-    monkeypatch.setattr(scenario._scenes.source(scenario.plan.scene), "reels", reels)
+    monkeypatch.setattr(scenario._scenes.source(scenario.plan.scene), "use_streams", use_streams)
     for (n, one), (m, other) in zip(scenario.stream(frames=range(3)), scenario.stream(frames=range(1, 4)), strict=True):
         assert (n + 1, m) == (m, n + 1)
         np.testing.assert_array_equal(one["rgb"], scenario.render(n))

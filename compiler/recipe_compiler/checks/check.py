@@ -146,7 +146,7 @@ def _check_name(parent: Value, name: str, what: str) -> list[Problem]:
 
 
 def check_removals(root: Value) -> list[Problem]:
-    """Problems of deltas that remove an actor or a sensor that is nowhere."""
+    """Problems of deltas that remove an actor, a prop or a sensor that no layer defines."""
     deltas, base = root.get("deltas"), root.get("base")
     everything = (
         [base, *(delta for values in deltas.map.values() for delta in values.map.values())] if deltas and base else []

@@ -82,6 +82,7 @@ def unknown_carrier(base: Value) -> Iterator[Problem]:
     """Report sensors mounted on an actor that the variant does not have."""
     actors, sensors = base.get("actors"), base.get("sensors")
     names = list(actors.map) if actors else []
+    many = base.get("traffic", "density") is not None
     for kind, key in (("vehicle", "vehicles"), ("pedestrian", "pedestrians"), ("parked", "parked")):
         number = base.get("traffic", key)
         if number is not None and isinstance(number.data, int):
@@ -93,9 +94,28 @@ def unknown_carrier(base: Value) -> Iterator[Problem]:
             message = f"the actor {show(on)} is removed here, but sensors.{name} is mounted on it"
             yield Problem(message, removed, "remove or remount the sensor too", Code.CONFLICT)
         elif on is not None and on not in known:
+            if many and re.fullmatch(r"traffic\.(vehicle|pedestrian)\.[0-9]{1,3}", on):
+                continue  # whether there are so many is known when the town is
             message = f"sensors.{name}.mount.on: there is no actor {show(on)}"
             place = base.place_of("sensors", name, "mount", "on")
             yield Problem(message, place, suggestions.nearest(on), Code.UNKNOWN_NAME)
+
+
+def unknown_sensor(base: Value) -> Iterator[Problem]:
+    """Traffic near a sensor that the variant does not have."""
+    near_sensor, sensors = _text(base, "traffic", "near"), base.get("sensors")
+    if near_sensor is not None and sensors is not None and near_sensor not in sensors.map:
+        message, place = f"traffic.near: there is no sensor {show(near_sensor)}", base.place_of("traffic", "near")
+        yield Problem(message, place, nearest(near_sensor, list(sensors.map)), Code.UNKNOWN_NAME)
+
+
+def unknown_mix(base: Value) -> Iterator[Problem]:
+    """A glob of the traffic's mix that matches nothing in the library."""
+    mix = base.get("traffic", "mix")
+    for glob in mix.map if mix is not None else ():
+        if re.search(BLUEPRINT, glob) and len(glob) <= 64 and not blueprints.match(glob):
+            message, place = f"traffic.mix: {show(glob)} matches no blueprint", mix.key_place(glob) if mix else None
+            yield Problem(message, place, blueprint_remedy(glob), Code.UNKNOWN_NAME)
 
 
 def _removal(base: Value, section: str, name: str) -> Place | None:
@@ -164,6 +184,8 @@ CHECKS: tuple[Check, ...] = (
     (unknown_town, ("town",)),
     (unknown_blueprint, ("actors",)),
     (unknown_carrier, ("actors", "traffic", "sensors")),
+    (unknown_sensor, ("traffic", "sensors")),
+    (unknown_mix, ("traffic",)),
     (unknown_day, ("place",)),
     (names_alike, ("actors", "props", "sensors")),
 )

@@ -11,67 +11,45 @@ yaw about fixed axes (R = Rz(yaw) Ry(pitch) Rx(roll)); positive pitch looks down
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cached_property
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, RootModel
+from pydantic import ConfigDict, Field, RootModel
 
-from recipe_compiler.ir.actor_kinds import Category
-from recipe_compiler.ir.canonical import JsonValue, digest
+from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.modalities import MODALITIES, Modality
-
-# Limits of a plan, whether it was compiled here or read from a file. `plan_bounds` has the ranges
-# of bodies' shapes, and how many things a town may have of each kind.
-MAX_VARIANTS, MAX_SENSORS, MAX_FRAMES = 10_000, 1_000, 1_000_000
-MAX_ELEMENTS, MAX_ACTORS, MAX_PROPS, MAX_POINTS = 10_000, 1_000, 1_000, 10_000
-MAX_BODIES = MAX_ELEMENTS + MAX_ACTORS + MAX_PROPS
-MAX_SLOTS = 64
-MAX_FILE_BYTES = 32 << 20
-MAX_PIXELS_A_SIDE = 4096
-MAX_VARIANT_NAME, MAX_DESCRIPTION = 240, 2000  # characters
-
-
-def fixed(value: float) -> float:
-    """The value as a fixed decimal of six places; -0 becomes 0."""
-    return round(value, 6) + 0.0
-
-
-Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(fixed)]
-Metres = Annotated[Number, Field(ge=-100_000, le=100_000)]
-Degrees = Annotated[Number, Field(ge=-10_000, le=10_000)]
-Percent = Annotated[Number, Field(ge=0, le=100)]
-Colour = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]  # sRGB
-Name = Annotated[str, Field(min_length=1, max_length=100)]
-Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-Share = Annotated[Number, Field(ge=0, le=1)]
-Ten = Annotated[Number, Field(ge=0, le=10)]
-Tag = Annotated[int, Field(ge=0, le=255)]  # CARLA 0.9.14+ semantic tag
-Slot = Annotated[str, Field(max_length=1000)]
-Shape = Annotated[dict[Name, Number], Field(max_length=32)]
-Slots = Annotated[dict[Slot, Colour], Field(max_length=MAX_SLOTS)]
-
-
-P = TypeVar("P", bound="Plan")
-
-
-class Plan(BaseModel):
-    """A frozen value with a canonical form."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", ignored_types=(cached_property,))
-
-    def document(self) -> dict[str, JsonValue]:
-        """This plan as plain JSON values."""
-        return self.model_dump(mode="json")
-
-    def model_copy(self: P, *, update: Mapping[str, object] | None = None, deep: bool = False) -> P:
-        """Copy the plan. The copy computes its own digests: pydantic would keep those of the original."""
-        copied = super().model_copy(update=update, deep=deep)
-        for name in copied.__dict__.keys() - type(copied).model_fields.keys():
-            del copied.__dict__[name]
-        return copied
+from recipe_compiler.ir.plan_types import (
+    MAX_ACTORS,
+    MAX_BODIES,
+    MAX_DESCRIPTION,
+    MAX_ELEMENTS,
+    MAX_FILE_BYTES,
+    MAX_FRAMES,
+    MAX_PIXELS_A_SIDE,
+    MAX_POINTS,
+    MAX_PROPS,
+    MAX_SENSORS,
+    MAX_SLOTS,
+    MAX_VARIANT_NAME,
+    MAX_VARIANTS,
+    Colour,
+    Degrees,
+    Metres,
+    Name,
+    Number,
+    Percent,
+    Sha256,
+    Shape,
+    Share,
+    Slot,
+    Slots,
+    Tag,
+    Ten,
+)
+from recipe_compiler.ir.plan_types import Plan as Plan
+from recipe_compiler.ir.semantic_tags import Category
 
 
 class Pose(Plan):
@@ -93,11 +71,17 @@ class Point(Plan):
 
 
 class Clock(Plan):
-    """When frames are taken: frame k at physics step k * (physics / fps), frame 0 before the first step."""
+    """When frames are taken: frame k is k / fps seconds after frame 0, which the warm-up precedes."""
 
     fps: Annotated[int, Field(ge=1, le=1000)]
     frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)]
     physics: Annotated[int, Field(ge=1, le=1000)]  # steps a second
+    warmup: Annotated[Number, Field(ge=0, le=600)] = 0.0  # seconds simulated before frame 0
+
+    @property
+    def warmup_steps(self) -> int:
+        """Physics steps before frame 0."""
+        return int(self.warmup * self.physics + 0.5)
 
     @property
     def steps_per_frame(self) -> int:
@@ -112,7 +96,7 @@ class Element(Plan):
     kind: Name
     pose: Pose
     size: tuple[Metres, Metres, Metres]  # metres along its own x, y, z
-    shape: Shape = {}
+    shape: Shape = Field(default_factory=dict)
 
 
 class TownPlan(Plan):
@@ -125,6 +109,13 @@ class TownPlan(Plan):
     def digest(self) -> str:
         """Identity of the layout."""
         return digest("plan/town/1", self.document())
+
+
+class Pause(Plan):
+    """A pedestrian stands at a waypoint of its route for some seconds."""
+
+    waypoint: Annotated[int, Field(ge=0, lt=MAX_POINTS)]  # index into the route
+    seconds: Annotated[Number, Field(ge=0, le=3600)]
 
 
 class ActorPlan(Plan):
@@ -140,7 +131,12 @@ class ActorPlan(Plan):
     route: Annotated[
         tuple[Point, ...], Field(max_length=MAX_POINTS)
     ]  # after the start, the goal last; empty: it stands
-    speed: Annotated[Number, Field(ge=0, le=1000)]  # m/s
+    speed: Annotated[Number, Field(ge=0, le=1000)]  # m/s; a vehicle's where no speed limit is lower
+    held: bool = False  # stands at its start until frame 0, and then moves off at its speed
+    obeys: bool = True  # traffic lights
+    entry: Pose | None = None  # a vehicle that reaches its goal leaves, and enters again here when there is room
+    pauses: Annotated[tuple[Pause, ...], Field(max_length=MAX_POINTS)] = ()  # in order of their waypoints
+    companion: Name | None = None  # the pedestrian beside whom it walks; its route is then not used
 
 
 class FilePlan(Plan):
@@ -313,7 +309,9 @@ class AppearancePlan(Plan):
     weather: Weather
     sun: Sun
     looks: Looks
-    textures: Annotated[dict[Name, Textures], Field(max_length=MAX_PROPS)] = {}  # body -> slot -> image
+    textures: Annotated[dict[Name, Textures], Field(max_length=MAX_PROPS)] = Field(
+        default_factory=dict
+    )  # body -> slot -> image
     responses: Annotated[dict[Name, CameraResponse], Field(max_length=MAX_SENSORS)]  # by sensor
 
     @cached_property

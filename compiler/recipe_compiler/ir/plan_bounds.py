@@ -11,10 +11,9 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from recipe_compiler.ir.actor_kinds import BODIES, BODY_TAGS
 from recipe_compiler.ir.plan import ActorPlan, Element
 from recipe_compiler.ir.plurals import count
-from recipe_compiler.ir.semantic_tags import Tag
+from recipe_compiler.ir.semantic_tags import BODIES, BODY_TAGS, Tag
 
 Range = tuple[float, float]
 
@@ -64,7 +63,7 @@ KINDS: dict[str, Kind] = {
         150,
         ((48.0, 48.0), (8.0, 24.0), (0.0, 0.0)),
         400,
-        {"lanes": (2, 5), "lane": (3.0, 4.0), "shoulder": (2.0, 3.0), **_KEY},
+        {"limit": (5, 150), "lanes": (2, 5), "lane": (3.0, 4.0), "shoulder": (2.0, 3.0), **_KEY},
     ),
     "fence": Kind(1500, ((0.08, 0.08), (0.8, 36.0), (1.0, 1.7)), 3000, {"style": (0, 2)}),
     "fountain": _fixed(2, (7.0, 7.0, 2.6), 4000),
@@ -102,7 +101,8 @@ KINDS: dict[str, Kind] = {
         ((18.0, 120.0), (6.0, 10.6), (0.0, 0.0)),
         500,
         {
-            "stop_a": (0.0, 3.5), "stop_b": (0.0, 3.5), "bay": (0.0, 2.3), "bay_from": (-55.0, 0.0), "bays": (0, 18),
+            "limit": (5, 150), "stop_a": (0.0, 3.5), "stop_b": (0.0, 3.5),
+            "bay": (0.0, 2.3), "bay_from": (-55.0, 0.0), "bays": (0, 18),
             "bay_length": (6.2, 6.2), **_KEY,
         },
     ),
@@ -115,7 +115,10 @@ KINDS: dict[str, Kind] = {
     "sign": Kind(1500, ((0.1, 0.1), (0.5, 1.0), (2.5, 3.1)), 250, {"face": (0, 6), "value": (0, 120)}),
     "statue": _fixed(80, (2.0, 2.0, 4.5), 1500, **_KEY),
     "tower": Kind(70, ((15.0, 31.0), (19.0, 45.0), (8.0, 61.0)), 100, _KEY),
-    "traffic_light": Kind(80, ((0.26, 0.26), (0.26, 0.26), (5.6, 5.6)), 260, {"arm": (1.0, 5.0), "go": _FLAG}),
+    "traffic_light": Kind(80, ((0.26, 0.26), (0.26, 0.26), (5.6, 5.6)), 260, {
+        "arm": (1.0, 5.0), "cycle": (10.0, 300.0), "green_from": (0.0, 300.0), "green": (1.0, 300.0),
+        "amber": (1.0, 10.0),
+    }),
     "tree": Kind(
         1800,
         ((1.0, 9.0), (1.0, 9.0), (3.0, 15.0)),

@@ -1,9 +1,12 @@
-"""CARLA's semantic tags (version 0.9.14 and later): the only table of their numbers and names."""
+"""CARLA's semantic tags (version 0.9.14 and later), the categories of actors and the families of vehicles.
+
+This is the only table of their numbers and names.
+"""
 
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Literal
+from typing import Literal, get_args
 
 
 class Tag(IntEnum):
@@ -53,3 +56,24 @@ PropLabel = Literal[
     "Bridge", "GuardRail",
 ]  # fmt: skip
 """Names of the tags that a prop may have."""
+
+Category = Literal["pedestrian", "vehicle"]
+
+CATEGORIES: tuple[Category, ...] = get_args(Category)
+"""The categories of actors."""
+
+BODY_TAGS: dict[str, Tag] = {
+    "sedan": Tag.CAR,
+    "hatchback": Tag.CAR,
+    "suv": Tag.CAR,
+    "van": Tag.CAR,
+    "pickup": Tag.CAR,
+    "bus": Tag.BUS,
+    "truck": Tag.TRUCK,
+    "motorcycle": Tag.MOTORCYCLE,
+    "bicycle": Tag.BICYCLE,
+}
+"""Family of vehicles, the second part of a blueprint's id -> its semantic tag."""
+
+BODIES: tuple[str, ...] = tuple(BODY_TAGS)
+"""Families of vehicles. `shape["body"]` of a blueprint is an index into this tuple, so new ones are appended."""

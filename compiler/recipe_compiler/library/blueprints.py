@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
-from recipe_compiler.ir.actor_kinds import BODIES, BODY_TAGS, Category
 from recipe_compiler.ir.plan import ActorPlan, Pose
-from recipe_compiler.ir.semantic_tags import Tag
+from recipe_compiler.ir.semantic_tags import BODIES, BODY_TAGS, Category, Tag
 from recipe_compiler.ir.streams import Stream
 
 Palette = dict[str, tuple[str, ...]]

@@ -6,21 +6,23 @@ from collections.abc import Mapping
 
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.actor_kinds import Category
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import ActorPlan, Point, Pose
+from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints
 from recipe_compiler.library.blueprints import Blueprint
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering import placement
+from recipe_compiler.lowering import pedestrian_traffic, placement, traffic
+from recipe_compiler.lowering.placement import Footprint
+from recipe_compiler.lowering.walking import BODY
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import show
 
 MAX_ROUTE = 20_000.0  # length limit of generated routes, metres
-_TRAFFIC = {"vehicle": "vehicle.*", "pedestrian": "walker.pedestrian.*"}
+_AHEAD = {"vehicle": 150.0, "pedestrian": 20.0}  # metres of a route beyond the farthest place that an actor can reach
 
 
 class ActorLowering:
@@ -37,27 +39,55 @@ class ActorLowering:
         self._variant, self._base, self._town, self._instances = variant, base, town, instances
         self._spots = placement.Spots(town.spots)
         self._parking = placement.Parking(town.parking)
+        self._warmup = traffic.warmup(base)
+        self._chosen = {name: self._choose(name, actor) for name, actor in base.actors.items()}
+        self._made: dict[str, ActorPlan | None] = {}
+        self._view: traffic.View | None = None
 
     def _stream(self, name: str, *purpose: str) -> Stream:
-        return Stream(self._variant.seed, "actor", name, *purpose)
+        own = self._base.traffic.seed if name.startswith("traffic.") else None
+        return Stream(self._variant.seed if own is None else own, "actor", name, *purpose)
 
     def plans(self) -> tuple[ActorPlan, ...] | None:
         """Return the plans of all actors, named actors in file order and then traffic; None if there are problems."""
-        chosen = {name: self._choose(name, actor) for name, actor in self._base.actors.items()}
         for name, actor in self._base.actors.items():
             if actor.start is not None:
-                self._spots.occupy(chosen[name].category, actor.start.x, actor.start.y)
-                self._parking.occupy(actor.start.x, actor.start.y)
-        traffic = [
-            *(self._traffic("vehicle", index) for index in range(self._base.traffic.vehicles)),
-            *(self._traffic("pedestrian", index) for index in range(self._base.traffic.pedestrians)),
-        ]
-        traffic += [self._parked(index) for index in range(self._base.traffic.parked)]
-        named = [self._named(name, actor, chosen[name]) for name, actor in self._base.actors.items()]
-        plans = [*named, *traffic]
+                x, y = actor.start.x, actor.start.y
+                self._spots.occupy(Footprint.of(self._chosen[name], x, y, actor.start.yaw or 0.0))
+                self._parking.occupy(x, y)
+        numbers = traffic.counts(self._base)
+        names = [f"traffic.{category}.{index}" for category in numbers for index in range(numbers[category])]
+        names += [f"traffic.parked.{index}" for index in range(self._base.traffic.parked)]
+        self._view = self._view_near()
+        crowd = [self._plan_of(name) for name in names]
+        plans = [*(self._plan_of(name) for name in self._base.actors), *crowd]
         if self.problems:
             return None
         return tuple(plan for plan in plans if plan is not None)
+
+    def _plan_of(self, name: str) -> ActorPlan | None:
+        """The plan of an actor, made once; None if it has problems."""
+        if name not in self._made:
+            self._made[name] = self._lower(name)
+        return self._made[name]
+
+    def _lower(self, name: str) -> ActorPlan | None:
+        if name in self._base.actors:
+            return self._named(name, self._base.actors[name], self._chosen[name])
+        _, kind, index = name.split(".")
+        if kind == "parked":
+            return self._parked(int(index))
+        return self._traffic("vehicle" if kind == "vehicle" else "pedestrian", int(index))
+
+    def _view_near(self) -> traffic.View | None:
+        """What the sensor of `traffic.near` sees; None without one. The actor that carries it is placed first."""
+        near = self._base.traffic.near
+        if near is None or near not in self._base.sensors:
+            return None
+        sensor = self._base.sensors[near]
+        carrier = self._plan_of(sensor.mount.on) if sensor.mount.on is not None else None
+        way = None if carrier is None else (carrier.start, carrier.route, carrier.speed)
+        return traffic.View.of(self._base, sensor, way)
 
     def _choose(self, name: str, actor: Actor) -> Blueprint:
         """Draw the blueprint of a named actor from those that its glob pattern matches."""
@@ -77,7 +107,7 @@ class ActorLowering:
         }
 
     def _named(self, name: str, actor: Actor, blueprint: Blueprint) -> ActorPlan | None:
-        start = self._spots.take(blueprint.category, self._stream(name, "start")) if actor.start is None else None
+        start = self._spots.take(blueprint, self._stream(name, "start")) if actor.start is None else None
         if actor.start is None and start is None:
             self._report_no_room(("actors", name), f"actors.{name}: {self._full(blueprint.category)}")
             return None
@@ -94,23 +124,60 @@ class ActorLowering:
             heading = exact.atan2_deg(route[0].y - start.y, route[0].x - start.x)
             start = Pose(x=start.x, y=start.y, yaw=heading)
         self._colour(name, blueprint, actor.look)
-        return self._plan(name, self._instances[name], blueprint, start, route if speed > 0 else (), speed)
+        entry = self._town.streets.entry(start) if waypoints is None and blueprint.category == "vehicle" else None
+        plan = self._plan(name, self._instances[name], blueprint, start, route if speed > 0 else (), speed)
+        held = actor.start is not None and self._warmup > 0.0
+        return plan.model_copy(update={"held": held, "entry": entry})
 
     def _traffic(self, category: Category, index: int) -> ActorPlan | None:
         name = f"traffic.{category}.{index}"
-        start = self._spots.take(category, self._stream(name, "start"))
+        blueprint = traffic.blueprint(category, self._base.traffic, self._town, self._stream(name, "blueprint"))
+        speed = blueprint.default_speed * self._stream(name, "speed").uniform(0.85, 1.15)
+        speed *= self._town.pace if category == "vehicle" else 1.0
+        if category == "pedestrian":
+            pair = self._beside_previous(name, index, blueprint)
+            if pair is not None:
+                return pair
+            speed = pedestrian_traffic.running_speed(blueprint, self._stream(name, "run")) or speed
+
+        def score(pose: Pose) -> float:
+            assert self._view is not None
+            route = self._route(name, blueprint, pose, speed)
+            return self._view.score(pose, route, speed, self._warmup)
+
+        start = self._spots.take(blueprint, self._stream(name, "start"), score if self._view is not None else None)
         if start is None:
             key = "vehicles" if category == "vehicle" else "pedestrians"
             if not self._reported(f"traffic.{key}"):
                 self._report_no_room(("traffic", key), f"traffic.{key}: {self._full(category)}")
             return None
-        allowed = [b for b in blueprints.match(_TRAFFIC[category]) if not b.id.startswith(self._town.barred)]
-        blueprint = self._stream(name, "blueprint").choice(allowed)
-        speed = blueprint.default_speed * self._stream(name, "speed").uniform(0.85, 1.15)
-        speed *= self._town.pace if category == "vehicle" else 1.0
         self._colour(name, blueprint, {})
         block = placement.VEHICLE_NUMBERS if category == "vehicle" else placement.PEDESTRIAN_NUMBERS
-        return self._plan(name, block + index, blueprint, start, self._route(name, blueprint, start, speed), speed)
+        plan = self._plan(name, block + index, blueprint, start, self._route(name, blueprint, start, speed), speed)
+        ignores = self._stream(name, "lights").uniform(0.0, 100.0) < self._base.traffic.ignore_lights_percentage
+        if category == "vehicle":
+            return plan.model_copy(update={"obeys": not ignores, "entry": self._town.streets.entry(start)})
+        route, pauses = pedestrian_traffic.with_pauses(start, plan.route, self._stream(name, "pauses"))
+        return plan.model_copy(update={"obeys": not ignores, "route": route, "pauses": pauses})
+
+    def _beside_previous(self, name: str, index: int, blueprint: Blueprint) -> ActorPlan | None:
+        """The plan of a pedestrian who walks beside the one before it in the traffic; None for all others."""
+        stream = self._stream(name, "companion")
+        if index == 0 or not pedestrian_traffic.is_paired(stream):
+            return None
+        leader = self._plan_of(f"traffic.pedestrian.{index - 1}")
+        if leader is None:
+            return None
+        beside = Footprint.of(blueprint, leader.start.x, leader.start.y, leader.start.yaw)
+        for start in pedestrian_traffic.places_beside(leader, stream):
+            body = Footprint.of(blueprint, start.x, start.y, start.yaw)
+            if self._spots.free(body, beside) and self._town.obstacles.at(start.x, start.y, BODY) is None:
+                self._spots.occupy(body)
+                self._colour(name, blueprint, {})
+                number = placement.PEDESTRIAN_NUMBERS + index
+                plan = self._plan(name, number, blueprint, start, leader.route, leader.speed)
+                return plan.model_copy(update={"obeys": leader.obeys, "companion": leader.name})
+        return None
 
     def _parked(self, index: int) -> ActorPlan | None:
         """Return the plan of a parked car in a free parking place; None, with a problem, if no place is free."""
@@ -123,7 +190,7 @@ class ActorLowering:
                 message += "; lower it, or choose a larger town" if places else "; remove it, or choose another town"
                 self._report_no_room(("traffic", "parked"), message)
             return None
-        fitting = [b for b in blueprints.match(_TRAFFIC["vehicle"]) if blueprints.parks(b)]
+        fitting = [b for b in blueprints.match("vehicle.*") if blueprints.parks(b)]
         blueprint = self._stream(name, "blueprint").choice(fitting)
         self._colour(name, blueprint, {})
         return self._plan(name, placement.PARKED_NUMBERS + index, blueprint, place, (), 0.0)
@@ -141,8 +208,8 @@ class ActorLowering:
         return f"no free spawn point is left for a {category}; the town has {places} in total; {remedy}"
 
     def _route(self, name: str, blueprint: Blueprint, start: Pose, speed: float) -> tuple[Point, ...]:
-        seconds = self._base.clock.frames / self._base.clock.fps
-        length = min(speed * seconds * 1.1 + 5.0, MAX_ROUTE)
+        seconds = self._warmup + self._base.clock.frames / self._base.clock.fps
+        length = min(speed * seconds * 1.1 + _AHEAD[blueprint.category], MAX_ROUTE)
         return self._town.route(blueprint.category, start, length, self._stream(name, "route"))
 
     def _plan(

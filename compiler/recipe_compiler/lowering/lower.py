@@ -5,7 +5,6 @@ Parts that variants share are lowered once. Their plans are the same objects, so
 
 from __future__ import annotations
 
-import functools
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -28,11 +27,12 @@ from recipe_compiler.ir.plan import (
     TexturePlan,
     Weather,
 )
-from recipe_compiler.library import towns, weather
+from recipe_compiler.library import weather
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering import camera_motion, enclosures, lint, plausibility, props, sun
+from recipe_compiler.lowering import camera_motion, lint, plausibility, props, sun, traffic
 from recipe_compiler.lowering.actors import ActorLowering
 from recipe_compiler.lowering.asset_files import AssetFile
+from recipe_compiler.lowering.walking_routes import WalkingRoutes
 from recipe_compiler.schema.camera import Camera
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.scene import Town as TownSpec
@@ -92,10 +92,12 @@ class Lowering:
 
     def scenario(self, variant: Variant, base: Base) -> ScenarioPlan | None:
         """Return the plans of a variant; None, with entries in `problems`, if it cannot be lowered."""
-        cast = (base.clock, base.town, base.actors, base.traffic, base.props)
+        cast = [base.clock, base.town, base.actors, base.traffic, base.props]
+        if base.traffic.near is not None:
+            cast.append(base.sensors)
         key = ("scene", *map(id, cast), variant.seed)
         scene = self._once_reporting(key, cast, lambda: self._scene(variant, base))
-        if scene is None:
+        if scene is None or not self._carriers_exist(variant, base, scene):
             return None
         rig = self._once(
             ("rig", id(base.clock), id(base.sensors), variant.seed),
@@ -121,6 +123,19 @@ class Lowering:
         )
         return ScenarioPlan(variant=variant.name, scene=scene.plan, rig=rig, appearance=appearance)
 
+    def _carriers_exist(self, variant: Variant, base: Base, scene: _Scene) -> bool:
+        """Report each sensor that is mounted on an actor that the scene does not have."""
+        names = {actor.name for actor in scene.plan.actors}
+        missing = [name for name, sensor in base.sensors.items() if sensor.mount.on not in {None, *names}]
+        for name in missing:
+            on = base.sensors[name].mount.on
+            message = f"sensors.{name}.mount.on: there is no actor {show(on)}; the traffic has fewer"
+            place = variant.base.place_of("sensors", name, "mount", "on")
+            self.problems.append(
+                Problem(message, place, "raise `traffic.density`, or mount it elsewhere", Code.UNKNOWN_NAME)
+            )
+        return not missing
+
     # Scene
 
     def _scene(self, variant: Variant, base: Base) -> _Scene | None:
@@ -133,12 +148,16 @@ class Lowering:
         if actors is None or stage.problems:
             return None
         given = [actor for actor in actors if actor.name in base.actors and base.actors[actor.name].start is not None]
-        routed = {name for name, actor in base.actors.items() if actor.goal is not None or actor.route is not None}
         self.warnings += lint.of_starts(variant.base, given, town)
         self.warnings += plausibility.of_speeds(variant.base, actors)
-        self.warnings += enclosures.of_enclosed_starts(variant.base, given, routed, town)
-        self.warnings += enclosures.of_enclosed_goals(variant.base, base.actors, town)
-        clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics)
+        routes = WalkingRoutes(variant.base, base.actors, town, stage.plans, actors)
+        actors = routes.planned()
+        self.problems += routes.problems
+        self.warnings += routes.warnings
+        if routes.problems:
+            return None
+        seconds = traffic.warmup(base)
+        clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics, warmup=seconds)
         # All colours come from a palette or are validated. Validating a town's again would be the slowest step here.
         looks = Looks.model_construct(root={**town.looks, **cast.looks, **stage.looks})
         plan = ScenePlan(clock=clock, town=town.plan, actors=actors, props=stage.plans)
@@ -146,7 +165,7 @@ class Lowering:
 
     def _town(self, spec: TownSpec) -> Town:
         key = (spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))
-        return self._once(("town", *key), None, lambda: _built(*key))
+        return self._once(("town", *key), None, lambda: traffic.built(*key))
 
     # Rig
 
@@ -200,11 +219,6 @@ class Lowering:
             message = f"weather.sun_altitude_angle overrides the altitude that follows from {by_time}"
             place = variant.base.place_of("weather", "sun_altitude_angle")
             self.warnings.append(Problem(message, place, "remove one of the two", Code.OVERRIDDEN))
-
-
-@functools.lru_cache(maxsize=8)
-def _built(name: str, seed: int, parameters: str) -> Town:
-    return towns.build(name, seed, json.loads(parameters))
 
 
 _EFFECTS = (

@@ -11,22 +11,25 @@ parked cars have separate ranges of numbers, so that none depends on how many of
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.actor_kinds import Category
 from recipe_compiler.ir.plan import Pose
+from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream
+from recipe_compiler.library.blueprints import Blueprint
 
 BASE_NUMBERS = (1, 299)  # actors of the base, in file order
 DELTA_NUMBERS = (300, 399)  # actors that occur only in deltas, by a hash of the name
 PARKED_NUMBERS = 400  # first of 100 numbers for traffic.parked.*
 PEDESTRIAN_NUMBERS = 500  # first of 250 numbers for traffic.pedestrian.*
 VEHICLE_NUMBERS = 750  # first of the numbers for traffic.vehicle.*
-_CLEARANCE: dict[Category, float] = {"pedestrian": 0.6, "vehicle": 4.0}  # radius kept free around a body, metres
-_CELL = 2 * max(_CLEARANCE.values())
+_ALONG, _ASIDE = 1.5, 0.25  # metres kept free before and behind a vehicle, and beside it
+_PERSON = 0.6  # metres around a pedestrian
+_CELL = 14.0  # metres, more than two bodies that touch can be apart
 _TRIES = 64
+_CANDIDATES = 24  # free spawn points that are compared where a score is given
 _PLACE = (5.0, 2.3)  # a body occupies a parking place within this distance of its middle, along and across; metres
 
 
@@ -63,44 +66,95 @@ def _cell(x: float, y: float) -> tuple[int, int]:
     return math.floor(x / _CELL), math.floor(y / _CELL)
 
 
+@dataclass(frozen=True)
+class Footprint:
+    """The rectangle that an actor keeps free at its start, in the world frame, metres."""
+
+    x: float
+    y: float
+    ahead: tuple[float, float]  # unit vector
+    half_length: float
+    half_width: float
+
+    @classmethod
+    def of(cls, blueprint: Blueprint, x: float, y: float, yaw: float) -> Footprint:
+        """Return the footprint of a blueprint that faces `yaw`, in degrees."""
+        if blueprint.category == "pedestrian":
+            return cls(x, y, (1.0, 0.0), _PERSON, _PERSON)
+        sine, cosine = exact.sin_cos_deg(yaw)
+        length, width = blueprint.shape["length"], blueprint.shape["width"]
+        return cls(x, y, (cosine, sine), length / 2 + _ALONG, width / 2 + _ASIDE)
+
+    def overlaps(self, other: Footprint) -> bool:
+        """Return whether two footprints overlap: no side of either separates them."""
+        dx, dy = other.x - self.x, other.y - self.y
+        for body in (self, other):
+            for ux, uy in (body.ahead, (-body.ahead[1], body.ahead[0])):
+                if abs(dx * ux + dy * uy) >= self._extent(ux, uy) + other._extent(ux, uy):
+                    return False
+        return True
+
+    def _extent(self, ux: float, uy: float) -> float:
+        along = abs(self.ahead[0] * ux + self.ahead[1] * uy)
+        aside = abs(self.ahead[0] * uy - self.ahead[1] * ux)
+        return along * self.half_length + aside * self.half_width
+
+
 @dataclass
 class Spots:
-    """The spawn points of a town, and the bodies placed so far."""
+    """The spawn points of a town, and the actors that start at some of them."""
 
     points: Mapping[Category, Sequence[Pose]]
-    _standing: dict[tuple[int, int], list[tuple[float, float, float]]] = field(default_factory=dict)
+    _standing: dict[tuple[int, int], list[Footprint]] = field(default_factory=dict)
 
-    def occupy(self, category: Category, x: float, y: float) -> None:
-        """Add a body at a position in the world frame, metres."""
-        self._standing.setdefault(_cell(x, y), []).append((x, y, _CLEARANCE[category]))
+    def occupy(self, body: Footprint) -> None:
+        """Note that a body stands here."""
+        self._standing.setdefault(_cell(body.x, body.y), []).append(body)
 
-    def free(self, category: Category, x: float, y: float) -> bool:
-        """Whether a body of this category at a position keeps clear of all bodies placed so far."""
-        own, (i, j) = _CLEARANCE[category], _cell(x, y)
-        near = (body for a in (i - 1, i, i + 1) for b in (j - 1, j, j + 1) for body in self._standing.get((a, b), ()))
-        return all((x - a) * (x - a) + (y - b) * (y - b) >= (own + r) * (own + r) for a, b, r in near)
+    def free(self, body: Footprint, beside: Footprint | None = None) -> bool:
+        """Return whether a body fits here, if need be touching the one beside which it is to stand."""
+        i, j = _cell(body.x, body.y)
+        near = (other for a in (i - 1, i, i + 1) for b in (j - 1, j, j + 1) for other in self._standing.get((a, b), ()))
+        return not any(body.overlaps(other) for other in near if other != beside)
 
-    def take(self, category: Category, stream: Stream) -> Pose | None:
-        """Occupy and return the first free spawn point in a random order; None if all are occupied."""
+    def take(self, blueprint: Blueprint, stream: Stream, score: Callable[[Pose], float] | None = None) -> Pose | None:
+        """Take a free spawn point: the first in the stream's order, or the best of several.
+
+        Args:
+            blueprint: What is to stand there.
+            stream: Draws the order.
+            score: Rates a spawn point; the best of the first free ones is taken. None: the first one is.
+
+        Returns:
+            The spawn point; None if the town has no free one left.
+        """
+        found = []
+        for pose in self._in_order(blueprint.category, stream):
+            if self.free(Footprint.of(blueprint, pose.x, pose.y, pose.yaw)):
+                found.append(pose)
+                if score is None or len(found) == _CANDIDATES:
+                    break
+        if not found:
+            return None
+        chosen = found[0] if score is None else max(found, key=score)
+        self.occupy(Footprint.of(blueprint, chosen.x, chosen.y, chosen.yaw))
+        return chosen
+
+    def _in_order(self, category: Category, stream: Stream) -> Iterator[Pose]:
+        """Yield spawn points as drawn, and then those after the last one drawn."""
         options = self.points[category]
         if not options:
-            return None
+            return
+        drawn: set[int] = set()
         index = 0
         for _ in range(_TRIES):
             index = stream.integer(0, len(options) - 1)
-            if self._try(category, options[index]):
-                return options[index]
+            if index not in drawn:
+                drawn.add(index)
+                yield options[index]
         for step in range(1, len(options)):
-            pose = options[(index + step) % len(options)]
-            if self._try(category, pose):
-                return pose
-        return None
-
-    def _try(self, category: Category, pose: Pose) -> bool:
-        if not self.free(category, pose.x, pose.y):
-            return False
-        self.occupy(category, pose.x, pose.y)
-        return True
+            if (index + step) % len(options) not in drawn:
+                yield options[(index + step) % len(options)]
 
 
 @dataclass

@@ -10,6 +10,7 @@ from recipe_compiler.ir.plan import ActorPlan, Pose, RigPlan
 from recipe_compiler.source.yaml_reader import Value
 
 FASTEST_RUNNER = 12.5  # m/s
+_DEGREES = 57.29577951308232  # of a radian
 NARROWEST = 5.0  # degrees; smaller fields of view are telescopes, or radians
 _CABINS = {"van": 0.22, "bus": 0.42, "truck": 0.42}  # how far it reaches ahead of the middle, per length of the body
 _CABIN = 0.14  # the same, of other bodies: well behind any windscreen
@@ -39,7 +40,7 @@ def of_views(base: Value, rig: RigPlan, actors: Iterable[ActorPlan]) -> Iterator
         if fov < NARROWEST:
             message = f"sensors.{sensor.name}.camera.fov: {fov:g} degrees is a very small field of view"
             place = base.place_of("sensors", sensor.name, "camera", "fov")
-            remedy = f"write {math.degrees(fov):.1f} if it is in radians" if fov <= math.pi else "write a larger one"
+            remedy = f"write {fov * _DEGREES:.1f} if it is in radians" if fov <= math.pi else "write a larger one"
             yield Problem(message, place, remedy, Code.IMPLAUSIBLE)
         if carrier is not None and any(_is_inside(carrier, pose) for pose in sensor.poses[:1]):
             message = f"sensors.{sensor.name}: it is inside {carrier.name}, the actor that carries it"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from typing import Protocol
 
 from recipe_compiler import limits
@@ -11,6 +12,7 @@ from recipe_compiler.expand import Variant
 from recipe_compiler.ir import optics
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library import towns
+from recipe_compiler.lowering import traffic
 from recipe_compiler.lowering.actors import MAX_ROUTE
 from recipe_compiler.schema.camera import Motion
 from recipe_compiler.schema.recipe import Base
@@ -41,14 +43,15 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
         for s in base.sensors.values()
     )
     clock, parameters = base.clock, base.town.model_extra or {}
-    crowd = base.traffic.vehicles + base.traffic.pedestrians
+    crowd = sum(traffic.counts(base).values())
+    seconds = clock.frames / clock.fps + traffic.warmup(base)
     wandering = crowd + sum(actor.route is None and actor.goal is None for actor in base.actors.values())
-    points = wandering * min(clock.frames / clock.fps * _METRES_A_SECOND, MAX_ROUTE) / _METRES_A_POINT
+    points = wandering * min(seconds * _METRES_A_SECOND, MAX_ROUTE) / _METRES_A_POINT
     return limits.Load(
         scene=scene,
         rig=rig,
         appearance=variant.name,
-        steps=clock.frames * clock.physics // clock.fps,
+        steps=math.ceil(seconds * clock.physics),
         actors=len(base.actors) + crowd + base.traffic.parked,
         views=views,
         town=(base.town.name, base.town.seed, json.dumps(parameters, sort_keys=True)),
@@ -96,7 +99,7 @@ def measured(plan: ScenarioPlan) -> limits.Load:
         scene=plan.scene.digest,
         rig=plan.rig.digest,
         appearance=plan.appearance.digest,
-        steps=clock.frames * clock.steps_per_frame,
+        steps=clock.warmup_steps + clock.frames * clock.steps_per_frame,
         actors=len(plan.scene.actors),
         views=views,
         elements=len(plan.scene.town.elements),

@@ -25,6 +25,8 @@ TRAFFIC_LIMIT, PARKED_LIMIT = 250, 100  # instance numbers are three digits, ass
 
 Name = Annotated[str, StringConstraints(pattern=NAME, max_length=NAME_LENGTH)]
 ActorName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=NAME_LENGTH)]
+Glob = Annotated[str, StringConstraints(pattern=BLUEPRINT, max_length=NAME_LENGTH)]
+Weight = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]
 Colour = Annotated[str, StringConstraints(pattern=r"^#[0-9A-Fa-f]{6}$")]
 Metres = Annotated[float, Field(ge=-10_000, le=10_000, allow_inf_nan=False)]
 Degrees = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)]

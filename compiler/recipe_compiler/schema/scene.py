@@ -16,10 +16,13 @@ from recipe_compiler.schema.fields import (
     TRAFFIC_LIMIT,
     Colour,
     Degrees,
+    Glob,
     Metres,
     Model,
     Name,
+    Percent,
     Seed,
+    Weight,
     bounded,
 )
 
@@ -30,6 +33,15 @@ class Clock(Model):
     fps: Annotated[int, Field(ge=1, le=1000, description="Frames per second; must divide `physics`.")]
     frames: Annotated[int, Field(ge=1, le=MAX_FRAMES, description="Number of frames per clip.")]
     physics: Annotated[int, Field(ge=60, le=1000, description="Physics steps per second.")] = 240
+    warmup: Annotated[
+        float | None,
+        bounded(
+            0,
+            600,
+            "Seconds simulated before frame 0; absent: 10 with moving traffic, else 0. "
+            "An actor with a `start` stays there until frame 0.",
+        ),
+    ] = None
 
     @model_validator(mode="after")
     def _fps_divides(self) -> Clock:
@@ -89,7 +101,7 @@ class Actor(Model):
         None
     )
     goal: Annotated[
-        GroundPoint | None, Field(description="Goal, reached in a straight line. Default: a random route of the town.")
+        GroundPoint | None, Field(description="Goal, reached by the shortest way. Default: a random route of the town.")
     ] = None
     route: Annotated[
         tuple[GroundPoint, ...] | None,
@@ -113,12 +125,45 @@ class Actor(Model):
         return self
 
 
+class Density(Model):
+    """Traffic by the length of the town's streets, instead of by number."""
+
+    vehicles: Annotated[float, bounded(0, 100, "Vehicles for each kilometre of lane.")] = 0.0
+    pedestrians: Annotated[float, bounded(0, 1000, "Pedestrians for each kilometre of sidewalk.")] = 0.0
+
+
 class Traffic(Model):
     """Randomly chosen actors, named traffic.vehicle.0, traffic.pedestrian.0, traffic.parked.0 and so on."""
 
     vehicles: Annotated[int, Field(ge=0, le=TRAFFIC_LIMIT, description="Number of moving vehicles.")] = 0
     pedestrians: Annotated[int, Field(ge=0, le=TRAFFIC_LIMIT, description="Number of walking pedestrians.")] = 0
     parked: Annotated[int, Field(ge=0, le=PARKED_LIMIT, description="Number of parked cars.")] = 0
+    density: Annotated[
+        Density | None, Field(description="Numbers by length, instead of `vehicles` and `pedestrians`.")
+    ] = None
+    mix: Annotated[
+        dict[Glob, Weight],
+        Field(
+            max_length=32,
+            description="Share of each blueprint or glob among vehicles or pedestrians, as weights: "
+            "`{vehicle.sedan.*: 6, vehicle.bus.*: 1}`; absent: each blueprint as often.",
+        ),
+    ] = {}
+    near: Annotated[Name | None, Field(description="A sensor: traffic is placed where it is likely to see it.")] = None
+    seed: Annotated[Seed | None, Field(description="Seeds the traffic alone; absent: the seed of the recipe.")] = None
+    ignore_lights_percentage: Annotated[
+        Percent, Field(description="Percentage of the traffic that ignores traffic lights.")
+    ] = 0.0
+
+    @model_validator(mode="after")
+    def _one_number(self) -> Traffic:
+        if self.density is not None:
+            for key in ("vehicles", "pedestrians"):
+                if getattr(self, key) and getattr(self.density, key):
+                    raise PydanticCustomError(
+                        "density", "`density.{key}` is given too; keep one of the two", {"key": key}
+                    )
+        return self
 
 
 class Asset(Model):

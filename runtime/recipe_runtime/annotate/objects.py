@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.plan import CameraPlan, ScenePlan, fixed
+from recipe_compiler.ir.plan import CameraPlan, ScenePlan
+from recipe_compiler.ir.plan_types import fixed
 
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.records import Box3d, LabelRecord

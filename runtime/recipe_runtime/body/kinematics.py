@@ -1,21 +1,23 @@
-"""Kinematics of articulated bodies: quaternions, forward kinematics, and inverse kinematics of two-bone limbs.
+"""Kinematics of articulated bodies: quaternions and forward kinematics.
 
-Rotations are unit quaternions x, y, z, w, computed with `+ - * /` and `sqrt` alone. The bones of a limb point along -z
-at rest.
+Rotations are unit quaternions x, y, z, w, computed with `+ - * /` and `sqrt` alone.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TypeVar
 
 from recipe_compiler.ir import exact
 
+from recipe_runtime.body.exact_arrays import Floats
 from recipe_runtime.body.skeleton import Joint
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 PartPose = tuple[Vector, Quaternion]  # origin and orientation
+Real = TypeVar("Real", float, Floats)  # numbers, or arrays of one shape
 
 IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
@@ -26,7 +28,9 @@ def axis_rotation(axis: str, degrees: float) -> Quaternion:
     return (s * (axis == "x"), s * (axis == "y"), s * (axis == "z"), c)
 
 
-def compose(first: Quaternion, second: Quaternion) -> Quaternion:
+def compose(
+    first: tuple[Real, Real, Real, Real], second: tuple[Real, Real, Real, Real]
+) -> tuple[Real, Real, Real, Real]:
     """Return the Hamilton product first * second: `second` is relative to the axes that `first` rotated."""
     ax, ay, az, aw = first
     bx, by, bz, bw = second
@@ -38,7 +42,7 @@ def compose(first: Quaternion, second: Quaternion) -> Quaternion:
     )
 
 
-def rotate(rotation: Quaternion, v: Sequence[float]) -> Vector:
+def rotate(rotation: tuple[Real, Real, Real, Real], v: tuple[Real, Real, Real]) -> tuple[Real, Real, Real]:
     """Rotate a vector."""
     x, y, z, w = rotation
     a, b, c = v
@@ -46,7 +50,7 @@ def rotate(rotation: Quaternion, v: Sequence[float]) -> Vector:
     return (a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx)
 
 
-def inverse(rotation: Quaternion) -> Quaternion:
+def inverse(rotation: tuple[Real, Real, Real, Real]) -> tuple[Real, Real, Real, Real]:
     """Return the inverse of a rotation."""
     x, y, z, w = rotation
     return (-x, -y, -z, w)
@@ -67,53 +71,6 @@ def forward_kinematics(base: PartPose, joints: Sequence[Joint], rotations: Seque
         dx, dy, dz = rotate(orientation, joint.offset)
         poses[joint.part] = ((px + dx, py + dy, pz + dz), compose(orientation, rotation))
     return list(poses.values())
-
-
-def two_bone_ik(
-    target: Sequence[float], upper: float, lower: float, pole: Sequence[float], *, knee: bool
-) -> tuple[Quaternion, Quaternion]:
-    """Return the rotations of a limb's two joints that bring its end to `target`.
-
-    A target out of reach is approached as far as the limb extends.
-
-    Args:
-        target: Position of the end, relative to the root of the limb, metres.
-        upper: Length of the upper bone, metres.
-        lower: Length of the lower bone, metres.
-        pole: Direction that the middle joint bends towards.
-        knee: Whether the lower bone folds backwards, as at a knee, or forwards, as at an elbow.
-    """
-    tx, ty, tz = target
-    reach = math.sqrt(tx * tx + ty * ty + tz * tz)
-    u = (tx / reach, ty / reach, tz / reach)
-    along = u[0] * pole[0] + u[1] * pole[1] + u[2] * pole[2]
-    w = _normalize((pole[0] - along * u[0], pole[1] - along * u[1], pole[2] - along * u[2]))
-    reach = min(reach, 0.999 * (upper + lower))
-    cosine = max(-1.0, min(1.0, (upper * upper + reach * reach - lower * lower) / (2.0 * upper * reach)))
-    sine = math.sqrt(1.0 - cosine * cosine)
-    first = tuple(cosine * u[k] + sine * w[k] for k in range(3))
-    second = tuple((reach * u[k] - upper * first[k]) / lower for k in range(3))
-    hinge = _cross(w, u) if knee else _cross(u, w)
-    above = _bone_rotation(first, hinge)
-    return above, compose(inverse(above), _bone_rotation(second, hinge))
-
-
-def _bone_rotation(bone: Sequence[float], hinge: Sequence[float]) -> Quaternion:
-    """Return the orientation whose -z axis is a bone and whose y axis is its hinge."""
-    z = (-bone[0], -bone[1], -bone[2])
-    x = _cross(hinge, z)
-    rows = [[x[k], hinge[k], z[k]] for k in range(3)]
-    qw, qx, qy, qz = quaternion_of_matrix(rows)
-    return qx, qy, qz, qw
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> Vector:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-def _normalize(v: Vector) -> Vector:
-    size = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    return (v[0] / size, v[1] / size, v[2] / size)
 
 
 def quaternion_of_matrix(r: Sequence[Sequence[float]]) -> tuple[float, float, float, float]:

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from recipe_compiler.ir.actor_kinds import BODIES
 from recipe_compiler.ir.plan import ActorPlan
+from recipe_compiler.ir.semantic_tags import BODIES
 
 Offset = tuple[float, float, float]
 SIDES = (("left", 1.0), ("right", -1.0))

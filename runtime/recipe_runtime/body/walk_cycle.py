@@ -1,139 +1,329 @@
-"""The walk cycle of a pedestrian: joint rotations as a function of phase and speed.
+"""Poses of people who stand, walk and run, all at once.
 
-The phase counts strides: the left heel strikes at 0, the right heel at 0.5. It advances with the distance covered, so
-that a foot on the ground does not slide. The feet are placed first, and the legs follow by inverse kinematics; the
-pelvis drops when the legs are spread. Proportions are from D. A. Winter, Biomechanics and Motor Control of Human
-Movement.
+The feet are where `body.footsteps` puts them. While a foot is on the ground it rolls about the heel, then about the
+ball; the legs follow by inverse kinematics, and the pelvis sinks so that they reach the ground. Arms swing against
+the legs, and are bent in running. Proportions and angles of walking are from D. A. Winter, Biomechanics and Motor
+Control of Human Movement; those of running from T. F. Novacheck, The biomechanics of running, Gait and Posture 7, 1998.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from recipe_compiler.ir import exact
+import numpy as np
+from numpy.typing import NDArray
 
-from recipe_runtime.body.kinematics import IDENTITY, Quaternion, axis_rotation, compose, forward_kinematics, rotate
+from recipe_runtime.body import exact_arrays
+from recipe_runtime.body.exact_arrays import Floats
+from recipe_runtime.body.footsteps import Footsteps, Ground, Planar
+from recipe_runtime.body.gait import Gait
+from recipe_runtime.body.kinematics import PartPose, compose
+from recipe_runtime.body.poses import Components4, Poses, SkeletonGroup, about, about_by_angle
 from recipe_runtime.body.skeleton import Figure
 
-_DUTY = 0.61  # duty factor: the fraction of a stride during which a foot is on the ground
+HEAD_TURN = 70.0  # degrees to either side
+_HEAD_RATE = 150.0  # degrees/s
+_HEEL, _BALL = 0.036, 0.117  # where the sole rolls, metres behind and ahead of the ankle for a height of 1 m
+_LAND, _LIFT = -16.0, 44.0  # pitch of the foot where it is put down and lifted, degrees, toes down
+
+Row = tuple[float, ...]
 
 
-def stride_length(figure: Figure, speed: float) -> float:
-    """Return the length of a stride (two steps) in metres at a speed in m/s.
-
-    Gaits are similar at equal Froude numbers, so shorter legs have a higher cadence (R. McN. Alexander, 1976).
-    """
-    pace = speed / math.sqrt(9.81 * figure.hip)
-    return figure.hip * min(0.75 + 1.85 * pace, 2.3)
-
-
-def pelvis_drop(figure: Figure, phase: float, speed: float) -> float:
-    """Return how far the pelvis is below its standing height, in metres; it is lowest when the legs are spread."""
-    _, twice = exact.sin_cos_deg(720.0 * (phase - 0.05))
-    deepest = min(0.029 * stride_length(figure, speed), 0.029 * figure.height)
-    return _walk_weight(speed) * (0.003 * figure.height + deepest * 0.5 * (1.0 + twice))
-
-
-def pose(figure: Figure, phase: float, speed: float) -> tuple[Quaternion, ...]:
-    """Return the rotations of `Figure.joints`, in their order; at speed 0 the pose is standing.
+def row(footsteps: Footsteps, place: Planar, heading: Planar, head_yaw: float = 0.0) -> Row:
+    """Return the state of a person as `Walkers.pose` takes it.
 
     Args:
-        figure: Proportions of the pedestrian.
-        phase: Number of strides since a left heel strike.
-        speed: m/s.
+        footsteps: The feet.
+        place: Position of the body, metres.
+        heading: Unit vector of its direction.
+        head_yaw: Degrees by which the head is turned to the left.
     """
-    swing = min(1.25, speed / 1.4)
-    _, cosine = exact.sin_cos_deg(360.0 * phase)
-    turn, lean = 5.0 * swing * cosine, min(5.0, 1.6 * speed)
-    rotations = [
-        compose(axis_rotation("z", turn), axis_rotation("y", lean)),
-        compose(axis_rotation("y", -0.8 * lean), axis_rotation("z", -turn)),
-    ]
-    out = 4.0 + 22.0 * max(0.0, figure.girth - 1.0)
-    for side in (1.0, -1.0):
-        backward = side * cosine * swing
-        rotations.append(
-            compose(axis_rotation("x", side * out), axis_rotation("y", 24.0 * backward - swing - 0.8 * lean))
-        )
-        rotations.append(
-            compose(axis_rotation("x", -0.5 * side * out), axis_rotation("y", -(9.0 + 10.0 * swing - 9.0 * backward)))
-        )
-    low, length = pelvis_drop(figure, phase, speed), stride_length(figure, speed)
-    for k in range(2):
-        rotations += [
-            axis_rotation("y", angle) for angle in _leg(figure, phase + 0.5 * k, length, low, _walk_weight(speed))
-        ]
-    return tuple(rotations)
+    s = footsteps
+    left, right = s.feet
+    opposite = s.phase + 0.5 if s.phase < 0.5 else s.phase - 0.5
+    return (
+        *(*place, *heading, s.height, s.phase, s.stride.speed, s.stride.duty, s.stride.running, head_yaw),
+        *(s.phase, float(left.planted), left.progress(s.phase), left.x, left.y, left.z, left.hx, left.hy),
+        *(left.ax, left.ay, left.az, left.ahx, left.ahy),
+        *(opposite, float(right.planted), right.progress(opposite), right.x, right.y, right.z, right.hx, right.hy),
+        *(right.ax, right.ay, right.az, right.ahx, right.ahy),
+    )
 
 
-def lowest_sole(figure: Figure, rotations: Sequence[Quaternion]) -> float:
-    """Return the height in metres of the lowest point of both soles above the base's origin."""
-    heel, toes = (-0.036 * figure.height, 0.0, -figure.ankle), (0.115 * figure.height, 0.0, -figure.ankle)
-    parts = forward_kinematics(((0.0, 0.0, 0.0), IDENTITY), figure.joints, rotations)
-    feet = [placed for joint, placed in zip(figure.joints, parts[1:], strict=True) if joint.part.startswith("foot")]
-    return min(origin[2] + rotate(turn, point)[2] for origin, turn in feet for point in (heel, toes))
+def steady_pose(figure: Figure, phase: float, speed: float) -> list[PartPose]:
+    """Return the poses of the base and all joints of a person at the origin, on the level.
 
-
-def _walk_weight(speed: float) -> float:
-    """Return the weight of the walking pose: 0 when standing, 1 from 0.5 m/s on."""
-    return min(1.0, speed / 0.5)
-
-
-def _smoothstep(u: float) -> float:
-    u = max(0.0, min(1.0, u))
-    return u * u * (3.0 - 2.0 * u)
-
-
-def _leg(f: Figure, phase: float, length: float, pelvis_drop: float, walking: float) -> list[float]:
-    """Return the angles of hip, knee and ankle, in degrees."""
-    x, z, pitch = _ankle(f, phase - math.floor(phase), length)
-    x, z, pitch = walking * x, f.ankle + walking * (z - f.ankle), walking * pitch
-    dx, dz = x, z - (f.hip - pelvis_drop)
-    longest = 0.999 * (f.thigh + f.shin)
-    reach = math.sqrt(dx * dx + dz * dz)
-    if reach > longest:
-        dx, dz, reach = dx * longest / reach, dz * longest / reach, longest
-    at_knee = (f.thigh * f.thigh + f.shin * f.shin - reach * reach) / (2.0 * f.thigh * f.shin)
-    at_hip = (f.thigh * f.thigh + reach * reach - f.shin * f.shin) / (2.0 * f.thigh * reach)
-    hip = -(exact.atan2_deg(dx, -dz) + _acos(at_hip))
-    knee = 180.0 - _acos(at_knee)
-    return [hip, knee, pitch - hip - knee]
-
-
-def _acos(c: float) -> float:
-    c = max(-1.0, min(1.0, c))
-    return exact.atan2_deg(math.sqrt(1.0 - c * c), c)
-
-
-def _about(x: float, dx: float, dz: float, pitch: float) -> tuple[float, float]:
-    """Return the ankle's position when the foot is rotated by `pitch` (toes down) about a ground point at x."""
-    s, c = exact.sin_cos_deg(pitch)
-    return x + dx * c + dz * s, -dx * s + dz * c
-
-
-def _ankle(f: Figure, p: float, length: float) -> tuple[float, float, float]:
-    """Return the ankle's position ahead of the hip and above the ground, and the foot's pitch, at the leg's phase.
-
-    The pitch is in degrees, toes down.
+    Args:
+        figure: Proportions of the person.
+        phase: Number of strides since the left foot was put down.
+        speed: m/s; 0 if the person stands.
     """
-    ball, heel = 0.112 * f.height, 0.036 * f.height
-    strike = 0.205 * length
-    lift, land = 44.0, -16.0
-    if p < _DUTY:
-        t = p / _DUTY
-        x = strike - p * length
-        if t < 0.14:
-            pitch = land * (1.0 - _smoothstep(t / 0.14))
-            return (*_about(x - heel, heel, f.ankle, pitch), pitch)
-        rise = max(0.0, (t - 0.42) / 0.58)
-        pitch = lift * rise * rise * (1.6 - 0.6 * rise)
-        return (*_about(x + ball, -ball, f.ankle, pitch), pitch)
-    u = (p - _DUTY) / (1.0 - _DUTY)
-    x0, z0 = _about(strike - _DUTY * length + ball, -ball, f.ankle, lift)
-    x1, z1 = _about(strike - heel, heel, f.ankle, land)
-    slope = -0.5 * (1.0 - _DUTY) * length
-    a, b = u * u * (3.0 - 2.0 * u), u * (1.0 - u)
-    x = x0 + (x1 - x0) * a + slope * b * (1.0 - 2.0 * u)
-    z = z0 + (z1 - z0) * _smoothstep(u * 1.15) + 0.05 * f.height * b * (1.0 - u)
-    return x, z, lift + (land - lift) * _smoothstep(u * 1.25)
+    place, heading = (0.0, 0.0), (1.0, 0.0)
+    feet = Footsteps.steady(Gait(figure), phase, speed, place, heading, _level_ground)
+    return Walkers([figure]).pose([row(feet, place, heading)], _level_ground).of_first()
+
+
+def _level_ground(_x: float, _y: float) -> float:
+    return 0.0
+
+
+def turn_head(yaw: float, wanted: float, seconds: float) -> float:
+    """Return the yaw of a head, degrees to the left, after it has turned towards a wanted one for some seconds."""
+    most = _HEAD_RATE * seconds
+    wanted = max(-HEAD_TURN, min(HEAD_TURN, wanted))
+    return yaw + max(-most, min(most, wanted - yaw))
+
+
+_BODY, _FOOT = 10, 13  # numbers of a row for the body and for each foot
+
+
+@dataclass(frozen=True)
+class _Body:
+    """State of the bodies of N people; each array [..., N]."""
+
+    x: Floats
+    y: Floats
+    hx: Floats
+    hy: Floats
+    height: Floats
+    phase: Floats
+    pace: Floats  # the speed at which a grown-up person of this gait would go, m/s
+    duty: Floats
+    running: Floats
+    head_yaw: Floats
+    walking: Floats  # 0 when standing, 1 from 0.5 m/s on
+
+
+@dataclass(frozen=True)
+class _Feet:
+    """State of the feet of N people, left and right; each array [2, ..., N]."""
+
+    phase: Floats
+    planted: NDArray[np.bool_]
+    progress: Floats
+    place: Floats  # [5, 2, ..., N]: x, y, z and direction
+    aim: Floats
+
+
+@dataclass(frozen=True)
+class _Ankles:
+    """Positions of the ankles in the world frame, and how the feet are turned; each array [2, ..., N]."""
+
+    x: Floats
+    y: Floats
+    z: Floats
+    hx: Floats
+    hy: Floats
+    sine: Floats  # of half the pitch
+    cosine: Floats
+
+
+class Walkers:
+    """People whose poses are computed together."""
+
+    def __init__(self, figures: Sequence[Figure]) -> None:
+        self._group = SkeletonGroup([figure.joints for figure in figures])
+        self._height = np.array([figure.height for figure in figures])
+        self._hip = np.array([figure.hip for figure in figures])
+        self._ankle = np.array([figure.ankle for figure in figures])
+        self._thigh = np.array([figure.thigh for figure in figures])
+        self._shin = np.array([figure.shin for figure in figures])
+        self._out = np.array([4.0 + 22.0 * max(0.0, figure.girth - 1.0) for figure in figures])
+        self._scale = np.array([3.0 / Gait(figure).unit_speed for figure in figures])
+
+    def pose(self, rows: Sequence[Sequence[float]] | Sequence[Sequence[Sequence[float]]], ground: Ground) -> Poses:
+        """Return the poses of all parts, in the order of `Figure.joints` after the base.
+
+        Args:
+            rows: The state of each person, or, for each of some moments, the state of each person.
+            ground: Height of the ground.
+        """
+        data = np.ascontiguousarray(np.moveaxis(np.array(rows), -1, 0))
+        pace = data[6] * self._scale
+        x, y, hx, hy, height, phase, _, duty, running, head_yaw = data[:_BODY]
+        walking = np.minimum(1.0, pace / 0.5)
+        body = _Body(x, y, hx, hy, height, phase, pace, duty, running, head_yaw, walking)
+        foot = data[_BODY:].reshape(2, _FOOT, *x.shape).swapaxes(0, 1)
+        feet = _Feet(foot[0], foot[1] > 0.0, foot[2], foot[3:8], foot[8:13])
+        ankles = self._ankles(body, feet)
+        _lift_over_kerbs(ankles, feet, self._height, self._ankle, ground)
+        aside_x, aside_y = -body.hy * (0.05 * self._height), body.hx * (0.05 * self._height)
+        hip_x, hip_y = np.stack([x + aside_x, x - aside_x]), np.stack([y + aside_y, y - aside_y])
+        base = self._base_height(body, feet, ankles, hip_x, hip_y)
+        joints = np.empty((4, 12, *x.shape))
+        self._upper_body(body, joints)
+        self._legs(body, ankles, (hip_x, hip_y, base + self._hip), joints)
+        yaw = about_by_angle("z", body.hy, body.hx)
+        return self._group.forward_kinematics((body.x, body.y, base), yaw, joints)
+
+    def _ankles(self, body: _Body, feet: _Feet) -> _Ankles:
+        """Place the ankles: over the rolling foot on the ground, or on the way to the next foothold."""
+        weight = body.walking
+        land = weight * (_LAND + 10.0 * body.running)
+        lift = weight * (_LIFT + 22.0 * np.maximum(0.0, np.minimum(1.0, body.pace / 0.7 - 2.0)))
+        x, y, level, hx, hy = feet.place
+        ax, ay, aim, ahx, ahy = feet.aim
+        behind = ((body.x - x) * hx + (body.y - y) * hy) / self._hip
+        stretched = 50.0 * np.minimum(1.0, np.maximum(0.0, (behind - 0.27) / 0.53))  # at any speed
+        t = np.minimum(1.0, feet.phase / body.duty)
+        rise = np.maximum(0.0, (t - 0.42) / 0.58)
+        stance = np.where(t < 0.14, land * (1.0 - _smooth(t / 0.14)), lift * rise * rise * (1.6 - 0.6 * rise))
+        stance = np.maximum(stance, np.where(stretched > 0.0, stretched, stance))
+        u = feet.progress
+        bump = u * (1.0 - u)
+        lift = np.maximum(lift, stretched * (1.0 - u))
+        swing = (
+            lift + (land - lift) * _smooth(u * (1.25 - 0.15 * body.running)) + 170.0 * body.running * bump * (1.0 - u)
+        )
+        pitch = np.where(feet.planted, stance, swing)
+        s, c = exact_arrays.sin_cos_deg(np.stack([pitch, lift, land + 0.0 * u]) / 2.0)
+        sine, cosine = 2.0 * s * c, c * c - s * s
+        heel, ball = _HEEL * self._height, -_BALL * self._height
+        pivot = np.where(stance < 0.0, heel, ball)
+        ahead, up = _rolled(pivot, self._ankle, sine[0], cosine[0])
+        x0, z0 = _rolled(ball, self._ankle, sine[1], cosine[1])
+        x1, z1 = _rolled(heel, self._ankle, sine[2], cosine[2])
+        part = u * u * (3.0 - 2.0 * u)
+        swing_x, swing_y = x + x0 * hx, y + x0 * hy
+        swing_x = swing_x + (ax + x1 * ahx - swing_x) * part
+        swing_y = swing_y + (ay + x1 * ahy - swing_y) * part
+        high = (1.0 - u) * (0.05 + body.running * (0.25 + 0.22 * body.pace)) + 0.07 * (1.0 - weight) + 0.05 * u
+        hump = self._height * bump * high
+        early = np.where(aim > level, _smooth(2.2 * u), _smooth(1.8 * u - 0.8))
+        swing_z = z0 + (z1 - z0) * _smooth(u * 1.15) + hump + level + (aim - level) * early
+        dx, dy = hx + (ahx - hx) * part, hy + (ahy - hy) * part
+        size = np.maximum(1e-9, np.sqrt(dx * dx + dy * dy))  # a foot that turns right round has no direction halfway
+        on = feet.planted
+        return _Ankles(
+            x=np.where(on, x + ahead * hx, swing_x),
+            y=np.where(on, y + ahead * hy, swing_y),
+            z=np.where(on, level + up, swing_z),
+            hx=np.where(on, hx, dx / size),
+            hy=np.where(on, hy, dy / size),
+            sine=s[0],
+            cosine=c[0],
+        )
+
+    def _base_height(self, body: _Body, feet: _Feet, ankles: _Ankles, hip_x: Floats, hip_y: Floats) -> Floats:
+        """Return the height of the base: lowest when the legs are spread or, in running, when one bears the body.
+
+        The legs reach every foot on the ground, and feet in the air the less, the longer they will be there.
+        """
+        run = body.running
+        lowest = np.stack([body.phase - 0.05, body.phase - body.duty / 2.0])
+        walk, bounce = 0.5 * (1.0 + exact_arrays.sin_cos_deg(720.0 * lowest)[1])
+        spread = 0.003 * self._height + walk * np.minimum(0.045 * body.pace, 0.029 * self._height)
+        sunk = self._height * (0.014 + 0.036 * bounce)
+        wanted = body.height - body.walking * (spread + run * (sunk - spread))
+        dx, dy = ankles.x - hip_x, ankles.y - hip_y
+        longest = 0.999 * (self._thigh + self._shin)
+        tall = np.sqrt(np.maximum(longest * longest - dx * dx - dy * dy, 0.16 * longest * longest))
+        u = feet.progress
+        slack = np.where(feet.planted, 0.0, self._height * np.minimum(u, 1.0 - u))
+        reach = ankles.z + tall + slack - self._hip
+        base: Floats = np.minimum(wanted, np.minimum(reach[0], reach[1]))
+        return base
+
+    def _upper_body(self, body: _Body, joints: Floats) -> None:
+        """Set the rotations of torso, head and arms."""
+        run, swing = body.running, np.minimum(1.25, body.pace / 1.4)
+        cosine = exact_arrays.sin_cos_deg(360.0 * body.phase)[1]
+        turn = (5.0 + 4.0 * run) * swing * cosine
+        lean = np.minimum(5.0, 1.6 * body.pace) + 5.0 * run
+        backward = cosine * swing
+        forward = -swing - 0.8 * lean
+        bent = 9.0 + 10.0 * swing + 66.0 * run
+        amplitude, fold = 24.0 + 10.0 * run, 9.0 + 3.0 * run
+        angles = np.stack(
+            [
+                turn,
+                lean,
+                -0.8 * lean,
+                body.head_yaw - turn,
+                self._out + 0.0 * turn,
+                amplitude * backward + forward + 12.0 * run,
+                -amplitude * backward + forward + 12.0 * run,
+                -0.5 * self._out + 0.0 * turn,
+                fold * backward - bent,
+                -fold * backward - bent,
+                10.0 * run,
+            ]
+        )
+        s, c = exact_arrays.sin_cos_deg(angles / 2.0)
+
+        def both(first: str, a: int, second: str, b: int, sign: float = 1.0) -> Components4:
+            return compose(about(first, sign * s[a], c[a]), about(second, s[b], c[b]))
+
+        inward = about("z", -s[10], c[10])  # of the forearm of a runner
+        rotations = (
+            both("z", 0, "y", 1),
+            both("y", 2, "z", 3),
+            both("x", 4, "y", 5),
+            compose(inward, both("x", 7, "y", 8)),
+            both("x", 4, "y", 6, -1.0),
+            compose(about("z", s[10], c[10]), both("x", 7, "y", 9, -1.0)),
+        )
+        for joint, rotation in enumerate(rotations):
+            for axis in range(4):
+                joints[axis, joint] = rotation[axis]
+
+    def _legs(self, body: _Body, ankles: _Ankles, hip: tuple[Floats, Floats, Floats], joints: Floats) -> None:
+        """Set the rotations of hips, knees and ankles so that the ankles are where they should be."""
+        dx, dy, tz = ankles.x - hip[0], ankles.y - hip[1], ankles.z - hip[2]
+        tx, ty = dx * ankles.hx + dy * ankles.hy, dy * ankles.hx - dx * ankles.hy
+        down = np.sqrt(ty * ty + tz * tz)
+        aside = about_by_angle("x", ty / down, -tz / down)
+        away = np.sqrt(tx * tx + down * down)
+        thigh, shin = self._thigh, self._shin
+        reach = np.minimum(away, 0.999 * (thigh + shin))
+        at_knee = (thigh * thigh + shin * shin - reach * reach) / (2.0 * thigh * shin)
+        at_hip = (thigh * thigh + reach * reach - shin * shin) / (2.0 * thigh * reach)
+        at_knee, at_hip = np.maximum(-1.0, np.minimum(1.0, at_knee)), np.maximum(-1.0, np.minimum(1.0, at_hip))
+        knee_sine, hip_sine = np.sqrt(1.0 - at_knee * at_knee), np.sqrt(1.0 - at_hip * at_hip)
+        c, s = down / away, tx / away
+        flexion = about_by_angle("y", -(s * at_hip + c * hip_sine), c * at_hip - s * hip_sine)
+        knee = about_by_angle("y", knee_sine, -at_knee)
+        turned = about_by_angle(
+            "z", ankles.hy * body.hx - ankles.hx * body.hy, ankles.hx * body.hx + ankles.hy * body.hy
+        )
+        leg = compose(turned, compose(aside, flexion))
+        bent = compose(flexion, knee)
+        straight = (-bent[0], -bent[1], -bent[2], bent[3])
+        level = compose((-aside[0], aside[1], aside[2], aside[3]), about("y", ankles.sine, ankles.cosine))
+        foot = compose(straight, level)
+        for axis in range(4):
+            joints[axis, 6::3] = leg[axis]
+            joints[axis, 7::3] = knee[axis]
+            joints[axis, 8::3] = foot[axis]
+
+
+def _rolled(pivot: Floats, ankle: Floats, sine: Floats, cosine: Floats) -> tuple[Floats, Floats]:
+    """Return how far the ankle is ahead of its place over the flat foot, and its height, when the foot has rolled.
+
+    Args:
+        pivot: The ankle's distance ahead of the point of the sole about which the foot rolls.
+        ankle: Height of the ankle above the sole.
+        sine: Of the pitch, toes down.
+        cosine: Of the pitch.
+    """
+    return pivot * cosine + ankle * sine - pivot, ankle * cosine - pivot * sine
+
+
+def _smooth(u: Floats) -> Floats:
+    u = np.maximum(0.0, np.minimum(1.0, u))
+    result: Floats = u * u * (3.0 - 2.0 * u)
+    return result
+
+
+def _lift_over_kerbs(ankles: _Ankles, feet: _Feet, height: Floats, ankle: Floats, ground: Ground) -> None:
+    """Raise feet on their way between two levels so that no sole is inside the ground, in place."""
+    for foot in map(tuple, np.argwhere((feet.place[2] != feet.aim[2]) & ~feet.planted).tolist()):
+        x, y, hx, hy = (float(a[foot]) for a in (ankles.x, ankles.y, ankles.hx, ankles.hy))
+        s, c = float(ankles.sine[foot]), float(ankles.cosine[foot])
+        s, c = 2.0 * s * c, c * c - s * s
+        size, up = float(height[foot[-1]]), float(ankle[foot[-1]])
+        for at, low in ((-1.3 * _HEEL, up), (0.5 * _BALL, up), (1.1 * _BALL, up), (1.1 * _BALL, 0.3 * up)):
+            ahead, sole = at * size * c - low * s, -at * size * s - low * c
+            level = ground(x + ahead * hx, y + ahead * hy)
+            ankles.z[foot] = max(float(ankles.z[foot]), level - sole + 0.01)

@@ -10,7 +10,7 @@ from pathlib import Path
 from recipe_compiler.ir.canonical import digest, digest_bytes
 
 # In pipeline order; a difference is reported at the first stage that shows it.
-STAGES: dict[str, int] = {"plan": 1, "simulate": 1, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
+STAGES: dict[str, int] = {"plan": 1, "simulate": 2, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
 
 # Packages whose code decides a Trace, and those whose code decides a frame's record: each stage's and those below it.
 SIMULATION_PACKAGES = frozenset({"core", "body", "meshes", "simulation"})
@@ -76,6 +76,6 @@ def code_of(packages: frozenset[str], runtime: Path = Path(__file__).parents[1])
 
 
 def host_versions() -> dict[str, str]:
-    """The same, with the interpreter and the C library, on which simulation may depend."""
+    """The tool versions with those of the interpreter and the C library, on which simulation may depend."""
     python, glibc = ".".join(platform.python_version_tuple()[:2]), platform.libc_ver()[1] or "none"
     return {**tool_versions(), "python": python, "glibc": glibc}

@@ -12,18 +12,14 @@ from collections.abc import Iterator
 
 from recipe_compiler.ir import optics, plan_bounds
 from recipe_compiler.ir.errors import InputError, Problem
-from recipe_compiler.ir.plan import (
+from recipe_compiler.ir.plan import DatasetPlan, RigPlan, ScenarioPlan, ScenePlan, SensorPlan
+from recipe_compiler.ir.plan_types import (
     MAX_ACTORS,
     MAX_ELEMENTS,
     MAX_FILE_BYTES,
     MAX_PIXELS_A_SIDE,
     MAX_POINTS,
     MAX_PROPS,
-    DatasetPlan,
-    RigPlan,
-    ScenarioPlan,
-    ScenePlan,
-    SensorPlan,
 )
 from recipe_compiler.ir.plurals import count
 

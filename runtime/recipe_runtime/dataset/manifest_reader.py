@@ -13,7 +13,7 @@ from typing import Annotated, BinaryIO, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from recipe_compiler.ir.modalities import DIGEST_KINDS
-from recipe_compiler.ir.plan import MAX_DESCRIPTION, MAX_VARIANT_NAME, MAX_VARIANTS, Name, Sha256
+from recipe_compiler.ir.plan_types import MAX_DESCRIPTION, MAX_VARIANT_NAME, MAX_VARIANTS, Name, Sha256
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import regular_file

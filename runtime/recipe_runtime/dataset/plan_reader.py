@@ -11,18 +11,8 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
-from recipe_compiler.ir.plan import (
-    MAX_BODIES,
-    MAX_ELEMENTS,
-    AppearancePlan,
-    Looks,
-    Name,
-    RigPlan,
-    ScenarioPlan,
-    ScenePlan,
-    Slots,
-    TownPlan,
-)
+from recipe_compiler.ir.plan import AppearancePlan, Looks, RigPlan, ScenarioPlan, ScenePlan, TownPlan
+from recipe_compiler.ir.plan_types import MAX_BODIES, MAX_ELEMENTS, Name, Slots
 
 from recipe_runtime.dataset.json_stream import loads
 from recipe_runtime.dataset.limits import MAX_POSES

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.plan import ScenePlan, fixed
+from recipe_compiler.ir.plan import ScenePlan
+from recipe_compiler.ir.plan_types import fixed
 
 from recipe_runtime.core.trace import METRE, UNIT, Trace
 

@@ -33,14 +33,16 @@ class SceneRenderer(Protocol):
         """
 
     def shade(
-        self, obs: Any, appearance: AppearancePlan, sensor_name: str, frame: int, time: float, *, moment: Any = None
+        self, obs: Any, appearance: AppearancePlan, sensor_name: str, frame: int, time: float, *, neighbour: Any = None
     ) -> NDArray[np.uint8]:
         """Return the colour image of an observation, uint8 [H, W, 3] sRGB.
 
-        `moment` is a neighbouring frame, for motion blur.
+        `neighbour` is the frame before or after, for motion blur.
         """
 
-    def reel(self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
+    def frame_stream(
+        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int
+    ) -> Any:
         """Return a stream that renders many frames of one camera concurrently, on a GPU."""
 
 

@@ -65,13 +65,9 @@ def stance(actor: ActorPlan) -> list[PartPose]:
     """Return the pose of every part of an actor at the origin, in a typical moment of its motion."""
     shape, joints = actor.shape, joints_of(actor.shape)
     if is_person(shape):
-        figure = Figure.of(shape)
-        turns = walk_cycle.pose(figure, _PHASE, actor.speed)
-        return forward_kinematics(((0.0, 0.0, -walk_cycle.lowest_sole(figure, turns)), IDENTITY), joints, turns)
+        return walk_cycle.steady_pose(Figure.of(shape), _PHASE, actor.speed)
     if has_rider(shape):
-        return forward_kinematics(
-            ((0.0, 0.0, 0.0), IDENTITY), joints, riding.pose(Bike.of(shape), steer=0.0, distance=0.7)
-        )
+        return riding.steady_pose(Bike.of(shape), 0.7)
     return forward_kinematics(((0.0, 0.0, 0.0), IDENTITY), joints, [IDENTITY] * len(joints))
 
 

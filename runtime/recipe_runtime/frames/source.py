@@ -23,8 +23,9 @@ from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array
 from recipe_runtime.core.timings import Stopwatch
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.transforms import part_transforms, sensor_transform
+from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.engines import Engines, SceneRenderer, real_engines
+from recipe_runtime.frames.scene_motion import SceneMotion
 
 _STREAM_BATCH = 512  # frames per batch of a frame stream
 
@@ -55,9 +56,10 @@ class SceneSource:
     ) -> None:
         self.scene, self.trace, self.device = scene, trace, device
         self._engines = engines or real_engines()
+        self._motion = SceneMotion(scene, trace)
         self._renderer = renderer
         self._annotator: Annotator | None = None
-        self.reels = device != "cpu"  # whether concurrent frames are faster than single ones
+        self.use_streams = device != "cpu"  # whether concurrent frames are faster than single ones
         self._stream: tuple[str, Any] = "", None  # the stream used last, with its key
 
     @property
@@ -92,9 +94,9 @@ class SceneSource:
             lanes: Maximum number of concurrent frames on a GPU.
         """
         watch = watch or Stopwatch()
-        reel = self._stream_for(sensor, appearances, lanes) if len(frames) > 1 else None
-        if reel is not None:
-            yield from self._streamed(reel, sensor, frames, watch)
+        stream = self._stream_for(sensor, appearances, lanes) if len(frames) > 1 else None
+        if stream is not None:
+            yield from self._streamed(stream, sensor, frames, watch)
             return
         for frame in frames:
             with watch("observe"):
@@ -107,7 +109,7 @@ class SceneSource:
         """Return the observation of a frame by a sensor."""
         pose = sensor_transform(sensor, self.trace, frame)
         with self._discard_if_interrupted():
-            seen: Observed = self.renderer.observe(sensor.camera, pose, part_transforms(self.trace, frame))
+            seen: Observed = self.renderer.observe(sensor.camera, pose, self._motion.parts(frame))
         return seen
 
     def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> list[LabelRecord]:
@@ -122,7 +124,7 @@ class SceneSource:
             if response is None or response.motion_blur_intensity == 0.0 or self.scene.clock.frames < 2:
                 return self.renderer.shade(seen, appearance, sensor.name, frame, time)
             return self.renderer.shade(
-                seen, appearance, sensor.name, frame, time, moment=self._neighbour_frame(sensor, frame)
+                seen, appearance, sensor.name, frame, time, neighbour=self._neighbour_frame(sensor, frame)
             )
 
     @contextmanager
@@ -136,7 +138,7 @@ class SceneSource:
 
     def _stream_for(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
         """Return a frame stream and its key; None on a CPU, and for cameras that need one frame at a time."""
-        if not self.reels:
+        if not self.use_streams:
             return None
         from recipe_runtime.render.gpu.frame_stream import can_stream
 
@@ -147,7 +149,7 @@ class SceneSource:
         self._stream = "", None  # not reentrant; and its memory is freed before another one is allocated
         if known != key:
             kept = None
-            kept = self.renderer.reel(sensor.camera, sensor.name, appearances, lanes)
+            kept = self.renderer.frame_stream(sensor.camera, sensor.name, appearances, lanes)
         return key, kept
 
     def _streamed(
@@ -161,9 +163,7 @@ class SceneSource:
                 numbers = frames[start : start + _STREAM_BATCH]
                 poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in numbers])
                 times = [frame / self.scene.clock.fps for frame in numbers]
-                prints = reel[1].frames(
-                    FrameBatch(numbers, times, poses, part_transforms(self.trace, np.array(numbers)))
-                )
+                prints = reel[1].frames(FrameBatch(numbers, times, poses, self._motion.many(np.array(numbers))))
                 for _ in numbers:
                     with watch("render"):
                         made = next(prints)
@@ -179,7 +179,7 @@ class SceneSource:
 
         other = frame - 1 if frame > 0 else 1
         pose = sensor_transform(sensor, self.trace, other)
-        return NeighbourFrame(pose, part_transforms(self.trace, other), 1.0 / self.scene.clock.fps)
+        return NeighbourFrame(pose, self._motion.parts(other), 1.0 / self.scene.clock.fps)
 
 
 class FrameSource:

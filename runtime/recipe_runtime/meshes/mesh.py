@@ -89,6 +89,12 @@ class Body:
     name: str  # key of AppearancePlan.looks
     instance: int  # class * 1000 + instance for actors, 0 for the town
     parts: tuple[tuple[str, Mesh], ...]
+    is_signal: bool = False  # the lit lenses of a traffic light, which move
+
+    @property
+    def moves(self) -> bool:
+        """Whether its parts have a pose in each frame; those of the others are in the world frame."""
+        return self.instance != 0 or self.is_signal
 
     def mesh(self, part: str) -> Mesh:
         """Return the mesh of a part."""

@@ -9,10 +9,11 @@ from collections.abc import Sequence
 
 from recipe_compiler.ir.plan import Element
 from recipe_compiler.ir.semantic_tags import Tag
+from recipe_compiler.ir.signals import LAMPS
 
 from recipe_runtime.meshes.builder import Builder, circle, tube
 from recipe_runtime.meshes.glyphs import Point, arrow, stroke, width, write
-from recipe_runtime.meshes.mesh import Pattern, Surface
+from recipe_runtime.meshes.mesh import Mesh, Pattern, Surface
 
 _POLE = Surface("metal", Pattern.METAL, Tag.POLES)
 _HOUSING = Surface("housing", Pattern.PLAIN, Tag.TRAFFIC_LIGHT)
@@ -28,47 +29,73 @@ def _face(slot: str) -> Surface:
     return Surface(slot, Pattern.PLAIN, Tag.TRAFFIC_SIGNS)
 
 
-def _lens(slot: str, lit: bool) -> Surface:
-    if lit:
-        return Surface(f"{slot}_lit", Pattern.SIGNAL, Tag.TRAFFIC_LIGHT)
-    return Surface(slot, Pattern.PLAIN, Tag.TRAFFIC_LIGHT)
-
-
 def traffic_light(b: Builder, e: Element) -> None:
-    """Build a traffic light: a mast with signals, an arm along -y with signals over the lane, and a pedestrian signal.
+    """Build a traffic light with dark lenses: a mast with signals, an arm along -y with signals over the lane.
 
-    `shape` has `arm`, the length of the arm in metres, and `go`, 1 if traffic has green and crossing pedestrians red.
+    `shape` has `arm`, the length of the arm in metres, and the times of `ir.signals`. The lit lenses are parts of their
+    own, see `signal_lamps`.
     """
     _, _, height = e.size
-    arm, go = e.shape["arm"], e.shape["go"] > 0
     b.grid(_POLE, tube([(0, 0, 0), (0, 0, 0.6), (0, 0, 0.7), (0, 0, height)], [0.13, 0.12, 0.085, 0.06], 8), crease=0.5,
            caps=(None, _POLE))  # fmt: skip
+    arm = e.shape["arm"]
     if arm > 0:
         z = height - 0.25
         b.box(_POLE, (-0.045, -arm - 0.1, z - 0.05), (0.045, 0.0, z + 0.05), "+y")
-        _head(b, (0.06, -arm, z), go)
-    _head(b, (0.1, 0.0, 2.9), go)
-    _walkers(b, 2.1, not go)
+    for x, y, z in _heads(e):
+        b.box(_HOUSING, (x, y - 0.17, z - 0.5), (x + 0.2, y + 0.17, z + 0.5))
+        for colour, up in _LENSES.items():
+            _round_lens(b, _dark(colour), (x, y, z), up, 0.0)
+            b.box(_HOUSING, (x + 0.2, y - 0.14, z + up + 0.12), (x + 0.375, y + 0.14, z + up + 0.145), "-x")
+    b.box(_HOUSING, (-0.12, -0.26, _WALK_HEIGHT), (0.12, -0.1, _WALK_HEIGHT + 0.56))
+    for colour, low in _WALK_LENSES.values():
+        _square_lens(b, _dark(colour), low, 0.0)
 
 
-def _head(b: Builder, middle: tuple[float, float, float], go: bool) -> None:
-    """Add three round lights in a housing, each under a hood; one is lit."""
-    x, y, z = middle
-    b.box(_HOUSING, (x, y - 0.17, z - 0.5), (x + 0.2, y + 0.17, z + 0.5))
-    front = x + 0.205
-    lights = ((0.31, _lens("red", not go)), (0.0, _lens("amber", False)), (-0.31, _lens("green", go)))
-    for up, lens in lights:
-        b.fan(lens, [(front, y + 0.115 * c, z + up + 0.115 * s) for c, s in circle(12)])
-        b.box(_HOUSING, (front - 0.005, y - 0.14, z + up + 0.12), (front + 0.17, y + 0.14, z + up + 0.145), "-x")
+_LENSES = {"red": 0.31, "amber": 0.0, "green": -0.31}  # lamp -> height above the middle of its head, metres
+_WALK_HEIGHT = 2.1  # metres above the ground, of the lower edge of the pedestrian signal
+_WALK_LENSES = {"dont_walk": ("red", _WALK_HEIGHT + 0.31), "walk": ("green", _WALK_HEIGHT + 0.05)}
+_RAISED = 0.004  # metres by which a lit lens lies before the dark one
 
 
-def _walkers(b: Builder, z: float, go: bool) -> None:
-    """Add a signal for pedestrians who cross in front of it and face +y: red above green."""
-    b.box(_HOUSING, (-0.12, -0.26, z), (0.12, -0.1, z + 0.56))
-    for low, lens in ((z + 0.31, _lens("red", not go)), (z + 0.05, _lens("green", go))):
-        b.quads(
-            lens, [[(-0.08, -0.265, low), (0.08, -0.265, low), (0.08, -0.265, low + 0.2), (-0.08, -0.265, low + 0.2)]]
-        )
+def signal_lamps(e: Element) -> tuple[tuple[str, Mesh], ...]:
+    """Return the lit lenses of a traffic light, a part for each of `ir.signals.LAMPS`, in the element's frame."""
+    parts = []
+    for lamp in LAMPS:
+        b = Builder()
+        if lamp in _WALK_LENSES:
+            colour, low = _WALK_LENSES[lamp]
+            _square_lens(b, _lit(colour), low, _RAISED)
+        else:
+            for head in _heads(e):
+                _round_lens(b, _lit(lamp), head, _LENSES[lamp], _RAISED)
+        parts.append((lamp, b.mesh()))
+    return tuple(parts)
+
+
+def _heads(e: Element) -> list[tuple[float, float, float]]:
+    """Return the middles of the signal heads' backs: over the lane, if there is an arm, and on the mast."""
+    arm = e.shape["arm"]
+    over_lane = [(0.06, -arm, e.size[2] - 0.25)] if arm > 0 else []
+    return [*over_lane, (0.1, 0.0, 2.9)]
+
+
+def _dark(colour: str) -> Surface:
+    return Surface(colour, Pattern.PLAIN, Tag.TRAFFIC_LIGHT)
+
+
+def _lit(colour: str) -> Surface:
+    return Surface(f"{colour}_lit", Pattern.SIGNAL, Tag.TRAFFIC_LIGHT)
+
+
+def _round_lens(b: Builder, surface: Surface, head: tuple[float, float, float], up: float, raised: float) -> None:
+    x, y, z = head
+    b.fan(surface, [(x + 0.205 + raised, y + 0.115 * c, z + up + 0.115 * s) for c, s in circle(12)])
+
+
+def _square_lens(b: Builder, surface: Surface, low: float, raised: float) -> None:
+    y = -0.265 - raised
+    b.quads(surface, [[(-0.08, y, low), (0.08, y, low), (0.08, y, low + 0.2), (-0.08, y, low + 0.2)]])
 
 
 def sign(b: Builder, e: Element) -> None:

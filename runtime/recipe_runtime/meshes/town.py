@@ -13,11 +13,11 @@ from recipe_runtime.meshes.buildings import building
 from recipe_runtime.meshes.fences import fence, wall
 from recipe_runtime.meshes.furniture import bench, billboard, bin_, bollard, bus_stop, hydrant, kiosk, lamp
 from recipe_runtime.meshes.houses import house
-from recipe_runtime.meshes.mesh import Body
+from recipe_runtime.meshes.mesh import Body, Mesh
 from recipe_runtime.meshes.monuments import fountain, statue
 from recipe_runtime.meshes.plants import bush, hedge, planter, tree
 from recipe_runtime.meshes.roads import carriageway, ground, junction, path, road, sidewalk
-from recipe_runtime.meshes.signs import gantry, guardrail, sign, traffic_light
+from recipe_runtime.meshes.signs import gantry, guardrail, sign, signal_lamps, traffic_light
 from recipe_runtime.meshes.towers import tower
 
 _KINDS: dict[str, Callable[[Builder, Element], None]] = {
@@ -56,6 +56,21 @@ _KINDS: dict[str, Callable[[Builder, Element], None]] = {
 def town_bodies(town: TownPlan) -> tuple[Body, ...]:
     """Return a body per element, in plan order: one part `static` in world coordinates, with instance 0."""
     return tuple(_body(element) for element in town.elements)
+
+
+def signal_bodies(town: TownPlan) -> tuple[Body, ...]:
+    """Return a body per traffic light, in plan order: its lit lenses, a part each, in the element's frame."""
+    return tuple(
+        Body(element.name, 0, _lamps(element.size, tuple(sorted(element.shape.items()))), is_signal=True)
+        for element in town.elements
+        if element.kind == "traffic_light"
+    )
+
+
+@lru_cache(maxsize=64)
+def _lamps(size: tuple[float, float, float], shape: tuple[tuple[str, float], ...]) -> tuple[tuple[str, Mesh], ...]:
+    element = Element(name="traffic_light", kind="traffic_light", pose=Pose(), size=size, shape=dict(shape))
+    return signal_lamps(element)
 
 
 def _body(element: Element) -> Body:

@@ -84,7 +84,7 @@ def _frame(f: _Finish, k: Bike) -> Mesh:
 def _guard(
     b: Builder, surface: Surface, hub: tuple[float, float], radius: float, half: float, start: float, end: float
 ) -> None:
-    """Add a mudguard around a wheel, from `before` degrees ahead of its top to `behind` degrees behind it."""
+    """Add a mudguard around a wheel, from `start` to `end` degrees from its top."""
     rows = []
     for n in range(9):
         s, c = (v for v in circle(1, start + (end - start) * n / 8)[0][::-1])

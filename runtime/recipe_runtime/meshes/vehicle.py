@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from recipe_compiler.ir.actor_kinds import BODIES
+from recipe_compiler.ir.semantic_tags import BODIES
 
 from recipe_runtime.body.skeleton import BUS, PICKUP, TRUCK, wheel_joints
 from recipe_runtime.meshes.builder import Builder

@@ -42,9 +42,9 @@ class Renderer:
         self.timings, self._device = Timings(), device
         self._geometry = upload(bodies, device)
         self._observer = Observer(self._geometry, device, self.timings, reuse)
-        self._albums = ImageAtlases(self._geometry, images, device)
+        self._atlases = ImageAtlases(self._geometry, images, device)
         sampler = Sampler(self._geometry, self._observer, device, self.timings, reuse)
-        shading = ShadingPass(self._geometry, self._albums, device, self.timings, reuse)
+        shading = ShadingPass(self._geometry, self._atlases, device, self.timings, reuse)
         self._camera = CameraPass(self._geometry, self._observer, sampler, shading, device, self.timings, reuse)
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
@@ -59,21 +59,23 @@ class Renderer:
         frame: int,
         time: float,
         *,
-        moment: NeighbourFrame | None = None,
+        neighbour: NeighbourFrame | None = None,
     ) -> NDArray[np.uint8]:
         """The picture of an observation, 8-bit sRGB [H, W, 3]; `time` of the frame in seconds.
 
-        Without a `moment`, a neighbouring frame, nothing blurs by motion.
+        `neighbour` is the frame before or after, for motion blur; without it nothing blurs.
         """
-        return self._camera.develop(obs, appearance, sensor_name, frame, time, moment)
+        return self._camera.develop(obs, appearance, sensor_name, frame, time, neighbour)
 
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float = 0.0) -> NDArray[np.float32]:
         """Linear relative radiance at pixel centres before the camera, [H, W, 3]; for tests and tools."""
         return self._camera.radiance(obs, appearance, time)
 
-    def reel(
+    def frame_stream(
         self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 16
     ) -> FrameStream:
         """A stream of frames of a plain camera (`can_stream`), fast on a GPU, with the bytes of the calls above."""
         shadows = ShadowMaps(self._geometry, self._device)
-        return FrameStream(self._geometry, shadows, self._albums, self._device, camera, sensor_name, appearances, lanes)
+        return FrameStream(
+            self._geometry, shadows, self._atlases, self._device, camera, sensor_name, appearances, lanes
+        )

@@ -27,18 +27,8 @@ _VEHICLE, _PEDESTRIAN, _SENSOR = "#1f5fb0", "#c2571a", "#7a2a9b"
 _TRAFFIC = "#ffd23f"
 _CAST = ("#c01f3a", "#0a7d3c", "#0b63c9", "#a85b00", "#8a1f8f", "#00707a")
 _FRONTED = ("building", "house", "wall")  # elements with the origin in the middle of their front
-_THINGS = (
-    "bench",
-    "billboard",
-    "bollard",
-    "bus_stop",
-    "fountain",
-    "kiosk",
-    "lamp",
-    "planter",
-    "statue",
-    "traffic_light",
-)
+_THINGS = ("bench", "billboard", "bollard", "bus_stop", "fountain", "kiosk", "lamp", "planter", "statue")
+_LAMPS = ("#e03131", "#f2b01e", "#2fb344")  # of a traffic light, from the top
 
 
 @dataclass(frozen=True)
@@ -197,6 +187,21 @@ def _thing(canvas: Canvas, e: Element) -> None:
     canvas.polygon(rectangle(e.pose, -x, x, -y, y), _THING)
 
 
+def _traffic_light(canvas: Canvas, pose: Pose) -> None:
+    canvas.polygon(rectangle(Pose(x=pose.x, y=pose.y), -0.6, 0.6, -1.5, 1.5), _INK)
+    for n, colour in enumerate(_LAMPS):
+        canvas.disc((pose.x, pose.y + 0.9 * (1 - n)), 0.38, colour)
+
+
+def _stop_sign(canvas: Canvas, pose: Pose) -> None:
+    canvas.disc((pose.x, pose.y), 0.9, _LAMPS[0], _PAPER, 1.5)
+
+
+def _sign(canvas: Canvas, e: Element) -> None:
+    if int(e.shape["face"]) == 0:  # see `library.towns.network.FACES`
+        _stop_sign(canvas, e.pose)
+
+
 _LAYERS: tuple[tuple[tuple[str, ...], Callable[[Canvas, Element], None]], ...] = (
     (("road", "junction", "carriageway"), _asphalt),
     (("sidewalk",), _sidewalk),
@@ -208,6 +213,8 @@ _LAYERS: tuple[tuple[tuple[str, ...], Callable[[Canvas, Element], None]], ...] =
     (("tree", "bush"), _plant),
     (("wall", "fence", "hedge", "guardrail"), _barrier),
     (_THINGS, _thing),
+    (("traffic_light",), lambda canvas, e: _traffic_light(canvas, e.pose)),
+    (("sign",), _sign),
 )
 
 
@@ -339,10 +346,9 @@ def _legend(scale: float, cast: bool) -> Image.Image:
         ("wall, fence, guard rail", lambda c, y: c.line([(0.5, y), (6.5, y)], _WALL, 2.5)),
         ("tree, hedge", lambda c, y: c.disc((3.5, y), 1.2, _GREEN)),
         ("street furniture", lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -0.8, 0.8, -0.5, 0.5), _THING)),
-        (
-            "parking place",
-            lambda c, y: c.polygon(rectangle(Pose(x=3.5, y=y), -2.3, 2.3, -0.9, 0.9), None, _PARKING, 1.5),
-        ),
+        ("traffic light", lambda c, y: _traffic_light(c, Pose(x=3.5, y=y))),
+        ("stop sign", lambda c, y: _stop_sign(c, Pose(x=3.5, y=y))),
+        ("parking place", lambda c, y: _parking_place(c, Pose(x=3.5, y=y))),
         ("vehicle's spawn point", lambda c, y: _vehicle_spot(c, Pose(x=3.5, y=y))),
         ("pedestrian's spawn point", lambda c, y: c.disc((3.5, y), 0.5, _PEDESTRIAN)),
     ]

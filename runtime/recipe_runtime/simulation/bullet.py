@@ -1,34 +1,45 @@
 """Adapter to PyBullet, the only module that imports it: creates, steps and reads a world.
 
+Actors and obstacles are colliders in a horizontal plane: upright prisms of one height around z = 0, so that every
+contact is horizontal and nothing is lifted. A vehicle is a box with the mass of its kind, a parked one a static box, a
+pedestrian a sphere, and an obstacle the outline of its box. There is no gravity and no ground: the control loop sets
+velocities, and computes height, pitch and roll from the ground (`simulation.chassis`).
+
+A step costs time for every body, also for those that stand still. Upright obstacles near each other therefore form one
+body of several boxes.
+
 Every engine parameter is set explicitly. Bodies never sleep, no body is removed, and no state is restored. Each island
-of touching bodies is solved separately. A pedestrian is a capsule and a vehicle a box on four spheres; their velocity
-is set before each step, and contacts then change it. Limbs and visible wheels do not collide: `body.kinematics` poses
-them. Importing this module prints PyBullet's build line, so it is imported only in processes whose standard output is
-redirected (see `simulation.process`).
+of touching bodies is solved separately. Importing this module prints PyBullet's build line, so it is imported only in
+processes whose standard output is redirected (see `simulation.process`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import pybullet
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import ActorPlan, Element, Pose, PropPlan, TownPlan
 
-from recipe_runtime.body.kinematics import Quaternion, Vector
-from recipe_runtime.body.skeleton import wheel_joints
-from recipe_runtime.meshes.roads import outline
+from recipe_runtime.body.kinematics import Quaternion, Vector, rotate
+from recipe_runtime.simulation.boxes import Box, neighbourhoods
 from recipe_runtime.simulation.terrain import Ground
 
-GRAVITY = 9.81
+PlanarState = tuple[float, float, float, float, float, float, float]
+
 # Elements with a box collider about their base centre. A billboard's panel is above head height, so it has none.
 _SOLID = {"bench", "bin", "bollard", "bus_stop", "bush", "fence", "fountain"}
 _SOLID |= {"guardrail", "hedge", "hydrant", "kiosk", "lamp", "planter", "statue", "tower", "traffic_light"}
-_GROUND, _OBSTACLE, _ACTOR, _WHEEL = 1, 2, 4, 8  # collision groups
+_OBSTACLE, _ACTOR, _PARKED, _OVERHEAD = 1, 2, 4, 8  # collision groups
+_HALF_HEIGHT, _THINNEST = 1.0, 0.001  # metres, of every collider
+_MOST_SHAPES = 16  # that PyBullet joins in a body
+_STEP_OVER, _HEADROOM, _CLEAR = 0.25, 1.9, 3.2  # heights that anybody steps over, walks under, and drives under
+_TILTING_INERTIA = 1e12  # kg m2: bodies turn about the vertical only
+_AWAY, _SPACING = -1000.0, 20.0  # where absent bodies lie: this height, so far apart
 
 
-def _quaternion(pose: Pose) -> Quaternion:
-    """Orientation of a pose (x, y, z, w): roll, then pitch, then yaw about fixed axes."""
+def orientation(pose: Pose) -> Quaternion:
+    """Return the orientation of a pose (x, y, z, w): roll, then pitch, then yaw about fixed axes."""
     sy, cy = exact.sin_cos_deg(pose.yaw / 2)
     sp, cp = exact.sin_cos_deg(pose.pitch / 2)
     sr, cr = exact.sin_cos_deg(pose.roll / 2)
@@ -40,12 +51,6 @@ def _quaternion(pose: Pose) -> Quaternion:
     )
 
 
-def _centre_and_size(prop: PropPlan) -> tuple[Vector, Vector]:
-    """Return the centre and the size of a prop's box in its own frame, metres; each extent is at least 1 mm."""
-    (a, b, c), (d, e, f) = prop.low, prop.high
-    return ((a + d) / 2, (b + e) / 2, (c + f) / 2), (max(d - a, 0.001), max(e - b, 0.001), max(f - c, 0.001))
-
-
 class World:
     """A physics world in a PyBullet client of its own.
 
@@ -54,10 +59,13 @@ class World:
 
     def __init__(self, town: TownPlan, steps_per_second: int, props: Sequence[PropPlan] = ()) -> None:
         self.ground = Ground(town)
+        self.dt = 1.0 / steps_per_second
+        self.names: dict[int, str] = {}  # collider -> name of the actor, element or prop
+        self._joined: dict[int, Sequence[tuple[int, Box]]] = {}  # body -> its colliders, if it has several
         self._client = pybullet.connect(pybullet.DIRECT)
         pybullet.resetSimulation(physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=1.0 / steps_per_second,
+            fixedTimeStep=self.dt,
             numSubSteps=0,
             numSolverIterations=30,
             solverResidualThreshold=0.0,
@@ -83,15 +91,15 @@ class World:
             reportSolverAnalytics=0,
             physicsClientId=self._client,
         )
-        pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
-        self._add_fixed(
-            pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self._client), Pose(), _GROUND
-        )
+        pybullet.setGravity(0.0, 0.0, 0.0, physicsClientId=self._client)
+        boxes: dict[int, list[Box]] = {_OBSTACLE: [], _OVERHEAD: []}
         for element in town.elements:
-            self._add_element(element)
+            self._add_element(element, boxes)
         for prop in props:  # collides as its bounding box
-            centre, size = _centre_and_size(prop)
-            self._add_fixed(self._box(centre, size), prop.pose, _OBSTACLE)
+            self._add_obstacle(prop.name, prop.pose, (prop.low, prop.high), boxes)
+        for group, upright in boxes.items():
+            for near in neighbourhoods(upright, _MOST_SHAPES):
+                self._join(near, group)
 
     def close(self) -> None:
         """Disconnect the client."""
@@ -101,141 +109,180 @@ class World:
         """Advance by one step."""
         pybullet.stepSimulation(physicsClientId=self._client)
 
-    def base(self, body: int) -> tuple[Vector, Quaternion]:
-        """Position and orientation of a body's base part."""
-        position, orientation = pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client)
-        return position, orientation
+    def state(self, body: int) -> PlanarState:
+        """Return x, y, the unit vector (x, y) of the heading, the velocity (x, y), and the yaw rate of a body."""
+        (x, y, _), (_, _, sine, cosine) = pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client)
+        (vx, vy, _), (_, _, yaw_rate) = pybullet.getBaseVelocity(body, physicsClientId=self._client)
+        return x, y, 1.0 - 2.0 * sine * sine, 2.0 * sine * cosine, vx, vy, yaw_rate
 
-    def velocity(self, body: int) -> tuple[Vector, Vector]:
-        """Linear and angular velocity of a body's base part."""
-        linear, angular = pybullet.getBaseVelocity(body, physicsClientId=self._client)
-        return linear, angular
+    def set_velocity(self, body: int, vx: float, vy: float, yaw_rate: float) -> None:
+        """Set the velocity of a body."""
+        pybullet.resetBaseVelocity(body, (vx, vy, 0.0), (0.0, 0.0, yaw_rate), physicsClientId=self._client)
 
-    def set_velocity(self, body: int, linear: Sequence[float], angular: Sequence[float]) -> None:
-        """Set the linear and angular velocity of a body's base part."""
-        pybullet.resetBaseVelocity(body, linear, angular, physicsClientId=self._client)
+    def place(self, body: int, x: float, y: float, rotation: Quaternion) -> None:
+        """Move a body to a position and a rotation about the vertical, at rest."""
+        self._reset(body, (x, y, 0.0), rotation)
 
-    def add_pedestrian(self, actor: ActorPlan) -> int:
-        """Add a pedestrian, a capsule from the shins up, and return its body id."""
-        height = actor.shape["height"]
-        radius, low = 0.13 * height, 0.22 * height
-        length = height - low - 2 * radius
-        capsule = pybullet.createCollisionShape(
-            pybullet.GEOM_CAPSULE,
-            radius=radius,
-            height=length,
-            collisionFramePosition=(0.0, 0.0, low + radius + length / 2),
-            physicsClientId=self._client,
-        )
-        body = self._multibody(actor.start, 70.0, capsule, (), -1)
-        self._filter(body, -1, _ACTOR, _OBSTACLE | _ACTOR)
-        pybullet.changeDynamics(body, -1, localInertiaDiagonal=(60.0, 60.0, 20.0), physicsClientId=self._client)
-        return body
+    def remove(self, body: int) -> Vector:
+        """Take a body out of the scene, at rest, to a place of its own below the ground; return that place."""
+        place = (_SPACING * body, 0.0, _AWAY)
+        self._reset(body, place, (0.0, 0.0, 0.0, 1.0))
+        return place
 
-    def add_vehicle(self, actor: ActorPlan, *, fixed: bool = False) -> int:
+    def _reset(self, body: int, position: Vector, rotation: Quaternion) -> None:
+        pybullet.resetBasePositionAndOrientation(body, position, rotation, physicsClientId=self._client)
+        self.set_velocity(body, 0.0, 0.0, 0.0)
+
+    def contacts(self) -> Iterator[tuple[int, int, float]]:
+        """Yield the two colliders and the impulse (N s) of every contact point that carried load in the last step.
+
+        The collider of an actor is its body; those of obstacles are negative.
+        """
+        for point in pybullet.getContactPoints(physicsClientId=self._client):
+            if point[9] > 0.0:
+                first, second = self._collider(point[1], point[5]), self._collider(point[2], point[6])
+                yield first, second, point[9] * self.dt
+
+    def _collider(self, body: int, at: Vector) -> int:
+        """Return the collider of a body to which a contact point belongs."""
+        joined = self._joined.get(body)
+        return body if joined is None else min(joined, key=lambda entry: entry[1].distance(at[0], at[1]))[0]
+
+    def add_pedestrian(self, actor: ActorPlan, radius: float, mass: float) -> int:
+        """Add a pedestrian and return its body id."""
+        shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, physicsClientId=self._client)
+        inertia = 0.5 * mass * radius * radius
+        return self._add_actor(actor, shape, mass, inertia, friction=0.0, mask=_OBSTACLE | _ACTOR | _PARKED)
+
+    def add_vehicle(self, actor: ActorPlan, mass: float, inertia: float) -> int:
         """Add a vehicle and return its body id.
 
-        A vehicle is a box on four spheres that collide with the ground only; a `fixed` one is a static box.
+        Args:
+            actor: The vehicle.
+            mass: kg; 0 for one that never moves.
+            inertia: kg m2 about the vertical.
         """
-        shape = actor.shape
-        low, high = shape["clearance"] + 0.1, min(shape["height"], 3.2)
-        box = pybullet.createCollisionShape(
-            pybullet.GEOM_BOX,
-            halfExtents=(shape["length"] / 2, shape["width"] / 2, (high - low) / 2),
-            collisionFramePosition=(0.0, 0.0, (high + low) / 2),
-            physicsClientId=self._client,
+        size = actor.shape
+        overhead = _OVERHEAD if size["height"] > 2.2 else 0
+        return self._add_actor(
+            actor,
+            self._box(size["length"], size["width"]),
+            mass,
+            inertia,
+            friction=0.5,
+            mask=_OBSTACLE | _ACTOR | _PARKED | overhead if mass > 0.0 else _ACTOR,
         )
-        ball = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=shape["wheel"], physicsClientId=self._client)
-        places = [joint.offset for joint in wheel_joints(shape)]
-        if fixed:
-            body = self._multibody(actor.start, 0.0, box, (), -1)
-            self._filter(body, -1, _ACTOR, _ACTOR)
-            return body
-        body = self._multibody(actor.start, 1500.0, box, places, ball)
-        self._filter(body, -1, _ACTOR, _OBSTACLE | _ACTOR)
-        for link in range(len(places)):
-            self._filter(body, link, _WHEEL, _GROUND)
-        pybullet.changeDynamics(body, -1, localInertiaDiagonal=(800.0, 2500.0, 2500.0), physicsClientId=self._client)
-        return body
 
-    def _multibody(self, start: Pose, mass: float, shape: int, places: Sequence[Vector], foot: int) -> int:
-        """Create a base with fixed links. Each link's origin is its centre of mass; the base's is on the ground."""
-        count = len(places)
-        body: int = pybullet.createMultiBody(
-            baseMass=mass,
-            baseCollisionShapeIndex=shape,
-            basePosition=(start.x, start.y, start.z),
-            baseOrientation=_quaternion(start),
-            linkMasses=[0.05] * count,
-            linkCollisionShapeIndices=[foot] * count,
-            linkVisualShapeIndices=[-1] * count,
-            linkPositions=list(places),
-            linkOrientations=[(0.0, 0.0, 0.0, 1.0)] * count,
-            linkInertialFramePositions=[(0.0, 0.0, 0.0)] * count,
-            linkInertialFrameOrientations=[(0.0, 0.0, 0.0, 1.0)] * count,
-            linkParentIndices=[0] * count,
-            linkJointTypes=[pybullet.JOINT_FIXED] * count,
-            linkJointAxis=[(0, 0, 1)] * count,
-            physicsClientId=self._client,
-        )
-        for link in range(-1, count):
+    def _add_actor(
+        self, actor: ActorPlan, shape: int, mass: float, inertia: float, *, friction: float, mask: int
+    ) -> int:
+        start = Pose(x=actor.start.x, y=actor.start.y, yaw=actor.start.yaw)
+        body = self._add_body(actor.name, shape, mass, (start.x, start.y, 0.0), orientation(start), friction)
+        if mass > 0.0:
             pybullet.changeDynamics(
                 body,
-                link,
-                lateralFriction=0.0,
-                spinningFriction=0.0,
-                rollingFriction=0.0,
-                restitution=0.0,
+                -1,
+                mass=mass,  # PyBullet takes 0 for it if only the inertia is given
+                localInertiaDiagonal=(_TILTING_INERTIA, _TILTING_INERTIA, inertia),
                 linearDamping=0.0,
                 angularDamping=0.0,
-                jointDamping=0.0,
                 activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
                 physicsClientId=self._client,
             )
-            if link >= 0:
-                pybullet.changeDynamics(
-                    body, link, localInertiaDiagonal=(0.001, 0.001, 0.001), physicsClientId=self._client
-                )
+        self._filter(body, _ACTOR if mass > 0.0 else _PARKED, mask)
         return body
 
-    def _add_element(self, element: Element) -> None:
+    def _add_element(self, element: Element, boxes: dict[int, list[Box]]) -> None:
         x, y, z = element.size
-        if element.kind == "sidewalk":
-            self._add_fixed(self._slab(x, y, z, element.shape["radius"]), element.pose, _GROUND)
-        elif element.kind in ("building", "house", "wall"):
-            self._add_fixed(self._box((-x / 2, 0.0, z / 2), (x, y, z)), element.pose, _OBSTACLE)
+        if element.kind in ("building", "house", "wall"):
+            extent = (-x, -y / 2, 0.0), (0.0, y / 2, z)
         elif element.kind in _SOLID:
-            self._add_fixed(self._box((0.0, 0.0, z / 2), (x, y, z)), element.pose, _OBSTACLE)
+            extent = (-x / 2, -y / 2, 0.0), (x / 2, y / 2, z)
         elif element.kind == "tree":
-            thick = 2.2 * element.shape["trunk"]
-            self._add_fixed(self._box((0.0, 0.0, z / 4), (thick, thick, z / 2)), element.pose, _OBSTACLE)
+            thick = 1.1 * element.shape["trunk"]
+            extent = (-thick, -thick, 0.0), (thick, thick, z / 2)
+        else:
+            return
+        self._add_obstacle(element.name, element.pose, extent, boxes)
 
-    def _box(self, centre: Vector, size: Vector) -> int:
-        shape: int = pybullet.createCollisionShape(
-            pybullet.GEOM_BOX,
-            halfExtents=[s / 2 for s in size],
-            collisionFramePosition=centre,
+    def _add_obstacle(self, name: str, pose: Pose, extent: tuple[Vector, Vector], boxes: dict[int, list[Box]]) -> None:
+        """Add the outline, seen from above, of a box in a pose, unless all actors pass under or over it.
+
+        Args:
+            name: Of the element or prop.
+            pose: Its pose.
+            extent: The box's lowest and highest coordinates in that pose.
+            boxes: For each collision group the upright boxes, to which it is added if it is upright.
+        """
+        low, high = extent
+        turn = orientation(pose)
+        corners = [
+            rotate(turn, (x, y, z)) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])
+        ]
+        floor = self.ground.height(pose.x, pose.y)
+        bottom, top = (f(corner[2] for corner in corners) + pose.z for f in (min, max))
+        if top - floor < _STEP_OVER or bottom - floor > _CLEAR:
+            return
+        group = _OBSTACLE if bottom - floor < _HEADROOM else _OVERHEAD
+        if pose.pitch == 0.0 and pose.roll == 0.0:
+            dx, dy, _ = rotate(turn, ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0))
+            half = (max(high[0] - low[0], _THINNEST) / 2, max(high[1] - low[1], _THINNEST) / 2)
+            boxes[group].append(Box(name, (pose.x + dx, pose.y + dy), turn, half))
+        else:
+            body = self._add_body(name, self._prism(corners), 0.0, (pose.x, pose.y, 0.0), (0.0, 0.0, 0.0, 1.0), 0.5)
+            self._filter(body, group, _ACTOR)
+
+    def _join(self, boxes: Sequence[Box], group: int) -> None:
+        """Add a body of several boxes that never moves."""
+        x, y = boxes[0].place
+        shape = pybullet.createCollisionShapeArray(
+            shapeTypes=[pybullet.GEOM_BOX] * len(boxes),
+            halfExtents=[(*box.half, _HALF_HEIGHT) for box in boxes],
+            collisionFramePositions=[(box.place[0] - x, box.place[1] - y, 0.0) for box in boxes],
+            collisionFrameOrientations=[box.rotation for box in boxes],
             physicsClientId=self._client,
         )
+        body = self._add_body("", shape, 0.0, (x, y, 0.0), (0.0, 0.0, 0.0, 1.0), 0.5)
+        self._filter(body, group, _ACTOR)
+        del self.names[body]
+        first = -1 - len(self.names)
+        self._joined[body] = [(first - number, box) for number, box in enumerate(boxes)]
+        self.names.update((collider, box.name) for collider, box in self._joined[body])
+
+    def _add_body(
+        self, name: str, shape: int, mass: float, position: Vector, rotation: Quaternion, friction: float
+    ) -> int:
+        body: int = pybullet.createMultiBody(
+            baseMass=mass,
+            baseCollisionShapeIndex=shape,
+            basePosition=position,
+            baseOrientation=rotation,
+            useMaximalCoordinates=True,  # a rigid body, which is faster than a tree of links
+            physicsClientId=self._client,
+        )
+        pybullet.changeDynamics(
+            body,
+            -1,
+            lateralFriction=friction,
+            spinningFriction=0.0,
+            rollingFriction=0.0,
+            restitution=0.0,
+            physicsClientId=self._client,
+        )
+        self.names[body] = name
+        return body
+
+    def _box(self, x: float, y: float) -> int:
+        """Create an upright box."""
+        half = (max(x, _THINNEST) / 2, max(y, _THINNEST) / 2, _HALF_HEIGHT)
+        shape: int = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client)
         return shape
 
-    def _slab(self, x: float, y: float, top: float, radius: float) -> int:
-        """Create the collider of a sidewalk: a prism with rounded corners."""
-        ring = outline(x, y, radius, 0.0)
-        vertices = [(px, py, z) for z in (-0.5, top) for px, py in ring]
+    def _prism(self, corners: Sequence[Vector]) -> int:
+        """Create the upright prism over the convex hull of points seen from above."""
+        vertices = [(x, y, z) for z in (-_HALF_HEIGHT, _HALF_HEIGHT) for x, y, _ in corners]
         shape: int = pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=vertices, physicsClientId=self._client)
         return shape
 
-    def _add_fixed(self, shape: int, pose: Pose, group: int) -> None:
-        body = pybullet.createMultiBody(
-            baseMass=0.0,
-            baseCollisionShapeIndex=shape,
-            basePosition=(pose.x, pose.y, pose.z),
-            baseOrientation=_quaternion(pose),
-            physicsClientId=self._client,
-        )
-        pybullet.changeDynamics(body, -1, lateralFriction=0.0, restitution=0.0, physicsClientId=self._client)
-        self._filter(body, -1, group, _ACTOR | _WHEEL)
-
-    def _filter(self, body: int, link: int, group: int, mask: int) -> None:
-        pybullet.setCollisionFilterGroupMask(body, link, group, mask, physicsClientId=self._client)
+    def _filter(self, body: int, group: int, mask: int) -> None:
+        pybullet.setCollisionFilterGroupMask(body, -1, group, mask, physicsClientId=self._client)

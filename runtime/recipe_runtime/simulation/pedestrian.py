@@ -1,4 +1,4 @@
-"""Pedestrian agents: they walk to their goals, avoid other agents, wait for vehicles and follow the ground."""
+"""Pedestrian agents: bodies that walk as `walking.walker` decides, and follow the ground."""
 
 from __future__ import annotations
 
@@ -9,133 +9,124 @@ from collections.abc import Sequence
 from recipe_compiler.ir.plan import ActorPlan
 
 from recipe_runtime.body import walk_cycle
-from recipe_runtime.body.kinematics import PartPose, Quaternion
-from recipe_runtime.body.skeleton import Figure, is_person
-from recipe_runtime.simulation.agent import Agent, move_towards
-from recipe_runtime.simulation.bullet import GRAVITY, World
+from recipe_runtime.body.footsteps import Footsteps
+from recipe_runtime.body.gait import Gait
+from recipe_runtime.body.skeleton import Figure
+from recipe_runtime.body.walk_cycle import HEAD_TURN
+from recipe_runtime.simulation.agent import STANDSTILL, Agent, move_towards
+from recipe_runtime.simulation.bullet import World
+from recipe_runtime.simulation.walking.surroundings import Surroundings
+from recipe_runtime.simulation.walking.walker import Walker, Wish
 
-_WALK_ACCELERATION, _TURN_RATE, _STEP_RATE = 3.5, 6.0, 0.9  # m/s2; rad/s; vertical speed at kerbs, m/s
-_SIDESTEP, _ROOM, _FORESIGHT = 0.55, 0.78, 2.5  # lateral speed, m/s; distance between two pedestrians' axes, m; s
+_MASS = 75.0  # kg
+_ACCELERATION = 3.4  # m/s2
+_TURN_STANDING, _TURN_WALKING, _TURN_ACCELERATION = 3.0, 2.05, 20.0  # rad/s at rest and at `_WALKING` m/s; rad/s2
+_WALKING, _TURNING, _TURN_GAIN = 0.8, 2.9, 4.0  # m/s; m/s2 across in a bend; 1/s
+_SIDESTEP, _SMALL_STEPS, _FACES = 0.35, 0.3, 0.15  # m/s: aside, in any direction, and from where it turns to face
+_KNOCKED = 2.0  # m/s, the change of its speed that makes a pedestrian stop
+_SIGHT, _SIGHT_AT_ROADS = 10.0, 60.0  # metres
 
 
 class PedestrianAgent(Agent):
-    """A pedestrian."""
+    """A pedestrian.
 
-    def __init__(self, world: World, actor: ActorPlan, dt: float) -> None:
-        super().__init__(world, actor, world.add_pedestrian(actor), dt)
-        self._figure = Figure.of(actor.shape)
-        self._phase = zlib.crc32(actor.name.encode()) / 2.0**32
-        self._desired = (0.0, 0.0)
-        self._commanded = (0.0, 0.0)
-        self._pace = 0.0
-        self._pose_cache: tuple[float, float, Sequence[Quaternion]] = (-1.0, 0.0, ())  # phase, pace, joint rotations
+    Attributes:
+        figure: Its proportions.
+        look: Degrees to the left of its heading where it wants to look.
+        pace: The speed that it wants now, m/s.
+        crossing: The way over a road, from kerb to kerb (x, y, x, y, metres), that it is on, or is about to enter with
+            the right of way.
+        follower: The pedestrian who walks beside it.
+    """
 
-    def choose_motion(self, others: Sequence[Agent]) -> None:
-        """Walk towards the next waypoint, slow down before the goal, and step aside to avoid others."""
-        wish = self._velocity_to_goal()
-        if wish == (0.0, 0.0):
-            self._desired = wish
-            return
-        if self._must_wait(wish, others):
-            self._desired = (0.0, 0.0)
-            return
-        speed = math.sqrt(wish[0] * wish[0] + wish[1] * wish[1])
-        ahead = (wish[0] / speed, wish[1] / speed)
-        aside, slow = 0.0, 1.0
-        for other in others:
-            step, pace = self._avoid(other, ahead, speed)
-            aside = step if abs(step) > abs(aside) else aside
-            slow = min(slow, pace)
-        right = (ahead[1], -ahead[0])
-        self._desired = (slow * wish[0] + aside * right[0], slow * wish[1] + aside * right[1])
+    def __init__(self, world: World, actor: ActorPlan, control_dt: float, surroundings: Surroundings) -> None:
+        radius = 0.13 * actor.shape["height"]
+        super().__init__(world, actor, world.add_pedestrian(actor, radius, _MASS), control_dt)
+        self.look = self.pace = 0.0
+        self.crossing: tuple[float, float, float, float] | None = None
+        self.follower: PedestrianAgent | None = None
+        self._walker, self._wish = Walker(actor, surroundings), Wish()
+        self.sight = _SIGHT
+        self.figure = Figure.of(actor.shape)
+        self._footsteps = self._steady_footsteps()
+        self.z, self._head_yaw = self._footsteps.height, 0.0
 
-    def _must_wait(self, wish: tuple[float, float], others: Sequence[Agent]) -> bool:
-        """Return whether it stands on a sidewalk and would walk into the path of a moving vehicle."""
-        if self._world.ground.height(self.x, self.y) < 0.1:
-            return False
-        for other in others:
-            dx, dy = self.x - other.x, self.y - other.y
-            if is_person(other.actor.shape) or abs(dx) > 30.0 or abs(dy) > 30.0 or not other.moving:
-                continue
-            hx, hy = other.heading
-            for k in range(1, 6):
-                t = 0.5 * k
-                px, py = dx + (wish[0] - other.velocity[0]) * t, dy + (wish[1] - other.velocity[1]) * t
-                if abs(px * hx + py * hy) < other.reach + 0.8 and abs(py * hx - px * hy) < other.radius + 0.5:
-                    return True
-        return False
+    @property
+    def mass(self) -> float:
+        """Kilograms."""
+        return _MASS
 
-    def _velocity_to_goal(self) -> tuple[float, float]:
-        """Return the velocity towards the next waypoint, in m/s, after skipping waypoints that have been reached."""
-        while self._next < len(self._route):
-            dx, dy = self._route[self._next][0] - self.x, self._route[self._next][1] - self.y
-            distance = math.sqrt(dx * dx + dy * dy)
-            last = self._next == len(self._route) - 1
-            if distance > (0.02 if last else 0.5):
-                speed = self.actor.speed
-                if last:
-                    speed = min(speed, 2.5 * distance, math.sqrt(2.0 * 1.8 * distance))
-                return dx / distance * speed, dy / distance * speed
-            self._next += 1
-        return 0.0, 0.0
+    def collide(self, other: Agent | None, impulse: float, seconds: float) -> None:
+        """Stop after a hard collision."""
+        if impulse / _MASS > _KNOCKED:
+            self.stand_still(seconds + STANDSTILL)
+            self._wish = Wish()
 
-    def _avoid(self, other: Agent, ahead: tuple[float, float], speed: float) -> tuple[float, float]:
-        """Return the lateral speed to the right in m/s (negative: to the left), and a factor for the speed."""
-        dx, dy = other.x - self.x, other.y - self.y
-        if abs(dx) > 12.0 or abs(dy) > 12.0:
-            return 0.0, 1.0
-        gap = dx * ahead[0] + dy * ahead[1]
-        side = dx * ahead[1] - dy * ahead[0]  # lateral offset, positive to the right
-        ux, uy = ahead[0] * speed - other.velocity[0], ahead[1] * speed - other.velocity[1]
-        closing = ux * ahead[0] + uy * ahead[1]
-        room = _ROOM + other.radius - 0.23
-        if gap < -0.3 or closing < 0.05 or gap > max(2.5, _FORESIGHT * closing):
-            return 0.0, 1.0
-        time = max(gap, 0.0) / closing
-        miss = side - (ux * ahead[1] - uy * ahead[0]) * time
-        if abs(miss) >= room:
-            return 0.0, 1.0
-        left = miss > 0.12 and is_person(other.actor.shape)
-        need = (room - abs(miss)) * (0.5 if is_person(other.actor.shape) else 1.0)
-        step = min(_SIDESTEP, need / max(time - 0.3, 0.35))
-        near = gap < 0.7 and abs(side) < 0.45
-        return (-step if left else step), (0.35 if near else 1.0)
+    def walk_beside(self, leader: PedestrianAgent) -> None:
+        """Walk beside another pedestrian from now on."""
+        self._walker.leader, leader.follower = leader, self
 
-    def apply_velocity(self) -> None:
-        """Set the velocity: walk upright, turn into the direction of motion, and follow the ground."""
-        max_change = _WALK_ACCELERATION * self._dt
-        self._commanded = (
-            move_towards(self._commanded[0], self._desired[0], max_change),
-            move_towards(self._commanded[1], self._desired[1], max_change),
-        )
-        vx, vy = self._commanded
-        speed = math.sqrt(vx * vx + vy * vy)
+    def decide(self, others: Sequence[Agent], seconds: float) -> None:
+        """Choose direction and speed: along the route, across roads when it may, round others."""
+        stands = self.held or seconds < self._stands_until
+        self._wish = self._walker.decide(self, others, seconds, stands=stands)
+        self.waiting, self.crossing, self.look = self._wish.waits, self._wish.crossing, self._wish.look
+        self.pace = self._wish.speed
+        self.sight = _SIGHT_AT_ROADS if self._walker.near_road else _SIGHT
+
+    def control(self) -> None:
+        """Accelerate and turn as far as legs can.
+
+        It walks the way that it faces. Steps aside, and in any direction where it is nearly there, are slow.
+        """
+        wish, (hx, hy), (vx, vy) = self._wish, self.heading, self.velocity
+        sine, cosine = hx * wish.uy - hy * wish.ux, hx * wish.ux + hy * wish.uy
+        if wish.speed <= _SMALL_STEPS:
+            wx, wy = wish.speed * wish.ux, wish.speed * wish.uy
+        else:
+            ahead = wish.speed * max(0.0, cosine)
+            aside = max(-_SIDESTEP, min(_SIDESTEP, wish.speed * sine))
+            wx, wy = ahead * hx - aside * hy, ahead * hy + aside * hx
+        dx, dy = wx - vx, wy - vy
+        size, most = math.sqrt(dx * dx + dy * dy), _ACCELERATION * self._dt
+        part = 1.0 if size <= most else most / size
+        vx, vy = vx + part * dx, vy + part * dy
         turn = 0.0
-        if speed > 0.15:
-            sine = (self.heading[0] * vy - self.heading[1] * vx) / speed
-            cosine = (self.heading[0] * vx + self.heading[1] * vy) / speed
-            turn = 7.0 * (sine if cosine > 0 else (1.0 if sine >= 0 else -1.0))
-            turn = max(-_TURN_RATE, min(_TURN_RATE, turn))
-        target = self._world.ground.height(self.x, self.y) - walk_cycle.pelvis_drop(
-            self._figure, self._phase, self._pace
+        if wish.speed > _FACES:
+            fastest = _TURN_STANDING - (_TURN_STANDING - _TURN_WALKING) * min(1.0, abs(self.speed) / _WALKING)
+            fastest = min(fastest, _TURNING / max(abs(self.speed), 0.5))
+            turn = _TURN_GAIN * sine if cosine > 0.0 else (fastest if sine >= 0.0 else -fastest)
+            turn = max(-fastest, min(fastest, turn))
+        turn = move_towards(self.yaw_rate, turn, _TURN_ACCELERATION * self._dt)
+        if (vx, vy) != self.velocity or turn != self.yaw_rate:
+            self._world.set_velocity(self.body, vx, vy, turn)
+
+    def start_moving(self) -> None:
+        """Let a held pedestrian go, in the middle of its stride."""
+        super().start_moving()
+        self._footsteps = self._steady_footsteps()
+
+    def _steady_footsteps(self) -> Footsteps:
+        phase = zlib.crc32(self.actor.name.encode()) / 2.0**32
+        place, ground = (self.x, self.y), self._world.ground.height
+        return Footsteps.steady(Gait(self.figure), phase, self.speed, place, self.heading, ground)
+
+    def read(self, seconds: float) -> None:
+        """Read the state of the body from the engine, and turn the head."""
+        if self._head_yaw != max(-HEAD_TURN, min(HEAD_TURN, self.look)):
+            self._at_rest = False
+        super().read(seconds)
+
+    def _follow(self, dx: float, dy: float, seconds: float) -> bool:
+        """Move the feet with the body, and follow the ground on which they stand."""
+        feet, head = self._footsteps, self._head_yaw
+        self._footsteps = feet.moved(
+            (self.x, self.y), self.heading, self.velocity, self.yaw_rate, seconds, self._world.ground.height
         )
-        rise = (target - self.z) / self._dt
-        rise = max(-_STEP_RATE, min(_STEP_RATE, rise)) + GRAVITY * self._dt
-        lean = self._tilt
-        self._world.set_velocity(self.body, (vx, vy, rise), (20.0 * lean[1], -20.0 * lean[0], turn))
+        self._head_yaw = walk_cycle.turn_head(head, self.look, seconds)
+        self.vertical_speed, self.z = (self._footsteps.height - self.z) / seconds, self._footsteps.height
+        return self._footsteps is feet and self._head_yaw == head
 
-    def update_distance(self) -> None:
-        """Advance the walk cycle by the distance covered."""
-        self._pace = math.sqrt(self.velocity[0] * self.velocity[0] + self.velocity[1] * self.velocity[1])
-        self._phase += self._pace * self._dt / walk_cycle.stride_length(self._figure, self._pace)
-
-    def _base_pose(self) -> PartPose:
-        """Return the pose of the base, corrected in height so that the lower sole touches the ground."""
-        (x, y, z), orientation = super()._base_pose()
-        low = walk_cycle.pelvis_drop(self._figure, self._phase, self._pace)
-        return (x, y, z + low - walk_cycle.lowest_sole(self._figure, self._joint_rotations())), orientation
-
-    def _joint_rotations(self) -> Sequence[Quaternion]:
-        if self._pose_cache[:2] != (self._phase, self._pace):
-            self._pose_cache = self._phase, self._pace, walk_cycle.pose(self._figure, self._phase, self._pace)
-        return self._pose_cache[2]
+    def pose_row(self) -> Sequence[float]:
+        """Return the state from which its pose is computed."""
+        return walk_cycle.row(self._footsteps, (self.x, self.y), self.heading, self._head_yaw)

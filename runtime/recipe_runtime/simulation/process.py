@@ -6,8 +6,9 @@ parent's environment is.
 
 The child reads the plan as JSON from its standard input. While it runs, it writes to its standard output: a line
 `parts` with the names of the parts as JSON; lines `progress STEP STEPS`; for each frame a line `frame NUMBER`, followed
-by the frame's bytes on the Trace's integer grid; and at the end a line `end`. Neither process keeps more than one frame
-in memory: the parent writes each frame to a temporary file, from which the Trace is read.
+by the frame's bytes on the Trace's integer grid; and at the end a line `event` with each contact of two bodies as JSON,
+and a line `end`. Neither process keeps more than one frame in memory: the parent writes each frame to a temporary file,
+from which the Trace is read.
 """
 
 from __future__ import annotations
@@ -18,22 +19,18 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack, closing
-from typing import IO, TYPE_CHECKING, Any
+from dataclasses import asdict
+from typing import IO, Any
 
-import numpy as np
-from numpy.typing import NDArray
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.body.skeleton import part_names
 from recipe_runtime.core import subprocesses
-from recipe_runtime.core.trace import METRE, UNIT, Trace, TraceWriter, frame_bytes
-
-if TYPE_CHECKING:
-    from recipe_runtime.simulation.agent import Agent
-    from recipe_runtime.simulation.bullet import World
+from recipe_runtime.core.trace import Trace, TraceWriter
+from recipe_runtime.simulation.events import ContactEvent
 
 PINNED = {
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4",
@@ -47,13 +44,20 @@ PINNED = {
 Progress = Callable[[int, int], None]
 
 
-def simulate(scene: ScenePlan, progress: Progress | None = None, *, timeout: float = 3600.0) -> Trace:
-    """Simulate a scene in a child process and return its motion.
+def simulate(
+    scene: ScenePlan,
+    progress: Progress | None = None,
+    *,
+    timeout: float = 3600.0,
+    events: list[ContactEvent] | None = None,
+) -> Trace:
+    """Return the motion of a scene.
 
     Args:
         scene: The plan of the scene.
         progress: Called with the steps done and the total number of steps.
         timeout: Seconds after which the simulation is stopped.
+        events: The list to which contacts between bodies are added, in the order of their start.
 
     Raises:
         RunError: The child process failed or exceeded the time limit.
@@ -66,7 +70,7 @@ def simulate(scene: ScenePlan, progress: Progress | None = None, *, timeout: flo
         timer = threading.Timer(timeout, child.kill)
         timer.start()
         try:
-            trace = _converse(child, scene, progress)
+            trace = _converse(child, scene, progress, events)
         finally:
             hung = not timer.is_alive()
             timer.cancel()
@@ -81,11 +85,10 @@ def simulate(scene: ScenePlan, progress: Progress | None = None, *, timeout: flo
         return trace
 
 
-def _converse(child: subprocess.Popen[bytes], scene: ScenePlan, progress: Progress | None) -> Trace | None:
-    """Send the plan to the child, report its progress and store its frames.
-
-    Returns None if the child ended before the last frame.
-    """
+def _converse(
+    child: subprocess.Popen[bytes], scene: ScenePlan, progress: Progress | None, events: list[ContactEvent] | None
+) -> Trace | None:
+    """Send the plan, report progress and write the frames; None if the child ended before the last frame."""
     assert child.stdin is not None and child.stdout is not None
     with child.stdout as out, ExitStack() as stack:
         try:
@@ -107,6 +110,8 @@ def _converse(child: subprocess.Popen[bytes], scene: ScenePlan, progress: Progre
                     return None
                 _keep(writer, int(rest), data)
                 frames += 1
+            elif word == b"event" and events is not None:
+                events.append(ContactEvent(**json.loads(rest)))
             elif line == b"end\n" and writer is not None and frames == scene.clock.frames:
                 return writer.trace()
     return None
@@ -128,67 +133,9 @@ def _explain(code: int, errors: bytes) -> str:
     return f"the simulation ended with {ending}" + (f": {lines[-1]}" if lines else "")
 
 
-def _run(scene: ScenePlan, take: Callable[[int, bytes], None], report: Progress) -> None:
-    """Simulate in the current process; `take` is called with each frame's number and bytes. See `simulate`."""
-    from recipe_runtime.simulation.agents import create_agents
-    from recipe_runtime.simulation.bullet import World
-
-    clock = scene.clock
-    world = World(scene.town, clock.physics, scene.props)
-    agents = create_agents(world, scene)
-    decide_every = max(1, clock.physics // 30)
-    steps = (clock.frames - 1) * clock.steps_per_frame
-    for step in range(steps + 1):
-        if step % clock.steps_per_frame == 0:
-            take(step // clock.steps_per_frame, _motion(world, agents))
-            report(step, steps)
-        if step == steps:
-            break
-        if step % decide_every == 0:
-            for m in agents:
-                m.choose_motion([other for other in agents if other is not m])
-        for m in agents:
-            m.apply_velocity()
-        world.step()
-        for m in agents:
-            m.read_state()
-            m.update_distance()
-    world.close()
-
-
-def _motion(world: World, create_agents: Sequence[Agent]) -> bytes:
-    """Return the current state as the bytes of a Trace frame.
-
-    A rotation corresponds to two quaternions; the one whose w is positive is stored. If w is 0, the last component
-    that is not 0 is positive.
-    """
-    poses = [pose for m in create_agents for pose in m.parts()]
-    velocities = [world.velocity(m.body) for m in create_agents]
-    rotations = _snap(_rows([rotation for _, rotation in poses], 4), UNIT)
-    key = np.zeros(rotations.shape[:-1], np.int64)
-    for axis in (0, 1, 2, 3):  # the sign of w, or of the last component before it that is not 0
-        key = np.where(rotations[..., axis] != 0, rotations[..., axis], key)
-    return frame_bytes(
-        positions=_snap(_rows([position for position, _ in poses], 3), METRE),
-        rotations=np.where(key[..., None] < 0, -rotations, rotations).astype(np.int32),
-        linear=_snap(_rows([linear for linear, _ in velocities], 3), METRE),
-        angular=_snap(_rows([angular for _, angular in velocities], 3), METRE),
-    )
-
-
-def _rows(values: Sequence[Sequence[float]], width: int) -> NDArray[np.float64]:
-    return np.array(values, np.float64).reshape(-1, width)
-
-
-def _snap(values: NDArray[np.float64], grid: int) -> NDArray[np.int64]:
-    if not np.isfinite(values).all():
-        raise RunError(
-            "the simulation diverged: a position or velocity is not a finite number; separate overlapping bodies"
-        )
-    return np.floor(values * grid + 0.5).astype(np.int64)
-
-
 def _serve(plan: IO[bytes], answer: IO[Any]) -> None:
+    from recipe_runtime.simulation.loop import run
+
     scene = ScenePlan.model_validate_json(plan.read())
 
     def report(step: int, steps: int) -> None:
@@ -201,7 +148,8 @@ def _serve(plan: IO[bytes], answer: IO[Any]) -> None:
 
     parts = [f"{actor.name}/{part}" for actor in scene.actors for part in part_names(actor.shape)]
     answer.write(b"parts %s\n" % json.dumps(parts).encode())
-    _run(scene, take, report)
+    for event in run(scene, take, report):
+        answer.write(b"event %s\n" % json.dumps(asdict(event)).encode())
     answer.write(b"end\n")
     answer.flush()
 

@@ -1,4 +1,4 @@
-"""Vehicle agents: they follow the lane, yield at junctions, and stop behind obstacles."""
+"""Vehicle agents: a driver's commands, turned into what steering, engine, brakes and tyres can do."""
 
 from __future__ import annotations
 
@@ -6,285 +6,253 @@ import math
 from collections.abc import Sequence
 
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.plan import ActorPlan, TownPlan
+from recipe_compiler.ir.plan import ActorPlan, Pose
 
 from recipe_runtime.body import riding
-from recipe_runtime.body.kinematics import PartPose, Quaternion, axis_rotation, compose
-from recipe_runtime.body.skeleton import Bike, axle_shift, has_rider, is_parked, is_person
-from recipe_runtime.simulation.agent import Agent, move_towards
-from recipe_runtime.simulation.bullet import World
+from recipe_runtime.body.kinematics import IDENTITY, PartPose, Quaternion, Vector, axis_rotation, compose
+from recipe_runtime.body.skeleton import Bike, axle_shift, has_rider, is_parked, is_person, wheel_joints
+from recipe_runtime.simulation.agent import STANDSTILL, Agent, move_towards
+from recipe_runtime.simulation.bullet import World, orientation
+from recipe_runtime.simulation.chassis.kinds import GRIP, vehicle_kind, yaw_inertia
+from recipe_runtime.simulation.chassis.steering import Steering
+from recipe_runtime.simulation.chassis.suspension import Suspension, Wheels
 from recipe_runtime.simulation.path import Path
+from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE
+from recipe_runtime.simulation.traffic.driver import Command, Driver
 
-_ACCELERATION, _BRAKING, _SIDEWAYS = 2.0, 3.0, 2.2  # m/s2
-_STEERING = 90.0  # steering rate of the front wheels, degrees/s
-_LOCK = 0.27  # largest curvature of any vehicle's path, 1/m
-_SLOPE = 1.3  # tangent of the largest steering angle
-_NEAREST = 1.7  # shortest look-ahead distance from the rear axle, metres
-_BEHIND, _PREPARE = 1.5, 6.0  # metres behind the rear axle and ahead of the front axle where bends count
+_STEERING = 1.57  # steering rate of the front wheels, rad/s
+_STOPPING = 5.0  # m/s2, after a collision
+_HARD, _HIT = 0.3, 0.01  # m/s, change of the speed that stops it: by anything, and by a person while it moves
 _TIP = 50.0  # lean rate of a two-wheeler, degrees/s
 
 
-class JunctionReservations:
-    """Right of way: a junction is reserved for one vehicle at a time, first come, first served."""
-
-    def __init__(self, town: TownPlan) -> None:
-        reach = 4.5  # from the junction's edge to the waiting position, clear of a turning bus
-        self._areas = [
-            (e.pose.x, e.pose.y, e.size[0] / 2 + reach, e.size[1] / 2 + reach)
-            for e in town.elements
-            if e.kind == "junction"
-        ]
-        self._holders: dict[int, VehicleAgent] = {}
-
-    def distance_to_stop_line(self, driver: VehicleAgent) -> float:
-        """Return the distance in metres to the stop line at which a vehicle must wait, or infinity if there is none.
-
-        Free junctions within the vehicle's stopping distance are reserved for it.
-        """
-        way = math.inf
-        for n, (x, y, half_x, half_y) in enumerate(self._areas):
-            dx, dy = x - driver.x, y - driver.y
-            mine = self._holders.get(n) is driver
-            if abs(dx) > half_x + 60.0 or abs(dy) > half_y + 60.0:
-                continue
-            ahead = dx * driver.heading[0] + dy * driver.heading[1]
-            aside = abs(dx * driver.heading[1] - dy * driver.heading[0])
-            half = half_x if abs(driver.heading[0]) > abs(driver.heading[1]) else half_y
-            line = ahead - half - driver.reach
-            inside = abs(dx) < half_x and abs(dy) < half_y
-            leaving = max(abs(dx) - half_x, abs(dy) - half_y) > driver.reach - 1.0 and ahead < 0.0
-            if mine and (leaving or driver.arrived):
-                del self._holders[n]
-            elif inside and not driver.arrived:
-                self._holders.setdefault(n, driver)
-            elif not mine and -1.0 < line < driver.stopping_distance + 3.0 and aside < 4.0:
-                owner = self._holders.setdefault(n, driver)
-                way = way if owner is driver else min(way, max(0.0, line))
-        return way
-
-
 class VehicleAgent(Agent):
-    """A vehicle that follows its route, with the kinematic bicycle model."""
+    """A vehicle that follows its route, with the kinematic bicycle model as far as its tyres grip.
 
-    def __init__(self, world: World, actor: ActorPlan, dt: float, junctions: JunctionReservations) -> None:
-        super().__init__(world, actor, world.add_vehicle(actor, fixed=is_parked(actor)), dt)
-        self._junctions = junctions
+    Attributes:
+        path: What it follows: its start and its route.
+        progress: Arc length of its middle on the path, metres.
+        offset: Metres that its middle is to the left of the path.
+        driver: Who decides.
+    """
+
+    def __init__(self, world: World, actor: ActorPlan, control_dt: float, driver: Driver) -> None:
         shape = actor.shape
+        self._kind = vehicle_kind(shape)
+        inertia = yaw_inertia(self._kind.mass, shape["length"], shape["width"])
+        super().__init__(world, actor, world.add_vehicle(actor, self.mass, inertia), control_dt)
+        self.driver = driver
         self._base = shape["wheelbase"]
         self._rear = shape["wheelbase"] / 2 - axle_shift(shape)  # the rear axle lies this far behind the origin
-        self._max_curvature = min(_LOCK, _SLOPE / self._base)
-        self._route.insert(0, (self.x, self.y))
-        self._rear_path, self._front_path = Path(self._route), Path(self._route)
-        self._limits = _speed_limits(self._route, actor.speed)
-        self._desired = self._speed = self._curvature = self._distance = self._steer = 0.0
-        self._steer_target = 0.0  # degrees
+        self._twist = GRIP * self._base / 2 * self._kind.mass / inertia  # rad/s2, the most by the tyres
+        self._command = Command(0.0, 0.0)
+        self._steer = 0.0  # tangent of the angle
+        self._line = driver.base_offset  # metres to the left of the path where it steers to
+        self._stand: tuple[float, float, Quaternion] | None = (self.x, self.y, self._yaw())  # where it stands
+        self._distance = 0.0  # metres that its wheels have rolled
+        self._wheels = self._wheel_places()
+        self._suspension = Suspension.on_ground(self._wheels, world.ground, (self.x, self.y), self.heading)
+        self._tilt_rates = (0.0, 0.0)
+        self.z = self._suspension.height
+        self._follow_path(Path([(self.x, self.y), *((point.x, point.y) for point in actor.route)]))
+
+    def _follow_path(self, path: Path) -> None:
+        self.path = path
+        self._leg = 0
+        self._steering = Steering(path, self._base, self._rear)
+        self.progress, self.offset, self._leg = path.locate(self.x, self.y, 0)
+
+    @property
+    def mass(self) -> float:
+        """Kilograms, with driver and rider."""
+        return self._kind.mass
+
+    @property
+    def curvature(self) -> float:
+        """Curvature of the way that its wheels point to, 1/m, positive to the left."""
+        return self._steer / self._base
 
     @property
     def arrived(self) -> bool:
-        """Whether it has reached the end of its route."""
-        return self._next >= len(self._route) - 1
+        """Whether it is at the end of its path."""
+        return self.progress >= self.path.length - 0.5
 
-    @property
-    def stopping_distance(self) -> float:
-        """Distance of a comfortable stop from the current speed, metres."""
-        return self._speed * self._speed / 4.0
+    def enter(self, pose: Pose, speed: float) -> None:
+        """Enter the scene again, and follow the part of the route that is ahead."""
+        super().enter(pose, speed)
+        self._suspension = Suspension.on_ground(self._wheels, self._world.ground, (self.x, self.y), self.heading)
+        self.z = self._suspension.height
+        self._steer, self._line, self._stand = 0.0, self.driver.base_offset, None
+        hx, hy = self.heading
+        route = [(p.x, p.y) for p in self.actor.route]
+        ahead = next((n for n, (x, y) in enumerate(route) if (x - self.x) * hx + (y - self.y) * hy > 0.0), len(route))
+        self._follow_path(Path([(self.x, self.y), *route[ahead:]]))
 
-    def choose_motion(self, others: Sequence[Agent]) -> None:
-        """Choose the desired speed and steering angle."""
-        way = self._junctions.distance_to_stop_line(self)
-        self.waiting = way < 60.0
-        if self.arrived:
-            self._desired = 0.0
+    def collide(self, other: Agent | None, impulse: float, seconds: float) -> None:
+        """Brake and stand after a hard collision, or after one with a person while it moves."""
+        person = other is not None and is_person(other.actor.shape) and self.moving
+        if impulse / self.mass > (_HIT if person else _HARD):
+            self.stand_still(seconds + STANDSTILL)
+
+    def decide(self, others: Sequence[Agent], seconds: float) -> None:
+        """Let the driver decide."""
+        if seconds >= self._stands_until:
+            self._stands_until = -math.inf
+        self._command = self.driver.decide(self, others, seconds)
+        self.waiting, self.sight = self.driver.waiting, self.driver.horizon
+
+    def control(self) -> None:
+        """Steer, drive and brake by what engine and tyres can do until the next call."""
+        hx, hy = self.heading
+        vx, vy = self.velocity
+        ahead, left, turn = vx * hx + vy * hy, vy * hx - vx * hy, self.yaw_rate
+        speed = self._wanted_speed(ahead)
+        if speed == 0.0 == ahead == left == turn:
             return
-        self._steer_target = self._steering()
-        self._desired = min(
-            self._braking_limit(self._remaining_on_leg()), self._following_speed(others), math.sqrt(4.0 * min(way, 1e6))
-        )
+        self._steer_to_path(max(ahead, 0.0))
+        wanted_turn = speed * self._steer / self._base
+        new_turn = move_towards(turn, wanted_turn, self._twist * self._dt)
+        half = 0.5 * new_turn * self._dt  # it turns by twice this angle before the next call
+        aside = wanted_turn * self._rear
+        change = self._limited(speed - aside * half - ahead, aside + speed * half - left)
+        if change == (0.0, 0.0) and new_turn == turn:
+            return
+        ahead, left = ahead + change[0], left + change[1]
+        if speed == ahead == left == new_turn == 0.0:  # from now on its tyres withstand what pushes it
+            self._stand = self._stand or (self.x, self.y, self._yaw())
+            self._world.place(self.body, *self._stand)
+            return
+        self._stand = None
+        self._world.set_velocity(self.body, ahead * hx - left * hy, ahead * hy + left * hx, new_turn)
 
-    def _steering(self) -> float:
-        """Return the target steering angle in degrees.
+    def _wanted_speed(self, ahead: float) -> float:
+        """Return the speed at the next call, m/s, from the speed along the heading now."""
+        if self.held or not self.actor.route:
+            return move_towards(ahead, 0.0, _STOPPING * self._dt)
+        if self._stands_until > -math.inf or ahead < 0.0:
+            return move_towards(ahead, 0.0, _STOPPING * self._dt)
+        kind = self._kind
+        return max(0.0, ahead + max(-kind.brake, min(kind.drive, self._command.acceleration)) * self._dt)
 
-        In a bend, the rear wheels take a tighter path than the front wheels. In left bends, which have road on the
-        inside, the front axle follows the lane. In right bends, which have the kerb on the inside, the rear axle does.
-        """
-        hx, hy = self.heading
-        x, y = self.x - self._rear * hx, self.y - self._rear * hy
-        here = self._rear_path.project(x, y)
-        steer = self._steer_by_stanley(x + self._base * hx, y + self._base * hy)
-        if self._next_curvature(here) < 0.0:
-            steer = self._steer_by_pursuit(x, y, here)
-        lock = exact.atan2_deg(self._base * self._max_curvature, 1.0)
-        return max(-lock, min(lock, steer))
+    def _steer_to_path(self, speed: float) -> None:
+        shift = min(SIDESTEP, SIDESTEP_SLOPE * speed)
+        line = move_towards(self._line, self._command.offset, shift * self._dt)
+        slope = 0.0 if line == self._line else (shift if line > self._line else -shift) / max(speed, 0.1)
+        self._line = line
+        if self._stands_until == -math.inf:
+            target = self._steering.target((self.x, self.y), self.heading, speed, (line, slope))
+            rate = (1.0 + self._steer * self._steer) * _STEERING
+            self._steer = move_towards(self._steer, target, rate * self._dt)
 
-    def _next_curvature(self, here: float) -> float:
-        """Return the curvature of the first bend from the rear axle to the preparation distance; 0 if there is none."""
-        ahead = -_BEHIND
-        while ahead < self._base + _PREPARE:
-            bend, _ = self._rear_path.curvature(here + ahead)
-            if abs(bend) > 0.03:
-                return bend
-            ahead += 1.0
-        return 0.0
+    def _limited(self, ahead: float, left: float) -> tuple[float, float]:
+        """Return the change of velocity (m/s, ahead and to the left) that the tyres allow of a wanted one."""
+        most, grip = self._kind.brake * self._dt, GRIP * self._dt
+        if -most <= ahead <= most and ahead * ahead + left * left <= grip * grip:
+            return ahead, left
+        ahead = max(-most, min(most, ahead))
+        most = math.sqrt(max(0.0, grip * grip - ahead * ahead))
+        return ahead, max(-most, min(most, left))
 
-    def _steer_by_stanley(self, x: float, y: float) -> float:
-        """Steer the front axle along the path, after S. Thrun et al., Stanley (Journal of Field Robotics, 2006)."""
-        here = self._front_path.project(x, y)
-        _, left = self._rear_path.curvature(here + 0.3)
-        px, py = self._rear_path.at(here)
-        aside = (px - x) * left[0] + (py - y) * left[1]
-        tx, ty = left[1], -left[0]
-        hx, hy = self.heading
-        return exact.atan2_deg(hx * ty - hy * tx, hx * tx + hy * ty) + exact.atan2_deg(1.5 * aside, self._speed + 1.0)
+    def velocities(self) -> tuple[Vector, Vector]:
+        """Linear and angular velocity of the base; without a two-wheeler's lean."""
+        linear, _ = super().velocities()
+        (roll, pitch), (hx, hy) = self._tilt_rates, self.heading
+        return linear, (roll * hx - pitch * hy, roll * hy + pitch * hx, self.yaw_rate)
 
-    def _steer_by_pursuit(self, x: float, y: float, here: float) -> float:
-        """Steer the rear axle to a point of the path ahead: pure pursuit (R. C. Coulter, 1992)."""
-        ahead = here + max(_NEAREST, 0.45 * self._speed)
-        px, py = self._rear_path.at(ahead)
-        dx, dy = px - x, py - y
-        lateral = self.heading[0] * dy - self.heading[1] * dx
-        return exact.atan2_deg(self._base * 2.0 * lateral, max(dx * dx + dy * dy, 1.0))
+    def _wheel_places(self) -> Wheels:
+        return tuple((joint.offset[0], joint.offset[1]) for joint in wheel_joints(self.actor.shape))
 
-    def _remaining_on_leg(self) -> float:
-        """Return the distance in metres to the end of the current leg of the route."""
-        while True:
-            (ax, ay), (bx, by) = self._route[self._next], self._route[self._next + 1]
-            length = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
-            done = ((self.x - ax) * (bx - ax) + (self.y - ay) * (by - ay)) / max(length, 1e-9)
-            if done < length or self._next >= len(self._route) - 2:
-                return length - done
-            self._next += 1
+    def _follow(self, dx: float, dy: float, seconds: float) -> bool:
+        """Roll the wheels by the way covered along the heading, and follow the ground."""
+        self._distance += dx * self.heading[0] + dy * self.heading[1]
+        before = self._suspension
+        self._suspension = before.moved(self._world.ground, (self.x, self.y), self.heading, seconds)
+        if self._suspension is before:
+            self.vertical_speed, self._tilt_rates = 0.0, (0.0, 0.0)
+        else:
+            self.vertical_speed = (self._suspension.height - before.height) / seconds
+            self._tilt_rates = self._suspension.tilt_rates(before, seconds)
+            self.z = self._suspension.height
+        self.progress, self.offset, self._leg = self.path.locate(self.x, self.y, self._leg)
+        return self._suspension is before
 
-    def _braking_limit(self, along: float) -> float:
-        """Return the highest speed from which the vehicle can brake to the speed limit at the end of the leg.
+    def base_pose(self) -> PartPose:
+        """Return the position and orientation of the chassis."""
+        tilt = self._suspension.tilt
+        return (self.x, self.y, self.z), self._yaw() if tilt is IDENTITY else compose(self._yaw(), tilt)
 
-        Args:
-            along: distance to the end of the leg, metres.
-        """
-        if self._next >= len(self._route) - 2 and along < 0.05:
-            self._next = len(self._route)
-            return 0.0
-        end = self._limits[self._next + 1]
-        return min(self.actor.speed, math.sqrt(end * end + 2.0 * 1.6 * max(0.0, along)))
-
-    def _following_speed(self, others: Sequence[Agent]) -> float:
-        """Return the highest speed from which the vehicle can stop behind every agent in its path, m/s."""
-        wish = self.actor.speed
-        for other in others:
-            dx, dy = other.x - self.x, other.y - self.y
-            if abs(dx) > 40.0 or abs(dy) > 40.0:
-                continue
-            gap = dx * self.heading[0] + dy * self.heading[1]
-            bend = 0.5 * self._curvature * gap * gap if abs(gap) < 6 else 0.0
-            side = self.heading[0] * dy - self.heading[1] * dx - bend
-            same = other.heading[0] * self.heading[0] + other.heading[1] * self.heading[1]
-            if other.waiting and same < 0.5:
-                continue  # the other vehicle waits at a stop line until this one has passed
-            along = abs(same)
-            wide = along * other.radius + (1.0 - along) * other.reach
-            deep = along * other.reach + (1.0 - along) * other.radius
-            if is_person(other.actor.shape):
-                side += (other.velocity[1] * self.heading[0] - other.velocity[0] * self.heading[1]) * 0.8
-                wide += 0.5
-            if gap > 0 and abs(side) < self.radius + wide + 0.35:
-                free = gap - self.reach - deep - 1.8
-                away = max(0.0, other.velocity[0] * self.heading[0] + other.velocity[1] * self.heading[1])
-                wish = min(wish, math.sqrt(2.0 * _BRAKING * max(0.0, free) + away * away) if free > 0 else 0.0)
-        return wish
-
-    def apply_velocity(self) -> None:
-        """Set the velocity along the current curve. Gravity and contacts determine the vertical motion and the tilt."""
-        faster = self._desired > self._speed
-        self._speed = move_towards(self._speed, self._desired, (_ACCELERATION if faster else 1.6 * _BRAKING) * self._dt)
-        self._steer = move_towards(self._steer, self._steer_target, _STEERING * self._dt)
-        sine, cosine = exact.sin_cos_deg(self._steer)
-        self._curvature = sine / (cosine * self._base)
-        turn = self._speed * self._curvature
-        hx, hy = self.heading
-        aside = turn * self._rear
-        (_, _, vz), _ = self._world.velocity(self.body)
-        lean = self._tilt
-        self._world.set_velocity(
-            self.body,
-            (self._speed * hx - aside * hy, self._speed * hy + aside * hx, min(vz, 0.5)),
-            (8.0 * lean[1], -8.0 * lean[0], turn),
-        )
-
-    def update_distance(self) -> None:
-        """Add the distance covered in the last step."""
-        self._distance += (self.velocity[0] * self.heading[0] + self.velocity[1] * self.heading[1]) * self._dt
-
-    def _joint_rotations(self) -> Sequence[Quaternion]:
-        """Return the rotations of the wheels: rolling and, in front, steering with Ackermann geometry."""
-        shape = self.actor.shape
-        rolled = self._distance / (2.0 * math.pi * shape["wheel"])
-        spin = axis_rotation("y", 360.0 * (rolled - math.floor(rolled)))
-        half = shape["width"] / 2 - 0.13
-        steered = [
-            axis_rotation("z", exact.atan2_deg(self._base * self._curvature, 1.0 - s * half * self._curvature))
-            for s in (1, -1)
-        ]
-        return [compose(steered[0], spin), compose(steered[1], spin), spin, spin]
+    def pose_row(self) -> Sequence[float]:
+        """Return the state from which its pose is computed."""
+        place, turn = self.base_pose()
+        return (*place, *turn, self._distance, self.curvature)
 
 
 class ParkedVehicle(VehicleAgent):
     """A vehicle that never moves."""
 
-    def choose_motion(self, others: Sequence[Agent]) -> None:
+    def __init__(self, world: World, actor: ActorPlan, control_dt: float, driver: Driver) -> None:
+        super().__init__(world, actor, control_dt, driver)
+        self.z = actor.start.z
+
+    @property
+    def mass(self) -> float:
+        """0: the engine takes it for a fixed body."""
+        return 0.0
+
+    def read(self, seconds: float) -> None:
         """Do nothing."""
 
-    def apply_velocity(self) -> None:
+    def decide(self, others: Sequence[Agent], seconds: float) -> None:
         """Do nothing."""
+
+    def control(self) -> None:
+        """Do nothing."""
+
+    def collide(self, other: Agent | None, impulse: float, seconds: float) -> None:
+        """Do nothing."""
+
+    def base_pose(self) -> PartPose:
+        """Return the pose where it is parked."""
+        start = self.actor.start
+        return (start.x, start.y, start.z), orientation(start)
 
 
 class TwoWheeler(VehicleAgent):
     """A two-wheeler with its rider: it is steered like a car and leans into bends."""
 
-    def __init__(self, world: World, actor: ActorPlan, dt: float, junctions: JunctionReservations) -> None:
-        super().__init__(world, actor, dt, junctions)
+    def __init__(self, world: World, actor: ActorPlan, control_dt: float, driver: Driver) -> None:
+        super().__init__(world, actor, control_dt, driver)
         self._bike = Bike.of(actor.shape)
         self._foot_weight = riding.foot_down(0.0)
         self._lean = riding.resting_lean(self._bike, self._foot_weight)  # degrees to the left
 
-    def update_distance(self) -> None:
-        """Add the distance covered, and lean towards the angle that balances weight and centrifugal force."""
-        super().update_distance()
-        force = self._speed * self._speed * self._curvature / 9.81
-        self._foot_weight = move_towards(self._foot_weight, riding.foot_down(self._speed), 2.0 * self._dt)
+    def _wheel_places(self) -> Wheels:
+        half = self.actor.shape["wheelbase"] / 2
+        return (half, 0.0), (-half, 0.0)
+
+    def _follow(self, dx: float, dy: float, seconds: float) -> bool:
+        """Also lean towards the angle that balances weight and centrifugal force."""
+        at_rest, before = super()._follow(dx, dy, seconds), (self._foot_weight, self._lean)
+        speed = max(0.0, self.speed)
+        force = speed * speed * self._steer / (self._base * 9.81)
+        self._foot_weight = move_towards(self._foot_weight, riding.foot_down(speed), 2.0 * seconds)
         lean = exact.atan2_deg(force, 1.0) + riding.resting_lean(self._bike, self._foot_weight)
-        self._lean = move_towards(self._lean, lean, _TIP * self._dt)
+        self._lean = move_towards(self._lean, lean, _TIP * seconds)
+        return at_rest and before == (self._foot_weight, self._lean)
 
-    def _base_pose(self) -> PartPose:
-        """Return the pose of the base, which leans about the contact line of the tyres."""
-        (x, y, z), orientation = super()._base_pose()
+    def base_pose(self) -> PartPose:
+        """Return the pose of the base, leaning about the tyres, which stay on the ground."""
+        (x, y, z), rotation = super().base_pose()
         lift = self._bike.tyre * (1.0 - exact.cos_deg(self._lean))
-        return (x, y, z + lift), compose(orientation, axis_rotation("x", -self._lean))
+        return (x, y, z + lift), compose(rotation, axis_rotation("x", -self._lean))
 
-    def _joint_rotations(self) -> Sequence[Quaternion]:
-        return riding.pose(self._bike, steer=self._steer, distance=self._distance, foot_weight=self._foot_weight)
+    def pose_row(self) -> Sequence[float]:
+        """Return the state from which the pose of vehicle and rider is computed."""
+        place, turn = self.base_pose()
+        return (*place, *turn, self._steer, self._distance, self._foot_weight)
 
 
-def create_vehicle(world: World, actor: ActorPlan, dt: float, junctions: JunctionReservations) -> VehicleAgent:
+def create_vehicle(world: World, actor: ActorPlan, control_dt: float, driver: Driver) -> VehicleAgent:
     """Create the agent of a vehicle."""
     kind = TwoWheeler if has_rider(actor.shape) else ParkedVehicle if is_parked(actor) else VehicleAgent
-    return kind(world, actor, dt, junctions)
-
-
-def _speed_limits(route: Sequence[tuple[float, float]], speed: float) -> list[float]:
-    """Return the speed limit at each waypoint in m/s: 0 at the goal, elsewhere by curvature and by later limits."""
-    limits = [speed] * len(route)
-    limits[-1] = 0.0
-    for n in range(1, len(route) - 1):
-        (ax, ay), (bx, by), (cx, cy) = route[n - 1], route[n], route[n + 1]
-        ux, uy, wx, wy = bx - ax, by - ay, cx - bx, cy - by
-        lu, lw = math.sqrt(ux * ux + uy * uy), math.sqrt(wx * wx + wy * wy)
-        if lu < 1e-6 or lw < 1e-6:
-            continue
-        sine, cosine = abs(ux * wy - uy * wx) / (lu * lw), (ux * wx + uy * wy) / (lu * lw)
-        bend = sine if cosine > 0 else 2.0 - sine
-        curvature = bend / min(4.0, max(lu, lw, 1.0)) if bend > 0.02 else 0.0
-        if curvature > 0.0:
-            limits[n] = min(speed, max(1.2, math.sqrt(_SIDEWAYS / curvature)))
-    for n in range(len(route) - 2, -1, -1):
-        dx, dy = route[n + 1][0] - route[n][0], route[n + 1][1] - route[n][1]
-        limits[n] = min(limits[n], math.sqrt(limits[n + 1] * limits[n + 1] + 3.2 * math.sqrt(dx * dx + dy * dy)))
-    return limits
+    return kind(world, actor, control_dt, driver)

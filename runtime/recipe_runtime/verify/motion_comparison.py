@@ -116,7 +116,7 @@ def scenes_to_simulate(
     chosen = draw_scenes(list(every), drawn, nonce) if drawn else []
     scenes, notes = {digest: every[digest] for digest in chosen}, []
     if chosen and len(chosen) < len(every):
-        which = f"{len(every) - len(chosen):,} of {len(every):,} scenes"
+        which = f"{len(every) - len(chosen):,} of {count(len(every), 'scene')}"
         notes.append(f"the motion of {which}, and so their tracks.csv, was not compared")
     return scenes, notes
 

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir import plan_bounds
-from recipe_compiler.ir.plan import MAX_ELEMENTS, Element, Pose
+from recipe_compiler.ir.plan import Element, Pose
 from recipe_compiler.ir.plan_bounds import KINDS
+from recipe_compiler.ir.plan_types import MAX_ELEMENTS
 from recipe_compiler.library import blueprints, towns
 from recipe_compiler.library.towns import palettes
 

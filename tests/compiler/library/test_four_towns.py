@@ -127,7 +127,7 @@ def test_routes_meet_nothing_that_stands(town: Town) -> None:
                 assert category == "pedestrian" or in_lane(town, x, y) or town.ground(x, y) == 0.0
             length += math.dist(at, (p.x, p.y))
             at = (p.x, p.y)
-        assert length > 100.0
+        assert length >= 119.0 or (category == "vehicle" and town.streets.entry(start))  # the end of a through road
 
 
 @all_towns

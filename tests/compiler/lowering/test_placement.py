@@ -3,24 +3,52 @@
 from __future__ import annotations
 
 import copy
+from typing import Any
 
+import numpy as np
 import pytest
 from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import ActorPlan, Pose
+from recipe_compiler.library import towns
 from recipe_compiler.lowering.placement import instance_numbers
 
 from tests.compiler.kitchen import compiled, only, small
+
+
+class GroundPlan:
+    """A vehicle or pedestrian from above, as points a quarter of a metre apart."""
+
+    def __init__(self, pose: Pose, length: float, width: float) -> None:
+        self.pose, self.half = pose, (length / 2, width / 2)
+        along = np.linspace(-length / 2, length / 2, int(4 * length) + 2)
+        aside = np.linspace(-width / 2, width / 2, int(4 * width) + 2)
+        u, v = (axis.ravel() for axis in np.meshgrid(along, aside))
+        yaw = np.radians(pose.yaw)
+        self.points = np.stack([pose.x + u * np.cos(yaw) - v * np.sin(yaw), pose.y + u * np.sin(yaw) + v * np.cos(yaw)])
+
+    def overlaps(self, other: GroundPlan) -> bool:
+        """Whether a point of the other one lies in this one."""
+        yaw = np.radians(self.pose.yaw)
+        dx, dy = other.points[0] - self.pose.x, other.points[1] - self.pose.y
+        u, v = dx * np.cos(yaw) + dy * np.sin(yaw), dy * np.cos(yaw) - dx * np.sin(yaw)
+        return bool(((np.abs(u) < self.half[0]) & (np.abs(v) < self.half[1])).any())
+
+
+def ground_plan(actor: ActorPlan) -> GroundPlan:
+    if actor.category == "pedestrian":
+        return GroundPlan(actor.start, 0.5, 0.5)
+    return GroundPlan(actor.start, actor.shape["length"], actor.shape["width"])
 
 
 def test_nobody_starts_inside_another() -> None:
     recipe = small(town="downtown", traffic={"vehicles": 30, "pedestrians": 60})
     for index in range(20):
         recipe["base"]["actors"][f"walker{index}"] = {"blueprint": "walker.pedestrian.*"}
-    reach = {"pedestrian": 0.6, "vehicle": 4.0}
     actors = only(recipe).scene.actors
-    for index, one in enumerate(actors):
-        for other in actors[:index]:
-            gap = (one.start.x - other.start.x) ** 2 + (one.start.y - other.start.y) ** 2
-            assert gap >= (reach[one.category] + reach[other.category]) ** 2 - 1e-6
+    grounds = [ground_plan(actor) for actor in actors]
+    for index, one in enumerate(grounds):
+        for other in grounds[:index]:
+            assert not one.overlaps(other) and not other.overlaps(one)
 
 
 def test_a_start_that_is_given_is_kept_and_stands_on_the_ground() -> None:
@@ -73,3 +101,96 @@ def test_looks_are_kept_where_they_are_given_and_change_no_scene() -> None:
     assert before.scene.digest == after.scene.digest
     rest = {k: v for k, v in after.appearance.looks.root["hero1"].items() if k != "shirt"}
     assert rest.items() <= before.appearance.looks.root["hero1"].items()
+
+
+def traffic_of(**traffic: Any) -> list[ActorPlan]:
+    recipe = small(actors={}, town="downtown", traffic=traffic)
+    return [actor for actor in only(recipe).scene.actors if actor.name.startswith("traffic.")]
+
+
+def test_one_more_actor_of_the_traffic_changes_no_other() -> None:
+    few, more = traffic_of(vehicles=8, pedestrians=8), traffic_of(vehicles=9, pedestrians=9, parked=2)
+    by_name = {actor.name: actor for actor in more}
+    assert all(by_name[actor.name] == actor for actor in few)
+
+
+def test_a_density_is_a_number_by_the_length_of_the_streets() -> None:
+    town = towns.build("downtown", 0, {})
+    actors = traffic_of(density={"vehicles": 10, "pedestrians": 5})
+    lane = sum(2 * e.size[0] for e in town.plan.elements if e.kind == "road") / 1000
+    assert sum(a.category == "vehicle" for a in actors) == round(10 * lane)
+    assert sum(a.category == "pedestrian" for a in actors) == round(5 * lane)
+
+
+def test_a_mix_says_which_vehicles_there_are() -> None:
+    mix = {"vehicle.sedan.*": 3, "vehicle.bus.city": 1, "walker.pedestrian.0001": 1}
+    actors = traffic_of(vehicles=60, pedestrians=4, mix=mix)
+    kinds = [a.blueprint for a in actors if a.category == "vehicle"]
+    assert {k.rsplit(".", 1)[0] for k in kinds} == {"vehicle.sedan", "vehicle.bus"}
+    assert 5 <= kinds.count("vehicle.bus.city") <= 27  # a quarter of 60
+    assert {a.blueprint for a in actors if a.category == "pedestrian"} == {"walker.pedestrian.0001"}
+
+
+def test_traffic_has_a_seed_of_its_own() -> None:
+    recipe = small(traffic={"vehicles": 4, "seed": 7})
+    other = copy.deepcopy(recipe) | {"seed": 31}
+    of = [[a for a in only(r).scene.actors if a.name.startswith("traffic.")] for r in (recipe, other)]
+    assert of[0] == of[1] != traffic_of(vehicles=4)
+
+
+def test_traffic_near_a_sensor_is_nearer_to_it_at_frame_0() -> None:
+    def distance(near: dict[str, str]) -> float:
+        starts = [a.start for a in traffic_of(vehicles=12, pedestrians=12, **near)]
+        return float(np.mean([np.hypot(p.x + 8, p.y) for p in starts]))
+
+    assert distance({"near": "street"}) < 0.8 * distance({})
+
+
+def test_ignoring_lights_is_drawn_for_each_actor() -> None:
+    assert all(a.obeys for a in traffic_of(vehicles=20))
+    assert not any(a.obeys for a in traffic_of(vehicles=20, ignore_lights_percentage=100))
+    assert 0 < sum(a.obeys for a in traffic_of(vehicles=40, ignore_lights_percentage=50)) < 40
+
+
+def test_an_actor_with_a_start_is_held_through_the_warm_up() -> None:
+    scene = only(small(actors={"hero1": small()["base"]["actors"]["hero1"]})).scene
+    assert scene.clock.warmup == 10.0
+    assert [actor.name for actor in scene.actors if actor.held] == ["hero1"]
+    still = only(small(clock={"fps": 10, "frames": 4, "warmup": 0})).scene
+    assert still.clock.warmup == 0.0
+    assert not any(actor.held for actor in still.actors)
+    assert only(small(traffic={"parked": 1})).scene.clock.warmup == 0.0
+
+
+def test_a_longer_clip_has_the_routes_of_the_shorter_one_and_goes_on() -> None:
+    short, long = (only(small(clock={"fps": 10, "frames": frames})).scene for frames in (10, 2000))
+    for one, other in zip(short.actors, long.actors, strict=True):
+        assert other.route[: len(one.route)] == one.route
+        assert one.model_copy(update={"route": ()}) == other.model_copy(update={"route": ()})
+
+
+@pytest.mark.parametrize(
+    ("traffic", "message"),
+    [
+        ({"near": "stret"}, 'traffic.near: there is no sensor "stret"'),
+        ({"mix": {"vehicle.tank": 1}}, 'traffic.mix: "vehicle.tank" matches no blueprint'),
+        ({"vehicles": 2, "density": {"vehicles": 3}}, "`density.vehicles` is given too"),
+        ({"mix": {"vehicle.*": 0}}, "traffic.mix"),
+    ],
+)
+def test_broken_traffic_is_refused(traffic: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        only(small(traffic=traffic))
+    assert message in str(caught.value)
+
+
+def test_a_sensor_on_traffic_that_there_is_not_is_refused() -> None:
+    recipe = small(traffic={"density": {"vehicles": 1}})
+    recipe["base"]["sensors"]["street"]["mount"] = {"on": "traffic.vehicle.200"}
+    with pytest.raises(InputError, match=r"there is no actor \"traffic.vehicle.200\"; the traffic has fewer"):
+        only(recipe)
+
+
+def test_the_plaza_takes_thirty_vehicles() -> None:
+    recipe = small(actors={}, town="plaza", traffic={"vehicles": 30})
+    assert len(only(recipe).scene.actors) == 30

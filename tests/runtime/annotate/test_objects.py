@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from recipe_compiler.ir.plan import CameraPlan, Pose, fixed
+from recipe_compiler.ir.plan import CameraPlan, Pose
+from recipe_compiler.ir.plan_types import fixed
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.objects import quaternion, truncation
 from recipe_runtime.annotate.records import Box3d, FrameRecord, LabelRecord, label_digest

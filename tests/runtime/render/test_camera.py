@@ -205,13 +205,15 @@ def test_colour_settings_touch_no_label_and_no_other_picture(renderer: Renderer,
     fresh = renderer.observe(CAMERA, EYE, parts_at(5))
     labels = fresh.depth.tobytes(), fresh.instance.tobytes(), fresh.semantic.tobytes(), fresh.objects
     before = renderer.shade(fresh, having(), "street", 5, 0.2)
-    moment = NeighbourFrame(EYE, parts_at(4), 1 / 30)
-    changed = renderer.shade(fresh, having(**settings), "street", 5, 0.2, moment=moment)
+    neighbour = NeighbourFrame(EYE, parts_at(4), 1 / 30)
+    changed = renderer.shade(fresh, having(**settings), "street", 5, 0.2, neighbour=neighbour)
     assert (changed != before).any()
     assert (fresh.depth.tobytes(), fresh.instance.tobytes(), fresh.semantic.tobytes(), fresh.objects) == labels
     assert renderer.shade(fresh, having(), "street", 5, 0.2).tobytes() == before.tobytes()
     alone = Renderer(street())
-    again = alone.shade(alone.observe(CAMERA, EYE, parts_at(5)), having(**settings), "street", 5, 0.2, moment=moment)
+    again = alone.shade(
+        alone.observe(CAMERA, EYE, parts_at(5)), having(**settings), "street", 5, 0.2, neighbour=neighbour
+    )
     assert again.tobytes() == changed.tobytes()
 
 

@@ -1,4 +1,4 @@
-"""A reel draws many frames without a stop; here it does so on the CPU, and must give the renderer's bytes."""
+"""A frame stream draws many frames without a stop; here it does so on the CPU, and must give the renderer's bytes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def hold_to_renderer(plan: DatasetPlan, sensor_at: int, device: str) -> None:
     bodies = [*town_bodies(variant.scene.town), *[actor_body(actor) for actor in variant.scene.actors]]
     slow, fast, sensor = Renderer(bodies, reuse=NO_REUSE), Renderer(bodies, device), variant.rig.sensors[sensor_at]
     take = take_of(variant, sensor, trace)
-    for at, made in enumerate(fast.reel(sensor.camera, sensor.name, appearances, lanes=2).frames(take)):
+    for at, made in enumerate(fast.frame_stream(sensor.camera, sensor.name, appearances, lanes=2).frames(take)):
         seen = slow.observe(sensor.camera, take.poses[at], take.parts[at])
         assert made.number == take.numbers[at]
         for modality in ("depth", "instance", "semantic"):
@@ -54,7 +54,7 @@ def hold_to_renderer(plan: DatasetPlan, sensor_at: int, device: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("sensor", [0, 1])
 def test_a_reel_has_the_renderers_bytes(plan: DatasetPlan, sensor: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With too little room at first: the small pictures have more edges than a reel expects, so lanes must grow."""
+    """With too little room at first: the small pictures have more edges than a stream expects, so lanes must grow."""
     monkeypatch.setattr(frame_stream, "_EDGE_SAMPLES", 0.1)
     hold_to_renderer(plan, sensor, "cpu")
 

@@ -186,12 +186,12 @@ def test_the_same_bytes_twice_and_whatever_the_processor_can() -> None:
 
 
 def _reeled(device: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """A frame of an image at a slant, from the renderer and from a reel."""
+    """A frame of an image at a slant, from the renderer and from a frame stream."""
     camera, pose = CameraPlan(width=64, height=48, fov=70), from_pose(Pose(x=-9, y=6, z=10, yaw=-50))
     bodies = [Body("board", 0, (("static", board(9.0, 7.0, 2.5)),))]
     renderer = Renderer(bodies, device, images=lambda texture: noise(61, 47))
     plan = lit(noise(1, 1), True)
-    (printed,) = renderer.reel(camera, "street", [plan], lanes=1).frames(
+    (printed,) = renderer.frame_stream(camera, "street", [plan], lanes=1).frames(
         FrameBatch([1], [0.0], pose[None], NOBODY[None])
     )
     return renderer.shade(renderer.observe(camera, pose, NOBODY), plan, "street", 1, 0.0), printed.pictures[0].copy()

@@ -37,7 +37,7 @@ def at(y: float) -> NDArray[np.float64]:
 
 def shot(
     renderer: Renderer,
-    moment: NeighbourFrame | None,
+    neighbour: NeighbourFrame | None,
     pose: Array = AHEAD,
     parts: Array | None = None,
     /,
@@ -48,7 +48,7 @@ def shot(
     )
     plan = appearance(40.0, looks=LOOK).model_copy(update={"responses": {"street": response}})
     seen = renderer.observe(CAMERA, pose, at(0.0) if parts is None else parts)
-    return renderer.shade(seen, plan, "street", 1, 0.1, moment=moment)
+    return renderer.shade(seen, plan, "street", 1, 0.1, neighbour=neighbour)
 
 
 def ramp(row: NDArray[np.uint8], sharp: NDArray[np.uint8]) -> list[tuple[float, float]]:

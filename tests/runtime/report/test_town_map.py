@@ -142,8 +142,21 @@ def test_the_legend_explains_every_layer(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(ImageDraw.ImageDraw, "text", text)
     town_map._legend(8.0, True)
-    assert {"street furniture", "footpath, driveway", "parked car"} <= set(words)
+    assert {"street furniture", "footpath, driveway", "traffic light", "stop sign", "parked car"} <= set(words)
     assert sum(said.startswith("traffic: ") for said in words) == 2
+
+
+def test_traffic_lights_and_stop_signs_are_shown(drawn: dict[str, list[Any]]) -> None:
+    """Drivers obey them, so the map says which junction has which."""
+    town = towns.build("downtown", 0, {})
+    town_map.town_map(town.plan, spots(town), "downtown")
+    canvas, picture = drawn["canvas"][0]
+    for element in town.plan.elements:
+        if element.kind == "traffic_light" or (element.kind == "sign" and int(element.shape["face"]) == 0):
+            u, v = canvas.pixel((element.pose.x, element.pose.y))
+            red, green, blue = picture.getpixel((int(u), int(v)))
+            assert red > blue + 90, element.name  # amber in the middle of a light, and red of a sign
+            assert (green > 120) == (element.kind == "traffic_light")
 
 
 def run(*arguments: str) -> Result:

@@ -18,23 +18,24 @@ def test_a_way_is_measured_from_its_start() -> None:
 
 def test_it_is_followed_forwards_only() -> None:
     way = Path(CORNER)
-    assert way.project(3.0, 2.0) == 3.0
-    assert way.project(10.0, 6.0) == 16.0
-    assert way.project(3.0, 0.0) == 10.0  # the first leg lies behind
+    assert way.locate(3.0, 2.0) == (3.0, 2.0, 0)
+    assert way.locate(10.0, 6.0) == (16.0, 0.0, 1)
+    assert way.locate(3.0, 0.0, leg=1) == (10.0, 7.0, 1)  # the first leg lies behind
 
 
 def test_a_bend_has_a_side() -> None:
-    to_the_left, _ = Path(CORNER).curvature(10.0)
-    to_the_right, _ = Path([(x, -y) for x, y in CORNER]).curvature(10.0)
+    to_the_left = Path(CORNER).curvature(10.0)
+    to_the_right = Path([(x, -y) for x, y in CORNER]).curvature(10.0)
     assert to_the_left == -to_the_right > 0.1
-    none, left = Path(CORNER).curvature(5.0)
-    assert (none, left) == (0.0, (0.0, 1.0))
+    assert (Path(CORNER).curvature(5.0), Path(CORNER).left(5.0)) == (0.0, (0.0, 1.0))
+    assert Path(CORNER).next_bend(2.0, 12.0) == Path(CORNER).curvature(9.0) > 0.0
+    assert (Path(CORNER).next_bend(2.0, 8.0), Path(CORNER).next_bend(12.0, 20.0)) == (0.0, 0.0)
 
 
 def test_who_goes_nowhere_has_a_way() -> None:
     way = Path([(1.0, 2.0), (1.0, 2.0)])
-    assert (way.project(5.0, 5.0), way.at(3.0)) == (0.0, (1.0, 2.0))
-    assert way.curvature(0.0)[0] == 0.0
+    assert (way.locate(5.0, 5.0), way.at(3.0)) == ((0.0, 0.0, 0), (1.0, 2.0))
+    assert (way.curvature(0.0), way.next_bend(-5.0, 5.0)) == (0.0, 0.0)
 
 
 def test_smooth_curves_pass_their_points_and_never_overshoot() -> None:

@@ -9,8 +9,6 @@ from contextlib import contextmanager
 from recipe_compiler.ir.assets import gltf, obj, png, stl
 from recipe_compiler.ir.assets.geometry import AssetError, MeshData, Raw, finish
 
-MESH_KINDS = ("glb", "gltf", "obj", "stl")
-IMAGE_KINDS = ("png",)
 _READERS: dict[str, Callable[[bytes], Sequence[Raw]]] = {
     "glb": gltf.read,
     "gltf": gltf.read,
@@ -21,7 +19,7 @@ _DAMAGE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeErr
 
 
 def mesh(content: bytes, kind: str, up: str) -> MeshData:
-    """The mesh in a file of one of `MESH_KINDS`, whose axis `up` (y or z) points up."""
+    """The mesh in a file of one of the kinds of `_READERS`, whose axis `up` (y or z) points up."""
     with _as_one_error():
         return finish(_READERS[kind](content), up)
 

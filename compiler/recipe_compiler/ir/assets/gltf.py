@@ -73,8 +73,8 @@ def _open(content: bytes) -> tuple[JsonObject, bytes | None]:
     if content[:4] != b"glTF":
         return _parsed(content), None
     if len(content) < 20 or int.from_bytes(content[8:12], "little") != len(content):
-        told = int.from_bytes(content[8:12], "little")
-        raise AssetError(f"its header states {told} bytes, but it has {len(content)}; export it again")
+        stated = int.from_bytes(content[8:12], "little")
+        raise AssetError(f"its header states {stated} bytes, but it has {len(content)}; export it again")
     if int.from_bytes(content[4:8], "little") != 2:
         raise AssetError("is not glTF version 2; export it as glTF 2.0")
     chunks: dict[bytes, bytes] = {}

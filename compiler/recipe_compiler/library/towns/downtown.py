@@ -40,7 +40,7 @@ def build(seed: int, *, blocks: tuple[int, int], storeys: tuple[int, int]) -> To
     site, manner = Site("downtown", seed), Manner(storeys)
     middle = ((xs[0] + xs[-1]) / 2, (ys[0] + ys[-1]) / 2)
     ground(site, middle)
-    network.roads(site, streets)
+    network.roads(site, streets, 30)
     yards = []
     for block in network.blocks(streets):
         size = (block.x[1] - block.x[0], block.y[1] - block.y[0], KERB)

@@ -15,12 +15,13 @@ from recipe_compiler.ir.plan import Point, Pose
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.towns.network import FACES
 from recipe_compiler.library.towns.site import Site, beside, ground
-from recipe_compiler.library.towns.streets import cut
+from recipe_compiler.library.towns.streets import until
 from recipe_compiler.library.towns.town import Parameter, Span, SpawnPoint, Town
 
 LANE, SHOULDER, STRIP, MEDIAN = 3.6, 2.6, 0.8, 1.5  # widths; MEDIAN is half the median's width
+LIMIT = 120  # speed limit, km/h
 STRETCH = 48.0  # length of one element of carriageway and guard rail
-BEYOND = 288.0  # length of the road beyond both ends of the stretch where traffic may start
+BEYOND = 288.0  # length of the road beyond both ends of its middle part
 PATH = 8.0  # from the edge of the asphalt to the middle of the footpath
 
 PARAMETERS: dict[str, Parameter] = {
@@ -61,9 +62,14 @@ class Motorway:
         return 0.0
 
     def drive(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
-        """Route straight ahead in the starting lane, at most to the end of the road."""
+        """Route straight ahead in the starting lane, to the end of the road."""
         way = 1.0 if exact.sin_deg(start.yaw) >= 0 else -1.0
-        return cut((start.x, start.y), [(start.x, way * (self.half + BEYOND))], length_m)
+        return until((start.x, start.y), [(start.x, way * (self.half + BEYOND))], length_m)
+
+    def entry(self, start: Pose) -> Pose | None:
+        """The beginning of the lane where a vehicle starts."""
+        way = 1.0 if exact.sin_deg(start.yaw) >= 0 else -1.0
+        return Pose(x=start.x, y=-way * (self.half + BEYOND), yaw=start.yaw)
 
     def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """Route along the footpath, turning back at its ends."""
@@ -74,7 +80,7 @@ class Motorway:
             points.append((x, way * self.half))
             left -= abs(way * self.half - y)
             y, way = way * self.half, -way
-        return cut((start.x, start.y), points, length_m)
+        return until((start.x, start.y), points, length_m)
 
 
 def elements(*, lanes: int, length: int, gantries: int) -> int:
@@ -119,8 +125,8 @@ def _stretch(site: Site, road: Motorway, n: int) -> None:
     y, wide = STRETCH * (n + 0.5), road.edge - MEDIAN
     for yaw, sign in ((90, 1), (270, -1)):
         middle = Pose(x=sign * (MEDIAN + wide / 2), y=y, yaw=yaw)
-        site.keyed(f"carriageway.{yaw}.{n}", "carriageway", middle, (STRETCH, wide, 0.0), lanes=road.lanes, lane=LANE,
-                   shoulder=SHOULDER)  # fmt: skip
+        site.keyed(f"carriageway.{yaw}.{n}", "carriageway", middle, (STRETCH, wide, 0.0), limit=LIMIT, lanes=road.lanes,
+                   lane=LANE, shoulder=SHOULDER)  # fmt: skip
         rail = Pose(x=sign * (road.edge + 0.25), y=y, yaw=180 if sign > 0 else 0)
         site.add(f"guardrail.{yaw}.{n}", "guardrail", rail, (0.3, STRETCH, 0.75), double=0)
     site.add(f"guardrail.median.{n}", "guardrail", Pose(y=y), (0.5, STRETCH, 0.8), double=1)
@@ -142,7 +148,7 @@ def _gantry(site: Site, road: Motorway, name: str, yaw: int, along: float, n: in
 def _limit(site: Site, road: Motorway, name: str, yaw: int, along: float) -> None:
     """Add a speed limit sign beyond the hard shoulder."""
     pose = beside(_heading(road, yaw, along, road.edge + 0.9), 0.0, 0.0, 180.0)
-    site.add(f"sign.speed.{name}", "sign", pose, (0.1, 0.95, 3.0), face=FACES["speed"], value=120)
+    site.add(f"sign.speed.{name}", "sign", pose, (0.1, 0.95, 3.0), face=FACES["speed"], value=LIMIT)
 
 
 def _beside(site: Site, road: Motorway) -> None:
@@ -192,11 +198,12 @@ def _distance(site: Site, road: Motorway) -> None:
 
 
 def _spawn_points(road: Motorway) -> Iterator[SpawnPoint]:
-    """Vehicles 30 metres apart in each lane, staggered; pedestrians on the path."""
+    """Vehicles 30 metres apart in each lane of the whole road, staggered; pedestrians on the path."""
+    reach = road.half + BEYOND
     for yaw in (90, 270):
         for n in range(road.lanes):
-            for k in range(int((2 * road.half - 40.0) / 30.0)):
-                along = -road.half + 20.0 + 30.0 * k + 10.0 * (n % 3)
+            for k in range(int((2 * reach - 40.0) / 30.0)):
+                along = -reach + 20.0 + 30.0 * k + 10.0 * (n % 3)
                 yield SpawnPoint("vehicle", _heading(road, yaw, along, road.lane(n)))
     for k in range(int((2 * road.half - 40.0) / 9.0)):
         yield SpawnPoint("pedestrian", Pose(x=road.path, y=-road.half + 20.0 + 9.0 * k, yaw=90 if k % 2 else 270))

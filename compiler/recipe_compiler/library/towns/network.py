@@ -12,13 +12,14 @@ from itertools import pairwise
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library.towns.site import Site, beside
-from recipe_compiler.library.towns.streets import BAY, CORNER, KERB, LANE, SIDE, STOP, StreetGrid
+from recipe_compiler.library.towns.streets import BAY, CORNER, KERB, LANE, SIDE, STOP, Cell, StreetGrid
 from recipe_compiler.library.towns.town import SpawnPoint
 
 WALK = 6.0  # from the kerb to the building fronts
 BAY_LENGTH = 6.2
 # Road sign -> the value of the `face` parameter of an element of kind "sign".
 FACES = {"stop": 0, "speed": 1, "crossing": 2, "give_way": 3, "parking": 4, "ahead": 5, "dead_end": 6}
+_SPACING = 5.0  # metres between two spawn points of a lane; longer vehicles take several
 _STAND = BAY - 0.15 - 1.0  # from the edge of the lane to the middle of a parked car
 
 
@@ -75,12 +76,18 @@ def blocks(streets: StreetGrid) -> Iterator[Block]:
             yield Block(f"{i - 1}.{j - 1}", x, y, tuple(sides))
 
 
-def roads(site: Site, streets: StreetGrid) -> None:
-    """Add the road sections between junctions, the dead ends beyond the outermost junctions, and the junctions."""
+def roads(site: Site, streets: StreetGrid, limit: int) -> None:
+    """Add the road sections between junctions, the dead ends beyond the outermost junctions, and the junctions.
+
+    Args:
+        site: the elements are added to it.
+        streets: the street grid.
+        limit: the speed limit, km/h.
+    """
     for i in range(len(streets.xs)):
-        _street(site, streets, i, True)
+        _street(site, streets, i, True, limit)
     for j in range(len(streets.ys)):
-        _street(site, streets, j, False)
+        _street(site, streets, j, False, limit)
     for i, x in enumerate(streets.xs):
         for j, y in enumerate(streets.ys):
             (rx, ry), name = streets.reach((i, j)), f"junction.{i}.{j}"
@@ -91,7 +98,7 @@ def roads(site: Site, streets: StreetGrid) -> None:
             )  # fmt: skip
 
 
-def _street(site: Site, streets: StreetGrid, n: int, along_y: bool) -> None:
+def _street(site: Site, streets: StreetGrid, n: int, along_y: bool, limit: int) -> None:
     """Add all sections of one street with parking signs, and a guard rail across each of its two dead ends."""
     lines, across = (streets.ys, streets.xs[n]) if along_y else (streets.xs, streets.ys[n])
     bays = (streets.bays_x if along_y else streets.bays_y)[n]
@@ -108,7 +115,7 @@ def _street(site: Site, streets: StreetGrid, n: int, along_y: bool) -> None:
         first, count = _bays(b - a, stop_a, stop_b) if bays and part not in ("start", "end") else (0.0, 0)
         site.keyed(
             name, "road", pose, (b - a, 2 * (LANE + bays), 0.0),
-            stop_a=stop_a, stop_b=stop_b, bay=bays, bay_from=first, bays=count, bay_length=BAY_LENGTH,
+            limit=limit, stop_a=stop_a, stop_b=stop_b, bay=bays, bay_from=first, bays=count, bay_length=BAY_LENGTH,
         )  # fmt: skip
         for k in range(count):
             for sign in (1, -1):  # -1 is the right-hand side, looking along the street's own x axis
@@ -141,12 +148,21 @@ def _post(site: Site, name: str, pose: Pose, face: str, value: int = 0) -> None:
     site.add(name, "sign", raised, (0.1, across, height), face=FACES[face], value=value)
 
 
+CYCLE, GREEN, AMBER = 44.0, 18.0, 3.0  # seconds; the rest of half a cycle is red for all
+
+
+def _times(site: Site, junction: str, along_y: bool) -> dict[str, float]:
+    """The times of a traffic light; the two streets of a junction are green in turn. See `ir.signals`."""
+    begin = float(site.stream("signals", junction).integer(0, int(CYCLE) - 1))
+    half = 0.0 if along_y else CYCLE / 2
+    return {"cycle": CYCLE, "green_from": (begin + half) % CYCLE, "green": GREEN, "amber": AMBER}
+
+
 def signals(site: Site, streets: StreetGrid, main: int | None, speed: int) -> None:
     """Add traffic lights and road signs at the junctions.
 
-    Junctions of the main street have traffic lights, green along the main street and red across it. At other
-    junctions, streets along x have stop signs and some of those along y have crossing signs. Some approaches have a
-    speed limit sign behind the junction.
+    Junctions of the main street have traffic lights. At other junctions with three arms or more, streets along x have
+    stop signs. Some of the approaches along y have crossing signs, and some exits have a speed limit sign.
 
     Args:
         site: the elements are added to it.
@@ -168,14 +184,27 @@ def signals(site: Site, streets: StreetGrid, main: int | None, speed: int) -> No
                 if i == main:
                     arm = aside - LANE / 2 + 0.45
                     size = (0.26, 0.26, 5.6)
-                    site.add(f"traffic_light.{name}", "traffic_light", corner, size, arm=arm, go=int(along_y))
-                elif not along_y:
+                    site.add(
+                        f"traffic_light.{name}",
+                        "traffic_light",
+                        corner,
+                        size,
+                        arm=arm,
+                        **_times(site, f"{i}.{j}", along_y),
+                    )
+                elif not along_y and _arms(streets, (i, j)) > 2:
                     _post(site, f"sign.stop.{name}", corner, "stop")
                 elif site.chance(0.5, "sign", name):
                     _post(site, f"sign.crossing.{name}", beside(corner, 1.6, 0.0), "crossing")
                 past = beside(heading, -(ahead + SIDE + 6.4), aside + 0.4)
                 if site.chance(0.45, "limit", name):
                     _post(site, f"sign.speed.{name}", past, "speed", speed)
+
+
+def _arms(streets: StreetGrid, junction: Cell) -> int:
+    """Return the number of streets that lead from a junction to another one."""
+    i, j = junction
+    return sum(streets.exists(cell) for cell in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)))
 
 
 def spawn_points(streets: StreetGrid) -> Iterator[SpawnPoint]:
@@ -194,8 +223,8 @@ def spawn_points(streets: StreetGrid) -> Iterator[SpawnPoint]:
 
 def _along(middle: Pose, pitch: float, aside: float) -> Iterator[SpawnPoint]:
     """Yield the spawn points of one direction of one section: of its lane and of the sidewalk on its right."""
-    for k in range(int((pitch - 32.0) / 12.0) + 1):
-        yield SpawnPoint("vehicle", beside(middle, -(pitch - 32.0) / 2 + 12.0 * k, -LANE / 2))
+    for k in range(int((pitch - 32.0) / _SPACING) + 1):
+        yield SpawnPoint("vehicle", beside(middle, -(pitch - 32.0) / 2 + _SPACING * k, -LANE / 2))
     count = 2 * int((pitch / 2 - 15.0) / 7.0) + 1
     for n in range(count):
         walker = beside(middle, 7.0 * (n - count // 2), -aside, 180.0 * (n % 2))

@@ -33,6 +33,7 @@ PALETTES: dict[str, dict[str, tuple[str, ...]]] = {
         "amber": ("#3b2a10",),
         "green": ("#10301f",),
         "red_lit": ("#ff2a1a",),
+        "amber_lit": ("#ffa51a",),
         "green_lit": ("#1fe08a",),
     },
     "sign": {"metal": ("#8d9194",), **_SIGN},

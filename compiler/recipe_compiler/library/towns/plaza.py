@@ -40,7 +40,7 @@ def build(seed: int, *, size: tuple[int, int], storeys: int, trees: int) -> Town
     streets = SquareGrid(xs, ys, (BAY, BAY), (BAY, BAY), EDGE, half)
     site = Site("plaza", seed)
     ground(site, (0.0, 0.0))
-    network.roads(site, streets)
+    network.roads(site, streets, 20)
     manner = Manner((storeys, storeys), (5, 5, 1), 0.6, 1.0, 0.15, alike=True, yards=False)
     for block in network.blocks(streets):
         inner = block.name == "0.0"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Point, Pose
 from recipe_compiler.ir.streams import Stream
-from recipe_compiler.library.towns.streets import SIDE, XY, StreetGrid, cut
+from recipe_compiler.library.towns.streets import SIDE, XY, StreetGrid, until
 
 CELL, HEART = 6.0, 10.0  # distance between lattice lines, and between the two on either side of the middle; metres
 
@@ -55,7 +55,7 @@ class SquareGrid(StreetGrid):
             at = aim
             step = self._turn(axes, node, step, stream)
             node = (node[0] + step[0], node[1] + step[1])
-        return cut((start.x, start.y), points, length_m)
+        return until((start.x, start.y), points, length_m)
 
     def _ahead(self, axes: tuple[tuple[float, ...], ...], start: Pose, step: tuple[int, int]) -> tuple[int, int]:
         """Return the next lattice node ahead of `start` in the direction `step`."""

@@ -11,7 +11,8 @@ import math
 from dataclasses import dataclass
 
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.plan import Point, Pose, fixed
+from recipe_compiler.ir.plan import Point, Pose
+from recipe_compiler.ir.plan_types import fixed
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.towns.town import Span
 
@@ -56,13 +57,10 @@ def _arc(centre: XY, start: XY, end: XY, steps: int = 6) -> list[XY]:
     return points
 
 
-def cut(start: XY, points: list[XY], length: float) -> tuple[Point, ...]:
-    """Return the polyline from `start` through `points`, truncated to a length.
+def until(start: XY, points: list[XY], length: float) -> tuple[Point, ...]:
+    """Return the points of a way up to the first one that is `length` metres or more from `start` along it.
 
-    Args:
-        start: the first point, not part of the result.
-        points: the points that follow.
-        length: the longest length, metres.
+    A longer way therefore begins with the points of a shorter one.
     """
     route: list[Point] = []
     at, left = start, length
@@ -71,11 +69,10 @@ def cut(start: XY, points: list[XY], length: float) -> tuple[Point, ...]:
         step = math.sqrt(dx * dx + dy * dy)
         if step < 1e-6:
             continue
-        if step >= left:
-            route.append(Point(x=at[0] + dx * left / step, y=at[1] + dy * left / step))
-            return tuple(route)
         route.append(Point(x=point[0], y=point[1]))
         at, left = point, left - step
+        if left <= 0.0:
+            break
     return tuple(route)
 
 
@@ -159,7 +156,7 @@ class StreetGrid:
             d, junction = new, (junction[0] + new[0], junction[1] + new[1])
             if not turns or way.length >= length_m:
                 break
-        return cut((start.x, start.y), way.points, length_m)
+        return until((start.x, start.y), way.points, length_m)
 
     def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """Generate a route along the sidewalks; at each corner, a crossing or a sidewalk is drawn."""
@@ -179,7 +176,11 @@ class StreetGrid:
                 junction = (junction[0] + d[0], junction[1] + d[1])
                 corner = (corner[0] - 2 * d[0], corner[1] - 2 * d[1])
             way.extend([self._corner(junction, corner, offset)])
-        return cut((start.x, start.y), way.points, length_m)
+        return until((start.x, start.y), way.points, length_m)
+
+    def entry(self, start: Pose) -> Pose | None:
+        """None: nobody leaves a street grid."""
+        return None
 
     def _lane_ahead(self, start: Pose) -> tuple[Cell, Cell]:
         """Return the direction of travel along the nearest street, and the next junction ahead."""

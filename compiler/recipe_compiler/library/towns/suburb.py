@@ -41,7 +41,7 @@ def build(seed: int, *, blocks: tuple[int, int], lot: int, trees: int) -> Town:
     streets = StreetGrid(xs, ys, (0.0,) * (nx + 1), (0.0,) * (ny + 1), EDGE)
     site, middle = Site("suburb", seed), ((xs[0] + xs[-1]) / 2, (ys[0] + ys[-1]) / 2)
     ground(site, middle)
-    network.roads(site, streets)
+    network.roads(site, streets, 30)
     for block in network.blocks(streets):
         size = (block.x[1] - block.x[0], block.y[1] - block.y[0], KERB)
         flat = Pose(x=block.middle.x, y=block.middle.y)

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
-from recipe_compiler.ir.actor_kinds import CATEGORIES, Category
+from recipe_compiler.ir.ground.obstacles import ObstacleMap
 from recipe_compiler.ir.plan import Point, Pose, TownPlan
+from recipe_compiler.ir.semantic_tags import CATEGORIES, Category
 from recipe_compiler.ir.streams import Stream
 
 Span = tuple[float, float]
@@ -72,6 +73,9 @@ class Ways(Protocol):
     def walk(self, start: Pose, length_m: float, stream: Stream) -> tuple[Point, ...]:
         """Generate a pedestrian's route."""
 
+    def entry(self, start: Pose) -> Pose | None:
+        """Where a vehicle that starts here enters again after it has left; None on roads that nobody leaves."""
+
 
 @dataclass(frozen=True)
 class Town:
@@ -109,3 +113,20 @@ class Town:
     def ground(self, x: float, y: float) -> float:
         """Height of the ground at a point: 0 on the road, the height of the kerb on a sidewalk."""
         return self.streets.ground(x, y)
+
+    @cached_property
+    def obstacles(self) -> ObstacleMap:
+        """What nobody can walk through."""
+        return ObstacleMap.of(self.plan)
+
+    @cached_property
+    def lane_metres(self) -> float:
+        """Length of all lanes together."""
+        roads = sum(2.0 * e.size[0] for e in self.plan.elements if e.kind == "road")
+        return roads + sum(e.shape["lanes"] * e.size[0] for e in self.plan.elements if e.kind == "carriageway")
+
+    @cached_property
+    def sidewalk_metres(self) -> float:
+        """Length of all sidewalks and footpaths together, both sides of a street counted."""
+        roads = sum(2.0 * e.size[0] for e in self.plan.elements if e.kind == "road")
+        return roads + sum(e.size[0] for e in self.plan.elements if e.kind == "path" and not e.shape["drive"])

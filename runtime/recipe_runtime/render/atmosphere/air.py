@@ -1,6 +1,6 @@
 """Air: the sky in a direction, and what fog and dust do to light on its way to the eye."""
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.plan import AppearancePlan, Weather, fixed
+from recipe_compiler.ir.plan import AppearancePlan, Weather
+from recipe_compiler.ir.plan_types import fixed
 
 from recipe_runtime.render.atmosphere import sky
 from recipe_runtime.render.atmosphere.air import DECAY_STEPS, SWING_STIRS, Air

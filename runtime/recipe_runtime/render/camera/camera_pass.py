@@ -84,9 +84,9 @@ class CameraPass:
     ) -> DeviceArray:
         """The bytes of a picture that is its own plate."""
         out = wp.empty(camera.width * camera.height * 3, dtype=wp.uint8, device=self._device)
-        tables, told = self._tables.by_pixel(response, camera), record(r, self._device)
+        tables, response_record = self._tables.by_pixel(response, camera), record(r, self._device)
         with self._developed_anew(found):
-            passes.develop_pixels(exposed, camera, told, tables, found.kept, found.pixels, out, self._device)
+            passes.develop_pixels(exposed, camera, response_record, tables, found.kept, found.pixels, out, self._device)
         return out
 
     @contextmanager
@@ -116,8 +116,8 @@ class CameraPass:
         if light.rain <= 0.0:
             return wp.zeros(1, dtype=wp.int32, device=self._device)
         cover = wp.zeros(obs.camera.width * obs.camera.height, dtype=wp.int32, device=self._device)
-        shower = rain_at(obs.world_from_sensor, light, time, seed)
+        rain = rain_at(obs.world_from_sensor, light, time, seed)
         view = upload_transforms(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-        told = record(shower, self._device)
-        passes.draw_rain(drop_count(light), told, obs.device_depth, view, obs.camera, cover, self._device)
+        rain_record = record(rain, self._device)
+        passes.draw_rain(drop_count(light), rain_record, obs.device_depth, view, obs.camera, cover, self._device)
         return cover

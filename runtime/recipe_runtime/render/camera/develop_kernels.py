@@ -4,7 +4,7 @@ Every sample is tone-mapped before the pixel's samples are averaged: a bright sk
 edge before it, and the edge would alias again.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
@@ -152,10 +152,10 @@ def develop_pixels(
     pixels_per_thread: wp.int32,
     out_rgb: wp.array[wp.uint8],
 ):
-    """The three bytes of `span` pixels to a thread; `gains` is what `fall_off` found.
+    """Write the three bytes of each pixel, `pixels_per_thread` to a thread; `gains` is what `vignette_gains` writes.
 
-    Where a pixel is not stale, its levels before the noise are those of an earlier frame: its samples are below `kept`
-    then. `rain` has one element only where no drop falls.
+    A pixel that is not stale keeps the levels, before noise, of an earlier frame; its samples are then below
+    `kept_samples`. `rain_cover` has a single element if it does not rain.
     """
     r = responses[0]
     raining = rain_cover.shape[0] > 1
@@ -200,7 +200,7 @@ def expose_samples(
     response: Response,
     out_plate: wp.array[wp.vec3f],
 ):
-    """One plate pixel's light, exposed and balanced, its samples averaged as `develop` does; what blurs acts on it."""
+    """One plate pixel's light, exposed and balanced, its samples averaged as `develop_pixels` does, before any blur."""
     i = wp.tid()
     drops = wp.int32(0)
     if rain_cover.shape[0] > 1:

@@ -6,7 +6,7 @@ away, what its neighbourhood shows behind it. Along the way only one other motio
 The exposure is centred on the frame's time.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

@@ -29,7 +29,7 @@ class Exposed:
     groups: DeviceArray
     weights: DeviceArray
     cover: DeviceArray
-    streak: wp.vec3f  # , the radiance of a streak
+    streak: wp.vec3f  # radiance of a streak
 
 
 @dataclass(frozen=True)

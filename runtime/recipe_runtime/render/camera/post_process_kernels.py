@@ -1,6 +1,6 @@
 """From a plate to a picture: chromatic aberration, bloom's light, tone and noise."""
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.camera.develop_kernels import Response, record_levels, tone, vignette_at

@@ -5,7 +5,7 @@ so a drop that a frame shows is further down in the next. It adds its cover to t
 before what is seen there; covers are whole numbers, so their sum does not depend on the order of drops.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

@@ -41,8 +41,8 @@ class ResponseTables:
         key = (*dark, camera.width, camera.height)
         if key not in self._gains:
             gains = wp.empty(camera.width * camera.height, dtype=wp.float32, device=self._device)
-            told = record(response_of(response, 1.0, 0, camera), self._device)
-            passes.vignette_gains(told, tables.gains, gains, self._device)
+            response_record = record(response_of(response, 1.0, 0, camera), self._device)
+            passes.vignette_gains(response_record, tables.gains, gains, self._device)
             self._gains[key] = gains
         return Tables(self._gains[key], tables.tone, tables.deviates)
 

@@ -257,5 +257,5 @@ class RecordedFrame:
             camera_passes.draw_rain(drops, b[f"rain {v}"], self._labels.depth, view, camera, cover, self.device)
         by_pixel = n.starts, n.groups, n.columns.weights
         exposed = Exposed(n.light(look.light.wet).shown, *by_pixel, cover, streak_radiance(look.light))
-        told, levels, out = b[f"response {v}"], n.no_levels, self._r[f"rgb {v}"]
-        camera_passes.develop_pixels(exposed, camera, told, look.tables, 0, levels, out, self.device)
+        response, levels, out = b[f"response {v}"], n.no_levels, self._r[f"rgb {v}"]
+        camera_passes.develop_pixels(exposed, camera, response, look.tables, 0, levels, out, self.device)

@@ -4,7 +4,7 @@ Along a line of sight that passes a lamp at h metres, light that falls off with 
 angle that the line subtends at the lamp, over h. That closed form needs one sum a lamp, and no steps through the air.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.atmosphere.air import Air, decay

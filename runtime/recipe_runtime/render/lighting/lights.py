@@ -114,6 +114,8 @@ def body_columns(geometry: Geometry, parts: Array) -> tuple[Array, ...]:
     firsts = [actor.first_part for actor in geometry.actors]
     lowest = np.minimum.reduceat(box[..., 2], firsts, axis=-1)
     foot = np.repeat(lowest, [actor.parts for actor in geometry.actors], axis=-1)
+    signals = np.full((*foot.shape[:-1], box.shape[-2] - foot.shape[-1]), -_NOWHERE)  # lamps stand on no ground
+    foot = np.concatenate([foot, signals], axis=-1)
     height, small = box[..., 2] - foot, np.minimum(box[..., 5], box[..., 6])
     # What a disc of the part's breadth hides of the sky, seen from the ground below its middle.
     lift = height / (small + 0.04)

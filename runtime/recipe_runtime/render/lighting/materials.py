@@ -1,10 +1,10 @@
-"""Matter: what a surface is made of at a point, dry or wet, at rest or in the wind.
+"""Materials: what a surface is made of at a point, dry or wet, at rest or in the wind.
 
 Paint, glass and metal have a coat that mirrors; a window has a room behind it. Water darkens what is porous, and lies
 in the hollows of flat ground. Leaves turn in the wind.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern

@@ -53,8 +53,8 @@ class ReflectionPass:
         sums = self._sums(obs)
         passes.trace_rays(samples, found.light.gleam, view, rays_known, sums, found.rays, self._device)
         dirty = self._stale(samples, air, previous, found) if known and self._reuse else all_samples()
-        threads, told = thread_count(dirty, points.count), record(dirty, self._device)
-        place = found.rays, previous, told, found.light, found.sources
+        threads, dirty_record = thread_count(dirty, points.count), record(dirty, self._device)
+        place = found.rays, previous, dirty_record, found.light, found.sources
         passes.reflect(threads, samples, air, view, *place, self._device)
 
     def _stale(self, samples: DeviceArray, air: DeviceArray, previous: DeviceArray, found: SampleLight) -> DirtySamples:

@@ -5,7 +5,7 @@ Four pixels share one ray's length, each goes that far along a ray of its own; a
 A ray that meets nothing sees the sky, or, if it is low, the street beyond the picture.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.atmosphere.air import Air, decay, reflected_sky
@@ -312,8 +312,8 @@ def reflect(
     """Add to the dirty samples what they mirror: along their own ray, as far as their block's ray went.
 
     Where that ends in the air or behind something, as it may at the edge of what is mirrored, or goes nowhere, the ray
-    of a block beside it may end better. `sources` is told which pixel's light it was, and which other pixel's depth had
-    a part in that, as `due` takes it.
+    of a block beside it may end better. `out_sources` gets the pixel whose light it was and the
+    other pixel whose depth mattered, for `stale_reflections`.
     """
     i = dirty_sample(dirty, wp.tid())
     share = gleam[i][0]

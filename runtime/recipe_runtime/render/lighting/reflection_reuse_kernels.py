@@ -1,6 +1,6 @@
 """Which mirrored rays and which mirrored light of an earlier frame still hold."""
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.atmosphere.air import Air
@@ -95,10 +95,10 @@ def stale_reflections(
     out_count: wp.array[wp.int32],
     out_samples: wp.array[wp.int32],
 ):
-    """List those of `pools` that mirror something else than before, when the rings were those of `moment`.
+    """List the `reflective` samples whose mirrored light may differ from that of the frame at `previous_moment`.
 
-    So do they where their own light or ray has changed, the water, or what is seen at the two pixels that `sources`
-    tells: -1 is what lies beyond the picture, -2: it is not known. `count` comes zeroed. Their order tells in no byte.
+    It may where the sample's own light or ray has changed, the rings on the water, or one of the two pixels in
+    `sources` (-1: outside the picture, -2: unknown). `out_count` must be 0. The order of the list changes no byte.
     """
     entry = reflective[wp.tid()]
     i = nonnegative(entry & 0x1FFFFFFF)

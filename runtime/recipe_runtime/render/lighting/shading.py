@@ -72,8 +72,8 @@ class ShadingPass:
             previous = record(before, self._device)
             dirty = self._dirty(points, previous, air, found) if before.known else all_samples()
             threads = thread_count(dirty, points.count)
-            told = previous, record(dirty, self._device), found.light
-            passes.shade_samples(threads, samples, lights, *told, self._device)
+            reused = previous, record(dirty, self._device), found.light
+            passes.shade_samples(threads, samples, lights, *reused, self._device)
         if light.wet:
             with self._timings("reflect"):
                 self._reflection.reflect(obs, points, samples, air, previous, int(before.known), found)

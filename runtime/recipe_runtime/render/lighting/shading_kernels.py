@@ -1,10 +1,10 @@
 """Shading: the light that leaves each sample towards the eye, after the air between.
 
-Sun, sky, bounced light and lamps fall on a surface (see `matter`); a coat of paint, glass or water reflects the sky
+Sun, sky, bounced light and lamps fall on a surface (see `materials`); a coat of paint, glass or water reflects the sky
 over it. Radiance is linear and relative (see `air`).
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern

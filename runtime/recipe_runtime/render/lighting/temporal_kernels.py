@@ -4,7 +4,7 @@ The light of an earlier frame stays where it is. A sample is listed if something
 did; all others keep theirs, and no kernel reads them.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.atmosphere.air import Air
@@ -104,7 +104,7 @@ def collect_dirty(
 ):
     """List a tile's samples whose light may change; `out_count` must be 0. Their order changes no byte.
 
-    A tile is `quiet` if none of them changes unless something else comes near: it need not be looked through again.
+    `out_quiet` is set for a tile whose samples change only if something comes near: it need not be searched again.
     """
     tile = wp.tid()
     bits = previous[0].tiles[tile]

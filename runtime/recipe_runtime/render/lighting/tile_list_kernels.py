@@ -4,7 +4,7 @@ A tile is 16 x 16 pixels. Its box in the world follows from its nearest and fart
 reach does not meet the box is left out. Tiles keep the things in the order of the list, so sums are always the same.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

@@ -4,7 +4,7 @@ Warp's own `min` and `max` mind NaN, which costs a CPU five instructions instead
 light; here the second number counts only if it is beyond the first.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

@@ -5,7 +5,7 @@ onto a list; then groups of threads draw the bins, each group as wide as the tri
 unions, so their order changes nothing: the keys are those of `visibility_kernels.raster_keys`.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

@@ -5,7 +5,7 @@ the picture, and are never blended, so the ray that they are exact for is within
 pixel's centre. Colour is filtered. Without a bend the plate is the picture, or the same picture with more samples.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

@@ -1,6 +1,6 @@
 """Observation: every label, from the one visibility buffer, at pixel centres and never blended."""
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_compiler.ir.semantic_tags import Tag
@@ -129,7 +129,7 @@ def project_boxes(
 ):
     """Widen an actor's unclipped box (1/256 pixels) by a triangle's corners in front of the near plane.
 
-    `reach` is widened by the points too where the triangle is cut there: what it draws lies within both boxes.
+    `out_reach` also includes the points where the near plane cuts the triangle: its pixels lie within both boxes.
     """
     i = first_triangle + wp.tid()
     actor = surface_actor[triangle_surface[i]]

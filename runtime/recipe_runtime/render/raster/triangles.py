@@ -1,6 +1,6 @@
 """Triangles on the screen: corners snapped to 1/256 pixel, edge functions, and the cut at the near plane."""
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

@@ -5,7 +5,7 @@ triangles that share an edge leave no gap and take no sample twice. A sample's w
 40 bits of nearness (near / depth), then 24 bits of triangle number. An atomic maximum does not care for order.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
@@ -50,7 +50,7 @@ def transform_visible_vertices(
     transforms: wp.array2d[wp.float32],
     out_vertices: wp.array[wp.vec3f],
 ):
-    """The vertices of the chunks that may be seen, moved as `transform` moves them; the others' are left."""
+    """Transform the vertices of the visible chunks, as `transform_vertices` does; the others keep their values."""
     n = wp.tid()
     if chunk_visible[n] == 0:
         return

@@ -5,7 +5,7 @@ shaded once, weighed by the quarters it fills. What is found here depends on no 
 For a camera at rest all frames share it too: only a pixel that something moving changed gets samples of its own.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern

@@ -4,7 +4,7 @@ A pixel with one sample has the slot of its own number. The samples of an edge's
 each tile takes a stretch there. Which one depends on timing, but a sample's place changes no byte.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

@@ -107,14 +107,15 @@ class Geometry:
 
 
 def upload(bodies: Sequence[Body], device: str) -> Geometry:
-    """Geometry of the town's bodies (instance 0) and of the actors', their parts in the Trace's order.
+    """Geometry of the static bodies, of the actors', their parts in the Trace's order, and of the lamps of signals.
 
-    ValueError if an actor comes before the town, or if there are more triangles than a key can name.
+    ValueError if the bodies are in another order, or if there are more triangles than a key can name.
     """
-    town = [b for b in bodies if b.instance == 0]
-    moving = [b for b in bodies if b.instance != 0]
-    if list(bodies) != town + moving:
-        raise ValueError("the town's bodies come first, then the actors'")
+    town = [b for b in bodies if not b.moves]
+    moving = [b for b in bodies if b.moves and not b.is_signal]
+    signals = [b for b in bodies if b.is_signal]
+    if list(bodies) != town + moving + signals:
+        raise ValueError("static bodies come first, then the actors', then the lamps of traffic lights")
     packer = _Packer()
     for body in town:
         for _, mesh in body.parts:
@@ -127,6 +128,10 @@ def upload(bodies: Sequence[Body], device: str) -> Geometry:
         for _, mesh in body.parts:
             bounds.append(_box(mesh.vertices))
             packer.add(body, mesh, part=len(bounds), actor=index)
+    for body in signals:
+        for _, mesh in body.parts:
+            bounds.append(_box(mesh.vertices))
+            packer.add(body, mesh, part=len(bounds), actor=-1)
     return packer.finish(device, tuple(actors), bounds, still)
 
 
@@ -144,7 +149,7 @@ class _Packer:
     def add(self, body: Body, mesh: Mesh, part: int, actor: int) -> None:
         """Append one part's mesh."""
         numbers = [self._number(body, mesh, row, actor) for row in range(len(mesh.surfaces))]
-        casts = np.array([s.tag not in _GROUND_TAGS for s in mesh.surfaces], np.int32)
+        casts = np.array([s.tag not in _GROUND_TAGS and not body.is_signal for s in mesh.surfaces], np.int32)
         surface = mesh.surface.astype(np.int64)
         self._put("vertices", mesh.vertices.astype(np.float32))
         self._put("normals", mesh.normals.astype(np.float32))

@@ -5,7 +5,7 @@ still is drawn once for a sun's place; what moves is drawn every frame into two 
 coarse, whose texels are fixed in the world. Flat ground casts nothing, so it cannot shadow itself by rounding.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
@@ -71,7 +71,7 @@ def cull_casters(
     first_chunk: wp.int32,
     out_visible: wp.array[wp.int32],
 ):
-    """1 for every chunk first.. whose box may meet the map; `matrices` lead from the parts to the world."""
+    """1 for every chunk first.. whose box may meet the map; `transforms` lead from the parts to the world."""
     i = first_chunk + wp.tid()
     part = chunks[i][2]
     c = transform_point(transforms, part, chunk_centres[i])
@@ -216,7 +216,7 @@ def box_unshadowed(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: w
 
 @wp.func
 def map_contains_box(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
-    """Whether map k `holds` every point of a box."""
+    """Whether every point of a box lies within map k, with a margin."""
     middle = (low + high) * 0.5
     half = (high - low) * 0.5
     a = beams[k].u
@@ -237,7 +237,7 @@ def mark_unshadowed(
     needed_bits: wp.int32,
     out_bits: wp.array[wp.int32],
 ):
-    """Set `UNTOUCHED` in a tile with all `needed` bits whose box no shadow of what moves (maps 2, 3) can reach."""
+    """Set `UNTOUCHED` in a tile with all `needed_bits` whose box no shadow of what moves (maps 2, 3) can reach."""
     tile = wp.tid()
     if (out_bits[tile] & needed_bits) != needed_bits:
         return

@@ -70,24 +70,24 @@ class ShadowMaps:
         """The fine and the coarse map of the moving parts, from their vertices in the world, moved there by `world`."""
         first = self._g.static_chunks
         count = self._g.chunk_count - first
-        sheets = [self._sheet(beam) for beam in moving_beams(sun, eye, ahead)]
-        for sheet in sheets:
-            sheet.draw(record(sheet.beam, self._device), vertices, world, first, count)
-        return sheets
+        maps = [self._moving_map(beam) for beam in moving_beams(sun, eye, ahead)]
+        for shadow_map in maps:
+            shadow_map.draw(record(shadow_map.beam, self._device), vertices, world, first, count)
+        return maps
 
-    def give_back(self, sheets: list[ShadowMap]) -> None:
-        """Keep the memory of moving maps for others."""
-        for sheet in sheets:
+    def give_back(self, maps: list[ShadowMap]) -> None:
+        """Keep moving maps, so that later frames use their memory again."""
+        for shadow_map in maps:
             if len(self._spare) < _MAP_POOL_SIZE:
-                self._spare.append(sheet)
+                self._spare.append(shadow_map)
 
-    def _sheet(self, beam: Sunbeam) -> ShadowMap:
-        """Room for a moving map."""
+    def _moving_map(self, beam: Sunbeam) -> ShadowMap:
+        """A moving map: one that is no longer used, else a new one."""
         if not self._spare:
             return ShadowMap(beam, self._g, self._device, self._cleared(int(beam.size)))
-        sheet = self._spare.pop()
-        sheet.turn(beam)
-        return sheet
+        shadow_map = self._spare.pop()
+        shadow_map.turn(beam)
+        return shadow_map
 
     def _cleared(self, size: int) -> DeviceArray:
         """A map of keys, all 0, as `resolve_depths` leaves it."""
@@ -127,12 +127,12 @@ class ShadowMap:
         for array in arrays:
             array.zero_()
 
-    def draw(self, told: DeviceArray, vertices: DeviceArray, world: DeviceArray, first: int, count: int) -> None:
-        """Draw chunks into an empty map, or over what was there before a `turn`; `told` is a record of the beam."""
+    def draw(self, beam: DeviceArray, vertices: DeviceArray, world: DeviceArray, first: int, count: int) -> None:
+        """Draw chunks into an empty map, or over what was there before a `turn`; `beam` is a record of `self.beam`."""
         g, size = self._g, int(self.beam.size)
         pinhole = filled(Pinhole(), near=1.0, far=1.0e9, width=size, height=size, side=1)
         if count:
-            chunks = {"chunks": g.chunks, "beams": told, "first_chunk": first}
+            chunks = {"chunks": g.chunks, "beams": beam, "first_chunk": first}
             launch(
                 shadow_kernels.cull_casters,
                 count,

@@ -3,7 +3,7 @@
 All are analytic, and averaged over a pixel's footprint, so that nothing aliases at a distance.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

@@ -1,6 +1,6 @@
 """Patterns of what one walks on and what lies level: asphalt, paving, grass, water."""
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

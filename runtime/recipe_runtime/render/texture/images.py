@@ -5,7 +5,7 @@ there depends on the appearance. So evaluation keeps the two steps that coordina
 right and down) in the sample's own numbers, the longer one as it is and the other one as a share of its length.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

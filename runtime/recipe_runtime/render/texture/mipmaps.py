@@ -42,7 +42,7 @@ class ImageAtlases:
 
 
 def _no_images(texture: TexturePlan) -> NDArray[np.uint8]:
-    raise ValueError(f"nobody told where image sha256:{texture.file.sha256} is")
+    raise ValueError(f"no reader was given for image sha256:{texture.file.sha256}")
 
 
 def atlas_of(geometry: Geometry, textures: Textures, images: Images, device: str) -> ImageAtlas:

@@ -5,7 +5,7 @@ joints, leaves in the sun), a wear, and what else the shading of its kind wants.
 by the pixel's footprint, so that nothing aliases at a distance.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern

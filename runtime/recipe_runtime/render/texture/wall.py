@@ -1,6 +1,6 @@
 """Patterns of walls and roofs: masonry, plaster, tiles, boards, and what years of rain do to them."""
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp

@@ -3,7 +3,7 @@
 A line of sight that enters a pane meets the room's walls, floor or ceiling, so a window has depth without a triangle.
 """
 
-# Kernels are Warp's language in Python's clothes; mypy cannot judge it.
+# Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.device.setup import OPTIONS, wp
@@ -131,9 +131,9 @@ def curtain_wall(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> 
 
 @wp.func
 def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail:
-    """One large pane before a display: goods on two shelves, the shop behind; `wear` is their colour's share.
+    """One large pane before a display: goods on two shelves, the shop behind.
 
-    `height` says which colour.
+    `wear` is the share of the goods' colour, `parameter` selects that colour.
     """
     i = floor(uv[0])
     j = floor(uv[1])

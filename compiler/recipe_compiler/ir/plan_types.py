@@ -1,0 +1,60 @@
+"""Limits, field types and the base class of plans."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Annotated, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from recipe_compiler.ir.canonical import JsonValue
+
+# Limits of a plan, whether it was compiled here or read from a file. `plan_bounds` has the ranges
+# of bodies' shapes, and how many things a town may have of each kind.
+MAX_VARIANTS, MAX_SENSORS, MAX_FRAMES = 10_000, 1_000, 1_000_000
+MAX_ELEMENTS, MAX_ACTORS, MAX_PROPS, MAX_POINTS = 10_000, 1_000, 1_000, 10_000
+MAX_BODIES = MAX_ELEMENTS + MAX_ACTORS + MAX_PROPS
+MAX_SLOTS = 64
+MAX_FILE_BYTES = 32 << 20
+MAX_PIXELS_A_SIDE = 4096
+MAX_VARIANT_NAME, MAX_DESCRIPTION = 240, 2000  # characters
+
+
+def fixed(value: float) -> float:
+    """The value as a fixed decimal of six places; -0 becomes 0."""
+    return round(value, 6) + 0.0
+
+
+Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(fixed)]
+Metres = Annotated[Number, Field(ge=-100_000, le=100_000)]
+Degrees = Annotated[Number, Field(ge=-10_000, le=10_000)]
+Percent = Annotated[Number, Field(ge=0, le=100)]
+Colour = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]  # sRGB
+Name = Annotated[str, Field(min_length=1, max_length=100)]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Share = Annotated[Number, Field(ge=0, le=1)]
+Ten = Annotated[Number, Field(ge=0, le=10)]
+Tag = Annotated[int, Field(ge=0, le=255)]  # CARLA 0.9.14+ semantic tag
+Slot = Annotated[str, Field(max_length=1000)]
+Shape = Annotated[dict[Name, Number], Field(max_length=32)]
+Slots = Annotated[dict[Slot, Colour], Field(max_length=MAX_SLOTS)]
+
+P = TypeVar("P", bound="Plan")
+
+
+class Plan(BaseModel):
+    """A frozen value with a canonical form."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", ignored_types=(cached_property,))
+
+    def document(self) -> dict[str, JsonValue]:
+        """This plan as plain JSON values."""
+        return self.model_dump(mode="json")
+
+    def model_copy(self: P, *, update: Mapping[str, object] | None = None, deep: bool = False) -> P:
+        """Copy the plan. The copy computes its own digests: pydantic would keep those of the original."""
+        copied = super().model_copy(update=update, deep=deep)
+        for name in copied.__dict__.keys() - type(copied).model_fields.keys():
+            del copied.__dict__[name]
+        return copied

@@ -1,0 +1,186 @@
+"""Plans walking routes round obstacles: the shortest ways on the visibility graph of the corners in between.
+
+A way is straight where the straight way is free. Otherwise the graph consists of the corners of the obstacles that
+block it, enlarged by the clearance; obstacles that block the shortest way so far are added until none does. The result
+is therefore the shortest way round all obstacles.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
+from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
+from recipe_compiler.ir.plan_types import fixed
+
+CLEARANCE = 0.35  # metres between the middle of a pedestrian and an obstacle
+BODY = 0.2  # metres; nobody's middle is nearer to an obstacle
+_OUTSIDE = 0.01  # metres from the clearance to the corners where routes bend
+_MOST = 160  # obstacles in one search; a way round more of them is not found
+_STEP, _RINGS = 0.25, 200  # metres between the free places that are tried, and the most rings of them
+_LEAST = 1e-6
+
+XY = tuple[float, float]
+
+
+class TooManyObstaclesError(Exception):
+    """A way leads round too many obstacles."""
+
+
+class Planner:
+    """Plans ways among obstacles. Equal questions have equal answers, until the work allowed is used up."""
+
+    def __init__(self, obstacles: ObstacleMap, work: float = math.inf) -> None:
+        """Create a planner.
+
+        Args:
+            obstacles: the obstacles.
+            work: straight ways that may be tested in all searches together.
+        """
+        self._obstacles, self._work = obstacles, work
+
+    def inside(self, x: float, y: float, body: float = BODY) -> Obstacle | None:
+        """Return the obstacle in which a body at a position would be, or None."""
+        return self._obstacles.at(x, y, body)
+
+    def clear(self, x: float, y: float) -> bool:
+        """Return whether a position has the clearance to all obstacles."""
+        return self._obstacles.at(x, y, CLEARANCE) is None
+
+    def nearest_free(
+        self, x: float, y: float, allowed: Callable[[float, float], bool] = lambda x, y: True
+    ) -> XY | None:
+        """Return the clear place nearest to a position, on a grid of 0.25 m; None if none is near.
+
+        Args:
+            x: position, metres.
+            y: position, metres.
+            allowed: whether a place may be returned.
+        """
+        i0, j0 = math.floor(x / _STEP + 0.5), math.floor(y / _STEP + 0.5)
+        best: tuple[float, XY] | None = None
+        for ring in range(_RINGS):
+            if best is not None and best[0] < (ring - 1) * _STEP:
+                break
+            for i, j in _ring(ring):
+                at = ((i0 + i) * _STEP, (j0 + j) * _STEP)
+                distance = _distance((x, y), at)
+                if (best is None or distance < best[0]) and self.clear(*at) and allowed(*at):
+                    best = distance, at
+        return None if best is None else best[1]
+
+    def way(self, start: XY, goal: XY) -> list[XY] | None:
+        """Return the waypoints of the shortest way, without the start; the goal is the last. None if there is none.
+
+        Raises:
+            TooManyObstaclesError: the way leads round too many obstacles, or the work allowed is used up.
+        """
+        found = self._blocking(start, goal, start, goal)
+        search, points = _Search(self._obstacles, start, goal), [start, goal]
+        while found:
+            if self._work < 0:
+                raise TooManyObstaclesError
+            search.add(found)
+            before = search.tests
+            shortest = search.shortest()
+            self._work -= search.tests - before
+            if shortest is None:
+                return None
+            points = shortest
+            across = (o for a, b in pairwise(points) for o in self._blocking(a, b, start, goal))
+            found = [o for o in across if o not in search.obstacles]
+        return [*((fixed(x), fixed(y)) for x, y in points[1:-1]), goal]
+
+    def _blocking(self, a: XY, b: XY, start: XY, goal: XY) -> list[Obstacle]:
+        """Return the obstacles that a straight way from `a` to `b` comes too near to."""
+        across = self._obstacles.across((*a, *b), CLEARANCE)
+        return [o for o in across if o.meets((*a, *b), margin(o, start, goal))]
+
+
+class _Search:
+    """A search for the shortest way among obstacles that grow in number."""
+
+    def __init__(self, around: ObstacleMap, start: XY, goal: XY) -> None:
+        self.obstacles: list[Obstacle] = []
+        self._around = around
+        self.tests = 0
+        self._points = [start, goal]
+        self._margins: list[float] = []
+        self._tested: dict[tuple[int, int], int] = {}  # pair of points -> obstacles that do not block it; -1: blocked
+
+    def add(self, obstacles: Sequence[Obstacle]) -> None:
+        """Take obstacles into account.
+
+        Raises:
+            TooManyObstaclesError: they are too many.
+        """
+        start, goal = self._points[:2]
+        for o in obstacles:
+            if o in self.obstacles:
+                continue
+            if len(self.obstacles) >= _MOST:
+                raise TooManyObstaclesError
+            self.obstacles.append(o)
+            self._margins.append(margin(o, start, goal))
+            for corner in o.corners(CLEARANCE + _OUTSIDE):
+                if self._around.at(*corner, CLEARANCE) is None:
+                    self._points.append(corner)
+
+    def shortest(self) -> list[XY] | None:
+        """Return the shortest way from the start to the goal by A*; None if there is none."""
+        points = self._points
+        cost, before = {0: 0.0}, {0: 0}
+        queue, done = [(_distance(points[0], points[1]), 0)], set()
+        while queue:
+            _, here = heapq.heappop(queue)
+            if here in done:
+                continue
+            if here == 1:
+                way = [1]
+                while way[-1]:
+                    way.append(before[way[-1]])
+                return [points[n] for n in reversed(way)]
+            done.add(here)
+            for there in range(1, len(points)):
+                if there in done:
+                    continue
+                through = cost[here] + _distance(points[here], points[there])
+                if through < cost.get(there, math.inf) - _LEAST and self._free(here, there):
+                    cost[there], before[there] = through, here
+                    heapq.heappush(queue, (through + _distance(points[there], points[1]), there))
+        return None
+
+    def _free(self, a: int, b: int) -> bool:
+        """Return whether the straight way between two points is free of the obstacles so far."""
+        key = (a, b) if a < b else (b, a)
+        tested = self._tested.get(key, 0)
+        if tested < 0:
+            return False
+        segment = (*self._points[a], *self._points[b])
+        self.tests += len(self.obstacles) - tested
+        for number in range(tested, len(self.obstacles)):
+            if self.obstacles[number].meets(segment, self._margins[number]):
+                self._tested[key] = -1
+                return False
+        self._tested[key] = len(self.obstacles)
+        return True
+
+
+def margin(obstacle: Obstacle, start: XY, goal: XY) -> float:
+    """Return the distance to keep from an obstacle: the clearance, or less where the start or the goal is nearer."""
+    return min(CLEARANCE, *(max(0.0, obstacle.outside(x, y) - _LEAST) for x, y in (start, goal)))
+
+
+def _ring(n: int) -> list[tuple[int, int]]:
+    """Return the cells of a square ring around the origin."""
+    if n == 0:
+        return [(0, 0)]
+    sides = [(i, j) for i in range(-n, n + 1) for j in (-n, n)]
+    return sides + [(i, j) for j in range(1 - n, n) for i in (-n, n)]
+
+
+def _distance(a: XY, b: XY) -> float:
+    dx, dy = a[0] - b[0], a[1] - b[1]
+    return math.sqrt(dx * dx + dy * dy)

@@ -1,0 +1,181 @@
+"""Plans the routes of all pedestrians of a scene, and checks where actors start.
+
+A start or a goal inside something solid is refused, with the nearest free place, and so is a goal that cannot be
+reached. Routes of traffic end before a place that cannot be reached.
+
+Named pedestrians walk round buildings, furniture, props, and vehicles that stand: these are the only actors that can
+change another's plan. Traffic walks round all that but vehicles, which it avoids when it meets them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.ir.ground.obstacles import Obstacle
+from recipe_compiler.ir.plan import ActorPlan, Pause, Point, PropPlan
+from recipe_compiler.ir.plan_types import MAX_POINTS
+from recipe_compiler.library.towns import Town
+from recipe_compiler.lowering.enclosures import Yards
+from recipe_compiler.lowering.walking import XY, Planner, TooManyObstaclesError
+from recipe_compiler.schema.scene import Actor
+from recipe_compiler.source.yaml_reader import Value
+
+_WORK = 20_000_000  # tests of obstacles for all named pedestrians together, about ten seconds
+_NEAREST = "the nearest free point is x: {:g}, y: {:g}"
+_MOVE = "move it to a lane or a sidewalk, which a map of the town shows"
+_IN_YARD = "it is in a yard enclosed by buildings and walls, which the actor cannot leave"
+
+Path = tuple[str | int, ...]  # keys and indices of a value of the recipe
+
+
+class WalkingRoutes:
+    """The walking routes of one scene.
+
+    Attributes:
+        problems: What is refused.
+        warnings: What is probably a mistake.
+    """
+
+    def __init__(
+        self,
+        base: Value,
+        given: Mapping[str, Actor],
+        town: Town,
+        props: Sequence[PropPlan],
+        actors: Sequence[ActorPlan],
+    ) -> None:
+        """Prepare planning.
+
+        Args:
+            base: the recipe's base, for the places of its values.
+            given: the actors of the recipe by name.
+            town: the town.
+            props: the props of the scene.
+            actors: the actors; their routes are not planned yet.
+        """
+        self.problems: list[Problem] = []
+        self.warnings: list[Problem] = []
+        self._base, self._given, self._actors = base, given, actors
+        solid = (Obstacle.of_prop(prop, town.ground(prop.pose.x, prop.pose.y)) for prop in props)
+        static = town.obstacles.with_more(o for o in solid if o is not None) if props else town.obstacles
+        standing = [a for a in actors if a.category == "vehicle" and (not a.route or a.speed <= 0.0)]
+        self._crowd = Planner(static)
+        vehicles = [Obstacle.of_vehicle(actor) for actor in standing]
+        self._named = Planner(static.with_more(vehicles) if vehicles else static, _WORK)
+        self._yards = Yards(town)
+
+    def planned(self) -> tuple[ActorPlan, ...]:
+        """Return the actors, those who walk with planned routes."""
+        plans: dict[str, ActorPlan] = {}
+        for actor in self._actors:
+            if actor.name in self._given:
+                plans[actor.name] = self._lower_named(actor, self._given[actor.name])
+            elif actor.category != "pedestrian":
+                plans[actor.name] = actor
+            elif actor.companion is not None:
+                plans[actor.name] = actor.model_copy(update={"route": plans[actor.companion].route})
+            else:
+                plans[actor.name] = self._walking(actor)
+        return tuple(plans.values())
+
+    def _lower_named(self, actor: ActorPlan, given: Actor) -> ActorPlan:
+        """Check the start and the waypoints of an actor, and plan its route if it walks."""
+        waypoints = [given.goal] if given.goal is not None else given.route or ()
+        goals = [self._refuses(actor, (p.x, p.y), _path(given, n)) for n, p in enumerate(waypoints)]
+        if (given.start is not None and self._refuses(actor, (actor.start.x, actor.start.y), ("start",))) or any(goals):
+            return actor
+        planned = actor.category == "pedestrian" and actor.route
+        if given.start is not None and not (planned and waypoints):
+            self._warn_of_yard(actor, routed=bool(waypoints))
+        if not planned:
+            return actor
+        return self._routed(actor, given) if waypoints else self._walking(actor)
+
+    def _refuses(self, actor: ActorPlan, at: XY, path: Path) -> bool:
+        """Report a start or a waypoint inside something solid: for a vehicle, its middle."""
+        solid = self._named.inside(*at) if actor.category == "pedestrian" else self._crowd.inside(*at, 0.0)
+        if solid is None:
+            return False
+        free = self._named.nearest_free(*at)
+        remedy = _MOVE if free is None else _NEAREST.format(*free)
+        self._refuse((actor.name, *path), f"it is inside {solid.name}", remedy)
+        return True
+
+    def _warn_of_yard(self, actor: ActorPlan, *, routed: bool) -> None:
+        """Warn of a start in a yard, unless a given route stays within it."""
+        yard = self._yards.around(actor.start.x, actor.start.y)
+        if yard and not (routed and all(self._yards.cell(p.x, p.y) in yard for p in actor.route)):
+            place = self._base.place_of("actors", actor.name, "start")
+            self.warnings.append(Problem(f"actors.{actor.name}.start: {_IN_YARD}", place, _MOVE, Code.PLACEMENT))
+
+    def _routed(self, actor: ActorPlan, given: Actor) -> ActorPlan:
+        """Plan the way of an actor through the waypoints of the recipe."""
+        at: XY = (actor.start.x, actor.start.y)
+        points: list[Point] = []
+        for n, waypoint in enumerate(actor.route):
+            target, path = (waypoint.x, waypoint.y), (actor.name, *_path(given, n))
+            try:
+                way = self._named.way(at, target)
+            except TooManyObstaclesError:
+                self._refuse(path, "the way there leads round too many obstacles", "give waypoints, as `route`")
+                return actor
+            if way is None:
+                free = self._nearest_reachable(at, target)
+                remedy = _MOVE if free is None else _NEAREST.format(*free)
+                self._refuse(path, f"no way leads there from x: {at[0]:g}, y: {at[1]:g}", remedy)
+                return actor
+            points += [Point(x=x, y=y) for x, y in way]
+            at = target
+        if len(points) > MAX_POINTS:
+            message = f"with the ways round obstacles it has {len(points)} waypoints, which exceed the limit of"
+            self._refuse((actor.name, "route"), f"{message} {MAX_POINTS}", "shorten it")
+            return actor
+        return actor.model_copy(update={"route": tuple(points)})
+
+    def _walking(self, actor: ActorPlan) -> ActorPlan:
+        """Plan the way of traffic along its waypoints, as far as they can be reached."""
+        at: XY = (actor.start.x, actor.start.y)
+        points: list[Point] = []
+        pauses: list[Pause] = []
+        seconds = {pause.waypoint: pause.seconds for pause in actor.pauses}
+        for n, waypoint in enumerate(actor.route):
+            wanted = (waypoint.x, waypoint.y)
+            target = wanted if self._crowd.clear(*wanted) else self._crowd.nearest_free(*wanted)
+            try:
+                way = None if target is None else self._crowd.way(at, target)
+            except TooManyObstaclesError:
+                way = None
+            if way is None or len(points) + len(way) > MAX_POINTS:
+                break
+            points += [Point(x=x, y=y) for x, y in way]
+            at = way[-1]
+            if n in seconds:
+                pauses.append(Pause(waypoint=len(points) - 1, seconds=seconds[n]))
+        return actor.model_copy(update={"route": tuple(points), "pauses": tuple(pauses)})
+
+    def _nearest_reachable(self, start: XY, goal: XY) -> XY | None:
+        """Return the free place nearest to an enclosed goal, or to a goal outside the yard of the start."""
+        own, other = self._yards.around(*start), self._yards.around(*goal)
+
+        def allowed(x: float, y: float) -> bool:
+            i, j = self._yards.cell(x, y)
+            if own:
+                return (i, j) in own
+            return not any((i + u, j + v) in other for u in (-1, 0, 1) for v in (-1, 0, 1))
+
+        free = self._named.nearest_free(*goal, allowed) if own or other else None
+        try:
+            return free if free is not None and self._named.way(start, free) is not None else None
+        except TooManyObstaclesError:
+            return None
+
+    def _refuse(self, path: Path, what: str, remedy: str) -> None:
+        label = ".".join(map(str, path[:2])) + "".join(f"[{number}]" for number in path[2:])
+        place = self._base.place_of("actors", *path)
+        self.problems.append(Problem(f"actors.{label}: {what}", place, remedy, Code.PLACEMENT))
+
+
+def _path(given: Actor, number: int) -> Path:
+    """Return the path of an actor's waypoint below the actor."""
+    return ("goal",) if given.goal is not None else ("route", number)

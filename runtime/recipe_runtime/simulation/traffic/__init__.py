@@ -1,0 +1,1 @@
+"""How vehicles drive: car following, lanes, junctions, signs and lights."""

@@ -1,0 +1,210 @@
+"""What lies in the way: the agents in the corridor that a vehicle's path sweeps, bends included.
+
+While a vehicle moves sideways, its corridor leads from where it is to the offset that it wants.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from recipe_runtime.simulation.path import Leg, nearest_on
+from recipe_runtime.simulation.traffic.agents import Body, Vehicle
+from recipe_runtime.simulation.traffic.road_map import RoadMap
+
+SIDESTEP, SIDESTEP_SLOPE = 1.0, 0.3  # sideways speed of a lane change: m/s, and as a share of the speed
+CLEARANCE = 0.3  # metres to both sides of a moving vehicle
+_TIGHT, _TOUCHING = 0.05, -0.1  # the same beside what its front has reached, and beside what its front is past
+_LONG = 2.9  # metres; longer halves are looked at in three pieces
+_PERSON = 0.55  # metres to both sides of a pedestrian
+_SURE, _LAG = 0.85, 2.0  # share of the sideways speed that is relied on, after so many metres
+_FORESIGHT = 2.5  # seconds ahead for which the way of a pedestrian on the road is foreseen
+_STEP = 1.2  # the same for one who is about to step onto it
+_ROADSIDE = 6.0  # metres beside a corridor within which pedestrians matter
+_BEFORE_CROSSING, _PACE = 1.2, 1.6  # metres to stop before the middle of a crossing; m/s of who walks over it
+_KIND = 2.5  # m/s2 of braking for one who is not yet on the road
+
+
+@dataclass(slots=True)
+class Corridor:
+    """The strip ahead of a vehicle."""
+
+    legs: Sequence[Leg]  # of the path
+    start: float  # arc length of the vehicle's middle
+    reach: float  # half its length
+    length: float  # metres ahead of its front
+    radius: float  # half its width
+    offset: float  # metres to the left of the path
+    target: float  # the offset that it wants
+    base: float  # the offset that it has in its lane
+    slope: float  # metres to the side for each metre ahead
+    speed: float  # of the vehicle
+    open_end: bool  # whether the last leg is the path's last
+    roads: RoadMap
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, length: float, target: float, roads: RoadMap) -> Corridor:
+        """Return the strip that a vehicle covers on its way to an offset."""
+        path, start, speed = vehicle.path, vehicle.progress, vehicle.speed
+        end = start + vehicle.reach + length
+        legs, open_end = path.window(start - 2.0, end), end >= path.length
+        slope = _SURE * min(SIDESTEP_SLOPE, SIDESTEP / max(speed, 0.1))
+        base = vehicle.driver.base_offset
+        in_lane = target == base == vehicle.driver.line  # then its offset is due to bends
+        offsets = (base if in_lane else vehicle.offset, target, base)
+        return cls(legs, start, vehicle.reach, length, vehicle.radius, *offsets, slope, speed, open_end, roads)
+
+    def edges(self, gap: float) -> tuple[float, float]:
+        """Return the right and the left edge of the strip at a distance from the front."""
+        aside = self.target - self.offset
+        if aside == 0.0:
+            return self.offset - self.radius, self.offset + self.radius
+        lag = _LAG if abs(self.offset - self.base) < 0.3 else 0.3
+        ahead = self.slope * max(gap - lag, 0.0)
+        here = self.offset + max(-ahead, min(ahead, aside))
+        return min(here, self.target) - self.radius, max(here, self.target) + self.radius
+
+
+@dataclass(slots=True)
+class Obstacle:
+    """Somebody in a corridor."""
+
+    body: Body
+    gap: float  # metres from the vehicle's front to its nearest part, along the path
+    speed: float  # along the path, m/s
+    right: float  # its edges, metres to the left of the path
+    left: float
+    along: float  # cosine of the angle between its heading and the path
+    person: bool
+
+
+def obstacles(corridor: Corridor, neighbours: Sequence[Body]) -> list[Obstacle]:
+    """Return the agents in a corridor, in the order of the neighbours."""
+    c, found = corridor, []
+    low_x, low_y, high_x, high_y = _bounds(c)
+    for body in neighbours:
+        x, y, person = body.x, body.y, body.actor.category == "pedestrian"
+        size = _ROADSIDE if person else body.reach
+        if x < low_x - size or x > high_x + size or y < low_y - size or y > high_y + size:
+            continue
+        if person:
+            obstacle = _crossing(c, body) or _person(c, body)
+        elif size <= _LONG:
+            obstacle = _vehicle(c, body, x, y, size)
+        else:
+            hx, hy = body.heading[0] * size / 1.5, body.heading[1] * size / 1.5
+            pieces = [_vehicle(c, body, x + k * hx, y + k * hy, size / 3.0) for k in (-1.0, 0.0, 1.0)]
+            obstacle = min((p for p in pieces if p is not None), key=lambda p: p.gap, default=None)
+        if obstacle is not None:
+            found.append(obstacle)
+    return found
+
+
+def _bounds(c: Corridor) -> tuple[float, float, float, float]:
+    """Return the box of a corridor: least x, least y, greatest x, greatest y."""
+    end = c.start + c.reach + c.length
+    low_x = low_y = math.inf
+    high_x = high_y = -math.inf
+    for ax, ay, tx, ty, start, length in c.legs:
+        first = c.start - start if c.start > start else 0.0
+        last = length if end - start > length and not c.open_end else end - start
+        for along in (first, last):
+            x, y = ax + tx * along, ay + ty * along
+            low_x, high_x = (x if x < low_x else low_x), (x if x > high_x else high_x)
+            low_y, high_y = (y if y < low_y else low_y), (y if y > high_y else high_y)
+    side = max(abs(c.offset), abs(c.target)) + c.radius + 3.0
+    return low_x - side, low_y - side, high_x + side, high_y + side
+
+
+def _direction(c: Corridor, metres: float) -> tuple[float, float]:
+    """Return the direction of the path at an arc length."""
+    for _, _, tx, ty, start, length in c.legs:
+        if metres <= start + length:
+            return tx, ty
+    return c.legs[-1][2], c.legs[-1][3]
+
+
+def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstacle | None:
+    """Return a vehicle, or a piece of one that reaches `size` metres to both ends, if it is in the corridor."""
+    metres, aside = nearest_on(c.legs, x, y, False, c.open_end)
+    if metres <= c.start or abs(aside) > max(abs(c.offset), abs(c.target)) + c.radius + size + 1.5:
+        return None
+    tx, ty = _direction(c, metres)
+    hx, hy = body.heading
+    cosine, sine = abs(hx * tx + hy * ty), abs(hx * ty - hy * tx)
+    half = cosine * body.radius + sine * size
+    gap = metres - cosine * size - sine * body.radius - c.start - c.reach
+    if gap > c.length:
+        return None
+    room = _room(gap, CLEARANCE)
+    low, high = aside - half, aside + half
+    driver = getattr(body, "driver", None)
+    if driver is not None and gap > 0.3 and hx * tx + hy * ty > 0.9:  # a change of lanes that has begun
+        shift = driver.offset - body.offset  # type: ignore[attr-defined]
+        low, high = low + min(shift, 0.0), high + max(shift, 0.0)
+    right, left = c.edges(gap)
+    if low > left + room or high < right - room:
+        return None
+    vx, vy = body.velocity
+    return Obstacle(body, gap, vx * tx + vy * ty, low, high, hx * tx + hy * ty, False)
+
+
+def _person(c: Corridor, body: Body) -> Obstacle | None:
+    """Return a pedestrian who is in the corridor, or will step into it before the vehicle has passed."""
+    metres, aside = nearest_on(c.legs, body.x, body.y, False, c.open_end)
+    gap = metres - c.start - c.reach - body.radius
+    if metres <= c.start or gap > c.length:
+        return None
+    tx, ty = _direction(c, metres)
+    vx, vy = body.velocity
+    along, across = vx * tx + vy * ty, vy * tx - vx * ty
+    room = body.radius + _room(gap, _PERSON)
+    right, left = c.edges(gap)
+    to_right, to_left = right - room - aside, aside - left - room  # metres to the corridor, if positive
+    if to_right > 0.0 or to_left > 0.0:
+        distance, approach = (to_right, across) if to_right > 0.0 else (to_left, -across)
+        if approach < 0.2 or distance > _FORESIGHT * approach:
+            return None
+        if distance > _STEP * approach and not c.roads.paved(body.x, body.y):
+            return None
+        if c.speed * c.speed > 2.0 * _KIND * max(gap, 0.1) and distance > 0.3 and not c.roads.paved(body.x, body.y):
+            return None
+        passed = (gap + 2.0 * c.reach + 1.0) / max(c.speed, 0.5)
+        if passed < distance / approach:
+            return None
+    return Obstacle(body, gap, min(along, c.speed), aside - body.radius, aside + body.radius, 0.0, True)
+
+
+def _crossing(c: Corridor, body: Body) -> Obstacle | None:
+    """Return a pedestrian who crosses the path with right of way, as an obstacle before the crossing.
+
+    None once the vehicle can pass before, has passed, or cannot stop with comfort.
+    """
+    way: tuple[float, float, float, float] | None = getattr(body, "crossing", None)
+    if way is None:
+        return None
+    x, y, dx, dy = way[0], way[1], way[2] - way[0], way[3] - way[1]
+    size = math.sqrt(dx * dx + dy * dy)
+    for ax, ay, tx, ty, start, length in c.legs:
+        cross = tx * dy - ty * dx
+        if abs(cross) < 1e-6 * size:
+            continue
+        metres = ((x - ax) * dy - (y - ay) * dx) / cross  # along the leg, and across
+        across = ((x - ax) * ty - (y - ay) * tx) / cross * size
+        if not (0.0 <= metres <= length and 0.0 <= across <= size):
+            continue
+        gap = start + metres - c.start - c.reach - _BEFORE_CROSSING
+        walked = ((body.x - x) * dx + (body.y - y) * dy) / size
+        left = across - walked - c.radius - body.radius  # metres until it is in the way
+        if not 0.0 < gap <= c.length or left < -2.0 * c.radius - 1.0:
+            return None
+        if c.speed * c.speed > 2.0 * _KIND * gap or (gap + 2.0 * c.reach + 3.0) * _PACE < left * c.speed:
+            return None
+        return Obstacle(body, gap, 0.0, -c.radius, c.radius, 0.0, True)
+    return None
+
+
+def _room(gap: float, usual: float) -> float:
+    """Return the metres to keep to the side of a body; less where the front is level with it, or past it."""
+    return usual if gap > 0.3 else _TIGHT if gap > -0.6 else _TOUCHING

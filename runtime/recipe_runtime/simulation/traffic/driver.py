@@ -1,0 +1,247 @@
+"""A vehicle's driver: chooses acceleration and lateral offset ten times a second.
+
+Speed: the least of the driver's own speed, the limit of the road, and what bends ahead allow. Leaders: `following` on
+what lies in the `corridor`. Stop lines: `junctions`. Lanes: `lane_change` on roads with several lanes, `overtaking`
+over the oncoming lane of streets.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from recipe_compiler.ir.plan import ActorPlan
+
+from recipe_runtime.body.skeleton import BICYCLE
+from recipe_runtime.simulation.path import Path
+from recipe_runtime.simulation.traffic import corridor
+from recipe_runtime.simulation.traffic.agents import Body, Vehicle
+from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE, Corridor, Obstacle
+from recipe_runtime.simulation.traffic.following import (
+    HARDEST_BRAKING,
+    following_acceleration,
+    free_acceleration,
+    stopping_distance,
+    style_of,
+)
+from recipe_runtime.simulation.traffic.junctions import JunctionControl
+from recipe_runtime.simulation.traffic.lane_change import LaneChanger, Own
+from recipe_runtime.simulation.traffic.overtaking import Overtaking, is_stalled
+from recipe_runtime.simulation.traffic.passage import Passage
+from recipe_runtime.simulation.traffic.road_map import Lanes, RoadMap, speed_profile
+
+_LATERAL, _EARLY_BRAKING = 2.0, 1.2  # m/s2 in bends, and before lower speeds
+_BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
+_AT_LINE = 0.7  # metres between the front and the place where one waits
+_FIRM = 4.0  # m/s2, to stop where one waits and not only at the painted line behind it
+_SLACK = 0.5  # metres by which queues may stay longer than they must
+_RETURN = 6.0  # metres more before somebody who overtakes and comes closer: to return into the lane
+_PASSING = 1.5  # m/s of a vehicle that crosses, from which it counts as about to be gone
+_LONG = 3.2  # half length from which the swing of the body counts
+_PULL_OUT = 11.0  # metres more behind a standing obstacle, from which a vehicle can pass it
+_IDLE_TICKS = 20  # decisions to go without moving, after which it counts as stalled, for example by a crash
+_LANE_TICKS = 8  # decisions between two looks at other lanes
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What a driver wants of the vehicle."""
+
+    acceleration: float  # m/s2 along the path
+    offset: float  # metres to the left of the path
+
+
+class Driver:
+    """The driver of one vehicle.
+
+    Attributes:
+        style: How it follows others.
+        passage: Where it stands with the junctions on its path.
+        offset: The offset that it wants now, metres to the left of its path.
+        line: The offset to which the vehicle should have come by now.
+        desired: The speed that it would have on a free road, m/s.
+        waiting: Whether it waits at a stop line, or will have to.
+        horizon: The neighbours that it needs are within so many metres.
+        stalled: Whether it stands for a reason of its own: not in a queue, at a line or for somebody.
+    """
+
+    def __init__(self, actor: ActorPlan, road_map: RoadMap, junctions: JunctionControl) -> None:
+        self.actor, self.style = actor, style_of(actor.shape)
+        self.base_offset = _BICYCLE_OFFSET if int(actor.shape["body"]) == BICYCLE else 0.0
+        self.passage = Passage(extent=math.inf if actor.route else 0.0)
+        self.offset = self.line = self.base_offset
+        self.desired = actor.speed
+        self.waiting, self.stalled = False, not actor.route or actor.speed <= 0.0
+        self.horizon = 60.0
+        self._map, self._junctions = road_map, junctions
+        self._path: Path | None = None
+        self._profile: Sequence[float] = ()
+        self._lanes: Lanes | None = None
+        self._changer, self._overtaking = LaneChanger(), Overtaking(junctions)
+        self._ticks = self._idle = 0
+
+    @property
+    def overtakes(self) -> bool:
+        """Whether it is in the oncoming lane of a street."""
+        return self._lanes is None and max(self.offset, self.line) > self.base_offset + 0.3
+
+    def arrived(self, vehicle: Vehicle) -> bool:
+        """Return whether the vehicle stands at the end of its path for good."""
+        return self.actor.entry is None and vehicle.progress > vehicle.path.length - 1.5
+
+    def decide(self, vehicle: Vehicle, neighbours: Sequence[Body], seconds: float) -> Command:
+        """Return what the vehicle should do until the next decision.
+
+        Args:
+            vehicle: The vehicle.
+            neighbours: The agents within `horizon` metres, in plan order, without the vehicle.
+            seconds: Time since frame 0.
+        """
+        if vehicle.path is not self._path:
+            self._take_path(vehicle)
+        if self.actor.speed <= 0.0 or not vehicle.path.legs or (self.actor.held and seconds < 0.0):
+            self.waiting, self.stalled, self.passage.extent = False, True, 0.0
+            return Command(-2.0 if vehicle.speed > 0.0 else 0.0, vehicle.offset)
+        speed, style = vehicle.speed, self.style
+        self.desired = self._desired(vehicle)
+        free = free_acceleration(speed, self.desired, style)
+        line = self._distance_to_line(vehicle)
+        ahead = self._corridor(vehicle, line)
+        found = corridor.obstacles(ahead, neighbours)
+        if vehicle.reach > _LONG:
+            found += self._swung_at(vehicle, neighbours, found)
+        wish = min(free, self._before_line(vehicle, line, free), self._before_goal(vehicle, free))
+        nearest: Obstacle | None = None
+        for obstacle in found:
+            if nearest is None or obstacle.gap < nearest.gap:
+                nearest = obstacle
+            gap = obstacle.gap - self._spare(vehicle, obstacle)
+            standstill = style.gap + (0.5 if obstacle.person else 0.0)
+            if obstacle.along < -0.5 and not self.overtakes:
+                standstill += _RETURN
+            wish = min(wish, following_acceleration(speed, free, gap, obstacle.speed, style, standstill))
+        self._idle = self._idle + 1 if speed < 0.1 and wish > 0.2 else 0
+        self.stalled = self._idle > _IDLE_TICKS or self.arrived(vehicle)
+        self._note_room(vehicle, found, line)
+        self.waiting = line < 12.0
+        step = 0.1 * min(SIDESTEP, SIDESTEP_SLOPE * max(speed, 0.0))
+        aside = self.offset - self.line
+        self.line = self.offset if abs(aside) <= step else self.line + (step if aside > 0.0 else -step)
+        self._choose_offset(vehicle, neighbours, nearest, seconds)
+        return Command(max(-HARDEST_BRAKING, wish), self.offset)
+
+    def _take_path(self, vehicle: Vehicle) -> None:
+        """Compute the speeds along a new path."""
+        path = self._path = vehicle.path
+        self._changer, self._overtaking = LaneChanger(), Overtaking(self._junctions)
+        self.offset = self.line = self.base_offset
+        if path.legs:
+            goal = self.actor.entry is None
+            self._profile = speed_profile(path, self._map, lateral=_LATERAL, braking=_EARLY_BRAKING, goal=goal)
+            self._lanes = self._map.lanes(*path.at(0.0))
+        fastest = min(self.actor.speed, max(self._profile, default=0.0))
+        self.horizon = max(60.0, min(200.0, 5.0 * fastest + 30.0))
+
+    def _desired(self, vehicle: Vehicle) -> float:
+        """Return the speed for a free road, a little ahead of the vehicle."""
+        at = int(vehicle.progress + 0.3 * vehicle.speed)
+        return min(self.actor.speed, self._profile[max(0, min(at, len(self._profile) - 1))])
+
+    def _distance_to_line(self, vehicle: Vehicle) -> float:
+        """Return the metres from the front to where the vehicle must wait; infinity if it need not."""
+        crossing = self.passage.next
+        if crossing is None or self.passage.granted:
+            return math.inf
+        painted = crossing.entry - vehicle.progress - vehicle.reach
+        hold = painted - self._junctions.setback(crossing)
+        needed = stopping_distance(vehicle.speed, _FIRM)
+        return hold if hold > needed - 0.3 else max(hold, min(painted, needed + _AT_LINE))
+
+    def _before_line(self, vehicle: Vehicle, line: float, free: float) -> float:
+        """Return the acceleration that stops at the line."""
+        if line > 80.0:
+            return free
+        if line <= _AT_LINE:  # beyond the waiting place, but not over the painted line
+            return -3.0 if vehicle.speed > 0.0 else 0.0
+        return following_acceleration(vehicle.speed, free, line, 0.0, self.style, _AT_LINE)
+
+    def _before_goal(self, vehicle: Vehicle, free: float) -> float:
+        """Return the acceleration that stops at the end of the path, if the vehicle stays there."""
+        left = vehicle.path.length - vehicle.progress
+        if self.actor.entry is not None or left > 60.0:
+            return free
+        if left < 0.5:
+            return -3.0 if vehicle.speed > 0.0 else 0.0
+        return following_acceleration(vehicle.speed, free, left, 0.0, self.style, 0.5)
+
+    def _corridor(self, vehicle: Vehicle, line: float) -> Corridor:
+        """Return the strip in which others matter."""
+        speed = vehicle.speed
+        length = _PULL_OUT + 5.0 + 2.0 * speed + stopping_distance(speed, 2.2)
+        crossing = self.passage.next
+        if crossing is not None:
+            to_line = crossing.entry - vehicle.progress
+            if to_line < 30.0:  # to see whether there is room behind the junction
+                length = max(length, crossing.leave - vehicle.progress + vehicle.reach + 6.0)
+        return Corridor.of(vehicle, min(length, self.horizon - 5.0), self.offset, self._map)
+
+    def _swung_at(self, vehicle: Vehicle, neighbours: Sequence[Body], found: list[Obstacle]) -> list[Obstacle]:
+        """Return the vehicles at which a long body would swing in the junction that it is in."""
+        passage = self.passage
+        if not passage.inside:
+            return []
+        crossing = passage.crossings[passage.left]
+        junction = self._map.junctions[crossing.junction]
+        known = [obstacle.body for obstacle in found]
+        more = []
+        for body in neighbours:
+            if body.actor.category == "pedestrian" or any(body is other for other in known):
+                continue
+            for k in (-1.0, 0.0, 1.0):
+                x = body.x + k * (body.reach - body.radius) * body.heading[0] - junction.x
+                y = body.y + k * (body.reach - body.radius) * body.heading[1] - junction.y
+                if abs(x) > 25.0 or abs(y) > 25.0:
+                    continue
+                after = vehicle.progress - crossing.entry
+                contact = crossing.movement.first_contact(x, y, body.radius, after + 1.0)
+                if contact is not None:
+                    more.append(Obstacle(body, contact - after - 0.5, 0.0, 0.0, 0.0, 0.0, False))
+        return more
+
+    def _spare(self, vehicle: Vehicle, obstacle: Obstacle) -> float:
+        """Return the metres to keep beyond the usual ones: enough to pull out behind what stays where it is."""
+        if obstacle.person or self._lanes is not None or abs(obstacle.speed) > 0.2 or not is_stalled(obstacle.body):
+            return 0.0
+        room = obstacle.gap - self.style.gap - stopping_distance(vehicle.speed, _FIRM)
+        return max(0.0, min(_PULL_OUT, room))
+
+    def _note_room(self, vehicle: Vehicle, found: Sequence[Obstacle], line: float) -> None:
+        """Store how far the front may go before it stands behind somebody."""
+        room = solid = math.inf
+        for obstacle in found:
+            here, body = max(0.0, obstacle.gap - self.style.gap - _SLACK), obstacle.body
+            driver = getattr(body, "driver", None)
+            if driver is not None and body.actor.speed > 0.0:
+                if obstacle.along > 0.3:
+                    here += max(0.0, driver.passage.extent)
+                elif body.speed > _PASSING and (obstacle.along > -0.7 or driver.passage.inside):
+                    continue  # it crosses or turns, and will be gone
+            room = min(room, here)
+            solid = solid if obstacle.person else min(solid, here)
+        self.passage.room, self.passage.solid_room = room, solid
+        end = math.inf if self.actor.entry is not None else vehicle.path.length - vehicle.progress
+        self.passage.extent = max(0.0, min(room, line - _AT_LINE, end))
+
+    def _choose_offset(
+        self, vehicle: Vehicle, neighbours: Sequence[Body], nearest: Obstacle | None, seconds: float
+    ) -> None:
+        """Choose a lane, or overtake."""
+        self._ticks += 1
+        if self._lanes is not None:
+            if self._ticks % _LANE_TICKS == 0:
+                own = Own(vehicle.speed, self.desired, 2.0 * vehicle.reach, self.style)
+                self.offset = self._changer.decide(vehicle, own, self._lanes, neighbours, seconds)
+            return
+        shift = self._overtaking.decide(vehicle, neighbours, nearest, self._map)
+        self.offset = self.base_offset if shift is None else shift

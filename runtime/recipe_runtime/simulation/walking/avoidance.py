@@ -1,0 +1,108 @@
+"""Avoidance of people, vehicles and solid things: which way a pedestrian turns, and how fast it goes.
+
+After M. Moussaid, D. Helbing and G. Theraulaz, How simple rules determine pedestrian behavior and crowd disasters
+(PNAS, 2011): of some directions, a pedestrian takes the one that leads nearest to where it wants to go before something
+is in the way, and it keeps half a second away from what is ahead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.ground.obstacles import Obstacle
+
+LOOK = 6.0  # metres ahead that matter
+_REACTION = 0.5  # seconds kept to what is ahead
+_ANGLES = (-12, 12, -25, 25, -40, 40, -55, 55, -75, 75)  # degrees to the left; the right is tried first
+_ROUND = (-75, 75, -105, 105, -135, 135)  # more of them, to get round what is in the way
+_TURNS = tuple((*exact.sin_cos_deg(float(angle)), angle > 0) for angle in _ANGLES)
+_WIDE = (*_TURNS, *((*exact.sin_cos_deg(float(angle)), angle > 0) for angle in _ROUND))
+_OTHER_SIDE = 2.0  # m2, what changing the side costs
+_TOUCHING = 0.1  # m/s at which somebody within the comfortable distance may come nearer
+
+Vector2 = tuple[float, float]
+Disc = tuple[float, float, float, float, float]  # x, y from here, velocity x, y, distance^2 - comfortable distance^2
+
+
+@dataclass(slots=True)
+class Scene:
+    """What is in the way of a pedestrian."""
+
+    x: float
+    y: float
+    discs: Sequence[Disc]
+    boxes: Sequence[tuple[Obstacle, float, float, float, float]]  # box, its margin, its velocity x, y, seconds ahead
+    walls: Sequence[tuple[Obstacle, float]]  # with their margins
+    reach: float  # metres within which walls matter
+
+    def free(self, ux: float, uy: float, speed: float, most: float) -> float:
+        """Return the metres that one can go in a direction until something is in the way, at most `most`."""
+        sx, sy, free = speed * ux, speed * uy, most
+        for dx, dy, vx, vy, room in self.discs:
+            wx, wy = sx - vx, sy - vy
+            closing = dx * wx + dy * wy
+            if closing <= 0.0:
+                continue
+            if room <= 0.0:
+                if closing * closing > _TOUCHING * _TOUCHING * (dx * dx + dy * dy):
+                    return 0.0
+                continue
+            square = wx * wx + wy * wy
+            rest = closing * closing - square * room
+            if rest > 0.0:
+                free = min(free, (closing - math.sqrt(rest)) / square * speed)
+        for box, margin, vx, vy, seconds in self.boxes:
+            end = (self.x + (sx - vx) * seconds, self.y + (sy - vy) * seconds)
+            free = min(free, box.entry((self.x, self.y, *end), margin) * seconds * speed)
+        for wall, margin in self.walls:
+            end = (self.x + ux * self.reach, self.y + uy * self.reach)
+            free = min(free, wall.entry((self.x, self.y, *end), margin) * self.reach)
+        return free
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A direction, a speed in m/s, and the side of the wish to which the direction is turned."""
+
+    ux: float
+    uy: float
+    speed: float
+    side: int  # 1: left, -1: right, 0: straight on
+
+
+def choose(scene: Scene, ahead: Vector2, speed: float, distance: float, side: int, blocked: bool) -> Choice:
+    """Choose a direction and a speed.
+
+    Args:
+        scene: What is in the way.
+        ahead: The direction that is wanted, a unit vector.
+        speed: The speed that is wanted, m/s.
+        distance: Metres to where it is to stop.
+        side: The last choice's side.
+        blocked: Whether it has been standing for some time; it then goes round what is in the way.
+    """
+    most = max(0.6, min(LOOK, distance))
+    ux, uy = ahead
+    free = scene.free(ux, uy, speed, most)
+    if free >= most:
+        return Choice(ux, uy, speed, 0)
+    best, found = (
+        (free if blocked else (most - free) * (most - free)),
+        Choice(ux, uy, min(speed, free / _REACTION), side),
+    )
+    best = -best if blocked else best
+    for sine, cosine, left in _WIDE if blocked else _TURNS:
+        wx, wy = cosine * ux - sine * uy, cosine * uy + sine * ux
+        free = scene.free(wx, wy, speed, most)
+        turn = 1 if left else -1
+        if blocked:
+            cost = -0.5 * free * (1.0 + cosine) if turn * side >= 0 else 0.0
+        else:
+            cost = most * most + free * free - 2.0 * most * free * cosine
+            cost += _OTHER_SIDE if turn * side < 0 else 0.0
+        if cost < best:
+            best, found = cost, Choice(wx, wy, min(speed, free / _REACTION), turn)
+    return found

@@ -1,0 +1,248 @@
+"""The decisions of one pedestrian, ten times a second: walk, stand, wait at a kerb, keep beside a companion."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from recipe_compiler.ir.ground.obstacles import Obstacle
+from recipe_compiler.ir.plan import ActorPlan
+
+from recipe_runtime.simulation.agent import Agent
+from recipe_runtime.simulation.walking import avoidance
+from recipe_runtime.simulation.walking.avoidance import LOOK, Disc, Scene
+from recipe_runtime.simulation.walking.crossings import KERB, Crossing, Crossings
+from recipe_runtime.simulation.walking.route import Route, braking_speed
+from recipe_runtime.simulation.walking.surroundings import SIGHT, Surroundings
+
+if TYPE_CHECKING:
+    from recipe_runtime.simulation.pedestrian import PedestrianAgent
+
+DT = 0.1  # seconds between decisions
+_COMFORT, _LEAST_COMFORT = 0.2, 0.02  # metres between two people; between two in a jam
+_APART = 0.42  # metres between the middles of two people, at least
+_TO_WALL, _TO_VEHICLE, _TO_COMPANION = 0.05, 0.2, 0.08  # metres kept to solid things, vehicles and companions
+_NEAR = 8.0  # metres within which others are avoided
+_BEHIND = -0.3  # metres ahead; who is farther behind is not avoided
+_FORESIGHT, _STILL = 1.5, 4.0  # seconds ahead for vehicles that move, and that stand
+_STANDING = 0.15  # m/s
+_BLOCKED, _DETOUR = 2.0, 3.5  # seconds of standing until one goes round what is in the way, and for how long
+_PASSING = 1.0  # seconds after a step aside for which one keeps to that side
+_ARRIVED, _CROWDED, _BACK = 0.02, 1.2, 0.6  # metres to the goal: there; near enough if others stand there; goes back
+_DECISION = 1.0  # metres before the kerb, beside the way to brake, where one decides whether to enter a road
+_NEAR_ROAD = 6.0  # metres before a road from which vehicles far away matter
+_HURRY, _FASTEST = 7.0, 1.7  # seconds for crossing a road at a traffic light, m/s
+_ASIDE, _FLIP = 0.7, 0.25  # metres between companions; metres to a side from which one keeps to it
+_LAG, _FAR_BEHIND, _LOST = 1.5, 3.0, 12.0  # metres between companions
+_WAIT_FOR = 20.0  # seconds that one waits for a companion at a kerb
+
+Way = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a pedestrian wants until the next decision."""
+
+    ux: float = 1.0  # direction, a unit vector
+    uy: float = 0.0
+    speed: float = 0.0  # m/s
+    waits: bool = False  # at a kerb
+    crossing: Way | None = None  # the way over a road that it is on or about to enter
+    look: float = 0.0  # degrees to the left of its heading
+
+
+class Walker:
+    """Decides for one pedestrian.
+
+    Attributes:
+        leader: The pedestrian beside whom it walks.
+        near_road: Whether vehicles far away matter.
+    """
+
+    def __init__(self, actor: ActorPlan, surroundings: Surroundings) -> None:
+        self.leader: PedestrianAgent | None = None
+        self.near_road = False
+        self._actor, self._surroundings = actor, surroundings
+        self._route = Route(actor)
+        self._crossings = Crossings(self._route.path, surroundings)
+        self._seed = zlib.crc32(actor.name.encode())
+        self._side, self._beside = 0, 1
+        self._stood, self._detour_until, self._passing_until = 0.0, -math.inf, -math.inf
+        self._arrived = not actor.route or actor.speed <= 0.0
+
+    def decide(self, own: PedestrianAgent, others: Sequence[Agent], seconds: float, *, stands: bool) -> Wish:
+        """Return what the pedestrian wants.
+
+        Args:
+            own: The pedestrian.
+            others: Those in sight.
+            seconds: Time since frame 0.
+            stands: Whether it must stand now.
+        """
+        if stands:
+            return Wish(*own.heading)
+        if self.leader is not None:
+            return self._keep_beside(self.leader, own, others, seconds)
+        route = self._route
+        route.advance(own.x, own.y)
+        if self._is_there(own):
+            return Wish(*own.heading, look=self._look_about(seconds))
+        if route.pauses(seconds, own.speed < 0.5):
+            return Wish(*own.heading, look=self._look_about(seconds))
+        speed, stop = self._pace(own), route.to_stop()
+        crossing, on_road, waits, way = self._crossings.next(route.metres), False, False, None
+        if crossing is not None:
+            on_road = route.metres > crossing.start - 0.1
+            if on_road:
+                way = self._crossings.segment(crossing)
+                if crossing.signal is not None:
+                    speed = max(speed, min(_FASTEST, (crossing.end - crossing.start) / _HURRY))
+            else:
+                to_kerb = crossing.start - KERB - route.metres
+                if to_kerb < _DECISION + own.speed * own.speed / 3.0:
+                    if not self._may_enter(crossing, own, others, seconds):
+                        stop = min(stop, max(0.0, to_kerb))
+                        waits = stop < 0.5
+                        crossing.waited += DT if waits else 0.0
+                    elif crossing.junction is not None:
+                        way = self._crossings.segment(crossing)
+        self.near_road = crossing is not None and not on_road and crossing.start - route.metres < _NEAR_ROAD
+        speed = min(speed, braking_speed(stop), 2.5 * stop)
+        if waits and stop < 0.1:
+            return Wish(*own.heading, waits=True, look=self._look_both_ways(seconds))
+        ux, uy = route.direction(own.x, own.y, own.speed, passing=seconds < self._passing_until)
+        wish = self._avoid(own, others, (ux, uy), speed, stop, on_road=on_road, seconds=seconds)
+        look = self._look_both_ways(seconds) if waits else self._look_at(own, own.follower, seconds)
+        return Wish(wish.ux, wish.uy, wish.speed, waits, way, look)
+
+    def _is_there(self, own: PedestrianAgent) -> bool:
+        """Return whether it stands at its goal, or beside others who stand there."""
+        if self._actor.route and self._route.left < _CROWDED:
+            distance = self._route.distance_to_goal(own.x, own.y)
+            if distance < _ARRIVED or (distance < _CROWDED and self._stood > _BLOCKED - DT):
+                self._arrived = True
+            elif distance > _BACK + _CROWDED:
+                self._arrived = False
+        return self._arrived
+
+    def _pace(self, own: PedestrianAgent) -> float:
+        """Return the speed without others in the way: less if its companion has fallen behind."""
+        if own.follower is None:
+            return self._actor.speed
+        lag = _distance(own, own.follower)
+        part = 1.0 if lag < _LAG or lag > _LOST else (0.75 if lag < _FAR_BEHIND else 0.5)
+        return part * self._actor.speed
+
+    def _may_enter(self, crossing: Crossing, own: PedestrianAgent, others: Sequence[Agent], seconds: float) -> bool:
+        lag = 0.0 if own.follower is None else _distance(own, own.follower)
+        if _FAR_BEHIND < lag < _LOST and crossing.waited < _WAIT_FOR:
+            return False
+        return self._crossings.may_enter(crossing, self._actor.speed, others, self._actor.obeys, seconds)
+
+    def _keep_beside(
+        self, leader: PedestrianAgent, own: PedestrianAgent, others: Sequence[Agent], seconds: float
+    ) -> Wish:
+        """Walk beside the leader, at its pace."""
+        (hx, hy), dx, dy = leader.heading, own.x - leader.x, own.y - leader.y
+        across = hx * dy - hy * dx
+        self._beside = self._beside if abs(across) < _FLIP else (1 if across > 0.0 else -1)
+        ex = -dx - self._beside * _ASIDE * hy
+        ey = -dy + self._beside * _ASIDE * hx
+        away = math.sqrt(ex * ex + ey * ey)
+        self.near_road = leader.crossing is not None
+        if leader.pace < _STANDING and away < 0.35:
+            return Wish(*own.heading, waits=leader.waiting, look=self._look_at(own, leader, seconds))
+        wx, wy = leader.velocity[0] + ex, leader.velocity[1] + ey
+        size = math.sqrt(wx * wx + wy * wy)
+        if size < 1e-6:
+            return Wish(*own.heading)
+        speed, distance = min(size, 1.35 * self._actor.speed + 0.2), LOOK if leader.pace > _STANDING else away
+        aim = (wx / size, wy / size)
+        wish = self._avoid(own, others, aim, speed, distance, on_road=leader.crossing is not None, seconds=seconds)
+        look = self._look_at(own, leader, seconds)
+        return Wish(wish.ux, wish.uy, wish.speed, False, leader.crossing, look)
+
+    def _avoid(
+        self,
+        own: PedestrianAgent,
+        others: Sequence[Agent],
+        ahead: tuple[float, float],
+        speed: float,
+        distance: float,
+        *,
+        on_road: bool,
+        seconds: float,
+    ) -> avoidance.Choice:
+        """Return the direction and the speed that avoid others and solid things."""
+        wants = speed > 2.0 * _STANDING
+        stands = own.velocity[0] * own.velocity[0] + own.velocity[1] * own.velocity[1] < _STANDING * _STANDING
+        self._stood = self._stood + DT if wants and stands else max(0.0, self._stood - DT)
+        if self._stood > _BLOCKED:
+            self._detour_until, self._stood = seconds + _DETOUR, 0.0
+        scene = self._scene(own, others, ahead, on_road)
+        choice = avoidance.choose(scene, ahead, speed, distance, self._side, seconds < self._detour_until)
+        if choice.side:
+            self._side, self._passing_until = choice.side, seconds + _PASSING
+        elif seconds > max(self._passing_until, self._detour_until):
+            self._side = 0
+        return choice
+
+    def _scene(self, own: PedestrianAgent, others: Sequence[Agent], ahead: tuple[float, float], on_road: bool) -> Scene:
+        """Return what is near."""
+        x, y, radius, (ux, uy) = own.x, own.y, own.radius, ahead
+        comfort = max(_LEAST_COMFORT, _COMFORT - 0.05 * self._stood)
+        discs: list[Disc] = []
+        boxes = []
+        for other in others:
+            dx, dy, size = other.x - x, other.y - y, other.reach
+            if dx > _NEAR + size or dx < -_NEAR - size or dy > _NEAR + size or dy < -_NEAR - size:
+                continue
+            vx, vy = other.velocity
+            if size == other.radius:  # a pedestrian
+                if dx * ux + dy * uy < _BEHIND:
+                    continue
+                kept = _TO_COMPANION if other is self.leader or other is own.follower else comfort
+                room = max(radius + size + kept, _APART)
+                discs.append((dx, dy, vx, vy, dx * dx + dy * dy - room * room))
+                continue
+            moves = vx * vx + vy * vy > 0.1
+            if moves and not on_road:
+                continue
+            hx, hy = other.heading
+            box = Obstacle("", "vehicle", other.x, other.y, hx, hy, size, other.radius)
+            margin = min(radius + _TO_VEHICLE, box.outside(x, y) - 0.01)
+            if margin > 0.0:
+                boxes.append((box, margin, vx, vy, _FORESIGHT if moves else _STILL))
+        walls = []
+        for wall in self._surroundings.obstacles.near(x, y):
+            gap = wall.outside(x, y)
+            if 0.0 < gap < SIGHT:
+                walls.append((wall, min(radius + _TO_WALL, gap - 0.005)))
+        return Scene(x, y, discs, boxes, walls, SIGHT)
+
+    def _look_about(self, seconds: float) -> float:
+        """Return a direction that changes every two seconds."""
+        return float(self._draw(seconds, 2.0) % 121) - 60.0
+
+    def _look_both_ways(self, seconds: float) -> float:
+        """Return left, right and ahead in turn."""
+        return (60.0, -60.0, 0.0)[math.floor(seconds / 1.2) % 3]
+
+    def _look_at(self, own: PedestrianAgent, other: PedestrianAgent | None, seconds: float) -> float:
+        """Return the direction to a companion from time to time, else ahead."""
+        if other is None or self._draw(seconds, 3.0) % 3:
+            return 0.0
+        hx, hy = own.heading
+        return 40.0 if hx * (other.y - own.y) - hy * (other.x - own.x) > 0.0 else -40.0
+
+    def _draw(self, seconds: float, period: float) -> int:
+        """Return a number that depends on the pedestrian and the time."""
+        return (self._seed * 31 + math.floor(seconds / period) * 40_503) % 65_521
+
+
+def _distance(a: Agent, b: Agent) -> float:
+    dx, dy = a.x - b.x, a.y - b.y
+    return math.sqrt(dx * dx + dy * dy)

@@ -1,0 +1,236 @@
+"""Walking routes: round obstacles, straight where that is free, and no start or goal inside something solid."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
+from recipe_compiler.ir.plan import ActorPlan, ScenePlan
+from recipe_compiler.library import towns
+from recipe_compiler.lowering.walking import CLEARANCE, Planner, TooManyObstaclesError
+
+from tests.compiler.kitchen import compiled, small
+
+CLOSE = 1e-5
+
+
+def walker(x: float, y: float, **more: Any) -> dict[str, Any]:
+    return {"blueprint": "walker.pedestrian.0001", "start": {"x": x, "y": y}, **more}
+
+
+def scene(**base: Any) -> ScenePlan:
+    return compiled(small(**base)).plan.variants[0].scene
+
+
+def refused(**base: Any) -> str:
+    with pytest.raises(InputError) as caught:
+        compiled(small(**base))
+    return str(caught.value)
+
+
+def named(plan: ScenePlan) -> dict[str, ActorPlan]:
+    return {actor.name: actor for actor in plan.actors}
+
+
+def way(plan: ActorPlan) -> list[tuple[float, float]]:
+    return [(plan.start.x, plan.start.y), *((p.x, p.y) for p in plan.route)]
+
+
+def box(x: float, y: float, degrees: float, depth: float, width: float) -> Obstacle:
+    turn = math.radians(degrees)
+    return Obstacle("box", "prop", x, y, math.cos(turn), math.sin(turn), depth, width)
+
+
+boxes = st.builds(box, st.floats(-8, 8), st.floats(-8, 8), st.floats(0, 360), st.floats(0.05, 3), st.floats(0.05, 3))
+
+
+@given(obstacles=st.lists(boxes, max_size=12), start=st.tuples(st.floats(-12, 12), st.floats(-12, 12)))
+@settings(max_examples=60, deadline=None)
+def test_a_way_keeps_its_distance_to_all_obstacles(obstacles: list[Obstacle], start: tuple[float, float]) -> None:
+    planner, goal = Planner(ObstacleMap(obstacles)), (0.0, 11.0)
+    if not (planner.clear(*start) and planner.clear(*goal)):
+        return
+    points = planner.way(start, goal)
+    if points is None:
+        return
+    assert points[-1] == goal
+    for (ax, ay), (bx, by) in pairwise([start, *points]):
+        for part in range(41):
+            x, y = ax + (bx - ax) * part / 40, ay + (by - ay) * part / 40
+            assert all(obstacle.outside(x, y) > CLEARANCE - CLOSE for obstacle in obstacles)
+
+
+@given(obstacles=st.lists(boxes, max_size=12))
+@settings(max_examples=30, deadline=None)
+def test_a_free_way_is_straight_and_ways_are_the_same_in_both_directions(obstacles: list[Obstacle]) -> None:
+    planner, a, b = Planner(ObstacleMap(obstacles)), (-11.0, -11.0), (11.0, 11.0)
+    there, back = planner.way(a, b), planner.way(b, a)
+    if not any(o.meets((*a, *b), CLEARANCE) for o in obstacles):
+        assert there == [b]
+    assert (there is None) == (back is None)
+    if there is not None and back is not None:
+        length = [sum(math.dist(p, q) for p, q in pairwise(points)) for points in ([a, *there], [b, *back])]
+        assert length[0] == pytest.approx(length[1], abs=1e-4)
+
+
+def test_the_way_round_a_box_is_the_shorter_one() -> None:
+    planner = Planner(ObstacleMap([box(0, 0.5, 0, 1.0, 2.0)]))
+    points = planner.way((-5.0, 0.0), (5.0, 0.0))
+    assert points is not None
+    assert [(round(x, 1), round(y, 1)) for x, y in points] == [(-1.4, -1.9), (1.4, -1.9), (5.0, 0.0)]
+
+
+def test_no_way_leads_into_a_closed_ring() -> None:
+    ring = [
+        box(4 * math.cos(a), 4 * math.sin(a), math.degrees(a), 0.3, 2.0) for a in (k * math.pi / 4 for k in range(8))
+    ]
+    planner = Planner(ObstacleMap(ring))
+    assert planner.way((-9.0, 0.0), (0.0, 0.0)) is None
+    assert planner.way((-9.0, 0.0), (9.0, 0.0)) is not None
+
+
+def test_the_work_of_all_searches_is_bounded() -> None:
+    planner = Planner(ObstacleMap([box(0, 0.5, 0, 1.0, 2.0)]), work=60)
+    with pytest.raises(TooManyObstaclesError):
+        for _ in range(100):
+            planner.way((-5.0, 0.0), (5.0, 0.0))
+
+
+def test_an_obstacle_of_any_size_is_found_and_costs_little_memory() -> None:
+    huge = ObstacleMap([box(0, 0, 30, 40_000, 1.0), box(5, 0, 0, 1, 1)], reach=1.8, cell=2.0)
+    assert [o.depth for o in huge.near(5.0, 0.0)] == [40_000, 1]
+    assert len(huge.across((-9.0, 9.0, 9.0, -9.0), 0.3)) == 1
+    assert huge.at(-900.0, -900.0 * math.tan(math.radians(30))) is not None
+
+
+@cache
+def planner_of(name: str) -> Planner:
+    return Planner(towns.build(name, 0, {}).obstacles)
+
+
+@pytest.mark.parametrize("name", towns.NAMES)
+def test_the_nearest_free_place_is_free(name: str) -> None:
+    planner = planner_of(name)
+    for n in range(40):
+        x, y = -60.0 + 3.1 * n, -40.0 + 2.3 * n
+        free = planner.nearest_free(x, y)
+        assert free is not None
+        assert planner.clear(*free)
+        assert not planner.clear(x, y) or math.dist(free, (x, y)) < 0.2
+
+
+def test_a_straight_way_stays_straight() -> None:
+    plan = named(scene(actors={"hero": walker(-4, 5, goal={"x": -4, "y": -5})}))["hero"]
+    assert way(plan) == [(-4.0, 5.0), (-4.0, -5.0)]
+
+
+def test_a_board_in_the_way_is_passed_and_a_standing_van_too() -> None:
+    prop = {"board": {"size": {"width": 2, "height": 2}, "at": {"x": -5, "y": 0, "yaw": 90}}}
+    plan = named(scene(actors={"hero": walker(-5, 5, goal={"x": -5, "y": -5})}, props=prop))["hero"]
+    assert len(plan.route) > 1
+    assert min(abs(x + 5) for x, y in way(plan)[1:-1]) > 1.0 + CLEARANCE - CLOSE
+    van = {"blueprint": "vehicle.van.a", "start": {"x": 0, "y": 0, "yaw": 90}, "speed": 0}
+    plan = named(scene(actors={"hero": walker(-4, 0, goal={"x": 4, "y": 0}), "van": van}))["hero"]
+    assert max(abs(y) for _, y in way(plan)) > 2.5
+
+
+def test_a_route_keeps_its_waypoints_and_goes_round_between_them() -> None:
+    corners = [(-5.0, 20.0), (-24.0, 33.0), (-5.0, 20.0)]
+    plan = named(scene(actors={"hero": walker(-5, -20, route=[{"x": x, "y": y} for x, y in corners])}))["hero"]
+    assert [point for point in way(plan) if point in corners] == corners
+    assert len(plan.route) > 3
+
+
+@pytest.mark.parametrize(
+    ("actor", "label"),
+    [
+        (walker(-14, -19), "start"),
+        ({"blueprint": "vehicle.sedan.a", "start": {"x": -14, "y": -19}}, "start"),
+        (walker(-8, -19, goal={"x": -14, "y": -19}), "goal"),
+        (walker(-8, -19, route=[{"x": -8, "y": -18}, {"x": -14, "y": -19}]), "route[1]"),
+    ],
+)
+def test_a_place_inside_a_building_is_refused_with_the_nearest_free_one(actor: dict[str, Any], label: str) -> None:
+    """The actor would be invisible, or walk on the spot at the wall."""
+    message = refused(actors={"lost": actor})
+    assert f"actors.lost.{label}: it is inside building." in message
+    assert "; the nearest free point is x: " in message
+    x, y = (float(part.split(":")[1]) for part in message.partition("point is ")[2].split("\n")[0].split(","))
+    assert abs(x + 14) < 7
+    assert named(scene(actors={"lost": walker(x, y)}))["lost"].start.y == y
+
+
+def test_a_goal_that_cannot_be_reached_is_refused() -> None:
+    message = refused(actors={"lost": walker(36, 0, goal={"x": -4, "y": 0})})
+    assert "actors.lost.goal: no way leads there from x: 36, y: 0; the nearest free point is x: " in message
+    message = refused(actors={"lost": walker(-4, 0, goal={"x": 36, "y": 0})})
+    assert "actors.lost.goal: no way leads there from x: -4, y: 0; the nearest free point is x: " in message
+
+
+CROWD = {"traffic": {"pedestrians": 60}, "clock": {"fps": 10, "frames": 300}}
+
+
+@cache
+def crowd(name: str = "downtown", count: int = 60, frames: int = 300) -> ScenePlan:
+    return scene(
+        town=name,
+        traffic={"pedestrians": count},
+        clock={"fps": 10, "frames": frames},
+        actors={},
+        sensors={
+            "street": {"mount": {"x": -7, "y": 0, "z": 2}, "capture": ["rgb"], "camera": {"width": 64, "height": 48}}
+        },
+    )
+
+
+@pytest.mark.parametrize("name", towns.NAMES)
+def test_traffic_walks_round_furniture(name: str) -> None:
+    obstacles = towns.build(name, 0, {}).obstacles
+    for actor in crowd(name).actors:
+        if actor.companion is None:
+            for (ax, ay), (bx, by) in pairwise(way(actor)):
+                assert not obstacles.across((ax, ay, bx, by), CLEARANCE - 0.01)
+
+
+def test_traffic_pauses_runs_and_walks_in_pairs() -> None:
+    actors = [
+        a
+        for seed in range(3)
+        for a in scene(town={"name": "downtown", "seed": seed}, traffic={"pedestrians": 100, "seed": seed}).actors
+        if a.name.startswith("traffic.")
+    ]
+    by_name = {a.name: a for a in actors[-100:]}
+    share = {
+        "companion": sum(a.companion is not None for a in actors) / len(actors),
+        "pauses": sum(bool(a.pauses) for a in actors) / len(actors),
+        "runs": sum(a.speed >= 2.6 for a in actors) / len(actors),
+    }
+    assert 0.1 < share["companion"] < 0.24
+    assert 0.1 < share["pauses"] < 0.35
+    assert 0.02 < share["runs"] < 0.12
+    assert all(a.speed <= 3.2 for a in actors)
+    for actor in by_name.values():
+        if actor.companion is not None:
+            leader = by_name[actor.companion]
+            assert leader.companion is None
+            assert (actor.route, actor.speed) == (leader.route, leader.speed)
+            assert math.dist((actor.start.x, actor.start.y), (leader.start.x, leader.start.y)) == pytest.approx(0.7)
+        assert all(pause.waypoint < len(actor.route) for pause in actor.pauses)
+
+
+def test_more_pedestrians_change_no_other_and_a_longer_clip_continues_the_routes() -> None:
+    few, many = crowd(count=40), crowd(count=60)
+    assert many.actors[:40] == few.actors
+    for short, long in zip(crowd(frames=100).actors, crowd(frames=300).actors, strict=True):
+        assert long.route[: len(short.route)] == short.route
+        assert long.pauses[: len(short.pauses)] == short.pauses
+        assert long.model_copy(update={"route": (), "pauses": ()}) == short.model_copy(
+            update={"route": (), "pauses": ()}
+        )

@@ -1,0 +1,16 @@
+"""Traffic that holds up for minutes: nobody blocked, nobody inside another, nobody on red."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.soak import runs
+
+pytestmark = pytest.mark.soak
+
+
+@pytest.mark.parametrize("seed", runs.SEEDS)
+@pytest.mark.parametrize("count", runs.COUNTS)
+@pytest.mark.parametrize("town", runs.TOWNS)
+def test_traffic_holds_up(town: str, count: int, seed: int) -> None:
+    assert not runs.run(town, count, seed).faults()
