@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from recipe_runtime.annotate.records import LabelRecord
 
 from tests.sources import PACKAGES, ROOT
 from tests.test_layers import LAYERS
@@ -128,3 +129,8 @@ def test_what_is_missing_is_found() -> None:
     }
     assert not missing_paths("`lockfiles/<recipe>.lock`, `cli/recipe_cli/commands/NAME.py`, `README.md`")
     assert not missing_modules("`recipe_runtime.open`, `recipe_runtime.torch.RecipeDataset`")
+
+
+def test_the_dataset_page_names_every_key_of_a_label_record() -> None:
+    page = (ROOT / "docs" / "dataset.md").read_text(encoding="utf-8")
+    assert [key for key in LabelRecord.__annotations__ if f"`{key}`" not in page] == []

@@ -80,7 +80,7 @@ def _surplus(dataset: Dataset, files: Mapping[str, str]) -> Iterator[tuple[str, 
 def _lockfile_differences(
     dataset: Dataset, files: Mapping[str, str] | None, traces: Mapping[str, Trace]
 ) -> list[Difference]:
-    """Compare every row of the lockfile in a dataset's folder: the identity covers those of plans and frames only."""
+    """Compare the lockfile in a dataset's folder, also its rows that the identity does not cover."""
     path = layout.recipe_lockfile(dataset.plan.recipe)
     if path not in dataset.files or regular_file(dataset.root, path) is None:
         return []
