@@ -110,7 +110,8 @@ def listed_files(manifest: Manifest) -> dict[str, tuple[int, str]]:
     """Return the size and SHA-256 of every file that a manifest lists.
 
     Raises:
-        ValueError: a row has no size, its path leads out of the folder, or two rows cannot both be files.
+        ValueError: a row has no size or is in the wrong table, its path leads out of the folder, or two rows cannot
+            both be files.
     """
     rows: dict[str, tuple[int, str]] = {}
     for table in _TABLES:
@@ -123,6 +124,8 @@ def listed_files(manifest: Manifest) -> dict[str, tuple[int, str]]:
                 raise ValueError(f"{path} has no size")
             if path in rows:
                 raise ValueError(f"{path} is listed twice")
+            if path.startswith(_PICTURES) != (table == "pictures"):
+                raise ValueError(f"{path} does not belong in the table {table}")
             rows[path] = row["size"], str(row.get("sha256"))
     for path in rows:
         folder = path.rpartition("/")[0]
