@@ -205,11 +205,9 @@ def _check_recipe(root: Value, problems: list[Problem]) -> tuple[Recipe, set[str
     for key in root.map:
         if key not in Recipe.model_fields and key not in _CHECKED_SEPARATELY:
             options = [*Recipe.model_fields, *_CHECKED_SEPARATELY]
-            problems.append(
-                Problem(
-                    f"unknown key {show(key)}", root.key_place(key), nearest(key, sorted(options)), Code.UNKNOWN_KEY
-                )
-            )
+            of_base = f"it is a key of `base`: indent it below `base:`, as `  {key}:`"
+            remedy = of_base if key in Base.model_fields else nearest(key, sorted(options))
+            problems.append(Problem(f"unknown key {show(key)}", root.key_place(key), remedy, Code.UNKNOWN_KEY))
     base = root.get("base")
     if base is None or not isinstance(base.data, dict):
         found = "" if base is None else f", not {show(base.plain)}"

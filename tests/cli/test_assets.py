@@ -67,7 +67,7 @@ def test_a_pack_brings_its_assets_along(tmp_path: Path) -> None:
     [
         ("a.obj", b"mtllib /etc/passwd\n", "`mtllib` names another file"),
         ("a.glb", b"glTF\2\0\0\0\xff\xff\xff\x7f" + b"\0" * 8, "its header states 2147483647 bytes"),
-        ("../../etc/passwd.obj", b"", "`..` is refused: a recipe reads only its own folder"),
+        ("../../etc/passwd.obj", b"", "`..` is refused: a recipe reads only files of its own folder"),
         ("gone.stl", b"", "there is no such file"),
     ],
 )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import ActorPlan, Element, Pose, RigPlan
 from recipe_compiler.library.towns import Town
+from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import Value
 
 FAR = 100.0  # distance from the town's bounds that causes a warning, metres
@@ -40,6 +41,24 @@ def of_starts(base: Value, actors: Sequence[ActorPlan], town: Town) -> Iterator[
             message = f"actors.{actor.name}.start: its body overlaps the body of {other}"
             yield Problem(message, place, "move one of them", Code.PLACEMENT)
         before.append((actor.name, discs))
+
+
+def of_goals(base: Value, actors: Mapping[str, Actor], town: Town) -> Iterator[Problem]:
+    """Yield warnings for goals and waypoints that are far from the town.
+
+    Args:
+        base: the recipe's base, for the places of its values.
+        actors: the named actors.
+        town: the town.
+    """
+    (x0, x1), (y0, y1) = town.streets.bounds
+    for name, actor in actors.items():
+        key, points = ("goal", (actor.goal,)) if actor.goal is not None else ("route", actor.route or ())
+        if any(max(x0 - p.x, p.x - x1, y0 - p.y, p.y - y1) > FAR for p in points):
+            spans = f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g}"
+            message = f"actors.{name}.{key}: leads far out of the town, whose bounds are {spans}"
+            place = base.place_of("actors", name, key)
+            yield Problem(message, place, "end it within the town", Code.PLACEMENT)
 
 
 def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:

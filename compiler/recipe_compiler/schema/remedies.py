@@ -28,6 +28,8 @@ def of_value(key: str, wanted: str, value: object, fields: Collection[str] = ())
     """
     if key == "time" and isinstance(value, int | float) and not isinstance(value, bool):
         return _time(value)
+    if key == "blueprint" and isinstance(value, list) and len(value) > 1:
+        return "write one id, or a glob such as vehicle.sedan.* of which one is drawn"
     if isinstance(value, list) and len(value) == 1 and wanted not in ("a list", "a map"):
         return "remove the brackets"
     if wanted == "a map" and isinstance(value, list) and {"x", "y"} <= set(fields):

@@ -188,6 +188,9 @@ def nearest_file(path: Path) -> str | None:
         names = [entry.name for entry in sorted(path.parent.iterdir())[:_MAX_NAMES] if entry.is_file()]
     except (OSError, ValueError):
         return None
+    recipes = [name for name in names if name in (f"{path.name}.yaml", f"{path.name}.yml")]
+    if recipes:
+        return f"did you mean {show(recipes[0])}?"
     alike = [name for name in names if Path(name).suffix == path.suffix or Path(name).stem == path.stem]
     close = difflib.get_close_matches(path.name[:100], alike, n=1, cutoff=0.75)
     return f"did you mean {show(close[0])}?" if close else None

@@ -52,6 +52,12 @@ def test_bodies_side_by_side_are_not(one: dict[str, Any], other: dict[str, Any])
     assert warned({"one": one, "other": other}) == []
 
 
+@pytest.mark.parametrize("way", [{"goal": {"x": 900, "y": 0}}, {"route": [{"x": 0, "y": 9}, {"x": 0, "y": 900}]}])
+def test_a_goal_far_outside_the_town_is_warned_of(way: dict[str, Any]) -> None:
+    (message,) = warned({"car": {**at(1.5, 0, 90, "vehicle.sedan.a"), **way}})
+    assert message.startswith(f"actors.car.{next(iter(way))}: leads far out of the town, whose bounds are x ")
+
+
 def test_a_start_far_outside_the_town_is_warned_of() -> None:
     (message,) = warned({"lost": at(900, 0)})
     assert message.startswith("actors.lost.start: is far outside the town, whose bounds are x ")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_compiler.source.merge import Merger, read
+from recipe_compiler.source.merge import Merger, nearest_file, read
 from recipe_compiler.source.yaml_reader import Value, parse
 
 
@@ -109,3 +109,9 @@ def test_a_delta_of_an_extending_file_may_remove(tmp_path: Path) -> None:
     root = read(tmp_path / "recipe.yaml").root
     assert root is not None
     assert root.map["deltas"].plain == {"one": {"a": {"x": 1, "y": None, "z": {"w": None}}, "d": {"x": None}}}
+
+
+def test_a_name_without_its_ending_is_recognised(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("recipe: mine\n")
+    assert nearest_file(tmp_path / "mine") == 'did you mean "mine.yaml"?'
+    assert nearest_file(tmp_path / "other") is None

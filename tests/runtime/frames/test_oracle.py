@@ -101,7 +101,7 @@ def test_the_papers_listing(listing: ScenarioPlan, frame: int, tmp_path: Path) -
     ("sensor", "frame", "large", "hidden"),
     [
         ("across", 0, {"bus", "van", "near"}, set()),
-        ("across", 12, {"bus", "van", "near", "sedan"}, {"sedan"}),
+        ("across", 12, {"bus", "van", "near"}, {"far"}),
         ("kerb", 1, {"sedan", "van"}, set()),
         ("flying", 3, {"bus", "van", "near"}, {"sedan"}),
         ("flying", 11, {"bus", "van"}, {"sedan"}),

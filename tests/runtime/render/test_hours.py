@@ -21,6 +21,7 @@ from tests.runtime.meshes.test_meshes import plan
 from tests.runtime.render.street import PANES, appearance, box
 from tests.sources import ROOT
 
+LOW = Pose(x=1.5, y=14, z=1.6, yaw=84, pitch=2)  # in a lane
 NOBODY = np.zeros((0, 3, 4))
 HOURS = (15.0, 9.0, 5.0, 3.0, 1.0, 0.0, -2.0, -4.0, -6.0, -8.0, -10.0, -13.0, -20.0, -90.0)
 STEP, RISE = 3.0, 6.0  # levels of 255 that a picture may brighten by, from one hour to the next, and in all
@@ -40,7 +41,8 @@ def test_dusk_is_darker_than_day_and_night_than_dusk(town: str) -> None:
     sensor = variant.rig.sensors[0]
     camera = sensor.camera.model_copy(update={"width": 96, "height": 64})
     renderer = Renderer(town_bodies(variant.scene.town))
-    seen = renderer.observe(camera, from_pose(sensor.pose(0)), NOBODY)
+    pose = LOW if town == "downtown" else sensor.pose(0)  # the recipe's camera looks down at the light of lamps
+    seen = renderer.observe(camera, from_pose(pose), NOBODY)
     calm = {sensor.name: CameraResponse(noise=0.0)}
     for name, weather in WEATHERS.items():
         given = variant.appearance.weather.model_copy(update=weather)

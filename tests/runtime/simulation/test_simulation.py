@@ -182,7 +182,7 @@ def test_a_vehicle_stops_behind_another() -> None:
     trace = simulate(scene(CAR, parked, frames=300))
     gap = base(trace, "parked")[:, 1] - base(trace, "car")[:, 1]
     reach = (CAR.shape["length"] + parked.shape["length"]) / 2
-    assert reach + 0.5 < gap.min() < reach + 8  # with room to pull out
+    assert reach + 0.5 < gap.min() < reach + 15  # with room to pull out
     assert np.abs(trace.linear[:, 0]).max(axis=1)[200:].min() / METRE < 0.05
 
 

@@ -244,7 +244,7 @@ def town_traffic(
         ("pedestrian", pedestrians, "walker.*"),
     ]
     for category, count, glob in wanted:
-        spots = list(town.spots[category])
+        spots = list(town.spots[category][::2])  # neighbours are nearer to each other than a long vehicle is long
         for n in range(count):
             stream = Stream(seed, "test", category, str(n))
             if not spots:
