@@ -50,7 +50,7 @@ def _masked(match: re.Match[str], whole: bool = False) -> str:
     scheme, rest = match["scheme"], match["rest"]
     end = None if whole else _END.search(rest)
     rest, tail = (rest[: end.start()], end[0]) if end else (rest, "")
-    user, password, place = _split(scheme, rest)
+    user, password, place = _split(scheme, rest, match["slashes"])
     head = "" if place == rest else f"{user}:{MASK}@" if password is not None else f"{MASK}@"
     place, hash_, fragment = place.partition("#")
     place, mark, query = place.partition("?")
@@ -59,8 +59,11 @@ def _masked(match: re.Match[str], whole: bool = False) -> str:
     return f"{scheme}:{match['slashes']}{head}{inner}{query}{f'#{MASK}' if fragment else hash_}{tail}"
 
 
-def _split(scheme: str, rest: str) -> tuple[str, str | None, str]:
-    """User, password and the rest of a URL after `://`. Without a secret there, the rest is all of it."""
+def _split(scheme: str, rest: str, slashes: str) -> tuple[str, str | None, str]:
+    """User, password and the rest of a URL after `://`. Without a secret there, the rest is all of it.
+
+    Digits after an escaped colon, or where slashes were merged, are no port.
+    """
     link = scheme.lower().rpartition("+")[2]
     if link in _PATHS:
         return "", None, rest
@@ -68,7 +71,8 @@ def _split(scheme: str, rest: str) -> tuple[str, str | None, str]:
     found = _COLON.search(first)
     user, colon, after = (first[: found.start()], found[0], first[found.end() :]) if found else (first, "", "")
     if colon and "@" not in user and "@" in rest[len(user) :]:
-        is_port = "@" not in after and re.fullmatch(r"[0-9]{1,5}", after) and link in _PORTS
+        plain = colon == ":" and slashes == "//"
+        is_port = plain and "@" not in after and re.fullmatch(r"[0-9]{1,5}", after) and link in _PORTS
         if user and not is_port:
             password, _, place = rest[len(user) + len(colon) :].rpartition("@")
             return user, password, place
@@ -82,7 +86,7 @@ def _secrets(url: str) -> set[str]:
     """The secrets of a URL, and of those chained in it, as written and decoded."""
     found: set[str] = set()
     for match in _URL.finditer(url):
-        user, password, place = _split(match["scheme"], match["rest"])
+        user, password, place = _split(match["scheme"], match["rest"], match["slashes"])
         place, _, fragment = place.partition("#")
         parameters = [text.partition("=") for found in _PARAMETERS.findall(place) for text in found[1:].split(";")]
         values = [value for pair in place.partition("?")[2].split("&") for value in (pair.partition("=")[2], pair)]
