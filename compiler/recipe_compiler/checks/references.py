@@ -128,7 +128,7 @@ def uneven_tick(base: Value) -> Iterator[Problem]:
         if valid:
             message = f"sensors.{name}.tick: {tick:g} s is not a multiple of the frame interval, 1/{fps} s"
             several = ", the nearest that are" if len(valid) > 1 else ", the nearest that is"
-            remedy = f"write {' or '.join(f'{tick:g}' for tick in valid)}{several}"
+            remedy = f"write {' or '.join(f'{tick:.6f}'.rstrip('0') for tick in valid)}{several}"
             yield Problem(message, base.place_of("sensors", name, "tick"), remedy, Code.OUT_OF_RANGE)
 
 

@@ -169,7 +169,7 @@ class Sensor(Model):
         elif self.motion.route is not None and self.motion.route.road and mount.on is not None:
             text = "`motion.route` follows a road of the town; remove `on`"
         elif self._stays():
-            text, key = "`route` ends where it starts, with no way between; add a point that differs", "motion"
+            text, key = "`route` never leaves the mount; add a point that differs from it", "motion"
         else:
             return self
         raise PydanticCustomError("frame", text, {"key": key})
