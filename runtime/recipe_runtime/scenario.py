@@ -220,7 +220,8 @@ class Scenario(Sequence[Frame]):
     ) -> Iterator[tuple[int, dict[str, NDArray[np.generic]]]]:
         """Yield frames, each as its number and the arrays of all captured modalities, as `render` does.
 
-        By default these are all frames that the sensor takes. On a GPU many frames are rendered concurrently. The arrays are valid until the next frame is requested.
+        By default these are all frames that the sensor takes. On a GPU many frames are rendered concurrently. The
+        arrays are valid until the next frame is requested.
         """
         plan, scene = self._sensor(sensor), self.plan.scene
         numbers = [self._taken(frame, plan) for frame in (plan.frames(len(self)) if frames is None else frames)]

@@ -98,7 +98,7 @@ def unknown_carrier(base: Value) -> Iterator[Problem]:
             removed = _removal(base, "actors", on)
             if removed is not None:
                 message = f"the actor {show(on)} is removed here, but sensors.{name} {does} it"
-                yield Problem(message, removed, "remove or change the sensor too", Code.CONFLICT)
+                yield Problem(message, removed, "remove or remount the sensor too", Code.CONFLICT)
             elif not (many and re.fullmatch(r"traffic\.(vehicle|pedestrian)\.[0-9]{1,3}", on)):
                 # With a density, whether there are so many is known when the town is.
                 place = base.place_of("sensors", name, *keys)

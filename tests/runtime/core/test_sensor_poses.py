@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 NEAR = 1e-9
 RAISED = np.array([0.0, 0.0, PIVOT])
 FRAMES = 20
-quick = settings(max_examples=15, deadline=None)
+quick = settings(max_examples=10, deadline=None)
 angles = st.floats(-180, 180)
 metres = st.floats(-20, 20)
 
@@ -32,7 +32,8 @@ def rotation(yaw: float, pitch: float, roll: float) -> Floats:
     about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    return about_z @ about_y @ about_x
+    turned: Floats = about_z @ about_y @ about_x
+    return turned
 
 
 def trace(seed: int, frames: int = FRAMES, turn: float = 8.0) -> Trace:
