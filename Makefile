@@ -12,7 +12,7 @@ BIN := $(VENV)/bin
 # Tests in two processes, which share nothing but compiled kernels; tests of one file share its fixtures.
 PARALLEL := -n 2 --dist loadfile
 RECIPES := recipes/weather_sweep.yaml recipes/paper/two_pedestrians.yaml
-LOCKED := $(RECIPES) recipes/towns/crossing.yaml recipes/towns/drive.yaml
+LOCKED := $(RECIPES) recipes/towns/crossing.yaml recipes/towns/drive.yaml recipes/drone.yaml recipes/tracking.yaml
 
 # PyBullet has wheels for CPython 3.10 and 3.11 on x86-64 Linux, and for no later one.
 FITS := import sys; sys.exit(sys.implementation.name != "cpython" or sys.version_info[:2] not in {(3, 10), (3, 11)})
