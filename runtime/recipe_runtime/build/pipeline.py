@@ -33,7 +33,7 @@ from recipe_runtime.cache import pruning
 from recipe_runtime.cache.journal_key import journal_key, read_key
 from recipe_runtime.cache.store import Store, default_cache
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.timings import Stopwatch
+from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.versions import builder
 from recipe_runtime.dataset.assembly import FrameAssembly
@@ -156,7 +156,7 @@ def _build(
         resumed_frames=counts.resumed_frames,
         made_frames=counts.made_frames,
         taken_frames=counts.taken_frames,
-        seconds=stages.watch.seconds,
+        seconds=stages.timings.seconds,
         wall=time.perf_counter() - start,
     )
 
@@ -197,7 +197,7 @@ class _Stages:
     run: Runner
     explain: Callable[[list[str]], None] | None
     examined: Examined | None = None  # the dataset to repair
-    watch: Stopwatch = field(default_factory=Stopwatch)
+    timings: Timings = field(default_factory=Timings)
 
     @property
     def dataset(self) -> DatasetPlan:
@@ -217,8 +217,8 @@ class _Stages:
             shards = missing_shards(all_shards(self.dataset, self.shard_frames), taken)
             resumed, seconds = render_unfinished(job, shards, self.workers, self.progress, assembly.add, work, run)
         for stage, value in seconds.items():
-            self.watch.add(stage, value)
-        finisher = Finisher(self.dataset, assembly, work, self.progress, self.watch, recipe_files)
+            self.timings.add(stage, value)
+        finisher = Finisher(self.dataset, assembly, work, self.progress, self.timings, recipe_files)
         if self.examined:
             self.examined.check(finisher.identity, work)
         work.publish(finisher.finish(self._trace))
@@ -248,7 +248,7 @@ class _Stages:
         """Simulate every scene that the store does not have."""
         wanted, assembly = simulations(self.dataset), FrameAssembly(self.dataset)
         self.progress("simulate", 0, len(wanted))
-        with self.watch("simulate"):
+        with self.timings("simulate"):
             for done, (scene, value) in enumerate(self._trace_digests(wanted), start=1):
                 assembly.traces[scene.digest] = value
                 self.progress("simulate", done, len(wanted))
@@ -280,7 +280,7 @@ class _Stages:
             if not variants:
                 continue
             self.progress("reuse", number, len(seen))
-            with self.watch("write"):
+            with self.timings("write"):
                 records = reuse.take(work, view, variants)
             if records:
                 frames = tuple(record["frame"] for record in records)

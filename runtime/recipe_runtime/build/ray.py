@@ -129,8 +129,8 @@ class RemoteWorker:
                 if sha256 not in bodies:
                     bodies[sha256] = place.read_bytes()
                 place.unlink()
-        seconds = dict(self._worker.watch.seconds)
-        self._worker.watch.seconds.clear()
+        seconds = dict(self._worker.timings.seconds)
+        self._worker.timings.seconds.clear()
         return ShardResult(records, bodies, seconds)
 
     def leave(self) -> None:

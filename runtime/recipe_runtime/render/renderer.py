@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan
 
+from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.render.camera.camera_pass import CameraPass
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 from recipe_runtime.render.device.reuse import ALL_REUSE, TemporalReuse
-from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.gpu.frame_stream import FrameStream
 from recipe_runtime.render.lighting.shading import ShadingPass
 from recipe_runtime.render.raster.observation import Observation

@@ -1,4 +1,4 @@
-"""Air: the sky in a direction, and what fog and dust do to light on its way to the eye."""
+"""Radiance of the sky by direction, and the attenuation and in-scattering of fog and dust."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
@@ -13,51 +13,51 @@ wp.set_module_options(OPTIONS)
 
 DECAY_STEPS = wp.constant(1024)
 DECAY_SCALE = wp.constant(wp.float32(64.0))
-MAX_TABLE_DEPTH = wp.constant(wp.float32(15.9))  # beyond it e^-x is nothing, and a table's end is near
+MAX_TABLE_DEPTH = wp.constant(wp.float32(15.9))  # beyond, e^-x is taken as 0; the tables end soon after
 SKY_ROWS = wp.constant(64)
 HALO_ROWS = wp.constant(256)
-SWING_STIRS = wp.constant(43)  # of a leaf to and fro
+SWAY_STEPS = wp.constant(43)  # steps of one period of a leaf's sway
 
 
 @wp.struct
 class Air:
-    """Light and weather of one appearance, as numbers; radiance is relative, 1 being about a clear noon sky's."""
+    """Light and weather of one appearance, for kernels. Radiance is relative: a clear noon sky has about 1."""
 
     sun: wp.vec3f  # unit, towards the sun
-    sunlight: wp.vec3f  # of a white surface that faces it
+    sunlight: wp.vec3f  # radiance of a white surface that faces the sun
     disc: wp.vec3f  # radiance of the sun's disc
-    overhead: wp.vec3f  # ambient light from above, from the side and from the ground
-    sideways: wp.vec3f
-    below: wp.vec3f
+    overhead: wp.vec3f  # ambient light on surfaces that face up
+    sideways: wp.vec3f  # ... that face a side
+    below: wp.vec3f  # ... that face down
     cloud_bright: wp.vec3f
     cloud_dark: wp.vec3f
-    cover: wp.float32  # share of the sky that clouds fill, 0 to 1
-    drift: wp.vec2f  # how far the wind has moved the clouds
-    stars: wp.float32
-    flutter: wp.float32  # how much leaves move in the wind, 0 to 1
-    swings: wp.array[wp.vec2f]  # metres their pattern has moved at two points of a swing, by the time in stirs
-    breeze: wp.float32  # metres that gusts come on from stir to stir
-    stirs: wp.int32  # the time in which they stir, each for four of these
-    fog: wp.float32  # extinction, 1/m, from fog_start on
-    haze: wp.float32  # extinction of rain's mist, dust and air, 1/m, everywhere
-    fog_start: wp.float32  # metres
-    fog_thin: wp.float32  # how fast it thins with height, 1/m
+    cover: wp.float32  # cloud cover, 0 to 1
+    drift: wp.vec2f  # offset of the cloud pattern
+    stars: wp.float32  # radiance of the brightest stars
+    leaf_motion: wp.float32  # amplitude of the shading of moving leaves, 0 to 1
+    sway: wp.array[wp.vec2f]  # [SWAY_STEPS], offsets of their pattern in metres: sine and cosine of the sway
+    gust_shift: wp.float32  # metres that gusts move per `leaf_step`
+    leaf_step: wp.int32  # time in steps of 1/30 s; a leaf moves at every fourth
+    fog: wp.float32  # extinction coefficient of fog, 1/m, beyond fog_start
+    haze: wp.float32  # extinction coefficient of rain, dust and air, 1/m, everywhere
+    fog_start: wp.float32  # metres from the camera
+    fog_falloff: wp.float32  # decrease of the fog's density with height, 1/m
     fog_colour: wp.vec3f
-    fog_sun: wp.vec3f  # added towards the sun
-    glow: wp.float32  # how much of the lamps' light it scatters towards the eye
-    wet: wp.float32  # 0 dry, 1 streaming
-    puddles: wp.float32  # 0 none, 1 all that is flat
-    pelting: wp.float32  # how far drops tilt the water that they fall on
-    moment: wp.int32  # time step of the rings on it
+    fog_sun: wp.vec3f  # in-scattered light added towards the sun
+    glow_share: wp.float32  # share of the lamps' light that fog scatters towards the camera
+    wet: wp.float32  # wetness of surfaces, 0 to 1
+    puddles: wp.float32  # 0 none, 1 on all flat ground
+    ring_strength: wp.float32  # tilt of the water's normal by the rings of drops
+    ring_step: wp.int32  # time in steps of 1/12 s; rings change at every fourth
     night: wp.float32  # 0 by day, 1 with all lamps on
-    lit: wp.float32  # how brightly those that burn, and windows, shine themselves: 1 in a clear night
+    emissive_gain: wp.float32  # factor of the radiance of lamps and lit windows; 1 in a clear night
     signal: wp.float32  # radiance of a traffic light
     seed: wp.uint32
     decay: wp.array[wp.float32]  # e^-x for x = i / 64
-    thinning: wp.array[wp.float32]  # the mean of e^-t for t from 0 to x = i / 64
-    gradient: wp.array[wp.vec3f]  # clear sky by elevation, horizon first
-    warm: wp.vec3f  # over the horizon below a low sun
-    halo: wp.array[wp.vec3f]  # brightness about the sun by cosine of the angle, opposite first
+    mean_decay: wp.array[wp.float32]  # mean of e^-t over [0, x], for x = i / 64
+    gradient: wp.array[wp.vec3f]  # [SKY_ROWS], clear sky by elevation, horizon first
+    warm: wp.vec3f  # added near the horizon below a low sun
+    halo: wp.array[wp.vec3f]  # [HALO_ROWS], added about the sun, by the angle to it, opposite first
 
 
 @wp.func
@@ -80,7 +80,7 @@ def mean_decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
     """The mean of e^-t for t from 0 to x >= 0: how dense fog is on a way that rises through it."""
     if x > MAX_TABLE_DEPTH:
         return 1.0 / x
-    return interpolate(air[0].thinning, x)
+    return interpolate(air[0].mean_decay, x)
 
 
 @wp.func
@@ -167,9 +167,9 @@ def reflected_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
 def transmittance(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: wp.float32) -> wp.float32:
     """Share of light that survives `distance` metres of fog and haze between two heights (Koschmieder)."""
     path = maximum(distance - air[0].fog_start, 0.0) * air[0].fog
-    if air[0].fog_thin > 0.0 and path > 0.0:
-        low = maximum(minimum(z0, z1), 0.0) * air[0].fog_thin
-        rise = (z1 - z0) * air[0].fog_thin
+    if air[0].fog_falloff > 0.0 and path > 0.0:
+        low = maximum(minimum(z0, z1), 0.0) * air[0].fog_falloff
+        rise = (z1 - z0) * air[0].fog_falloff
         rise = maximum(rise, -rise)
         path = path * (decay(air, low) * mean_decay(air, rise))
     return decay(air, path + distance * air[0].haze)

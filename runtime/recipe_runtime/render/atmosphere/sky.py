@@ -50,7 +50,7 @@ def haze_of(mie: float, rayleigh: float) -> Haze:
 
 def brightness(altitude: float) -> float:
     """The sky's brightness through day, twilight and night; 1 under a sun at the zenith."""
-    return exact.exp(_between(altitude))
+    return exact.exp(_log_brightness(altitude))
 
 
 def gradient(altitude: float, haze: Haze) -> NDArray[np.float64]:
@@ -107,7 +107,7 @@ def _colours(altitude: float) -> tuple[Colour, Colour, Colour]:
     return found[0:3], found[3:6], found[6:9]
 
 
-def _between(x: float) -> float:
+def _log_brightness(x: float) -> float:
     """The logarithm of the sky's brightness, straight between its altitudes."""
     for (x0, y0), (x1, y1) in pairwise(_BRIGHTNESS):
         if x <= x1:

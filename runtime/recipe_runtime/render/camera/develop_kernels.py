@@ -198,12 +198,12 @@ def expose_samples(
     rain_cover: wp.array[wp.int32],
     streak: wp.vec3f,
     response: Response,
-    out_plate: wp.array[wp.vec3f],
+    out_hdr_image: wp.array[wp.vec3f],
 ):
-    """One plate pixel's light, exposed and balanced, its samples averaged as `develop_pixels` does, before any blur."""
+    """Write a pixel of the HDR image: light, exposed and balanced, its samples averaged as by `develop_pixels`."""
     i = wp.tid()
     drops = wp.int32(0)
     if rain_cover.shape[0] > 1:
         drops = rain_cover[i]
     colour = tone_mapped(starts[i], groups[i] & 7, radiance, weights, drops, streak, response.exposure, response.white)
-    out_plate[i] = wp.vec3f(inverse_tone(colour[0]), inverse_tone(colour[1]), inverse_tone(colour[2]))
+    out_hdr_image[i] = wp.vec3f(inverse_tone(colour[0]), inverse_tone(colour[1]), inverse_tone(colour[2]))

@@ -45,7 +45,7 @@ class FrameBuffers:
         self.maps = [self._moving_maps(setup, sun) for sun in setup.suns]
         self.wet_light = LightBuffers.empty(self.capacity + 4, True, device)
         bare = self.wet_light
-        self.dry_light = LightBuffers(bare.radiance, bare.gleam, bare.known, bare.radiance)
+        self.dry_light = LightBuffers(bare.radiance, bare.mirror, bare.reuse_class, bare.radiance)
         self.rays = RayBuffers.empty(setup.camera, device)
         # what a frame alone does not use: earlier frames
         self.no_sources = zeros(1, wp.vec2i)

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, SensorPlan
 
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.atmosphere.weather_light import Light, light_at, light_of
+from recipe_runtime.render.atmosphere.weather_light import WeatherLight, initial_light, light_at_time
 from recipe_runtime.render.camera.post_process import needs_post_process
 from recipe_runtime.render.camera.rain import rain_at
 from recipe_runtime.render.camera.responses import ResponseTables, response_of
-from recipe_runtime.render.device.arrays import record, records
+from recipe_runtime.render.device.arrays import struct_array
 from recipe_runtime.render.device.memory_layout import span_of
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.gpu.recorded_frame import RecordedFrame, RenderedFrame
@@ -64,7 +64,7 @@ class FrameStream:
     ) -> None:
         self._g, self._device, self._camera, self._sensor = geometry, device, camera_plan, sensor
         self._shadows, self._atlases, self._tables = shadows, atlases, ResponseTables(device)
-        lit = [light_of(plan, device) for plan in appearances]
+        lit = [initial_light(plan, device) for plan in appearances]
         suns = suns_of(lit)
         looks = [self._look(plan, light, suns) for plan, light in zip(appearances, lit, strict=True)]
         smooth = {look.response.antialias for look in looks} or {False}
@@ -80,7 +80,7 @@ class FrameStream:
             suns,
             looks,
             tiles=wp.array(all_tiles(camera_plan), dtype=wp.int32, device=device),
-            no_shadows=records([shadows.none()] * 4, device),
+            no_shadows=struct_array([shadows.none()] * 4, device),
             layout=frame_layout(geometry, len(suns), len(looks)),
             capacity=pixels + (int(_EDGE_SAMPLES * pixels) if side == 2 else 0),
         )
@@ -111,12 +111,12 @@ class FrameStream:
             lane.wait()
         return lane.result(batch.numbers[index], batch.poses[index], batch.parts[index])
 
-    def _look(self, plan: AppearancePlan, light: Light, suns: list[NDArray[np.float64]]) -> ShadedAppearance:
+    def _look(self, plan: AppearancePlan, light: WeatherLight, suns: list[NDArray[np.float64]]) -> ShadedAppearance:
         response = plan.responses.get(self._sensor) or CameraResponse()
         sun = next((n for n, sun in enumerate(suns) if light.sun_shines and bool((light.sun == sun).all())), -1)
         colours = surface_colours(self._g, plan.looks.root, self._atlases.of(plan), self._device)
         tables = self._tables.by_pixel(response, self._camera)
-        return ShadedAppearance(plan, light, record(colours, self._device), response, tables, sun)
+        return ShadedAppearance(plan, light, struct_array([colours], self._device), response, tables, sun)
 
     def _rows(self, batch: FrameBatch, start: int, stop: int) -> NDArray[np.uint8]:
         """Rows of the layout for some frames, but for the bytes that are a recorded frame's own."""
@@ -155,7 +155,7 @@ class FrameStream:
         """Put light, rain and camera response of every appearance at a time into a row."""
         layout = self._setup.layout
         for v, look in enumerate(self._setup.appearances):
-            light, seed = light_at(look.light, time), look.plan.seed
+            light, seed = light_at_time(look.light, time), look.plan.seed
             layout.put_records(row, f"air {v}", [light.air])
             if light.rain > 0.0:
                 layout.put_records(row, f"rain {v}", [rain_at(pose, light, time, seed)])

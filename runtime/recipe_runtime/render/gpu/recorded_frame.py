@@ -18,7 +18,7 @@ from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.camera import passes as camera_passes
 from recipe_runtime.render.camera.passes import Exposed
 from recipe_runtime.render.camera.rain import drop_count, streak_radiance
-from recipe_runtime.render.device.arrays import DeviceArray, record
+from recipe_runtime.render.device.arrays import DeviceArray, struct_array
 from recipe_runtime.render.device.memory_layout import span_of
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.gpu.frame_buffers import FrameBuffers
@@ -149,12 +149,15 @@ class RecordedFrame:
         """Records that stay the same from frame to frame; what they point to does not."""
         g, b, device = self.setup.g, self._b, self.device
         scene = scene_arrays(g, self._buffers.vertices, b["world_from_part"], b["world_from_view"])
-        self._scene, self._all = record(scene, device), record(all_samples(), device)
-        self._no_static, self._no_previous = record(StaticSamples(), device), record(PreviousFrame(), device)
+        self._scene, self._all = struct_array([scene], device), struct_array([all_samples()], device)
+        self._no_static, self._no_previous = (
+            struct_array([StaticSamples()], device),
+            struct_array([PreviousFrame()], device),
+        )
         burning = lights.lamps_of(g, [b[f"lamps {name}"] for name in lights.LAMP_NAMES], device)
-        self._lamps = {True: record(burning, device), False: record(lights.no_lamps(device), device)}
+        self._lamps = {True: struct_array([burning], device), False: struct_array([lights.no_lamps(device)], device)}
         columns = [b[f"bodies {name}"] for name in lights.BODY_NAMES]
-        self._bodies = record(lights.bodies_of(columns, columns[0].size), device)
+        self._bodies = struct_array([lights.bodies_of(columns, columns[0].size)], device)
 
     def _make_own(self) -> None:
         """The bytes of a row that are this frame's own, the addresses of its arrays, and which bytes those are."""
@@ -238,12 +241,12 @@ class RecordedFrame:
         b, n, device, burn = self._b, self._buffers, self.device, look.light.lamps_burn
         samples, air, light = b["samples"], b[f"air {v}"], n.light(look.light.wet)
         beams = b[f"beams {look.sun}"] if look.sun >= 0 else self.setup.no_shadows
-        sources = light_passes.Lights(look.colours, air, beams, self._lamps[burn], self._bodies, n.lists[burn])
+        sources = light_passes.ShadingInputs(look.colours, air, beams, self._lamps[burn], self._bodies, n.lists[burn])
         earlier = self._no_previous, self._all
         light_passes.shade_samples(self.capacity, samples, sources, *earlier, light, device)
         if look.light.wet:
-            view = light_passes.View(self.setup.camera, self._labels.depth, n.starts, b["view_from_part"])
-            light_passes.trace_rays(samples, light.gleam, view, self._no_previous, n.no_motion, n.rays, device)
+            view = light_passes.ReflectionView(self.setup.camera, self._labels.depth, n.starts, b["view_from_part"])
+            light_passes.trace_rays(samples, light.mirror, view, self._no_previous, n.no_motion, n.rays, device)
             frame = samples, air, view, n.rays
             light_passes.reflect(self.capacity, *frame, *earlier, light, n.no_sources, device)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse
 
 from recipe_runtime.render.atmosphere.air import Air
-from recipe_runtime.render.atmosphere.weather_light import Light
+from recipe_runtime.render.atmosphere.weather_light import WeatherLight
 from recipe_runtime.render.camera.develop_kernels import Response
 from recipe_runtime.render.camera.passes import Tables
 from recipe_runtime.render.camera.rain_kernels import Rain
@@ -28,8 +28,8 @@ class ShadedAppearance:
     """An appearance, made ready for a camera."""
 
     plan: AppearancePlan
-    light: Light  # at time 0
-    colours: DeviceArray  # a record of SurfaceColours
+    light: WeatherLight  # at time 0
+    colours: DeviceArray  # a one-element array of SurfaceColours
     response: CameraResponse
     tables: Tables
     sun: int  # its place among the stream's suns; -1: none shines
@@ -46,7 +46,7 @@ class StreamSetup:
     suns: list[NDArray[np.float64]]
     appearances: list[ShadedAppearance]
     tiles: DeviceArray  # int32, every tile of the picture
-    no_shadows: DeviceArray  # a record of four shadow maps, for where no sun shines
+    no_shadows: DeviceArray  # four empty shadow maps, for appearances without sunlight
     layout: MemoryLayout  # of what changes from frame to frame
     capacity: int  # samples that a frame has room for; it grows once a frame wanted more
 
@@ -91,7 +91,7 @@ def result_layout(setup: StreamSetup) -> MemoryLayout:
     return layout
 
 
-def suns_of(lit: Sequence[Light]) -> list[NDArray[np.float64]]:
+def suns_of(lit: Sequence[WeatherLight]) -> list[NDArray[np.float64]]:
     """The directions of the suns that shine in some lights, each once, in order."""
     suns: list[NDArray[np.float64]] = []
     for light in lit:

@@ -16,8 +16,8 @@ class LightBuffers:
     """Light by sample, for `capacity` samples."""
 
     radiance: DeviceArray  # vec3f, without what wet ground mirrors
-    gleam: DeviceArray  # vec2f, share and gloss of what a sample mirrors
-    known: DeviceArray  # uint8, see `temporal_kernels`
+    mirror: DeviceArray  # vec2f, share and gloss of mirror reflection
+    reuse_class: DeviceArray  # uint8, what the radiance depends on: a constant of `temporal_kernels`
     shown: DeviceArray  # vec3f, with what wet ground mirrors; `radiance` itself where nothing is wet
 
     @staticmethod

@@ -86,7 +86,7 @@ def cull_glows(
 def extinction_at(air: wp.array[Air], z: wp.float32, distance: wp.float32) -> wp.float32:
     """Extinction of the air at a height and a distance from the eye, 1/m."""
     begun = clamp01((distance - air[0].fog_start) * 0.1 + 1.0)
-    return air[0].haze + air[0].fog * begun * decay(air, maximum(z, 0.0) * air[0].fog_thin)
+    return air[0].haze + air[0].fog * begun * decay(air, maximum(z, 0.0) * air[0].fog_falloff)
 
 
 @wp.func
@@ -121,7 +121,7 @@ def lamp_glow(
             # A narrow beam is soon crossed; the rest of a lamp's flux, thrown about, glows on all sides.
             beam = 0.65 * within * wp.sqrt(maximum(1.0 - cone[0] * cone[0], 0.0)) + 0.3 * (1.0 - cone[0])
             sigma = extinction_at(air, lamps[0].position[i][2], near)
-            share = sigma * air[0].glow * decay(air, sigma * near) * seen * edge * edge / h * beam
+            share = sigma * air[0].glow_share * decay(air, sigma * near) * seen * edge * edge / h * beam
             power = lamps[0].power[i]
             total = total + power * (share / (1.0 + power[0] * SATURATION))
     return total
@@ -139,6 +139,6 @@ def add_glow(
     radiance: wp.vec3f,
 ) -> wp.vec3f:
     """Add the glow of a tile's lamps in the fog, along a unit direction, to the light that arrives from there."""
-    if air[0].glow > 0.0:
+    if air[0].glow_share > 0.0:
         radiance = radiance + lamp_glow(air, lamps, lists, tile, eye, d, distance)
     return radiance

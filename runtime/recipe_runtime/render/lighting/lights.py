@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.device.arrays import filled
+from recipe_runtime.render.device.arrays import set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps
 from recipe_runtime.render.scene.geometry import Geometry
@@ -52,7 +52,7 @@ def lamps_of(geometry: Geometry, columns: Sequence[Any], device: str) -> Lamps:
     """The struct of lamps whose columns are on the device."""
     crowded = len(geometry.lights) > _MAX_LAMPS  # then which lamps are here may change from frame to frame
     moves = [int(crowded or mounted.part != 0) for mounted in geometry.lights[:_MAX_LAMPS]] or [1]
-    return filled(
+    return set_fields(
         Lamps(),
         **dict(zip(LAMP_NAMES, columns, strict=True)),
         moves=wp.array(np.array(moves, np.int32), dtype=wp.int32, device=device),
@@ -86,7 +86,7 @@ def lamp_columns(geometry: Geometry, world: Array, eye: Array) -> tuple[Array, .
 def no_lamps(device: str) -> Lamps:
     """The lamps that burn by day: none."""
     columns = {name: wp.zeros(1, dtype=kind, device=device) for name, kind in zip(LAMP_NAMES, LAMP_KINDS, strict=True)}
-    return filled(Lamps(), **columns, moves=wp.zeros(1, dtype=wp.int32, device=device), count=0)
+    return set_fields(Lamps(), **columns, moves=wp.zeros(1, dtype=wp.int32, device=device), count=0)
 
 
 def bodies_at(geometry: Geometry, parts: Array, device: str) -> Bodies:
@@ -99,7 +99,7 @@ def bodies_at(geometry: Geometry, parts: Array, device: str) -> Bodies:
 
 def bodies_of(columns: Sequence[Any], count: int) -> Bodies:
     """The struct of bodies whose columns are on the device."""
-    return filled(Bodies(), **dict(zip(BODY_NAMES, columns, strict=True)), count=count)
+    return set_fields(Bodies(), **dict(zip(BODY_NAMES, columns, strict=True)), count=count)
 
 
 def body_columns(geometry: Geometry, parts: Array) -> tuple[Array, ...]:

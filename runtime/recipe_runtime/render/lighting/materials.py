@@ -8,7 +8,7 @@ in the hollows of flat ground. Leaves turn in the wind.
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern
-from recipe_runtime.render.atmosphere.air import SWING_STIRS, Air
+from recipe_runtime.render.atmosphere.air import SWAY_STEPS, Air
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, noise3, smoothstep, unit
@@ -97,7 +97,7 @@ def window_material(
         elif pattern == Pattern.SHOP_WINDOW:
             colour = mix(colour, multiply(colour, veil) * 2.5, detail[2])
             through = glass * 1.2
-        m.glow = colour * (air[0].lit * 0.8e-3 * detail[0] * through * bright)
+        m.glow = colour * (air[0].emissive_gain * 0.8e-3 * detail[0] * through * bright)
     return m
 
 
@@ -141,15 +141,15 @@ def material_of(
         m.coat = 0.12
         m.gloss = 0.6
     elif pattern == Pattern.LAMP:
-        m.glow = first * (air[0].night * air[0].lit * 3.0e-2)
+        m.glow = first * (air[0].night * air[0].emissive_gain * 3.0e-2)
     elif pattern == Pattern.SIGNAL:
         m.glow = first * air[0].signal
     elif pattern == Pattern.HEADLIGHT:
-        m.glow = first * (air[0].night * air[0].lit * 5.0e-2)
+        m.glow = first * (air[0].night * air[0].emissive_gain * 5.0e-2)
         m.coat = 0.2
         m.gloss = 0.9
     elif pattern == Pattern.TAILLIGHT:
-        m.glow = first * (air[0].night * air[0].lit * 6.0e-3)
+        m.glow = first * (air[0].night * air[0].emissive_gain * 6.0e-3)
         m.coat = 0.08
         m.gloss = 0.9
     elif pattern == Pattern.LENS:
@@ -219,13 +219,13 @@ def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.fl
 
 
 @wp.func
-def apply_wind(m: Material, air: wp.array[Air], p: wp.vec3f, near: wp.float32, stir: wp.int32) -> Material:
+def apply_wind(m: Material, air: wp.array[Air], p: wp.vec3f, near: wp.float32, step: wp.int32) -> Material:
     """Leaves and blades in the wind: their light and shade move to and fro, more so where a gust passes."""
-    gust = noise2(p[0] * 0.25 - air[0].breeze * wp.float32(stir), p[1] * 0.25 + 0.3 * p[2], seeds.WIND_GUST)
-    ends = air[0].swings[nonnegative((stir + SWING_STIRS) % SWING_STIRS)]
+    gust = noise2(p[0] * 0.25 - air[0].gust_shift * wp.float32(step), p[1] * 0.25 + 0.3 * p[2], seeds.WIND_GUST)
+    ends = air[0].sway[nonnegative((step + SWAY_STEPS) % SWAY_STEPS)]
     swing = ends[0] * (1.0 - gust) + ends[1] * gust
     leaf = noise3(p[0] * 7.0 + swing * 7.0, p[1] * 7.0 + swing * 5.0, p[2] * 7.0 - swing * 4.0, seeds.WIND_LEAF) - 0.5
-    amount = air[0].flutter * (0.4 + 0.6 * gust) * minimum(2.0 * near, 1.0)
+    amount = air[0].leaf_motion * (0.4 + 0.6 * gust) * minimum(2.0 * near, 1.0)
     m.albedo = m.albedo * (1.0 + 0.9 * amount * leaf)
     lean = 0.7 * amount * leaf
     m.normal = normalize(wp.vec3f(m.normal[0] + lean, m.normal[1] - 0.6 * lean, m.normal[2] + 0.4 * lean))

@@ -58,7 +58,9 @@ def pixel_of(q: wp.vec3f, lens: Pinhole) -> wp.vec2i:
 @wp.func
 def ripple_tilt(air: wp.array[Air], p: wp.vec3f, rings: wp.int32, gloss: wp.float32) -> wp.float32:
     """How far ripples, grain and falling drops tilt the normal of wet ground at p along the line of sight."""
-    return (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(rings)) - 0.5) * (0.006 + 0.3 * (1.0 - gloss) + air[0].pelting)
+    return (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(rings)) - 0.5) * (
+        0.006 + 0.3 * (1.0 - gloss) + air[0].ring_strength
+    )
 
 
 @wp.func
@@ -73,14 +75,14 @@ def mirror_direction(to_point: wp.vec3f, ripple: wp.float32) -> wp.vec3f:
 
 @wp.func
 def first_wet(
-    x0: wp.int32, y0: wp.int32, gleam: wp.array[wp.vec2f], starts: wp.array[wp.int32], lens: Pinhole
+    x0: wp.int32, y0: wp.int32, mirror: wp.array[wp.vec2f], starts: wp.array[wp.int32], lens: Pinhole
 ) -> wp.int32:
     """The first sample of a block of 2 x 2 pixels that mirrors enough to be followed; -1 if none does."""
     found = wp.int32(-1)
     for y in range(y0, wp.min(y0 + 2, lens.height)):
         for x in range(x0, wp.min(x0 + 2, lens.width)):
             s = nonnegative(starts[nonnegative(y * lens.width + x)])
-            if found < 0 and gleam[s][0] > MIN_SHARE:
+            if found < 0 and mirror[s][0] > MIN_SHARE:
                 found = s
     return found
 
@@ -155,7 +157,7 @@ def follow_ray(
 @wp.kernel
 def trace_rays(
     samples: wp.array[Samples],
-    gleam: wp.array[wp.vec2f],
+    mirror: wp.array[wp.vec2f],
     depth: wp.array[wp.float32],
     starts: wp.array[wp.int32],
     view_from_world: wp.array2d[wp.float32],
@@ -177,7 +179,7 @@ def trace_rays(
     spans = (columns + blocks_per_thread - 1) / blocks_per_thread
     row = wp.tid() / spans
     first = (wp.tid() % spans) * blocks_per_thread
-    small = previous[0].kept > 0 and wp.max(pinhole.width, pinhole.height) <= MAX_PICTURE_SIDE
+    small = previous[0].kept_count > 0 and wp.max(pinhole.width, pinhole.height) <= MAX_PICTURE_SIDE
     y0 = row * 2
     for column in range(first, wp.min(first + blocks_per_thread, columns)):
         x0 = column * 2
@@ -191,7 +193,7 @@ def trace_rays(
                 if not same:
                     same = no_motion_in(motion_sums, out_ways[block])
         if not same:
-            i = first_wet(x0, y0, gleam, starts, pinhole)
+            i = first_wet(x0, y0, mirror, starts, pinhole)
             was = out_reach[block]
             now = wp.float32(-1.0)
             out_origins[block] = DRY
@@ -199,7 +201,7 @@ def trace_rays(
                 now, way = follow_ray(i, x0, y0, samples, depth, view_from_world, pinhole)
                 out_ways[block] = way
                 out_origins[block] = -1
-                if small and i < previous[0].kept:  # noqa: SIM102
+                if small and i < previous[0].kept_count:  # noqa: SIM102
                     if no_motion_in(motion_sums, way):
                         out_origins[block] = i
             out_reach[block] = now
@@ -297,7 +299,7 @@ def light_beyond_picture(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
 def reflect(
     samples: wp.array[Samples],
     air: wp.array[Air],
-    gleam: wp.array[wp.vec2f],
+    mirror: wp.array[wp.vec2f],
     reach: wp.array[wp.float32],
     depth: wp.array[wp.float32],
     starts: wp.array[wp.int32],
@@ -316,7 +318,7 @@ def reflect(
     other pixel whose depth mattered, for `stale_reflections`.
     """
     i = dirty_sample(dirty, wp.tid())
-    share = gleam[i][0]
+    share = mirror[i][0]
     if share <= 0.0:
         return
     pixel = samples[0].pixels[i]
@@ -325,21 +327,21 @@ def reflect(
     light = radiance[i]
     pixel = nonnegative(pixel)
     block = nonnegative((pixel / pinhole.width / 2) * ((pinhole.width + 1) / 2) + (pixel % pinhole.width) / 2)
-    keep = i < previous[0].kept
+    keep = i < previous[0].kept_count
     mark_dirty(previous, pixel)
     p = samples[0].positions[i]
     to_point = p - samples[0].eye
-    d = mirror_direction(to_point, ripple_tilt(air, p, ring_pattern(ring_phase(p), air[0].moment), gleam[i][1]))
+    d = mirror_direction(to_point, ripple_tilt(air, p, ring_pattern(ring_phase(p), air[0].ring_step), mirror[i][1]))
     hit = mirrored_pixel(block, pixel, to_point, d, reach, depth, view_from_world, pinhole)
     at = hit[0]
     if at >= 0:
         # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
-        most = air[0].sideways * (4.0 + 500.0 * maximum(gleam[i][1] - 0.82, 0.0))
+        most = air[0].sideways * (4.0 + 500.0 * maximum(mirror[i][1] - 0.82, 0.0))
         seen = nonnegative(starts[nonnegative(at)])
         shown = radiance[seen]
         shown = wp.vec3f(minimum(shown[0], most[0]), minimum(shown[1], most[1]), minimum(shown[2], most[2]))
         out_shown[i] = light + shown * share
-        if seen >= previous[0].kept:
+        if seen >= previous[0].kept_count:
             at = -2
     else:
         out_shown[i] = light + light_beyond_picture(air, d) * share

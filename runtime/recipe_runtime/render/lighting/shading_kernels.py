@@ -30,8 +30,8 @@ from recipe_runtime.render.lighting.temporal_kernels import (
     DirtySamples,
     PreviousFrame,
     dirty_sample,
+    last_leaf_step,
     leaf_phase,
-    leaf_step,
     mark_dirty,
 )
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps, contact_occlusion, lamp_light
@@ -75,25 +75,25 @@ def sun_share(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
 
 @wp.func
 def is_light_unchanged(
-    before: wp.array[PreviousFrame],
+    previous: wp.array[PreviousFrame],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
     bodies: wp.array[Bodies],
     body_lists: wp.array2d[wp.int32],
-    known: wp.uint8,
+    reuse_class: wp.uint8,
     tile: wp.int32,
     p: wp.vec3f,
     n: wp.vec3f,
 ) -> bool:
     """Whether a static sample's light is that of the frame before: nothing that moves affects it."""
-    if known == TOUCHED:
+    if reuse_class == TOUCHED:
         return False
-    bits = before[0].tiles[tile]
+    bits = previous[0].tiles[tile]
     if contact_occlusion(bodies, body_lists, tile, p, n) < 1.0:
         return False
     if air[0].night > 0.0 and (bits & 2) == 0:
         return False
-    if air[0].glow > 0.0 and (bits & 4) == 0:
+    if air[0].glow_share > 0.0 and (bits & 4) == 0:
         return False
     if air[0].sunlight[0] + air[0].sunlight[1] <= 0.0 or dot(n, air[0].sun) <= -MAX_SOFTNESS:
         return True
@@ -159,15 +159,15 @@ def add_sun(air: wp.array[Air], beams: wp.array[Sunbeam], m: Material, p: wp.vec
     to_sun = dot(m.normal, air[0].sun)
     left = wp.float32(0.0)
     past = wp.float32(1.0)
-    gleaming = wp.float32(0.0)
+    mirroring = wp.float32(0.0)
     if to_sun > -m.soft and air[0].sunlight[0] + air[0].sunlight[1] > 0.0:
         reached = sun_share(beams, p, m.normal)
         past = reached[1]
         left = reached[0] * clamp01((to_sun + m.soft) / (1.0 + m.soft))
         if m.coat > 0.0 and reached[0] > 0.0 and to_sun > 0.0:
             bright = specular(m.gloss, m.normal, air[0].sun, back)
-            gleaming = reached[0] * fresnel(m.coat, m.gloss, to_sun) * bright * to_sun
-    return light + air[0].sunlight * left, air[0].sunlight * gleaming, past
+            mirroring = reached[0] * fresnel(m.coat, m.gloss, to_sun) * bright * to_sun
+    return light + air[0].sunlight * left, air[0].sunlight * mirroring, past
 
 
 @wp.func
@@ -193,8 +193,8 @@ def add_lamps(
             power = lamps[0].power[lamp] * (fall[3] * air[0].night)
             light = light + power * clamp01((c + 0.12) / 1.12)
             if m.coat > 0.0 and c > 0.0:
-                gleaming = c * fresnel(m.coat, m.gloss, facing) * specular(m.gloss, m.normal, to, back) * 3.0
-                shine = shine + power * gleaming
+                mirroring = c * fresnel(m.coat, m.gloss, facing) * specular(m.gloss, m.normal, to, back) * 3.0
+                shine = shine + power * mirroring
     return light, shine
 
 
@@ -202,7 +202,7 @@ def add_lamps(
 def swaying_phase(air: wp.array[Air], pattern: wp.int32, p: wp.vec3f, to_point: wp.vec3f) -> wp.int32:
     """The phase of leaves or grass at a point, if they are seen to move in the wind; -1 for all else."""
     phase = wp.int32(-1)
-    swaying = air[0].flutter > 0.0 and (pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS)
+    swaying = air[0].leaf_motion > 0.0 and (pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS)
     if swaying:
         swaying = dot(to_point, to_point) < MAX_LEAF_DISTANCE * MAX_LEAF_DISTANCE
     if swaying:
@@ -255,7 +255,7 @@ def weathered_material(
         m.coat = moist.coat
         m.gloss = moist.gloss
     if phase >= 0:
-        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, leaf_step(phase, air[0].stirs))
+        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, last_leaf_step(phase, air[0].leaf_step))
         m.albedo = moving.albedo
         m.normal = moving.normal
     return m
@@ -269,11 +269,11 @@ def write_light(
     mirrored: wp.float32,
     gloss: wp.float32,
     out_radiance: wp.array[wp.vec3f],
-    out_gleam: wp.array[wp.vec2f],
+    out_mirror: wp.array[wp.vec2f],
     out_shown: wp.array[wp.vec3f],
 ):
     """Write a sample's light, and how wet ground mirrors there; `reflect` writes what is shown of the latter."""
-    out_gleam[i] = wp.vec2f(mirrored, gloss)
+    out_mirror[i] = wp.vec2f(mirrored, gloss)
     out_radiance[i] = radiance
     if air[0].wet > 0.0 and mirrored <= 0.0:
         out_shown[i] = radiance
@@ -299,7 +299,7 @@ def shade_surface(
     n: wp.vec3f,
     to_point: wp.vec3f,
 ):
-    """The light of a sample of a surface, how much it mirrors and how glossy it is, and what is known of its light."""
+    """Return the radiance of a sample of a surface, share and gloss of its mirror reflection, and its reuse class."""
     distance = wp.sqrt(dot(to_point, to_point))
     sight = to_point * (1.0 / maximum(distance, 1.0e-4))
     facing = -dot(n, sight)
@@ -316,7 +316,7 @@ def shade_surface(
     rest = AT_REST
     if phase >= 0:
         rest = LEAF + wp.uint8(phase)
-    known = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
+    reuse_class = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
     if air[0].night > 0.0:
         light, shine = add_lamps(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
     radiance = multiply(m.albedo, light) + m.glow + shine
@@ -328,7 +328,7 @@ def shade_surface(
         radiance = radiance + sky_reflection(air, m, p, sight, facing, sky_left)
     radiance = apply_fog(air, radiance, sight, left)
     radiance = add_glow(air, lamps, glow_lists, tile, samples[0].eye, sight, distance, radiance)
-    return radiance, mirrored, m.gloss, known
+    return radiance, mirrored, m.gloss, reuse_class
 
 
 @wp.kernel
@@ -345,14 +345,14 @@ def shade_samples(
     previous: wp.array[PreviousFrame],
     dirty: wp.array[DirtySamples],
     out_radiance: wp.array[wp.vec3f],
-    out_gleam: wp.array[wp.vec2f],
-    out_known: wp.array[wp.uint8],
+    out_mirror: wp.array[wp.vec2f],
+    out_reuse_class: wp.array[wp.uint8],
     out_shown: wp.array[wp.vec3f],
 ):
     """Linear radiance of every dirty sample.
 
-    Wet ground's reflection is left to `reflect`, its share and gloss in `out_gleam`; what mirrors nothing is
-    written to `out_shown` unchanged where anything is wet. `collect_dirty` reads `out_known` a frame later.
+    Wet ground's reflection is left to `reflect`, its share and gloss in `out_mirror`; what mirrors nothing is
+    written to `out_shown` unchanged where anything is wet. `collect_dirty` reads `out_reuse_class` a frame later.
     """
     i = dirty_sample(dirty, wp.tid())
     tile = samples[0].tiles[i]
@@ -364,9 +364,9 @@ def shade_samples(
     surface = samples[0].surfaces[i]
     if surface < 0:
         mark_dirty(previous, samples[0].pixels[i])
-        out_known[i] = SKY
+        out_reuse_class[i] = SKY
         seen = add_glow(air, lamps, glow_lists, tile, eye, p, 1000.0, sky_through_fog(air, eye, p))
-        write_light(air, i, seen, 0.0, 0.0, out_radiance, out_gleam, out_shown)
+        write_light(air, i, seen, 0.0, 0.0, out_radiance, out_mirror, out_shown)
         return
     n = samples[0].normals[i]
     to_point = p - eye
@@ -376,16 +376,16 @@ def shade_samples(
     # (A dirty leaf is shaded: `is_light_unchanged` does not know how the wind has turned it. A normal that turns away
     # is bent first, below: these are few.)
     if (
-        i < previous[0].known
+        i < previous[0].shared_count
         and phase < 0
         and dot(n, to_point) <= 0.0
-        and is_light_unchanged(previous, air, beams, bodies, body_lists, out_known[i], tile, p, n)
+        and is_light_unchanged(previous, air, beams, bodies, body_lists, out_reuse_class[i], tile, p, n)
     ):
         return
     mark_dirty(previous, samples[0].pixels[i])
-    seen, mirrored, gloss, known = shade_surface(
+    seen, mirrored, gloss, reuse_class = shade_surface(
         samples, colours, air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
         i, tile, surface, pattern, phase, p, n, to_point,
     )  # fmt: skip
-    out_known[i] = known
-    write_light(air, i, seen, mirrored, gloss, out_radiance, out_gleam, out_shown)
+    out_reuse_class[i] = reuse_class
+    write_light(air, i, seen, mirrored, gloss, out_radiance, out_mirror, out_shown)

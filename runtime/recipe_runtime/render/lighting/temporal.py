@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from recipe_runtime.render.device.arrays import DeviceArray, filled
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.temporal_kernels import DirtySamples
 
@@ -23,12 +23,12 @@ class SampleList:
 
 def all_samples() -> DirtySamples:
     """The struct `DirtySamples` of no list: every sample is dirty."""
-    return filled(DirtySamples(), listed=-1, fresh=0)
+    return set_fields(DirtySamples(), listed=-1, fresh=0)
 
 
 def listed_samples(count: DeviceArray, samples: DeviceArray, fresh: int) -> DirtySamples:
     """The struct `DirtySamples` of a list, and of all samples from `fresh` on."""
-    return filled(DirtySamples(), listed=int(count.numpy()[0]), fresh=fresh, samples=samples)
+    return set_fields(DirtySamples(), listed=int(count.numpy()[0]), fresh=fresh, samples=samples)
 
 
 def thread_count(dirty: DirtySamples, samples: int) -> int:

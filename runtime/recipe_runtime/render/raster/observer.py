@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.optics import bends
 from recipe_compiler.ir.plan import CameraPlan
 
+from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.raster import label_kernels, passes
-from recipe_runtime.render.raster.distortion import apply_distortion, plate_of
+from recipe_runtime.render.raster.distortion import apply_distortion, undistorted_camera
 from recipe_runtime.render.raster.observation import Observation, objects_of
 from recipe_runtime.render.raster.passes import Labels
 from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, view_from_parts
@@ -72,13 +72,13 @@ class Observer:
         still = self._still(pose, camera, world_from_sensor, parts)
         with self._timings("transform"):
             matrices = upload_transforms(view_from_parts(world_from_sensor, parts), self._device)
-            chunks = self._chunks(plate_of(camera), matrices)
+            chunks = self._chunks(undistorted_camera(camera), matrices)
             vertices = self._transform(matrices, chunks, still)
             projected, reach = self._projected(camera, vertices)
             # A lens bows edges out of the box of their ends, so the short cut is a pinhole's.
             touched = all_tiles(camera) if bends(camera) else _tiles_within(camera, projected, reach)
         if still is None:
-            straight = self.visibility(plate_of(camera), vertices, chunks, side=1)
+            straight = self.visibility(undistorted_camera(camera), vertices, chunks, side=1)
             keys, labels = apply_distortion(straight, camera, self._device), Labels.empty(camera, self._device)
         else:
             keys, labels = wp.clone(still.keys), still.labels.clone()
@@ -123,7 +123,7 @@ class Observer:
         still = self._poses.pop(pose, None)
         if known and still is None:
             matrices = upload_transforms(view_from_parts(world_from_sensor, parts), self._device)
-            chunks, labels = self._chunks(plate_of(camera), matrices), Labels.empty(camera, self._device)
+            chunks, labels = self._chunks(undistorted_camera(camera), matrices), Labels.empty(camera, self._device)
             vertices = self._transform(matrices, chunks, None)
             keys = self.visibility(camera, vertices, chunks, side=1, still=True)
             with self._timings("label"):
@@ -172,10 +172,10 @@ class Observer:
         self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, tiles: NDArray[np.int32]
     ) -> NDArray[np.int32]:
         """The extents of the actors within the tiles, each as if it were alone, [A, 5]."""
-        g, plate, extents = self._g, plate_of(camera), self._extents()
+        g, undistorted, extents = self._g, undistorted_camera(camera), self._extents()
         for first in range(0, len(g.actors) if len(tiles) else 0, passes.ACTORS_PER_WORD):
-            bits = wp.zeros(plate.width * plate.height, dtype=wp.uint64, device=self._device)
-            passes.raster_actor_bits(g, vertices, seen, first, pinhole_of(plate, 1), bits, self._device)
+            bits = wp.zeros(undistorted.width * undistorted.height, dtype=wp.uint64, device=self._device)
+            passes.raster_actor_bits(g, vertices, seen, first, pinhole_of(undistorted, 1), bits, self._device)
             bits = apply_distortion(bits, camera, self._device)
             passes.count_amodal(g, self._tiles(tiles), bits, first, camera, extents, self._device)
         rows: NDArray[np.int32] = extents.numpy()

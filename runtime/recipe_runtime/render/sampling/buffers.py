@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from recipe_runtime.render.device.arrays import DeviceArray, filled
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.sampling.sample_kernels import Samples, SceneArrays
 from recipe_runtime.render.scene.geometry import Geometry
@@ -53,14 +53,14 @@ class SampleColumns:
 def samples_of(columns: SampleColumns) -> Samples:
     """The struct `Samples` of the columns, as shading reads them; its eye is not set."""
     names = ("surfaces", "positions", "normals", "details", "codes", "puddle_depths", "pixels", "tiles")
-    return filled(Samples(), **{name: getattr(columns, name) for name in names})
+    return set_fields(Samples(), **{name: getattr(columns, name) for name in names})
 
 
 def scene_arrays(
     g: Geometry, vertices: DeviceArray, world_from_part: DeviceArray, world_from_view: DeviceArray
 ) -> SceneArrays:
     """The struct `SceneArrays` of a frame: `vertices` vec3f [V] in the camera's frame, transforms float32 [N, 12]."""
-    return filled(
+    return set_fields(
         SceneArrays(),
         view=vertices,
         normals=g.normals,

@@ -1,8 +1,8 @@
 """The passes from keys to samples, each a launch of one kernel. Sampler and RecordedFrame both run these.
 
-Arguments: `tiles` int32 [N] names tiles, `coarse` and `fine` are the keys of pixels and of their quarters, `scene` is a
-record of `SceneArrays`; `groups` and `starts` int32 [H * W] say of each pixel how its quarters group and where its
-samples begin. `side` is 2 with antialiasing and 1 without. Outputs come last.
+Arguments: `tiles` int32 [N] are indices of tiles, `coarse` and `fine` are the keys of pixels and of their quarters,
+`scene` is a one-element array of `SceneArrays`; `groups` and `starts` int32 [H * W] are, by pixel, how its quarters
+group and the index of its first sample. `side` is 2 with antialiasing and 1 without. Outputs come last.
 """
 
 from __future__ import annotations

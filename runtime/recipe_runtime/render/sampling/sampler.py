@@ -15,10 +15,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from recipe_runtime.render.device.arrays import DeviceArray, filled, record
+from recipe_runtime.core.timings import Timings
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.raster import label_kernels
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer, all_tiles
@@ -103,7 +103,7 @@ class Sampler:
     def _fresh(self, obs: Observation, antialias: bool) -> FrameSamples:
         fine = self._observer.visibility(obs.camera, obs.vertices, obs.seen, side=2) if antialias else obs.keys
         scene, groups, starts = self._scene(obs), self._pixels(obs), self._pixels(obs)
-        inputs = obs.keys, fine, record(StaticSamples(), self._device), groups, starts
+        inputs = obs.keys, fine, struct_array([StaticSamples()], self._device), groups, starts
         columns, count = self._placed(obs, scene, antialias, all_tiles(obs.camera), *inputs)
         self._survey(obs, scene, columns, 0, count)
         return FrameSamples(_data(obs, columns), groups, starts, columns.weights, count, None)
@@ -119,13 +119,13 @@ class Sampler:
         inputs = (
             still.coarse,
             still.fine,
-            record(StaticSamples(), self._device),
+            struct_array([StaticSamples()], self._device),
             still.groups,
             still.starts,
         )
         columns, count = self._placed(obs, scene, antialias, all_tiles(obs.camera), *inputs, room=room)
         self._survey(obs, scene, columns, 0, count)
-        filled(still, known=1)
+        set_fields(still, known=1)
         fine, groups, starts = (wp.clone(a) for a in (still.fine, still.groups, still.starts))
         tiles = columns.tiles.numpy()[:count]
         firsts = self._tiles(np.searchsorted(tiles, np.arange(len(all_tiles(obs.camera)) + 1)).astype(np.int32))
@@ -150,7 +150,7 @@ class Sampler:
             self._observer.draw_moving(obs.camera, obs.vertices, obs.seen, 2, base.fine)
         fine = base.fine if antialias else obs.keys
         tiles = np.union1d(before, obs.touched).astype(np.int32)
-        arrays = obs.keys, fine, record(base.still, self._device), base.groups, base.starts
+        arrays = obs.keys, fine, struct_array([base.still], self._device), base.groups, base.starts
         columns, count = self._placed(obs, scene, antialias, tiles, *arrays, base=base)
         self._survey(obs, scene, columns, base.count, count - base.count)
         points = FrameSamples(_data(obs, columns), base.groups, base.starts, columns.weights, count, base)
@@ -203,10 +203,10 @@ class Sampler:
             passes.evaluate_samples(first, count, obs.camera, scene, columns, self._device)
 
     def _scene(self, obs: Observation) -> DeviceArray:
-        """The geometry as a frame has it, a record of SceneArrays."""
+        """The geometry as a frame has it, a one-element array of `SceneArrays`."""
         world_from_part = upload_transforms(world_from_parts(obs.parts), self._device)
         here = upload_transforms(world_from_view(obs.world_from_sensor), self._device)
-        return record(scene_arrays(self._g, obs.vertices, world_from_part, here), self._device)
+        return struct_array([scene_arrays(self._g, obs.vertices, world_from_part, here)], self._device)
 
     def _pixels(self, obs: Observation) -> DeviceArray:
         return wp.empty(obs.camera.width * obs.camera.height, dtype=wp.int32, device=self._device)

@@ -7,7 +7,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.core.transforms import Array, compose, invert
-from recipe_runtime.render.device.arrays import DeviceArray, filled
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.pinhole import Pinhole
 
@@ -20,7 +20,7 @@ _HERE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.
 def pinhole_of(camera: CameraPlan, side: int) -> Pinhole:
     """The camera as kernels want it, with side x side samples a pixel."""
     sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
-    return filled(
+    return set_fields(
         Pinhole(),
         focal=camera.width / 2.0 * cosine / sine,
         cx=camera.width / 2.0,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.device.arrays import DeviceArray, filled, record, zeros
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array, zeros
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster.passes import transform_vertices
@@ -62,7 +62,7 @@ class ShadowMaps:
         """A map that shadows nothing."""
         depths = wp.zeros(1, dtype=wp.float32, device=self._device)
         bounds = wp.zeros(1, dtype=wp.vec2f, device=self._device)
-        return filled(Sunbeam(), size=0, depth=1.0, depths=depths, bounds=bounds)
+        return set_fields(Sunbeam(), size=0, depth=1.0, depths=depths, bounds=bounds)
 
     def moving(
         self, sun: NDArray[np.float64], vertices: DeviceArray, world: DeviceArray, eye: Array, ahead: Array
@@ -72,7 +72,7 @@ class ShadowMaps:
         count = self._g.chunk_count - first
         maps = [self._moving_map(beam) for beam in moving_beams(sun, eye, ahead)]
         for shadow_map in maps:
-            shadow_map.draw(record(shadow_map.beam, self._device), vertices, world, first, count)
+            shadow_map.draw(struct_array([shadow_map.beam], self._device), vertices, world, first, count)
         return maps
 
     def give_back(self, maps: list[ShadowMap]) -> None:
@@ -97,7 +97,7 @@ class ShadowMaps:
 
     def _draw(self, beam: Sunbeam, vertices: DeviceArray, world: DeviceArray, first: int, count: int) -> Sunbeam:
         ShadowMap(beam, self._g, self._device, self._cleared(int(beam.size))).draw(
-            record(beam, self._device), vertices, world, first, count
+            struct_array([beam], self._device), vertices, world, first, count
         )
         return beam
 
@@ -128,9 +128,12 @@ class ShadowMap:
             array.zero_()
 
     def draw(self, beam: DeviceArray, vertices: DeviceArray, world: DeviceArray, first: int, count: int) -> None:
-        """Draw chunks into an empty map, or over what was there before a `turn`; `beam` is a record of `self.beam`."""
+        """Draw chunks into an empty map, or over what was there before a `turn`.
+
+        `beam` is `self.beam` as a one-element array.
+        """
         g, size = self._g, int(self.beam.size)
-        pinhole = filled(Pinhole(), near=1.0, far=1.0e9, width=size, height=size, side=1)
+        pinhole = set_fields(Pinhole(), near=1.0, far=1.0e9, width=size, height=size, side=1)
         if count:
             chunks = {"chunks": g.chunks, "beams": beam, "first_chunk": first}
             launch(
@@ -215,4 +218,4 @@ def _beam_about(sun: NDArray[np.float64], centre: Array, texel: float, size: int
     offset = (size / 2.0 - float(np.floor(at[0] / texel)), size / 2.0 - float(np.floor(at[1] / texel)))
     rows = zip(axes, scale, (*offset, 0.5 - at[2] / _DEPTH), strict=True)
     u, v, q = (wp.vec4f(float(a[0]) * s, float(a[1]) * s, float(a[2]) * s, o) for a, s, o in rows)
-    return filled(Sunbeam(), u=u, v=v, q=q, size=size, texel=texel, depth=_DEPTH)
+    return set_fields(Sunbeam(), u=u, v=v, q=q, size=size, texel=texel, depth=_DEPTH)

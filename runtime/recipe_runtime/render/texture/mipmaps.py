@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, TexturePlan
 
-from recipe_runtime.render.device.arrays import DeviceArray, filled, record
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.texture.images import ImageAtlas
@@ -31,13 +31,13 @@ class ImageAtlases:
         self._kept: dict[str, DeviceArray] = {}
 
     def of(self, appearance: AppearancePlan) -> DeviceArray:
-        """An appearance's atlas, a record of `ImageAtlas`."""
+        """An appearance's atlas, a one-element array of `ImageAtlas`."""
         name = appearance.colours if appearance.textures else ""
         if name not in self._kept:
             if len(self._kept) >= _ATLAS_CACHE_SIZE:
                 self._kept.pop(next(iter(self._kept)))
             atlas = atlas_of(self._geometry, appearance.textures, self._images, self._device)
-            self._kept[name] = record(atlas, self._device)
+            self._kept[name] = struct_array([atlas], self._device)
         return self._kept[name]
 
 
@@ -63,7 +63,7 @@ def atlas_of(geometry: Geometry, textures: Textures, images: Images, device: str
         "heights": [level.shape[0] for level in levels],
     }
     arrays = {name: np.array(values, np.int32).reshape(-1) for name, values in columns.items()}
-    return filled(
+    return set_fields(
         ImageAtlas(),
         **{name: wp.array(values, dtype=wp.int32, device=device) for name, values in arrays.items()},
         texels=wp.array(texels, dtype=wp.uint32, device=device),

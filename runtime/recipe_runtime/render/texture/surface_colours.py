@@ -35,7 +35,7 @@ _SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at nigh
 def surface_colours(
     geometry: Geometry, looks: dict[str, dict[str, str]], album: DeviceArray, device: str
 ) -> SurfaceColours:
-    """Every surface's colours in one appearance; `album` is a record of its `ImageAtlas`."""
+    """Every surface's colours in one appearance; `album` is a one-element array of its `ImageAtlas`."""
     firsts, seconds = [], []
     for key in geometry.surfaces:
         first = linear_colour(looks.get(key.body, {}).get(key.slot) or _FALLBACK[key.pattern])
