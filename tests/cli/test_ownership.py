@@ -32,7 +32,7 @@ def recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     (tmp_path / "pyproject.toml").touch()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(pruning, "tidy", lambda *_: None)
+    monkeypatch.setattr(pruning, "auto_prune", lambda *_: None)
     for module in (build, lock, verify, shot):
         monkeypatch.setattr(module, "engines_for", lambda *_: ENGINES)
     for module in (build, lock, verify):

@@ -125,11 +125,11 @@ def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
     whole = picture.read_bytes()
     picture.write_bytes(whole[:-1] + b"!")
 
-    def tidy(*_: object) -> None:
+    def auto_prune(*_: object) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(pruning, "tidy", tidy)
+        patch.setattr(pruning, "auto_prune", auto_prune)
         stopped = command(_whole, "--repair")
     assert problems(stopped.stderr) == ["interrupted; run it again with --repair to repair the rest"]
     assert picture.read_bytes() == whole  # it was in place by then

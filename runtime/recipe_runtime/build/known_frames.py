@@ -13,7 +13,7 @@ from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.journal import CacheJournal
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.versions import builder
+from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset.digests import frame_rows
 from recipe_runtime.dataset.schedule import Shard, Taken, all_shards, missing_shards, views
 
@@ -44,7 +44,7 @@ class Known:
             self.taken_frames += shard.pictures
             rows.update(row for record in records for row in frame_rows(plan, seen[shard.view], record))
         # Every device produces the same bytes, so the journal may be continued on another one.
-        key = digest("journal/lock/1", [plan.digest, builder(), traces])
+        key = digest("journal/lock/1", [plan.digest, builder_identity(), traces])
         self._journal = CacheJournal(self.cache, key, plan)
         return rows, missing_shards(all_shards(plan), taken), self._journal
 

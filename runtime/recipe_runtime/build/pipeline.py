@@ -35,7 +35,7 @@ from recipe_runtime.cache.store import Store, default_cache
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.versions import builder
+from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset.assembly import FrameAssembly
 from recipe_runtime.dataset.limits import check_bounds, check_plan
 from recipe_runtime.dataset.manifest import head, is_whole
@@ -141,7 +141,7 @@ def _build(
         counts = stages.run_all(work, out, recipe_files)
     if trusted:
         remember(store, out, dataset)
-    pruning.tidy(pruned, cache_limit)
+    pruning.auto_prune(pruned, cache_limit)
     manifest = read_manifest(out)
     assert manifest is not None
     provenance.record(out, manifest, source)
@@ -168,7 +168,7 @@ def kept_frames(dataset: DatasetPlan, out: Path, cache: Path | None = None) -> i
 
 
 def _workspace(dataset: DatasetPlan, out: Path, key: bytes, replace: bool = False) -> Workspace:
-    return Workspace(out, {**head(dataset), "builder": builder()}, replace=replace, key=key)
+    return Workspace(out, {**head(dataset), "builder": builder_identity()}, replace=replace, key=key)
 
 
 def _no_progress(stage: str, done: int, total: int) -> None:

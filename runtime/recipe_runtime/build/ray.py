@@ -31,7 +31,7 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.files import host_errors, link_or_copy, stamp_of, write_atomic
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.versions import renderer
+from recipe_runtime.core.versions import renderer_identity
 from recipe_runtime.dataset.schedule import Shard, simulations
 from recipe_runtime.frames.engines import real_engines
 
@@ -113,7 +113,7 @@ class RemoteWorker:
     """
 
     def __init__(self, job: Job, number: int, inputs: JobInputs, expected: str) -> None:
-        if renderer() != expected:
+        if renderer_identity() != expected:
             raise RunError(_OTHER_RELEASE)
         self._folder = tempfile.TemporaryDirectory(prefix="recipe-node-")
         self._root = Path(self._folder.name)
@@ -284,7 +284,7 @@ class _RemotePool:
         free = int(self._ray.available_resources().get(self._kind, 0)) if self._needs_workers() else 0
         for _ in range(min(self._count - len(self._workers), max(free, not self._workers))):
             number = len(self._workers)
-            self._workers.append(self._remote.remote(self._job_ref, number, self._inputs_ref, renderer()))
+            self._workers.append(self._remote.remote(self._job_ref, number, self._inputs_ref, renderer_identity()))
         for worker in self._workers:
             while self._rest and sum(other is worker for other, _ in self._pending.values()) < QUEUED:
                 shard = self._rest.popleft()

@@ -27,7 +27,7 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256, regular_file
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.versions import builder
+from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.manifest import DAMAGE
 from recipe_runtime.dataset.reader import Dataset
@@ -61,11 +61,11 @@ def earlier(store: Store, out: Path) -> Dataset | None:
 
 def _name(out: Path) -> str:
     manifest = hashlib.sha256((out / layout.MANIFEST).read_bytes()).hexdigest()
-    return digest("store/built/1", [manifest, builder()])
+    return digest("store/built/1", [manifest, builder_identity()])
 
 
 def _place(plan: DatasetPlan) -> str:
-    return digest("store/built-at/1", [plan.digest, builder()])
+    return digest("store/built-at/1", [plan.digest, builder_identity()])
 
 
 @dataclass

@@ -60,7 +60,7 @@ def excuse_of(stage: str, lock: Lockfile) -> str | None:
         stage: a stage, or `texts` or `card`.
         lock: the lockfile.
     """
-    reason = host.unfit(stage) or release_excuse(stage, lock)
+    reason = host.unsupported_reason(stage) or release_excuse(stage, lock)
     if reason:
         return reason
     if stage == "trace" and "glibc" not in lock.tools:

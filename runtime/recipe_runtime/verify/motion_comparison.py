@@ -83,7 +83,7 @@ def contradicting_body(lock: Lockfile, scene: ScenePlan, trace: Trace) -> str | 
     return next((actor for actor, row in rows.items() if row is not None and row != ours[actor]), None)
 
 
-def fit_traces(
+def matching_traces(
     plan: DatasetPlan, lock: Lockfile, traces: Mapping[str, Trace]
 ) -> tuple[list[Difference], dict[str, Trace]]:
     """Separate locked Traces, by scene digest, that have other frames, actors or parts than their scene.

@@ -169,7 +169,7 @@ def _checks(differences: list[Difference]) -> list[Check]:
 
 
 def _gpus() -> list[str]:
-    if host.cannot_render():
+    if host.cannot_render_reason():
         return []
     from recipe_runtime.render.device.setup import cuda_devices
 

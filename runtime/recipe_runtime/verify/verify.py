@@ -32,7 +32,7 @@ from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.files import has_content
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.versions import builder
+from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset import digests
 from recipe_runtime.dataset.reader import Dataset, Fault, damaged_files, text_differences
 from recipe_runtime.dataset.schedule import chosen_shards
@@ -56,7 +56,7 @@ from recipe_runtime.verify.motion_comparison import (
     MotionDifference,
     OtherMotion,
     contradicting_body,
-    fit_traces,
+    matching_traces,
     motion_difference,
     scenes_to_simulate,
     tracks_differ,
@@ -113,8 +113,8 @@ def verify(
     engines = engines or real_engines(Assets(asset_places(dataset) if dataset is not None else {}))
     choices = all_choices(plan)
     differences = _listed_differences(plan, lock, files, dataset)
-    unfit, locked_traces = fit_traces(plan, lock, traces or {})
-    differences += unfit
+    mismatches, locked_traces = matching_traces(plan, lock, traces or {})
+    differences += mismatches
     other = {d.variant for d in differences if d.stage == "plan"}
     chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
     if lacks_frames(plan, lock):  # the verdict is FAIL already, and the plan is untrusted
@@ -247,7 +247,7 @@ class _Check:
         drawn = {by_name[name].scene.digest for name, _, _ in chosen}
         scenes, self.notes = scenes_to_simulate(self.plan, self.lock, drawn, self.options.nonce)
         whole, found = self._motions(scenes)
-        reason = host.cannot_render() or self.engines.assets.missing(by_name[name] for name, _, _ in chosen)
+        reason = host.cannot_render_reason() or self.engines.assets.missing(by_name[name] for name, _, _ in chosen)
         if reason:
             return 0, [*found, Difference("observation", "no frame was rendered", reason)]
         chosen = [c for c in chosen if by_name[c[0]].scene.digest in whole]
@@ -327,7 +327,7 @@ class _Check:
         if self.cache is None:
             return None
         traces = {scene: trace.digest for scene, trace in self.simulated().items()}
-        parts = [self.plan.digest, builder(), traces, host.name(), list(job.devices)]
+        parts = [self.plan.digest, builder_identity(), traces, host.host_identity(), list(job.devices)]
         self._journal = CacheJournal(self.cache, canonical.digest("journal/verify/1", parts), self.plan)
         return Resumption(self._journal, self._are_the_datasets)
 
