@@ -26,13 +26,13 @@ from recipe_compiler.ir.plurals import count
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.core import layout
 
-MOST_PICTURES = 1_000_000  # frames times sensors times variants
+MAX_PICTURES = 1_000_000  # frames times sensors times variants
 MAX_ROWS = 600_000  # digests of frames: one for labels and one per modality
 MAX_FILES = 600_000  # files of a dataset, each of which has a row in the manifest
 MAX_POSES = 300_000  # of all distinct rigs
-MOST_STEPS = 100_000_000  # physics steps of all scenes
-MOST_METRES = 100_000.0
-MOST_SETTING = 1e6  # of a camera's parameters
+MAX_STEPS = 100_000_000  # physics steps of all scenes
+MAX_METRES = 100_000.0
+MAX_SETTING = 1e6  # of a camera's parameters
 
 
 def check_plan(dataset: DatasetPlan) -> None:
@@ -64,7 +64,7 @@ def check_bounds(dataset: DatasetPlan) -> None:
     if not found:
         scenes = {v.scene.digest: v.scene.clock for v in dataset.variants}.values()
         steps = sum(clock.frames * clock.steps_per_frame for clock in scenes)
-        found += [f"{steps} steps of simulation are over {MOST_STEPS}"] if steps > MOST_STEPS else []
+        found += [f"{steps} steps of simulation are over {MAX_STEPS}"] if steps > MAX_STEPS else []
     if found:
         raise InputError(Problem(message) for message in dict.fromkeys(found))
 
@@ -74,7 +74,7 @@ def _sums(dataset: DatasetPlan) -> Iterator[str]:
     frames = [(v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors]
     rigs = {v.rig.digest: v.rig for v in dataset.variants}
     numbers = (
-        (sum(number for number, _ in frames), MOST_PICTURES, "frames"),
+        (sum(number for number, _ in frames), MAX_PICTURES, "frames"),
         (row_count(dataset), MAX_ROWS, "digests of frames"),
         (file_count(dataset), MAX_FILES, "files"),
         (sum(len(sensor.poses) for rig in rigs.values() for sensor in rig.sensors), MAX_POSES, "poses of sensors"),
@@ -155,7 +155,7 @@ def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
     camera = sensor.camera
     if not (0 < camera.width <= MAX_PIXELS_A_SIDE and 0 < camera.height <= MAX_PIXELS_A_SIDE):
         yield f"a picture of {camera.width}x{camera.height} is over {MAX_PIXELS_A_SIDE}x{MAX_PIXELS_A_SIDE} or empty"
-    if not (0.0 < camera.fov < 180.0 and 0.0 < camera.near < camera.far <= MOST_METRES):
+    if not (0.0 < camera.fov < 180.0 and 0.0 < camera.near < camera.far <= MAX_METRES):
         yield f"a camera of {camera.fov} degrees from {camera.near} to {camera.far} m is invalid"
     if sensor.on is not None and sensor.on not in actors:
         yield f"it is mounted on {sensor.on!r}, which is not an actor"
@@ -173,7 +173,7 @@ def _response(sensor: SensorPlan, variant: ScenarioPlan) -> Iterator[str]:
     response, camera = variant.appearance.responses[sensor.name], sensor.camera
     numbers = [v for v in response.model_dump().values() if isinstance(v, float)]
     positive = response.shutter_speed, response.iso, response.fstop, response.gamma, response.temp
-    bounded = max(map(abs, numbers)) <= MOST_SETTING and min(positive) >= 0.01
+    bounded = max(map(abs, numbers)) <= MAX_SETTING and min(positive) >= 0.01
     offset = 0.0 <= response.chromatic_aberration_offset < 1.0
     if not (bounded and offset and 1 <= response.supersample <= 4 and abs(response.exposure_compensation) <= 30.0):
         yield "its camera response is invalid"
@@ -187,4 +187,4 @@ def _response(sensor: SensorPlan, variant: ScenarioPlan) -> Iterator[str]:
 
 
 def _beyond(metres: list[float]) -> bool:
-    return any(abs(value) > MOST_METRES for value in metres)
+    return any(abs(value) > MAX_METRES for value in metres)

@@ -64,7 +64,7 @@ def excuse_of(stage: str, lock: Lockfile) -> str | None:
     if reason:
         return reason
     if stage == "trace" and "glibc" not in lock.tools:
-        return "it is not said with which C library and Python it was made"
+        return "it does not state its versions of the C library and of Python"
     return _other_tools(stage, lock, _TOOLS_OF)
 
 

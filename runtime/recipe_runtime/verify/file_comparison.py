@@ -61,10 +61,10 @@ class FileComparison:
             return self._unlisted_pixels(path, at)
         unequal = first_difference(there, made)
         if unequal is not None and not unequal.count:
-            message = f"{path}: equal pixels, encoded otherwise"
+            message = f"{path}: equal pixels, different encoding"
             found = Difference("encoding", message, excuse_of("encoding", self.lock), *at)
         elif unequal is None:
-            found = Difference("file", f"{path} is another picture, or none", None, *at)
+            found = Difference("file", f"{path} is a different picture, or not a picture", None, *at)
         else:
             found = Difference("file", f"{path}: {unequal}", None, *at)
             found = replace(found, recorded=unequal.recorded, rendered=unequal.rendered)

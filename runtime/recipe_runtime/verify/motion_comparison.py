@@ -56,7 +56,7 @@ class MotionDifference:
 
 def motion_difference(lock: Lockfile, scene: ScenePlan, trace: Trace) -> MotionDifference:
     """How the locked motion of a scene differs from a Trace of another digest."""
-    ours, partings = digests.body_motions(trace), []
+    ours, divergences = digests.body_motions(trace), []
     locked = {actor: lock.bodies.get((scene.digest, actor)) for actor in ours}
     if all(locked[actor] == motion for actor, motion in ours.items()):
         return MotionDifference(CONTRADICTION, contradiction=True)
@@ -64,14 +64,14 @@ def motion_difference(lock: Lockfile, scene: ScenePlan, trace: Trace) -> MotionD
         row = locked[actor]
         at = digests.first_divergence(row, motion) if row else None
         if at:
-            partings.append((at[0], actor, at[1]))
-    if not partings:
+            divergences.append((at[0], actor, at[1]))
+    if not divergences:
         return MotionDifference("the motion differs from the one that was locked")
-    first, actor, last = min(partings)
+    first, actor, last = min(divergences)
     where = f"{digests.divergence_text(first, last)} (from step {first * scene.clock.steps_per_frame})"
-    bodies = f"{len(partings)} of {count(len(ours), 'body', 'bodies')} {form(len(partings), 'differs', 'differ')}"
+    bodies = f"{len(divergences)} of {count(len(ours), 'body', 'bodies')} {form(len(divergences), 'differs', 'differ')}"
     agreed = 0 if None in locked.values() else max(0, first - 1)
-    return MotionDifference(f"body {actor} parts {where}; {bodies}", agreed, recorded=True)
+    return MotionDifference(f"body {actor} diverges {where}; {bodies}", agreed, recorded=True)
 
 
 def contradicting_body(lock: Lockfile, scene: ScenePlan, trace: Trace) -> str | None:

@@ -1,4 +1,7 @@
-"""What lights an observation: shadow maps by sun, lamps and bodies by tile. All appearances of a frame share them."""
+"""The light sources of an observation: shadow maps by sun, lamps and bodies by tile.
+
+All appearances of a frame share them.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +33,8 @@ class TiledLights:
 
 
 @dataclass
-class _Found:
-    """What is known of one observation."""
+class _Cached:
+    """The light sources computed so far for one observation."""
 
     moving_beams: dict[bytes, list[Any]] = field(default_factory=dict)  # by the sun's direction
     nearby: dict[bool, TiledLights] = field(default_factory=dict)  # by whether lamps burn
@@ -43,10 +46,10 @@ class LightSources:
     def __init__(self, geometry: Geometry, device: str, timings: Timings) -> None:
         self._g, self._device, self._timings = geometry, device, timings
         self._maps = ShadowMaps(geometry, device)
-        self._found: WeakKeyDictionary[Observation, _Found] = WeakKeyDictionary()
+        self._found: WeakKeyDictionary[Observation, _Cached] = WeakKeyDictionary()
 
     def beams(self, obs: Observation, light: WeatherLight) -> DeviceArray:
-        """The four shadow maps of a sun, a struct array: static fine and coarse, moving fine and coarse."""
+        """Return the four shadow maps of a sun, a struct array: static fine and coarse, moving fine and coarse."""
         if not light.sun_shines:
             return struct_array([self._maps.none()] * 4, self._device)
         eye, ahead = obs.world_from_sensor[:, 3], obs.world_from_sensor[:, 0]
@@ -62,7 +65,7 @@ class LightSources:
         return struct_array([*static, *moving[sun]], self._device)
 
     def nearby(self, obs: Observation, lit: bool) -> TiledLights:
-        """The lamps, none unless `lit`, and the bodies about a camera, and their lists by tile."""
+        """Return the lamps (none unless `lit`) and the bodies near a camera, and their lists by tile."""
         nearby = self._of(obs).nearby
         if lit not in nearby:
             nearby[lit] = self._listed(obs, lit)
@@ -79,5 +82,5 @@ class LightSources:
         passes.list_lights(obs.keys, obs.camera, back, view, lamps, bodies, lists, device)
         return TiledLights(lamps, bodies, lists)
 
-    def _of(self, obs: Observation) -> _Found:
-        return self._found.setdefault(obs, _Found())
+    def _of(self, obs: Observation) -> _Cached:
+        return self._found.setdefault(obs, _Cached())

@@ -28,7 +28,7 @@ from recipe_runtime.render.shadows import shadow_kernels
 
 @dataclass(frozen=True)
 class ShadingInputs:
-    """What shades the samples of one appearance, each a struct array on the device."""
+    """The inputs of shading for one appearance, each a struct array on the device."""
 
     colours: DeviceArray  # SurfaceColours
     air: DeviceArray
@@ -40,7 +40,7 @@ class ShadingInputs:
 
 @dataclass(frozen=True)
 class ReflectionView:
-    """What reflection reads: depth float32 [H * W], each pixel's first sample int32 [H * W], the camera."""
+    """The inputs of reflection: depth float32 [H * W], each pixel's first sample int32 [H * W], the camera."""
 
     camera: CameraPlan
     depth: DeviceArray
@@ -58,7 +58,7 @@ def list_lights(
     out_lists: TileLists,
     device: str,
 ) -> None:
-    """List the lamps, the bodies and the glows that reach each tile."""
+    """List the lamps, bodies and glows that affect each tile."""
     launch(
         tile_list_kernels.cull_lights,
         out_lists.tiles,
@@ -184,7 +184,7 @@ def trace_rays(
     out_rays: RayBuffers,
     device: str,
 ) -> None:
-    """Follow the mirrored ray of each block of 2 x 2 pixels."""
+    """Trace the reflected ray of each block of 2 x 2 pixels."""
     rows, columns = -(-view.camera.height // 2), -(-view.camera.width // 2)
     blocks_per_thread = columns if device == "cpu" else 1  # a GPU has threads to spare
     launch(
@@ -209,7 +209,7 @@ def trace_rays(
 def collect_reflective(
     samples: DeviceArray, mirror: DeviceArray, count: int, out_count: DeviceArray, out_samples: DeviceArray, device: str
 ) -> None:
-    """List those of the first `count` samples that mirror anything."""
+    """List those of the first `count` samples that reflect anything."""
     launch(
         reflection_reuse_kernels.collect_reflective,
         count,
@@ -232,7 +232,7 @@ def stale_reflections(
     out_samples: DeviceArray,
     device: str,
 ) -> None:
-    """List those of the reflective samples whose mirrored light may have changed."""
+    """List those of the reflective samples whose reflection may have changed."""
     launch(
         reflection_reuse_kernels.stale_reflections,
         reflective.size,
@@ -260,7 +260,7 @@ def reflect(
     out_sources: DeviceArray,
     device: str,
 ) -> None:
-    """Add what wet ground mirrors to `light.shown`."""
+    """Add the reflection on wet ground to `light.shown`."""
     launch(
         reflection_kernels.reflect,
         threads,

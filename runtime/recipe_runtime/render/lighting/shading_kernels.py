@@ -1,7 +1,7 @@
-"""Shading: the light that leaves each sample towards the eye, after the air between.
+"""Shading: the radiance from each sample towards the eye, including the air between.
 
-Sun, sky, bounced light and lamps fall on a surface (see `materials`); a coat of paint, glass or water reflects the sky
-over it. Radiance is linear and relative (see `air`).
+Sun, sky, indirect light and lamps illuminate a surface (see `materials`); a coat of paint, glass or water reflects the
+sky. Radiance is linear and relative (see `Air`).
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -45,12 +45,12 @@ from recipe_runtime.render.texture.images import SurfaceColours, image_at
 
 wp.set_module_options(OPTIONS)
 
-MAX_LEAF_DISTANCE = wp.constant(wp.float32(40.0))  # metres, beyond which no leaf is seen to move
+MAX_LEAF_DISTANCE = wp.constant(wp.float32(40.0))  # metres beyond which the motion of leaves is not visible
 
 
 @wp.func
 def moving_shadow(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
-    """The share of the sun that what moves leaves to a point (maps 2, 3)."""
+    """Return the share of the sun that moving objects leave to a point (maps 2 and 3)."""
     moving = wp.int32(2)
     if not map_contains(beams, moving, p):
         moving = wp.int32(3)
@@ -59,9 +59,9 @@ def moving_shadow(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.floa
 
 @wp.func
 def sun_share(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
-    """The share of the sun that reaches a point past all, and what it would be past what moves alone.
+    """Return the share of the sun that reaches a point, and the share that moving objects alone would leave.
 
-    The latter is 1 where the static scene (maps 0, 1) already blocks the sun.
+    The latter is 1 where the static scene (maps 0 and 1) already blocks the sun.
     """
     still = wp.int32(0)
     if not map_contains(beams, still, p):
@@ -85,7 +85,7 @@ def is_light_unchanged(
     p: wp.vec3f,
     n: wp.vec3f,
 ) -> bool:
-    """Whether a static sample's light is that of the frame before: nothing that moves affects it."""
+    """Return whether a static sample's light equals that of the earlier frame: no moving object affects it."""
     if reuse_class == TOUCHED:
         return False
     bits = previous[0].tiles[tile]
@@ -102,7 +102,7 @@ def is_light_unchanged(
 
 @wp.func
 def fresnel(coat: wp.float32, gloss: wp.float32, cosine: wp.float32) -> wp.float32:
-    """Schlick's reflectance; a rough surface never becomes the mirror at grazing that a smooth one does."""
+    """Return Schlick's reflectance, reduced for rough surfaces at grazing angles."""
     m = 1.0 - clamp01(cosine)
     m2 = m * m
     return coat + (maximum(gloss * gloss * gloss, coat) - coat) * m2 * m2 * m
@@ -110,7 +110,7 @@ def fresnel(coat: wp.float32, gloss: wp.float32, cosine: wp.float32) -> wp.float
 
 @wp.func
 def specular(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.float32:
-    """A highlight's strength (Trowbridge and Reitz), for light along `to` and the eye along `back`."""
+    """Return the strength of a highlight (Trowbridge-Reitz) for light along `to` and the eye along `back`."""
     h = normalize(to + back)
     c = clamp01(dot(n, h))
     rough = 1.02 - gloss
@@ -123,7 +123,7 @@ def specular(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp
 def sky_reflection(
     air: wp.array[Air], m: Material, p: wp.vec3f, sight: wp.vec3f, facing: wp.float32, open_sky: wp.float32
 ) -> wp.vec3f:
-    """What a glossy surface reflects of the sky; rough ones see it from a little higher, and less of it at grazing."""
+    """Return the sky that a glossy surface reflects; rough surfaces reflect a higher part, and less when grazing."""
     n = m.normal
     r = sight + n * (2.0 * facing)
     rough = 1.0 - m.gloss
@@ -138,14 +138,14 @@ def sky_reflection(
 
 @wp.func
 def sky_through_fog(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f) -> wp.vec3f:
-    """The sky along a unit direction, behind the fog before it: the lower, the longer the way through the fog."""
+    """Return the sky along a unit direction behind fog; the path through the fog is longer near the horizon."""
     far = 300.0 / (maximum(d[2], 0.0) + 0.06)
     return apply_fog(air, sky(air, d), d, transmittance(air, eye[2], eye[2] + d[2] * far, far))
 
 
 @wp.func
 def open_sky(left: wp.float32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
-    """The share of the sky that a point sees past the street before it, of what bodies beside it leave."""
+    """Return the share of the sky that a point sees between the houses, of the share `left` by nearby bodies."""
     if n[2] < 0.5 and p[2] < 3.0:
         # Walls see less of the sky near the ground.
         low = 1.0 / (1.0 + maximum(p[2], 0.0) * 2.0)
@@ -155,7 +155,7 @@ def open_sky(left: wp.float32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
 
 @wp.func
 def add_sun(air: wp.array[Air], beams: wp.array[Sunbeam], m: Material, p: wp.vec3f, back: wp.vec3f, light: wp.vec3f):
-    """Add the sun to the light on a point; its highlight, and the share that what moves leaves of it, come along."""
+    """Add the sun to the light on a point; return also its highlight, and the share that moving objects leave."""
     to_sun = dot(m.normal, air[0].sun)
     left = wp.float32(0.0)
     past = wp.float32(1.0)
@@ -183,7 +183,7 @@ def add_lamps(
     light: wp.vec3f,
     shine: wp.vec3f,
 ):
-    """Add the lamps of a tile, one after the other, to the light on a point and to its highlights."""
+    """Add a tile's lamps, in order, to the light on a point and to its highlights."""
     for k in range(lists[tile, 0]):
         lamp = lists[tile, k + 1]
         fall = lamp_light(lamps, lamp, p, m.normal)
@@ -200,7 +200,7 @@ def add_lamps(
 
 @wp.func
 def swaying_phase(air: wp.array[Air], pattern: wp.int32, p: wp.vec3f, to_point: wp.vec3f) -> wp.int32:
-    """The phase of leaves or grass at a point, if they are seen to move in the wind; -1 for all else."""
+    """Return the phase of leaves or grass that visibly move in the wind; -1 for everything else."""
     phase = wp.int32(-1)
     swaying = air[0].leaf_motion > 0.0 and (pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS)
     if swaying:
@@ -220,7 +220,7 @@ def dry_material(
     pattern: wp.int32,
     n: wp.vec3f,
 ) -> Material:
-    """The dry material of a sample of a surface, in the colours of the surface and of its image, if it has one."""
+    """Return the dry material of a sample, with the colours of its surface and image."""
     detail = samples[0].details[i]
     first = colours[0].first[surface]
     second = colours[0].second[surface]
@@ -243,8 +243,8 @@ def weathered_material(
     distance: wp.float32,
     m: Material,
 ) -> Material:
-    """The material of a sample in rain and wind; `phase` is what `swaying_phase` found."""
-    # (Parts of a material are assigned one by one: the choice between two whole ones would go through memory.)
+    """Return the material of a sample with rain and wind; `phase` is that of `swaying_phase`."""
+    # (Fields are assigned one by one: a choice between two structs would go through memory.)
     if air[0].wet > 0.0:
         low = samples[0].puddle_depths[i]
         if air[0].puddles > MIN_DEPOSITS and low == UNKNOWN_DEPTH and m.normal[2] > LEVEL and is_paved(pattern):
@@ -272,7 +272,7 @@ def write_light(
     out_mirror: wp.array[wp.vec2f],
     out_shown: wp.array[wp.vec3f],
 ):
-    """Write a sample's light, and how wet ground mirrors there; `reflect` writes what is shown of the latter."""
+    """Write a sample's light and its mirror reflection; `reflect` writes what is reflected."""
     out_mirror[i] = wp.vec2f(mirrored, gloss)
     out_radiance[i] = radiance
     if air[0].wet > 0.0 and mirrored <= 0.0:
@@ -304,7 +304,7 @@ def shade_surface(
     sight = to_point * (1.0 / maximum(distance, 1.0e-4))
     facing = -dot(n, sight)
     if facing < 0.0:
-        # A smoothed normal may turn away at a silhouette; bring it back to the edge.
+        # At a silhouette a smoothed normal may point away from the eye: move it to the edge.
         n = normalize(n - sight * (facing * -1.0))
         facing = wp.float32(0.0)
     m = dry_material(samples, colours, air, i, surface, pattern, n)
@@ -349,14 +349,15 @@ def shade_samples(
     out_reuse_class: wp.array[wp.uint8],
     out_shown: wp.array[wp.vec3f],
 ):
-    """Linear radiance of every dirty sample.
+    """Write the linear radiance of every dirty sample.
 
-    Wet ground's reflection is left to `reflect`, its share and gloss in `out_mirror`; what mirrors nothing is
-    written to `out_shown` unchanged where anything is wet. `collect_dirty` reads `out_reuse_class` a frame later.
+    The reflection on wet ground is added by `reflect`, from the share and gloss in `out_mirror`; samples without a
+    reflection are written to `out_shown` unchanged if anything is wet. `collect_dirty` reads `out_reuse_class` in a
+    later frame.
     """
     i = dirty_sample(dirty, wp.tid())
     tile = samples[0].tiles[i]
-    if tile < 0:  # a slot that no sample took
+    if tile < 0:  # an unused slot
         return
     tile = nonnegative(tile)
     eye = samples[0].eye
@@ -373,8 +374,8 @@ def shade_samples(
     surface = nonnegative(surface)
     pattern = colours[0].pattern[surface]
     phase = swaying_phase(air, pattern, p, to_point)
-    # (A dirty leaf is shaded: `is_light_unchanged` does not know how the wind has turned it. A normal that turns away
-    # is bent first, below: these are few.)
+    # (Leaves are always shaded: `is_light_unchanged` does not know how the wind has moved them. So are samples whose
+    # normal points away from the eye, which is corrected below: they are few.)
     if (
         i < previous[0].shared_count
         and phase < 0
