@@ -293,7 +293,7 @@ def test_a_renamed_recipe_keeps_its_lockfile_from_others(recipe: Run) -> None:
     assert (told.exit_code, told.stdout.startswith(says)) == (0, True), told.stdout
     after = lockfile.read(Path("lockfiles/small.lock"))
     assert after.source == "../renamed.yaml" and set(after.files) == {"renamed.yaml"}
-    assert after.means_the_same(before) and after.identity == before.identity
+    assert after.equals_but_for_text(before) and after.identity == before.identity
     write("other.yaml", OTHER_PLAN)
     for arguments in (("lock", "other.yaml", "--update"), ("verify", "other.yaml"), ("build", "other.yaml")):
         with pytest.raises(InputError, match=r"small\.lock is the lockfile of renamed\.yaml, another recipe"):

@@ -145,7 +145,7 @@ class WorkerPool:
             self._feed(pipe, rest)
 
     def lost(self, pipe: End) -> RunError:
-        """The error for a worker that ended early; it names the shard that the worker was rendering."""
+        """Return the error for a worker that ended early; it names the shard that the worker was rendering."""
         process, shard = self._processes[pipe], self._busy.get(pipe)
         with suppress(subprocess.TimeoutExpired):
             process.wait(5)

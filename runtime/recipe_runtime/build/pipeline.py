@@ -40,7 +40,15 @@ from recipe_runtime.dataset.assembly import FrameAssembly
 from recipe_runtime.dataset.limits import check_bounds, check_plan
 from recipe_runtime.dataset.manifest import head, is_whole
 from recipe_runtime.dataset.manifest_types import Manifest
-from recipe_runtime.dataset.schedule import SHARD_FRAMES, Shard, Taken, all_shards, missing_shards, simulations, views
+from recipe_runtime.dataset.schedule import (
+    SHARD_FRAMES,
+    ReusedFrames,
+    Shard,
+    all_shards,
+    missing_shards,
+    simulations,
+    views,
+)
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 
 
@@ -211,7 +219,7 @@ class _Stages:
         with self._early_pool(job, work, new) as run:
             assembly = self._simulate()
             reuse = Reuse(self.dataset, self.examined.held if self.examined else earlier(store, out))
-            taken = self._take_over(work, assembly, reuse)
+            taken = self._reuse_frames(work, assembly, reuse)
             if self.explain:
                 self.explain(list(reasons(reuse, [scene.digest for scene in new], taken)))
             shards = missing_shards(all_shards(self.dataset, self.shard_frames), taken)
@@ -233,7 +241,7 @@ class _Stages:
 
     @contextmanager
     def _early_pool(self, job: Job, work: Workspace, new: list[ScenePlan]) -> Iterator[Runner]:
-        """The runner to use. Where there is one new scene, its workers start and load it while it is simulated."""
+        """Return the runner. If there is one new scene, workers start and load it while it is simulated."""
         single = len(simulations(self.dataset)) == 1 and not self.examined  # otherwise the shards are not known yet
         if new and single and self.workers and self.run is local.run:
             seen, shards = views(self.dataset), all_shards(self.dataset, self.shard_frames)
@@ -255,7 +263,7 @@ class _Stages:
         return assembly
 
     def _trace_digests(self, scenes: list[ScenePlan]) -> Iterator[tuple[ScenePlan, str]]:
-        """Each scene with its Trace's digest. Two threads: each simulation runs in a process of its own."""
+        """Yield each scene with its Trace's digest, in two threads: each simulation runs in a process of its own."""
         if len(scenes) == 1:
             yield scenes[0], self._trace(scenes[0]).digest
             return
@@ -269,10 +277,10 @@ class _Stages:
                 raise
 
     def _trace(self, scene: ScenePlan) -> Trace:
-        """A scene's Trace, from the store or simulated."""
+        """Return a scene's Trace, from the store or simulated."""
         return Store(self.job.cache).trace(scene, lambda: self.job.engines.simulate(scene))
 
-    def _take_over(self, work: Workspace, assembly: FrameAssembly, reuse: Reuse) -> dict[int, Taken]:
+    def _reuse_frames(self, work: Workspace, assembly: FrameAssembly, reuse: Reuse) -> dict[int, ReusedFrames]:
         """Link the frames that an earlier dataset shares with this one; return them by the number of the view."""
         found, seen = {}, views(self.dataset)
         for number, view in enumerate(seen):
@@ -284,7 +292,7 @@ class _Stages:
                 records = reuse.take(work, view, variants)
             if records:
                 frames = tuple(record["frame"] for record in records)
-                found[number] = Taken(variants, frozenset(frames))
+                found[number] = ReusedFrames(variants, frozenset(frames))
                 assembly.add(Shard(number, frames, variants), records)
         if found:
             self.progress("reuse", len(seen), len(seen))

@@ -74,21 +74,21 @@ class ShardResult:
 
 @dataclass(frozen=True)
 class JobInputs:
-    """The inputs that a node needs besides the job, by digest: the Traces of the scenes and the recipe's files."""
+    """The inputs of a node besides the job, by digest: Traces of the scenes, and files of the recipe."""
 
     traces: dict[str, bytes]
     assets: dict[str, bytes]
 
     @classmethod
     def of(cls, job: Job) -> JobInputs:
-        """The inputs of all of a job's frames."""
+        """Return the inputs of all of a job's frames."""
         store, scenes = Store(job.cache), simulations(job.dataset)
         traces = {s.digest: store.trace(s, partial(job.engines.simulate, s)).to_bytes() for s in scenes}
         files = {sha256: file for variant in job.dataset.variants for sha256, file in variant.files.items()}
         return cls(traces, {sha256: job.engines.assets.content(file) for sha256, file in sorted(files.items())})
 
     def unpack(self, job: Job, root: Path) -> Job:
-        """Write the inputs below `root`, and return the job with a node's own folders."""
+        """Write the inputs below `root`, and return the job with the node's own folders."""
         store, places = Store(root / "cache"), {}
         for scene in simulations(job.dataset):
             store.keep_trace(scene, Trace.from_bytes(self.traces[scene.digest]))
@@ -315,7 +315,7 @@ class _RemotePool:
 
 
 def _capacity(ray: ModuleType, job: Job) -> int:
-    """The number of workers that the cluster has room for."""
+    """Return the number of workers for which the cluster has room."""
     kind = "CPU" if job.devices == ("cpu",) else "GPU"
     capacity = int(ray.cluster_resources().get(kind, 0))
     if capacity < 1:
@@ -347,6 +347,6 @@ def _place(job: Job, shard: Shard) -> str:
 
 
 def _line(error: object) -> str:
-    """The last line of an error's text that is not empty."""
+    """Return the last line of an error's text that is not empty."""
     lines = [line for line in str(error).splitlines() if line.strip()]
     return lines[-1].strip() if lines else type(error).__name__

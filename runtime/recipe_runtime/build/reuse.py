@@ -31,7 +31,7 @@ from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.manifest import DAMAGE
 from recipe_runtime.dataset.reader import Dataset
-from recipe_runtime.dataset.schedule import Shard, Taken, View, views
+from recipe_runtime.dataset.schedule import ReusedFrames, Shard, View, views
 from recipe_runtime.dataset.text_files import instances_of, labels_of
 
 
@@ -172,13 +172,13 @@ class Reuse:
         return self._seen[view.key]
 
 
-def reasons(reuse: Reuse, simulated: Sequence[str], taken: Mapping[int, Taken]) -> Iterator[str]:
+def reasons(reuse: Reuse, simulated: Sequence[str], reused: Mapping[int, ReusedFrames]) -> Iterator[str]:
     """Yield one line per stage that explains why it runs or is skipped.
 
     Args:
         reuse: what the earlier dataset provides.
         simulated: digests of the scenes whose motion is not in the cache.
-        taken: what was reused of each view.
+        reused: what was reused of each view.
     """
     plan = reuse.plan
     scenes = len({v.scene.digest for v in plan.variants})
@@ -187,7 +187,7 @@ def reasons(reuse: Reuse, simulated: Sequence[str], taken: Mapping[int, Taken]) 
     else:
         yield f"simulate nothing: the motion of {count(scenes, 'scene')} is in the cache"
     for number, view in enumerate(views(plan)):
-        covered, there = reuse.covered(view), taken.get(number, Taken((), frozenset()))
+        covered, there = reuse.covered(view), reused.get(number, ReusedFrames((), frozenset()))
         names = [plan.variants[n].variant for n in view.variants if n not in covered]
         where = f"{view.sensor.name}, {count(view.scene.clock.frames, 'frame')}"
         if covered:

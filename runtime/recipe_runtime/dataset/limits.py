@@ -36,7 +36,11 @@ MAX_SETTING = 1e6  # of a camera's parameters
 
 
 def check_plan(dataset: DatasetPlan) -> None:
-    """Check that a plan's dataset can be written and annotated; InputError otherwise."""
+    """Check that a plan's dataset can be written and annotated.
+
+    Raises:
+        InputError: it cannot.
+    """
     layout.check_names(dataset)
     for scene in {v.scene.digest: v.scene for v in dataset.variants}.values():
         for actor in scene.actors:
@@ -47,9 +51,10 @@ def check_plan(dataset: DatasetPlan) -> None:
 
 
 def check_bounds(dataset: DatasetPlan) -> None:
-    """Check that a plan could result from a recipe and is not larger than any that this project builds.
+    """Check that a plan could result from a recipe, and is not larger than any that this project builds.
 
-    Else InputError.
+    Raises:
+        InputError: it could not, or is too large.
     """
     if not dataset.variants:
         raise InputError("the plan has no variants")
@@ -58,7 +63,7 @@ def check_bounds(dataset: DatasetPlan) -> None:
     scenes_of = {v.scene.digest: v.scene for v in dataset.variants}
     towns_of = {scene.town.digest: scene.town for scene in scenes_of.values()}
     found = [p for town in towns_of.values() for p in plan_bounds.town_faults(town.elements)]
-    found += [p for scene in scenes_of.values() for p in [*_clock(scene), *_cast(scene)]]
+    found += [p for scene in scenes_of.values() for p in [*_clock(scene), *_actors_and_town(scene)]]
     found += [p for v in dataset.variants for p in [*_props(v), *_rig(v.rig, v)]]
     found += _sums(dataset)
     if not found:
@@ -70,7 +75,7 @@ def check_bounds(dataset: DatasetPlan) -> None:
 
 
 def _sums(dataset: DatasetPlan) -> Iterator[str]:
-    """Check the numbers of frames, digests, files and poses of the whole dataset."""
+    """Yield the totals of the whole dataset that exceed their limits: frames, digests, files and poses."""
     frames = [(v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors]
     rigs = {v.rig.digest: v.rig for v in dataset.variants}
     numbers = (
@@ -91,7 +96,7 @@ def row_count(dataset: DatasetPlan) -> int:
 
 
 def file_count(dataset: DatasetPlan) -> int:
-    """Return the number of files of the plan's dataset, too high by at most a dozen, without listing them."""
+    """Return an upper bound of the number of files of the plan's dataset, at most a dozen too high."""
     masks = "mots_png" in dataset.annotations
     total = 12
     for variant in dataset.variants:
@@ -107,10 +112,10 @@ def _clock(scene: ScenePlan) -> Iterator[str]:
         yield f"a clock of {clock.fps} fps, {clock.frames} frames and {clock.physics} steps per second is invalid"
 
 
-def _cast(scene: ScenePlan) -> Iterator[str]:
+def _actors_and_town(scene: ScenePlan) -> Iterator[str]:
     if len(scene.actors) > MAX_ACTORS or len(scene.town.elements) > MAX_ELEMENTS:
-        cast, things = count(len(scene.actors), "actor"), count(len(scene.town.elements), "thing")
-        yield f"{cast} and {things} of the town are over the limit"
+        actors, elements = count(len(scene.actors), "actor"), count(len(scene.town.elements), "element")
+        yield f"{actors} and {elements} of the town are over the limit"
     if len({a.name for a in scene.actors}) < len(scene.actors):
         yield "two actors have one name"
     if len({(a.tag, a.instance) for a in scene.actors}) < len(scene.actors):
@@ -166,7 +171,7 @@ def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
 
 
 def _response(sensor: SensorPlan, variant: ScenarioPlan) -> Iterator[str]:
-    """Yield violations of the limits within which a picture can be rendered.
+    """Yield the settings of a camera response with which no picture can be rendered.
 
     The recipe language has narrower limits.
     """

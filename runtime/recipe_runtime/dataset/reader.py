@@ -217,7 +217,7 @@ class _LabelledFrames(Sequence[FrameRecord]):
 
 
 def tracks_difference(dataset: Dataset, variant: ScenarioPlan, trace: Trace) -> list[Fault]:
-    """How a variant's `tracks.csv` differs from the one that a Trace makes; no fault if it does not."""
+    """Return the fault of a variant's `tracks.csv` if it differs from that of a Trace."""
     path = layout.tracks_file(variant.variant)
     return _pieces_difference(dataset.root, path, tracks_csv(variant.scene, trace))
 

@@ -81,10 +81,10 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse
 
 
 def compare_manifest(plan: DatasetPlan, dataset: Dataset) -> list[Difference]:
-    """Compare what no identity covers in a dataset's manifest: the description, and the variants' plan digests.
+    """Compare the parts of a dataset's manifest that no identity covers: description, and plan digests of the variants.
 
     Args:
-        plan: the plan of the recipe at hand, or the dataset's own.
+        plan: the plan of the recipe or, without a recipe, the dataset's own.
         dataset: the dataset; each plan digest is compared with the plan in its folder.
     """
     found, excuse = [], excuse_of("plan", dataset.lock)
@@ -124,7 +124,7 @@ def _body_keys(plan: DatasetPlan) -> set[tuple[str, str]]:
 
 
 def lacks_frames(plan: DatasetPlan, lock: Lockfile) -> bool:
-    """Whether a lockfile of exactly this plan lacks the digests of some frames."""
+    """Return whether a lockfile of exactly this plan lacks the digests of some frames."""
     if digests.bare(plan, "", {}).variants != lock.variants:
         return False
     return any(key not in lock.frames for key in digests.frame_keys(plan))

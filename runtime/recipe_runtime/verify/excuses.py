@@ -54,7 +54,7 @@ _MAX_STAGE = 1000
 
 
 def excuse_of(stage: str, lock: Lockfile) -> str | None:
-    """Return the reason why this host need not agree with a lockfile of unknown origin, or None if it must.
+    """Return the reason why this host may differ from a lockfile of unknown origin at a stage, or None.
 
     Args:
         stage: a stage, or `texts` or `card`.
@@ -69,7 +69,7 @@ def excuse_of(stage: str, lock: Lockfile) -> str | None:
 
 
 def own_excuse_of(stage: str, golden: Lockfile) -> str | None:
-    """Return the reason why this host need not agree with the golden lockfile, whose origin is known, or None."""
+    """Return the reason why this host may differ from the golden lockfile, whose origin is known, or None."""
     return excuse_of(stage, golden) or _other_tools(stage, golden, _OWN_TOOLS_OF)
 
 

@@ -37,7 +37,7 @@ def recipe_differences(
 
 
 def _compare_recipe(dataset: Dataset, allow_large: bool) -> tuple[list[Difference], Mapping[str, str] | None]:
-    """Return how the recipe differs from the dataset, and the SHA-256 of its files; None if it was not compiled."""
+    """Compare the recipe with the dataset; return also the SHA-256 of its files, or None if it was not compiled."""
     place = dataset.recipe_file
     if place is None or regular_file(dataset.root, place) is None:
         return [], None

@@ -111,7 +111,7 @@ def read(path: Path, locked: Mapping[str, str], limits: Mapping[str, int]) -> di
 
 
 def size_limits(plan: DatasetPlan) -> dict[str, int]:
-    """The most bytes of each scene's Trace."""
+    """Return the maximal size in bytes of each scene's Trace."""
     scenes = {variant.scene.digest: variant.scene for variant in plan.variants}
     return {
         digest: min(MAX_BYTES, _MAX_HEADER + _MAX_POSE * scene.clock.frames * len(scene.actors))
