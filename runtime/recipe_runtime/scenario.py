@@ -29,7 +29,7 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array
-from recipe_runtime.core.versions import builder
+from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.source import SceneSource
 
@@ -246,7 +246,9 @@ class Scenario(Sequence[Frame]):
     def _key(self, frame: int, plan: SensorPlan, modality: str) -> str:
         """Return the cache key of these pixels: a digest of plans, frame, modality and code."""
         colour = self.plan.appearance.digest if modality == "rgb" else ""
-        return digest("store/pixels/1", [self.plan.scene.digest, plan.document(), colour, modality, frame, builder()])
+        return digest(
+            "store/pixels/1", [self.plan.scene.digest, plan.document(), colour, modality, frame, builder_identity()]
+        )
 
     def _number(self, frame: int) -> int:
         if not -len(self) <= frame < len(self):

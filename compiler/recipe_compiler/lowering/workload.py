@@ -76,7 +76,7 @@ def _has_image_filters(camera: _ImageFilters) -> bool:
 
 
 def _samples(camera: optics.Lens, supersample: int) -> int:
-    width, height, _ = optics.plate_size(camera, supersample)
+    width, height, _ = optics.undistorted_size(camera, supersample)
     return width * height
 
 

@@ -51,7 +51,7 @@ _TABLES: Final[tuple[Literal["files", "pictures"], ...]] = ("files", "pictures")
 
 
 def head(dataset: DatasetPlan) -> ManifestHead:
-    """The part of a manifest that is known before the build. Builds with equal heads produce the same dataset."""
+    """Return the part of a manifest that is known before the build; equal heads produce equal datasets."""
     return {
         "format": FORMAT,
         "recipe": dataset.recipe,
@@ -139,7 +139,7 @@ def listed_files(manifest: Manifest) -> dict[str, tuple[int, str]]:
 
 
 def stays_inside(path: str) -> bool:
-    """Whether a relative path stays within its folder."""
+    """Return whether a relative path stays within its folder."""
     parts = path.split("/")
     return path.isprintable() and "\\" not in path and not any(part in ("", ".", "..") for part in parts)
 
@@ -177,7 +177,7 @@ def lock_of(manifest: Manifest, source: str = "", files: dict[str, str] | None =
 
 
 def is_whole(manifest: Manifest, dataset: DatasetPlan, root: Path) -> bool:
-    """Whether a folder contains exactly this dataset, judging by its manifest and its files' sizes.
+    """Return whether a folder contains exactly this dataset, judging by its manifest and its files' sizes.
 
     The content of the files is not read; `recipe verify` checks it, and `recipe build --repair` repairs it.
     """
@@ -190,7 +190,7 @@ def is_whole(manifest: Manifest, dataset: DatasetPlan, root: Path) -> bool:
 
 
 def is_of(manifest: Manifest, dataset: DatasetPlan) -> bool:
-    """Whether a manifest has the digests of this plan and these tools, and its identity matches its digests."""
+    """Return whether a manifest has the digests of this plan and these tools, and its identity matches its digests."""
     if {key: manifest.get(key) for key in head(dataset)} != head(dataset) or manifest.get("tools") != tool_versions():
         return False
     try:

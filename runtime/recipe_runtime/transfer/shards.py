@@ -239,7 +239,7 @@ def _whole(dataset: Dataset, path: str) -> bytes:
     except OSError as error:
         raise RunError(f"{dataset.root / path} cannot be read: {error.strerror}") from None
     if len(body) != size or hashlib.sha256(body).hexdigest() != sha256:
-        raise _damaged(dataset, f"{path} has other bytes than the manifest says")
+        raise _damaged(dataset, f"{path} differs from its SHA-256 in the manifest")
     return body
 
 
