@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from recipe_compiler.compile import compile_recipe
@@ -60,7 +58,7 @@ def source(walk: ScenarioPlan) -> SceneSource:
 
 
 def test_an_actors_origin_is_near_the_ground(source: SceneSource) -> None:
-    """The arm's start, so many metres above it, is therefore in the middle of a person, whose walk moves it a little."""
+    """The arm's start, so many metres above it, is therefore in the middle of a person. Walking moves it a little."""
     heights = source.trace.positions[:, source.trace.base_part("hero"), 2] / METRE
     assert np.abs(heights - 0.15).max() < 0.07  # on a sidewalk
 
