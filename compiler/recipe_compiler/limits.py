@@ -80,6 +80,7 @@ class View:
     poses: int = 1
     still: bool = True  # neither in motion nor mounted on an actor
     finished: bool = False  # with motion blur or bloom
+    interval: int = 1  # frames of the clip from one of its own to the next
 
 
 @dataclass(frozen=True)
@@ -245,9 +246,14 @@ def _kinds(view: View, depth: str) -> list[str]:
     return ["depth-npy" if (m, depth) == ("depth", "npy") else m for m in view.capture if m != "rgb"]
 
 
+def _clip(load: Load) -> int:
+    """The number of frames of a clip, as near as its sensors tell it."""
+    return max((view.frames * view.interval for view in load.views), default=0)
+
+
 def _simulating(load: Load) -> float:
     """Seconds to simulate a scene."""
-    frames = max((view.frames for view in load.views), default=0)
+    frames = _clip(load)
     steps = load.steps * (_STEP + load.actors * _STEP_ACTOR)
     return _START_SIMULATION + load.actors * (_SIMULATE_ACTOR + frames * _POSE_ACTOR) + steps
 
@@ -291,7 +297,7 @@ def _disk(loads: Sequence[Load], scenes: Iterable[Load], observed: Iterable[Load
     labelled = sum(view.frames * load.actors * _SEEN for load in loads for view in load.views)
     element, actor = _PLAN_BYTES
     plans = sum(_blocks(load.elements * element + load.actors * actor) for load in loads)
-    tracks = sum(_blocks(max((v.frames for v in s.views), default=0) * s.actors * _TRACK_BYTES) for s in scenes)
+    tracks = sum(_blocks(_clip(s) * s.actors * _TRACK_BYTES) for s in scenes)
     rate, most, most_of_all = _PREVIEW
     seen = [min(rate * v.pixels, most) for load in loads for v in load.views if "rgb" in v.capture]
     return frames + plans + tracks + _blocks(labelled * _LABEL_BYTES) + _blocks(min(sum(seen), most_of_all))

@@ -107,7 +107,7 @@ class Lowering:
         self._once_reporting(seen, parts, lambda: self.warnings.extend(lint.of_cameras(variant.base, rig, town)))
         viewed = ("mounts", id(base.actors), id(base.traffic), *seen[1:])
         shared = (*parts, base.actors, base.traffic)
-        of_views = plausibility.of_views(variant.base, rig, scene.plan.actors)
+        of_views = plausibility.of_views(variant.base, rig, scene.plan.actors, base.clock.frames)
         self._once_reporting(viewed, shared, lambda: self.warnings.extend(of_views))
         numbers, where = self._weather_and_sun(variant, base)
         appearance = AppearancePlan(

@@ -40,6 +40,7 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
             base.clock.frames if s.motion != Motion() else 1,
             s.motion == Motion() and s.mount.on is None,
             _has_image_filters(s.camera),
+            interval_of(s.tick, base.clock.fps),
         )
         for s in base.sensors.values()
     )
@@ -93,6 +94,7 @@ def measured(plan: ScenarioPlan) -> limits.Load:
             len(s.poses),
             len(s.poses) == 1 and s.on is None,
             _has_image_filters(responses[s.name]),
+            s.interval,
         )
         for s in plan.rig.sensors
     )
