@@ -59,7 +59,8 @@ class Reversing:
         if self._left > 0.0:
             self._left -= _TICK * max(0.0, -vehicle.speed)
             self._seconds += _TICK
-            if self._left > 0.0 and self._seconds < _LIMIT and self._room(vehicle, neighbours, self._left) > 0.0:
+            goes_on = self._left > 0.0 and self._seconds < _LIMIT and not vehicle.halted
+            if goes_on and self._room(vehicle, neighbours, self._left) > 0.0:
                 return True
             self._left, self._seconds, self._pause = 0.0, 0.0, _PAUSE
             return False
