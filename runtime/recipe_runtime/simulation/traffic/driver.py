@@ -79,7 +79,8 @@ class Driver:
         self.desired = actor.speed
         self.waiting, self.stalled = False, not actor.route or actor.speed <= 0.0
         self.horizon = 60.0
-        self._map, self._junctions, self._props = road_map, junctions, PropsNearby(props)
+        self._map, self._junctions = road_map, junctions
+        self._props = PropsNearby(props) if props else None
         self._path: Path | None = None
         self._profile: Sequence[float] = ()
         self._lanes: Lanes | None = None
@@ -109,8 +110,8 @@ class Driver:
         if self.actor.speed <= 0.0 or not vehicle.path.legs or (self.actor.held and seconds < 0.0):
             self.waiting, self.stalled, self.passage.extent = False, True, 0.0
             return Command(-2.0 if vehicle.speed > 0.0 else 0.0, vehicle.offset)
-        if props := self._props.near(vehicle.x, vehicle.y, self.horizon):
-            neighbours = [*neighbours, *props]
+        if self._props is not None:
+            neighbours = [*neighbours, *self._props.near(vehicle.x, vehicle.y, self.horizon)]
         speed, style = vehicle.speed, self.style
         self.desired = self._desired(vehicle)
         free = free_acceleration(speed, self.desired, style)
@@ -137,9 +138,13 @@ class Driver:
         aside = self.offset - self.line
         self.line = self.offset if abs(aside) <= step else self.line + (step if aside > 0.0 else -step)
         self._choose_offset(vehicle, neighbours, nearest, seconds)
-        passes = self._lanes is None and self.offset > self.base_offset + 0.3
-        reverse = self._reversing.decide(vehicle, neighbours, Situation(wish, nearest, passes))
+        reverse = speed < 0.1 and self._drives_back(vehicle, neighbours, Situation(wish, nearest), seconds)
         return Command(max(-HARDEST_BRAKING, wish), self.offset, reverse)
+
+    def _drives_back(self, vehicle: Vehicle, neighbours: Sequence[Body], situation: Situation, seconds: float) -> bool:
+        """Return whether a vehicle that stands, or drives backwards already, drives backwards now."""
+        situation.overtakes = self._lanes is None and self.offset > self.base_offset + 0.3
+        return self._reversing.decide(vehicle, neighbours, situation, seconds)
 
     def _take_path(self, vehicle: Vehicle) -> None:
         """Compute the speeds along a new path."""

@@ -232,7 +232,9 @@ class JunctionControl:
             overlap = self.overlap(a.crossing.movement, crossing.movement)
             if overlap is not None and holder.progress - crossing.entry <= overlap.other_last:
                 return "occupied"
-        in_way = [other for other in approaches if other is not a and self._stands_in_way(other, a)]
+        in_way = [
+            other for other in approaches if other.hold < -_BEYOND and other is not a and self._stands_in_way(other, a)
+        ]
         for other in in_way:
             other.passage.obstructs = True
         if in_way:
@@ -244,7 +246,7 @@ class JunctionControl:
 
     def _stands_in_way(self, other: _Approach, a: _Approach) -> bool:
         """Return whether a vehicle without permission stands beyond its waiting place, where another one passes."""
-        if other.hold > -_BEYOND or other.passage.granted:
+        if other.passage.granted:
             return False
         junction = self.road_map.junctions[a.crossing.junction]
         after = a.vehicle.progress - a.crossing.entry

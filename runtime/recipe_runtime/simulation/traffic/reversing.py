@@ -28,13 +28,13 @@ _STANDS = 0.1  # m/s
 _TICK = 0.1  # seconds
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Situation:
     """Why a vehicle stands."""
 
     wish: float  # m/s2 that its driver wants
     nearest: Obstacle | None  # in its corridor
-    overtakes: bool  # whether it wants to pass that
+    overtakes: bool = False  # whether it wants to pass that
 
 
 class Reversing:
@@ -44,27 +44,30 @@ class Reversing:
         self._roads, self._junctions = roads, junctions
         self._left = 0.0  # metres to drive back
         self._seconds = 0.0  # for which it has driven back, or has had a reason to
-        self._pause = 0.0  # seconds until the next attempt
+        self._now = self._again = -math.inf  # times of the last decision, and from which it may try again
         self._tries, self._from = 0, -math.inf  # attempts since it was at an arc length of its path
 
-    def decide(self, vehicle: Vehicle, neighbours: Sequence[Body], situation: Situation) -> bool:
-        """Return whether the vehicle drives backwards now.
+    def decide(self, vehicle: Vehicle, neighbours: Sequence[Body], situation: Situation, seconds: float) -> bool:
+        """Return whether the vehicle drives backwards now. Called while it stands or drives backwards.
 
         Args:
             vehicle: The vehicle.
             neighbours: Agents in its neighbourhood, in plan order.
             situation: Why it stands, if it stands.
+            seconds: Time since frame 0.
         """
-        self._pause -= _TICK
+        if seconds > self._now + 1.5 * _TICK:  # it has been moving
+            self._seconds = self._left = 0.0
+        self._now = seconds
         if self._left > 0.0:
             self._left -= _TICK * max(0.0, -vehicle.speed)
             self._seconds += _TICK
             goes_on = self._left > 0.0 and self._seconds < _LIMIT and not vehicle.halted
             if goes_on and self._room(vehicle, neighbours, self._left) > 0.0:
                 return True
-            self._left, self._seconds, self._pause = 0.0, 0.0, _PAUSE
+            self._left, self._seconds, self._again = 0.0, 0.0, seconds + _PAUSE
             return False
-        if abs(vehicle.speed) > _STANDS or vehicle.halted or self._pause > 0.0:
+        if abs(vehicle.speed) > _STANDS or vehicle.halted or seconds < self._again:
             self._seconds = 0.0
             return False
         metres, patience = self._wanted(vehicle, situation)

@@ -69,8 +69,6 @@ class PropsNearby:
 
     def near(self, x: float, y: float, distance: float) -> Sequence[StandingProp]:
         """Return the props within a distance of a position, and some farther ones."""
-        if not self._all:
-            return ()
         if self._place is None or abs(x - self._place[0]) > _KEPT or abs(y - self._place[1]) > _KEPT:
             far = distance + _KEPT
             self._place = x, y

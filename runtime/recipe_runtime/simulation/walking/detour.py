@@ -32,6 +32,11 @@ class Detour:
         self._way: Sequence[Vector2] = ()
         self._until = -math.inf
 
+    @property
+    def active(self) -> bool:
+        """Whether there is a way to follow."""
+        return bool(self._way)
+
     def plan(self, own: Agent, goals: Iterable[Vector2], others: Sequence[Agent], seconds: float) -> bool:
         """Plan the way to the first of some places that can be reached.
 

@@ -186,7 +186,8 @@ class Walker:
         self._stood = self._stood + DT if wants and stands else max(0.0, self._stood - DT)
         if self._stood > _BLOCKED:
             self._go_round(own, others, seconds)
-        ahead = self._detour.direction(own, self.leader, seconds) or ahead
+        if self._detour.active:
+            ahead = self._detour.direction(own, self.leader, seconds) or ahead
         scene = self._scene(own, others, ahead, on_road)
         choice = avoidance.choose(scene, ahead, speed, distance, self._side, seconds < self._detour_until)
         if choice.side:
