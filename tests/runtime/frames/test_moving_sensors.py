@@ -92,7 +92,7 @@ def test_all_modalities_of_a_shaken_sensor_see_from_one_pose(walk: ScenarioPlan,
         person = seen.instance == hero.tag * 1000 + hero.instance
         assert person.any() and np.array_equal(person, seen.semantic == hero.tag)
         assert seen.depth[person].max() < 6.0
-        (record,) = source.labels(seen, sensor, frame)
+        (record,) = source.labels(seen, sensor, frame)["objects"]
         assert record["area"] == person.sum()
         places.add(tuple(record["bbox"]))
     assert len(places) == 4
