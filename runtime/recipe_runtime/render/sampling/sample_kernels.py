@@ -396,4 +396,8 @@ class Samples:
     puddle_depths: wp.array[wp.float32]  # what `puddle_depth` returns, or UNKNOWN_DEPTH; `shade_samples` writes it
     pixels: wp.array[wp.int32]
     tiles: wp.array[wp.int32]  # of `nearby`
+    keys: wp.array[wp.uint64]
+    world_from_part: wp.array2d[wp.float32]  # this and the next two are for patches
+    world_from_view: wp.array2d[wp.float32]
+    focal: wp.float32  # pixels
     eye: wp.vec3f
