@@ -124,7 +124,6 @@ _RECTANGLES: dict[str, Callable[[Element], list[_Rectangle]]] = {
     "carriageway": _road,
     "kiosk": _kiosk,
     "road": _road,
-    "sidewalk": _road,
     "sign": _sign,
     "wall": _wall,
 }

@@ -9,6 +9,7 @@ from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.patches import GREEN, PatchFace, PatchPlan, PatchTexture
 from recipe_compiler.ir.plan import ScenePlan
 from recipe_compiler.ir.plan_types import MAX_PROPS
+from recipe_compiler.ir.plurals import count
 from recipe_compiler.library import surfaces
 from recipe_compiler.library.surfaces import FlatSurface, Surface
 from recipe_compiler.library.towns import Town
@@ -181,7 +182,8 @@ def _texture(
     if kind == "image":
         return PatchTexture(image=files[0])
     if len(files) < frames:
-        message = f"patches.{name}.texture.frames: {show(value.plain)} has {len(files)} images for {frames} frames"
+        numbers = f"{count(len(files), 'image')} for {count(frames, 'frame')}"
+        message = f"patches.{name}.texture.frames: {show(value.plain)} has {numbers}"
         remedy = f"add images, one a frame, or lower clock.frames to {len(files)}"
         problems.append(Problem(message, value.place, remedy, Code.OUT_OF_RANGE))
         return None

@@ -42,55 +42,61 @@ def patch_structs(
         frame: The frame's number.
         device: The device.
     """
+    columns = {
+        wp.int32: {**_on_surfaces(geometry, patches), **_whole_numbers(geometry, patches, numbers, frame)},
+        wp.float32: _numbers(patches),
+        wp.vec3f: _vectors(patches),
+        wp.vec4f: {"region": [_extent(face) for patch in patches for face in patch.faces]},
+    }
+    arrays: dict[str, DeviceArray] = {
+        name: wp.array(np.array(values, np.int32 if kind is wp.int32 else np.float32), dtype=kind, device=device)
+        for kind, fields in columns.items()
+        for name, values in fields.items()
+    }
+    g = geometry
+    own = {"triangles": g.triangles, "vertex_part": g.vertex_part, "face_normals": g.face_normals}
+    return struct_array([set_fields(PatchArrays(), count=len(patches), **own, **arrays)], device)
+
+
+def _on_surfaces(geometry: Geometry, patches: Sequence[PatchPlan]) -> dict[str, Any]:
+    """The patches that each surface carries, from the lowest to the topmost."""
     entries = [
-        [
-            k
-            for k, patch in enumerate(patches)
-            if key.body == patch.body and (not patch.slots or key.slot in patch.slots)
-        ]
+        [k for k, p in enumerate(patches) if key.body == p.body and (not p.slots or key.slot in p.slots)]
         for key in geometry.surfaces
     ]
-    faces = [(patch, face) for patch in patches for face in patch.faces]
+    return {"first_entry": np.cumsum([0, *map(len, entries)]), "entries": [k for found in entries for k in found]}
+
+
+def _whole_numbers(
+    geometry: Geometry, patches: Sequence[PatchPlan], numbers: Mapping[TexturePlan, int], frame: int
+) -> dict[str, Any]:
     textures = [texture_of(patch, frame) for patch in patches]
-    colours = [linear_colour(patch.shown.colour or "#ffffff") for patch in patches]
-    whole = {
-        "first_entry": np.cumsum([0, *map(len, entries)]),
-        "entries": [k for found in entries for k in found],
+    return {
         "first_face": np.cumsum([0, *(len(patch.faces) for patch in patches)]),
         "whole": [patch.whole for patch in patches],
         "image": [-1 if texture is None else numbers[texture] for texture in textures],
-        "part": [_part_number(geometry, patch.body, face.part) for patch, face in faces],
+        "part": [_part_number(geometry, patch.body, face.part) for patch in patches for face in patch.faces],
     }
-    real = {
+
+
+def _numbers(patches: Sequence[PatchPlan]) -> dict[str, Any]:
+    return {
         "emission": [patch.emission * _RADIANCE for patch in patches],
         "coat": [_COAT if patch.gloss > 0.0 else 0.0 for patch in patches],
         "gloss": [patch.gloss for patch in patches],
-        "reach": [face.reach for _, face in faces],
+        "reach": [face.reach for patch in patches for face in patch.faces],
     }
-    vectors = {
-        "colour": colours,
-        "corner": [face.corner for _, face in faces],
-        "right": [_by_length(face.right, face.width) for _, face in faces],
-        "down": [_by_length(face.down, face.height) for _, face in faces],
-        "normal": [face.normal for _, face in faces],
+
+
+def _vectors(patches: Sequence[PatchPlan]) -> dict[str, Any]:
+    faces = [face for patch in patches for face in patch.faces]
+    return {
+        "colour": [linear_colour(patch.shown.colour or "#ffffff") for patch in patches],
+        "corner": [face.corner for face in faces],
+        "right": [_by_length(face.right, face.width) for face in faces],
+        "down": [_by_length(face.down, face.height) for face in faces],
+        "normal": [face.normal for face in faces],
     }
-    regions = np.array([_extent(face) for _, face in faces], np.float32)
-    arrays: dict[str, Any] = {
-        k: wp.array(np.array(v, np.int32), dtype=wp.int32, device=device) for k, v in whole.items()
-    }
-    arrays |= {k: wp.array(np.array(v, np.float32), dtype=wp.float32, device=device) for k, v in real.items()}
-    arrays |= {k: wp.array(np.array(v, np.float32), dtype=wp.vec3f, device=device) for k, v in vectors.items()}
-    g = geometry
-    made = set_fields(
-        PatchArrays(),
-        count=len(patches),
-        region=wp.array(regions, dtype=wp.vec4f, device=device),
-        triangles=g.triangles,
-        vertex_part=g.vertex_part,
-        face_normals=g.face_normals,
-        **arrays,
-    )
-    return struct_array([made], device)
 
 
 def _part_number(geometry: Geometry, body: str, part: str) -> int:
