@@ -9,7 +9,7 @@ import numpy as np
 from recipe_compiler.ir.patches import STATIC, PatchFace, PatchPlan
 from recipe_compiler.ir.plan import TexturePlan
 
-from recipe_runtime.render.device.arrays import DeviceArray, struct_array
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.patches.patch_kernels import PatchArrays
 from recipe_runtime.render.scene.geometry import Geometry
