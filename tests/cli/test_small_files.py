@@ -29,7 +29,7 @@ def test_any_name_that_the_language_allows_makes_a_recipe(tmp_path: Path, name: 
 
 
 @pytest.mark.parametrize(
-    ("name", "nearest"), [("x.yaml", "'x'"), ("../x", "'x'"), ("my dataset", "'rain_bench'"), ("", "'rain_bench'")]
+    ("name", "nearest"), [("x.yaml", "'x'"), ("../x", "'x' with --dir .."), ("my dataset", "'rain_bench'"), ("", "'rain_bench'")]
 )
 def test_any_other_name_is_refused_with_one_that_would_do(tmp_path: Path, name: str, nearest: str) -> None:
     with pytest.raises(InputError, match=f"cannot name a recipe: .*; try {nearest}$"):

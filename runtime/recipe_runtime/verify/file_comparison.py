@@ -64,7 +64,7 @@ class FileComparison:
             message = f"{path}: equal pixels, encoded otherwise"
             found = Difference("encoding", message, excuse_of("encoding", self.lock), *at)
         elif unequal is None:
-            found = Difference("file", f"{path} is another picture, or none", None, *at)
+            found = Difference("file", f"{path} has other pixels, or is no picture", None, *at)
         else:
             found = Difference("file", f"{path}: {unequal}", None, *at)
             found = replace(found, recorded=unequal.recorded, rendered=unequal.rendered)

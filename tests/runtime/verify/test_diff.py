@@ -125,7 +125,7 @@ def test_datasets_are_said_to_be_compared_by_their_manifests(ours: Side) -> None
     """`nothing differs` must not read as if the files had been looked at."""
     one, other = replace(ours, listed={"README.md": "aa"}), replace(ours, name="theirs", listed={"README.md": "aa"})
     assert differences(one, other) == []
-    check = "`recipe verify` checks that the files are those"
+    check = "`recipe verify` checks the files themselves"
     assert left_out(one, other) == [f"ours and theirs were compared by their manifests; {check}"]
     assert left_out(one, ours) == [f"ours was compared by its manifest; {check}"]
 
