@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from recipe_compiler.ir.bounded_reads import read_regular
-from recipe_compiler.source.yaml_reader import MAX_BYTES, show
+from recipe_compiler.source.yaml_reader import MAX_BYTES, printable, show
 
 _MAX_NAMES = 2000  # number of a folder's entries with which a misspelt name is compared
 _MAX_READ = 40  # number of a folder's files that are read to find recipes
@@ -43,9 +43,9 @@ def recipe_of_folder(folder: Path) -> str:
     if not found:
         return "name a recipe file, such as NAME.yaml"
     if len(found) == 1:
-        return f"did you mean {show(str(found[0]))}?"
+        return f"did you mean {_quoted(found[0])}?"
     more = " and others" if len(found) > _MAX_LISTED else ""
-    return f"name a recipe in it: {', '.join(show(str(path)) for path in found[:_MAX_LISTED])}{more}"
+    return f"name a recipe in it: {', '.join(map(_quoted, found[:_MAX_LISTED]))}{more}"
 
 
 def other_kind(content: bytes) -> tuple[str, str] | None:
@@ -70,3 +70,7 @@ def _entries(folder: Path) -> list[Path]:
         return sorted(folder.iterdir())[:_MAX_NAMES]
     except (OSError, ValueError):
         return []
+
+
+def _quoted(path: Path) -> str:
+    return f'"{printable(str(path))}"'

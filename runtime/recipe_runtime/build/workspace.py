@@ -350,9 +350,12 @@ def check_out(out: Path) -> None:
         return
     manifest = read_manifest(out)
     if manifest is None:
+        unreadable = (out / layout.MANIFEST).exists() and not os.access(out / layout.MANIFEST, os.R_OK)
         raise InputError(
-            f"{out} holds files but no {layout.MANIFEST} of a dataset",
-            help="move it away, or choose another folder",
+            f"{out}: its {layout.MANIFEST} cannot be read: permission denied"
+            if unreadable
+            else f"{out} holds files but no {layout.MANIFEST} of a dataset",
+            help="allow this user to read it" if unreadable else "move it away, or choose another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )
     try:
