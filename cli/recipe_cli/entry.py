@@ -1,4 +1,4 @@
-"""Entry point of the `recipe` command: Ctrl-C while modules are still imported ends it as later on, without a traceback."""
+"""Entry point of the `recipe` command: Ctrl-C prints no traceback, also while modules are still imported."""
 
 from __future__ import annotations
 

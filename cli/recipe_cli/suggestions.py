@@ -36,7 +36,7 @@ def _respelt(path: Path) -> str | None:
     for number, part in enumerate(path.parts[1 if path.anchor else 0 :], start=1 if path.anchor else 0):
         if not (folder / part).exists():
             try:
-                names = sorted(os.listdir(folder))[:_MAX_NAMES]
+                names = sorted(entry.name for entry in folder.iterdir())[:_MAX_NAMES]
             except OSError:
                 return None
             close = difflib.get_close_matches(part[:100], names, n=1, cutoff=0.7)

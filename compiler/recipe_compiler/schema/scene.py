@@ -53,7 +53,13 @@ class Clock(Model):
             raise PydanticCustomError(
                 "fps",
                 "{fps} does not divide the physics rate {physics}; write {near}, the nearest that {do}",
-                {"key": "fps", "fps": self.fps, "physics": self.physics, "near": near, "do": form(1 + len(above), "does", "do")},
+                {
+                    "key": "fps",
+                    "fps": self.fps,
+                    "physics": self.physics,
+                    "near": near,
+                    "do": form(1 + len(above), "does", "do"),
+                },
             )
         return self
 

@@ -184,7 +184,9 @@ def _interrupted_map(lines: list[str], place: Place) -> Problem | None:
         return None
     if not re.match(r"\s*[A-Za-z_][\w.-]*:( |\Z)", lines[wrong - 1]):
         return None
-    what = f"wrong indentation: line {wrong} ends the map `{key[1]}` of line {above}, but line {place.line} continues it"
+    what = (
+        f"wrong indentation: line {wrong} ends the map `{key[1]}` of line {above}, but line {place.line} continues it"
+    )
     remedy = f"if line {wrong} belongs to `{key[1]}`, start it with {_spaces(indent)}"
     return Problem(what, Place(place.file, wrong, column + 1), remedy, Code.YAML_SYNTAX)
 

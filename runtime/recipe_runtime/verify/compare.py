@@ -44,7 +44,7 @@ def compare_files(plan: DatasetPlan, lock: Lockfile, files: dict[str, str]) -> l
 
 
 def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None:
-    """Return a one-line note if files changed or were renamed since they were locked although the plan did not, or None.
+    """Return a one-line note if files were changed or renamed since they were locked and the plan is equal, or None.
 
     Args:
         lock: the lockfile.

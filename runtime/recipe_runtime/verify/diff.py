@@ -150,9 +150,9 @@ def _versions(a: Side, b: Side) -> Iterator[Difference]:
 def _variants(a: Side, b: Side) -> Iterator[Difference]:
     ours, theirs = a.lock.variants, b.lock.variants
     if a.plan and b.plan and len(ours) == len(theirs) == 1 and ours.keys() != theirs.keys():
-        first, second = a.plan.variants[0], b.plan.variants[0]
-        yield Difference("plan", f"{a.name} is variant {first.variant}, and {b.name} is variant {second.variant}")
-        yield from (Difference("plan", message) for message in _plan_fields(first, second))
+        one, other_one = a.plan.variants[0], b.plan.variants[0]
+        yield Difference("plan", f"{a.name} is variant {one.variant}, and {b.name} is variant {other_one.variant}")
+        yield from (Difference("plan", message) for message in _plan_fields(one, other_one))
         return
     for side, other in ((a, b), (b, a)):
         only = [name for name in side.lock.variants if name not in other.lock.variants]

@@ -160,6 +160,19 @@ def test_variants_and_outputs_of_one_side_are_reported_in_sentences(ours: Side) 
     ]
 
 
+def test_two_plans_of_different_variants_are_compared_by_their_content(ours: Side) -> None:
+    """Two expanded plans were reported as variants of one side only, whatever differed."""
+    assert ours.plan is not None
+    plans = [
+        DatasetPlan(recipe="a", description="", variants=(variant,), annotations=(), depth="carla")
+        for variant in ours.plan.variants[:2]
+    ]
+    names = [plan.variants[0].variant for plan in plans]
+    first, *others = differences(*(Side(f"{n}.json", bare(plan, "", {}), plan) for n, plan in enumerate(plans)))
+    assert first.message == f"0.json is variant {names[0]}, and 1.json is variant {names[1]}"
+    assert others and all(" and " in found.message for found in others), others
+
+
 def test_values_are_written_as_in_a_recipe() -> None:
     ours = {"on": None, "spans": [[1, 2], "dry"], "still": True}
     theirs = {"on": "hero", "spans": [{"low": 1}, "wet"], "still": False}
