@@ -107,7 +107,7 @@ def main() -> None:
 
 
 def _explained(error: Exception) -> tuple[Sequence[Problem], int]:
-    """The problems of an error, and the exit code that it ends in."""
+    """Return the problems of an error, and the exit code."""
     import errno
     import traceback
 

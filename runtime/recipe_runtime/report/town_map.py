@@ -17,7 +17,7 @@ from recipe_compiler.ir.plan import ActorPlan, Element, Pose, ScenarioPlan, Sens
 from recipe_runtime.core import codecs
 from recipe_runtime.report.canvas import Box, Canvas, Point, placed, rectangle
 
-_LONGEST, _MOST, _MARGIN = 1800, 320.0, 30.0  # longest side, pixels; largest extent, metres; margin, metres
+_MAX_SIDE, _MAX_EXTENT, _MARGIN = 1800, 320.0, 30.0  # longest side, pixels; largest extent, metres; margin, metres
 _GRID, _AXIS, _LEGEND = 10, 74, 350  # grid spacing, metres; width of the axes' labels and of the legend, pixels
 _INK, _PAPER, _GRID_LINE = "#1d2126", "#ffffff", "#9aa3ab"
 _GRASS, _WALK, _ASPHALT, _MARK, _PATH = "#dfe8d2", "#efe6d3", "#b4b8be", "#ffffff", "#d8ccb6"
@@ -44,12 +44,11 @@ class Spots:
 def town_map(town: TownPlan, spots: Spots, title: str, scenario: ScenarioPlan | None = None) -> bytes:
     """Return a PNG with a map of a town, and the named actors and the sensors of a scenario.
 
-    Of a town larger than 320 m, only a part with all of the scenario's actors and sensors is shown, or the middle; the
-    title says so.
+    Of a town larger than 320 m, a part with all of the actors and sensors is shown, or the middle; the title says so.
     """
     cast = [a for a in scenario.scene.actors if not a.name.startswith("traffic.")] if scenario else []
     box, part = _shown(spots, scenario, cast)
-    canvas = Canvas(box, _LONGEST / max(box[2] - box[0], box[3] - box[1]), _GRASS)
+    canvas = Canvas(box, _MAX_SIDE / max(box[2] - box[0], box[3] - box[1]), _GRASS)
     for kinds, draw in _LAYERS:
         for element in town.elements:
             if element.kind in kinds:
@@ -78,9 +77,9 @@ def _shown(spots: Spots, scenario: ScenarioPlan | None, cast: Sequence[ActorPlan
         low, high = spots.bounds[axis]
         values = [p[axis] for p in points] or [low, high]
         low, high = max(low, min(values) - _MARGIN), min(high, max(values) + _MARGIN)
-        if high - low > _MOST:
-            here = [min(max(p[axis], low), high) for p in interest] or [low, high]
-            length = _MOST if not interest else min(max(_MOST, max(here) - min(here) + 2 * _MARGIN), high - low)
+        if high - low > _MAX_EXTENT:
+            here = [min(max(p[axis], low), high) for p in interest] or [(low + high) / 2]
+            length = min(max(_MAX_EXTENT, max(here) - min(here) + 2 * _MARGIN), high - low)
             start = min(max((min(here) + max(here) - length) / 2, low), high - length)
             part |= length < high - low
             low, high = start, start + length
