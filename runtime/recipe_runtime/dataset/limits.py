@@ -100,7 +100,7 @@ def file_count(dataset: DatasetPlan) -> int:
     masks = "mots_png" in dataset.annotations
     total = 12
     for variant in dataset.variants:
-        total += 2  # plan and tracks
+        total += 3  # plan, tracks and events
         for sensor in variant.rig.sensors:
             frames = len(sensor.frames(variant.scene.clock.frames))
             total += 3 + frames * (len(sensor.capture) + masks)  # labels, and two MOTS text files

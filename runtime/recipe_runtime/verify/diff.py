@@ -157,8 +157,7 @@ def _variants(a: Side, b: Side) -> Iterator[Difference]:
     for side, other in ((a, b), (b, a)):
         only = [name for name in side.lock.variants if name not in other.lock.variants]
         if only:
-            verb = form(len(only), " is", ", are")
-            yield Difference("plan", f"{_some(only, 'variant')}{verb} in {side.name} only")
+            yield Difference("plan", f"{_some(only, 'variant')} {form(len(only), 'is', 'are')} in {side.name} only")
     shared = [name for name in ours if name in theirs]
     if a.plan and b.plan:
         yield from _fields(shared, a.plan, b.plan)
@@ -295,7 +294,7 @@ def _made(path: str) -> tuple[int, str]:
     """Return the sort key of a file in build order: plans, tracks, pictures, labels, annotations, sheets, README."""
     order = (
         path.startswith("plans/"),
-        path.endswith("/tracks.csv"),
+        path.endswith(("/tracks.csv", "/events.csv")),
         path.count("/") == 3 and not path.startswith("mots/"),
         path.endswith("/labels.jsonl"),
         path.startswith(("annotations/", "mots/")),

@@ -154,7 +154,7 @@ def test_variants_and_outputs_of_one_side_are_reported_in_sentences(ours: Side) 
     asked = ", ".join(ours.plan.annotations)
     assert rest
     assert [str(f) for f in differences(ours, Side("theirs", bare(plan, "", {}), plan))] == [
-        f"plan: 2 variants (first: {first}), are in ours only",
+        f"plan: 2 variants (first: {first}) are in ours only",
         f"plan: output.annotations: {asked} in ours, none in theirs",
         "plan: output.depth: carla in ours, npy in theirs",
     ]
