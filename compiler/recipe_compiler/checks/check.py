@@ -16,8 +16,13 @@ from recipe_compiler.schema.messages import Suggestions, details, fields_at, nea
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.source.yaml_reader import Value, show
 
-_NAMED = {"actors": "actor", "props": "prop", "sensors": "sensor"}  # the maps whose entries deltas address by name
-_NEEDS = {"actors": "blueprint", "props": "at, and asset or size", "sensors": "mount and capture"}
+_NAMED = {
+    "actors": "actor",
+    "props": "prop",
+    "patches": "patch",
+    "sensors": "sensor",
+}  # the maps whose entries deltas address by name
+_NEEDS = {"actors": "blueprint", "props": "at, and asset or size", "patches": "on", "sensors": "mount and capture"}
 
 
 def _section_models() -> dict[str, type[BaseModel]]:
@@ -101,6 +106,8 @@ def _remedy_of_key(key: str, value: Value) -> str:
     homes = [section for section in _SECTIONS if key in fields_at(Base, (section,))]
     if homes:
         return f"it is a key of {homes[0]}: write {homes[0]}: {{{key}: ...}}"
+    if key == "base":
+        return "remove it: a delta starts with the keys of the base"
     return remedies.of_key(key, value.plain) or nearest(key, _SECTIONS)
 
 

@@ -56,7 +56,7 @@ _PATTERNS = {  # what marks the pattern -> what is wrong, the remedy
     "_.-": ("is not an actor's name", "use letters, digits, _ . and - only, a letter or digit first"),
 }
 # Of our own checks, those of keys that exclude others.
-_CONFLICTS = {"way", "asset", "prop", "distribution", "clip", "moves", "frame"}
+_CONFLICTS = {"way", "asset", "prop", "carrier", "texture", "distribution", "clip", "moves", "frame"}
 _MAX_COMPARED = 30  # of many names, those with the most letter pairs in common are compared letter by letter
 _MAX_LISTED = 12  # valid names that a remedy lists
 
@@ -164,6 +164,10 @@ def _problem(detail: ErrorDetails, model: type[BaseModel], root: Value, prefix: 
         place = parent.key_place(path[-1]) if parent else root.place_of(*path)
     else:
         place = root.place_of(*path)
+    value = root.get(*path)
+    gone = [key for key in value.keys if key not in value.map] if value and detail["type"] == "too_short" else []
+    if value and gone:  # a delta removed what is missing
+        place = value.key_place(gone[-1])
     code, message, help = _words(detail, model, path, key_is_wrong)
     return Problem(message, place, help or "", code)
 
