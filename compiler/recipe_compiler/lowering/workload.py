@@ -31,7 +31,7 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
     scene = (*(id(part) for part in (base.clock, base.town, base.actors, base.traffic, base.props)), variant.seed)
     rig = (id(base.sensors), variant.seed)
     views = tuple(
-        limits.View(
+        limits.Clip(
             base.clock.frames,
             s.camera.width * s.camera.height,
             _samples(s.camera, s.camera.supersample),
@@ -84,7 +84,7 @@ def measured(plan: ScenarioPlan) -> limits.Load:
     clock = plan.scene.clock
     responses = plan.appearance.responses
     views = tuple(
-        limits.View(
+        limits.Clip(
             clock.frames,
             s.camera.width * s.camera.height,
             _samples(s.camera, responses[s.name].supersample),

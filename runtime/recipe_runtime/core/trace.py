@@ -88,7 +88,7 @@ class Trace:
             actors: names; all actors by default.
 
         Returns:
-            For each actor a digest for each of `ends`, equal to `actor_digest(actor, end)`.
+            For each actor a digest for each of `ends`.
         """
         actors = self.actors if actors is None else actors
         parts = [np.array(self.actor_parts(actor), np.intp) for actor in actors]
