@@ -154,7 +154,7 @@ def variants(root: Value, axes: Axes, sweep: Sweep, seed: int) -> Iterator[Varia
 def covering(root: Value, rules: Sequence[Mapping[str, str]]) -> Iterator[Variant]:
     """Yield variants in which every value of every axis occurs, to check a recipe whose sweep cannot be expanded.
 
-    There are as many as the longest axis has values, fewer if that would take more than `_MAX_MERGES` merges. Malformed
+    Their number is that of the values of the longest axis, but at most `_MAX_MERGES` deltas are merged. Malformed
     values are omitted, and so are the combinations that a rule of `rules` excludes.
     """
     deltas = root.get("deltas")

@@ -245,7 +245,7 @@ def _holds(file: IO[bytes], size: int) -> bool:
 
 
 def _read_head(file: IO[bytes], size: int) -> tuple[tuple[str, ...], tuple[str, ...], int, int]:
-    """Actors, parts, frames and the length of the header of a byte form of so many bytes; ValueError if it is wrong."""
+    """Return actors, parts, number of frames and length of the header of a byte form; ValueError if it is invalid."""
     line = file.readline()
     try:
         head = json.loads(line)
