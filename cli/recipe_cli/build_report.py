@@ -99,7 +99,7 @@ def interruption(plan: DatasetPlan, folder: Path, repair: bool, target: Target |
 
 
 def _frames(plan: DatasetPlan) -> int:
-    return sum(v.scene.clock.frames * len(v.rig.sensors) for v in plan.variants)
+    return sum(len(s.frames(v.scene.clock.frames)) for v in plan.variants for s in v.rig.sensors)
 
 
 def _done(result: BuildResult) -> str:

@@ -104,7 +104,7 @@ class Reuse:
         Every file is hashed and then linked into the workspace; without a workspace, nothing is written.
         """
         records = []
-        for frame in range(view.scene.clock.frames):
+        for frame in view.frames:
             with suppress(OSError, *DAMAGE):
                 records.append(self._frame(work, view, frame, variants))
         return records
@@ -134,7 +134,9 @@ class Reuse:
                 rgb[name] = self._digest(picture, sensor, "rgb", frame)
         labels = [m for m in view.sensor.capture if m != "rgb"] + ["labels"]
         digests = {m: self._digest(old.variant, sensor, m, frame) for m in labels}
-        seen = labels_of(self._lines(view)[frame], digests["labels"], sensor, instances_of(view.scene))
+        seen = labels_of(
+            self._lines(view)[frame // view.sensor.interval], digests["labels"], sensor, instances_of(view.scene)
+        )
         return {"frame": frame, "objects": seen, "digests": digests, "rgb": rgb, "files": files}
 
     def _linked(self, work: Workspace | None, source: str, paths: list[str]) -> dict[str, FileRow]:
@@ -189,11 +191,11 @@ def reasons(reuse: Reuse, simulated: Sequence[str], reused: Mapping[int, ReusedF
     for number, view in enumerate(views(plan)):
         covered, there = reuse.covered(view), reused.get(number, ReusedFrames((), frozenset()))
         names = [plan.variants[n].variant for n in view.variants if n not in covered]
-        where = f"{view.sensor.name}, {count(view.scene.clock.frames, 'frame')}"
+        where = f"{view.sensor.name}, {count(len(view.frames), 'frame')}"
         if covered:
             which, lost = (
                 _some([plan.variants[n].variant for n in covered]),
-                view.scene.clock.frames - len(there.frames),
+                len(view.frames) - len(there.frames),
             )
             if there.frames:
                 whole = count(len(there.frames), "frame")

@@ -76,10 +76,10 @@ def check_bounds(dataset: DatasetPlan) -> None:
 
 def _sums(dataset: DatasetPlan) -> Iterator[str]:
     """Yield the totals of the whole dataset that exceed their limits: frames, digests, files and poses."""
-    frames = [(v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors]
+    frames = [len(sensor.frames(v.scene.clock.frames)) for v in dataset.variants for sensor in v.rig.sensors]
     rigs = {v.rig.digest: v.rig for v in dataset.variants}
     numbers = (
-        (sum(number for number, _ in frames), MAX_PICTURES, "frames"),
+        (sum(frames), MAX_PICTURES, "frames"),
         (row_count(dataset), MAX_ROWS, "digests of frames"),
         (file_count(dataset), MAX_FILES, "files"),
         (sum(len(sensor.poses) for rig in rigs.values() for sensor in rig.sensors), MAX_POSES, "poses of sensors"),
@@ -91,7 +91,7 @@ def _sums(dataset: DatasetPlan) -> Iterator[str]:
 
 def row_count(dataset: DatasetPlan) -> int:
     """Return the number of frame digests of the plan's dataset."""
-    videos = ((v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors)
+    videos = ((len(s.frames(v.scene.clock.frames)), s) for v in dataset.variants for s in v.rig.sensors)
     return sum(frames * (len(sensor.capture) + 1) for frames, sensor in videos)
 
 
@@ -102,7 +102,8 @@ def file_count(dataset: DatasetPlan) -> int:
     for variant in dataset.variants:
         total += 2  # plan and tracks
         for sensor in variant.rig.sensors:
-            total += 3 + variant.scene.clock.frames * (len(sensor.capture) + masks)  # labels, and two MOTS text files
+            frames = len(sensor.frames(variant.scene.clock.frames))
+            total += 3 + frames * (len(sensor.capture) + masks)  # labels, and two MOTS text files
     return total
 
 
@@ -164,6 +165,8 @@ def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
         yield f"a camera of {camera.fov} degrees from {camera.near} to {camera.far} m is invalid"
     if sensor.on is not None and sensor.on not in actors:
         yield f"it is mounted on {sensor.on!r}, which is not an actor"
+    if sensor.arm is not None and sensor.on is None:
+        yield "it has an arm, and no actor at its other end"
     if len(sensor.poses) not in (1, frames) or any(_beyond([p.x, p.y, p.z]) for p in sensor.poses):
         yield "its poses are neither one nor one a frame, or out of bounds"
     if not sensor.capture or len(set(sensor.capture)) < len(sensor.capture):

@@ -4,7 +4,7 @@
     outputs    the outputs that the recipe requests
     tools      versions of the packages that bytes depend on
     variants   digests of plan, scene, rig, appearance and trace; per sensor and modality a digest for every frame
-               (`labels`: the label records)
+               (`labels`: the label records); `intervals`: by sensor, every how manieth frame it takes, if not every
     files      size and SHA-256 of every file, except the manifest and the pictures
     recipe_file  the recipe's path in the dataset, if the recipe and its files are included
     pictures   the same for the files in preview/, which no digest covers, because fonts and scaling may change with
@@ -92,13 +92,15 @@ def manifest_text(
 
 
 def _planned_variant(variant: ScenarioPlan) -> PlannedVariant:
-    return {
+    intervals = {sensor.name: sensor.interval for sensor in variant.rig.sensors if sensor.interval > 1}
+    record: PlannedVariant = {
         "plan": variant.digest,
         "scene": variant.scene.digest,
         "rig": variant.rig.digest,
         "appearance": variant.appearance.digest,
         "folder": layout.folder(variant.variant),
     }
+    return {**record, "intervals": intervals} if intervals else record
 
 
 def file_row(body: bytes) -> FileRow:
@@ -154,9 +156,11 @@ def lock_of(manifest: Manifest, source: str = "", files: dict[str, str] | None =
         variants[name] = VariantRow(row["scene"], row["rig"], row["appearance"])
         traces[row["scene"]] = row["trace"]
         for sensor, modalities in row["frames"].items():
+            interval = row.get("intervals", {}).get(sensor, 1)
             for modality, values in modalities.items():
                 key = variants[name].frame_key(modality)
-                frames.update({(key, sensor, modality, number): value for number, value in enumerate(values)})
+                taken = enumerate(values)
+                frames.update({(key, sensor, modality, number * interval): value for number, value in taken})
     lock = Lockfile(
         recipe=manifest["recipe"],
         source=source,

@@ -203,7 +203,7 @@ class _LabelledFrames(Sequence[FrameRecord]):
             yield {**row, "digests": {}, "rgb": {}, "files": {}}
 
     def __len__(self) -> int:
-        return self._known[1].scene.clock.frames
+        return len(self._known[2].frames(self._known[1].scene.clock.frames))
 
     def __getitem__(self, index: Any) -> Any:
         """Return one frame or a slice; the file is read for it."""
@@ -261,8 +261,9 @@ def _frames_without_digest(dataset: Dataset) -> list[Fault]:
     """Return the frames that the manifest lacks, or has in addition to the plan."""
     rows, expected = digests.bare(dataset.plan, "", {}).variants, set()
     for variant in dataset.plan.variants:
-        key, frames = rows[variant.variant], range(variant.scene.clock.frames)
+        key = rows[variant.variant]
         for sensor in variant.rig.sensors:
+            frames = sensor.frames(variant.scene.clock.frames)
             expected |= {(key.frame_key(m), sensor.name, m, k) for m in ("labels", *sensor.capture) for k in frames}
     there = set(dataset.lock.frames)
     found: list[Fault] = []
@@ -285,12 +286,12 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
     actors = instances_of(variant.scene)
     row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
     with (dataset.root / path).open("rb") as lines:
-        for frame in range(variant.scene.clock.frames):
+        for number, frame in enumerate(sensor.frames(variant.scene.clock.frames), start=1):
             value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
             try:
                 objects = labels_of(lines.readline(_MAX_LINE), value, sensor, actors)
             except DAMAGE as error:
-                raise ValueError(f"line {frame + 1}: {error}") from None
+                raise ValueError(f"line {number}: {error}") from None
             yield {"frame": frame, "objects": objects}
         if lines.read(1):
             raise ValueError("it has more lines than frames")

@@ -25,6 +25,11 @@ class View:
     sensor: SensorPlan
     variants: tuple[int, ...]
 
+    @property
+    def frames(self) -> range:
+        """The numbers of the frames that the sensor takes."""
+        return self.sensor.frames(self.scene.clock.frames)
+
 
 @dataclass(frozen=True)
 class Shard:
@@ -61,11 +66,11 @@ def _view_key(scene: str, sensor: SensorPlan) -> str:
 
 
 def all_shards(dataset: DatasetPlan, size: int = SHARD_FRAMES) -> list[Shard]:
-    """Return shards of `size` frames that cover every frame of every view."""
+    """Return shards of `size` frames that cover every frame that the sensor of each view takes."""
     shards = []
     for index, view in enumerate(views(dataset)):
-        frames = range(view.scene.clock.frames)
-        shards += [Shard(index, tuple(frames[k : k + size]), view.variants) for k in frames[::size]]
+        frames = view.frames
+        shards += [Shard(index, tuple(frames[k : k + size]), view.variants) for k in range(0, len(frames), size)]
     return shards
 
 

@@ -104,12 +104,10 @@ def _sequence(video: Video) -> str:
 
 
 def _mots(video: Video) -> Iterator[str]:
-    return mots_lines(
-        (record["objects"] for record in video.frames), video.sensor.camera.width, video.sensor.camera.height
-    )
+    return mots_lines(video.frames, video.sensor.camera.width, video.sensor.camera.height)
 
 
 def _seqinfo(video: Video) -> str:
     camera = video.sensor.camera
     pictures = f"../../../{layout.folder(video.variant)}/{layout.folder(video.sensor.name)}/rgb"
-    return seqinfo(_sequence(video), pictures, video.fps, len(video.frames), camera.width, camera.height)
+    return seqinfo(_sequence(video), pictures, video.fps, video.length, camera.width, camera.height)

@@ -177,7 +177,7 @@ def _is_work(work: Path) -> bool:
 
 
 def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -> list[ShardRecord]:
-    total = sum(v.scene.clock.frames * len(v.rig.sensors) for v in dataset.plan.variants)
+    total = sum(len(s.frames(v.scene.clock.frames)) for v in dataset.plan.variants for s in v.rig.sensors)
     rows: list[ShardRecord] = []
     shard, filled = _Shard(_shard_path(dataset, work, 0)), 0
     try:

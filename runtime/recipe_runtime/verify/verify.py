@@ -210,7 +210,7 @@ def all_choices(plan: DatasetPlan) -> list[Choice]:
         (variant.variant, sensor.name, frame)
         for variant in plan.variants
         for sensor in variant.rig.sensors
-        for frame in range(variant.scene.clock.frames)
+        for frame in sensor.frames(variant.scene.clock.frames)
     ]
 
 
