@@ -194,7 +194,7 @@ def test_committed_lockfiles_differ_from_each_other_in_their_variants() -> None:
         (lambda lock: {"plan": "0" * 64}, "the identities differ"),
         (
             lambda lock: {"bodies": {key: replace(row, digest="0" * 64) for key, row in lock.bodies.items()}},
-            "3 body rows differ though the trace rows agree",
+            "3 body rows differ although the trace rows agree",
         ),
     ],
 )
