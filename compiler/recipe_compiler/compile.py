@@ -24,6 +24,7 @@ from recipe_compiler.library.towns import Town
 from recipe_compiler.limits import TooLargeError as TooLargeError
 from recipe_compiler.lowering import asset_files, placement, workload
 from recipe_compiler.lowering.lower import Lowering
+from recipe_compiler.lowering.patches import texture_files
 from recipe_compiler.schema.messages import nearest, translate
 from recipe_compiler.schema.recipe import Base, Recipe
 from recipe_compiler.schema.sweep import Sweep
@@ -88,7 +89,9 @@ def _compile(
     if root is None:
         raise InputError(_sorted(problems))
     recipe, faulty = _check_recipe(root, problems)
-    assets, asset_problems = asset_files.read(root, recipe.assets, path.parent, sources)
+    textures = texture_files.find(root, path.parent, sources)
+    assets, asset_problems = asset_files.read(root, recipe.assets, path.parent, sources, textures.files)
+    asset_problems += textures.problems
     axes = _check_sweep(root, None if "sweep" in faulty else recipe.sweep, problems)
     if root.get("base") is None or len(problems) > len(sources.problems):
         kinds = None if "assets" in faulty else _kinds(recipe)
@@ -119,7 +122,7 @@ def _compile(
     reasons = estimate.over(free_disk, memory)
     if reasons and not allow_large:
         raise limits.TooLargeError(_place_of_size(root, estimate), estimate, reasons)
-    lowering = Lowering(_instances(root, problems), assets)
+    lowering = Lowering(_instances(root, problems), assets, textures.read(assets))
     plans, warnings = _lowered(lowering, checked)
     plan = DatasetPlan(
         recipe=recipe.recipe,
@@ -149,7 +152,9 @@ def named_files(path: Path) -> tuple[str, set[str]] | None:
     if sources.root is None or sources.problems:
         return None
     name = sources.root.get("recipe")
-    return str(name.data if name else ""), {*sources.files, *asset_files.named(sources.root, path.parent, sources)}
+    textures = texture_files.find(sources.root, path.parent, sources)
+    used = {*asset_files.named(sources.root, path.parent, sources), *(file.path for file in textures.files.values())}
+    return str(name.data if name else ""), {*sources.files, *used}
 
 
 def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tuple[list[ScenarioPlan], list[Problem]]:

@@ -23,12 +23,14 @@ from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.plan import ScenarioPlan, ScenePlan, SensorPlan
 from recipe_compiler.ir.plurals import count
 
+from recipe_runtime.annotate.calibration import Calibration, calibration
 from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array
+from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.source import SceneSource
@@ -119,6 +121,10 @@ class Frame:
     def labels(self, sensor: str | None = None) -> list[LabelRecord]:
         """As `Scenario.labels`."""
         return self.scenario.labels(self.number, sensor)
+
+    def calibration(self, sensor: str | None = None) -> Calibration:
+        """As `Scenario.calibration`."""
+        return self.scenario.calibration(self.number, sensor)
 
 
 class Scenario(Sequence[Frame]):
@@ -234,7 +240,13 @@ class Scenario(Sequence[Frame]):
         """Return the records of the visible objects of a frame, by instance; see `annotate.records.LabelRecord`."""
         plan, scene = self._sensor(sensor), self.plan.scene
         frame = self._taken(frame, plan)
-        return self._scenes.source(scene).labels(self._scenes.observe(scene, plan, frame), plan, frame)
+        return self._scenes.source(scene).labels(self._scenes.observe(scene, plan, frame), plan, frame)["objects"]
+
+    def calibration(self, frame: int, sensor: str | None = None) -> Calibration:
+        """Return K, distortion and pose of a sensor at a frame that it takes; see `annotate.calibration`."""
+        plan = self._sensor(sensor)
+        trace = self._scenes.source(self.plan.scene).trace
+        return calibration(plan.camera, sensor_transform(plan, trace, self._taken(frame, plan)))
 
     def _render(self, frame: int, plan: SensorPlan, modality: str) -> NDArray[np.generic]:
         scene = self.plan.scene

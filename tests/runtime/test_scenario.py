@@ -58,7 +58,8 @@ def test_rendered_on_demand_equals_the_built_files(built: Path) -> None:
 def test_labels_on_demand_equal_the_built_ones(built: Path) -> None:
     lines = (built / layout.labels_file(RAIN, "street")).read_text().splitlines()
     scenario = recipe_runtime.open(TINY, RAIN)
-    assert scenario[2].labels("street") == json.loads(lines[2])
+    assert scenario[2].labels("street") == json.loads(lines[2])["objects"]
+    assert scenario[2].calibration("street") == json.loads(lines[2])["calibration"]
 
 
 @pytest.mark.slow

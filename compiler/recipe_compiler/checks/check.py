@@ -16,8 +16,13 @@ from recipe_compiler.schema.messages import Suggestions, details, fields_at, nea
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.source.yaml_reader import Value, show
 
-_NAMED = {"actors": "actor", "props": "prop", "sensors": "sensor"}  # the maps whose entries deltas address by name
-_NEEDS = {"actors": "blueprint", "props": "at, and asset or size", "sensors": "mount and capture"}
+_NAMED = {
+    "actors": "actor",
+    "props": "prop",
+    "patches": "patch",
+    "sensors": "sensor",
+}  # the maps whose entries deltas address by name
+_NEEDS = {"actors": "blueprint", "props": "at, and asset or size", "patches": "on", "sensors": "mount and capture"}
 
 
 def _section_models() -> dict[str, type[BaseModel]]:

@@ -151,7 +151,7 @@ def _removal(base: Value, section: str, name: str) -> Place | None:
 
 def names_alike(base: Value) -> Iterator[Problem]:
     """Report names that differ in case only: they become folders, and some file systems ignore case."""
-    for section in ("actors", "props", "sensors"):
+    for section in ("actors", "props", "patches", "sensors"):
         entries = base.get(section)
         if entries is not None:
             yield from alike(entries, section)
@@ -211,7 +211,7 @@ CHECKS: tuple[Check, ...] = (
     (uneven_tick, ("clock", "sensors")),
     (unknown_mix, ("traffic",)),
     (unknown_day, ("place",)),
-    (names_alike, ("actors", "props", "sensors")),
+    (names_alike, ("actors", "props", "patches", "sensors")),
 )
 """Each check with the sections that it looks at."""
 

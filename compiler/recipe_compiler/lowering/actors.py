@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.ir.ground.ways import BODY
 from recipe_compiler.ir.plan import ActorPlan, Point, Pose
 from recipe_compiler.ir.semantic_tags import Category
 from recipe_compiler.ir.streams import Stream
@@ -15,7 +16,6 @@ from recipe_compiler.library.blueprints import Blueprint
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering import pedestrian_traffic, placement, traffic
 from recipe_compiler.lowering.placement import Footprint
-from recipe_compiler.lowering.walking import BODY
 from recipe_compiler.schema.messages import nearest
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.scene import Actor

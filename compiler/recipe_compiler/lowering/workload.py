@@ -14,6 +14,7 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library import towns
 from recipe_compiler.lowering import traffic
 from recipe_compiler.lowering.actors import MAX_ROUTE
+from recipe_compiler.lowering.patches import lower as patch_lowering
 from recipe_compiler.schema.motion import Motion
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.tick import interval_of
@@ -29,7 +30,8 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
         base: its checked base. Sections that are the same object in several variants count as shared.
         changes: the number of axes and draws merged over the base.
     """
-    scene = (*(id(part) for part in (base.clock, base.town, base.actors, base.traffic, base.props)), variant.seed)
+    parts = base.clock, base.town, base.actors, base.traffic, base.props
+    scene = (*map(id, parts), patch_lowering.board_key(base.patches), variant.seed)
     rig = (id(base.sensors), variant.seed)
     views = tuple(
         limits.Clip(

@@ -59,6 +59,8 @@ _CONFLICTS = {
     "way",
     "asset",
     "prop",
+    "carrier",
+    "texture",
     "distribution",
     "clip",
     "moves",

@@ -26,6 +26,7 @@ from recipe_runtime.core.files import regular_file as regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import digests, manifest_reader
+from recipe_runtime.dataset.events import events_csv
 from recipe_runtime.dataset.limits import check_bounds, check_plan, file_count, row_count
 from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest import lock_of as lock_of
@@ -159,8 +160,8 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
     """Return faults of text files that contradict the plan, the labels or the given traces.
 
     Labels are read line by line and compared with the manifest's digests. Annotation files, sequence lists, plans and
-    README are generated again from them, and `tracks.csv` from the scene's Trace (by scene digest) if it is given; then
-    the bytes are compared.
+    README are generated again from them, and `tracks.csv` and `events.csv` from the scene's Trace (by scene digest) if
+    it is given; then the bytes are compared. A Trace without contacts makes no `events.csv`.
     """
     videos: list[Video] = []
     found: list[Fault] = []
@@ -172,10 +173,10 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
             try:
                 size = frames.size()
                 if kept + size <= _MAX_KEPT:
-                    video = Video(variant.variant, sensor, variant.scene.clock.fps, tuple(frames))
+                    video = Video(variant.variant, variant.scene.digest, sensor, variant.scene.clock.fps, tuple(frames))
                     kept += size
                 else:
-                    video = Video(variant.variant, sensor, variant.scene.clock.fps, frames)
+                    video = Video(variant.variant, variant.scene.digest, sensor, variant.scene.clock.fps, frames)
                     for _ in frames:  # each is checked, and none is kept
                         pass
                 videos.append(video)
@@ -187,6 +188,12 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
     if found and len(videos) < len({(v.variant, s.name) for v in dataset.plan.variants for s in v.rig.sensors}):
         return found  # all labels are required to generate the files
     known = dataset.plan, dataset.lock.identity, videos
+    for variant in dataset.plan.variants:
+        trace = traces.get(variant.scene.digest)
+        if trace is not None and trace.contacts is not None:
+            mine = [video for video in videos if video.variant == variant.variant]
+            pieces = events_csv(variant.scene, trace, mine)
+            found += _pieces_difference(dataset.root, layout.events_file(variant.variant), pieces)
     for path, make in (*annotation_texts(*known), *closing_texts(*known, dataset.recipe_file)):
         found += _text_difference(dataset.root, path, make)
     return found
@@ -289,10 +296,10 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
         for number, frame in enumerate(sensor.frames(variant.scene.clock.frames), start=1):
             value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
             try:
-                objects = labels_of(lines.readline(_MAX_LINE), value, sensor, actors)
+                found = labels_of(lines.readline(_MAX_LINE), frame, value, sensor, actors)
             except DAMAGE as error:
                 raise ValueError(f"line {number}: {error}") from None
-            yield {"frame": frame, "objects": objects}
+            yield found
         if lines.read(1):
             raise ValueError("it has more lines than frames")
 

@@ -18,7 +18,7 @@ from recipe_compiler.ir.modalities import LABEL_MODALITIES
 from recipe_compiler.ir.plan import AppearancePlan, ScenarioPlan, ScenePlan, SensorPlan
 
 from recipe_runtime.annotate.objects import Annotator
-from recipe_runtime.annotate.records import LabelRecord
+from recipe_runtime.annotate.records import LabelledFrame
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array
 from recipe_runtime.core.timings import Timings
@@ -112,10 +112,10 @@ class SceneSource:
             seen: Observed = self.renderer.observe(sensor.camera, pose, self._motion.parts(frame))
         return seen
 
-    def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> list[LabelRecord]:
-        """Return the records of the visible objects, by instance."""
+    def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> LabelledFrame:
+        """Return the labels of a frame: its calibration, and the records of the visible objects by instance."""
         pose = sensor_transform(sensor, self.trace, frame)
-        return self.annotator.records(seen, sensor.camera, pose, frame)
+        return self.annotator.labels(seen, sensor.camera, pose, frame)
 
     def shade(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> NDArray[np.uint8]:
         """Return the colour image of an observation, uint8 [H, W, 3] sRGB."""
@@ -202,7 +202,7 @@ class FrameSource:
         """Return the captured modalities of one frame, as arrays for `pixel_digest`."""
         return self.render_labelled(sensor, frame)[0]
 
-    def render_labelled(self, sensor: str, frame: int) -> tuple[dict[str, NDArray[np.generic]], list[LabelRecord]]:
+    def render_labelled(self, sensor: str, frame: int) -> tuple[dict[str, NDArray[np.generic]], LabelledFrame]:
         """Return the captured modalities of one frame, and its labels."""
         plan = self._sensors[sensor]
         seen = self.source.observe(plan, frame)

@@ -71,6 +71,10 @@ class Renderer:
         """Return linear relative radiance at pixel centres, [H, W, 3]; for tests and tools."""
         return self._camera.radiance(obs, appearance, time)
 
+    def patch_map(self, obs: Observation, appearance: AppearancePlan, frame: int = 0) -> NDArray[np.uint8]:
+        """1 + the number of the topmost patch at each pixel's centre, uint8 [H, W]; 0 where there is none."""
+        return self._camera.patch_map(obs, appearance, frame)
+
     def frame_stream(
         self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], in_flight: int = 16
     ) -> FrameStream:

@@ -206,8 +206,7 @@ def _samples(dataset: Dataset) -> Iterator[Sample]:
                         "variant": variant.variant,
                         "sensor": sensor.name,
                         "fps": variant.scene.clock.fps,
-                        "frame": frame,
-                        "objects": row["objects"],
+                        **row,
                     }
                     sample = {f"{key}.json": canonical_bytes(document)}
                     for modality in sensor.capture:

@@ -289,7 +289,7 @@ def _made(path: str) -> tuple[int, str]:
     """Return the sort key of a file in build order: plans, tracks, pictures, labels, annotations, sheets, README."""
     order = (
         path.startswith("plans/"),
-        path.endswith("/tracks.csv"),
+        path.endswith(("/tracks.csv", "/events.csv")),
         path.count("/") == 3 and not path.startswith("mots/"),
         path.endswith("/labels.jsonl"),
         path.startswith(("annotations/", "mots/")),

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import pytest
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.ir.canonical import canonical_bytes
+from recipe_compiler.ir.canonical import canonical_bytes, digest
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import SensorPlan
 from recipe_runtime.annotate.mots import runs_fill
@@ -354,7 +354,7 @@ def test_a_manifest_that_does_not_add_up_or_of_other_tools_is_not_whole(copy: Pa
 def test_only_codes_of_whole_pictures_are_handed_to_pycocotools(built: Path) -> None:
     found = 0
     for line in (built / STREET / "labels.jsonl").read_text().splitlines():
-        for record in json.loads(line):
+        for record in json.loads(line)["objects"]:
             assert runs_fill(record["counts"], 48 * 64)
             assert not runs_fill(record["counts"], 48 * 64 - 1)
             assert not runs_fill(record["counts"][:-1], 48 * 64)
@@ -395,9 +395,9 @@ def test_labels_hold_what_labels_have_and_nothing_else(built: Path) -> None:
     variant = dataset.plan.variants[0]
     sensor, actors = variant.rig.sensors[0], instances_of(variant.scene)
     line = (built / layout.labels_file(variant.variant, sensor.name)).read_bytes().splitlines(keepends=True)[0]
-    records = json.loads(line)
-    assert labels_of(line, label_digest(records), sensor, actors) == records
-    first = records[0]
+    labels = json.loads(line)
+    assert labels_of(line, 0, label_digest(labels), sensor, actors) == labels
+    first, calibration = labels["objects"][0], labels["calibration"]
     forgeries: tuple[Any, ...] = (
         [{**first, "zz": [{}] * 100}],
         [{**first, "velocity": [0.0] * 4}],
@@ -410,7 +410,15 @@ def test_labels_hold_what_labels_have_and_nothing_else(built: Path) -> None:
         [[]],
         {},
     )
-    for forged in forgeries:
+    frames: list[Any] = [
+        {**labels, "more": 1},
+        {**labels, "frame": 1},
+        {**labels, "time": None},
+        {**labels, "calibration": {**calibration, "K": [[1.0] * 3] * 4}},
+        {**labels, "calibration": {**calibration, "distortion": {}}},
+        [],
+    ]
+    for forged in [*({**labels, "objects": objects} for objects in forgeries), *frames]:
         body = canonical_bytes(forged) + b"\n"
         with pytest.raises(ValueError, match=r"no label has|other actors|more runs"):
-            labels_of(body, label_digest(forged), sensor, actors)
+            labels_of(body, 0, digest("labels/2", forged), sensor, actors)

@@ -113,7 +113,7 @@ class FrameStream:
     def _prepare(self, plan: AppearancePlan, light: WeatherLight, suns: list[NDArray[np.float64]]) -> ShadedAppearance:
         response = plan.responses.get(self._sensor) or CameraResponse()
         sun = next((n for n, sun in enumerate(suns) if light.sun_shines and bool((light.sun == sun).all())), -1)
-        colours = surface_colours(self._g, plan.looks.root, self._atlases.of(plan), self._device)
+        colours = surface_colours(self._g, plan.looks.root, self._atlases.of(plan).images, self._device)
         tables = self._tables.by_pixel(response, self._camera)
         return ShadedAppearance(plan, light, struct_array([colours], self._device), response, tables, sun)
 
@@ -165,7 +165,12 @@ class FrameStream:
 
 
 def can_stream(sensor: SensorPlan, appearances: Sequence[AppearancePlan]) -> bool:
-    """Return whether a stream can draw a sensor in these appearances: its camera must need no post-processing."""
+    """Return whether a stream can draw a sensor in these appearances.
+
+    Its camera must need no post-processing, and the appearances must have no patches.
+    """
     responses = [plan.responses.get(sensor.name) or CameraResponse() for plan in appearances]
+    if any(plan.patches for plan in appearances):  # their truth is found from an observation, which a stream has not
+        return False
     plain = all(not needs_post_process(sensor.camera, r, None) and r.motion_blur_intensity == 0.0 for r in responses)
     return plain and len({r.antialias for r in responses}) <= 1
