@@ -7,6 +7,7 @@ process that inherited or unpickled a scenario, so that each worker of a `DataLo
 from __future__ import annotations
 
 import io
+import operator
 import os
 import weakref
 from collections import OrderedDict
@@ -14,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -262,7 +263,10 @@ class Scenario(Sequence[Frame]):
             "store/pixels/1", [self.plan.scene.digest, plan.document(), colour, modality, frame, builder_identity()]
         )
 
-    def _number(self, frame: int) -> int:
+    def _number(self, frame: object) -> int:
+        if isinstance(frame, bool) or not isinstance(frame, SupportsIndex):
+            raise TypeError(f"a frame is a whole number, not {frame!r}")
+        frame = operator.index(frame)
         if not -len(self) <= frame < len(self):
             raise IndexError(f"frame {frame} is not there: {self.variant} has frames 0 to {len(self) - 1}")
         return frame % len(self)

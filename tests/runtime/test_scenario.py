@@ -6,7 +6,7 @@ import json
 import os
 import pickle
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import numpy as np
 import pytest
@@ -103,6 +103,10 @@ def test_frames_are_a_sequence() -> None:
     for wrong in (6, -7):
         with pytest.raises(IndexError, match="has frames 0 to 5"):
             scenario[wrong]
+    np.testing.assert_array_equal(scenario.render(cast(int, np.int64(2))), scenario.render(2))
+    for value in (1.5, "2", True, None):
+        with pytest.raises(TypeError, match=f"a frame is a whole number, not {value!r}"):
+            scenario.render(value)  # type: ignore[arg-type]
 
 
 def test_what_is_not_there_is_said_with_what_is() -> None:

@@ -17,7 +17,8 @@ from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.ir.plan import FilePlan
 from recipe_compiler.ir.plurals import count
 from recipe_compiler.schema.scene import Asset
-from recipe_compiler.source.merge import Sources, forbidden, nearest_file, stays_below
+from recipe_compiler.source.file_help import nearest_file
+from recipe_compiler.source.merge import Sources, forbidden, stays_below
 from recipe_compiler.source.yaml_reader import Value, printable, show
 
 MESH_BYTES, IMAGE_BYTES, ALL_BYTES = 32 << 20, 16 << 20, 128 << 20

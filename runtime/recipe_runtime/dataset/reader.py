@@ -7,6 +7,7 @@ so a manifest that was changed to match a forged text file is detected.
 
 from __future__ import annotations
 
+import difflib
 import os
 import stat
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -35,6 +36,7 @@ from recipe_runtime.dataset.plan_reader import MAX_PLAN_BYTES, PlanReader
 from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, instances_of, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv
 
+_MAX_NAMES = 2000  # entries of a folder that are searched for a dataset
 _MAX_LINE = 16 * 2**20  # limit of one frame's labels, bytes
 _MAX_KEPT = 32 * 2**20  # bytes of labels that are kept in memory while texts are compared; others are read again
 
@@ -76,13 +78,21 @@ def read(root: Path, name: str = "") -> Dataset:
         recipe_file = recipe_file_of(manifest, files)
     except manifest_reader.NotAManifestError:
         raise InputError(
-            f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project",
-            help="name a folder that `recipe build` made, such as datasets/NAME",
+            f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project"
+            if os.path.lexists(root)
+            else f"{name}: there is no such folder",
+            help=_nearest_dataset(root) or "name a folder that `recipe build` made, such as datasets/NAME",
             code=Code.INVALID_DATASET,
         ) from None
     except InputError as error:
         raise InputError(
             f"{name}: {str(error).splitlines()[0]}; not a dataset of this project", code=Code.INVALID_DATASET
+        ) from None
+    except PermissionError as error:
+        raise InputError(
+            f"{name}: its manifest or a plan cannot be read: {error.strerror}",
+            help="allow this user to read the folder",
+            code=Code.INVALID_DATASET,
         ) from None
     except (OSError, *DAMAGE) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -91,6 +101,23 @@ def read(root: Path, name: str = "") -> Dataset:
         ) from None
     plan_digests = {variant: row["plan"] for variant, row in manifest["variants"].items()}
     return Dataset(root, plan, lock, files, name, recipe_file, plan_digests)
+
+
+def _nearest_dataset(root: Path) -> str | None:
+    """A remedy for a folder that is no dataset: a dataset in it, or one beside it with a similar name, if any."""
+
+    def datasets(folder: Path) -> list[Path]:
+        try:
+            entries = sorted(folder.iterdir())[:_MAX_NAMES]
+        except OSError:
+            return []
+        return [entry for entry in entries if (entry / layout.MANIFEST).is_file()]
+
+    inside = datasets(root)
+    names = {path.name: path for path in datasets(root.parent)}
+    close = difflib.get_close_matches(root.name, names, n=1, cutoff=0.7)
+    found = inside[:1] or [names[name] for name in close]
+    return f"did you mean {found[0]}?" if found else None
 
 
 def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -> None:

@@ -20,6 +20,7 @@ from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.core.layout import expected_files
+from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.limits import check_bounds
 from recipe_runtime.dataset.manifest import is_whole
@@ -422,3 +423,22 @@ def test_labels_hold_what_labels_have_and_nothing_else(built: Path) -> None:
         body = canonical_bytes(forged) + b"\n"
         with pytest.raises(ValueError, match=r"no label has|other actors|more runs"):
             labels_of(body, 0, digest("labels/2", forged), sensor, actors)
+
+
+def test_a_folder_that_is_no_dataset_names_the_nearest(built: Path, tmp_path: Path) -> None:
+    for wrong, what in ((built.parent, "is not a dataset"), (built.with_name("tinny"), "there is no such folder")):
+        with pytest.raises(InputError, match=f"{what}.*; did you mean {built}"):
+            datasets.read(wrong)
+    with pytest.raises(InputError, match="there is no such folder; name a folder that `recipe build` made"):
+        datasets.read(tmp_path / "zebra")
+
+
+def test_a_dataset_that_may_not_be_read_is_not_called_damaged(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The remedy was to build it again, which cannot help."""
+
+    def refuse(root: Path) -> Manifest:
+        raise PermissionError(13, "Permission denied", str(root))
+
+    monkeypatch.setattr(manifest_reader, "read", refuse)
+    with pytest.raises(InputError, match="cannot be read: Permission denied; allow this user to read the folder"):
+        datasets.read(copy)
