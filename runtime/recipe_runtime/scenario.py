@@ -233,7 +233,7 @@ class Scenario(Sequence[Frame]):
         plan, scene = self._sensor(sensor), self.plan.scene
         numbers = [self._taken(frame, plan) for frame in (plan.frames(len(self)) if frames is None else frames)]
         appearances = [self.plan.appearance] if "rgb" in plan.capture else []
-        for made in self._scenes.source(scene).make(plan, appearances, numbers, lanes=MAX_CONCURRENT_FRAMES):
+        for made in self._scenes.source(scene).make(plan, appearances, numbers, in_flight=MAX_CONCURRENT_FRAMES):
             pictures: dict[str, NDArray[np.generic]] = dict(zip(["rgb"], made.pictures, strict=False))
             yield made.number, {m: pictures[m] if m == "rgb" else label_array(made.seen, m) for m in plan.capture}
 

@@ -34,7 +34,7 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
     scene = (*map(id, parts), patch_lowering.board_key(base.patches), variant.seed)
     rig = (id(base.sensors), variant.seed)
     views = tuple(
-        limits.View(
+        limits.Clip(
             len(range(0, base.clock.frames, interval_of(s.tick, base.clock.fps))),
             s.camera.width * s.camera.height,
             _samples(s.camera, s.camera.supersample),
@@ -88,7 +88,7 @@ def measured(plan: ScenarioPlan) -> limits.Load:
     clock = plan.scene.clock
     responses = plan.appearance.responses
     views = tuple(
-        limits.View(
+        limits.Clip(
             len(s.frames(clock.frames)),
             s.camera.width * s.camera.height,
             _samples(s.camera, responses[s.name].supersample),
