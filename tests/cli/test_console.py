@@ -266,6 +266,7 @@ FAILING = {
     "export": ["gone", "out"],
     "cache": ["--size", "1G"],
     "blueprints": ["dragon.*"],
+    "surfaces": ["dragon.*"],
     "schema": ["-o", "gone/x.json"],
     "doctor": ["--never"],
 }
