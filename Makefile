@@ -77,7 +77,7 @@ test-ray: install-dev  ## the same bytes from a Ray cluster of two nodes, one of
 	$(BIN)/python -m pytest -q -m ray
 
 test-torch: install-dev  ## the PyTorch dataset, with PyTorch installed for it (CPU build where there is one)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'torchvision==0.28.0'
 	$(BIN)/python -m pytest -q -m torch
 
 test-trackeval: install-dev  ## TrackEval's scores of the exported layouts, without its plots and pictures

@@ -79,8 +79,9 @@ class FileComparison:
                     return at[2] >= other.agreed
             elif other is not None:
                 frames = range(other.agreed, variant.scene.clock.frames)
-                names = [sensor.name for sensor in variant.rig.sensors]
-                if any(path == layout.mots_png_file(variant.variant, name, k) for name in names for k in frames):
+                sensors = variant.rig.sensors
+                copies = (layout.label_copies(self.plan, variant.variant, s, k) for s in sensors for k in frames)
+                if any(path in files.values() for files in copies):
                     return True
         return False
 
