@@ -98,15 +98,13 @@ def row_count(dataset: DatasetPlan) -> int:
 
 def file_count(dataset: DatasetPlan) -> int:
     """Return an upper bound of the number of files of the plan's dataset, at most a dozen too high."""
-    masks = "mots_png" in dataset.annotations
     total = 12
     for variant in dataset.variants:
         total += 3  # plan, tracks and events
         for sensor in variant.rig.sensors:
             frames = len(sensor.frames(variant.scene.clock.frames))
-            total += 3 + frames * (
-                len(sensor.capture) + masks + bool(variant.appearance.patches)
-            )  # labels, and two MOTS text files
+            copies = len(layout.label_copies(dataset, variant.variant, sensor, 0)) + bool(variant.appearance.patches)
+            total += 3 + frames * (len(sensor.capture) + copies)  # labels, and two MOTS text files
     return total
 
 

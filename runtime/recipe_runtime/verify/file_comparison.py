@@ -79,9 +79,12 @@ class FileComparison:
                     return at[2] >= other.agreed
             elif other is not None:
                 frames = range(other.agreed, variant.scene.clock.frames)
-                names = [sensor.name for sensor in variant.rig.sensors]
-                forms = layout.mots_png_file, layout.patches_file
-                if any(path == form(variant.variant, n, k) for form in forms for n in names for k in frames):
+                sensors = variant.rig.sensors
+                copies = (layout.label_copies(self.plan, variant.variant, s, k) for s in sensors for k in frames)
+                if any(path in files.values() for files in copies):
+                    return True
+                patches = (layout.patches_file(variant.variant, s.name, k) for s in sensors for k in frames)
+                if path in patches:
                     return True
         return False
 
