@@ -7,9 +7,11 @@ triangles it has. A range of two integers accepts whole numbers only.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from recipe_compiler.ir.plan import ActorPlan, Element
 from recipe_compiler.ir.plurals import count
@@ -17,6 +19,7 @@ from recipe_compiler.ir.semantic_tags import BODIES, BODY_TAGS, Tag
 
 Range = tuple[float, float]
 
+MAX_ROUTE_METRES = 16_000_000  # of the routes of all vehicles of a scene; a driver keeps a speed for each metre
 MAX_TRIANGLES = 10_000_000  # of a town, if each of its elements has as many as its kind may have
 
 
@@ -171,6 +174,24 @@ def _element_fault(element: Element) -> str | None:
         if not span[0] <= value <= span[1]:
             return f"its size along {axis} is {value:g} m; a {element.kind} has {_shown(span)}"
     return _shape_fault(element.kind, element.shape, kind.shape)
+
+
+def route_metres(actors: Iterable[ActorPlan]) -> float:
+    """The length of the routes of all vehicles, in metres."""
+    total = 0.0
+    for actor in actors:
+        if actor.category == "vehicle":
+            points = [(actor.start.x, actor.start.y), *((point.x, point.y) for point in actor.route)]
+            total += sum(math.dist(a, b) for a, b in pairwise(points))
+    return total
+
+
+def routes_fault(actors: Iterable[ActorPlan]) -> str | None:
+    """What is wrong with the length of the routes of a scene, in words; None if nothing is."""
+    metres = route_metres(actors)
+    if metres <= MAX_ROUTE_METRES:
+        return None
+    return f"the routes of the vehicles are {metres / 1000:,.0f} km long; at most {MAX_ROUTE_METRES // 1000:,} are allowed"
 
 
 def actor_fault(actor: ActorPlan) -> str | None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TypeVar, cast
 
 from recipe_compiler.expand import Variant
+from recipe_compiler.ir import plan_bounds
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import (
     AppearancePlan,
@@ -192,6 +193,11 @@ class Lowering:
         self.problems += routes.problems
         self.warnings += routes.warnings
         if routes.problems:
+            return None
+        too_long = plan_bounds.routes_fault(actors)
+        if too_long is not None:
+            place = variant.base.place_of("actors")
+            self.problems.append(Problem(f"actors: {too_long}", place, "shorten the routes", Code.OUT_OF_RANGE))
             return None
         seconds = traffic.warmup(base)
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics, warmup=seconds)

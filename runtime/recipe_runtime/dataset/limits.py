@@ -69,8 +69,13 @@ def check_bounds(dataset: DatasetPlan) -> None:
     found += _sums(dataset)
     if not found:
         scenes = {v.scene.digest: v.scene.clock for v in dataset.variants}.values()
+<<<<<<< HEAD
         steps = sum(clock.frames * clock.steps_per_frame for clock in scenes)
         found += [f"{steps} steps of simulation are over {MAX_STEPS}"] if steps > MAX_STEPS else []
+=======
+        steps = sum(clock.warmup_steps + clock.frames * clock.steps_per_frame for clock in scenes)
+        found += [f"{steps} steps of simulation are over {MOST_STEPS}"] if steps > MOST_STEPS else []
+>>>>>>> b9df830 (Bound the length of routes, and count it in estimates)
     if found:
         raise InputError(Problem(message) for message in dict.fromkeys(found))
 
@@ -122,6 +127,9 @@ def _actors_and_town(scene: ScenePlan) -> Iterator[str]:
         yield "two actors have one name"
     if len({(a.tag, a.instance) for a in scene.actors}) < len(scene.actors):
         yield "two actors have one instance number"
+    too_long = plan_bounds.routes_fault(scene.actors)
+    if too_long is not None:
+        yield too_long
     for actor in scene.actors:
         points = [actor.start.x, actor.start.y, actor.start.z, *(v for p in actor.route for v in (p.x, p.y))]
         if len(actor.route) > MAX_POINTS or _beyond([*points, actor.speed]):

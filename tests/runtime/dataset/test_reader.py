@@ -14,7 +14,7 @@ import pytest
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.canonical import canonical_bytes, digest
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.ir.plan import SensorPlan
+from recipe_compiler.ir.plan import Point, SensorPlan
 from recipe_runtime.annotate.mots import runs_fill
 from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.build.pipeline import build
@@ -231,6 +231,23 @@ def test_a_clock_out_of_bounds_is_refused(frames: int, fps: int) -> None:
     scene = variant.scene.model_copy(update={"clock": clock})
     with pytest.raises(InputError, match=r"frames are over|is invalid"):
         check_bounds(PLAN.model_copy(update={"variants": (variant.model_copy(update={"scene": scene}),)}))
+
+
+def test_routes_and_warm_ups_out_of_bounds_are_refused() -> None:
+    variant = PLAN.variants[0]
+    ends = tuple(Point(x=1e5 * (-1) ** k, y=0.0) for k in range(100))
+    actors = tuple(a.model_copy(update={"route": ends}) for a in variant.scene.actors)
+    clock = variant.scene.clock.model_copy(update={"warmup": 600.0})
+    for changes, message in (({"actors": actors}, "19,900 km long"), ({"clock": clock}, "steps of simulation are over")):
+        scenes = [variant.scene.model_copy(update=changes) for _ in range(1000 if "clock" in changes else 1)]
+        towns = [variant.scene.town.model_copy(update={"name": f"t{n}"}) for n in range(len(scenes))]
+        parts = zip(scenes, towns, strict=True)
+        several = tuple(
+            variant.model_copy(update={"variant": f"v{n}", "scene": scene.model_copy(update={"town": town})})
+            for n, (scene, town) in enumerate(parts)
+        )
+        with pytest.raises(InputError, match=message):
+            check_bounds(PLAN.model_copy(update={"variants": several}))
 
 
 @pytest.mark.parametrize(
