@@ -19,6 +19,7 @@ from recipe_compiler.checks.check import Checker, check_deltas, check_removals
 from recipe_compiler.checks.findings import Findings
 from recipe_compiler.expand import Axes, Variant
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem, with_source
+from recipe_compiler.ir.ground.ways import TooMuchWorkError
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.limits import TooLargeError as TooLargeError
@@ -122,8 +123,11 @@ def _compile(
     reasons = estimate.over(free_disk, memory)
     if reasons and not allow_large:
         raise limits.TooLargeError(_place_of_size(root, estimate), estimate, reasons)
-    lowering = Lowering(_instances(root, problems), assets, textures.read(assets))
-    plans, warnings = _lowered(lowering, checked)
+    lowering = Lowering(_instances(root, problems), assets, textures.read(assets), allow_large=allow_large)
+    try:
+        plans, warnings = _lowered(lowering, checked)
+    except TooMuchWorkError:
+        raise _too_much_planning(root, estimate) from None
     plan = DatasetPlan(
         recipe=recipe.recipe,
         description=recipe.description,
@@ -301,6 +305,11 @@ def _too_long(root: Value, loads: list[limits.Load], variants: int) -> limits.To
         reasons[0] = f"of the first {len(loads)} variants alone, {reasons[0]}"
     whole = dataclasses.replace(estimate, variants=variants)
     return limits.TooLargeError(_place_of_size(root, whole), whole, reasons) if reasons else None
+
+
+def _too_much_planning(root: Value, estimate: limits.Cost) -> limits.TooLargeError:
+    place = root.place_of("base", "actors") if root.get("base", "actors") else root.place_of("base", "traffic")
+    return limits.TooLargeError(place, estimate, ["planning the routes of its pedestrians takes too long"])
 
 
 def _check_variants(

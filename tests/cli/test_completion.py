@@ -54,7 +54,23 @@ def test_values_are_completed(folder: Path, words: tuple[str, ...], values: list
 
 
 def test_no_name_is_completed_that_a_shell_would_run(folder: Path) -> None:
-    names = ["$(id)", "`id`", "a;id", "a b", "a&b", "a|b", "a>b", "~x", "-o", "a*b", "a'b", "a\"b", "!x", "a\\b", "{a,b}"]
+    names = [
+        "$(id)",
+        "`id`",
+        "a;id",
+        "a b",
+        "a&b",
+        "a|b",
+        "a>b",
+        "~x",
+        "-o",
+        "a*b",
+        "a'b",
+        'a"b',
+        "!x",
+        "a\\b",
+        "{a,b}",
+    ]
     for name in names:
         (folder / f"{name}.yaml").touch()
     (folder / "caf\u00e9=1.yaml").touch()

@@ -240,7 +240,9 @@ def far(count: int) -> dict[str, Any]:
     """Vehicles with one route of 14,142 km each."""
     ends = [{"x": 9999 * (-1) ** k, "y": 9999 * (-1) ** k} for k in range(501)]
     car = {"blueprint": "vehicle.sedan.a", "route": ends}
-    return small(traffic={}, actors={f"car{k}": car | {"start": {"x": -9999, "y": -9999 + 9 * k}} for k in range(count)})
+    return small(
+        traffic={}, actors={f"car{k}": car | {"start": {"x": -9999, "y": -9999 + 9 * k}} for k in range(count)}
+    )
 
 
 def test_the_length_of_routes_is_bounded_and_paid_for() -> None:

@@ -191,7 +191,9 @@ def routes_fault(actors: Iterable[ActorPlan]) -> str | None:
     metres = route_metres(actors)
     if metres <= MAX_ROUTE_METRES:
         return None
-    return f"the routes of the vehicles are {metres / 1000:,.0f} km long; at most {MAX_ROUTE_METRES // 1000:,} are allowed"
+    return (
+        f"the routes of the vehicles are {metres / 1000:,.0f} km long; at most {MAX_ROUTE_METRES // 1000:,} are allowed"
+    )
 
 
 def actor_fault(actor: ActorPlan) -> str | None:

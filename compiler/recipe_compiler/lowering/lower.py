@@ -35,7 +35,7 @@ from recipe_compiler.lowering.patches import lower as patch_lowering
 from recipe_compiler.lowering.patches.texture_files import Key
 from recipe_compiler.lowering.sensors import arms
 from recipe_compiler.lowering.sensors import rig as rigs
-from recipe_compiler.lowering.walking_routes import WalkingRoutes
+from recipe_compiler.lowering.walking_routes import RecipeWork, WalkingRoutes
 from recipe_compiler.schema.camera import Camera
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.scene import Town as TownSpec
@@ -60,7 +60,10 @@ class Lowering:
         instances: Mapping[str, int],
         assets: Mapping[str, AssetFile] | None = None,
         textures: Mapping[Key, Sequence[AssetFile]] | None = None,
+        *,
+        allow_large: bool = False,
     ) -> None:
+        self._work = RecipeWork(unlimited=allow_large)
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
         self._instances, self._assets, self._textures = instances, assets or {}, textures or {}
@@ -188,7 +191,7 @@ class Lowering:
         self.warnings += lint.of_starts(variant.base, given, town)
         self.warnings += lint.of_goals(variant.base, base.actors, town)
         self.warnings += plausibility.of_speeds(variant.base, actors)
-        routes = WalkingRoutes(variant.base, base.actors, town, stage.plans, actors)
+        routes = WalkingRoutes(variant.base, base.actors, town, stage.plans, actors, self._work)
         actors = routes.planned()
         self.problems += routes.problems
         self.warnings += routes.warnings

@@ -18,8 +18,8 @@ from recipe_compiler.lowering.actors import MAX_ROUTE
 from recipe_compiler.lowering.patches import lower as patch_lowering
 from recipe_compiler.schema.motion import Motion
 from recipe_compiler.schema.recipe import Base
-from recipe_compiler.schema.tick import interval_of
 from recipe_compiler.schema.scene import Actor
+from recipe_compiler.schema.tick import interval_of
 
 _METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed, mean distance between waypoints
 

@@ -238,7 +238,10 @@ def test_routes_and_warm_ups_out_of_bounds_are_refused() -> None:
     ends = tuple(Point(x=1e5 * (-1) ** k, y=0.0) for k in range(100))
     actors = tuple(a.model_copy(update={"route": ends}) for a in variant.scene.actors)
     clock = variant.scene.clock.model_copy(update={"warmup": 600.0})
-    for changes, message in (({"actors": actors}, "19,900 km long"), ({"clock": clock}, "steps of simulation are over")):
+    for changes, message in (
+        ({"actors": actors}, "19,900 km long"),
+        ({"clock": clock}, "steps of simulation are over"),
+    ):
         scenes = [variant.scene.model_copy(update=changes) for _ in range(1000 if "clock" in changes else 1)]
         towns = [variant.scene.town.model_copy(update={"name": f"t{n}"}) for n in range(len(scenes))]
         parts = zip(scenes, towns, strict=True)
