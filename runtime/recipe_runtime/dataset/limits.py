@@ -69,13 +69,8 @@ def check_bounds(dataset: DatasetPlan) -> None:
     found += _sums(dataset)
     if not found:
         scenes = {v.scene.digest: v.scene.clock for v in dataset.variants}.values()
-<<<<<<< HEAD
-        steps = sum(clock.frames * clock.steps_per_frame for clock in scenes)
-        found += [f"{steps} steps of simulation are over {MAX_STEPS}"] if steps > MAX_STEPS else []
-=======
         steps = sum(clock.warmup_steps + clock.frames * clock.steps_per_frame for clock in scenes)
-        found += [f"{steps} steps of simulation are over {MOST_STEPS}"] if steps > MOST_STEPS else []
->>>>>>> b9df830 (Bound the length of routes, and count it in estimates)
+        found += [f"{steps} steps of simulation are over {MAX_STEPS}"] if steps > MAX_STEPS else []
     if found:
         raise InputError(Problem(message) for message in dict.fromkeys(found))
 

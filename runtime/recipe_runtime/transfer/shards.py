@@ -31,7 +31,7 @@ from recipe_compiler.ir.errors import Code, InputError, RunError
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import file_sha256, host_errors, is_folder, open_folder, regular_file
+from recipe_runtime.core.files import file_sha256, host_errors, is_folder, open_folder, read_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset, labels
@@ -41,6 +41,7 @@ SHARD_BYTES = 1 << 30
 _FORMAT = "recipe/webdataset/1"
 _MARKER = ".dataset-recipe-export"  # in a folder in which an export works
 _LONGEST_INDEX = 64 << 20  # bytes
+_MAX_PICTURE, _BYTES_A_PIXEL = 1 << 16, 16  # bytes of a picture's file, at most: of its headers, and a pixel
 _REMEDY = "free some space or choose another folder, then export again"
 
 
@@ -213,7 +214,9 @@ def _samples(dataset: Dataset) -> Iterator[Sample]:
                     sample = {f"{key}.json": canonical_bytes(document)}
                     for modality in sensor.capture:
                         path = layout.frame_file(variant.variant, sensor.name, modality, frame, dataset.plan.depth)
-                        sample[f"{key}.{modality}.{path.rpartition('.')[2]}"] = _whole(dataset, path)
+                        pixels = sensor.camera.width * sensor.camera.height
+                        most = _MAX_PICTURE + _BYTES_A_PIXEL * pixels
+                        sample[f"{key}.{modality}.{path.rpartition('.')[2]}"] = _whole(dataset, path, most)
                     yield [(_entry(name, body), body) for name, body in sorted(sample.items())]
             except (ValueError, OSError) as error:
                 path = layout.labels_file(variant.variant, sensor.name)
@@ -227,16 +230,20 @@ def _entry(name: str, body: bytes) -> tarfile.TarInfo:
     return entry
 
 
-def _whole(dataset: Dataset, path: str) -> bytes:
-    """Return the content of a file, after comparing it with the manifest."""
+def _whole(dataset: Dataset, path: str, most: int) -> bytes:
+    """Return the content of a file of at most `most` bytes, after comparing it with the manifest."""
     size, sha256 = dataset.files.get(path, (-1, ""))
     there = regular_file(dataset.root, path)
     if there is None:
         raise _damaged(dataset, f"{path} is missing, or not a regular file")
     if there.st_size != size:
         raise _damaged(dataset, f"{path} has {count(there.st_size, 'byte')}, not {size:,}")
+    if size > most:
+        raise _damaged(dataset, f"{path} has {size:,} bytes, and such a picture has at most {most:,}")
     try:
-        body = (dataset.root / path).read_bytes()
+        body = read_inside(dataset.root, path, size)
+    except ValueError as error:
+        raise _damaged(dataset, str(error)) from None
     except OSError as error:
         raise RunError(f"{dataset.root / path} cannot be read: {error.strerror}") from None
     if len(body) != size or hashlib.sha256(body).hexdigest() != sha256:
@@ -269,11 +276,8 @@ def _has_other_files(out: Path, index: ExportIndex) -> bool:
 
 def _index_of(out: Path) -> ExportIndex | None:
     """Return the index of an export; None if there is none, or it is damaged."""
-    found = regular_file(out, INDEX) if is_folder(out) else None
-    if found is None or found.st_size > _LONGEST_INDEX:
-        return None
     try:
-        index = json.loads((out / INDEX).read_bytes())
+        index = json.loads(read_inside(out, INDEX, _LONGEST_INDEX)) if is_folder(out) else None
     except (OSError, ValueError, RecursionError):
         return None
     return cast("ExportIndex", index) if _is_index(index) else None
