@@ -249,5 +249,12 @@ def test_the_length_of_routes_is_bounded_and_paid_for() -> None:
     near, long = compiled(small(traffic={}, actors={})).cost, compiled(far(1)).cost
     assert long.minutes - near.minutes > 0.2
     assert long.main_memory - near.main_memory > 100 << 20
-    with pytest.raises(InputError, match="the routes of the vehicles are 28,338 km long; at most 16,000 are allowed"):
+    with pytest.raises(InputError, match="are 28,338 km long, and at most 16,000 are allowed"):
         compiled(far(2))
+
+
+@pytest.mark.parametrize(("count", "blueprint"), [(100, "vehicle.sedan.a"), (100, "walker.pedestrian.0001")])
+def test_a_pile_of_actors_is_refused(count: int, blueprint: str) -> None:
+    pile = {f"a{k}": {"blueprint": blueprint, "start": {"x": -4, "y": 6}} for k in range(count)}
+    with pytest.raises(InputError, match="4,950 pairs of actors start on top of each other, and at most 4,000 may"):
+        compiled(small(traffic={}, actors=pile))

@@ -197,10 +197,11 @@ class Lowering:
         self.warnings += routes.warnings
         if routes.problems:
             return None
-        too_long = plan_bounds.routes_fault(actors)
-        if too_long is not None:
+        faults = ((plan_bounds.routes_fault, "shorten the routes"), (plan_bounds.starts_fault, "move them apart"))
+        found = [(fault, remedy) for check, remedy in faults if (fault := check(actors)) is not None]
+        if found:
             place = variant.base.place_of("actors")
-            self.problems.append(Problem(f"actors: {too_long}", place, "shorten the routes", Code.OUT_OF_RANGE))
+            self.problems += [Problem(f"actors: {fault}", place, remedy, Code.OUT_OF_RANGE) for fault, remedy in found]
             return None
         seconds = traffic.warmup(base)
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics, warmup=seconds)

@@ -122,9 +122,9 @@ def _actors_and_town(scene: ScenePlan) -> Iterator[str]:
         yield "two actors have one name"
     if len({(a.tag, a.instance) for a in scene.actors}) < len(scene.actors):
         yield "two actors have one instance number"
-    too_long = plan_bounds.routes_fault(scene.actors)
-    if too_long is not None:
-        yield too_long
+    for fault in (plan_bounds.routes_fault(scene.actors), plan_bounds.starts_fault(scene.actors)):
+        if fault is not None:
+            yield fault
     for actor in scene.actors:
         points = [actor.start.x, actor.start.y, actor.start.z, *(v for p in actor.route for v in (p.x, p.y))]
         if len(actor.route) > MAX_POINTS or _beyond([*points, actor.speed]):

@@ -51,9 +51,12 @@ def swapped(path: Path) -> Iterator[None]:
 
     def swap() -> None:
         while not ended.is_set():
-            for make in (lambda: os.mkfifo(other), lambda: other.symlink_to("/dev/zero"), lambda: os.link(real, other)):
-                make()
-                other.replace(path)
+            os.mkfifo(other)
+            other.replace(path)
+            other.symlink_to("/dev/zero")
+            other.replace(path)
+            os.link(real, other)
+            other.replace(path)
 
     thread = threading.Thread(target=swap)
     thread.start()
