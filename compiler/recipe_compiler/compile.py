@@ -124,10 +124,7 @@ def _compile(
     if reasons and not allow_large:
         raise limits.TooLargeError(_place_of_size(root, estimate), estimate, reasons)
     lowering = Lowering(_instances(root, problems), assets, textures.read(assets), allow_large=allow_large)
-    try:
-        plans, warnings = _lowered(lowering, checked)
-    except TooMuchWorkError:
-        raise _too_much_planning(root, estimate) from None
+    plans, warnings = _lowered(lowering, checked, root, estimate)
     plan = DatasetPlan(
         recipe=recipe.recipe,
         description=recipe.description,
@@ -161,7 +158,9 @@ def named_files(path: Path) -> tuple[str, set[str]] | None:
     return str(name.data if name else ""), {*sources.files, *used}
 
 
-def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tuple[list[ScenarioPlan], list[Problem]]:
+def _lowered(
+    lowering: Lowering, checked: Sequence[tuple[Variant, Base]], root: Value, estimate: limits.Cost
+) -> tuple[list[ScenarioPlan], list[Problem]]:
     """Lower all variants to plans.
 
     Returns:
@@ -172,7 +171,10 @@ def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tup
     """
     plans, wrong, warnings = [], Findings(), Findings()
     for variant, base in checked:
-        plan = lowering.scenario(variant, base)
+        try:
+            plan = lowering.scenario(variant, base)
+        except TooMuchWorkError:
+            raise _too_much_planning(root, estimate) from None
         wrong.add(lowering.problems, variant)
         warnings.add(lowering.warnings, variant)
         lowering.problems.clear()
