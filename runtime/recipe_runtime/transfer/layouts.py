@@ -32,7 +32,7 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.reader import Dataset, labels
 from recipe_runtime.dataset.tracks import field
 from recipe_runtime.transfer.export_folder import MARKER, remove, work_folder
-from recipe_runtime.transfer.shards import damaged_file, whole_file
+from recipe_runtime.transfer.shards import damaged_file, picture_file
 
 Layout = Literal["mots", "kitti"]
 INDEX = "index.json"
@@ -76,7 +76,7 @@ class _Sequence:
         """Yield its RGB pictures, if it captures any."""
         for frame in self.frames if "rgb" in self.sensor.capture else ():
             path = layout.frame_file(self.variant.variant, self.sensor.name, "rgb", frame, self.dataset.plan.depth)
-            yield frame, whole_file(self.dataset, path)
+            yield frame, picture_file(self.dataset, path, self.sensor)
 
 
 Entry = tuple[str, bytes | Iterable[str]]  # a file's path and content

@@ -24,10 +24,11 @@ from typing import TypedDict, cast
 
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, RunError
+from recipe_compiler.ir.plan import SensorPlan
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import file_sha256, host_errors, is_folder, regular_file
+from recipe_runtime.core.files import file_sha256, host_errors, is_folder, read_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset, labels
@@ -37,6 +38,7 @@ INDEX = "index.json"
 SHARD_BYTES = 1 << 30
 _FORMAT = "recipe/webdataset/1"
 _LONGEST_INDEX = 64 << 20  # bytes
+_MAX_PICTURE, _BYTES_A_PIXEL = 1 << 16, 16  # bytes of a picture's file, at most: of its headers, and a pixel
 _REMEDY = "free some space or choose another folder, then export again"
 
 
@@ -180,7 +182,7 @@ def _samples(dataset: Dataset) -> Iterator[Sample]:
                     sample = {f"{key}.json": canonical_bytes(document)}
                     for modality in sensor.capture:
                         path = layout.frame_file(variant.variant, sensor.name, modality, frame, dataset.plan.depth)
-                        sample[f"{key}.{modality}.{path.rpartition('.')[2]}"] = whole_file(dataset, path)
+                        sample[f"{key}.{modality}.{path.rpartition('.')[2]}"] = picture_file(dataset, path, sensor)
                     yield [(_entry(name, body), body) for name, body in sorted(sample.items())]
             except (ValueError, OSError) as error:
                 path = layout.labels_file(variant.variant, sensor.name)
@@ -194,16 +196,25 @@ def _entry(name: str, body: bytes) -> tarfile.TarInfo:
     return entry
 
 
-def whole_file(dataset: Dataset, path: str) -> bytes:
-    """Return the content of a file, after comparing it with the manifest."""
+def picture_file(dataset: Dataset, path: str, sensor: SensorPlan) -> bytes:
+    """Return the content of a picture's file, after comparing it with the manifest.
+
+    Raises:
+        InputError: the file is missing, damaged, or larger than a picture of the sensor can be.
+    """
+    most = _MAX_PICTURE + _BYTES_A_PIXEL * sensor.camera.width * sensor.camera.height
     size, sha256 = dataset.files.get(path, (-1, ""))
     there = regular_file(dataset.root, path)
     if there is None:
         raise damaged_file(dataset, f"{path} is missing, or not a regular file")
     if there.st_size != size:
         raise damaged_file(dataset, f"{path} has {count(there.st_size, 'byte')}, not {size:,}")
+    if size > most:
+        raise damaged_file(dataset, f"{path} has {size:,} bytes, and such a picture has at most {most:,}")
     try:
-        body = (dataset.root / path).read_bytes()
+        body = read_inside(dataset.root, path, size)
+    except ValueError as error:
+        raise damaged_file(dataset, str(error)) from None
     except OSError as error:
         raise RunError(f"{dataset.root / path} cannot be read: {error.strerror}") from None
     if len(body) != size or hashlib.sha256(body).hexdigest() != sha256:
@@ -237,11 +248,8 @@ def _has_other_files(out: Path, index: ExportIndex) -> bool:
 
 def _index_of(out: Path) -> ExportIndex | None:
     """Return the index of an export; None if there is none, or it is damaged."""
-    found = regular_file(out, INDEX) if is_folder(out) else None
-    if found is None or found.st_size > _LONGEST_INDEX:
-        return None
     try:
-        index = json.loads((out / INDEX).read_bytes())
+        index = json.loads(read_inside(out, INDEX, _LONGEST_INDEX)) if is_folder(out) else None
     except (OSError, ValueError, RecursionError):
         return None
     return cast("ExportIndex", index) if _is_index(index) else None
