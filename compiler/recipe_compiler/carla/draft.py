@@ -86,10 +86,11 @@ def text_of(draft: Draft, report: Report) -> str:
 def _comments(data: Mapping[str, Data], report: Report) -> dict[tuple[str, ...], list[str]]:
     """The comments of each line, by the path of the value that the line starts."""
     found: dict[tuple[str, ...], dict[str, list[str]]] = {}
-    entries = [(row.to, row.why) for row in report.rows if row.outcome is Outcome.MAPPED and row.to]
-    entries += [(default.to, default.why) for default in report.defaults]
-    for to, why in entries:
-        line = _line_of(data, tuple(to.split(".")))
+    entries = [(row.to, row.why, 0) for row in report.rows if row.outcome is Outcome.MAPPED and row.to]
+    entries += [(default.to, default.why, int(default.to.count(".") > 1)) for default in report.defaults]
+    for to, why, above in entries:  # defaults are noted at the line of the map that holds them
+        path = tuple(to.split("."))
+        line = _line_of(data, path[: len(path) - above])
         rest = to.split(".")[len(line) :] or [line[-1]]
         keys = found.setdefault(line, {}).setdefault(why, [])
         if ".".join(rest) not in keys:

@@ -193,7 +193,7 @@ class SettingsReader:
         else:
             self._ledger.mapped(node, "base.town", name, why)
         self.notes.append(
-            f"{asked or towns.DEFAULT} of CARLA becomes {name}: another town, with other streets, buildings and relief"
+            f"{(asked or towns.DEFAULT).rsplit('/', 1)[-1]} of CARLA becomes {name}: another town, with other streets, buildings and relief"
         )
         return name
 

@@ -41,7 +41,7 @@ def most_like(name: str, kind: str, seed: int, actor: str) -> tuple[str, str] | 
     """
     number = name.removeprefix("walker.pedestrian.")
     if number != name and number.isdigit():
-        return _person(int(number)), "the library's people are others: this one has the same age"
+        return _person(int(number)), "the library's people are others than CARLA's; this one has the same age"
     if _all_are(name, kind):
         return name, ""
     matches = sorted(each for each in _LIKE if fnmatchcase(each, name) and each.startswith(f"{kind}."))
@@ -61,7 +61,7 @@ def _all_are(glob: str, kind: str) -> bool:
 
 
 def _person(number: int) -> str:
-    """The person of the library for a number of CARLA's: of the same age, and the same one for the same number."""
-    age = "child" if number in _CHILDREN else "adult"
+    """The person of the library for a number of CARLA's: of the same age, and of the same number if there is one."""
+    age, name = "child" if number in _CHILDREN else "adult", f"walker.pedestrian.{number:04d}"
     alike = [each.id for each in blueprints.match("walker.pedestrian.*") if each.attributes["generation"] == age]
-    return alike[number % len(alike)]
+    return name if name in alike else alike[number % len(alike)]

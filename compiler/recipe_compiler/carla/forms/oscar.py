@@ -28,7 +28,7 @@ def read(reader: Reader, root: Node) -> list[Spec]:
     """Read the actors, those attached to others after them."""
     actors, listed = root.get("actors"), root.get("spawn_actors")
     if listed is not None and isinstance(listed.value.data, str) and listed.value.data.startswith("${oc.dict.values:"):
-        reader.ledger.mapped(listed, "base", "the values of actors", "the list of the map `actors`")
+        reader.ledger.mapped(listed, "", "the values of actors", "a reference, resolved")
         listed = None
     specs: list[Spec] = []
     actors = reader.map(actors)
