@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.argument(
     "configs", nargs=-1, required=True, type=LocalPath(path_type=Path), shell_complete=completion.files(".yaml", ".yml")
 )
-@output_option(LocalPath(path_type=Path, file_okay=False), "The folder of the recipes; the current one by default.")
+@output_option(LocalPath(path_type=Path, file_okay=False), "The folder of the recipes; ./recipes by default.")
 @click.option("--town", metavar="NAME", help="The town to use; by default the one most like the configuration's.")
 @REPLACE
 @JSON
@@ -40,9 +40,9 @@ def command(
 
     _check_town(town)
     made = carla.imported([_read(path) for path in configs], town=town)
-    folder = Path() if output is None else output
+    folder = Path("recipes") if output is None else output
     files = {folder / name: body for one in made for name, body in _files(one).items()}
-    _check_free(files, replace=replace)
+    _check_free(files, configs, replace=replace)
     for one in made:
         for problem in _compiled(one, folder):
             warn(problem)
@@ -97,16 +97,18 @@ def _files(one: Imported) -> dict[str, bytes]:
     return {f"{one.name}.yaml": one.text.encode(), f"{one.name}.import.txt": report.encode()}
 
 
-def _check_free(files: dict[Path, bytes], *, replace: bool) -> None:
-    """InputError if a file is in the way, unless it has the same content."""
+def _check_free(files: dict[Path, bytes], configs: Sequence[Path], *, replace: bool) -> None:
+    """InputError if a file is in the way, unless it has the same content; a configuration is never replaced."""
     from recipe_compiler.ir.errors import Code, InputError
 
     for path, body in files.items():
         if not os.path.lexists(path) or (path.is_file() and path.read_bytes() == body):
             continue
-        if not replace or not path.is_file():
-            remedy = "choose another --output, or add --replace to write over it"
-            raise InputError(f"{path} exists already", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
+        is_input = any(path.exists() and path.samefile(config) for config in configs)
+        if is_input or not replace or not path.is_file():
+            remedy = "choose another --output" + ("" if is_input else ", or add --replace to write over it")
+            what = "is the configuration itself" if is_input else "exists already"
+            raise InputError(f"{path} {what}", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
 
 
 def _compiled(one: Imported, folder: Path) -> Sequence[Problem]:

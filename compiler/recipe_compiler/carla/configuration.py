@@ -10,7 +10,7 @@ import math
 import re
 from dataclasses import dataclass, field
 
-from recipe_compiler.carla.report import Ledger, Node, Path, key_of
+from recipe_compiler.carla.report import Ledger, Node, Path, key_of, number_text
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.source.yaml_reader import MAX_NODES, Value, show
 
@@ -47,10 +47,8 @@ class Reader:
             self._wrong_type(node, "a number")
             return None
         if not low <= data <= high:
-            limits = f"from {low:g} to {high:g}" if high < 1e6 else f"of {low:g} or more" if low > -1e6 else "nearer 0"
-            self.refuse(
-                node, f"{show(node.value.plain)} is out of range", f"write a number {limits}", Code.OUT_OF_RANGE
-            )
+            remedy = f"write a number from {number_text(low)} to {number_text(high)}"
+            self.refuse(node, f"{show(node.value.plain)} is out of range", remedy, Code.OUT_OF_RANGE)
             return None
         return data + 0.0
 
@@ -103,7 +101,7 @@ class Reader:
     def _wrong_type(self, node: Node, wanted: str) -> None:
         data = node.value.data
         if isinstance(data, str) and "${" in data:
-            remedy = "write the value itself; only references to values of these files, such as ${max_frames}, are read"
+            remedy = "write the value itself, or a reference to a value of these files, such as ${max_frames}"
             self.refuse(node, f"the reference {show(data)} cannot be resolved", remedy)
         else:
             self.refuse(node, f"it is {show(node.value.plain)}", f"write {wanted}")
