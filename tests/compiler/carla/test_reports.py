@@ -9,13 +9,45 @@ import pytest
 from tests.compiler.carla.importing import CONFIGS, TOGETHER, compiled, import_files, leaves
 
 # Every key of reference page 1.1: the collector's.
-KEYS = """carla.host carla.port carla.timeout carla.sync.fps carla.sync.timeout carla.seed carla.traffic_manager_port
-carla.respawn carla.townmap carla.retry output_dir max_frames weather.cloudiness weather.precipitation
-weather.precipitation_deposits weather.wind_intensity weather.sun_azimuth_angle weather.sun_altitude_angle
-weather.fog_density weather.fog_distance weather.wetness blueprint.name blueprint.attr blueprint.speed
-transform.location.x transform.location.y transform.location.z transform.rotation.roll transform.rotation.pitch
-transform.rotation.yaw destination_transform.location.x sensor_motion.jitter_magnitude.x
-sensor_motion.jitter_magnitude.y sensor_motion.jitter_magnitude.z attach_to attachment sensors[0]""".split()
+KEYS = [
+    "carla.host",
+    "carla.port",
+    "carla.timeout",
+    "carla.sync.fps",
+    "carla.sync.timeout",
+    "carla.seed",
+    "carla.traffic_manager_port",
+    "carla.respawn",
+    "carla.townmap",
+    "carla.retry",
+    "output_dir",
+    "max_frames",
+    "weather.cloudiness",
+    "weather.precipitation",
+    "weather.precipitation_deposits",
+    "weather.wind_intensity",
+    "weather.sun_azimuth_angle",
+    "weather.sun_altitude_angle",
+    "weather.fog_density",
+    "weather.fog_distance",
+    "weather.wetness",
+    "blueprint.name",
+    "blueprint.attr",
+    "blueprint.speed",
+    "transform.location.x",
+    "transform.location.y",
+    "transform.location.z",
+    "transform.rotation.roll",
+    "transform.rotation.pitch",
+    "transform.rotation.yaw",
+    "destination_transform.location.x",
+    "sensor_motion.jitter_magnitude.x",
+    "sensor_motion.jitter_magnitude.y",
+    "sensor_motion.jitter_magnitude.z",
+    "attach_to",
+    "attachment",
+    "sensors[0]",
+]
 
 
 @pytest.mark.parametrize("name", TOGETHER)

@@ -26,7 +26,7 @@ sizes = st.sampled_from([16, 64, 100, 800])
 weathers = st.fixed_dictionaries(
     {},
     optional={
-        **{name: percent for name in PARAMETERS[:4] + ("fog_density", "wetness")},
+        **dict.fromkeys(PARAMETERS[:4] + ("fog_density", "wetness"), percent),
         "sun_azimuth_angle": st.floats(0, 360).map(lambda value: round(value, 3)),
         "sun_altitude_angle": st.floats(-90, 90).map(lambda value: round(value, 3)),
         "fog_distance": percent,
