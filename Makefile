@@ -4,6 +4,9 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := help
 .PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-gpu fuzz bench bench-long bench-estimates presets lock verify golden requirements clean test-ray bench-ray
 
+# The tests start some hundred processes: with compiled modules kept, each starts half a second earlier.
+unexport PYTHONDONTWRITEBYTECODE
+
 VENV ?= .venv
 BIN := $(VENV)/bin
 # Tests in two processes, which share nothing but compiled kernels; tests of one file share its fixtures.

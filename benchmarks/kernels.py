@@ -37,7 +37,7 @@ def main() -> None:
     begin = variant.scene.clock.frames // 3
     for frame in range(begin, begin + WARM + arguments.frames):
         if frame == begin + WARM:
-            timings.clear()
+            timings.seconds.clear()
         source.shade(source.observe(sensor, frame), variant.appearance, sensor, frame)
     if "static shadows" in timings.seconds:  # they are drawn within the other's time
         timings.seconds["shadows"] -= timings.seconds["static shadows"]

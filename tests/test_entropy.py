@@ -20,7 +20,6 @@ ALLOWED_IMPORTS = {
     ("recipe_runtime/build/ray.py", "socket"): "whether a Ray cluster answers",
     ("recipe_runtime/build/ray.py", "time"): "how long a door that says nothing is waited at",
     ("recipe_runtime/render/device/compiled.py", "time"): "how long another process's compiling is waited for",
-    ("recipe_runtime/render/device/timings.py", "time"): "a stopwatch, for the benchmark",
     ("recipe_compiler/lowering/sun.py", "datetime"): "dates and hours that a recipe names; never the clock",
     ("recipe_compiler/checks/references.py", "datetime"): "whether a recipe's date is one; never the clock",
 }

@@ -74,12 +74,12 @@ WORKERS = click.option(
 def output_option(
     kind: click.Path | click.types.StringParamType, help: str, metavar: str | None = None
 ) -> Callable[[Command], Command]:
-    """The option that says where a command writes: `-o` and `--output`; `--out` is an alias."""
+    """Return the option that says where a command writes: `-o` and `--output`; `--out` is an alias."""
     return click.option("-o", "--output", "--out", "output", type=kind, metavar=metavar, help=help)
 
 
 class PlaceOrUrl(click.Path):
-    """A path, or a URL as it was written."""
+    """A path, or a URL as text."""
 
     def convert(
         self, value: str | PathLike[str], param: click.Parameter | None, ctx: click.Context | None
@@ -89,7 +89,7 @@ class PlaceOrUrl(click.Path):
 
 
 def shown(place: Path | str) -> str:
-    """A path, or a URL without its password, to print."""
+    """Return a path, or a URL without its password, for messages."""
     if isinstance(place, Path):
         return str(place)
     from recipe_runtime.core import urls
@@ -99,7 +99,7 @@ def shown(place: Path | str) -> str:
 
 @contextmanager
 def dataset_at(place: Path | str, progress: Progress) -> Iterator[Path]:
-    """The folder of a dataset. One at a URL is downloaded to a temporary folder for the duration of the context."""
+    """Yield the folder of a dataset. One at a URL is downloaded to a temporary folder during the context."""
     if isinstance(place, Path):
         yield place
         return
@@ -111,7 +111,7 @@ def dataset_at(place: Path | str, progress: Progress) -> Iterator[Path]:
 
 @contextmanager
 def opened(path: Path) -> Iterator[Path]:
-    """The path of a recipe. A pack is unpacked to a temporary folder for the duration of the context."""
+    """Yield the path of a recipe. A pack is unpacked to a temporary folder for the duration of the context."""
     if path.suffix != ".recipe":
         yield path
         return
@@ -145,9 +145,12 @@ def unpacks(*names: str, keep: str | None = None) -> Callable[[Callable[..., Non
 def compile_quietly(
     path: Path, *, allow_large: bool = False, free_disk: int | None = None, workers: int | None = None
 ) -> Compiled:
-    """Compile a recipe and print its warnings; InputError with all of its mistakes.
+    """Compile a recipe and print its warnings.
 
     With a number of workers, the memory that they need is compared with that of this host.
+
+    Raises:
+        InputError: with all mistakes in the recipe.
     """
     from recipe_compiler.compile import compile_recipe
 
@@ -159,7 +162,7 @@ def compile_quietly(
 
 
 def engines_for(compiled: Compiled, simulated: Callable[[int, int], None] | None = None) -> Engines:
-    """The engines of a build, with the paths of the recipe's assets.
+    """Return the engines of a build, with the paths of the recipe's assets.
 
     Args:
         compiled: the compiled recipe.
@@ -173,9 +176,11 @@ def engines_for(compiled: Compiled, simulated: Callable[[int, int], None] | None
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Around the making and writing of a file.
+    """Guard the computation and writing of a file.
 
-    InputError at once if its folder is not there, before any work; RunError if the host will not have it.
+    Raises:
+        InputError: the file's folder does not exist; raised before any work.
+        RunError: the file cannot be written.
     """
     from recipe_compiler.ir.errors import InputError, RunError
 
@@ -188,9 +193,9 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def worker_count(asked: int | None, device: str = "cpu") -> int:
-    """The number of workers asked for, else the number of CPU cores that this process may use.
+    """Return the requested number of workers, by default the number of CPU cores that this process may use.
 
-    Workers on a GPU share it: while one encodes, another renders; more than eight a GPU only fill its memory.
+    Workers on a GPU share it: while one encodes, another renders; more than eight per GPU only use its memory.
     """
     import os
 

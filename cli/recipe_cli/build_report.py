@@ -79,7 +79,7 @@ def _print_result(outcome: Outcome, compiled: Compiled) -> None:
 
 
 def interruption(plan: DatasetPlan, folder: Path, repair: bool, target: Target | None) -> tuple[str, str]:
-    """What an interrupted build has kept, and the remedy: how to continue."""
+    """Return what an interrupted build has kept, and how to continue."""
     from recipe_runtime.build.pipeline import kept_frames
     from recipe_runtime.build.workspace import read_manifest
     from recipe_runtime.dataset.manifest import is_whole
@@ -99,11 +99,11 @@ def interruption(plan: DatasetPlan, folder: Path, repair: bool, target: Target |
 
 
 def _frames(plan: DatasetPlan) -> int:
-    return sum(v.scene.clock.frames * len(v.rig.sensors) for v in plan.variants)
+    return sum(len(s.frames(v.scene.clock.frames)) for v in plan.variants for s in v.rig.sensors)
 
 
 def _done(result: BuildResult) -> str:
-    """How many frames this build rendered, at what rate, and how many it reused."""
+    """Return how many frames this build rendered, at what rate, and how many it reused."""
     made, seconds = result.made_frames, f"{result.wall:.1f} s"
     reused = (
         (result.taken_frames, "reused from the existing dataset"),

@@ -41,7 +41,7 @@ def print_problems(severity: str, problems: Sequence[Problem]) -> None:
 
 
 def remedy(problem: Problem) -> str | None:
-    """The remedy in the words of the command line, if its options are part of it; else in the library's."""
+    """Return a problem's remedy: in the words of the command line if an option helps, else in the library's."""
     return option_help(problem) or problem.help
 
 

@@ -109,7 +109,7 @@ def main() -> None:
 
 
 def _explained(error: Exception) -> tuple[Sequence[Problem], int]:
-    """The problems of an error, and the exit code that it ends in."""
+    """Return the problems of an error, and the exit code."""
     import errno
     import traceback
 
@@ -136,7 +136,7 @@ def _explained(error: Exception) -> tuple[Sequence[Problem], int]:
 
 
 def _usage(error: click.ClickException) -> Problem:
-    """What is wrong with a command line, and where to read how it is used."""
+    """Return the problem of a command line, and where its usage is documented."""
     from recipe_compiler.ir.errors import Code, Problem
 
     message = error.format_message().rstrip(".")

@@ -17,10 +17,10 @@ _MARKERS = ("pyproject.toml", ".git", FOLDER)  # a folder that holds one of thes
 
 
 def lockfile_path(recipe: Path, name: str) -> Path:
-    """Where the lockfile of a recipe is, or is to be written.
+    """Return the path at which the lockfile of a recipe is, or is to be written.
 
-    It is NAME.lock beside the recipe if that is there, else lockfiles/NAME.lock of the recipe's project. No other
-    folder is searched.
+    It is NAME.lock beside the recipe if that exists, else lockfiles/NAME.lock of the recipe's project. No other folder
+    is searched.
     """
     start = recipe.resolve().parent
     owners = _trusted_owners(recipe)
@@ -47,7 +47,7 @@ def read_lockfile(recipe: Path, plan: DatasetPlan) -> tuple[Path, Lockfile] | No
 
 
 def check_lockfile_is_of(recipe: Path, plan: DatasetPlan, path: Path, lock: Lockfile) -> None:
-    """InputError if a lockfile belongs to another recipe of the same name, naming both and the remedy."""
+    """Raise InputError, with both recipes and a remedy, if a lockfile belongs to another recipe of the same name."""
     from recipe_compiler.ir.errors import InputError
 
     other = lock.other_recipe(path, recipe, plan.digest)
@@ -81,7 +81,7 @@ def _trusted_owners(recipe: Path) -> frozenset[int]:
 
 
 def _owner(path: Path) -> int | None:
-    """The user id that owns a file, folder or link; None if it is not there."""
+    """Return the user id that owns a file, folder or link; None if it does not exist."""
     try:
         return path.lstat().st_uid
     except OSError:
@@ -94,9 +94,11 @@ def source_of(recipe: Path, lockfile: Path) -> str:
 
 
 def recipe_of(lockfile: Path, source: str) -> Path:
-    """The recipe that a lockfile names as its `source`: InputError if that leads out of the lockfile's project.
+    """Return the recipe that a lockfile names as its `source`.
 
-    The project is the folder that holds `lockfiles/`; of a lockfile elsewhere, its own folder.
+    Raises:
+        InputError: the path leads out of the lockfile's project, which is the folder that contains `lockfiles/`, or the
+            lockfile's own folder if it is elsewhere.
     """
     from recipe_compiler.ir.errors import InputError
 
@@ -129,7 +131,11 @@ def recipe_files(recipe: Path, compiled: Compiled) -> dict[str, bytes]:
 
 
 def free_disk(folder: Path) -> int:
-    """Bytes free where a folder is or would be; InputError if no files can be stored there, as in /proc."""
+    """Return the free bytes on the file system of a folder, which need not exist yet.
+
+    Raises:
+        InputError: no files can be stored there, as in /proc.
+    """
     import shutil
     import sys
 
@@ -147,7 +153,7 @@ def free_disk(folder: Path) -> int:
 
 
 def _check_stores_files(folder: Path, parent: Path) -> None:
-    """InputError unless files can be created in `parent`, whose file system reports no size."""
+    """Raise InputError unless files can be created in `parent`, whose file system reports no size."""
     import tempfile
 
     from recipe_compiler.ir.errors import Code, InputError
@@ -171,6 +177,6 @@ def memory(workers: int) -> Memory:
 
 
 def _short(path: Path) -> Path:
-    """The path from here where that is shorter to read."""
+    """Return the path relative to the working directory if that is shorter."""
     relative = Path(os.path.relpath(path))
     return relative if len(str(relative)) < len(str(path)) else path

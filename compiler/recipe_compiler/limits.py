@@ -1,7 +1,8 @@
-"""Cost model and size limits: frames, images, bytes on disk, minutes and memory of a build, estimated before it starts,
-and the time and memory of compiling the recipe itself.
+"""Cost model and size limits.
 
-The constants are measured: `make bench-estimates` compares the estimates of ten recipes with their builds.
+Estimates frames, images, bytes on disk, minutes and memory of a build before it starts, and the time and memory of
+compiling the recipe. The constants are measured: `make bench-estimates` compares the estimates of ten recipes with
+their builds.
 """
 
 from __future__ import annotations
@@ -20,48 +21,52 @@ MEMORY_LIMIT = 900 * 2**20  # bytes, while compiling
 
 TIME_LIMIT = 120.0  # minutes of one core
 
-# Encoded bytes per pixel, bytes of a file's header, and the block size of the disk.
-_BYTES = {"rgb": 1.52, "depth": 0.15, "depth-npy": 4.0, "instance": 0.006, "semantic": 0.016}
-_DEPTH_MOVING = 0.5  # of depth, where the camera moves
-_FILE_HEAD, _BLOCK = 150, 4096
+# Bytes on disk.
+_BYTES = {"rgb": 1.52, "depth": 0.15, "depth-npy": 4.0, "instance": 0.006, "semantic": 0.016}  # per pixel, encoded
+_DEPTH_MOVING = 0.5  # per pixel of depth, if the camera moves
+_FILE_HEAD, _BLOCK = 150, 4096  # header of a file; block size of the file system
+_PLAN_BYTES = (540, 900)  # of a variant's plan: per element of its town, per actor
+_TRACK_BYTES = 140  # per actor and frame
+_LABEL_BYTES = 900  # per labelled object, in all annotation files together
+_PREVIEW = (4.0, 900_000, 1_200_000)  # contact sheets: per pixel of a view; limit per view; limit in all
 _SEEN, _SEEN_AT_MOST = 0.1, 0.25  # share of the actors that are visible in a frame: mean, maximum
-_PLAN_BYTES = (540, 900)  # of a variant's plan: an element of its town, an actor
-_TRACK_BYTES = 140  # an actor and frame
-_LABEL_BYTES = 900  # a labelled object, in all annotation files
-_PREVIEW = (4.0, 900_000, 1_200_000)  # bytes a pixel of a view, at most for a view, at most for all
 
-# Seconds on one core of an x86 processor of the 2020s. Start-up of the build itself, a worker, a simulation.
-_START_BUILD, _START_WORKER, _START_SIMULATION = 1.7, 2.2, 0.6
-_LOAD_ELEMENT, _LOAD_ACTOR = 0.0022, 0.018  # meshes, for each scene
-_SIMULATE_ACTOR, _STEP, _STEP_ACTOR = 0.012, 0.00005, 0.0000055  # an actor to place; a physics step; an actor and step
-_POSE_ACTOR = 0.000075  # an actor and frame
-_LABEL, _LABEL_ACTOR = 0.0035, 0.0004  # a frame; an actor in it
-_OBSERVE, _OBSERVE_STILL, _OBSERVE_MOVING = 0.05, 0.005, 0.005  # a megasample, moving and still; a moved frame
-_SHADE, _SHADE_STILL = (
-    (0.010, 0.37),
-    (0.007, 0.055),
-)  # per frame and per megasample, of a moving camera and of a static one
-_SHADE_ACTOR, _SHADE_FIRST, _WHOLE_FRAMES = 0.0004, 0.2, 2  # an actor; a view; the first frames of a camera at rest
-_FINISH = 0.12  # a megapixel of blur or bloom
-_ENCODE = {"rgb": 0.02, "depth": 0.025, "depth-npy": 0.01, "instance": 0.004, "semantic": 0.004}  # a megapixel
+# Seconds on one core of an x86 processor of the 2020s. A megasample is a million rendered samples.
+_START_BUILD, _START_WORKER, _START_SIMULATION = 1.7, 2.2, 0.6  # per process
+_LOAD_ELEMENT, _LOAD_ACTOR = 0.0022, 0.018  # meshes: per element and per actor of a scene
+_SIMULATE_ACTOR = 0.012  # per actor
+_STEP, _STEP_ACTOR = 0.00005, 0.0000055  # per physics step; per actor and physics step
+_POSE_ACTOR = 0.000075  # per actor and frame
+_LABEL, _LABEL_ACTOR = 0.0035, 0.0004  # per frame; per actor and frame
+_OBSERVE, _OBSERVE_MOVING = 0.05, 0.005  # moving camera: per megasample; per frame
+_OBSERVE_STILL = 0.005  # static camera: per megasample
+_SHADE = (0.010, 0.37)  # moving camera: per frame, per megasample
+_SHADE_STILL = (0.007, 0.055)  # static camera: per frame, per megasample
+_WHOLE_FRAMES = 2  # first frames of a static camera, which cost as much as those of a moving one
+_SHADE_ACTOR = 0.0004  # per actor and frame
+_SHADE_FIRST = 0.2  # per view
+_FINISH = 0.12  # blur or bloom, per megapixel
+_ENCODE = {"rgb": 0.02, "depth": 0.025, "depth-npy": 0.01, "instance": 0.004, "semantic": 0.004}  # per megapixel
 _FILE = 0.0007  # per file, whatever its size
 
-# Memory: bytes per process. A static camera keeps its samples for each appearance.
-_MAIN, _WORKER, _SIMULATION = 150 << 20, 205 << 20, 195 << 20
-_SHADERS = 165 << 20  # kernels and tables, once a picture is made
-_MEMORY_ELEMENT, _MEMORY_ACTOR = 130_000, 1_600_000  # meshes
-_MEMORY_LABELS, _MEMORY_SHADE, _MEMORY_STILL, _MEMORY_FURTHER = 30, 125, 260, 75  # a sample
-_MEMORY_RECORD = 4000  # a labelled object, in the build's own process
+# Bytes of memory. A static camera keeps its samples, and their light for each appearance.
+_MAIN, _WORKER, _SIMULATION = 150 << 20, 205 << 20, 195 << 20  # per process
+_SHADERS = 165 << 20  # kernels and tables, per process that renders pictures
+_MEMORY_ELEMENT, _MEMORY_ACTOR = 130_000, 1_600_000  # meshes: per element, per actor
+_MEMORY_LABELS = 30  # per sample of a view without rgb, and in addition of a moving camera
+_MEMORY_SHADE = 125  # per sample of a moving camera
+_MEMORY_STILL, _MEMORY_FURTHER = 260, 75  # per sample of a static camera; for each further appearance
+_MEMORY_RECORD = 4000  # per labelled object, in the build's own process
 
-# Compiling, on the same core: seconds and bytes.
-_PER_ELEMENT = (6.5e-5, 3400)  # of a town, for each town that differs
-_PER_COLOURS = (3e-6, 70)  # of an element, for each scene that differs
-_PER_ACTOR = (1.8e-4, 6000)  # for each scene that differs
-_PER_POINT = (1.2e-5, 1100)  # of their routes
-_PER_POSE = (1e-4, 1600)  # for each rig that differs
-_PER_SENSOR = (7e-5, 6000)
+# Compiling: seconds on the same core, and bytes of memory.
+_PER_ELEMENT = (6.5e-5, 3400)  # per element of each distinct town
+_PER_COLOURS = (3e-6, 70)  # per element of each distinct scene
+_PER_ACTOR = (1.8e-4, 6000)  # per actor of each distinct scene
+_PER_POINT = (1.2e-5, 1100)  # per point of these actors' routes
+_PER_POSE = (1e-4, 1600)  # per pose of each distinct rig
+_PER_SENSOR = (7e-5, 6000)  # per sensor of each distinct rig
 _PER_VARIANT = (4e-4, 12_000)
-_PER_CHANGE = (5e-5, 3600)  # merged into the base, for each variant
+_PER_CHANGE = (5e-5, 3600)  # per variant and delta merged into its base
 
 
 @dataclass(frozen=True)

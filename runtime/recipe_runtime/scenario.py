@@ -29,7 +29,7 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array
-from recipe_runtime.core.versions import builder
+from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.source import SceneSource
 
@@ -157,6 +157,10 @@ class Scenario(Sequence[Frame]):
         """Return the modalities that a sensor, the first by default, captures."""
         return self._sensor(sensor).capture
 
+    def frames(self, sensor: str | None = None) -> range:
+        """Return the numbers of the frames that a sensor, the first by default, takes."""
+        return self._sensor(sensor).frames(len(self))
+
     def __len__(self) -> int:
         return self.plan.scene.clock.frames
 
@@ -189,10 +193,11 @@ class Scenario(Sequence[Frame]):
             uint16 [H, W], class * 1000 + number. semantic: uint8 [H, W], CARLA 0.9.14 tags.
 
         Raises:
-            InputError: There is no such sensor, or it does not capture the modality.
+            InputError: There is no such sensor, or it does not capture the modality or take the frame.
             IndexError: There is no such frame.
         """
-        frame, plan = self._number(frame), self._sensor(sensor)
+        plan = self._sensor(sensor)
+        frame = self._taken(frame, plan)
         if modality not in plan.capture:
             raise InputError(
                 f"the sensor {plan.name} does not capture {modality!r}",
@@ -213,12 +218,13 @@ class Scenario(Sequence[Frame]):
     def stream(
         self, sensor: str | None = None, frames: Iterable[int] | None = None
     ) -> Iterator[tuple[int, dict[str, NDArray[np.generic]]]]:
-        """Yield frames, all by default, each as its number and the arrays of all captured modalities, as `render` does.
+        """Yield frames, each as its number and the arrays of all captured modalities, as `render` does.
 
-        On a GPU many frames are rendered concurrently. The arrays are valid until the next frame is requested.
+        By default these are all frames that the sensor takes. On a GPU many frames are rendered concurrently. The
+        arrays are valid until the next frame is requested.
         """
         plan, scene = self._sensor(sensor), self.plan.scene
-        numbers = [self._number(frame) for frame in (range(len(self)) if frames is None else frames)]
+        numbers = [self._taken(frame, plan) for frame in (plan.frames(len(self)) if frames is None else frames)]
         appearances = [self.plan.appearance] if "rgb" in plan.capture else []
         for made in self._scenes.source(scene).make(plan, appearances, numbers, lanes=MAX_CONCURRENT_FRAMES):
             pictures: dict[str, NDArray[np.generic]] = dict(zip(["rgb"], made.pictures, strict=False))
@@ -226,8 +232,8 @@ class Scenario(Sequence[Frame]):
 
     def labels(self, frame: int, sensor: str | None = None) -> list[LabelRecord]:
         """Return the records of the visible objects of a frame, by instance; see `annotate.records.LabelRecord`."""
-        frame, plan = self._number(frame), self._sensor(sensor)
-        scene = self.plan.scene
+        plan, scene = self._sensor(sensor), self.plan.scene
+        frame = self._taken(frame, plan)
         return self._scenes.source(scene).labels(self._scenes.observe(scene, plan, frame), plan, frame)
 
     def _render(self, frame: int, plan: SensorPlan, modality: str) -> NDArray[np.generic]:
@@ -240,12 +246,20 @@ class Scenario(Sequence[Frame]):
     def _key(self, frame: int, plan: SensorPlan, modality: str) -> str:
         """Return the cache key of these pixels: a digest of plans, frame, modality and code."""
         colour = self.plan.appearance.digest if modality == "rgb" else ""
-        return digest("store/pixels/1", [self.plan.scene.digest, plan.document(), colour, modality, frame, builder()])
+        return digest(
+            "store/pixels/1", [self.plan.scene.digest, plan.document(), colour, modality, frame, builder_identity()]
+        )
 
     def _number(self, frame: int) -> int:
         if not -len(self) <= frame < len(self):
             raise IndexError(f"frame {frame} is not there: {self.variant} has frames 0 to {len(self) - 1}")
         return frame % len(self)
+
+    def _taken(self, frame: int, plan: SensorPlan) -> int:
+        """Return the number of a frame; IndexError if there is none, InputError if the sensor does not take it."""
+        frame = self._number(frame)
+        plan.check_takes(frame, len(self))
+        return frame
 
     def _sensor(self, name: str | None) -> SensorPlan:
         if name is None:

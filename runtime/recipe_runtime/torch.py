@@ -32,7 +32,7 @@ Sample = dict[str, Any]
 
 
 class RecipeDataset(Dataset[Sample]):
-    """Every frame of every sensor of every variant, in the recipe's order.
+    """Every frame that a sensor takes, of every sensor of every variant, in the recipe's order.
 
     A sample has `variant`, `sensor` and `frame`, and a tensor for each modality: rgb uint8 [3, H, W]; depth float32
     [H, W] in metres; instance int32 [H, W]; semantic uint8 [H, W].
@@ -75,7 +75,7 @@ class RecipeDataset(Dataset[Sample]):
         self._modalities = tuple(modalities) if modalities is not None else None
         for scenario, sensor in self._places:
             _check(scenario, sensor, self._modalities or ())
-        self._ends = _running([len(scenario) for scenario, _ in self._places])
+        self._ends = _running([len(scenario.frames(sensor)) for scenario, sensor in self._places])
         self._target, self._transform = target, transform
 
     def __len__(self) -> int:
@@ -97,7 +97,8 @@ class RecipeDataset(Dataset[Sample]):
         index %= len(self)
         place = next(n for n, end in enumerate(self._ends) if index < end)
         scenario, sensor = self._places[place]
-        return scenario, sensor, index - (self._ends[place] - len(scenario))
+        frames = scenario.frames(sensor)
+        return scenario, sensor, frames[index - (self._ends[place] - len(frames))]
 
 
 def _sensors(scenario: Scenario, wanted: Sequence[str] | None) -> Sequence[str]:

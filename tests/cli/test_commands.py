@@ -468,7 +468,7 @@ def test_a_locked_build_refuses_a_recipe_that_moved_on(folder: Path, tmp_path: P
     (root / "small.yaml").write_text(RECIPE.replace("wet: {weather: HardRainNoon}", "wet: {weather: WetNoon}"))
     for option in ("--locked", "--frozen"):
         refused = run_here("build", "small.yaml", option, cwd=root)
-        assert refused.returncode == 2 and "weather=wet: another appearance plan" in refused.stderr
+        assert refused.returncode == 2 and "weather=wet: different appearance plan" in refused.stderr
 
 
 def test_a_locked_build_needs_a_lockfile(folder: Path, tmp_path: Path) -> None:
@@ -512,7 +512,7 @@ def test_a_damaged_file_of_equal_size_is_found_and_mended(folder: Path, tmp_path
     mended = run_here("build", "small.yaml", "--repair", "--workers", "1", cwd=root)
     assert (mended.returncode, mended.stderr) == (0, "")
     first, *_, last = mended.stdout.splitlines()
-    assert first == "repaired: weather=dry/street/rgb/000001.png has other bytes than the manifest says"
+    assert first == "repaired: weather=dry/street/rgb/000001.png differs from its SHA-256 in the manifest"
     assert last == there.stdout.splitlines()[-1]
     assert picture.read_bytes() == body
     assert run_here("verify", "datasets/small", "--integrity", cwd=root).returncode == 0
@@ -530,7 +530,7 @@ def test_a_dataset_from_elsewhere_is_held_against_a_recipe(folder: Path, tmp_pat
     (root / "other.yaml").write_text(RECIPE.replace("y: 1, yaw", "y: 2, yaw").replace("recipe: small", "recipe: other"))
     other = run_here("verify", "other.yaml", "--against", "downloaded", cwd=root)
     assert other.returncode == 1
-    assert "plan: weather=dry: another scene plan" in other.stdout
+    assert "plan: weather=dry: different scene plan" in other.stdout
     assert run_here("verify", "small.yaml", "other.yaml", "--against", "downloaded", cwd=root).returncode == 2
 
 

@@ -32,7 +32,7 @@ def recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     (tmp_path / "pyproject.toml").touch()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RECIPE_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(pruning, "tidy", lambda *_: None)
+    monkeypatch.setattr(pruning, "auto_prune", lambda *_: None)
     for module in (build, lock, verify, shot):
         monkeypatch.setattr(module, "engines_for", lambda *_: ENGINES)
     for module in (build, lock, verify):
@@ -293,7 +293,7 @@ def test_a_renamed_recipe_keeps_its_lockfile_from_others(recipe: Run) -> None:
     assert (told.exit_code, told.stdout.startswith(says)) == (0, True), told.stdout
     after = lockfile.read(Path("lockfiles/small.lock"))
     assert after.source == "../renamed.yaml" and set(after.files) == {"renamed.yaml"}
-    assert after.means_the_same(before) and after.identity == before.identity
+    assert after.equals_but_for_text(before) and after.identity == before.identity
     write("other.yaml", OTHER_PLAN)
     for arguments in (("lock", "other.yaml", "--update"), ("verify", "other.yaml"), ("build", "other.yaml")):
         with pytest.raises(InputError, match=r"small\.lock is the lockfile of renamed\.yaml, another recipe"):

@@ -109,7 +109,7 @@ def test_an_interrupted_repair_claims_nothing(command: Callable[..., Result], tm
     some = "interrupted; 2 of 12 frames are kept; run it again with --repair to continue"
     assert problems(command(_stopping(1), "--repair").stderr) == [some]
     mended = command(_whole, "--repair")
-    told = "repaired: weather=dry/street/rgb/000001.png has other bytes than the manifest says\n"
+    told = "repaired: weather=dry/street/rgb/000001.png differs from its SHA-256 in the manifest\n"
     assert (mended.exit_code, mended.stdout.startswith(told)) == (0, True)
     assert "none rendered, 10 reused from the existing dataset, 2 resumed from the stopped" in mended.stdout
     assert "every file has the bytes that its manifest lists" in command(_whole, "--repair").stdout
@@ -125,11 +125,11 @@ def test_a_repair_interrupted_when_it_is_done_does_not_say_otherwise(
     whole = picture.read_bytes()
     picture.write_bytes(whole[:-1] + b"!")
 
-    def tidy(*_: object) -> None:
+    def auto_prune(*_: object) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(pruning, "tidy", tidy)
+        patch.setattr(pruning, "auto_prune", auto_prune)
         stopped = command(_whole, "--repair")
     assert problems(stopped.stderr) == ["interrupted; run it again with --repair to repair the rest"]
     assert picture.read_bytes() == whole  # it was in place by then

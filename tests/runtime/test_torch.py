@@ -12,6 +12,7 @@ import recipe_runtime
 from recipe_compiler.ir.errors import InputError
 from recipe_runtime.loading import compiled
 
+from tests.runtime.build.test_slow_sensors import SLOW
 from tests.sources import ROOT
 
 pytestmark = pytest.mark.torch
@@ -89,3 +90,8 @@ def test_names_that_are_not_there_are_refused_at_once(dataset_class: Any) -> Non
         dataset_class(TINY, device="gpu")
     with pytest.raises(InputError, match="does not capture 'depth'; it captures rgb, instance"):
         dataset_class(compiled(TINY), modalities=["depth"])
+
+
+def test_a_slow_sensor_has_the_samples_of_the_frames_that_it_takes(dataset_class: Any) -> None:
+    places = [dataset_class(SLOW, variants=["weather=w0,jitter=still"])._at(index)[1:] for index in range(15)]
+    assert places == [("street", k) for k in (0, 5, 10)] + [("side", k) for k in range(12)]

@@ -30,7 +30,7 @@ def command(prune: bool, size: str | None, as_json: bool) -> None:
         raise InputError("--size says how much --prune leaves; give both")
     limit = pruning.limit() if size is None else pruning.bytes_of(size)
     roots = pruning.folders()
-    spared = pruning.in_use(roots)
+    spared = pruning.oldest_lease(roots)
     removed = pruning.prune(roots, limit, spared) if prune and limit is not None else []
     sizes = pruning.sizes(pruning.entries(roots))
     if as_json:

@@ -14,7 +14,7 @@ from recipe_cli.places import lockfile_path
 if TYPE_CHECKING:
     from recipe_runtime.verify.diff import Side
 
-_MOST_SHOWN = 40
+_MAX_SHOWN = 40
 
 
 @click.command("diff")
@@ -38,10 +38,10 @@ def command(first: Path, second: Path, allow_large: bool, as_json: bool) -> None
         rows = [{"stage": finding.stage, "message": finding.message} for finding in found]
         print_json({"first": str(first), "second": str(second), "differences": rows, "left_out": notes})
     else:
-        for finding in found[:_MOST_SHOWN]:
+        for finding in found[:_MAX_SHOWN]:
             say(str(finding))
-        if len(found) > _MOST_SHOWN:
-            say(f"... and {len(found) - _MOST_SHOWN} more; --json lists all")
+        if len(found) > _MAX_SHOWN:
+            say(f"... and {len(found) - _MAX_SHOWN} more; --json lists all")
         if not found:
             say("nothing differs")
         for note in notes:

@@ -152,7 +152,7 @@ def _lock(recipe: Path, compiled: Compiled, path: Path, options: Options) -> Loc
         fail([_interrupted(recipe, known)])
         raise click.exceptions.Exit(130) from None
     previous = lockfile.read(path) if path.exists() and not options.update else None
-    if previous is not None and not previous.means_the_same(made):
+    if previous is not None and not previous.equals_but_for_text(made):
         raise _outdated(path, recipe)
     renamed = previous is not None and previous.source != source and not (path.parent / previous.source).exists()
     written = (previous is None or renamed) and made.write(path, replace=options.replace)

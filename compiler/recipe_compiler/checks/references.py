@@ -9,6 +9,7 @@ import datetime
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
+from typing import TypeGuard
 
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.library import blueprints, towns, weather
@@ -16,6 +17,7 @@ from recipe_compiler.schema import remedies
 from recipe_compiler.schema.fields import BLUEPRINT
 from recipe_compiler.schema.messages import Suggestions, near, nearest
 from recipe_compiler.schema.scene import Town
+from recipe_compiler.schema.tick import MAX_TICK, nearest_ticks
 from recipe_compiler.source.yaml_reader import Value, show
 
 Check = tuple[Callable[[Value], Iterator[Problem]], tuple[str, ...]]
@@ -79,7 +81,7 @@ def blueprint_remedy(glob: str) -> str:
 
 
 def unknown_carrier(base: Value) -> Iterator[Problem]:
-    """Report sensors mounted on an actor that the variant does not have."""
+    """Report sensors that are mounted on, or follow, an actor that the variant does not have."""
     actors, sensors = base.get("actors"), base.get("sensors")
     names = list(actors.map) if actors else []
     many = base.get("traffic", "density") is not None
@@ -89,16 +91,20 @@ def unknown_carrier(base: Value) -> Iterator[Problem]:
             names += [f"traffic.{kind}.{index}" for index in range(min(number.data, 1000))]
     known, suggestions = set(names), Suggestions(names)
     for name in sensors.map if sensors else ():
-        on = _text(base, "sensors", name, "mount", "on")
-        if on is not None and on not in known and (removed := _removal(base, "actors", on)) is not None:
-            message = f"the actor {show(on)} is removed here, but sensors.{name} is mounted on it"
-            yield Problem(message, removed, "remove or remount the sensor too", Code.CONFLICT)
-        elif on is not None and on not in known:
-            if many and re.fullmatch(r"traffic\.(vehicle|pedestrian)\.[0-9]{1,3}", on):
-                continue  # whether there are so many is known when the town is
-            message = f"sensors.{name}.mount.on: there is no actor {show(on)}"
-            place = base.place_of("sensors", name, "mount", "on")
-            yield Problem(message, place, suggestions.nearest(on), Code.UNKNOWN_NAME)
+        for keys, does in ((("mount", "on"), "is mounted on"), (("motion", "follow", "actor"), "follows")):
+            on, where = _text(base, "sensors", name, *keys), f"sensors.{name}.{'.'.join(keys)}"
+            if on is None or on in known:
+                continue
+            removed = _removal(base, "actors", on)
+            if removed is not None:
+                message = f"the actor {show(on)} is removed here, but sensors.{name} {does} it"
+                yield Problem(message, removed, "remove or remount the sensor too", Code.CONFLICT)
+            elif not (many and re.fullmatch(r"traffic\.(vehicle|pedestrian)\.[0-9]{1,3}", on)):
+                # With a density, whether there are so many is known when the town is.
+                place = base.place_of("sensors", name, *keys)
+                yield Problem(
+                    f"{where}: there is no actor {show(on)}", place, suggestions.nearest(on), Code.UNKNOWN_NAME
+                )
 
 
 def unknown_sensor(base: Value) -> Iterator[Problem]:
@@ -107,6 +113,23 @@ def unknown_sensor(base: Value) -> Iterator[Problem]:
     if near_sensor is not None and sensors is not None and near_sensor not in sensors.map:
         message, place = f"traffic.near: there is no sensor {show(near_sensor)}", base.place_of("traffic", "near")
         yield Problem(message, place, nearest(near_sensor, list(sensors.map)), Code.UNKNOWN_NAME)
+
+
+def uneven_tick(base: Value) -> Iterator[Problem]:
+    """Report sensors whose tick is not a multiple of the frame interval."""
+    rate, sensors = base.get("clock", "fps"), base.get("sensors")
+    fps = rate.data if rate is not None else None
+    for name in sensors.map if sensors else ():
+        value = base.get("sensors", name, "tick")
+        tick = value.data if value is not None else None
+        if not _is_number(tick) or not _is_number(fps) or not 0 < fps <= 1000 or not 0 <= tick <= MAX_TICK:
+            continue  # reported as a value out of range
+        valid = nearest_ticks(tick, int(fps))
+        if valid:
+            message = f"sensors.{name}.tick: {tick:g} s is not a multiple of the frame interval, 1/{fps} s"
+            several = ", the nearest that are" if len(valid) > 1 else ", the nearest that is"
+            remedy = f"write {' or '.join(f'{tick:.6f}'.rstrip('0') for tick in valid)}{several}"
+            yield Problem(message, base.place_of("sensors", name, "tick"), remedy, Code.OUT_OF_RANGE)
 
 
 def unknown_mix(base: Value) -> Iterator[Problem]:
@@ -185,11 +208,16 @@ CHECKS: tuple[Check, ...] = (
     (unknown_blueprint, ("actors",)),
     (unknown_carrier, ("actors", "traffic", "sensors")),
     (unknown_sensor, ("traffic", "sensors")),
+    (uneven_tick, ("clock", "sensors")),
     (unknown_mix, ("traffic",)),
     (unknown_day, ("place",)),
     (names_alike, ("actors", "props", "sensors")),
 )
 """Each check with the sections that it looks at."""
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _text(base: Value, *path: str) -> str | None:

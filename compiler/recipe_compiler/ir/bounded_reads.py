@@ -13,7 +13,7 @@ def open_regular(path: Path, *, follow_links: bool = True) -> BinaryIO:
 
     Raises:
         ValueError: it is a pipe, a device or another kind of file.
-        OSError: it cannot be opened, or is a link that is not to be followed.
+        OSError: it cannot be opened, or is a symbolic link and `follow_links` is not set.
     """
     # O_NONBLOCK: opening a pipe must not wait for a writer.
     flags = getattr(os, "O_NONBLOCK", 0) | (0 if follow_links else getattr(os, "O_NOFOLLOW", 0))

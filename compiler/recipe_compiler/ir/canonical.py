@@ -26,7 +26,7 @@ JsonValue: TypeAlias = bool | int | float | str | Sequence[object] | Mapping[str
 
 
 def canonical_bytes(value: JsonValue) -> bytes:
-    """RFC 8785 bytes of a JSON value.
+    """Return the RFC 8785 bytes of a JSON value.
 
     Raises:
         ValueError: the value or a part of it has no canonical form: NaN, infinity, -0.0, or no JSON type.
@@ -39,7 +39,7 @@ def canonical_bytes(value: JsonValue) -> bytes:
 
 
 def _text(value: object) -> str:
-    """The text that `rfc8785.dumps` gives, ten times as fast: a town's colours are many short strings."""
+    """Return the text of `rfc8785.dumps`, ten times as fast for many short strings, such as the colours of a town."""
     if isinstance(value, str):
         return str(encode_basestring(value))
     if isinstance(value, dict):
@@ -98,7 +98,7 @@ def array_hasher(domain: str, kind: np.dtype[np.generic], shape: tuple[int, ...]
 
 
 def pretty(value: JsonValue) -> str:
-    """A JSON value as readable text, fit for reviewing diffs: sorted keys, short lists on one line."""
+    """Format a JSON value for review in diffs: sorted keys, short lists on one line."""
     _check(value, "$")
     return _pretty(value, 0) + "\n"
 

@@ -78,42 +78,42 @@ class Lockfile:
         """The text of the lockfile."""
         return "".join(self._lines())
 
-    def says_the_same(self, other: Lockfile) -> bool:
-        """Whether this lockfile is undamaged and differs from the other in tool versions at most."""
+    def equals_but_for_tools(self, other: Lockfile) -> bool:
+        """Return whether this lockfile is undamaged and differs from the other at most in tool versions."""
         return self.sealed and replace(self, tools={}) == replace(other, tools={})
 
-    def means_the_same(self, other: Lockfile) -> bool:
-        """As `says_the_same`, but the names and text of the recipe's files may differ too."""
-        return self.says_the_same(replace(other, source=self.source, files=self.files))
+    def equals_but_for_text(self, other: Lockfile) -> bool:
+        """As `equals_but_for_tools`, but names and content of the recipe's files may differ too."""
+        return self.equals_but_for_tools(replace(other, source=self.source, files=self.files))
 
     def other_recipe(self, path: Path, recipe: Path, plan: str) -> Path | None:
-        """The other recipe that this lockfile belongs to.
+        """Return the other recipe that this lockfile belongs to.
 
         Args:
-            path: where this lockfile is.
-            recipe: the recipe file at hand.
+            path: the path of this lockfile.
+            recipe: the recipe file in question.
             plan: the digest of its plan.
 
         Returns:
-            The recipe file from which the lockfile was made, if it exists, is not `recipe`, and the plans differ;
-            else None. A recipe that was renamed or moved keeps its lockfile.
+            The recipe file from which the lockfile was made, if it exists, is not `recipe`, and the plans differ; else
+                None. A recipe that was renamed or moved keeps its lockfile.
         """
         source = path.parent / self.source
         try:
             if self.plan == plan or Path(self.source).is_absolute() or not source.is_file():
                 return None
             return None if recipe.exists() and source.samefile(recipe) else Path(os.path.normpath(source))
-        except (OSError, ValueError):  # a name that cannot be
+        except (OSError, ValueError):  # an invalid path
             return None
 
     def missing_recipe(self, path: Path, recipe: Path, plan: str) -> Path | None:
-        """The deleted recipe file from which this lockfile was made, unless it has the same name or plan.
+        """Return the deleted recipe file from which this lockfile was made, unless it has the same name or plan.
 
         The recipe may have been renamed and not locked since; then this is its only lockfile.
 
         Args:
-            path: where this lockfile is.
-            recipe: the recipe file at hand.
+            path: the path of this lockfile.
+            recipe: the recipe file in question.
             plan: the digest of its plan.
         """
         if self.plan == plan or Path(self.source).is_absolute():
@@ -121,7 +121,7 @@ class Lockfile:
         source = Path(os.path.normpath(path.parent / self.source))
         try:
             return None if os.path.lexists(source) or source.resolve() == recipe.resolve() else source
-        except (OSError, ValueError):  # a name that cannot be
+        except (OSError, ValueError):  # an invalid path
             return None
 
     def write(self, path: Path, *, replace: bool = False) -> bool:
@@ -138,7 +138,7 @@ class Lockfile:
             if not replace:
                 self._check_replaceable(path)
             with contextlib.suppress(InputError):
-                if read(path).says_the_same(self):
+                if read(path).equals_but_for_tools(self):
                     return False
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
@@ -154,7 +154,7 @@ class Lockfile:
         return True
 
     def _check_replaceable(self, path: Path) -> None:
-        """InputError unless the file at `path` is a lockfile, whole or damaged, of this recipe."""
+        """Raise InputError unless the file at `path` is a lockfile of this recipe, which may be damaged."""
         if not is_lockfile(path):
             raise InputError(
                 f"{path} exists already and is not a lockfile",

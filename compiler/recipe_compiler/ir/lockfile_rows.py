@@ -79,7 +79,7 @@ def max_rows_for(plan: DatasetPlan) -> dict[str, int]:
         "trace": len(scenes),
         "body": sum(len(scene.actors) for scene in scenes),
         "frame": sum(
-            variant.scene.clock.frames * (len(sensor.capture) + 1)
+            len(sensor.frames(variant.scene.clock.frames)) * (len(sensor.capture) + 1)
             for variant in plan.variants
             for sensor in variant.rig.sensors
         ),

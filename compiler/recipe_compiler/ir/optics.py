@@ -5,7 +5,7 @@ pinhole camera shows at
 
     f(r) p,  f(r) = 1 + lens_k r^2 + lens_kcube r^3.
 
-A positive `lens_k` gives barrel distortion, a negative one pincushion distortion. The undistorted image (the plate) is
+A positive `lens_k` gives barrel distortion, a negative one pincushion distortion. The undistorted image is
 wider by the maximum of f, and has a higher resolution.
 """
 
@@ -16,10 +16,10 @@ from typing import Protocol
 
 from recipe_compiler.ir import exact
 
-MAX_SAMPLES = 4096 * 4096  # of a plate
+MAX_SAMPLES = 4096 * 4096  # of an undistorted image
 _MIN_SLOPE, _MAX_SLOPE = 0.5, 6.0  # of f(r) r, the local magnification
 _MAX_TANGENT = 14.3  # of half the maximal field of view, 172 degrees
-_MIN_SUPERSAMPLE = 2  # samples along a pixel's side of a plate
+_MIN_SUPERSAMPLE = 2  # samples of an undistorted image along a pixel's side
 _STEPS = 64
 
 
@@ -63,8 +63,8 @@ def _radii(camera: Lens) -> list[float]:
     return [edge * step / _STEPS for step in range(_STEPS + 1)]
 
 
-def plate_size(camera: Lens, supersample: int) -> tuple[int, int, int]:
-    """Width and height of the plate in samples, both even, and the samples along a pixel's side at its centre."""
+def undistorted_size(camera: Lens, supersample: int) -> tuple[int, int, int]:
+    """Return the undistorted image's width and height in samples, both even, and its samples along a pixel's side."""
     if not bends(camera):
         return camera.width * supersample, camera.height * supersample, supersample
     fine = max(supersample, _MIN_SUPERSAMPLE)
@@ -82,7 +82,7 @@ def fault(camera: Lens, supersample: int) -> str | None:
         sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
         if sine / cosine * max(factor(camera, r) for r in _radii(camera)) > _MAX_TANGENT:
             return f"needs a view wider than 172 degrees at a fov of {camera.fov:g}; lower one of the two"
-    width, height, _ = plate_size(camera, supersample)
+    width, height, _ = undistorted_size(camera, supersample)
     if width * height > MAX_SAMPLES:
         return f"asks for {width} x {height} samples a frame, above the most allowed, {MAX_SAMPLES}; lower it"
     return None

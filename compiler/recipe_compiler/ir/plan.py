@@ -19,7 +19,6 @@ from pydantic import ConfigDict, Field, RootModel
 
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import Code, InputError
-from recipe_compiler.ir.modalities import MODALITIES, Modality
 from recipe_compiler.ir.plan_types import (
     MAX_ACTORS,
     MAX_BODIES,
@@ -27,7 +26,6 @@ from recipe_compiler.ir.plan_types import (
     MAX_ELEMENTS,
     MAX_FILE_BYTES,
     MAX_FRAMES,
-    MAX_PIXELS_A_SIDE,
     MAX_POINTS,
     MAX_PROPS,
     MAX_SENSORS,
@@ -49,25 +47,13 @@ from recipe_compiler.ir.plan_types import (
     Ten,
 )
 from recipe_compiler.ir.plan_types import Plan as Plan
+from recipe_compiler.ir.plan_types import Point as Point
+from recipe_compiler.ir.plan_types import Pose as Pose
+from recipe_compiler.ir.rig.plan import ArmPlan as ArmPlan
+from recipe_compiler.ir.rig.plan import CameraPlan as CameraPlan
+from recipe_compiler.ir.rig.plan import RigPlan as RigPlan
+from recipe_compiler.ir.rig.plan import SensorPlan as SensorPlan
 from recipe_compiler.ir.semantic_tags import Category
-
-
-class Pose(Plan):
-    """A position in metres and an orientation in degrees."""
-
-    x: Metres = 0.0
-    y: Metres = 0.0
-    z: Metres = 0.0
-    yaw: Degrees = 0.0
-    pitch: Degrees = 0.0
-    roll: Degrees = 0.0
-
-
-class Point(Plan):
-    """A point on the ground plan, in metres."""
-
-    x: Metres
-    y: Metres
 
 
 class Clock(Plan):
@@ -184,46 +170,6 @@ class ScenePlan(Plan):
             return self
         clock = self.clock.model_copy(update={"frames": frames})
         return ScenePlan(clock=clock, town=self.town, actors=self.actors, props=self.props)
-
-
-class CameraPlan(Plan):
-    """A camera's intrinsics. `fov` is horizontal, in degrees, and a pinhole's; pixel (0, 0) is the top-left corner."""
-
-    width: Annotated[int, Field(ge=1, le=MAX_PIXELS_A_SIDE)]
-    height: Annotated[int, Field(ge=1, le=MAX_PIXELS_A_SIDE)]
-    fov: Annotated[Number, Field(gt=0, lt=180)]
-    near: Annotated[Number, Field(gt=0, le=100_000)] = 0.1  # metres along the optical axis
-    far: Annotated[Number, Field(gt=0, le=100_000)] = 1000.0
-    lens_k: Annotated[Number, Field(ge=-1, le=1)] = 0.0  # distortion, as `optics` has it
-    lens_kcube: Annotated[Number, Field(ge=-1, le=1)] = 0.0
-
-
-class SensorPlan(Plan):
-    """One rig pose with all its modalities: they agree to the pixel."""
-
-    name: Name
-    on: Name | None = None  # an actor; None: the world
-    camera: CameraPlan
-    capture: Annotated[tuple[Modality, ...], Field(max_length=len(MODALITIES))]
-    poses: Annotated[
-        tuple[Pose, ...], Field(max_length=MAX_FRAMES)
-    ]  # one if it never moves, else one a frame; in the frame of `on`
-
-    def pose(self, frame: int) -> Pose:
-        """Pose at a frame, jitter included."""
-        return self.poses[frame if len(self.poses) > 1 else 0]
-
-
-class RigPlan(Plan):
-    """What every pixel hits."""
-
-    version: Literal[1] = 1
-    sensors: Annotated[tuple[SensorPlan, ...], Field(max_length=MAX_SENSORS)]
-
-    @cached_property
-    def digest(self) -> str:
-        """Identity of the rig."""
-        return digest("plan/rig/1", self.document())
 
 
 class Weather(Plan):

@@ -24,23 +24,26 @@ MAX_TRIANGLES = 10_000_000  # of a town, if each of its elements has as many as 
 class Kind:
     """What a town may have of one kind of element.
 
-    `most`: how many elements. `size`: metres along its own x, y and z. `shape`: the range of each key, all of which are
-    required. `triangles`: the most that the mesh of one element has, as the tests measure.
+    Attributes:
+        max_count: maximal number of elements.
+        size: ranges of the extents along the element's own x, y and z, metres.
+        max_triangles: maximal number of triangles of one element's mesh, as the tests measure.
+        shape: range of each key; all keys are required.
     """
 
-    most: int
+    max_count: int
     size: tuple[Range, Range, Range]
-    triangles: int
+    max_triangles: int
     shape: Mapping[str, Range] = field(default_factory=dict)
 
 
 _KEY, _FLAG = {"key": (0, 63)}, (0, 1)
 
 
-def _fixed(most: int, size: tuple[float, float, float], triangles: int, **shape: Range) -> Kind:
+def _fixed(max_count: int, size: tuple[float, float, float], triangles: int, **shape: Range) -> Kind:
     """A kind whose elements are all of one size."""
     x, y, z = size
-    return Kind(most, ((x, x), (y, y), (z, z)), triangles, shape)
+    return Kind(max_count, ((x, x), (y, y), (z, z)), triangles, shape)
 
 
 KINDS: dict[str, Kind] = {
@@ -144,7 +147,7 @@ _TWO_WHEELER: dict[str, Range] = {
 
 
 def town_faults(elements: Iterable[Element]) -> Iterator[str]:
-    """What is wrong with the elements of a town, in words: each one's shape and size, and how many there are."""
+    """Yield what is invalid about the elements of a town: shapes, sizes and numbers."""
     numbers: Counter[str] = Counter()
     for element in elements:
         numbers[element.kind] += 1
@@ -153,9 +156,9 @@ def town_faults(elements: Iterable[Element]) -> Iterator[str]:
             yield f"{element.name!r} of the town: {wrong}"
     known = {kind: number for kind, number in numbers.items() if kind in KINDS}
     for kind, number in sorted(known.items()):
-        if number > KINDS[kind].most:
-            yield f"the town has {count(number, kind)}; at most {KINDS[kind].most:,} are allowed"
-    triangles = sum(KINDS[kind].triangles * number for kind, number in known.items())
+        if number > KINDS[kind].max_count:
+            yield f"the town has {count(number, kind)}; at most {KINDS[kind].max_count:,} are allowed"
+    triangles = sum(KINDS[kind].max_triangles * number for kind, number in known.items())
     if triangles > MAX_TRIANGLES:
         yield f"the town may have {triangles:,} triangles; at most {MAX_TRIANGLES:,} are allowed"
 
@@ -171,7 +174,7 @@ def _element_fault(element: Element) -> str | None:
 
 
 def actor_fault(actor: ActorPlan) -> str | None:
-    """What is wrong with an actor's blueprint, tag or shape, in words; None if nothing is."""
+    """Return what is invalid about an actor's blueprint, tag or shape; None if it is valid."""
     ranges = shape_of(actor.blueprint)
     if not ranges:
         return f"there is no blueprint {actor.blueprint!r}"
@@ -183,7 +186,7 @@ def actor_fault(actor: ActorPlan) -> str | None:
 
 
 def shape_of(blueprint: str) -> Mapping[str, Range]:
-    """The keys and ranges that the shape of an actor of that blueprint has; none for an unknown one."""
+    """Return the range of each key in the shape of a blueprint; empty for an unknown blueprint."""
     if blueprint.startswith("walker.pedestrian."):
         return _WALKER
     family, _, rest = blueprint.partition(".")
@@ -195,7 +198,7 @@ def shape_of(blueprint: str) -> Mapping[str, Range]:
 
 
 def _shape_fault(what: str, shape: Mapping[str, float], ranges: Mapping[str, Range]) -> str | None:
-    """The first key of a shape that is missing, unknown or out of its range."""
+    """Return the first key of a shape that is missing, unknown or out of range, in words."""
     for key in sorted({*shape} ^ {*ranges}):
         return f"its shape has {key!r}, which no {what} has" if key in shape else f"its shape lacks {key!r}"
     for key, span in ranges.items():

@@ -58,3 +58,21 @@ class Plan(BaseModel):
         for name in copied.__dict__.keys() - type(copied).model_fields.keys():
             del copied.__dict__[name]
         return copied
+
+
+class Pose(Plan):
+    """A position in metres and an orientation in degrees."""
+
+    x: Metres = 0.0
+    y: Metres = 0.0
+    z: Metres = 0.0
+    yaw: Degrees = 0.0
+    pitch: Degrees = 0.0
+    roll: Degrees = 0.0
+
+
+class Point(Plan):
+    """A point on the ground plan, in metres."""
+
+    x: Metres
+    y: Metres

@@ -85,7 +85,7 @@ class ActorLowering:
         if near is None or near not in self._base.sensors:
             return None
         sensor = self._base.sensors[near]
-        carrier = self._plan_of(sensor.mount.on) if sensor.mount.on is not None else None
+        carrier = self._plan_of(sensor.carrier) if sensor.carrier is not None else None
         way = None if carrier is None else (carrier.start, carrier.route, carrier.speed)
         return traffic.View.of(self._base, sensor, way)
 

@@ -12,26 +12,25 @@ from typing import TypeVar, cast
 
 from recipe_compiler.expand import Variant
 from recipe_compiler.ir.errors import Code, Problem
-from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.plan import (
     AppearancePlan,
-    CameraPlan,
     CameraResponse,
     Clock,
     Looks,
     RigPlan,
     ScenarioPlan,
     ScenePlan,
-    SensorPlan,
     Sun,
     TexturePlan,
     Weather,
 )
 from recipe_compiler.library import weather
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering import camera_motion, lint, plausibility, props, sun, traffic
+from recipe_compiler.lowering import lint, plausibility, props, sun, traffic
 from recipe_compiler.lowering.actors import ActorLowering
 from recipe_compiler.lowering.asset_files import AssetFile
+from recipe_compiler.lowering.sensors import arms
+from recipe_compiler.lowering.sensors import rig as rigs
 from recipe_compiler.lowering.walking_routes import WalkingRoutes
 from recipe_compiler.schema.camera import Camera
 from recipe_compiler.schema.recipe import Base
@@ -99,12 +98,10 @@ class Lowering:
         scene = self._once_reporting(key, cast, lambda: self._scene(variant, base))
         if scene is None or not self._carriers_exist(variant, base, scene):
             return None
-        rig = self._once(
-            ("rig", id(base.clock), id(base.sensors), variant.seed),
-            (base.clock, base.sensors),
-            lambda: self._rig(variant, base),
-        )
         town = self._town(base.town)
+        rig = self._rig(variant, base, town)
+        if rig is None:
+            return None
         seen = ("cameras", id(base.town), id(base.sensors), id(base.clock), variant.seed)
         parts = (base.town, base.sensors, base.clock)
         self._once_reporting(seen, parts, lambda: self.warnings.extend(lint.of_cameras(variant.base, rig, town)))
@@ -123,16 +120,30 @@ class Lowering:
         )
         return ScenarioPlan(variant=variant.name, scene=scene.plan, rig=rig, appearance=appearance)
 
+    def _rig(self, variant: Variant, base: Base, town: Town) -> RigPlan | None:
+        """Return the plan of the sensors; None, with entries in `problems`, if one cannot be lowered."""
+        parts: list[object] = [base.clock, base.sensors]
+        if any(arms.needs_town(sensor) for sensor in base.sensors.values()):
+            parts.append(town)
+
+        def make() -> RigPlan | None:
+            rig, problems = rigs.lower(variant, base, town)
+            self.problems += problems
+            return rig
+
+        return self._once_reporting(("rig", *map(id, parts), variant.seed), parts, make)
+
     def _carriers_exist(self, variant: Variant, base: Base, scene: _Scene) -> bool:
-        """Report each sensor that is mounted on an actor that the scene does not have."""
+        """Report each sensor whose pose depends on an actor that the scene does not have."""
         names = {actor.name for actor in scene.plan.actors}
-        missing = [name for name, sensor in base.sensors.items() if sensor.mount.on not in {None, *names}]
+        missing = [name for name, sensor in base.sensors.items() if sensor.carrier not in {None, *names}]
         for name in missing:
-            on = base.sensors[name].mount.on
-            message = f"sensors.{name}.mount.on: there is no actor {show(on)}; the traffic has fewer"
-            place = variant.base.place_of("sensors", name, "mount", "on")
+            sensor = base.sensors[name]
+            key = ("mount", "on") if sensor.motion.follow is None else ("motion", "follow", "actor")
+            message = f"sensors.{name}.{'.'.join(key)}: there is no actor {show(sensor.carrier)}; the traffic has fewer"
+            place = variant.base.place_of("sensors", name, *key)
             self.problems.append(
-                Problem(message, place, "raise `traffic.density`, or mount it elsewhere", Code.UNKNOWN_NAME)
+                Problem(message, place, "raise `traffic.density`, or choose another actor", Code.UNKNOWN_NAME)
             )
         return not missing
 
@@ -167,23 +178,6 @@ class Lowering:
     def _town(self, spec: TownSpec) -> Town:
         key = (spec.name, spec.seed, json.dumps(spec.model_extra or {}, sort_keys=True))
         return self._once(("town", *key), None, lambda: traffic.built(*key))
-
-    # Rig
-
-    def _rig(self, variant: Variant, base: Base) -> RigPlan:
-        sensors = []
-        for name, sensor in base.sensors.items():
-            poses = camera_motion.poses(name, sensor, seed=variant.seed, fps=base.clock.fps, frames=base.clock.frames)
-            sensors.append(
-                SensorPlan(
-                    name=name,
-                    on=sensor.mount.on,
-                    camera=CameraPlan(**{field: getattr(sensor.camera, field) for field in CameraPlan.model_fields}),
-                    capture=tuple(m for m in MODALITIES if m in sensor.capture),
-                    poses=poses,
-                )
-            )
-        return RigPlan(sensors=tuple(sensors))
 
     # Sky
 

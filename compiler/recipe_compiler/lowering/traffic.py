@@ -19,6 +19,7 @@ from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library import blueprints, towns
 from recipe_compiler.library.blueprints import Blueprint
 from recipe_compiler.library.towns import Town
+from recipe_compiler.lowering.sensors import arms
 from recipe_compiler.schema import scene
 from recipe_compiler.schema.camera import Sensor
 from recipe_compiler.schema.fields import TRAFFIC_LIMIT
@@ -116,7 +117,7 @@ class View:
             sensor: The sensor.
             carrier: Start, route and speed (m/s) of the actor that carries it; None if it is mounted in the world.
         """
-        mount, seconds = sensor.mount, base.clock.frames / base.clock.fps
+        mount, seconds = arms.mount_of(sensor), base.clock.frames / base.clock.fps
         looks = []
         for quarter in range(5):
             at = seconds * quarter / 4
@@ -126,7 +127,7 @@ class View:
                 x, y, yaw = _along(start, route, _MEAN_PACE * speed * at)
             sine, cosine = exact.sin_cos_deg(yaw)
             world_x, world_y = x + cosine * mount.x - sine * mount.y, y + sine * mount.x + cosine * mount.y
-            ahead = exact.sin_cos_deg(yaw + mount.yaw)
+            ahead = exact.sin_cos_deg(yaw + arms.yaw_of(sensor))
             looks.append(_Look(at, world_x, world_y, (ahead[1], ahead[0])))
         return cls(looks, min(85.0, sensor.camera.fov / 2))
 

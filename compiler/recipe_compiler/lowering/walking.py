@@ -18,7 +18,7 @@ from recipe_compiler.ir.plan_types import fixed
 CLEARANCE = 0.35  # metres between the middle of a pedestrian and an obstacle
 BODY = 0.2  # metres; nobody's middle is nearer to an obstacle
 _OUTSIDE = 0.01  # metres from the clearance to the corners where routes bend
-_MOST = 160  # obstacles in one search; a way round more of them is not found
+_MAX_OBSTACLES = 160  # obstacles in one search; a way round more of them is not found
 _STEP, _RINGS = 0.25, 200  # metres between the free places that are tried, and the most rings of them
 _LEAST = 1e-6
 
@@ -120,7 +120,7 @@ class _Search:
         for o in obstacles:
             if o in self.obstacles:
                 continue
-            if len(self.obstacles) >= _MOST:
+            if len(self.obstacles) >= _MAX_OBSTACLES:
                 raise TooManyObstaclesError
             self.obstacles.append(o)
             self._margins.append(margin(o, start, goal))

@@ -14,8 +14,9 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library import towns
 from recipe_compiler.lowering import traffic
 from recipe_compiler.lowering.actors import MAX_ROUTE
-from recipe_compiler.schema.camera import Motion
+from recipe_compiler.schema.motion import Motion
 from recipe_compiler.schema.recipe import Base
+from recipe_compiler.schema.tick import interval_of
 
 _METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed, mean distance between waypoints
 
@@ -32,7 +33,7 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
     rig = (id(base.sensors), variant.seed)
     views = tuple(
         limits.View(
-            base.clock.frames,
+            len(range(0, base.clock.frames, interval_of(s.tick, base.clock.fps))),
             s.camera.width * s.camera.height,
             _samples(s.camera, s.camera.supersample),
             s.capture,
@@ -75,7 +76,7 @@ def _has_image_filters(camera: _ImageFilters) -> bool:
 
 
 def _samples(camera: optics.Lens, supersample: int) -> int:
-    width, height, _ = optics.plate_size(camera, supersample)
+    width, height, _ = optics.undistorted_size(camera, supersample)
     return width * height
 
 
@@ -85,7 +86,7 @@ def measured(plan: ScenarioPlan) -> limits.Load:
     responses = plan.appearance.responses
     views = tuple(
         limits.View(
-            clock.frames,
+            len(s.frames(clock.frames)),
             s.camera.width * s.camera.height,
             _samples(s.camera, responses[s.name].supersample),
             s.capture,

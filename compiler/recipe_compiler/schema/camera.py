@@ -1,4 +1,4 @@
-"""The sensors of a recipe: mount, camera and motion."""
+"""The sensors of a recipe: mount and camera; `motion` has their motion."""
 
 from __future__ import annotations
 
@@ -12,18 +12,15 @@ from recipe_compiler.ir.modalities import Modality
 from recipe_compiler.schema.fields import (
     ActorName,
     Degrees,
-    Loose,
-    Magnitude,
     Metres,
     Model,
-    Turn,
     bounded,
     distinct,
-    ordered,
 )
+from recipe_compiler.schema.motion import Motion
+from recipe_compiler.schema.tick import MAX_TICK
 
-Span = Annotated[tuple[Degrees, Degrees], Loose, AfterValidator(ordered)]
-Sway = Annotated[Span | None, Field(description="Lowest and highest angle, degrees, added to the mount's angle.")]
+Attachment = Literal["rigid", "spring_arm", "spring_arm_ghost"]
 
 
 class Mount(Model):
@@ -33,12 +30,31 @@ class Mount(Model):
         ActorName | None,
         Field(description="Actor that carries the sensor; the pose is in its frame. Default: the world frame."),
     ] = None
+    attachment: Annotated[
+        Attachment,
+        Field(
+            description="How `on` carries it. rigid: it leans and turns with the actor; spring_arm: on an arm that "
+            "stays level and turns smoothly, shortened at buildings; spring_arm_ghost: the same arm, never shortened."
+        ),
+    ] = "rigid"
     x: Annotated[Metres, Field(description="Position along x, metres.")] = 0.0
     y: Annotated[Metres, Field(description="Position along y, metres.")] = 0.0
     z: Annotated[Metres, Field(description="Height, metres.")] = 0.0
     yaw: Annotated[Degrees, Field(description="Degrees counter-clockwise seen from above; 0 looks along +x.")] = 0.0
     pitch: Annotated[Degrees, Field(description="Degrees; positive looks down.")] = 0.0
     roll: Annotated[Degrees, Field(description="Degrees; positive tilts to the right.")] = 0.0
+
+    @model_validator(mode="after")
+    def _arm_has_two_ends(self) -> Mount:
+        if self.attachment == "rigid":
+            return self
+        if self.on is None:
+            text = "{arm} needs an actor at its other end; add `on`, the actor's name"
+        elif not (self.x or self.y):
+            text = "{arm} has no length; give the sensor's place behind the actor, such as x: -6"
+        else:
+            return self
+        raise PydanticCustomError("arm", text, {"key": "attachment", "arm": self.attachment})
 
 
 class Camera(Model):
@@ -113,49 +129,6 @@ class Camera(Model):
         return self
 
 
-class Target(Model):
-    """The end of a linear motion. A coordinate that is absent equals the mount's."""
-
-    x: Annotated[Metres | None, Field(description="x, metres.")] = None
-    y: Annotated[Metres | None, Field(description="y, metres.")] = None
-    z: Annotated[Metres | None, Field(description="z, metres.")] = None
-
-
-class Linear(Model):
-    """Motion at constant speed from the mount to a point, where the sensor stays."""
-
-    to: Annotated[Target, Field(description="Point at which the motion ends, in the same frame as the mount.")]
-    speed: Annotated[float, Field(gt=0, le=100, allow_inf_nan=False, description="Speed, m/s.")]
-
-
-class Rotation(Model):
-    """A sinusoidal oscillation of the orientation that starts at the middle of its range."""
-
-    yaw: Sway = None
-    pitch: Sway = None
-    roll: Sway = None
-    period: Annotated[float, bounded(0.1, 86_400, "Period of the oscillation, seconds.")]
-
-
-class Jitter(Model):
-    """A random offset of the sensor, uniform between -m and m, drawn independently at every frame."""
-
-    x: Annotated[Magnitude, Field(description="Largest offset along x, metres.")] = 0.0
-    y: Annotated[Magnitude, Field(description="Largest offset along y, metres.")] = 0.0
-    z: Annotated[Magnitude, Field(description="Largest offset along z, metres.")] = 0.0
-    yaw: Annotated[Turn, Field(description="Largest offset of the yaw, degrees.")] = 0.0
-    pitch: Annotated[Turn, Field(description="Largest offset of the pitch, degrees.")] = 0.0
-    roll: Annotated[Turn, Field(description="Largest offset of the roll, degrees.")] = 0.0
-
-
-class Motion(Model):
-    """Motion of a sensor relative to its mount. The three kinds of motion can be combined."""
-
-    linear: Annotated[Linear | None, Field(description="Linear motion to a point.")] = None
-    rotation: Annotated[Rotation | None, Field(description="Oscillation of the orientation.")] = None
-    jitter: Annotated[Jitter | None, Field(description="Random offset at every frame.")] = None
-
-
 class Sensor(Model):
     """A camera at a pose. All of its modalities agree to the pixel."""
 
@@ -169,3 +142,34 @@ class Sensor(Model):
         ),
     ]
     motion: Annotated[Motion, Field(description="Motion relative to the mount. Default: none.")] = Motion()
+    tick: Annotated[
+        float,
+        bounded(
+            0,
+            MAX_TICK,
+            "Seconds from one picture to the next, a multiple of the frame interval (CARLA: sensor_tick). "
+            "0: every frame.",
+        ),
+    ] = 0.0
+
+    @property
+    def carrier(self) -> str | None:
+        """The actor on which its pose depends; None if it stands or moves in the world frame."""
+        return self.mount.on if self.motion.follow is None else self.motion.follow.actor
+
+    def _stays(self) -> bool:
+        start, route = (self.mount.x, self.mount.y, self.mount.z), self.motion.route
+        return route is not None and not route.road and all(point == start for point in route.waypoints(start))
+
+    @model_validator(mode="after")
+    def _one_frame_of_reference(self) -> Sensor:
+        mount, key = self.mount, "mount"
+        if self.motion.follow is not None and (mount.on is not None or mount.x or mount.y or mount.z):
+            text = "`motion.follow` decides the position; keep angles only, or none: `mount: {}`"
+        elif self.motion.route is not None and self.motion.route.road and mount.on is not None:
+            text = "`motion.route` follows a road of the town; remove `on`"
+        elif self._stays():
+            text, key = "`route` never leaves the mount; add a point that differs from it", "motion"
+        else:
+            return self
+        raise PydanticCustomError("frame", text, {"key": key})

@@ -55,7 +55,15 @@ _PATTERNS = {  # what marks the pattern -> what is wrong, the remedy
     "_-": ("is not a name", _NAME_RULE),
     "_.-": ("is not an actor's name", "use letters, digits, _ . and - only, a letter or digit first"),
 }
-_CONFLICTS = {"way", "asset", "prop", "distribution", "clip"}  # of our own checks, those of keys that exclude others
+_CONFLICTS = {
+    "way",
+    "asset",
+    "prop",
+    "distribution",
+    "clip",
+    "moves",
+    "frame",
+}  # of our own checks, those of keys that exclude others
 _MAX_COMPARED = 30  # of many names, those with the most letter pairs in common are compared letter by letter
 _MAX_LISTED = 12  # valid names that a remedy lists
 

@@ -111,7 +111,7 @@ def _video(video: Video, number: int) -> Row:
 def _images(dataset: DatasetPlan, videos: Sequence[Video]) -> Iterator[Row]:
     number = itertools.count(1)
     for video_id, video in enumerate(videos, start=1):
-        for frame in range(len(video.frames)):
+        for frame in range(0, video.length, video.sensor.interval):
             yield _image(dataset, video, video_id, frame, next(number))
 
 
@@ -119,7 +119,8 @@ def _flat_images(dataset: DatasetPlan, videos: Sequence[Video], modality: str) -
     number = itertools.count(1)
     for video_id, video in enumerate(videos, start=1):
         camera = video.sensor.camera
-        for frame in range(len(video.frames)) if modality in video.sensor.capture else ():
+        taken = range(0, video.length, video.sensor.interval)
+        for frame in taken if modality in video.sensor.capture else ():
             name = layout.frame_file(video.variant, video.sensor.name, modality, frame, dataset.depth)
             row: Row = {"id": next(number), "file_name": name, "width": camera.width, "height": camera.height}
             row |= {"license": 1, "date_captured": "", "coco_url": "", "flickr_url": ""}

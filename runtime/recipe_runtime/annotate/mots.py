@@ -15,7 +15,7 @@ import pycocotools.mask
 from numpy.typing import NDArray
 
 from recipe_runtime.annotate.categories import MOTS_CLASSES, MOTS_IGNORE
-from recipe_runtime.annotate.records import LabelRecord
+from recipe_runtime.annotate.records import LabelledFrame
 
 
 def mots_id(instance: int) -> int:
@@ -34,21 +34,21 @@ def mots_picture(instance: NDArray[np.uint16]) -> NDArray[np.uint16]:
     return out
 
 
-def mots_lines(frames: Iterable[Sequence[LabelRecord]], width: int, height: int) -> Iterator[str]:
+def mots_lines(frames: Iterable[LabelledFrame], width: int, height: int) -> Iterator[str]:
     """Yield the lines of the `gt.txt` of one sequence.
 
     Args:
-        frames: The label records of every frame, in order.
+        frames: The labelled frames, in order.
         width: Width of the image in pixels.
         height: Height of the image in pixels.
     """
-    for number, records in enumerate(frames, start=1):
+    for frame in frames:
         codes: dict[int, list[str]] = {}
-        for record in records:
+        for record in frame["objects"]:
             codes.setdefault(mots_id(record["instance"]), []).append(record["counts"])
         for name, counts in sorted(codes.items()):
             rle = counts[0] if len(counts) == 1 else _union(counts, width, height)
-            yield f"{number} {name} {name // 1000} {height} {width} {rle}\n"
+            yield f"{frame['frame'] + 1} {name} {name // 1000} {height} {width} {rle}\n"
 
 
 def seqinfo(name: str, directory: str, rate: int, length: int, width: int, height: int) -> str:

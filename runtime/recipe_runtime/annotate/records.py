@@ -94,12 +94,17 @@ def label_digest(records: Sequence[LabelRecord]) -> str:
 
 @dataclass(frozen=True)
 class Video:
-    """The frames of one sensor in one variant, in order."""
+    """The frames of one sensor in one variant, in order. `fps` is the clip's rate, in which frames are numbered."""
 
     variant: str
     sensor: SensorPlan
     fps: int
-    frames: Sequence[FrameRecord]
+    frames: Sequence[FrameRecord]  # that the sensor takes
+
+    @property
+    def length(self) -> int:
+        """The number of frames from the clip's first to the last that the sensor takes, at `fps`."""
+        return (len(self.frames) - 1) * self.sensor.interval + 1 if self.frames else 0
 
     @property
     def name(self) -> str:

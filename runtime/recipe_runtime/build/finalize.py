@@ -15,7 +15,7 @@ from recipe_runtime.build.recipe_files import RecipeFiles
 from recipe_runtime.build.workspace import Workspace
 from recipe_runtime.core import layout
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.timings import Stopwatch
+from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset.assembly import FrameAssembly
 from recipe_runtime.dataset.manifest import file_row, manifest_text
@@ -35,7 +35,7 @@ class Finisher:
     harvest: FrameAssembly
     work: Workspace
     progress: Progress
-    watch: Stopwatch
+    timings: Timings
     sources: RecipeFiles | None = None
     videos: list[Video] = field(init=False)
     identity: str = field(init=False)
@@ -65,10 +65,10 @@ class Finisher:
         for stage, tasks in (("annotate", annotate), ("finish", rest)):
             self.progress(stage, 0, len(tasks))
             for done, task in enumerate(tasks, start=1):
-                with self.watch(stage):
+                with self.timings(stage):
                     files.update(task())
                 self.progress(stage, done, len(tasks))
-        with self.watch("finish"):
+        with self.timings("finish"):
             return files | self._write(layout.MANIFEST, manifest_text(self.dataset, self.harvest, files, place))
 
     def _write(self, path: str, content: str | bytes) -> dict[str, FileRow]:

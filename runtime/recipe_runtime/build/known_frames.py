@@ -13,9 +13,9 @@ from recipe_compiler.ir.plan import DatasetPlan
 from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.journal import CacheJournal
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.versions import builder
+from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset.digests import frame_rows
-from recipe_runtime.dataset.schedule import Shard, Taken, all_shards, missing_shards, views
+from recipe_runtime.dataset.schedule import ReusedFrames, Shard, all_shards, missing_shards, views
 
 Proof = Callable[[dict[str, str], Progress], Sequence[tuple[Shard, list[FrameRecord]]]]
 
@@ -38,15 +38,15 @@ class Known:
         self, plan: DatasetPlan, traces: dict[str, str], progress: Progress
     ) -> tuple[dict[FrameKey, str], list[Shard], CacheJournal]:
         """Return the rows that the dataset proves, the remaining shards, and their journal."""
-        seen, rows, taken = views(plan), dict[FrameKey, str](), dict[int, Taken]()
+        seen, rows, reused = views(plan), dict[FrameKey, str](), dict[int, ReusedFrames]()
         for shard, records in self.proof(traces, progress):
-            taken[shard.view] = Taken(shard.variants, frozenset(shard.frames))
+            reused[shard.view] = ReusedFrames(shard.variants, frozenset(shard.frames))
             self.taken_frames += shard.pictures
             rows.update(row for record in records for row in frame_rows(plan, seen[shard.view], record))
         # Every device produces the same bytes, so the journal may be continued on another one.
-        key = digest("journal/lock/1", [plan.digest, builder(), traces])
+        key = digest("journal/lock/1", [plan.digest, builder_identity(), traces])
         self._journal = CacheJournal(self.cache, key, plan)
-        return rows, missing_shards(all_shards(plan), taken), self._journal
+        return rows, missing_shards(all_shards(plan), reused), self._journal
 
     def kept_frames(self) -> int:
         """The number of frames in the journal of a lock that was stopped."""

@@ -57,7 +57,7 @@ def run(job: Job, shards: Sequence[Shard], workers: int, done: Done, tick: Calla
         worker = Worker(job)
         for shard in shards:
             done(shard, worker.do(shard, tick))
-        return worker.watch.seconds
+        return worker.timings.seconds
     if not shards:
         return {}
     with WorkerPool(job, min(workers, len(shards))) as pool:
@@ -145,7 +145,7 @@ class WorkerPool:
             self._feed(pipe, rest)
 
     def lost(self, pipe: End) -> RunError:
-        """The error for a worker that ended early; it names the shard that the worker was rendering."""
+        """Return the error for a worker that ended early; it names the shard that the worker was rendering."""
         process, shard = self._processes[pipe], self._busy.get(pipe)
         with suppress(subprocess.TimeoutExpired):
             process.wait(5)
@@ -188,14 +188,14 @@ def serve() -> None:
                 worker.load(load)
         while True:
             pipe.send(_answer(worker, pipe.recv(), lambda count: pipe.send(("tick", count))))
-            worker.watch.seconds.clear()
+            worker.timings.seconds.clear()
     except (EOFError, ConnectionError):
         return
 
 
 def _answer(worker: Worker, shard: Shard, tick: Callable[[int], None]) -> tuple[str, Any]:
     try:
-        return "done", (worker.do(shard, tick), dict(worker.watch.seconds))
+        return "done", (worker.do(shard, tick), dict(worker.timings.seconds))
     except (EOFError, ConnectionError):
         raise
     except RecipeError as error:

@@ -33,14 +33,22 @@ from recipe_runtime.cache import pruning
 from recipe_runtime.cache.journal_key import journal_key, read_key
 from recipe_runtime.cache.store import Store, default_cache
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.timings import Stopwatch
+from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.versions import builder
+from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset.assembly import FrameAssembly
 from recipe_runtime.dataset.limits import check_bounds, check_plan
 from recipe_runtime.dataset.manifest import head, is_whole
 from recipe_runtime.dataset.manifest_types import Manifest
-from recipe_runtime.dataset.schedule import SHARD_FRAMES, Shard, Taken, all_shards, missing_shards, simulations, views
+from recipe_runtime.dataset.schedule import (
+    SHARD_FRAMES,
+    ReusedFrames,
+    Shard,
+    all_shards,
+    missing_shards,
+    simulations,
+    views,
+)
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 
 
@@ -141,7 +149,7 @@ def _build(
         counts = stages.run_all(work, out, recipe_files)
     if trusted:
         remember(store, out, dataset)
-    pruning.tidy(pruned, cache_limit)
+    pruning.auto_prune(pruned, cache_limit)
     manifest = read_manifest(out)
     assert manifest is not None
     provenance.record(out, manifest, source)
@@ -156,7 +164,7 @@ def _build(
         resumed_frames=counts.resumed_frames,
         made_frames=counts.made_frames,
         taken_frames=counts.taken_frames,
-        seconds=stages.watch.seconds,
+        seconds=stages.timings.seconds,
         wall=time.perf_counter() - start,
     )
 
@@ -168,7 +176,7 @@ def kept_frames(dataset: DatasetPlan, out: Path, cache: Path | None = None) -> i
 
 
 def _workspace(dataset: DatasetPlan, out: Path, key: bytes, replace: bool = False) -> Workspace:
-    return Workspace(out, {**head(dataset), "builder": builder()}, replace=replace, key=key)
+    return Workspace(out, {**head(dataset), "builder": builder_identity()}, replace=replace, key=key)
 
 
 def _no_progress(stage: str, done: int, total: int) -> None:
@@ -197,7 +205,7 @@ class _Stages:
     run: Runner
     explain: Callable[[list[str]], None] | None
     examined: Examined | None = None  # the dataset to repair
-    watch: Stopwatch = field(default_factory=Stopwatch)
+    timings: Timings = field(default_factory=Timings)
 
     @property
     def dataset(self) -> DatasetPlan:
@@ -211,14 +219,14 @@ class _Stages:
         with self._early_pool(job, work, new) as run:
             assembly = self._simulate()
             reuse = Reuse(self.dataset, self.examined.held if self.examined else earlier(store, out))
-            taken = self._take_over(work, assembly, reuse)
+            taken = self._reuse_frames(work, assembly, reuse)
             if self.explain:
                 self.explain(list(reasons(reuse, [scene.digest for scene in new], taken)))
             shards = missing_shards(all_shards(self.dataset, self.shard_frames), taken)
             resumed, seconds = render_unfinished(job, shards, self.workers, self.progress, assembly.add, work, run)
         for stage, value in seconds.items():
-            self.watch.add(stage, value)
-        finisher = Finisher(self.dataset, assembly, work, self.progress, self.watch, recipe_files)
+            self.timings.add(stage, value)
+        finisher = Finisher(self.dataset, assembly, work, self.progress, self.timings, recipe_files)
         if self.examined:
             self.examined.check(finisher.identity, work)
         work.publish(finisher.finish(self._trace))
@@ -233,7 +241,7 @@ class _Stages:
 
     @contextmanager
     def _early_pool(self, job: Job, work: Workspace, new: list[ScenePlan]) -> Iterator[Runner]:
-        """The runner to use. Where there is one new scene, its workers start and load it while it is simulated."""
+        """Return the runner. If there is one new scene, workers start and load it while it is simulated."""
         single = len(simulations(self.dataset)) == 1 and not self.examined  # otherwise the shards are not known yet
         if new and single and self.workers and self.run is local.run:
             seen, shards = views(self.dataset), all_shards(self.dataset, self.shard_frames)
@@ -248,14 +256,14 @@ class _Stages:
         """Simulate every scene that the store does not have."""
         wanted, assembly = simulations(self.dataset), FrameAssembly(self.dataset)
         self.progress("simulate", 0, len(wanted))
-        with self.watch("simulate"):
+        with self.timings("simulate"):
             for done, (scene, value) in enumerate(self._trace_digests(wanted), start=1):
                 assembly.traces[scene.digest] = value
                 self.progress("simulate", done, len(wanted))
         return assembly
 
     def _trace_digests(self, scenes: list[ScenePlan]) -> Iterator[tuple[ScenePlan, str]]:
-        """Each scene with its Trace's digest. Two threads: each simulation runs in a process of its own."""
+        """Yield each scene with its Trace's digest, in two threads: each simulation runs in a process of its own."""
         if len(scenes) == 1:
             yield scenes[0], self._trace(scenes[0]).digest
             return
@@ -269,10 +277,10 @@ class _Stages:
                 raise
 
     def _trace(self, scene: ScenePlan) -> Trace:
-        """A scene's Trace, from the store or simulated."""
+        """Return a scene's Trace, from the store or simulated."""
         return Store(self.job.cache).trace(scene, lambda: self.job.engines.simulate(scene))
 
-    def _take_over(self, work: Workspace, assembly: FrameAssembly, reuse: Reuse) -> dict[int, Taken]:
+    def _reuse_frames(self, work: Workspace, assembly: FrameAssembly, reuse: Reuse) -> dict[int, ReusedFrames]:
         """Link the frames that an earlier dataset shares with this one; return them by the number of the view."""
         found, seen = {}, views(self.dataset)
         for number, view in enumerate(seen):
@@ -280,11 +288,11 @@ class _Stages:
             if not variants:
                 continue
             self.progress("reuse", number, len(seen))
-            with self.watch("write"):
+            with self.timings("write"):
                 records = reuse.take(work, view, variants)
             if records:
                 frames = tuple(record["frame"] for record in records)
-                found[number] = Taken(variants, frozenset(frames))
+                found[number] = ReusedFrames(variants, frozenset(frames))
                 assembly.add(Shard(number, frames, variants), records)
         if found:
             self.progress("reuse", len(seen), len(seen))

@@ -31,7 +31,7 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.files import host_errors, link_or_copy, stamp_of, write_atomic
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.versions import renderer
+from recipe_runtime.core.versions import renderer_identity
 from recipe_runtime.dataset.schedule import Shard, simulations
 from recipe_runtime.frames.engines import real_engines
 
@@ -74,21 +74,21 @@ class ShardResult:
 
 @dataclass(frozen=True)
 class JobInputs:
-    """The inputs that a node needs besides the job, by digest: the Traces of the scenes and the recipe's files."""
+    """The inputs of a node besides the job, by digest: Traces of the scenes, and files of the recipe."""
 
     traces: dict[str, bytes]
     assets: dict[str, bytes]
 
     @classmethod
     def of(cls, job: Job) -> JobInputs:
-        """The inputs of all of a job's frames."""
+        """Return the inputs of all of a job's frames."""
         store, scenes = Store(job.cache), simulations(job.dataset)
         traces = {s.digest: store.trace(s, partial(job.engines.simulate, s)).to_bytes() for s in scenes}
         files = {sha256: file for variant in job.dataset.variants for sha256, file in variant.files.items()}
         return cls(traces, {sha256: job.engines.assets.content(file) for sha256, file in sorted(files.items())})
 
     def unpack(self, job: Job, root: Path) -> Job:
-        """Write the inputs below `root`, and return the job with a node's own folders."""
+        """Write the inputs below `root`, and return the job with the node's own folders."""
         store, places = Store(root / "cache"), {}
         for scene in simulations(job.dataset):
             store.keep_trace(scene, Trace.from_bytes(self.traces[scene.digest]))
@@ -113,7 +113,7 @@ class RemoteWorker:
     """
 
     def __init__(self, job: Job, number: int, inputs: JobInputs, expected: str) -> None:
-        if renderer() != expected:
+        if renderer_identity() != expected:
             raise RunError(_OTHER_RELEASE)
         self._folder = tempfile.TemporaryDirectory(prefix="recipe-node-")
         self._root = Path(self._folder.name)
@@ -129,8 +129,8 @@ class RemoteWorker:
                 if sha256 not in bodies:
                     bodies[sha256] = place.read_bytes()
                 place.unlink()
-        seconds = dict(self._worker.watch.seconds)
-        self._worker.watch.seconds.clear()
+        seconds = dict(self._worker.timings.seconds)
+        self._worker.timings.seconds.clear()
         return ShardResult(records, bodies, seconds)
 
     def leave(self) -> None:
@@ -284,7 +284,7 @@ class _RemotePool:
         free = int(self._ray.available_resources().get(self._kind, 0)) if self._needs_workers() else 0
         for _ in range(min(self._count - len(self._workers), max(free, not self._workers))):
             number = len(self._workers)
-            self._workers.append(self._remote.remote(self._job_ref, number, self._inputs_ref, renderer()))
+            self._workers.append(self._remote.remote(self._job_ref, number, self._inputs_ref, renderer_identity()))
         for worker in self._workers:
             while self._rest and sum(other is worker for other, _ in self._pending.values()) < QUEUED:
                 shard = self._rest.popleft()
@@ -315,7 +315,7 @@ class _RemotePool:
 
 
 def _capacity(ray: ModuleType, job: Job) -> int:
-    """The number of workers that the cluster has room for."""
+    """Return the number of workers for which the cluster has room."""
     kind = "CPU" if job.devices == ("cpu",) else "GPU"
     capacity = int(ray.cluster_resources().get(kind, 0))
     if capacity < 1:
@@ -347,6 +347,6 @@ def _place(job: Job, shard: Shard) -> str:
 
 
 def _line(error: object) -> str:
-    """The last line of an error's text that is not empty."""
+    """Return the last line of an error's text that is not empty."""
     lines = [line for line in str(error).splitlines() if line.strip()]
     return lines[-1].strip() if lines else type(error).__name__

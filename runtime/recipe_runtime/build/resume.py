@@ -1,4 +1,4 @@
-"""Render the shards that a stopped run has not finished: for `build`, `lock` and `verify --all`."""
+"""Renders the shards that an interrupted run has not finished: for `build`, `lock` and `verify --all`."""
 
 from __future__ import annotations
 

@@ -27,11 +27,11 @@ from recipe_runtime.cache.store import Store
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256, regular_file
 from recipe_runtime.core.interfaces import Progress
-from recipe_runtime.core.versions import builder
+from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.manifest import DAMAGE
 from recipe_runtime.dataset.reader import Dataset
-from recipe_runtime.dataset.schedule import Shard, Taken, View, views
+from recipe_runtime.dataset.schedule import ReusedFrames, Shard, View, views
 from recipe_runtime.dataset.text_files import instances_of, labels_of
 
 
@@ -61,11 +61,11 @@ def earlier(store: Store, out: Path) -> Dataset | None:
 
 def _name(out: Path) -> str:
     manifest = hashlib.sha256((out / layout.MANIFEST).read_bytes()).hexdigest()
-    return digest("store/built/1", [manifest, builder()])
+    return digest("store/built/1", [manifest, builder_identity()])
 
 
 def _place(plan: DatasetPlan) -> str:
-    return digest("store/built-at/1", [plan.digest, builder()])
+    return digest("store/built-at/1", [plan.digest, builder_identity()])
 
 
 @dataclass
@@ -104,7 +104,7 @@ class Reuse:
         Every file is hashed and then linked into the workspace; without a workspace, nothing is written.
         """
         records = []
-        for frame in range(view.scene.clock.frames):
+        for frame in view.frames:
             with suppress(OSError, *DAMAGE):
                 records.append(self._frame(work, view, frame, variants))
         return records
@@ -134,7 +134,9 @@ class Reuse:
                 rgb[name] = self._digest(picture, sensor, "rgb", frame)
         labels = [m for m in view.sensor.capture if m != "rgb"] + ["labels"]
         digests = {m: self._digest(old.variant, sensor, m, frame) for m in labels}
-        seen = labels_of(self._lines(view)[frame], digests["labels"], sensor, instances_of(view.scene))
+        seen = labels_of(
+            self._lines(view)[frame // view.sensor.interval], digests["labels"], sensor, instances_of(view.scene)
+        )
         return {"frame": frame, "objects": seen, "digests": digests, "rgb": rgb, "files": files}
 
     def _linked(self, work: Workspace | None, source: str, paths: list[str]) -> dict[str, FileRow]:
@@ -172,13 +174,13 @@ class Reuse:
         return self._seen[view.key]
 
 
-def reasons(reuse: Reuse, simulated: Sequence[str], taken: Mapping[int, Taken]) -> Iterator[str]:
+def reasons(reuse: Reuse, simulated: Sequence[str], reused: Mapping[int, ReusedFrames]) -> Iterator[str]:
     """Yield one line per stage that explains why it runs or is skipped.
 
     Args:
         reuse: what the earlier dataset provides.
         simulated: digests of the scenes whose motion is not in the cache.
-        taken: what was reused of each view.
+        reused: what was reused of each view.
     """
     plan = reuse.plan
     scenes = len({v.scene.digest for v in plan.variants})
@@ -187,13 +189,13 @@ def reasons(reuse: Reuse, simulated: Sequence[str], taken: Mapping[int, Taken]) 
     else:
         yield f"simulate nothing: the motion of {count(scenes, 'scene')} is in the cache"
     for number, view in enumerate(views(plan)):
-        covered, there = reuse.covered(view), taken.get(number, Taken((), frozenset()))
+        covered, there = reuse.covered(view), reused.get(number, ReusedFrames((), frozenset()))
         names = [plan.variants[n].variant for n in view.variants if n not in covered]
-        where = f"{view.sensor.name}, {count(view.scene.clock.frames, 'frame')}"
+        where = f"{view.sensor.name}, {count(len(view.frames), 'frame')}"
         if covered:
             which, lost = (
                 _some([plan.variants[n].variant for n in covered]),
-                view.scene.clock.frames - len(there.frames),
+                len(view.frames) - len(there.frames),
             )
             if there.frames:
                 whole = count(len(there.frames), "frame")

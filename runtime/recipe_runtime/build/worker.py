@@ -26,7 +26,7 @@ from recipe_runtime.core import codecs, layout
 from recipe_runtime.core.files import link_or_copy, stamp_of, write_atomic
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array, pixel_digest
-from recipe_runtime.core.timings import Stopwatch
+from recipe_runtime.core.timings import Timings
 from recipe_runtime.dataset.schedule import Shard, View, views
 from recipe_runtime.frames.engines import Engines, SceneRenderer
 from recipe_runtime.frames.source import Made, SceneSource
@@ -62,7 +62,7 @@ class Worker:
         self._views = views(job.dataset)
         self._source: SceneSource | None = None
         self._ready: tuple[str, SceneRenderer | None] = "", None  # digest, renderer loaded in advance
-        self.watch = Stopwatch()
+        self.timings = Timings()
 
     def do(self, shard: Shard, tick: Callable[[int], None]) -> list[FrameRecord]:
         """Render a shard and return its records; `tick` is called after every frame, with its number of pictures."""
@@ -70,10 +70,10 @@ class Worker:
         groups = self._groups(view, shard.variants)
         plans = [self._job.dataset.variants[group[0]].appearance for group in groups]
         with self._naming(view, shard, shard.frames[0]):
-            made = self._at(view).make(view.sensor, plans, shard.frames, self.watch)
+            made = self._at(view).make(view.sensor, plans, shard.frames, self.timings)
         for frame in shard.frames:
             with self._naming(view, shard, frame):
-                task = _FrameTask(self._job, view, shard.variants, self._at(view), self.watch)
+                task = _FrameTask(self._job, view, shard.variants, self._at(view), self.timings)
                 records.append(task.do(next(made), groups))
             tick(len(shard.variants))
         return records
@@ -101,7 +101,7 @@ class Worker:
     def load(self, view: int) -> None:
         """Load the renderer of a view's scene in advance, before the scene is simulated."""
         scene = self._views[view].scene
-        with self.watch("load"):
+        with self.timings("load"):
             self._ready = scene.digest, self._job.engines.renderer(scene, self._device)
 
     def _at(self, view: View) -> SceneSource:
@@ -111,7 +111,7 @@ class Worker:
             (known, renderer), self._ready = self._ready, ("", None)
             if known != scene.digest:
                 renderer = None
-            with self.watch("load"):
+            with self.timings("load"):
                 trace = Store(job.cache).trace(scene, lambda: job.engines.simulate(scene))
                 renderer = renderer or job.engines.renderer(scene, self._device)
                 self._source = SceneSource(scene, trace, device=self._device, engines=job.engines, renderer=renderer)
@@ -127,26 +127,26 @@ class _FrameTask:
     view: View
     variants: tuple[int, ...]
     source: SceneSource
-    watch: Stopwatch
+    timings: Timings
 
     def do(self, made: Made, groups: Sequence[tuple[int, ...]]) -> FrameRecord:
         """Label and write a frame, with one picture for each group of variants that share an appearance."""
-        sensor, watch, frame, seen = self.view.sensor, self.watch, made.number, made.seen
-        with watch("annotate"):
+        sensor, timings, frame, seen = self.view.sensor, self.timings, made.number, made.seen
+        with timings("annotate"):
             objects = self.source.labels(seen, sensor, frame)
             digests = {"labels": label_digest(objects)}
         files: dict[str, FileRow] = {}
         for modality in LABEL_MODALITIES:
             if modality in sensor.capture:
                 array = label_array(seen, modality)
-                with watch("hash"):
+                with timings("hash"):
                     digests[modality] = pixel_digest(modality, array)
                 self._write(files, modality, frame, array, self.variants)
         if "mots_png" in self.job.dataset.annotations:
             self._write_mots(files, frame, seen, self.variants)
         rgb: dict[str, str] = {}
         for group, picture in zip(groups, made.pictures, strict=True):
-            with watch("hash"):
+            with timings("hash"):
                 value = pixel_digest("rgb", picture)
             rgb.update({self.job.dataset.variants[index].variant: value for index in group})
             self._write(files, "rgb", frame, picture, group)
@@ -169,11 +169,11 @@ class _FrameTask:
         root = self.job.root
         if root is None:
             return
-        with self.watch("encode"):
+        with self.timings("encode"):
             data = body()
-        with self.watch("hash"):
+        with self.timings("hash"):
             size, sha256 = len(data), hashlib.sha256(data).hexdigest()
-        with self.watch("write"):
+        with self.timings("write"):
             write_atomic(root / paths[0], data)
             for path in paths[1:]:
                 link_or_copy(root / paths[0], root / path)

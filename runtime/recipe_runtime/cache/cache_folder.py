@@ -25,7 +25,7 @@ from pathlib import Path
 from recipe_compiler.ir.errors import InputError
 
 from recipe_runtime.cache.store import KINDS, default_cache
-from recipe_runtime.core.files import write_atomic
+from recipe_runtime.core.files import open_no_follow, write_atomic
 
 TAG, MARKER, LEASES = "CACHEDIR.TAG", "dataset-recipe-cache", "in-use"
 KEY = "journal-key"
@@ -84,7 +84,7 @@ def is_cache_folder(root: Path) -> bool:
     return found
 
 
-def claim(root: Path) -> None:
+def create_cache_folder(root: Path) -> None:
     """Create a cache folder if it is absent, and add the marker.
 
     Raises:
@@ -114,7 +114,7 @@ def contents(root: Path) -> Contents:
             found.entries.append((entry["kind"], root / path))
         elif path.startswith("kernels/"):  # a module's folder with other files in it is not touched
             modules[(root / path).parent] = modules.get((root / path).parent, True) and _is_kernel(path, is_file)
-    found.modules += [module for module, ours in modules.items() if ours]
+    found.modules += [module for module, is_ours in modules.items() if is_ours]
     return found
 
 
@@ -195,7 +195,7 @@ def _is_kernel(path: str, is_file: bool) -> bool:
 def _start(path: Path, size: int) -> bytes | None:
     """Return the first bytes of a file; None if it is a link or cannot be read."""
     try:
-        with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+        with open_no_follow(path) as file:
             return file.read(size)
     except OSError:
         return None

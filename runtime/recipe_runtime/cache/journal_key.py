@@ -11,7 +11,8 @@ from pathlib import Path
 
 from recipe_compiler.ir.errors import RecipeError
 
-from recipe_runtime.cache.cache_folder import KEY, claim
+from recipe_runtime.cache.cache_folder import KEY, create_cache_folder
+from recipe_runtime.core.files import open_no_follow
 from recipe_runtime.core.nonce import fresh_key
 
 _BYTES = 32
@@ -20,7 +21,7 @@ _BYTES = 32
 def read_key(cache: Path) -> bytes | None:
     """Return the key of a cache folder; None if it has none, or one that others may have written or read."""
     try:
-        with os.fdopen(os.open(cache / KEY, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+        with open_no_follow(cache / KEY) as file:
             found = os.fstat(file.fileno())
             if found.st_uid != os.geteuid() or found.st_mode & 0o077:
                 return None
@@ -39,7 +40,7 @@ def journal_key(cache: Path) -> bytes:
     key = read_key(cache)
     if key is None:
         with suppress(OSError, RecipeError):
-            claim(cache)
+            create_cache_folder(cache)
             _make(cache / KEY)
         key = read_key(cache)
     return fresh_key() if key is None else key

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from recipe_runtime.cache.cache_folder import LEASES, claim, lease_files
-from recipe_runtime.core.files import make_folder
+from recipe_runtime.cache.cache_folder import LEASES, create_cache_folder, lease_files
+from recipe_runtime.core.files import make_folder, open_no_follow
 
 
 @contextmanager
@@ -30,7 +30,7 @@ def lease(root: Path) -> Iterator[None]:
     owner = os.getpid()
     handle, path = -1, root / LEASES / str(owner)
     with suppress(OSError):
-        claim(root)
+        create_cache_folder(root)
         make_folder(path.parent)
         for number in range(1000):  # another host or thread may use the same number
             path = path.with_name(f"{owner}.{number}")
@@ -57,18 +57,15 @@ def _still_there(path: Path, handle: int) -> bool:
     return False
 
 
-def in_use_since(root: Path) -> float:
+def oldest_lease_in(root: Path) -> float:
     """Return when the oldest active lease began, in seconds since the epoch; infinity if there is none."""
     oldest = float("inf")
     for path in lease_files(root):
-        with suppress(OSError):
-            handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        with suppress(OSError), open_no_follow(path) as file:
             try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                oldest = min(oldest, os.fstat(handle).st_mtime)
+                oldest = min(oldest, os.fstat(file.fileno()).st_mtime)
             else:
                 path.unlink()
-            finally:
-                os.close(handle)
     return oldest

@@ -17,8 +17,8 @@ from pathlib import Path
 
 from recipe_compiler.ir.errors import InputError
 
-from recipe_runtime.cache.cache_folder import claim, contents, remove
-from recipe_runtime.cache.leases import in_use_since, lease
+from recipe_runtime.cache.cache_folder import contents, create_cache_folder, remove
+from recipe_runtime.cache.leases import lease, oldest_lease_in
 from recipe_runtime.cache.store import default_cache, kernel_cache
 
 DEFAULT_LIMIT = 10 * 2**30
@@ -82,7 +82,7 @@ def prune(roots: Iterable[Path], limit: int, before: float = float("inf")) -> li
     """
     found = entries(roots)
     for root in dict.fromkeys(entry.root for entry in found):
-        claim(root)  # adds the marker to a folder of an earlier version
+        create_cache_folder(root)  # adds the marker to a folder of an earlier version
     left, removed = sum(entry.size for entry in found), []
     for entry in found:
         if left <= limit or entry.used >= before:
@@ -110,11 +110,21 @@ def limit() -> int | None:
         raise InputError(f"RECIPE_CACHE_LIMIT: {error}, or none for no bound") from None
 
 
-def tidy(roots: Iterable[Path], most: int | None) -> list[Entry]:
-    """Prune to `most` bytes, except entries in use. Errors are ignored: the build itself has succeeded."""
+def auto_prune(roots: Iterable[Path], max_bytes: int | None) -> list[Entry]:
+    """Prune automatically after a build, to `max_bytes`, except entries in use.
+
+    Errors, such as a read-only cache, are ignored: the build itself has succeeded.
+
+    Args:
+        roots: The cache folders.
+        max_bytes: None for no limit.
+
+    Returns:
+        The removed entries.
+    """
     roots = list(roots)
-    with suppress(OSError, InputError):  # read-only, say
-        return [] if most is None else prune(roots, most, in_use(roots))
+    with suppress(OSError, InputError):
+        return [] if max_bytes is None else prune(roots, max_bytes, oldest_lease(roots))
     return []
 
 
@@ -127,9 +137,9 @@ def leased(*more: Path) -> Iterator[None]:
         yield
 
 
-def in_use(roots: Iterable[Path]) -> float:
+def oldest_lease(roots: Iterable[Path]) -> float:
     """Return when the oldest active lease of any folder began; infinity if there is none."""
-    return min((in_use_since(root) for root in roots), default=float("inf"))
+    return min((oldest_lease_in(root) for root in roots), default=float("inf"))
 
 
 def bytes_of(text: str) -> int:

@@ -22,7 +22,7 @@ from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.core.files import atomic_file, host_errors, make_folder, regular_file
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.versions import simulation_maker
+from recipe_runtime.core.versions import simulator_identity
 
 FORMAT = "recipe/store/2"
 KINDS = ("built", "pixels", "shards", "traces")
@@ -93,7 +93,7 @@ class Store:
             RunError: the folder cannot be written.
             InputError: the folder is not a cache.
         """
-        from recipe_runtime.cache.cache_folder import claim
+        from recipe_runtime.cache.cache_folder import create_cache_folder
 
         if kind not in KINDS:
             raise ValueError(f"the store has no kind {kind!r}")
@@ -103,7 +103,7 @@ class Store:
         )
         hasher = hashlib.sha256()
         with host_errors(f"the {'cache' if ours else 'folder'} {self.root}", remedy):
-            claim(self.root)
+            create_cache_folder(self.root)
             path = self.path(kind, key)
             for folder in (path.parent.parent, path.parent):
                 make_folder(folder)
@@ -173,4 +173,4 @@ def is_motion_of(trace: Trace, scene: ScenePlan) -> bool:
 
 
 def _trace_key(scene: ScenePlan) -> str:
-    return digest("store/trace/1", [scene.digest, simulation_maker()])
+    return digest("store/trace/1", [scene.digest, simulator_identity()])

@@ -13,7 +13,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from recipe_compiler.ir.bounded_reads import open_regular
 from recipe_compiler.ir.errors import RunError
+
+_NO_HARD_LINKS = (errno.EPERM, errno.EXDEV, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS, errno.EACCES)
+_ATTEMPTS = 3  # to make a folder, which another process may remove in between
 
 
 def regular_file(root: Path, path: str) -> os.stat_result | None:
@@ -28,6 +32,18 @@ def regular_file(root: Path, path: str) -> os.stat_result | None:
     except OSError:
         return None
     return found if stat.S_ISREG(found.st_mode) else None
+
+
+def open_no_follow(path: Path) -> BinaryIO:
+    """Open a regular file for reading, unless it is a symbolic link.
+
+    Raises:
+        OSError: It cannot be opened, or is a symbolic link or another kind of file.
+    """
+    try:
+        return open_regular(path, follow_links=False)
+    except ValueError as error:
+        raise OSError(errno.EINVAL, str(error), str(path)) from error
 
 
 def is_folder(path: Path) -> bool:
@@ -71,16 +87,20 @@ def stamp_of(found: os.stat_result) -> str:
 
 
 def file_sha256(path: Path) -> str:
-    """Return the SHA-256 of a file, read in chunks; OSError for a link."""
+    """Return the SHA-256 of a regular file, read in chunks.
+
+    Raises:
+        OSError: It cannot be read, or is a symbolic link or another kind of file.
+    """
     hasher = hashlib.sha256()
-    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
+    with open_no_follow(path) as file:
         while piece := file.read(1 << 20):
             hasher.update(piece)
     return hasher.hexdigest()
 
 
 def has_content(root: Path, path: str, size: int, sha256: str) -> bool:
-    """Whether a path below a folder is a regular file, through no link, with this size and SHA-256."""
+    """Return whether a path within a folder is a regular file of this size and SHA-256, and contains no link."""
     there = regular_file(root, path)
     return there is not None and there.st_size == size and file_sha256(root / path) == sha256
 
@@ -119,18 +139,12 @@ def link_or_copy(source: Path, target: Path) -> None:
         try:
             os.link(source, temporary)
         except OSError as error:
-            if error.errno not in _NO_LINKS:
+            if error.errno not in _NO_HARD_LINKS:
                 raise
             shutil.copyfile(source, temporary)
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)  # rename is a no-op if both are the same file
-
-
-_NO_LINKS = (errno.EPERM, errno.EXDEV, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS, errno.EACCES)
-
-
-_ATTEMPTS = 3  # to make a folder, which another process may remove in between
 
 
 def _fresh(path: Path) -> tuple[Path, int]:

@@ -6,11 +6,11 @@ import os
 import platform
 import sys
 
-NEEDED = "AVX"  # Warp's machine code uses it even for the generic x86-64 target
+REQUIRED_CPU_FEATURE = "AVX"  # Warp's machine code uses it even for the generic x86-64 target
 
 
-def unfit(stage: str) -> str | None:
-    """Return why no determinism tier covers a stage on this host; None if one does."""
+def unsupported_reason(stage: str) -> str | None:
+    """Return the reason why the bytes of a stage are not promised on this host; None if they are."""
     if stage not in {"trace", "observation", "labels", "shading", "encoding"}:
         return None
     if sys.platform != "linux":
@@ -20,7 +20,7 @@ def unfit(stage: str) -> str | None:
     return None
 
 
-def name() -> list[str]:
+def host_identity() -> list[str]:
     """Return an identity of this host among those that share its cache: name, architecture, CPU features."""
     return [platform.node(), platform.machine(), *features()]
 
@@ -33,13 +33,13 @@ def features() -> list[str]:
     return [name for name in names if found.get(name)]
 
 
-def cannot_render() -> str | None:
-    """Return why kernels cannot run on this CPU; None if they can."""
+def cannot_render_reason() -> str | None:
+    """Return the reason why kernels cannot run on this CPU; None if they can."""
     if platform.machine() != "x86_64":
         return None
     from numpy._core._multiarray_umath import __cpu_features__ as features
 
-    hidden = NEEDED in os.environ.get("NPY_DISABLE_CPU_FEATURES", "").replace(",", " ").split()
-    if features.get(NEEDED, True) or hidden:  # hidden from NumPy, but possibly present
+    hidden = REQUIRED_CPU_FEATURE in os.environ.get("NPY_DISABLE_CPU_FEATURES", "").replace(",", " ").split()
+    if features.get(REQUIRED_CPU_FEATURE, True) or hidden:  # hidden from NumPy, but possibly present
         return None
-    return f"rendering needs a CPU with {NEEDED} (any since 2011), and this one has none"
+    return f"rendering needs a CPU with {REQUIRED_CPU_FEATURE} (any since 2011), and this one has none"

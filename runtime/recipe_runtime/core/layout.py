@@ -84,9 +84,10 @@ def expected_files(plan: DatasetPlan) -> set[str]:
     files |= {coco_file("rgb")} if "coco" in plan.annotations else set()
     files |= {MOTS_SEQMAP} if "mots_txt" in plan.annotations else set()
     for variant in plan.variants:
-        name, frames = variant.variant, range(variant.scene.clock.frames)
+        name = variant.variant
         files |= {plan_file(name), tracks_file(name)}
         for sensor in variant.rig.sensors:
+            frames = sensor.frames(variant.scene.clock.frames)
             files.add(labels_file(name, sensor.name))
             files |= {frame_file(name, sensor.name, m, k, plan.depth) for m in sensor.capture for k in frames}
             if "mots_txt" in plan.annotations:

@@ -5,10 +5,13 @@ Products are written out term by term: `@` and `dot` go through BLAS, whose orde
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import Pose, SensorPlan
+from recipe_compiler.ir.rig import arm
 
 from recipe_runtime.core.trace import METRE, UNIT, Trace
 
@@ -46,9 +49,15 @@ def from_pose(pose: Pose) -> Array:
 
 def part_transforms(trace: Trace, frame: int | slice | NDArray[np.intp]) -> Array:
     """World-from-part of every part of the Trace at a frame, or at many. Shape [P, 3, 4] or [F, P, 3, 4]."""
-    p = trace.positions[frame].astype(np.float64) / METRE
-    q = trace.rotations[frame].astype(np.float64) / UNIT
+    made = _transforms(trace.positions[frame], trace.rotations[frame])
     trace.release()
+    return made
+
+
+def _transforms(positions: NDArray[np.int64], rotations: NDArray[np.int32]) -> Array:
+    """Transforms [..., 3, 4] of a Trace's positions [..., 3] and rotations [..., 4]."""
+    p = positions.astype(np.float64) / METRE
+    q = rotations.astype(np.float64) / UNIT
     x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     s = 2.0 / (x * x + y * y + z * z + w * w)
     rows = [
@@ -60,8 +69,26 @@ def part_transforms(trace: Trace, frame: int | slice | NDArray[np.intp]) -> Arra
 
 
 def sensor_transform(sensor: SensorPlan, trace: Trace, frame: int) -> Array:
-    """World-from-sensor (x forward, y left, z up) at a frame. Shape [3, 4]."""
-    local = from_pose(sensor.pose(frame))
+    """World-from-sensor (x forward, y left, z up) at a frame. Shape [3, 4].
+
+    At the end of an arm it depends on the motion of the sensor's actor up to that frame, else on no other frame.
+    """
+    pose = sensor.pose(frame)
     if sensor.on is None:
-        return local
-    return compose(part_transforms(trace, frame)[trace.base_part(sensor.on)], local)
+        return from_pose(pose)
+    if sensor.arm is None:
+        return compose(part_transforms(trace, frame)[trace.base_part(sensor.on)], from_pose(pose))
+    part, first = trace.base_part(sensor.on), arm.first_frame(frame, sensor.arm.decay)
+    frames = np.array([0, frame]) if sensor.arm.decay >= 1.0 else np.arange(first, frame + 1)
+    bases = _transforms(trace.positions[frames, part], trace.rotations[frames, part])
+    trace.release()
+    ahead = arm.heading([_level(x, y) for x, y in bases[:, :2, 0].tolist()], sensor.arm.decay)
+    x, y, z = bases[-1, :, 3].tolist()
+    end = np.array(arm.end_frame((x, y, z), ahead, (pose.x, pose.y, pose.z), sensor.arm.obstacles))
+    return compose(end, from_pose(Pose(yaw=pose.yaw, pitch=pose.pitch, roll=pose.roll)))
+
+
+def _level(x: float, y: float) -> tuple[float, float]:
+    """The horizontal direction of a vector; +x for a vertical one."""
+    length = math.sqrt(x * x + y * y)
+    return (x / length, y / length) if length > 0.0 else (1.0, 0.0)

@@ -12,7 +12,7 @@ from recipe_compiler.ir.canonical import digest, digest_bytes
 # In pipeline order; a difference is reported at the first stage that shows it.
 STAGES: dict[str, int] = {"plan": 1, "simulate": 2, "observe": 1, "shade": 1, "encode": 1, "annotate": 1}
 
-# Packages whose code decides a Trace, and those whose code decides a frame's record: each stage's and those below it.
+# Packages whose code affects a Trace, and those whose code affects a frame's record: a stage's and those below it.
 SIMULATION_PACKAGES = frozenset({"core", "body", "meshes", "simulation"})
 FRAME_PACKAGES = SIMULATION_PACKAGES | {"cache", "annotate", "render", "dataset", "frames", "build"}
 
@@ -31,8 +31,8 @@ def tool_versions() -> dict[str, str]:
 
 
 @cache
-def simulation_maker() -> str:
-    """Return the identity of the simulator here: stage version, tools, and the code of simulation and its imports.
+def simulator_identity() -> str:
+    """Return the identity of the simulator: stage version, tools, and the code of simulation and its imports.
 
     A cached Trace is reused only by an equal simulator; a lockfile records the stage's version alone.
     """
@@ -41,17 +41,17 @@ def simulation_maker() -> str:
 
 
 @cache
-def builder() -> str:
-    """Return the identity of the builder here: tools, interpreter, and all code that affects a frame's record.
+def builder_identity() -> str:
+    """Return the identity of the code that builds: tools, interpreter, and all code that affects a frame's record.
 
     An unfinished build is resumed only by an equal builder.
     """
-    return digest("builder/1", {"tools": host_versions(), "renderer": renderer()})
+    return digest("builder/1", {"tools": host_versions(), "renderer": renderer_identity()})
 
 
 @cache
-def renderer() -> str:
-    """Return the identity of the renderer here: tools and code. Hosts with equal identities render equal frames."""
+def renderer_identity() -> str:
+    """Return the identity of the code that renders: tools and code. Hosts with equal identities render equal frames."""
     tools = {**tool_versions(), "pillow": version("pillow")}  # decodes the images of a recipe
     return digest("renderer/1", {"stages": STAGES, "tools": tools, "code": code_of(FRAME_PACKAGES)})
 

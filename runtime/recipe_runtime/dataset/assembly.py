@@ -41,7 +41,7 @@ class FrameAssembly:
             clock = variant.scene.clock
             for sensor in variant.rig.sensors:
                 view = homes[index, sensor.name]
-                frames = tuple(self.records[view, k] for k in range(clock.frames) if (view, k) in self.records)
+                frames = tuple(self.records[view, k] for k in sensor.frames(clock.frames) if (view, k) in self.records)
                 found.append(Video(variant.variant, sensor, clock.fps, frames))
         return found
 

@@ -52,7 +52,7 @@ def frame_keys(plan: DatasetPlan) -> Iterator[FrameKey]:
         for sensor in v.rig.sensors:
             for modality in (*sensor.capture, "labels"):
                 key = row.frame_key(modality)
-                yield from ((key, sensor.name, modality, frame) for frame in range(v.scene.clock.frames))
+                yield from ((key, sensor.name, modality, frame) for frame in sensor.frames(v.scene.clock.frames))
 
 
 def body_motions(trace: Trace) -> dict[str, BodyMotion]:

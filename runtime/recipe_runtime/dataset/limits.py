@@ -26,17 +26,21 @@ from recipe_compiler.ir.plurals import count
 from recipe_runtime.annotate.categories import CATEGORIES
 from recipe_runtime.core import layout
 
-MOST_PICTURES = 1_000_000  # frames times sensors times variants
+MAX_PICTURES = 1_000_000  # frames times sensors times variants
 MAX_ROWS = 600_000  # digests of frames: one for labels and one per modality
 MAX_FILES = 600_000  # files of a dataset, each of which has a row in the manifest
 MAX_POSES = 300_000  # of all distinct rigs
-MOST_STEPS = 100_000_000  # physics steps of all scenes
-MOST_METRES = 100_000.0
-MOST_SETTING = 1e6  # of a camera's parameters
+MAX_STEPS = 100_000_000  # physics steps of all scenes
+MAX_METRES = 100_000.0
+MAX_SETTING = 1e6  # of a camera's parameters
 
 
 def check_plan(dataset: DatasetPlan) -> None:
-    """Check that a plan's dataset can be written and annotated; InputError otherwise."""
+    """Check that a plan's dataset can be written and annotated.
+
+    Raises:
+        InputError: it cannot.
+    """
     layout.check_names(dataset)
     for scene in {v.scene.digest: v.scene for v in dataset.variants}.values():
         for actor in scene.actors:
@@ -47,9 +51,10 @@ def check_plan(dataset: DatasetPlan) -> None:
 
 
 def check_bounds(dataset: DatasetPlan) -> None:
-    """Check that a plan could result from a recipe and is not larger than any that this project builds.
+    """Check that a plan could result from a recipe, and is not larger than any that this project builds.
 
-    Else InputError.
+    Raises:
+        InputError: it could not, or is too large.
     """
     if not dataset.variants:
         raise InputError("the plan has no variants")
@@ -58,23 +63,23 @@ def check_bounds(dataset: DatasetPlan) -> None:
     scenes_of = {v.scene.digest: v.scene for v in dataset.variants}
     towns_of = {scene.town.digest: scene.town for scene in scenes_of.values()}
     found = [p for town in towns_of.values() for p in plan_bounds.town_faults(town.elements)]
-    found += [p for scene in scenes_of.values() for p in [*_clock(scene), *_cast(scene)]]
+    found += [p for scene in scenes_of.values() for p in [*_clock(scene), *_actors_and_town(scene)]]
     found += [p for v in dataset.variants for p in [*_props(v), *_rig(v.rig, v)]]
     found += _sums(dataset)
     if not found:
         scenes = {v.scene.digest: v.scene.clock for v in dataset.variants}.values()
         steps = sum(clock.frames * clock.steps_per_frame for clock in scenes)
-        found += [f"{steps} steps of simulation are over {MOST_STEPS}"] if steps > MOST_STEPS else []
+        found += [f"{steps} steps of simulation are over {MAX_STEPS}"] if steps > MAX_STEPS else []
     if found:
         raise InputError(Problem(message) for message in dict.fromkeys(found))
 
 
 def _sums(dataset: DatasetPlan) -> Iterator[str]:
-    """Check the numbers of frames, digests, files and poses of the whole dataset."""
-    frames = [(v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors]
+    """Yield the totals of the whole dataset that exceed their limits: frames, digests, files and poses."""
+    frames = [len(sensor.frames(v.scene.clock.frames)) for v in dataset.variants for sensor in v.rig.sensors]
     rigs = {v.rig.digest: v.rig for v in dataset.variants}
     numbers = (
-        (sum(number for number, _ in frames), MOST_PICTURES, "frames"),
+        (sum(frames), MAX_PICTURES, "frames"),
         (row_count(dataset), MAX_ROWS, "digests of frames"),
         (file_count(dataset), MAX_FILES, "files"),
         (sum(len(sensor.poses) for rig in rigs.values() for sensor in rig.sensors), MAX_POSES, "poses of sensors"),
@@ -86,18 +91,19 @@ def _sums(dataset: DatasetPlan) -> Iterator[str]:
 
 def row_count(dataset: DatasetPlan) -> int:
     """Return the number of frame digests of the plan's dataset."""
-    videos = ((v.scene.clock.frames, sensor) for v in dataset.variants for sensor in v.rig.sensors)
+    videos = ((len(s.frames(v.scene.clock.frames)), s) for v in dataset.variants for s in v.rig.sensors)
     return sum(frames * (len(sensor.capture) + 1) for frames, sensor in videos)
 
 
 def file_count(dataset: DatasetPlan) -> int:
-    """Return the number of files of the plan's dataset, too high by at most a dozen, without listing them."""
+    """Return an upper bound of the number of files of the plan's dataset, at most a dozen too high."""
     masks = "mots_png" in dataset.annotations
     total = 12
     for variant in dataset.variants:
         total += 2  # plan and tracks
         for sensor in variant.rig.sensors:
-            total += 3 + variant.scene.clock.frames * (len(sensor.capture) + masks)  # labels, and two MOTS text files
+            frames = len(sensor.frames(variant.scene.clock.frames))
+            total += 3 + frames * (len(sensor.capture) + masks)  # labels, and two MOTS text files
     return total
 
 
@@ -107,10 +113,10 @@ def _clock(scene: ScenePlan) -> Iterator[str]:
         yield f"a clock of {clock.fps} fps, {clock.frames} frames and {clock.physics} steps per second is invalid"
 
 
-def _cast(scene: ScenePlan) -> Iterator[str]:
+def _actors_and_town(scene: ScenePlan) -> Iterator[str]:
     if len(scene.actors) > MAX_ACTORS or len(scene.town.elements) > MAX_ELEMENTS:
-        cast, things = count(len(scene.actors), "actor"), count(len(scene.town.elements), "thing")
-        yield f"{cast} and {things} of the town are over the limit"
+        actors, elements = count(len(scene.actors), "actor"), count(len(scene.town.elements), "element")
+        yield f"{actors} and {elements} of the town are over the limit"
     if len({a.name for a in scene.actors}) < len(scene.actors):
         yield "two actors have one name"
     if len({(a.tag, a.instance) for a in scene.actors}) < len(scene.actors):
@@ -155,10 +161,12 @@ def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
     camera = sensor.camera
     if not (0 < camera.width <= MAX_PIXELS_A_SIDE and 0 < camera.height <= MAX_PIXELS_A_SIDE):
         yield f"a picture of {camera.width}x{camera.height} is over {MAX_PIXELS_A_SIDE}x{MAX_PIXELS_A_SIDE} or empty"
-    if not (0.0 < camera.fov < 180.0 and 0.0 < camera.near < camera.far <= MOST_METRES):
+    if not (0.0 < camera.fov < 180.0 and 0.0 < camera.near < camera.far <= MAX_METRES):
         yield f"a camera of {camera.fov} degrees from {camera.near} to {camera.far} m is invalid"
     if sensor.on is not None and sensor.on not in actors:
         yield f"it is mounted on {sensor.on!r}, which is not an actor"
+    if sensor.arm is not None and sensor.on is None:
+        yield "it has an arm, and no actor at its other end"
     if len(sensor.poses) not in (1, frames) or any(_beyond([p.x, p.y, p.z]) for p in sensor.poses):
         yield "its poses are neither one nor one a frame, or out of bounds"
     if not sensor.capture or len(set(sensor.capture)) < len(sensor.capture):
@@ -166,14 +174,14 @@ def _sensor(sensor: SensorPlan, actors: set[str], frames: int) -> Iterator[str]:
 
 
 def _response(sensor: SensorPlan, variant: ScenarioPlan) -> Iterator[str]:
-    """Yield violations of the limits within which a picture can be rendered.
+    """Yield the settings of a camera response with which no picture can be rendered.
 
     The recipe language has narrower limits.
     """
     response, camera = variant.appearance.responses[sensor.name], sensor.camera
     numbers = [v for v in response.model_dump().values() if isinstance(v, float)]
     positive = response.shutter_speed, response.iso, response.fstop, response.gamma, response.temp
-    bounded = max(map(abs, numbers)) <= MOST_SETTING and min(positive) >= 0.01
+    bounded = max(map(abs, numbers)) <= MAX_SETTING and min(positive) >= 0.01
     offset = 0.0 <= response.chromatic_aberration_offset < 1.0
     if not (bounded and offset and 1 <= response.supersample <= 4 and abs(response.exposure_compensation) <= 30.0):
         yield "its camera response is invalid"
@@ -187,4 +195,4 @@ def _response(sensor: SensorPlan, variant: ScenarioPlan) -> Iterator[str]:
 
 
 def _beyond(metres: list[float]) -> bool:
-    return any(abs(value) > MOST_METRES for value in metres)
+    return any(abs(value) > MAX_METRES for value in metres)

@@ -4,7 +4,7 @@
     outputs    the outputs that the recipe requests
     tools      versions of the packages that bytes depend on
     variants   digests of plan, scene, rig, appearance and trace; per sensor and modality a digest for every frame
-               (`labels`: the label records)
+               (`labels`: the label records); `intervals`: by sensor, every how manieth frame it takes, if not every
     files      size and SHA-256 of every file, except the manifest and the pictures
     recipe_file  the recipe's path in the dataset, if the recipe and its files are included
     pictures   the same for the files in preview/, which no digest covers, because fonts and scaling may change with
@@ -51,7 +51,7 @@ _TABLES: Final[tuple[Literal["files", "pictures"], ...]] = ("files", "pictures")
 
 
 def head(dataset: DatasetPlan) -> ManifestHead:
-    """The part of a manifest that is known before the build. Builds with equal heads produce the same dataset."""
+    """Return the part of a manifest that is known before the build; equal heads produce equal datasets."""
     return {
         "format": FORMAT,
         "recipe": dataset.recipe,
@@ -92,13 +92,15 @@ def manifest_text(
 
 
 def _planned_variant(variant: ScenarioPlan) -> PlannedVariant:
-    return {
+    intervals = {sensor.name: sensor.interval for sensor in variant.rig.sensors if sensor.interval > 1}
+    record: PlannedVariant = {
         "plan": variant.digest,
         "scene": variant.scene.digest,
         "rig": variant.rig.digest,
         "appearance": variant.appearance.digest,
         "folder": layout.folder(variant.variant),
     }
+    return {**record, "intervals": intervals} if intervals else record
 
 
 def file_row(body: bytes) -> FileRow:
@@ -137,7 +139,7 @@ def listed_files(manifest: Manifest) -> dict[str, tuple[int, str]]:
 
 
 def stays_inside(path: str) -> bool:
-    """Whether a relative path stays within its folder."""
+    """Return whether a relative path stays within its folder."""
     parts = path.split("/")
     return path.isprintable() and "\\" not in path and not any(part in ("", ".", "..") for part in parts)
 
@@ -154,9 +156,11 @@ def lock_of(manifest: Manifest, source: str = "", files: dict[str, str] | None =
         variants[name] = VariantRow(row["scene"], row["rig"], row["appearance"])
         traces[row["scene"]] = row["trace"]
         for sensor, modalities in row["frames"].items():
+            interval = row.get("intervals", {}).get(sensor, 1)
             for modality, values in modalities.items():
                 key = variants[name].frame_key(modality)
-                frames.update({(key, sensor, modality, number): value for number, value in enumerate(values)})
+                taken = enumerate(values)
+                frames.update({(key, sensor, modality, number * interval): value for number, value in taken})
     lock = Lockfile(
         recipe=manifest["recipe"],
         source=source,
@@ -173,7 +177,7 @@ def lock_of(manifest: Manifest, source: str = "", files: dict[str, str] | None =
 
 
 def is_whole(manifest: Manifest, dataset: DatasetPlan, root: Path) -> bool:
-    """Whether a folder contains exactly this dataset, judging by its manifest and its files' sizes.
+    """Return whether a folder contains exactly this dataset, judging by its manifest and its files' sizes.
 
     The content of the files is not read; `recipe verify` checks it, and `recipe build --repair` repairs it.
     """
@@ -186,7 +190,7 @@ def is_whole(manifest: Manifest, dataset: DatasetPlan, root: Path) -> bool:
 
 
 def is_of(manifest: Manifest, dataset: DatasetPlan) -> bool:
-    """Whether a manifest has the digests of this plan and these tools, and its identity matches its digests."""
+    """Return whether a manifest has the digests of this plan and these tools, and its identity matches its digests."""
     if {key: manifest.get(key) for key in head(dataset)} != head(dataset) or manifest.get("tools") != tool_versions():
         return False
     try:

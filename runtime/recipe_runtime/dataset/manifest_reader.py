@@ -13,7 +13,15 @@ from typing import Annotated, BinaryIO, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from recipe_compiler.ir.modalities import DIGEST_KINDS
-from recipe_compiler.ir.plan_types import MAX_DESCRIPTION, MAX_VARIANT_NAME, MAX_VARIANTS, Name, Sha256
+from recipe_compiler.ir.plan_types import (
+    MAX_DESCRIPTION,
+    MAX_FRAMES,
+    MAX_SENSORS,
+    MAX_VARIANT_NAME,
+    MAX_VARIANTS,
+    Name,
+    Sha256,
+)
 
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import regular_file
@@ -151,12 +159,14 @@ def _variants(stream: JsonStream) -> dict[str, VariantRecord]:
             raise ValueError(f"the variant {name[:40]!r} is given twice, too long, or one too many")
         row: dict[str, object] = {}
         for key in stream.members():
-            if key in row or (key != "frames" and key not in _ROW):
+            if key in row or key not in ("frames", "intervals", *_ROW):
                 raise ValueError(f"the variant {name!r} has {key[:40]!r} twice, or should have none")
             row[key] = _frames(stream, left) if key == "frames" else stream.value()
-            if key not in ("frames", "folder"):
+            if key == "intervals":
+                _check_intervals(row[key], name)
+            elif key not in ("frames", "folder"):
                 _check_digest(row[key], f"{key} of {name!r}")
-        if set(row) != {"frames", *_ROW} or row["folder"] != layout.folder(name):
+        if set(row) - {"intervals"} != {"frames", *_ROW} or row["folder"] != layout.folder(name):
             raise ValueError(f"the variant {name!r} lacks something, or has another folder than its name says")
         rows[name] = cast(VariantRecord, row)  # every key has been checked
     return rows
@@ -180,6 +190,12 @@ def _frames(stream: JsonStream, left: list[int]) -> FrameDigests:
                 if left[0] < 0:
                     raise ValueError(f"it lists more than {MAX_ROWS:,} frames' digests")
     return sensors
+
+
+def _check_intervals(value: object, variant: str) -> None:
+    sound = isinstance(value, dict) and 0 < len(value) <= MAX_SENSORS
+    if not sound or not all(type(n) is int and 1 < n <= MAX_FRAMES for n in cast("dict[str, object]", value).values()):
+        raise ValueError(f"the variant {variant!r} has intervals that no sensor has")
 
 
 def _check_digest(value: object, what: str) -> None:

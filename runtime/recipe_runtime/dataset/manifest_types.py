@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Literal, TypeAlias, TypedDict
 
-FrameDigests: TypeAlias = dict[str, dict[str, list[str]]]  # by sensor and modality, in the order of frames
+FrameDigests: TypeAlias = dict[
+    str, dict[str, list[str]]
+]  # by sensor and modality, in the order of the frames that the sensor takes
 
 
 class OutputRecord(TypedDict):
@@ -21,7 +23,13 @@ class FileRecord(TypedDict):
     sha256: str
 
 
-class PlannedVariant(TypedDict):
+class _Intervals(TypedDict, total=False):
+    """Frames from one picture to the next, by sensor; without sensors that take every frame, absent if all do."""
+
+    intervals: dict[str, int]
+
+
+class PlannedVariant(_Intervals):
     """The part of a variant's record that depends on its plan only: digests of the plan and its parts, the folder."""
 
     plan: str

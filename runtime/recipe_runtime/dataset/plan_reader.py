@@ -23,7 +23,7 @@ T = TypeVar("T")
 MAX_BYTES = 1 << 28  # of all plans of a dataset
 MAX_PLAN_BYTES = 1 << 26  # of one plan
 _MAX_VALUES = 2_600_000  # of one plan: 300,000 poses and a town
-_MOST = {"poses of sensors": MAX_POSES, "points of routes": 300_000, "elements of towns": 20 * MAX_ELEMENTS,
+_MAX_NUMBERS = {"poses of sensors": MAX_POSES, "points of routes": 300_000, "elements of towns": 20 * MAX_ELEMENTS,
          "colours of bodies": 40 * MAX_BODIES}  # fmt: skip
 _SLOTS, _NAME = TypeAdapter(Slots), TypeAdapter(Name)
 
@@ -34,7 +34,7 @@ class PlanReader:
     def __init__(self) -> None:
         self._known: dict[tuple[str, bytes], Any] = {}
         self._slots: dict[tuple[tuple[object, object], ...], dict[str, str]] = {}
-        self._numbers = dict.fromkeys(_MOST, 0)
+        self._numbers = dict.fromkeys(_MAX_NUMBERS, 0)
         self._bytes = 0
 
     def read(self, body: bytes) -> ScenarioPlan:
@@ -104,8 +104,8 @@ class PlanReader:
 
     def _count(self, what: str, number: int) -> None:
         self._numbers[what] += number
-        if self._numbers[what] > _MOST[what]:
-            raise ValueError(f"{self._numbers[what]:,} {what} are over {_MOST[what]:,}")
+        if self._numbers[what] > _MAX_NUMBERS[what]:
+            raise ValueError(f"{self._numbers[what]:,} {what} are over {_MAX_NUMBERS[what]:,}")
 
 
 def _object(value: object, what: str) -> dict[str, object]:

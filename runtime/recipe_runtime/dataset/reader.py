@@ -34,8 +34,8 @@ from recipe_runtime.dataset.plan_reader import MAX_PLAN_BYTES, PlanReader
 from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, instances_of, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv
 
-_MOST_LINE = 16 * 2**20  # limit of one frame's labels, bytes
-_MOST_KEPT = 32 * 2**20  # bytes of labels that are kept in memory while texts are compared; others are read again
+_MAX_LINE = 16 * 2**20  # limit of one frame's labels, bytes
+_MAX_KEPT = 32 * 2**20  # bytes of labels that are kept in memory while texts are compared; others are read again
 
 Fault = tuple[str, str]  # path of a file, and a message of one line that names it
 
@@ -118,7 +118,7 @@ def plan_alone(path: Path) -> DatasetPlan:
         check_bounds(alone)
     except InputError as error:
         raise InputError(
-            f"{path}: {str(error).splitlines()[0]}; no plan of this project says so", code=Code.INVALID_DATASET
+            f"{path}: {str(error).splitlines()[0]}; it is not a plan of this project", code=Code.INVALID_DATASET
         ) from None
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file", code=Code.FILE_NOT_FOUND) from None
@@ -139,8 +139,8 @@ def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
     folders = {parent.as_posix() for path in expected | listed for parent in PurePosixPath(path).parents}
     kinds = dict(_entries(dataset.root, folders))
     found = _frames_without_digest(dataset)
-    found += [(path, f"{path} is missing, and the manifest does not list it") for path in sorted(expected - listed)]
-    found += [(path, f"{path} is in the manifest, and no file of this plan") for path in sorted(listed - expected)]
+    found += [(path, f"{path} is missing and not in the manifest") for path in sorted(expected - listed)]
+    found += [(path, f"{path} is in the manifest but is not a file of this plan") for path in sorted(listed - expected)]
     known: dict[tuple[int, int], str] = {}  # by device and inode: hard-linked labels are read once
     for number, (path, (size, sha256)) in enumerate(dataset.files.items(), start=1):
         damage = _file_damage(dataset.root, path, kinds.get(path), size, sha256, known)
@@ -149,7 +149,7 @@ def damaged_files(dataset: Dataset, progress: Progress) -> list[Fault]:
     for path, kind in sorted(kinds.items()):
         shown = path if path.isprintable() else ascii(path)  # a name may contain control characters
         if kind == "folder" and path not in folders:
-            found.append((path, f"{shown}/ is a folder of no file of this plan"))
+            found.append((path, f"{shown}/ is a folder without a file of this plan"))
         elif kind != "folder" and path not in listed:
             found.append((path, f"{shown} is not in the manifest" + ("" if kind == "file" else f", and is a {kind}")))
     return found
@@ -171,7 +171,7 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
             frames = _LabelledFrames(dataset, variant, sensor)
             try:
                 size = frames.size()
-                if kept + size <= _MOST_KEPT:
+                if kept + size <= _MAX_KEPT:
                     video = Video(variant.variant, sensor, variant.scene.clock.fps, tuple(frames))
                     kept += size
                 else:
@@ -203,7 +203,7 @@ class _LabelledFrames(Sequence[FrameRecord]):
             yield {**row, "digests": {}, "rgb": {}, "files": {}}
 
     def __len__(self) -> int:
-        return self._known[1].scene.clock.frames
+        return len(self._known[2].frames(self._known[1].scene.clock.frames))
 
     def __getitem__(self, index: Any) -> Any:
         """Return one frame or a slice; the file is read for it."""
@@ -217,7 +217,7 @@ class _LabelledFrames(Sequence[FrameRecord]):
 
 
 def tracks_difference(dataset: Dataset, variant: ScenarioPlan, trace: Trace) -> list[Fault]:
-    """How a variant's `tracks.csv` differs from the one that a Trace makes; no fault if it does not."""
+    """Return the fault of a variant's `tracks.csv` if it differs from that of a Trace."""
     path = layout.tracks_file(variant.variant)
     return _pieces_difference(dataset.root, path, tracks_csv(variant.scene, trace))
 
@@ -248,21 +248,22 @@ def _file_damage(
         return f"{path} is missing or cannot be read" if kind is None else f"{path} is a {kind}, not a file"
     there = (root / path).lstat()
     if there.st_size != size:
-        return f"{path} has {count(there.st_size, 'byte')}, and the manifest says {size:,}"
+        return f"{path} has {count(there.st_size, 'byte')}, not {size:,} as in the manifest"
     key = there.st_dev, there.st_ino
     try:
         known[key] = known.get(key) or file_sha256(root / path)
     except OSError:
         return f"{path} is missing or cannot be read"
-    return None if known[key] == sha256 else f"{path} has other bytes than the manifest says"
+    return None if known[key] == sha256 else f"{path} differs from its SHA-256 in the manifest"
 
 
 def _frames_without_digest(dataset: Dataset) -> list[Fault]:
     """Return the frames that the manifest lacks, or has in addition to the plan."""
     rows, expected = digests.bare(dataset.plan, "", {}).variants, set()
     for variant in dataset.plan.variants:
-        key, frames = rows[variant.variant], range(variant.scene.clock.frames)
+        key = rows[variant.variant]
         for sensor in variant.rig.sensors:
+            frames = sensor.frames(variant.scene.clock.frames)
             expected |= {(key.frame_key(m), sensor.name, m, k) for m in ("labels", *sensor.capture) for k in frames}
     there = set(dataset.lock.frames)
     found: list[Fault] = []
@@ -285,12 +286,12 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
     actors = instances_of(variant.scene)
     row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
     with (dataset.root / path).open("rb") as lines:
-        for frame in range(variant.scene.clock.frames):
+        for number, frame in enumerate(sensor.frames(variant.scene.clock.frames), start=1):
             value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
             try:
-                objects = labels_of(lines.readline(_MOST_LINE), value, sensor, actors)
+                objects = labels_of(lines.readline(_MAX_LINE), value, sensor, actors)
             except DAMAGE as error:
-                raise ValueError(f"line {frame + 1}: {error}") from None
+                raise ValueError(f"line {number}: {error}") from None
             yield {"frame": frame, "objects": objects}
         if lines.read(1):
             raise ValueError("it has more lines than frames")
@@ -300,7 +301,7 @@ def _text_difference(root: Path, path: str, make: Callable[[], Iterable[str]]) -
     try:
         return _pieces_difference(root, path, (piece.encode() for piece in make()))
     except DAMAGE as error:
-        return [(path, f"{path} cannot be made from the labels: {type(error).__name__}")]
+        return [(path, f"{path} cannot be generated from the labels: {type(error).__name__}")]
 
 
 def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[Fault]:
@@ -309,7 +310,7 @@ def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[F
         return [(path, f"{path} is missing or cannot be read")]
     with (root / path).open("rb") as file:
         same = all(file.read(len(piece)) == piece for piece in pieces) and not file.read(1)
-    return [] if same else [(path, f"{path} is not what plan, labels and traces make it")]
+    return [] if same else [(path, f"{path} does not follow from plan, labels and traces")]
 
 
 def recipe_file_of(manifest: Manifest, files: Collection[str]) -> str | None:

@@ -25,10 +25,15 @@ class View:
     sensor: SensorPlan
     variants: tuple[int, ...]
 
+    @property
+    def frames(self) -> range:
+        """The numbers of the frames that the sensor takes."""
+        return self.sensor.frames(self.scene.clock.frames)
+
 
 @dataclass(frozen=True)
 class Shard:
-    """Frames of one view (by its index among the plan's views), for some of its variants."""
+    """Some frames of one view (by its index among the plan's views), for some of its variants."""
 
     view: int
     frames: tuple[int, ...]
@@ -36,12 +41,12 @@ class Shard:
 
     @property
     def pictures(self) -> int:
-        """The number of frames of the dataset: each variant has its own."""
+        """Number of frames of the dataset that the shard renders: each variant has its own."""
         return len(self.frames) * len(self.variants)
 
 
 def views(dataset: DatasetPlan) -> list[View]:
-    """Every view of a dataset, grouped by scene, in the order of the first variants."""
+    """Return every view of a dataset, grouped by scene, in the order of the first variants."""
     groups: dict[tuple[str, str], list[int]] = {}
     for index, variant in enumerate(dataset.variants):
         for sensor in variant.rig.sensors:
@@ -61,16 +66,16 @@ def _view_key(scene: str, sensor: SensorPlan) -> str:
 
 
 def all_shards(dataset: DatasetPlan, size: int = SHARD_FRAMES) -> list[Shard]:
-    """Every frame of every view, `size` frames to a shard."""
+    """Return shards of `size` frames that cover every frame that the sensor of each view takes."""
     shards = []
     for index, view in enumerate(views(dataset)):
-        frames = range(view.scene.clock.frames)
-        shards += [Shard(index, tuple(frames[k : k + size]), view.variants) for k in frames[::size]]
+        frames = view.frames
+        shards += [Shard(index, tuple(frames[k : k + size]), view.variants) for k in range(0, len(frames), size)]
     return shards
 
 
 def chosen_shards(dataset: DatasetPlan, chosen: Iterable[tuple[str, str, int]]) -> list[Shard]:
-    """Shards of chosen frames only: (variant, sensor, frame)."""
+    """Return shards of chosen frames only, given as (variant, sensor, frame)."""
     places = {variant.variant: index for index, variant in enumerate(dataset.variants)}
     homes = {(v, view.sensor.name): n for n, view in enumerate(views(dataset)) for v in view.variants}
     wanted: dict[tuple[int, int], set[int]] = {}
@@ -88,23 +93,23 @@ def chosen_shards(dataset: DatasetPlan, chosen: Iterable[tuple[str, str, int]]) 
 
 
 def simulations(dataset: DatasetPlan) -> list[ScenePlan]:
-    """Every scene of a dataset, once."""
+    """Return every distinct scene of a dataset."""
     return list({v.scene.digest: v.scene for v in dataset.variants}.values())
 
 
 @dataclass(frozen=True)
-class Taken:
-    """The reused part of a view: these frames, for these variants."""
+class ReusedFrames:
+    """The frames of a view that are reused, for some of its variants."""
 
     variants: tuple[int, ...]
     frames: frozenset[int]
 
 
-def missing_shards(shards: Sequence[Shard], taken: Mapping[int, Taken]) -> list[Shard]:
-    """The shards without the reused frames, by view; empty shards are dropped."""
+def missing_shards(shards: Sequence[Shard], reused: Mapping[int, ReusedFrames]) -> list[Shard]:
+    """Return shards of the frames that are not reused; `reused` is by the number of the view."""
     found = []
     for shard in shards:
-        there = taken.get(shard.view, Taken((), frozenset()))
+        there = reused.get(shard.view, ReusedFrames((), frozenset()))
         known = tuple(k for k in shard.frames if k in there.frames)
         other = tuple(k for k in shard.frames if k not in there.frames)
         rest = tuple(n for n in shard.variants if n not in there.variants)

@@ -20,8 +20,8 @@ from recipe_runtime.core import layout
 from recipe_runtime.dataset.card import card
 from recipe_runtime.dataset.json_stream import loads
 
-_MOST_RUN_CODES = 12  # characters a pixel of all masks of a frame: two runs of at most six
-_MOST_VALUES = 2_000_000  # of one frame's labels; the codes of masks hold brackets, which are counted
+_MAX_RUN_CODES = 12  # characters a pixel of all masks of a frame: two runs of at most six
+_MAX_VALUES = 2_000_000  # of one frame's labels; the codes of masks hold brackets, which are counted
 
 Text = tuple[str, Callable[[], Iterable[str]]]  # a file's path, and what makes its pieces
 
@@ -52,7 +52,7 @@ def labels_of(line: bytes, digest: str | None, sensor: SensorPlan, actors: Mappi
     Raises:
         ValueError: the line has another digest, is not in canonical form, or contains what no label has.
     """
-    records = loads(line, _MOST_VALUES)
+    records = loads(line, _MAX_VALUES)
     if label_digest(records) != digest:
         raise ValueError("it is not what the manifest's digest stands for")
     if canonical_bytes(records) + b"\n" != line:
@@ -63,7 +63,7 @@ def labels_of(line: bytes, digest: str | None, sensor: SensorPlan, actors: Mappi
     if len(set(names)) < len(names) or any(actors.get(r["actor"]) != r["instance"] for r in records):
         raise ValueError("it has labels of other actors than the scene's")
     size = sensor.camera.width * sensor.camera.height
-    if sum(len(record["counts"]) for record in records) > _MOST_RUN_CODES * (size + len(records) + 1):
+    if sum(len(record["counts"]) for record in records) > _MAX_RUN_CODES * (size + len(records) + 1):
         raise ValueError("its masks have more runs than the picture has pixels")
     if not all(runs_fill(record["counts"], size) for record in records):
         raise ValueError("a mask has another size than the picture")
@@ -104,12 +104,10 @@ def _sequence(video: Video) -> str:
 
 
 def _mots(video: Video) -> Iterator[str]:
-    return mots_lines(
-        (record["objects"] for record in video.frames), video.sensor.camera.width, video.sensor.camera.height
-    )
+    return mots_lines(video.frames, video.sensor.camera.width, video.sensor.camera.height)
 
 
 def _seqinfo(video: Video) -> str:
     camera = video.sensor.camera
     pictures = f"../../../{layout.folder(video.variant)}/{layout.folder(video.sensor.name)}/rgb"
-    return seqinfo(_sequence(video), pictures, video.fps, len(video.frames), camera.width, camera.height)
+    return seqinfo(_sequence(video), pictures, video.fps, video.length, camera.width, camera.height)

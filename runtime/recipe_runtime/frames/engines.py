@@ -80,7 +80,7 @@ def devices(name: str) -> tuple[str, ...]:
     if re.fullmatch(r"cuda(:\d{1,3})?", name) is None:
         remedy = "write cpu, cuda (every GPU here), or cuda:N for one of them"
         raise InputError(f"there is no device {name!r}", help=remedy, code=Code.UNKNOWN_DEVICE)
-    reason = host.cannot_render()
+    reason = host.cannot_render_reason()
     if reason:
         raise RunError(reason)
     from recipe_runtime.render.device.setup import cuda_devices
@@ -112,7 +112,7 @@ def _actors(scene: ScenePlan) -> list[Body]:
 
 
 def _renderer(scene: ScenePlan, device: str, assets: Assets) -> SceneRenderer:
-    reason = host.cannot_render()
+    reason = host.cannot_render_reason()
     if reason:
         raise RunError(reason)
     from recipe_runtime.meshes import scene_bodies

@@ -85,13 +85,15 @@ def shot(
     rig, scene = {s.name: s for s in scenario.rig.sensors}, scenario.scene
     plan = _pick(rig, sensor)
     frames = scene.clock.frames
-    frame = frames // 2 if frame is None else frame
+    taken = plan.frames(frames)
+    frame = taken[len(taken) // 2] if frame is None else frame
     if frame >= frames:
         raise InputError(
             f"frame {frame} does not exist: {scenario.variant} has {count(frames, 'frame')}",
             help=f"choose a frame from 0 to {frames - 1}",
             code=Code.OUT_OF_RANGE,
         )
+    plan.check_takes(frame, frames)
     modality = modality or ("rgb" if "rgb" in plan.capture else plan.capture[0])
     if modality not in plan.capture:
         raise InputError(

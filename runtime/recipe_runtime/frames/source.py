@@ -21,7 +21,7 @@ from recipe_runtime.annotate.objects import Annotator
 from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array
-from recipe_runtime.core.timings import Stopwatch
+from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.frames.engines import Engines, SceneRenderer, real_engines
@@ -81,7 +81,7 @@ class SceneSource:
         sensor: SensorPlan,
         appearances: Sequence[AppearancePlan],
         frames: Sequence[int],
-        watch: Stopwatch | None = None,
+        timings: Timings | None = None,
         lanes: int = 4,
     ) -> Iterator[Made]:
         """Yield frames in the order of `frames`.
@@ -90,18 +90,18 @@ class SceneSource:
             sensor: The sensor.
             appearances: The appearances to render; none for labels alone.
             frames: Frame numbers.
-            watch: Receives the time of each stage.
+            timings: Receives the time of each stage.
             lanes: Maximum number of concurrent frames on a GPU.
         """
-        watch = watch or Stopwatch()
+        timings = timings or Timings()
         stream = self._stream_for(sensor, appearances, lanes) if len(frames) > 1 else None
         if stream is not None:
-            yield from self._streamed(stream, sensor, frames, watch)
+            yield from self._streamed(stream, sensor, frames, timings)
             return
         for frame in frames:
-            with watch("observe"):
+            with timings("observe"):
                 seen = self.observe(sensor, frame)
-            with watch("shade") if appearances else nullcontext():
+            with timings("shade") if appearances else nullcontext():
                 pictures = tuple(self.shade(seen, appearance, sensor, frame) for appearance in appearances)
             yield Made(frame, seen, pictures)
 
@@ -153,7 +153,7 @@ class SceneSource:
         return key, kept
 
     def _streamed(
-        self, reel: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], watch: Stopwatch
+        self, reel: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], timings: Timings
     ) -> Iterator[Made]:
         from recipe_runtime.render.gpu.frame_stream import FrameBatch
 
@@ -165,7 +165,7 @@ class SceneSource:
                 times = [frame / self.scene.clock.fps for frame in numbers]
                 prints = reel[1].frames(FrameBatch(numbers, times, poses, self._motion.many(np.array(numbers))))
                 for _ in numbers:
-                    with watch("render"):
+                    with timings("render"):
                         made = next(prints)
                     left -= 1
                     yield Made(made.number, made.observation, made.pictures)

@@ -3,7 +3,7 @@
 `renderer.Renderer` is its interface: `observe` a pose once, then `shade` it in each weather.
 The packages, each of which imports only those above it:
 
-    device     Warp, set up so that every machine computes the same bytes; arrays, records, launches
+    device     Warp, set up so that every machine computes the same bytes; arrays, structs, launches
     numeric    scalars, vectors, noise
     scene      all bodies' triangles on the device; the pinhole camera
     raster     which triangle every pixel sees, and the labels that follow; the lens's distortion

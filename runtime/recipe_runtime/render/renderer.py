@@ -1,6 +1,6 @@
-"""The renderer: one scene's bodies, observed from poses and shaded in appearances.
+"""The renderer of one scene: observes it from poses and shades the observations in appearances.
 
-It keeps what frames may share (geometry, static views, shadow maps); none of that changes a byte.
+It caches what frames may share (geometry, static views, shadow maps), which changes no byte.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan
 
+from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.meshes.mesh import Body
 from recipe_runtime.render.camera.camera_pass import CameraPass
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 from recipe_runtime.render.device.reuse import ALL_REUSE, TemporalReuse
-from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.gpu.frame_stream import FrameStream
 from recipe_runtime.render.lighting.shading import ShadingPass
 from recipe_runtime.render.raster.observation import Observation
@@ -28,7 +28,7 @@ from recipe_runtime.render.texture.mipmaps import ImageAtlases, Images
 
 
 class Renderer:
-    """Draws one scene: the town's bodies (instance 0) first, then the actors', parts in the Trace's order."""
+    """Renders one scene: first the bodies of the town (instance 0), then the actors', parts in the Trace's order."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class Renderer:
         reuse: TemporalReuse = ALL_REUSE,
         images: Images | None = None,
     ) -> None:
-        """`images` returns an image's pixels; without it no appearance may have any."""
+        """`images` returns an image's pixels; without it appearances may not have images."""
         self.timings, self._device = Timings(), device
         self._geometry = upload(bodies, device)
         self._observer = Observer(self._geometry, device, self.timings, reuse)
@@ -48,7 +48,7 @@ class Renderer:
         self._camera = CameraPass(self._geometry, self._observer, sampler, shading, device, self.timings, reuse)
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
-        """What is where. `world_from_sensor` [3, 4], x forward, y left, z up; `parts` [P, 3, 4] in the world."""
+        """Return the observation from `world_from_sensor` [3, 4] (x forward, y left, z up); `parts` is [P, 3, 4]."""
         return self._observer.observe(camera, world_from_sensor, parts)
 
     def shade(
@@ -61,20 +61,20 @@ class Renderer:
         *,
         neighbour: NeighbourFrame | None = None,
     ) -> NDArray[np.uint8]:
-        """The picture of an observation, 8-bit sRGB [H, W, 3]; `time` of the frame in seconds.
+        """Return the picture of an observation, 8-bit sRGB [H, W, 3]; `time` of the frame in seconds.
 
-        `neighbour` is the frame before or after, for motion blur; without it nothing blurs.
+        `neighbour` is the frame before or after, for motion blur; without it there is none.
         """
         return self._camera.develop(obs, appearance, sensor_name, frame, time, neighbour)
 
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float = 0.0) -> NDArray[np.float32]:
-        """Linear relative radiance at pixel centres before the camera, [H, W, 3]; for tests and tools."""
+        """Return linear relative radiance at pixel centres, [H, W, 3]; for tests and tools."""
         return self._camera.radiance(obs, appearance, time)
 
     def frame_stream(
         self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 16
     ) -> FrameStream:
-        """A stream of frames of a plain camera (`can_stream`), fast on a GPU, with the bytes of the calls above."""
+        """Return a stream of frames of a plain camera (`can_stream`), fast on a GPU, with the bytes of `shade`."""
         shadows = ShadowMaps(self._geometry, self._device)
         return FrameStream(
             self._geometry, shadows, self._atlases, self._device, camera, sensor_name, appearances, lanes

@@ -27,7 +27,7 @@ _EMPTY = (33, 36, 42)
 _INK = (236, 238, 241)
 _CAPTION_INK = (196, 200, 207)
 _MARGIN, _GAP, _CAPTION, _TITLE = 24, 14, 26, 58
-_MOST = 96  # most cells on one sheet
+_MAX_CELLS = 96  # most cells on one sheet
 # Colours that are distinguishable for colour-blind people (Okabe and Ito, 2008), by track.
 _HUES = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (213, 94, 0), (204, 121, 167))
 
@@ -74,7 +74,7 @@ def _label_of(video: Video) -> str:
 
 
 def _thin(videos: list[Video]) -> list[Video]:
-    step = -(-len(videos) // _MOST) or 1
+    step = -(-len(videos) // _MAX_CELLS) or 1
     return videos[::step]
 
 

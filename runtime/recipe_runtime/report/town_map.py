@@ -17,7 +17,7 @@ from recipe_compiler.ir.plan import ActorPlan, Element, Pose, ScenarioPlan, Sens
 from recipe_runtime.core import codecs
 from recipe_runtime.report.canvas import Box, Canvas, Point, placed, rectangle
 
-_LONGEST, _MOST, _MARGIN = 1800, 320.0, 30.0  # longest side, pixels; largest extent, metres; margin, metres
+_MAX_SIDE, _MAX_EXTENT, _MARGIN = 1800, 320.0, 30.0  # longest side, pixels; largest extent, metres; margin, metres
 _GRID, _AXIS, _LEGEND = 10, 74, 350  # grid spacing, metres; width of the axes' labels and of the legend, pixels
 _INK, _PAPER, _GRID_LINE = "#1d2126", "#ffffff", "#9aa3ab"
 _GRASS, _WALK, _ASPHALT, _MARK, _PATH = "#dfe8d2", "#efe6d3", "#b4b8be", "#ffffff", "#d8ccb6"
@@ -48,7 +48,7 @@ def town_map(town: TownPlan, spots: Spots, title: str, scenario: ScenarioPlan | 
     """
     cast = [a for a in scenario.scene.actors if not a.name.startswith("traffic.")] if scenario else []
     box = _shown(spots, scenario, cast)
-    canvas = Canvas(box, _LONGEST / max(box[2] - box[0], box[3] - box[1]), _GRASS)
+    canvas = Canvas(box, _MAX_SIDE / max(box[2] - box[0], box[3] - box[1]), _GRASS)
     for kinds, draw in _LAYERS:
         for element in town.elements:
             if element.kind in kinds:
@@ -77,11 +77,11 @@ def _shown(spots: Spots, scenario: ScenarioPlan | None, cast: Sequence[ActorPlan
         low, high = spots.bounds[axis]
         values = [p[axis] for p in points] or [low, high]
         low, high = max(low, min(values) - _MARGIN), min(high, max(values) + _MARGIN)
-        if high - low > _MOST:
+        if high - low > _MAX_EXTENT:
             here = [p[axis] for p in interest] or [low, high]
             middle = (min(here) + max(here)) / 2
-            start = min(max(middle - _MOST / 2, low), high - _MOST)
-            low, high = start, start + _MOST
+            start = min(max(middle - _MAX_EXTENT / 2, low), high - _MAX_EXTENT)
+            low, high = start, start + _MAX_EXTENT
         ends.append((floor(low / _GRID) * _GRID, ceil(high / _GRID) * _GRID))
     return float(ends[0][0]), float(ends[1][0]), float(ends[0][1]), float(ends[1][1])
 

@@ -31,10 +31,10 @@ from recipe_runtime.core.files import host_errors
 from recipe_runtime.transfer import stored_zip
 
 SUFFIX = ".recipe"
-MOST_BYTES = 512 << 20
-MOST_FILES = 2000
+MAX_BYTES = 512 << 20
+MAX_FILES = 2000
 _INDEX = "pack.json"
-_MOST_INDEX = 1 << 20  # bytes
+_MAX_INDEX = 1 << 20  # bytes
 _FORMAT = "recipe/pack/1"
 _PART = re.compile(r"[A-Za-z0-9_+=,@ -][A-Za-z0-9._+=,@ -]*")
 _DAMAGE = (ValueError, KeyError, TypeError, AttributeError, RecursionError)
@@ -126,9 +126,9 @@ def unpacked(path: Path, named: Callable[[Path], Named | None] = lambda recipe: 
 def _load(file: BinaryIO) -> Pack:
     """Read the entries in their order; each must have the bytes that `Pack.dumps` writes. Nothing is kept twice."""
     size = os.fstat(file.fileno()).st_size
-    if size > MOST_BYTES:
-        raise ValueError(f"it is larger than {MOST_BYTES >> 20} MiB")
-    row, body = stored_zip.read_entry(file, _INDEX, min(size, _MOST_INDEX))
+    if size > MAX_BYTES:
+        raise ValueError(f"it is larger than {MAX_BYTES >> 20} MiB")
+    row, body = stored_zip.read_entry(file, _INDEX, min(size, _MAX_INDEX))
     index = json.loads(body)
     if not isinstance(index, dict) or index.get("format") != _FORMAT:
         raise ValueError(f"its {_INDEX} is not of format {_FORMAT}")
@@ -146,8 +146,8 @@ def _load(file: BinaryIO) -> Pack:
 def _check(recipe: str, sizes: Mapping[str, int]) -> None:
     if not isinstance(recipe, str) or recipe not in sizes:
         raise InputError("the recipe is not among its files")
-    if len(sizes) > MOST_FILES or sum(sizes.values()) > MOST_BYTES:
-        raise InputError(f"a pack holds at most {MOST_FILES} files and {MOST_BYTES >> 20} MiB")
+    if len(sizes) > MAX_FILES or sum(sizes.values()) > MAX_BYTES:
+        raise InputError(f"a pack holds at most {MAX_FILES} files and {MAX_BYTES >> 20} MiB")
     taken: dict[str, str] = {}
     for path in sizes:
         parts = path.split("/")

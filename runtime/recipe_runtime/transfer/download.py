@@ -26,8 +26,8 @@ from recipe_runtime.dataset.manifest import listed_files, stays_inside
 from recipe_runtime.dataset.manifest_reader import MAX_BYTES
 from recipe_runtime.transfer.upload import located, reported_errors, scheme_of
 
-MOST_LISTED_BEYOND = 100_000  # limit of entries in a dataset's folders, beyond the number of listed files
-MOST_SURPLUS = 1_000  # limit of surplus files that are represented
+MAX_LISTED_BEYOND = 100_000  # limit of entries in a dataset's folders, beyond the number of listed files
+MAX_SURPLUS = 1_000  # limit of surplus files that are represented
 _AT_ONCE = 8  # concurrent downloads
 _PIECE = 1 << 20
 _UNKNOWN = -1  # size of a file whose store does not report it
@@ -118,7 +118,7 @@ class _Fetch:
 
     def _entries(self, folders: set[str]) -> Iterator[tuple[str, int | None]]:
         """Yield every entry of the manifest's folders, with the size of a file, or None for a further folder."""
-        waiting, left = ["."], MAX_FILES + MOST_LISTED_BEYOND
+        waiting, left = ["."], MAX_FILES + MAX_LISTED_BEYOND
         while waiting:
             folder = waiting.pop()
             head = f"{self._prefix}/" if folder == "." else f"{self._prefix}/{folder}/"
@@ -177,7 +177,7 @@ class _Fetch:
     def _note_surplus(self, sizes: dict[str, int | None], known: set[str]) -> None:
         """Create an empty file or folder for each entry that the manifest does not list."""
         surplus = [path for path in sorted(sizes) if path not in known and not (self._root / path).exists()]
-        for path in surplus[:MOST_SURPLUS]:
+        for path in surplus[:MAX_SURPLUS]:
             if sizes[path] is None:
                 (self._root / path).mkdir(parents=True, exist_ok=True)
             else:

@@ -177,7 +177,7 @@ def _is_work(work: Path) -> bool:
 
 
 def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -> list[ShardRecord]:
-    total = sum(v.scene.clock.frames * len(v.rig.sensors) for v in dataset.plan.variants)
+    total = sum(len(s.frames(v.scene.clock.frames)) for v in dataset.plan.variants for s in v.rig.sensors)
     rows: list[ShardRecord] = []
     shard, filled = _Shard(_shard_path(dataset, work, 0)), 0
     try:
@@ -239,7 +239,7 @@ def _whole(dataset: Dataset, path: str) -> bytes:
     except OSError as error:
         raise RunError(f"{dataset.root / path} cannot be read: {error.strerror}") from None
     if len(body) != size or hashlib.sha256(body).hexdigest() != sha256:
-        raise _damaged(dataset, f"{path} has other bytes than the manifest says")
+        raise _damaged(dataset, f"{path} differs from its SHA-256 in the manifest")
     return body
 
 

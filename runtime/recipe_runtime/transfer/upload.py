@@ -33,7 +33,7 @@ SCHEMES = (
     "s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "file", "local", "memory", "ftp", "sftp", "ssh", "hdfs",
     "webhdfs", "smb", "oci", "oss", "http", "https",
 )  # fmt: skip
-_MOST_NOTE = 10_000  # bytes
+_MAX_NOTE = 10_000  # bytes
 _AT_ONCE = 8  # concurrent uploads
 _S3, _GCS = "s3fs>=2024.6", "gcsfs>=2024.6"  # must equal the extras s3 and gcs of pyproject.toml
 _LIBRARIES = {"s3": _S3, "s3a": _S3, "gs": _GCS, "gcs": _GCS}
@@ -161,7 +161,7 @@ class Target:
             self._make_room(path)
             self._fs.cp_file(self._at(first), self._at(path))
         elif file_sha256(root / path) != row[1]:
-            raise InputError(f"{root / path} has other bytes than the manifest says; build the dataset again")
+            raise InputError(f"{root / path} differs from its SHA-256 in the manifest; build the dataset again")
         else:
             self._make_room(path)
             self._fs.put_file(str(root / path), self._at(path))
@@ -201,7 +201,7 @@ class Target:
         if not self._is_file(NOTE):
             return None
         try:
-            return str(json.loads(self._fs.cat_file(self._at(NOTE), end=_MOST_NOTE))["copy"])
+            return str(json.loads(self._fs.cat_file(self._at(NOTE), end=_MAX_NOTE))["copy"])
         except (FileNotFoundError, *DAMAGE):
             return None
 

@@ -72,19 +72,19 @@ def compare_plans(plan: DatasetPlan, lock: Lockfile, excuse_for: Excuse = excuse
         a, b = lock.variants[name], ours[name]
         parts = [part for part in ("scene", "rig", "appearance") if getattr(a, part) != getattr(b, part)]
         if parts:
-            found.append(Difference("plan", f"{name}: another {' and '.join(parts)} plan", excuse, name))
+            found.append(Difference("plan", f"{name}: different {' and '.join(parts)} plan", excuse, name))
     if not found and plan.digest != lock.plan:
         found.append(
-            Difference("plan", "the variants are equal, their order or the outputs asked for are not", excuse=excuse)
+            Difference("plan", "the variants are equal, but their order or the requested outputs differ", excuse=excuse)
         )
     return found
 
 
 def compare_manifest(plan: DatasetPlan, dataset: Dataset) -> list[Difference]:
-    """Compare what no identity covers in a dataset's manifest: the description, and the variants' plan digests.
+    """Compare the parts of a dataset's manifest that no identity covers: description, and plan digests of the variants.
 
     Args:
-        plan: the plan of the recipe at hand, or the dataset's own.
+        plan: the plan of the recipe or, without a recipe, the dataset's own.
         dataset: the dataset; each plan digest is compared with the plan in its folder.
     """
     found, excuse = [], excuse_of("plan", dataset.lock)
@@ -92,7 +92,7 @@ def compare_manifest(plan: DatasetPlan, dataset: Dataset) -> list[Difference]:
         message = f"{layout.MANIFEST}: the description of the dataset is not the recipe's"
         found.append(Difference("recipe", message))
     return found + [
-        Difference("plan", f"{layout.MANIFEST}: the plan digest of {v.variant} is another than its plan has", excuse)
+        Difference("plan", f"{layout.MANIFEST}: the plan digest of {v.variant} is not that of its plan", excuse)
         for v in dataset.plan.variants
         if dataset.plan_digests.get(v.variant) != v.digest
     ]
@@ -124,15 +124,15 @@ def _body_keys(plan: DatasetPlan) -> set[tuple[str, str]]:
 
 
 def lacks_frames(plan: DatasetPlan, lock: Lockfile) -> bool:
-    """Whether a lockfile of exactly this plan lacks the digests of some frames."""
+    """Return whether a lockfile of exactly this plan lacks the digests of some frames."""
     if digests.bare(plan, "", {}).variants != lock.variants:
         return False
     return any(key not in lock.frames for key in digests.frame_keys(plan))
 
 
 def _uneven(kind: str, missing: list[str], surplus: list[str]) -> list[str]:
-    rows = ((missing, "lacks"), (surplus, "has, of nothing in the recipe,"))
-    return [f"it {word} {count(len(keys), f'{kind} row')}, {keys[0]} the first" for keys, word in rows if keys]
+    rows = ((missing, "lacks", f"{kind} row"), (surplus, "has", f"surplus {kind} row"))
+    return [f"it {verb} {count(len(keys), what)} (first: {keys[0]})" for keys, verb, what in rows if keys]
 
 
 def compare_locks(
@@ -159,7 +159,7 @@ def _digests(lock: Lockfile, made: Lockfile, excuse_for: Excuse = excuse_of) -> 
     found = []
     for scene, trace in made.traces.items():
         if scene in lock.traces and lock.traces[scene] != trace:
-            found.append(Difference("trace", f"scene {scene[:16]} moves otherwise", excuse_for("trace", lock)))
+            found.append(Difference("trace", f"scene {scene[:16]} has different motion", excuse_for("trace", lock)))
     names = {v.frame_key(m): n for n, v in reversed(made.variants.items()) for m in ("rgb", "labels")}
     for row, value in made.frames.items():
         if row in lock.frames and lock.frames[row] != value:

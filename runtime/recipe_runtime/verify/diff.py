@@ -105,12 +105,12 @@ def _rows_of_one_side(a: Side, b: Side) -> Iterator[Difference]:
         for side, only in ((a, ours.keys() - theirs.keys()), (b, theirs.keys() - ours.keys())):
             if only:
                 rows = f"{count(len(only), f'{kind} row')} {form(len(only), 'is', 'are')}"
-                yield Difference("lockfile", f"{rows} in {side.name} only, {min(map(str, only))} the first")
+                yield Difference("lockfile", f"{rows} in {side.name} only (first: {min(map(str, only))})")
     other = [key for key in a.lock.bodies.keys() & b.lock.bodies.keys() if a.lock.bodies[key] != b.lock.bodies[key]]
     other = [(scene, actor) for scene, actor in other if a.lock.traces.get(scene) == b.lock.traces.get(scene)]
     if other:
         rows = f"{count(len(other), 'body row')} {form(len(other), 'differs', 'differ')}"
-        yield Difference("lockfile", f"{rows} though the trace rows agree, {min(other)[1]} the first")
+        yield Difference("lockfile", f"{rows} although the trace rows agree (first: {min(other)[1]})")
 
 
 def _files(a: Side, b: Side) -> Iterator[Difference]:
@@ -160,7 +160,7 @@ def _variants(a: Side, b: Side) -> Iterator[Difference]:
         for name in shared:
             parts = [part for part in _PARTS if getattr(ours[name], part) != getattr(theirs[name], part)]
             if parts:
-                yield Difference("plan", f"{name}: another {' and '.join(parts)} plan")
+                yield Difference("plan", f"{name}: different {' and '.join(parts)} plan")
     if [n for n in theirs if n in ours] != shared:
         yield Difference("plan", "the variants are in another order")
     if a.plan and b.plan:
@@ -234,11 +234,11 @@ def _traces(a: Side, b: Side) -> Iterator[Difference]:
             if at:
                 divergences.append((at[0], actor, at[1]))
         if not divergences:
-            yield Difference("trace", f"scene {scene[:16]} moves otherwise")
+            yield Difference("trace", f"scene {scene[:16]} has different motion")
             continue
         first, actor, last = min(divergences)
         differ = f"{count(len(divergences), 'body', 'bodies')} {form(len(divergences), 'differs', 'differ')}"
-        yield Difference("trace", f"body {actor} parts {divergence_text(first, last)}; {differ}")
+        yield Difference("trace", f"body {actor} diverges {divergence_text(first, last)}; {differ}")
 
 
 def _frames(a: Side, b: Side) -> Iterator[Difference]:
@@ -257,7 +257,7 @@ def _frames(a: Side, b: Side) -> Iterator[Difference]:
     for key, sensor, modality in sorted(cases, key=_order):
         frames, place = cases[key, sensor, modality], (key, sensor, modality)
         where = f"{names.get(key, key)}, {sensor}"
-        what = f"{modality} of {len(frames)} of {count(totals[place], 'frame')} differs, frame {min(frames)} the first"
+        what = f"{modality} of {len(frames)} of {count(totals[place], 'frame')} differs (first: frame {min(frames)})"
         yield Difference(stage_of(modality), f"{where}: {what}")
 
 
@@ -304,7 +304,7 @@ def _order(place: tuple[str, str, str]) -> tuple[int, str, str]:
 
 def _some(names: Iterable[str], what: str) -> str:
     known = list(names)
-    return f"{what} {known[0]}" if len(known) == 1 else f"{count(len(known), what)}, {known[0]} the first"
+    return f"{what} {known[0]}" if len(known) == 1 else f"{count(len(known), what)} (first: {known[0]})"
 
 
 def _short(value: Any) -> str:

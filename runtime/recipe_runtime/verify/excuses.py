@@ -54,22 +54,22 @@ _MAX_STAGE = 1000
 
 
 def excuse_of(stage: str, lock: Lockfile) -> str | None:
-    """Return the reason why this host need not agree with a lockfile of unknown origin, or None if it must.
+    """Return the reason why this host may differ from a lockfile of unknown origin at a stage, or None.
 
     Args:
         stage: a stage, or `texts` or `card`.
         lock: the lockfile.
     """
-    reason = host.unfit(stage) or release_excuse(stage, lock)
+    reason = host.unsupported_reason(stage) or release_excuse(stage, lock)
     if reason:
         return reason
     if stage == "trace" and "glibc" not in lock.tools:
-        return "it is not said with which C library and Python it was made"
+        return "it does not state its versions of the C library and of Python"
     return _other_tools(stage, lock, _TOOLS_OF)
 
 
 def own_excuse_of(stage: str, golden: Lockfile) -> str | None:
-    """Return the reason why this host need not agree with the golden lockfile, whose origin is known, or None."""
+    """Return the reason why this host may differ from the golden lockfile, whose origin is known, or None."""
     return excuse_of(stage, golden) or _other_tools(stage, golden, _OWN_TOOLS_OF)
 
 

@@ -1,4 +1,4 @@
-"""Compares the files of a dataset with the files that this host makes of the same frames."""
+"""Compares the files of a dataset with those that this host writes for the same frames."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ Picture: TypeAlias = "tuple[str, str, int, str] | tuple[()]"  # variant, sensor,
 
 @dataclass(frozen=True)
 class FileComparison:
-    """A dataset's files against those made here.
+    """Compares a dataset's files with those written here.
 
     Args:
         plan: the plan of both.
-        lock: the digests that the frames were compared with, which say with which tools they were made.
+        lock: the digests with which the frames were compared; it lists the versions of their tools.
         dataset: the dataset.
-        made: the folder of the files made here, under the dataset's paths.
-        other: by scene, this host's motion where it need not be the locked one.
+        made: the folder of the files written here, with the dataset's paths.
+        other: by scene, this host's motion where it may differ from the locked motion.
     """
 
     plan: DatasetPlan
@@ -42,12 +42,12 @@ class FileComparison:
     other: Mapping[str, OtherMotion]
 
     def differences(self) -> list[Difference]:
-        """How each file made here differs from the dataset's, by path."""
+        """Return the difference of each file written here from the dataset's, by path."""
         paths = sorted(path.relative_to(self.made).as_posix() for path in self.made.rglob("*") if path.is_file())
         return [found for path in paths if (found := self._difference(path)) is not None]
 
     def _difference(self, path: str) -> Difference | None:
-        """How one file differs; where the pixels are equal, its encoding does.
+        """Return the difference of one file; if the pixels are equal, it is in the encoding.
 
         A picture that may show other motion is compared with the dataset's own digest of it.
         """
@@ -61,17 +61,17 @@ class FileComparison:
             return self._unlisted_pixels(path, at)
         unequal = first_difference(there, made)
         if unequal is not None and not unequal.count:
-            message = f"{path}: equal pixels, encoded otherwise"
+            message = f"{path}: equal pixels, different encoding"
             found = Difference("encoding", message, excuse_of("encoding", self.lock), *at)
         elif unequal is None:
-            found = Difference("file", f"{path} is another picture, or none", None, *at)
+            found = Difference("file", f"{path} is a different picture, or not a picture", None, *at)
         else:
             found = Difference("file", f"{path}: {unequal}", None, *at)
             found = replace(found, recorded=unequal.recorded, rendered=unequal.rendered)
         return replace(found, path=path)
 
     def _is_excused(self, path: str, at: Picture) -> bool:
-        """Whether a file shows motion that this host need not agree with."""
+        """Return whether a file shows motion that may differ on this host."""
         for variant in self.plan.variants:
             other = self.other.get(variant.scene.digest)
             if other is not None and at:
@@ -85,7 +85,7 @@ class FileComparison:
         return False
 
     def _unlisted_pixels(self, path: str, at: Picture) -> Difference | None:
-        """A picture whose pixels do not have the digest that the dataset's manifest lists.
+        """Return a difference if a picture's pixels do not have the digest in the dataset's manifest.
 
         Depth in a PNG is rounded, and the digest is of the unrounded depth, so it is not compared.
         """
@@ -101,7 +101,7 @@ class FileComparison:
         )
 
     def _picture(self, path: str) -> Picture:
-        """Variant, sensor, frame and modality of a picture's path; nothing for other files."""
+        """Return variant, sensor, frame and modality of a picture's path; an empty tuple for other files."""
         for variant in self.plan.variants:
             for sensor in variant.rig.sensors:
                 for modality in sensor.capture:

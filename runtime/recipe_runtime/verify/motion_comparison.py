@@ -27,36 +27,36 @@ CONTRADICTION = "the motion of every body agrees, and the digest of the whole do
 
 @dataclass(frozen=True)
 class OtherMotion:
-    """Motion that differs from the locked motion. Frames are still rendered from this host's Trace and compared."""
+    """Motion of this host that differs from the locked motion. Frames are rendered from it and compared."""
 
     trace: Trace
-    reason: str  # why this host need not agree
-    agreed: int = 0  # frames at the start in which, by the locked bodies, the motion is this host's
-    recorded: bool = False  # whether some body's motion is recorded, and differs from this host's
+    reason: str  # why this host's motion may differ
+    agreed: int = 0  # number of frames at the start with equal motion, according to the locked bodies
+    recorded: bool = False  # whether the locked motion of some body is recorded, and differs from this host's
 
     def excuses(self, modality: str, frame: int) -> bool:
-        """Whether a frame may differ whose first difference is in a given modality.
+        """Return whether a frame may differ whose first difference is in a given modality.
 
-        Depth, instances and labels that differ show other motion themselves. Where they agree, colours may differ by
-        the shadow, light or reflection of a body outside the picture, or by less than the grid of the labels. Nothing
-        in the frame shows that, so the motion must be recorded.
+        If depth, instances or labels differ, the frame itself shows other motion. If they agree, colours may differ by
+        the shadow, light or reflection of a body outside the picture, or by motion below the resolution of the labels.
+        Nothing in the frame shows that, so the motion must be recorded.
         """
         return frame >= self.agreed and (modality != "rgb" or self.recorded)
 
 
 @dataclass(frozen=True)
 class MotionDifference:
-    """How locked motion differs from this host's, of another digest."""
+    """The difference of the locked motion from this host's."""
 
-    message: str  # which body differs first, and about when
-    agreed: int = 0  # frames before that; 0 if it is not known
-    contradiction: bool = False  # the lockfile says that no body differs
-    recorded: bool = False  # it has a row of a body that differs
+    message: str  # the first body that differs, and the frames
+    agreed: int = 0  # number of frames before that; 0 if unknown
+    contradiction: bool = False  # according to the lockfile's rows, no body differs
+    recorded: bool = False  # the lockfile has a row of a body that differs
 
 
 def motion_difference(lock: Lockfile, scene: ScenePlan, trace: Trace) -> MotionDifference:
-    """How the locked motion of a scene differs from a Trace of another digest."""
-    ours, partings = digests.body_motions(trace), []
+    """Compare the locked motion of a scene with a Trace that has another digest."""
+    ours, divergences = digests.body_motions(trace), []
     locked = {actor: lock.bodies.get((scene.digest, actor)) for actor in ours}
     if all(locked[actor] == motion for actor, motion in ours.items()):
         return MotionDifference(CONTRADICTION, contradiction=True)
@@ -64,18 +64,18 @@ def motion_difference(lock: Lockfile, scene: ScenePlan, trace: Trace) -> MotionD
         row = locked[actor]
         at = digests.first_divergence(row, motion) if row else None
         if at:
-            partings.append((at[0], actor, at[1]))
-    if not partings:
+            divergences.append((at[0], actor, at[1]))
+    if not divergences:
         return MotionDifference("the motion differs from the one that was locked")
-    first, actor, last = min(partings)
+    first, actor, last = min(divergences)
     where = f"{digests.divergence_text(first, last)} (from step {first * scene.clock.steps_per_frame})"
-    bodies = f"{len(partings)} of {count(len(ours), 'body', 'bodies')} {form(len(partings), 'differs', 'differ')}"
+    bodies = f"{len(divergences)} of {count(len(ours), 'body', 'bodies')} {form(len(divergences), 'differs', 'differ')}"
     agreed = 0 if None in locked.values() else max(0, first - 1)
-    return MotionDifference(f"body {actor} parts {where}; {bodies}", agreed, recorded=True)
+    return MotionDifference(f"body {actor} diverges {where}; {bodies}", agreed, recorded=True)
 
 
 def contradicting_body(lock: Lockfile, scene: ScenePlan, trace: Trace) -> str | None:
-    """The first body whose row, checkpoints included, contradicts the locked Trace; None if none does."""
+    """Return the first body whose row, with its checkpoints, contradicts the locked Trace, or None."""
     rows = {actor: lock.bodies.get((scene.digest, actor)) for actor in trace.actors}
     if not any(rows.values()):
         return None  # a manifest has no rows of bodies
@@ -83,7 +83,7 @@ def contradicting_body(lock: Lockfile, scene: ScenePlan, trace: Trace) -> str | 
     return next((actor for actor, row in rows.items() if row is not None and row != ours[actor]), None)
 
 
-def fit_traces(
+def matching_traces(
     plan: DatasetPlan, lock: Lockfile, traces: Mapping[str, Trace]
 ) -> tuple[list[Difference], dict[str, Trace]]:
     """Separate locked Traces, by scene digest, that have other frames, actors or parts than their scene.
@@ -122,6 +122,6 @@ def scenes_to_simulate(
 
 
 def tracks_differ(dataset: Dataset, scene: ScenePlan, trace: Trace) -> bool:
-    """Whether the tracks that a dataset has of a scene, in every variant of it, are others than a Trace makes."""
+    """Return whether a dataset's tracks of a scene, in every variant, differ from those of a Trace."""
     variants = [variant for variant in dataset.plan.variants if variant.scene.digest == scene.digest]
     return bool(variants) and all(tracks_difference(dataset, variant, trace) for variant in variants)

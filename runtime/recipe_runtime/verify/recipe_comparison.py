@@ -37,7 +37,7 @@ def recipe_differences(
 
 
 def _compare_recipe(dataset: Dataset, allow_large: bool) -> tuple[list[Difference], Mapping[str, str] | None]:
-    """How the recipe differs from the dataset, and the SHA-256 of its files, None if it was not compiled."""
+    """Compare the recipe with the dataset; return also the SHA-256 of its files, or None if it was not compiled."""
     place = dataset.recipe_file
     if place is None or regular_file(dataset.root, place) is None:
         return [], None
@@ -59,13 +59,15 @@ def _compare_recipe(dataset: Dataset, allow_large: bool) -> tuple[list[Differenc
         message = f"{place} is the recipe {plan.recipe!r}, and the dataset is named {dataset.plan.recipe!r}"
         found.append(Difference("recipe", message))
     if plan.description != dataset.plan.description:
-        found.append(Difference("recipe", f"{place} has another description than the dataset", path=place))
+        found.append(Difference("recipe", f"{place} has a different description than the dataset", path=place))
     if not other and names != [variant.variant for variant in dataset.plan.variants]:
-        found.append(Difference("recipe", f"{place} has other variants than the dataset, or in another order", excuse))
+        found.append(
+            Difference("recipe", f"{place} has different variants than the dataset, or a different order", excuse)
+        )
     if other:
-        found.append(Difference("recipe", f"{place} is not the recipe of {other[0]}: its plan is another", excuse))
+        found.append(Difference("recipe", f"{place} is not the recipe of {other[0]}: the plans differ", excuse))
     elif (plan.annotations, plan.depth) != (dataset.plan.annotations, dataset.plan.depth):
-        found.append(Difference("recipe", f"{place} asks for other outputs than the dataset has"))
+        found.append(Difference("recipe", f"{place} requests different outputs than the dataset has"))
     return found, files
 
 

@@ -76,7 +76,7 @@ class Examination:
 
     @property
     def tiers(self) -> dict[str, str]:
-        """Whether this host keeps each promise: yes, no, or why it is unknown."""
+        """Return whether this host keeps each promise: yes, no, or why it is unknown."""
         found = {"A": "yes" if all(c.state == "equal" for c in self.checks) else "no"}
         if any(c.state == "may differ" for c in self.checks) and all(c.state != "differs" for c in self.checks):
             found["A"] = "not promised here: " + next(c.reason for c in self.checks if c.state == "may differ")
@@ -169,7 +169,7 @@ def _checks(differences: list[Difference]) -> list[Check]:
 
 
 def _gpus() -> list[str]:
-    if host.cannot_render():
+    if host.cannot_render_reason():
         return []
     from recipe_runtime.render.device.setup import cuda_devices
 

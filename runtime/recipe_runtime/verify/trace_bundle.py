@@ -24,10 +24,10 @@ from recipe_runtime.core.files import host_errors, write_atomic
 from recipe_runtime.core.trace import Trace
 
 SUFFIX = ".traces"
-MOST_BYTES = 1 << 30  # limit of the file, and of a Trace
+MAX_BYTES = 1 << 30  # limit of the file, and of a Trace
 _HEAD = b"recipe-traces 1\n"
-_MOST_HEADER, _MOST_POSE = 1 << 20, 1 << 13  # bytes of a Trace: of its names, and of an actor in a frame
-_MOST_LINE = 400
+_MAX_HEADER, _MAX_POSE = 1 << 20, 1 << 13  # bytes of a Trace: of its names, and of an actor in a frame
+_MAX_LINE = 400
 _PIECE = 1 << 16
 
 
@@ -97,8 +97,8 @@ def read(path: Path, locked: Mapping[str, str], limits: Mapping[str, int]) -> di
     if not path.exists():
         return {}
     try:
-        body = read_regular(path, MOST_BYTES)
-        if len(body) > MOST_BYTES or not body.startswith(_HEAD):
+        body = read_regular(path, MAX_BYTES)
+        if len(body) > MAX_BYTES or not body.startswith(_HEAD):
             raise ValueError("it is not a file of traces, or too large")
         return _entries(body, locked, limits)
     except (OSError, ValueError, KeyError, zlib.error, TypeError) as error:
@@ -111,10 +111,10 @@ def read(path: Path, locked: Mapping[str, str], limits: Mapping[str, int]) -> di
 
 
 def size_limits(plan: DatasetPlan) -> dict[str, int]:
-    """The most bytes of each scene's Trace."""
+    """Return the maximal size in bytes of each scene's Trace."""
     scenes = {variant.scene.digest: variant.scene for variant in plan.variants}
     return {
-        digest: min(MOST_BYTES, _MOST_HEADER + _MOST_POSE * scene.clock.frames * len(scene.actors))
+        digest: min(MAX_BYTES, _MAX_HEADER + _MAX_POSE * scene.clock.frames * len(scene.actors))
         for digest, scene in scenes.items()
     }
 
@@ -123,7 +123,7 @@ def _entries(body: bytes, locked: Mapping[str, str], limits: Mapping[str, int]) 
     found: dict[str, Trace] = {}
     at = len(_HEAD)
     while at < len(body):
-        end = body.index(b"\n", at, at + _MOST_LINE)
+        end = body.index(b"\n", at, at + _MAX_LINE)
         scene, digest, packed, raw = body[at:end].decode("ascii").split(" ")
         at = end + 1 + int(packed)
         if locked.get(scene) != digest:
@@ -139,7 +139,7 @@ def _entries(body: bytes, locked: Mapping[str, str], limits: Mapping[str, int]) 
 
 def _unpacked(packed: memoryview, size: int) -> Trace:
     """Unpack a Trace into a temporary file; more bytes than `size` are refused before they are written."""
-    if not 0 < size <= MOST_BYTES:
+    if not 0 < size <= MAX_BYTES:
         raise ValueError(f"a Trace cannot have {size} bytes")
     unpacker, left = zlib.decompressobj(), size
     with tempfile.TemporaryFile() as file:

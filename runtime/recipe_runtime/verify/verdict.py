@@ -102,7 +102,7 @@ class Report:
 
     @property
     def extent(self) -> str:
-        """How much was compared, and what that proves; the bound is stated only if nothing differs."""
+        """How much was compared, and what it proves; the bound is stated only if nothing differs."""
         if self.files is not None:
             return f"{count(self.files, 'file')} hashed, no frame rendered"
         resumed = f"; {self.resumed:,} were rendered by the run that was stopped" if self.resumed else ""

@@ -32,7 +32,7 @@ from recipe_runtime.core.asset_files import Assets
 from recipe_runtime.core.files import has_content
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.versions import builder
+from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.dataset import digests
 from recipe_runtime.dataset.reader import Dataset, Fault, damaged_files, text_differences
 from recipe_runtime.dataset.schedule import chosen_shards
@@ -56,7 +56,7 @@ from recipe_runtime.verify.motion_comparison import (
     MotionDifference,
     OtherMotion,
     contradicting_body,
-    fit_traces,
+    matching_traces,
     motion_difference,
     scenes_to_simulate,
     tracks_differ,
@@ -113,8 +113,8 @@ def verify(
     engines = engines or real_engines(Assets(asset_places(dataset) if dataset is not None else {}))
     choices = all_choices(plan)
     differences = _listed_differences(plan, lock, files, dataset)
-    unfit, locked_traces = fit_traces(plan, lock, traces or {})
-    differences += unfit
+    mismatches, locked_traces = matching_traces(plan, lock, traces or {})
+    differences += mismatches
     other = {d.variant for d in differences if d.stage == "plan"}
     chosen = [choice for choice in choose(choices, options) if choice[0] not in other]
     if lacks_frames(plan, lock):  # the verdict is FAIL already, and the plan is untrusted
@@ -166,7 +166,7 @@ def verify_files(dataset: Dataset, options: Options, progress: Progress) -> Repo
 def _listed_differences(
     plan: DatasetPlan, lock: Lockfile, files: dict[str, str] | None, dataset: Dataset | None
 ) -> list[Difference]:
-    """What differs by the digests that recipe, plan, lockfile and dataset list, before anything is rendered."""
+    """Compare the digests that recipe, plan, lockfile and dataset list; nothing is rendered."""
     found = compare_rows(plan, lock)
     if files is not None:
         found += compare_files(plan, lock, files)
@@ -181,7 +181,7 @@ def _listed_differences(
 def _recipe_and_damage(
     known: list[Difference], dataset: Dataset, options: Options, progress: Progress, traces: Mapping[str, Trace] = _NONE
 ) -> list[Difference]:
-    """How the recipe in a dataset's folder differs, and the files that differ from the manifest."""
+    """Return differences of the recipe in a dataset's folder, and of files from the manifest."""
     found = recipe_differences(dataset, options.allow_large, traces)
     return found + _not_yet_reported([*known, *found], damaged_files(dataset, progress))
 
@@ -192,7 +192,7 @@ def _not_yet_reported(
     excuse: str | None = None,
     excuses: Mapping[str, str | None] = _NONE,
 ) -> list[Difference]:
-    """File faults as differences, skipping files already reported by an unexcused difference.
+    """Return file faults as differences, skipping files already reported by an unexcused difference.
 
     `excuse` applies to every file, `excuses` to single paths.
     """
@@ -205,17 +205,17 @@ def _not_yet_reported(
 
 
 def all_choices(plan: DatasetPlan) -> list[Choice]:
-    """Every frame of every sensor of every variant, in the dataset's order."""
+    """Return every frame of every sensor of every variant, in the dataset's order."""
     return [
         (variant.variant, sensor.name, frame)
         for variant in plan.variants
         for sensor in variant.rig.sensors
-        for frame in range(variant.scene.clock.frames)
+        for frame in sensor.frames(variant.scene.clock.frames)
     ]
 
 
 def choose(choices: list[Choice], options: Options) -> list[Choice]:
-    """The sample that the options ask for."""
+    """Draw the sample of frames that the options specify."""
     if options.everything:
         return choices
     count = options.count or sample_size(len(choices), options.confidence, options.bound)
@@ -234,8 +234,8 @@ class _Check:
     folder: Path
     dataset: Dataset | None
     locked_traces: Mapping[str, Trace]
-    traces: dict[str, Trace] = field(default_factory=dict)  # by scene, those that are the locked ones
-    other: dict[str, OtherMotion] = field(default_factory=dict)  # by scene, this host's where it need not be the locked
+    traces: dict[str, Trace] = field(default_factory=dict)  # by scene, those with the locked digest
+    other: dict[str, OtherMotion] = field(default_factory=dict)  # by scene, this host's, where it may differ
     cache: Path | None = None  # where the journal is kept
     resumed: int = 0  # frames resumed from the journal of a stopped run
     notes: list[str] = field(default_factory=list)
@@ -246,11 +246,11 @@ class _Check:
         by_name = {v.variant: v for v in self.plan.variants}
         drawn = {by_name[name].scene.digest for name, _, _ in chosen}
         scenes, self.notes = scenes_to_simulate(self.plan, self.lock, drawn, self.options.nonce)
-        whole, found = self._motions(scenes)
-        reason = host.cannot_render() or self.engines.assets.missing(by_name[name] for name, _, _ in chosen)
+        comparable, found = self._motions(scenes)
+        reason = host.cannot_render_reason() or self.engines.assets.missing(by_name[name] for name, _, _ in chosen)
         if reason:
             return 0, [*found, Difference("observation", "no frame was rendered", reason)]
-        chosen = [c for c in chosen if by_name[c[0]].scene.digest in whole]
+        chosen = [c for c in chosen if by_name[c[0]].scene.digest in comparable]
         return len(chosen), found + self._frames(chosen)
 
     def _motions(self, scenes: dict[str, ScenePlan]) -> tuple[set[str], list[Difference]]:
@@ -260,44 +260,44 @@ class _Check:
         one, else from this host's own: a digest of other motion, which is untrusted, exempts no frame.
         """
         store, excuse = Store(self.folder), excuse_of("trace", self.lock)
-        whole, found = set(), []
+        comparable, found = set(), []
         for number, (digest, scene) in enumerate(scenes.items()):
             self.progress("simulate", number, len(scenes))
-            kept = self.locked_traces.get(digest)
-            own: OtherMotion | None = None
+            locked_trace = self.locked_traces.get(digest)
+            other: OtherMotion | None = None
             try:
-                made = store.keep_trace(scene, self.engines.simulate(scene))
-                Store().replace_bad_trace(scene, made)
+                trace = store.keep_trace(scene, self.engines.simulate(scene))
+                Store().replace_bad_trace(scene, trace)
             except RunError as error:
-                if kept is None:
+                if locked_trace is None:
                     raise
                 message, reason = "it was not simulated here", str(error).splitlines()[0]
             else:
                 reason = excuse or ""
-                if self.lock.traces.get(digest) == made.digest:
-                    self.traces[digest] = made
-                    whole.add(digest)
-                    body = contradicting_body(self.lock, scene, made)
+                if self.lock.traces.get(digest) == trace.digest:
+                    self.traces[digest] = trace
+                    comparable.add(digest)
+                    body = contradicting_body(self.lock, scene, trace)
                     if body is not None:
                         found.append(Difference("trace", f"body {body}: its row contradicts the trace's"))
                     continue
-                difference = motion_difference(self.lock, scene, made)
+                difference = motion_difference(self.lock, scene, trace)
                 message, reason = difference.message, "" if difference.contradiction else reason
-                own = self._other_motion(scene, made, reason, difference)
-            if kept is not None and reason:
-                self.traces[digest] = store.keep_trace(scene, kept)
-                whole.add(digest)
+                other = self._other_motion(scene, trace, reason, difference)
+            if locked_trace is not None and reason:
+                self.traces[digest] = store.keep_trace(scene, locked_trace)
+                comparable.add(digest)
                 message += "; frames are compared from the locked motion on"
-            elif own is not None and reason:
-                self.other[digest] = own
-                whole.add(digest)
+            elif other is not None and reason:
+                self.other[digest] = other
+                comparable.add(digest)
                 message += "; frames are compared with those of this host's motion"
             found.append(Difference("trace", message, reason or None))
         self.progress("simulate", len(scenes), len(scenes))
-        return whole, found
+        return comparable, found
 
     def _other_motion(self, scene: ScenePlan, made: Trace, reason: str, difference: MotionDifference) -> OtherMotion:
-        """This host's motion, and what it may excuse."""
+        """Return this host's motion of a scene, with what it may excuse."""
         recorded = difference.recorded or (self.dataset is not None and tracks_differ(self.dataset, scene, made))
         return OtherMotion(made, reason, difference.agreed, recorded)
 
@@ -314,25 +314,25 @@ class _Check:
         return differences
 
     def simulated(self) -> dict[str, Trace]:
-        """The motion by scene: the locked one, or this host's."""
+        """Return the motion by scene: the locked one, or this host's."""
         return {**self.traces, **{scene: other.trace for scene, other in self.other.items()}}
 
     def track_excuses(self) -> dict[str, str]:
-        """Why `tracks.csv` may differ, by its path: it contains motion that may differ on this host."""
+        """Return, by path, the reason why a `tracks.csv` may differ: its motion may differ on this host."""
         found = [(v, self.other.get(v.scene.digest)) for v in self.plan.variants]
         return {layout.tracks_file(v.variant): other.reason for v, other in found if other is not None}
 
     def _resumption(self, job: Job) -> Resumption | None:
-        """The journal of a run of the same plan and motion by the same code, on this host and device."""
+        """Return the journal of a run with the same plan, motion, code, host and device."""
         if self.cache is None:
             return None
         traces = {scene: trace.digest for scene, trace in self.simulated().items()}
-        parts = [self.plan.digest, builder(), traces, host.name(), list(job.devices)]
+        parts = [self.plan.digest, builder_identity(), traces, host.host_identity(), list(job.devices)]
         self._journal = CacheJournal(self.cache, canonical.digest("journal/verify/1", parts), self.plan)
-        return Resumption(self._journal, self._are_the_datasets)
+        return Resumption(self._journal, self._equals_dataset)
 
-    def _are_the_datasets(self, records: list[FrameRecord]) -> bool:
-        """Whether the files of these frames were equal to the dataset's; the files themselves were not kept."""
+    def _equals_dataset(self, records: list[FrameRecord]) -> bool:
+        """Return whether the rendered files of these frames, since deleted, were equal to the dataset's."""
         if self.dataset is None:
             return True
         root, rows = self.dataset.root, [row for record in records for row in record["files"].items()]
@@ -344,7 +344,7 @@ class _Check:
             self._journal.remove()
 
     def _frame(self, choice: Choice, key: VariantRow, rows: dict[FrameKey, str]) -> Difference | None:
-        """The first of a frame's modalities that differs from the lockfile; later differences follow from it."""
+        """Return the first difference of a frame from the lockfile, by modality; later ones follow from it."""
         name, sensor, frame = choice
         for modality in self._modalities(choice, DIGEST_KINDS):
             row = (key.frame_key(modality), sensor, modality, frame)
@@ -369,7 +369,7 @@ class _Check:
         return [m for m in order if m == "labels" or m in capture]
 
     def draw(self, differences: list[Difference], out: Path) -> list[str]:
-        """Pictures of the first frames that differ: as recorded in the dataset, as rendered here, and where."""
+        """Write pictures of the first frames that differ: as recorded in the dataset, as rendered here, and where."""
         pictures: list[str] = []
         drawn = (d for d in differences if d.modality not in (None, "labels"))
         cases = {(d.variant, d.sensor, d.frame, d.modality): d for d in drawn}  # the row and the file of one picture

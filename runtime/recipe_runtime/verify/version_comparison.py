@@ -28,11 +28,11 @@ def tool_faults(lock: Lockfile) -> list[str]:
     malformed = sorted(tool for tool, version in lock.tools.items() if not _FORM.fullmatch(version))
     found = []
     if unknown:
-        found.append(f"it lists {count(len(unknown), 'unknown tool')}, {_quoted(unknown[0])} the first")
+        found.append(f"it lists {count(len(unknown), 'unknown tool')} (first: {_quoted(unknown[0])})")
     if malformed:
         version = _quoted(lock.tools[malformed[0]])
         found.append(
-            f"it lists {count(len(malformed), 'malformed version')}, {version} of {_quoted(malformed[0])} the first"
+            f"it lists {count(len(malformed), 'malformed version')} (first: {version} of {_quoted(malformed[0])})"
         )
     return found
 

@@ -84,7 +84,7 @@ def test_what_is_outside_a_kinds_row_is_refused(kind: str) -> None:
         assert "its shape lacks" in next(plan_bounds.town_faults([element.model_copy(update={"shape": without})]))
     more = element.model_copy(update={"shape": {**element.shape, "storeys": 1.0}})
     assert "which no" in next(plan_bounds.town_faults([more]))
-    assert "at most" in next(plan_bounds.town_faults([element] * (row.most + 1)))
+    assert "at most" in next(plan_bounds.town_faults([element] * (row.max_count + 1)))
 
 
 def test_an_actor_of_another_shape_category_or_blueprint_is_refused() -> None:

@@ -12,7 +12,7 @@ import pytest
 import yaml
 from recipe_compiler import compile as compiler
 from recipe_compiler.library import towns, weather
-from recipe_compiler.schema import camera, json_schema, recipe, scene, sweep, template
+from recipe_compiler.schema import camera, json_schema, motion, recipe, scene, sweep, template
 from recipe_compiler.schema import weather as weather_models
 from recipe_compiler.schema.fields import Model
 from recipe_compiler.source.yaml_reader import parse
@@ -88,7 +88,7 @@ def test_the_pages_examples_compile(tmp_path: Path) -> None:
 def _models() -> list[type[Model]]:
     return [
         m
-        for module in (scene, weather_models, camera, sweep, recipe)
+        for module in (scene, weather_models, camera, motion, sweep, recipe)
         for m in vars(module).values()
         if isinstance(m, type) and issubclass(m, Model) and m is not Model and m.__module__ == module.__name__
     ]

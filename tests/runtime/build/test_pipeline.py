@@ -260,7 +260,7 @@ def test_a_resumed_build_reads_what_it_takes_over(made: BuildResult, tmp_path: P
 
 def test_what_other_code_did_is_not_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stopped(tmp_path)
-    monkeypatch.setattr(build_module, "builder", lambda: "another")
+    monkeypatch.setattr(build_module, "builder_identity", lambda: "another")
     assert again(tmp_path, workers=0, shard_frames=2).resumed == 0
 
 

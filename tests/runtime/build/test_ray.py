@@ -19,7 +19,7 @@ from recipe_runtime.annotate.records import FrameRecord
 from recipe_runtime.build.pipeline import BuildResult, build
 from recipe_runtime.build.ray import JobInputs, RemoteWorker
 from recipe_runtime.build.worker import Job, Worker
-from recipe_runtime.core.versions import renderer
+from recipe_runtime.core.versions import renderer_identity
 from recipe_runtime.dataset.schedule import all_shards
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.loading import compiled, opened
@@ -81,7 +81,7 @@ def test_a_node_needs_no_file_of_this_host(tmp_path: Path) -> None:
     assert len(inputs.assets) == 4
     shutil.rmtree(tmp_path / "recipe")
     shutil.rmtree(tmp_path / "cache")
-    worker = RemoteWorker(job, 0, inputs, renderer())
+    worker = RemoteWorker(job, 0, inputs, renderer_identity())
     made = worker.do(shard)
     worker.leave()
     assert _portable(made.records) == _portable(records)

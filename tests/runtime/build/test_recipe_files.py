@@ -112,7 +112,7 @@ def test_a_recipe_of_another_plan_is_found_though_the_manifest_lists_it(copied: 
 
 def test_a_recipe_of_other_outputs_is_found(copied: Path) -> None:
     forge(copied, "recipe/recipe.yaml", FILES["recipe.yaml"] + b"output: {depth: npy}\n")
-    assert "asks for other outputs" in recipe_differences(datasets.read(copied))[0].message
+    assert "requests different outputs" in recipe_differences(datasets.read(copied))[0].message
 
 
 def test_an_invalid_recipe_is_found(copied: Path) -> None:
@@ -148,8 +148,8 @@ def test_another_datasets_lockfile_is_found(copied: Path) -> None:
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
-        ("tools", "it lists 1 unknown tool, 'evil' the first"),
-        ("stages", "it has, of nothing in the recipe, 1 stage row"),
+        ("tools", "it lists 1 unknown tool (first: 'evil')"),
+        ("stages", "it has 1 surplus stage row"),
         ("files", "its rows of files are not those of the recipe in the dataset"),
         ("source", "its rows of files are not those of the recipe in the dataset"),
     ],
@@ -246,8 +246,8 @@ def test_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     ("change", "message"),
     [
         ({"recipe": "imagenet"}, "the dataset is named 'imagenet'"),
-        ({"description": "PASS"}, "another description"),
-        ({"variants": COMPILED.plan.variants[::-1]}, "other variants than the dataset, or in another order"),
+        ({"description": "PASS"}, "different description"),
+        ({"variants": COMPILED.plan.variants[::-1]}, "different variants than the dataset, or a different order"),
     ],
 )
 def test_what_a_dataset_claims_besides_its_plans_is_its_recipes(

@@ -52,7 +52,7 @@ def test_a_flipped_bit_is_found_and_its_frame_alone_is_made_again(made: BuildRes
     assert not _is_whole(made.path)
     mended = _build(tmp_path, calls, repair=True)
     assert [what for what, _ in calls] == ["observe", "shade", "shade"]  # frame 3, in the view's two weathers
-    assert mended.mended == (f"{STREET}/rgb/000003.png has other bytes than the manifest says",)
+    assert mended.mended == (f"{STREET}/rgb/000003.png differs from its SHA-256 in the manifest",)
     assert (mended.identity, tree(mended.path)) == (made.identity, before)
     assert _is_whole(made.path)
     kept = [path for path, inode in _inodes(made.path).items() if inode == inodes[path] and "/rgb/" in path]

@@ -102,7 +102,7 @@ def test_only_a_dataset_of_this_host_is_taken_over(
         manifest = built / "manifest.json"
         manifest.write_text(manifest.read_text().replace(value, "0" * 64))
     elif how == "other code":
-        monkeypatch.setattr(reuse, "builder", lambda: "another")
+        monkeypatch.setattr(reuse, "builder_identity", lambda: "another")
     else:
         shutil.rmtree(built)
     made, known = relock(cache)
@@ -150,7 +150,7 @@ def test_a_journal_that_is_not_of_this_run_is_not_believed(
     elif how == "cut off":
         record.write_bytes(record.read_bytes()[:-20])
     elif how == "other code":
-        monkeypatch.setattr(known_frames_module, "builder", lambda: "another")
+        monkeypatch.setattr(known_frames_module, "builder_identity", lambda: "another")
     plan = dataset_plan(weathers=1) if how == "other plan" else PLAN
     known = known_frames(plan, tmp_path)
     made = lock(plan, "tiny.yaml", {}, workers=0, progress=quiet, engines=ENGINES, known=known)
@@ -245,7 +245,7 @@ def _other_host(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _other_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verify, "builder", lambda: "another")
+    monkeypatch.setattr(verify, "builder_identity", lambda: "another")
 
 
 @pytest.mark.parametrize("change", [_other_device, _other_host, _other_code])

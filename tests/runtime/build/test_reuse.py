@@ -119,7 +119,7 @@ def test_an_untrusted_dataset_is_not_taken_from(tmp_path: Path) -> None:
 def test_what_other_code_built_is_not_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: Calls = []
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=1))
-    monkeypatch.setattr(reuse_module, "builder", lambda: "another")
+    monkeypatch.setattr(reuse_module, "builder_identity", lambda: "another")
     _build(tmp_path / "a", dataset_plan(frames=6, weathers=2), calls)
     assert {c for what, c in calls if what == "shade"} == {0.0, 10.0}
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from recipe_compiler.ir.errors import InputError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.cache import cache_folder, pruning
-from recipe_runtime.cache.cache_folder import claim, contents, is_cache_folder, is_marked
-from recipe_runtime.cache.leases import in_use_since, lease
-from recipe_runtime.cache.pruning import entries, prune, tidy
+from recipe_runtime.cache.cache_folder import contents, create_cache_folder, is_cache_folder, is_marked
+from recipe_runtime.cache.leases import lease, oldest_lease_in
+from recipe_runtime.cache.pruning import auto_prune, entries, prune
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core.files import write_atomic
 from recipe_runtime.render.device import setup
@@ -76,7 +76,7 @@ def test_an_absent_and_an_empty_folder_are_no_cache_yet(tmp_path: Path) -> None:
 
 def test_a_cache_of_an_earlier_version_is_adopted(tmp_path: Path) -> None:
     _write(tmp_path, {**OURS, "in-use/17.0": b""})
-    claim(tmp_path)
+    create_cache_folder(tmp_path)
     assert is_marked(tmp_path)
     assert len(prune([tmp_path], 0)) == 6
     assert sorted(tree(tmp_path)) == ["CACHEDIR.TAG", "dataset-recipe-cache", "in-use/17.0"]
@@ -85,11 +85,11 @@ def test_a_cache_of_an_earlier_version_is_adopted(tmp_path: Path) -> None:
 @pytest.mark.parametrize("mark", ["CACHEDIR.TAG", "dataset-recipe-cache"])
 @pytest.mark.parametrize("size", [0, 7])
 def test_a_marker_that_power_loss_cut_short_is_written_again(tmp_path: Path, mark: str, size: int) -> None:
-    claim(tmp_path)
+    create_cache_folder(tmp_path)
     whole = (tmp_path / mark).read_bytes()
     (tmp_path / "dataset-recipe-cache").unlink(missing_ok=mark != "CACHEDIR.TAG")
     (tmp_path / mark).write_bytes(whole[:size])
-    claim(tmp_path)
+    create_cache_folder(tmp_path)
     assert (tmp_path / mark).read_bytes() == whole
     assert is_marked(tmp_path)
 
@@ -112,9 +112,9 @@ def _built(root: Path) -> None:
 
 
 USES: list[Callable[[Path], object]] = [
-    claim,
+    create_cache_folder,
     contents,
-    in_use_since,
+    oldest_lease_in,
     lambda root: entries([root]),
     lambda root: prune([root], 0),
     _put,
@@ -137,7 +137,7 @@ def test_a_folder_that_holds_anything_else_is_refused(
     before = tree(tmp_path)
     with pytest.raises(InputError, match=r"^RECIPE_CACHE /.*/backup: it holds .*; set RECIPE_CACHE to an empty folder"):
         use(root)
-    assert tidy([root], 0) == []
+    assert auto_prune([root], 0) == []
     assert tree(tmp_path) == before
     assert not (tmp_path / "out").exists()
 
@@ -145,7 +145,7 @@ def test_a_folder_that_holds_anything_else_is_refused(
 def test_an_entry_that_begins_otherwise_is_not_adopted(tmp_path: Path) -> None:
     _write(tmp_path, {f"traces/ab/{KEY}": b"\x7fELF"})
     with pytest.raises(InputError, match=f"it holds traces/ab/{KEY}"):
-        claim(tmp_path)
+        create_cache_folder(tmp_path)
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -154,15 +154,15 @@ def test_of_a_marked_cache_exactly_the_projects_own_is_removed(
     tmp_path_factory: pytest.TempPathFactory, ours: set[str], theirs: set[str]
 ) -> None:
     root = tmp_path_factory.mktemp("cache")
-    claim(root)
+    create_cache_folder(root)
     _write(root, {path: OURS[path] for path in ours} | dict.fromkeys(theirs, b"theirs"))
     prune([root], 0)
-    in_use_since(root)
+    oldest_lease_in(root)
     assert set(tree(root)) == {*theirs, "CACHEDIR.TAG", "dataset-recipe-cache"}
 
 
 def test_a_modules_folder_that_holds_anything_else_stays(tmp_path: Path) -> None:
-    claim(tmp_path)
+    create_cache_folder(tmp_path)
     _write(tmp_path, {f"{KERNELS}/{MODULE}/{MODULE}.o": b"", f"{KERNELS}/{MODULE}/notes/thesis.tex": b""})
     before = tree(tmp_path)
     assert prune([tmp_path], 0) == []
@@ -176,13 +176,13 @@ def test_no_link_below_the_cache_is_followed(tmp_path: Path, path: str, level: i
     parts = path.split("/")
     level = min(level, len(parts))
     root, outside = tmp_path / "cache", tmp_path / "outside"
-    claim(root)
+    create_cache_folder(root)
     _write(outside, {"/".join(parts[level:]) or "file": b"theirs"})
     (root / "/".join(parts[:level])).parent.mkdir(parents=True, exist_ok=True)
     (root / "/".join(parts[:level])).symlink_to(outside if level < len(parts) else outside / "file")
     before = tree(outside)
     assert prune([root], 0) == []
-    in_use_since(root)
+    oldest_lease_in(root)
     assert tree(outside) == before
 
 
@@ -192,7 +192,7 @@ def test_a_link_that_takes_a_folders_place_meanwhile_is_not_followed(
 ) -> None:
     """Between the listing and the removal another user of a shared cache may put a link there."""
     root, outside = tmp_path / "cache", tmp_path / "outside"
-    claim(root)
+    create_cache_folder(root)
     _write(root, {path: OURS.get(path, b"")})
     _write(outside, {Path(path).name: b"theirs"})
     listed = entries([root])
@@ -223,5 +223,5 @@ def test_two_processes_mark_a_folder_at_once(tmp_path: Path, monkeypatch: pytest
         write_atomic(path, body)
 
     monkeypatch.setattr(cache_folder, "write_atomic", slower)
-    claim(tmp_path)
+    create_cache_folder(tmp_path)
     assert is_marked(tmp_path)

@@ -36,7 +36,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def held() -> bool:
     """Whether a pruning would spare what is read now, in every folder that things are kept in."""
-    since = [pruning.in_use([root]) for root in pruning.folders()]
+    since = [pruning.oldest_lease([root]) for root in pruning.folders()]
     assert len(since) == 2
     return max(since) < float("inf")
 
@@ -79,7 +79,7 @@ def test_a_scenario_holds_the_cache_until_it_is_closed_or_collected() -> None:
     street.render(0)
     assert held()
     trace = [e.path for e in pruning.entries(pruning.folders()) if e.kind == "traces"]
-    assert trace and pruning.tidy(pruning.folders(), 0) == []
+    assert trace and pruning.auto_prune(pruning.folders(), 0) == []
     street.close()
     assert not held()
     street.render(1)  # goes on all the same

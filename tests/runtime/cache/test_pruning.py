@@ -11,9 +11,9 @@ import pytest
 from recipe_compiler.ir.errors import InputError
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.cache import pruning
-from recipe_runtime.cache.cache_folder import claim
-from recipe_runtime.cache.leases import in_use_since, lease
-from recipe_runtime.cache.pruning import bytes_of, entries, prune, sizes, tidy
+from recipe_runtime.cache.cache_folder import create_cache_folder
+from recipe_runtime.cache.leases import lease, oldest_lease_in
+from recipe_runtime.cache.pruning import auto_prune, bytes_of, entries, prune, sizes
 from recipe_runtime.cache.store import Store
 
 from tests.runtime.fakes import ENGINES, dataset_plan
@@ -68,7 +68,7 @@ def test_a_link_out_of_the_cache_is_not_followed(tmp_path: Path) -> None:
     outside = tmp_path / "outside" / "aa"
     outside.mkdir(parents=True)
     (outside / ("a" * 64)).write_text("mine")
-    claim(tmp_path / "cache")
+    create_cache_folder(tmp_path / "cache")
     (tmp_path / "cache" / "traces").symlink_to(tmp_path / "outside")
     assert prune([tmp_path / "cache"], 0) == []
     assert (outside / ("a" * 64)).read_text() == "mine"
@@ -94,11 +94,11 @@ def test_what_a_running_build_has_read_is_not_tidied_away(tmp_path: Path) -> Non
     old = store.path("traces", "aa" * 32)
     with lease(tmp_path):
         assert store.get("traces", "cc" * 32) is not None
-        removed = tidy([tmp_path], 0)
+        removed = auto_prune([tmp_path], 0)
         assert old in [e.path for e in removed]
         assert store.get("traces", "cc" * 32) is not None
-    assert tidy([tmp_path], None) == []
-    tidy([tmp_path], 0)
+    assert auto_prune([tmp_path], None) == []
+    auto_prune([tmp_path], 0)
     assert entries([tmp_path]) == []
 
 
@@ -111,12 +111,12 @@ def test_a_lease_ends_with_its_process_and_the_oldest_counts(tmp_path: Path) -> 
     (file,) = (tmp_path / "in-use").iterdir()
     os.utime(file, (1000.0, 1000.0))
     with lease(tmp_path):
-        assert in_use_since(tmp_path) == 1000.0
+        assert oldest_lease_in(tmp_path) == 1000.0
     other.kill()
     other.wait()
     other.stdin.close()
     other.stdout.close()
-    assert in_use_since(tmp_path) == float("inf")
+    assert oldest_lease_in(tmp_path) == float("inf")
     assert list((tmp_path / "in-use").iterdir()) == []
 
 
@@ -126,7 +126,7 @@ def test_an_entry_that_is_read_meanwhile_stays(tmp_path: Path, monkeypatch: pyte
     with lease(tmp_path):
         monkeypatch.setattr(pruning, "entries", lambda roots: stale)
         assert store.get("traces", "aa" * 32) is not None  # after the listing
-        tidy([tmp_path], 0)
+        auto_prune([tmp_path], 0)
         assert store.get("traces", "aa" * 32) is not None
 
 

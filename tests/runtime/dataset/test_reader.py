@@ -87,7 +87,7 @@ def test_large_labels_are_read_frame_by_frame(copy: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(datasets, "labels", labels)
     assert differences(copy) == []
     videos = len(opened)
-    monkeypatch.setattr(datasets, "_MOST_KEPT", 0)
+    monkeypatch.setattr(datasets, "_MAX_KEPT", 0)
     assert differences(copy) == []
     assert len(opened) >= 4 * videos  # checked, then for tracks and annotations of kwcoco, coco and README
     path = copy / "annotations" / "kwcoco.json"
@@ -290,13 +290,13 @@ def test_a_removed_file_is_reported_though_the_manifest_matches(copy: Path, path
     manifest = manifest_of(copy)
     del manifest["files"][path]
     (copy / "manifest.json").write_text(json.dumps(manifest))
-    assert damage(copy) == [f"{path} is missing, and the manifest does not list it"]
+    assert damage(copy) == [f"{path} is missing and not in the manifest"]
 
 
 def test_an_added_file_is_reported_though_the_manifest_matches(copy: Path) -> None:
     (copy / f"{STREET}/rgb/000004.png").write_bytes(b"one frame more")
     rewrite(copy, f"{STREET}/rgb/000004.png", b"one frame more")
-    assert damage(copy) == [f"{STREET}/rgb/000004.png is in the manifest, and no file of this plan"]
+    assert damage(copy) == [f"{STREET}/rgb/000004.png is in the manifest but is not a file of this plan"]
 
 
 def test_removed_digests_are_reported(copy: Path) -> None:
@@ -329,7 +329,7 @@ def test_what_is_no_plain_file_is_reported_and_never_opened(copy: Path, tmp_path
         "pipe is not in the manifest, and is a device",
         "annotations/kwcoco.json is a device, not a file",
         "up is not in the manifest, and is a link",
-        "empty/ is a folder of no file of this plan",
+        "empty/ is a folder without a file of this plan",
         "mots/instances is not in the manifest, and is a link",
     ):
         assert message in found
@@ -384,7 +384,7 @@ def test_names_that_a_terminal_obeys_are_spelled_out_and_strange_depths_not_ente
     deep.mkdir(parents=True)
     assert damage(copy) == [
         r"'\x1b[2J' is not in the manifest",
-        "deep/ is a folder of no file of this plan",
+        "deep/ is a folder without a file of this plan",
         r"'\udcff' is not in the manifest",
     ]
 

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir.errors import RunError
 from recipe_runtime.cache import cache_folder
-from recipe_runtime.cache.cache_folder import claim, contents
+from recipe_runtime.cache.cache_folder import contents, create_cache_folder
 from recipe_runtime.render.device import compiled
 from recipe_runtime.render.device import launch as launch_module
 from recipe_runtime.render.device.arrays import zeros
@@ -63,7 +63,7 @@ def test_the_first_compilation_says_that_it_takes_a_while(
 @pytest.fixture
 def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of the kernel, compiled into a cache of the test's own."""
-    claim(tmp_path)
+    create_cache_folder(tmp_path)
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path / "kernels" / "0.1.0-x86_64" / wp.config.version))
     monkeypatch.setattr(compiled, "_warned", set())
     assert drawn() == [0, 1, 2, 3]

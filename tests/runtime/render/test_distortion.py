@@ -18,7 +18,7 @@ from recipe_runtime.build.pipeline import build
 from recipe_runtime.core.transforms import Array, from_pose
 from recipe_runtime.meshes.mesh import Body, Pattern, Surface
 from recipe_runtime.render.device.reuse import NO_REUSE
-from recipe_runtime.render.raster.distortion import plate_of
+from recipe_runtime.render.raster.distortion import undistorted_camera
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.renderer import Renderer
 
@@ -85,7 +85,7 @@ def test_depth_is_the_optical_axis_at_the_bent_place(wall: Renderer, k: float, k
     _, down = source(*offsets(), k, kcube)
     floor = (seen.semantic == 1) & (down > 12)
     assert floor.sum() > 1000
-    # Within 0.36 of a sample of a plate twice as fine, and so of a fifth of a pixel of the source.
+    # The nearest sample of an undistorted image twice as fine is at most a quarter of a pixel above or below.
     near, far = 1.5 * FOCAL / (down[floor] + 0.27), 1.5 * FOCAL / (down[floor] - 0.27)
     assert (seen.depth[floor] > near - 1e-3).all() and (seen.depth[floor] < far + 1e-3).all()
 
@@ -131,20 +131,24 @@ def test_boxes_and_extents_are_the_bent_pictures(k: float, kcube: float) -> None
                 assert np.abs(np.array(view.projected) - view.amodal_box).max() < 1.3
 
 
-def test_a_pinhole_is_its_own_plate() -> None:
+def test_a_pinhole_is_its_own_undistorted_camera() -> None:
     camera = CameraPlan(width=WIDE, height=HIGH, fov=FOV)
-    assert plate_of(camera) is camera
-    assert (plate_of(camera, 2).width, plate_of(camera, 2).height, plate_of(camera, 2).fov) == (2 * WIDE, 2 * HIGH, FOV)
+    assert undistorted_camera(camera) is camera
+    assert (
+        undistorted_camera(camera, 2).width,
+        undistorted_camera(camera, 2).height,
+        undistorted_camera(camera, 2).fov,
+    ) == (2 * WIDE, 2 * HIGH, FOV)
 
 
 @pytest.mark.parametrize("k, kcube", BENDS)
-def test_a_plate_holds_all_that_the_lens_shows(k: float, kcube: float) -> None:
+def test_the_undistorted_image_holds_all_that_the_lens_shows(k: float, kcube: float) -> None:
     camera = bent_camera(k, kcube)
-    width, height, fine = optics.plate_size(camera, 1)
+    width, height, fine = optics.undistorted_size(camera, 1)
     x, y = source(*offsets(), k, kcube)
     assert np.abs(x).max() * fine < width / 2 and np.abs(y).max() * fine < height / 2
-    plate = plate_of(camera)
-    focal = plate.width / 2 / np.tan(np.radians(plate.fov / 2))
+    undistorted = undistorted_camera(camera)
+    focal = undistorted.width / 2 / np.tan(np.radians(undistorted.fov / 2))
     assert focal == pytest.approx(fine * FOCAL, rel=1e-6)
 
 

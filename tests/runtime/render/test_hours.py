@@ -12,7 +12,7 @@ from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.loading import compiled
 from recipe_runtime.meshes import actor_body, town_bodies
 from recipe_runtime.meshes.mesh import Body, Light, Pattern
-from recipe_runtime.render.atmosphere.weather_light import light_of
+from recipe_runtime.render.atmosphere.weather_light import initial_light
 from recipe_runtime.render.lighting.lights import lamplight
 from recipe_runtime.render.renderer import Renderer
 from recipe_runtime.render.scene.geometry import Geometry
@@ -73,10 +73,10 @@ def test_windows_are_lit_one_by_one_as_it_gets_dark() -> None:
 
 def test_what_shines_keeps_its_place_in_the_picture() -> None:
     """From sunset on, a window is shown nearly as bright as by night, and a traffic light never burns out."""
-    lights = [light_of(appearance(altitude), "cpu") for altitude in (-1.0, -4.0, -8.0, -14.0, -60.0)]
-    shown = [light.air.lit * light.exposure() for light in lights]
+    lights = [initial_light(appearance(altitude), "cpu") for altitude in (-1.0, -4.0, -8.0, -14.0, -60.0)]
+    shown = [light.air.emissive_gain * light.exposure() for light in lights]
     assert max(shown) < 2.5 * min(shown)
-    for light in [light_of(appearance(altitude), "cpu") for altitude in (60.0, 5.0)] + lights:
+    for light in [initial_light(appearance(altitude), "cpu") for altitude in (60.0, 5.0)] + lights:
         assert 0.05 < light.air.signal * light.exposure() < 0.95
 
 
@@ -85,7 +85,7 @@ def test_a_street_without_lamps_is_exposed_for_longer() -> None:
         lit = tuple(Light((4.0 * k, 5.0, 6.0), (0.0, 0.0, -1.0), (1.0, 0.8, 0.6), 1400.0, 0.25) for k in range(count))
         return Renderer([Body("wall", 0, (("s", box([0, 5, 0], [1, 6, 6], PANES, lit)),))])._geometry
 
-    eye, night = np.array([0.0, 0.0, 1.6]), light_of(appearance(-30.0), "cpu")
+    eye, night = np.array([0.0, 0.0, 1.6]), initial_light(appearance(-30.0), "cpu")
     light = [lamplight(lamps(count), eye) for count in (0, 1, 3, 6, 12)]
     assert light == sorted(light)
     assert light[0] < 0.5 < light[-1]
@@ -93,7 +93,7 @@ def test_a_street_without_lamps_is_exposed_for_longer() -> None:
     assert gains == sorted(gains, reverse=True)
     near, past = (lamplight(lamps(6), eye + np.array([dx, 0.0, 0.0])) for dx in (0.0, 1.0))
     assert abs(past - near) < 0.06 * near  # a metre on, hardly more
-    noon = light_of(appearance(60.0), "cpu")
+    noon = initial_light(appearance(60.0), "cpu")
     assert noon.exposure(0.3) == noon.exposure(2.0)
 
 

@@ -9,7 +9,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, Pose
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.meshes.mesh import Body, Light, Pattern, Surface
-from recipe_runtime.render.atmosphere.weather_light import extinction, light_at, light_of
+from recipe_runtime.render.atmosphere.weather_light import extinction, initial_light, light_at_time
 from recipe_runtime.render.renderer import Renderer
 
 from tests.runtime.render.street import appearance, box, ground
@@ -32,7 +32,7 @@ def looked(renderer: Renderer, pose: Pose, weather: AppearancePlan, camera: Came
 @pytest.mark.parametrize("altitude", [90.0, 60.0, 45.0, 30.0, 12.0])
 def test_flat_ground_shines_by_lamberts_cosine(altitude: float) -> None:
     weather = appearance(altitude, looks=LOOKS, cloudiness=0, fog_density=0)
-    light = light_of(weather, "cpu")
+    light = initial_light(weather, "cpu")
     overhead = np.array([light.air.overhead[n] for n in range(3)])
     albedo = ((0xBC / 255 + 0.055) / 1.055) ** 2.4
     expected = albedo * (light.sunlight * exact.sin_deg(altitude) + overhead)
@@ -45,7 +45,7 @@ def test_fog_veils_a_black_target_by_koschmieders_law(metres: float) -> None:
     target = box([metres, -20, 0], [metres + 1, 20, 40], BLACK)
     weather = appearance(40.0, azimuth=180.0, looks=LOOKS, fog_density=100, fog_distance=1, fog_falloff=0)
     seen = looked(level(Body("target", 0, (("static", target),))), Pose(z=1.6), weather)[31, 31]
-    air = light_of(weather, "cpu").air
+    air = initial_light(weather, "cpu").air
     path = float(air.fog) * (metres - 1.0) + float(air.haze) * metres
     veil = np.array([air.fog_colour[n] for n in range(3)]) * (1.0 - exact.exp(-path))
     np.testing.assert_allclose(seen, veil, rtol=0.005)
@@ -66,7 +66,7 @@ def test_a_lamps_glow_in_fog_is_the_sum_of_what_the_air_scatters_along_the_sight
     dark, glowing = (
         looked(renderer, Pose(z=2.0), appearance(-40.0, looks=LOOKS, scattering_intensity=s, **still)) for s in (0, 1)
     )
-    air = light_of(appearance(-40.0, looks=LOOKS, scattering_intensity=1, **still), "cpu").air
+    air = initial_light(appearance(-40.0, looks=LOOKS, scattering_intensity=1, **still), "cpu").air
     sigma, power = float(air.fog) + float(air.haze), 1400.0 / 11000.0
     steps = np.linspace(0.0, 1000.0, 1_000_001)
     for column in (20, 26, 31, 36):
@@ -77,7 +77,7 @@ def test_a_lamps_glow_in_fog_is_the_sum_of_what_the_air_scatters_along_the_sight
         way = (steps - near) * (steps - near) + beside + 0.12 * 0.12
         fades = (1.0 - beside / 25.0) * (1.0 - 64.0 / 4900.0)
         total = float((1.0 / way).sum()) * 0.001 * fades * fades * 0.6 * power / (1.0 + 12.0 * power)
-        expected = sigma * float(air.glow) * exact.exp(-sigma * near) * total
+        expected = sigma * float(air.glow_share) * exact.exp(-sigma * near) * total
         assert (glowing - dark)[31, column, 1] == pytest.approx(expected, rel=0.02)
 
 
@@ -105,7 +105,7 @@ def test_a_shadow_is_as_long_as_the_suns_angle_makes_it(altitude: float) -> None
 
 
 def test_night_is_lit_by_lamps_alone_and_noon_is_not() -> None:
-    noon, night = (light_of(appearance(a), "cpu") for a in (60.0, -30.0))
+    noon, night = (initial_light(appearance(a), "cpu") for a in (60.0, -30.0))
     assert (noon.night, night.night) == (0.0, 1.0)
     assert night.sunlight.max() == 0.0
     assert night.exposure() > 50 * noon.exposure()
@@ -113,10 +113,12 @@ def test_night_is_lit_by_lamps_alone_and_noon_is_not() -> None:
 
 def test_the_light_at_a_time_leaves_the_light_before_as_it_was() -> None:
     """Frames under way hold on to theirs, and any order of times gives the same."""
-    start = light_of(appearance(45.0, wind_intensity=60, precipitation=50), "cpu")
-    first, then = start.moved, light_at(start, 1.5)
-    assert light_at(light_at(start, 0.4), 1.5).moved == then.moved != first
-    assert (float(start.air.drift[0]), int(start.air.stirs), int(start.air.moment)) == (0.0, 0, 0)
-    assert (float(then.air.drift[0]), int(then.air.stirs), int(then.air.moment)) == pytest.approx((0.0036, 45, 18))
+    start = initial_light(appearance(45.0, wind_intensity=60, precipitation=50), "cpu")
+    first, then = start.moved, light_at_time(start, 1.5)
+    assert light_at_time(light_at_time(start, 0.4), 1.5).moved == then.moved != first
+    assert (float(start.air.drift[0]), int(start.air.leaf_step), int(start.air.ring_step)) == (0.0, 0, 0)
+    assert (float(then.air.drift[0]), int(then.air.leaf_step), int(then.air.ring_step)) == pytest.approx(
+        (0.0036, 45, 18)
+    )
     assert float(then.air.sunlight[0]) == float(start.air.sunlight[0])
-    assert light_at(then, 1.5) is then
+    assert light_at_time(then, 1.5) is then

@@ -5,7 +5,7 @@ from typing import no_type_check
 import numpy as np
 import pytest
 from recipe_runtime.render.atmosphere.air import Air
-from recipe_runtime.render.device.arrays import DeviceArray, filled, record, records
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting import passes, temporal_kernels
@@ -32,11 +32,18 @@ class Camera:
     def asked(self, bits: int = CALM, *, then: int = 0, now: int = 0, sky: int = 1) -> set[int]:
         """The samples listed at a stir, `then` having been the frame before's."""
         tiles: DeviceArray = wp.array(np.full(self.tiles, bits, np.int32), dtype=wp.int32, device="cpu")
-        air = filled(Air(), stirs=now)
-        before = filled(temporal_kernels.PreviousFrame(), stirs=then, sky=sky, tiles=tiles)
+        air = set_fields(Air(), leaf_step=now)
+        before = set_fields(temporal_kernels.PreviousFrame(), leaf_step=then, sky=sky, tiles=tiles)
         count, listed = (wp.zeros(n, dtype=wp.int32, device="cpu") for n in (1, self.known.size))
         passes.collect_dirty(
-            self.firsts, record(air, "cpu"), record(before, "cpu"), self.known, self.quiet, count, listed, "cpu"
+            self.firsts,
+            struct_array([air], "cpu"),
+            struct_array([before], "cpu"),
+            self.known,
+            self.quiet,
+            count,
+            listed,
+            "cpu",
         )
         return set(listed.numpy()[: count.numpy()[0]].tolist())
 
@@ -79,7 +86,7 @@ def beam(texel: float, shaded: tuple[int, int] | None) -> shadow_kernels.Sunbeam
     bounds = np.zeros((16, 16, 2), np.float32)
     if shaded is not None:
         bounds[shaded] = 0.6
-    return filled(
+    return set_fields(
         shadow_kernels.Sunbeam(),
         u=wp.vec4f(1.0 / texel, 0.0, 0.0, 128.0),
         v=wp.vec4f(0.0, 1.0 / texel, 0.0, 128.0),
@@ -94,7 +101,7 @@ def beam(texel: float, shaded: tuple[int, int] | None) -> shadow_kernels.Sunbeam
 
 def calm_at(x: float, y: float, fine: tuple[int, int] | None, coarse: tuple[int, int] | None) -> bool:
     """Whether a box of half a metre about a place is out of reach of what moves."""
-    beams = records([beam(0.02, None), beam(0.2, None), beam(0.02, fine), beam(0.2, coarse)], "cpu")
+    beams = struct_array([beam(0.02, None), beam(0.2, None), beam(0.02, fine), beam(0.2, coarse)], "cpu")
     corners: list[DeviceArray] = [wp.array([[x + d, y + d, d]], dtype=wp.vec3f, device="cpu") for d in (-0.25, 0.25)]
     same: DeviceArray = wp.array([1], dtype=wp.int32, device="cpu")
     lows, highs = corners
@@ -116,14 +123,14 @@ def test_elsewhere_the_coarse_shadow_map_tells() -> None:
 class Puddle:
     """Samples in one row of pixels, as `due` is told of them."""
 
-    def __init__(self, gleams: list[float], sources: list[int], others: list[int] | None = None) -> None:
-        count = len(gleams)
+    def __init__(self, mirrors: list[float], sources: list[int], others: list[int] | None = None) -> None:
+        count = len(mirrors)
         self.data = Samples()
         self.data.positions = wp.array([[0.7 * i, 0.3, 0.0] for i in range(count)], dtype=wp.vec3f, device="cpu")
         self.data.pixels = wp.array(np.arange(count, dtype=np.int32), dtype=wp.int32, device="cpu")
-        gleam: DeviceArray = wp.array([[g, 0.9] for g in gleams], dtype=wp.vec2f, device="cpu")
+        mirror: DeviceArray = wp.array([[g, 0.9] for g in mirrors], dtype=wp.vec2f, device="cpu")
         found, listed = self._list(count)
-        passes.collect_reflective(record(self.data, "cpu"), gleam, count, found, listed, "cpu")
+        passes.collect_reflective(struct_array([self.data], "cpu"), mirror, count, found, listed, "cpu")
         self.mirrors = wp.clone(listed[: int(found.numpy()[0])])
         pairs = np.stack([sources, others or [-1] * count], axis=-1).astype(np.int32)
         self.sources: DeviceArray = wp.array(pairs, dtype=wp.vec2i, device="cpu")
@@ -137,8 +144,8 @@ class Puddle:
         changed = np.zeros(self.sources.size, np.uint8)
         changed[list(stale)] = 1
         marks: DeviceArray = wp.array(changed, dtype=wp.uint8, device="cpu")
-        before = record(filled(temporal_kernels.PreviousFrame(), stale=marks), "cpu")
-        samples, air = record(self.data, "cpu"), record(filled(Air(), moment=now), "cpu")
+        before = struct_array([set_fields(temporal_kernels.PreviousFrame(), stale=marks)], "cpu")
+        samples, air = struct_array([self.data], "cpu"), struct_array([set_fields(Air(), ring_step=now)], "cpu")
         count, listed = self._list(self.sources.size)
         passes.stale_reflections(samples, air, before, self.mirrors, then, self.sources, count, listed, "cpu")
         return set(listed.numpy()[: count.numpy()[0]].tolist())
@@ -193,8 +200,8 @@ def _sky_beside(x: float, spread: float) -> float:
     bodies.centre = wp.array([[0.0, 0.0, 0.0]], dtype=wp.vec3f, device="cpu")
     bodies.axis, bodies.half = (wp.array([v], dtype=wp.vec2f, device="cpu") for v in ([1.0, 0.0], [0.1, 0.1]))
     bodies.spread, bodies.strength = (wp.array([v], dtype=wp.float32, device="cpu") for v in (spread, 0.7))
-    bodies = filled(bodies, count=1)
+    bodies = set_fields(bodies, count=1)
     lists: DeviceArray = wp.array([[1, 0]], dtype=wp.int32, device="cpu")
     out = wp.zeros(1, dtype=wp.float32, device="cpu")
-    launch(_ask, 1, "cpu", bodies=record(bodies, "cpu"), lists=lists, x=x, out=out)
+    launch(_ask, 1, "cpu", bodies=struct_array([bodies], "cpu"), lists=lists, x=x, out=out)
     return float(out.numpy()[0])

@@ -82,7 +82,7 @@ def test_a_file_url_is_read_where_it_is(built: Path) -> None:
         ("README.md", b"?", "README.md has 1 byte"),
         ("weather=w0,jitter=still/tracks.csv", None, "tracks.csv is missing"),
         ("weather=w0,jitter=still/more.txt", b"more", "more.txt is not in the manifest"),
-        ("more/or/less.txt", b"more", "more/ is a folder of no file of this plan"),
+        ("more/or/less.txt", b"more", "more/ is a folder without a file of this plan"),
     ],
 )
 def test_what_differs_there_is_reported(store: dict[str, Any], path: str, body: bytes | None, said: str) -> None:
@@ -100,7 +100,7 @@ def test_a_flipped_bit_there_is_reported(store: dict[str, Any], built: Path) -> 
     body = (built / path).read_bytes()
     spoil(path, body[:-9] + bytes([body[-9] ^ 1]) + body[-8:])
     (only,) = integrity(URL).differences
-    assert f"{path} has other bytes than the manifest says" in str(only)
+    assert f"{path} differs from its SHA-256 in the manifest" in str(only)
 
 
 @pytest.mark.parametrize("path", ["../out.txt", "/etc/out.txt", "a/../../out.txt", "a\\..\\out.txt"])

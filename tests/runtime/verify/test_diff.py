@@ -49,7 +49,7 @@ def test_a_field_that_many_variants_share_is_reported_once(ours: Side) -> None:
     plan = DatasetPlan.model_validate_json(json.dumps(document))
     (found,) = differences(ours, Side("theirs", bare(plan, "", {}), plan))
     assert str(found) == (
-        "plan: 4 variants, weather=w0,jitter=still the first: appearance.weather.fog_density: 0.0 and 40.0"
+        "plan: 4 variants (first: weather=w0,jitter=still): appearance.weather.fog_density: 0.0 and 40.0"
     )
 
 
@@ -70,7 +70,7 @@ def test_the_body_that_parts_first_is_named_with_its_frames(ours: Side) -> None:
         points = tuple("0" * 8 if k >= frame else p for k, p in enumerate(motion.checkpoints))
         bodies[scene, actor] = replace(motion, digest="0" * 64, checkpoints=points)
     found = differences(ours, _with(ours, bodies=bodies, traces={scene: "0" * 64}))
-    assert found == [Difference("trace", "body hero2 parts at frame 2; 2 bodies differ")]
+    assert found == [Difference("trace", "body hero2 diverges at frame 2; 2 bodies differ")]
 
 
 def test_frames_are_counted_by_modality_labels_before_colours(ours: Side) -> None:
@@ -79,8 +79,8 @@ def test_frames_are_counted_by_modality_labels_before_colours(ours: Side) -> Non
         frames[key] = "0" * 64
     found = differences(ours, _with(ours, frames=frames))
     assert [f.stage for f in found] == ["observation", "observation", "shading", "shading", "shading", "shading"]
-    assert "side: instance of 1 of 6 frames differs, frame 2 the first" in found[0].message
-    assert "side: rgb of 2 of 6 frames differs, frame 1 the first" in found[-1].message
+    assert "side: instance of 1 of 6 frames differs (first: frame 2)" in found[0].message
+    assert "side: rgb of 2 of 6 frames differs (first: frame 1)" in found[-1].message
 
 
 def test_files_stages_and_tools_come_first(ours: Side) -> None:
@@ -154,7 +154,7 @@ def test_variants_and_outputs_of_one_side_are_reported_in_sentences(ours: Side) 
     asked = ", ".join(ours.plan.annotations)
     assert rest
     assert [str(f) for f in differences(ours, Side("theirs", bare(plan, "", {}), plan))] == [
-        f"plan: 2 variants, {first} the first, are in ours only",
+        f"plan: 2 variants (first: {first}), are in ours only",
         f"plan: output.annotations: {asked} in ours, none in theirs",
         "plan: output.depth: carla in ours, npy in theirs",
     ]

@@ -190,10 +190,10 @@ def test_a_forged_plan_digest_of_a_variant_fails(copy: Path) -> None:
 @pytest.mark.parametrize(
     ("tools", "message"),
     [
-        ({"evil": "9.9"}, "it lists 1 unknown tool, 'evil' the first"),
-        ({**host_versions(), "evil": "9.9"}, "it lists 1 unknown tool, 'evil' the first"),
-        ({**host_versions(), "numpy": "two"}, "it lists 1 malformed version, 'two' of 'numpy' the first"),
-        ({**host_versions(), "numpy": "2\x1b[31m"}, "it lists 1 malformed version, '2\\x1b[31m' of 'numpy' the first"),
+        ({"evil": "9.9"}, "it lists 1 unknown tool (first: 'evil')"),
+        ({**host_versions(), "evil": "9.9"}, "it lists 1 unknown tool (first: 'evil')"),
+        ({**host_versions(), "numpy": "two"}, "it lists 1 malformed version (first: 'two' of 'numpy')"),
+        ({**host_versions(), "numpy": "2\x1b[31m"}, "it lists 1 malformed version (first: '2\\x1b[31m' of 'numpy')"),
     ],
 )
 def test_rows_of_tools_have_known_names_and_versions(

@@ -107,7 +107,7 @@ ROW = ("0" * 16, "street", "rgb", 3)
     ("change", "says"),
     [
         ({"frames": {}}, "it lacks 120 frame rows"),
-        ({"frames": {ROW: "0" * 64}}, "it has, of nothing in the recipe, 1 frame row"),
+        ({"frames": {ROW: "0" * 64}}, "it has 1 surplus frame row"),
         ({"traces": {}}, "it lacks 1 trace row"),
         ({"stages": {}}, "it lacks 6 stage rows"),
         ({"recipe": "imagenet"}, "it is of the recipe 'imagenet', and this is 'tiny'"),
@@ -159,7 +159,7 @@ def test_another_plan_is_reported_by_its_part(locked: Lockfile) -> None:
     assert "the recipe has no variant weather=w1,jitter=still" in report.differences[0].message
     name, row = next(iter(locked.variants.items()))
     other = {**locked.variants, name: replace(row, rig="0" * 64)}
-    assert f"{name}: another rig plan" in str(check(replace(locked, variants=other)).differences[0])
+    assert f"{name}: different rig plan" in str(check(replace(locked, variants=other)).differences[0])
 
 
 def _noisy_simulate(scene: ScenePlan) -> Trace:
@@ -187,7 +187,7 @@ class _NoisyObserver(fakes.Renderer):
 def test_a_random_number_in_the_simulation_is_caught_with_its_body(locked: Lockfile) -> None:
     report = check(locked, engines=replace(fakes.ENGINES, simulate=_noisy_simulate))
     assert (report.verdict, report.stage) == ("FAIL", "trace")
-    assert "body hero2 parts at frame 3 (from step 72); 1 of 3 bodies differ" in str(report.differences[0])
+    assert "body hero2 diverges at frame 3 (from step 72); 1 of 3 bodies differ" in str(report.differences[0])
 
 
 def _moved(scene: ScenePlan) -> Trace:
@@ -208,7 +208,7 @@ OTHER_PYTHON = {**host_versions(), "python": "3.9"}
 def test_another_host_goes_on_from_the_locked_motion(locked: Lockfile) -> None:
     held = {scene: fakes.simulate(PLAN.variants[0].scene) for scene in locked.traces}
     for engines, says in (
-        (replace(fakes.ENGINES, simulate=_moved), "body hero2 parts at frame 3"),
+        (replace(fakes.ENGINES, simulate=_moved), "body hero2 diverges at frame 3"),
         (replace(fakes.ENGINES, simulate=_barred), "it was not simulated here"),
     ):
         report = check(replace(locked, tools=OTHER_PYTHON), engines=engines, traces=held)
@@ -339,7 +339,7 @@ def test_any_damaged_missing_or_added_file_is_found(built: Path, tmp_path: Path)
     (root / "weather=w0,jitter=still" / "tracks.csv").unlink()
     (root / "extra.txt").write_text("?")
     messages = [str(d) for d in check_folder(root).differences]
-    assert "file: annotations/kwcoco.json has other bytes than the manifest says" in messages
+    assert "file: annotations/kwcoco.json differs from its SHA-256 in the manifest" in messages
     assert "file: weather=w0,jitter=still/tracks.csv is missing or cannot be read" in messages
     assert "file: extra.txt is not in the manifest" in messages
 

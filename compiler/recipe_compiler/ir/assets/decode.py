@@ -1,4 +1,4 @@
-"""Decodes a file of a known kind to its mesh or its pixels. Any fault of the file raises AssetError."""
+"""Decodes a file of a known kind to its mesh or its pixels. Any error in the file raises AssetError."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _DAMAGE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeErr
 
 
 def mesh(content: bytes, kind: str, up: str) -> MeshData:
-    """The mesh in a file of one of the kinds of `_READERS`, whose axis `up` (y or z) points up."""
+    """Return the mesh in a file of a kind in `_READERS`, whose axis `up` (y or z) points up."""
     with _as_one_error():
         return finish(_READERS[kind](content), up)
 
 
 def image(content: bytes, kind: str, number: int | None = None) -> png.Pixels:
-    """The pixels [H, W, 3], sRGB, of an image, or of image `number` of a glTF file."""
+    """Return the pixels [H, W, 3], sRGB, of an image, or of image `number` of a glTF file."""
     with _as_one_error():
         return png.decode(content) if number is None or kind == "png" else gltf.picture(content, number)
 

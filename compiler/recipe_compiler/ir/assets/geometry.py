@@ -37,7 +37,7 @@ class Part:
     triangles: Indices  # [T, 3]
     colour: str = GREY  # sRGB
     picture: int | None = None
-    repeat: bool = True  # beyond the picture's edges it starts again, else its edge goes on
+    repeat: bool = True  # wrap mode beyond the picture's edges: repeat, else clamp
     mapped: bool = False  # whether the file has texture coordinates for it
 
 
@@ -51,7 +51,7 @@ class MeshData:
 
     @property
     def triangles(self) -> int:
-        """How many there are."""
+        """Number of triangles."""
         return sum(len(part.triangles) for part in self.parts)
 
 
@@ -92,19 +92,19 @@ def finish(raws: Sequence[Raw], up: str) -> MeshData:
     return MeshData(tuple(parts), _triple(low), _triple(high))
 
 
-def check_count(count: int, what: str, most: int) -> None:
-    """AssetError for more than the most allowed."""
-    if count > most:
-        raise AssetError(f"{count} {what} exceed the limit of {most}; simplify the mesh")
+def check_count(count: int, what: str, limit: int) -> None:
+    """Raise AssetError if a count exceeds its limit."""
+    if count > limit:
+        raise AssetError(f"{count} {what} exceed the limit of {limit}; simplify the mesh")
 
 
 def rounded(values: Floats) -> Floats:
-    """On a grid of a millionth; -0 is 0."""
+    """Round to a grid of 1e-6; -0 becomes 0."""
     return np.rint(values * 1e6) / 1e6 + 0.0
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """Cross products of rows."""
+    """Return the cross products of rows."""
     x, y, z = (a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1], a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2],
                a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])  # fmt: skip
     return np.stack([x, y, z], axis=-1)
@@ -159,7 +159,7 @@ def _turned(values: Floats, up: str) -> Floats:
 
 
 def _unit(normals: Floats, triangles: Indices, faces: Floats) -> Floats:
-    """Normals of length 1; a vertex without takes its last face's."""
+    """Normalize normals; a vertex without a normal gets that of its last face."""
     size = lengths(normals)
     missing = size[:, 0] < 1e-6
     unit: Floats = normals / np.where(missing[:, None], 1.0, size)

@@ -36,7 +36,11 @@ MAX_NODES = 10_000
 MAX_PARTS = 20_000  # of all nodes' meshes together; each costs time, however small it is
 _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-_READ = {"KHR_materials_unlit", "KHR_materials_specular", "KHR_materials_ior"}  # nothing of geometry or base colour
+_READ = {
+    "KHR_materials_unlit",
+    "KHR_materials_specular",
+    "KHR_materials_ior",
+}  # they affect neither geometry nor base colour
 _CLAMP, _REPEAT = 33071, 10497
 
 JsonObject = Mapping[str, object]  # of the glTF document
@@ -54,7 +58,7 @@ class _Material:
 
 
 def read(content: bytes) -> list[Raw]:
-    """A part for each primitive of each node that the file's scene shows, in the scene's frame (y up, z forward)."""
+    """Return a part for each primitive of each node of the file's scene, in the scene's frame (y up, z forward)."""
     document = _Document(*_open(content))
     placed = list(document.placed())
     limits = ("triangles", MAX_TRIANGLES), ("vertices", MAX_VERTICES), ("parts", MAX_PARTS)
@@ -64,12 +68,12 @@ def read(content: bytes) -> list[Raw]:
 
 
 def picture(content: bytes, number: int) -> png.Pixels:
-    """One of the file's images."""
+    """Return one of the file's images."""
     return png.decode(_Document(*_open(content)).image(number), opaque=False)
 
 
 def _open(content: bytes) -> tuple[JsonObject, bytes | None]:
-    """The document, and the bytes beside it."""
+    """Return the JSON document and the binary chunk."""
     if content[:4] != b"glTF":
         return _parsed(content), None
     if len(content) < 20 or int.from_bytes(content[8:12], "little") != len(content):
@@ -119,7 +123,7 @@ class _Document:
         """The index itself, if the document has an entry of that kind there."""
         items = _list(self._json.get(kind, []))
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(items):
-            raise AssetError(f"names {kind} {str(index)[:20]} of {len(items)}, which is not there; export it again")
+            raise AssetError(f"names {kind} {str(index)[:20]} of {len(items)}, which does not exist; export it again")
         return index
 
     def _item(self, kind: str, index: object) -> JsonObject:
@@ -131,7 +135,7 @@ class _Document:
     # Nodes
 
     def placed(self) -> Iterator[tuple[int, Matrix]]:
-        """The meshes that the scene shows, each with where it is."""
+        """Return the meshes of the scene, each with its transform."""
         nodes = _list(self._json.get("nodes", []))
         check_count(len(nodes), "nodes", MAX_NODES)
         waiting: list[tuple[object, Matrix]] = [(index, _IDENTITY) for index in reversed(self._roots(len(nodes)))]
@@ -141,7 +145,7 @@ class _Document:
             index = self._index("nodes", index)
             node = self._item("nodes", index)
             if index in seen:
-                raise AssetError(f"node {index} is below itself or below two others; export it again")
+                raise AssetError(f"node {index} is its own ancestor or has two parents; export it again")
             seen.add(index)
             if "skin" in node:
                 raise AssetError("has a skin (skeleton), which is not supported; apply its pose, then export it")
@@ -369,7 +373,7 @@ def _local(node: JsonObject) -> Matrix:
 def _numbers(values: object, count: int) -> list[float]:
     found = [_number(value) for value in _list(values)]
     if len(found) != count or not all(abs(value) <= 1e6 for value in found):
-        raise AssetError(f"a node's place is not {count} numbers of a sensible size; export it again")
+        raise AssetError(f"a node's transform is not {count} finite numbers within the limits; export it again")
     return found
 
 
@@ -384,7 +388,7 @@ def _moved(points: Floats, m: Matrix) -> Floats:
 
 
 def _turned(normals: Floats, m: Matrix) -> Floats:
-    """Normals go by the cofactors, so that they stay upright on what is stretched, whichever way it is mirrored."""
+    """Transform normals by the cofactor matrix, so that they stay perpendicular under scaling and mirroring."""
     rows = np.array([r[:3] for r in m])
     c = cross(rows[[1, 2, 0]], rows[[2, 0, 1]]) * (-1.0 if _mirrors(m) else 1.0)
     return np.stack([normals[:, 0] * r[0] + normals[:, 1] * r[1] + normals[:, 2] * r[2] for r in c], axis=-1)

@@ -10,13 +10,13 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}\Z")
 
 
 def slot(name: object, otherwise: str) -> str:
-    """The name with `_` for blanks, if it is one that a recipe can write."""
+    """Return the name with `_` for blanks, if a recipe can write it, else `otherwise`."""
     text = name.replace(" ", "_") if isinstance(name, str) else ""
     return text if _NAME.match(text) else otherwise
 
 
 def slot_names(names: Sequence[object]) -> list[str]:
-    """A slot for each material, no two alike: its own name; `material.N` where that is unfit or taken."""
+    """Return a distinct slot for each material: its own name, or `material.N` if that is invalid or taken."""
     taken: dict[str, None] = {}
     spare = itertools.count(len(names))
     for number, name in enumerate(names):

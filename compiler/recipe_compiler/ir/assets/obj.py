@@ -1,4 +1,4 @@
-"""Wavefront OBJ: vertices, texture coordinates, normals and faces. Nothing that names another file, or a command."""
+"""Wavefront OBJ: vertices, texture coordinates, normals and faces, without references to other files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Corner = tuple[int, int, int]  # vertex, texture coordinate, normal; -1: none
 
 @dataclass
 class _Group:
-    """The faces of one material, and which corners they use."""
+    """The faces of one material, and the corners that they use."""
 
     corners: dict[Corner, int] = field(default_factory=dict)
     triangles: list[tuple[int, int, int]] = field(default_factory=list)
@@ -47,7 +47,7 @@ class _Reader:
     count: int = 0
 
     def line(self, words: Sequence[bytes]) -> None:
-        """Take one line."""
+        """Parse one line."""
         word = words[0]
         if word == b"v":
             self._numbers(self.points, words, 3)
@@ -63,7 +63,7 @@ class _Reader:
             raise AssetError("`mtllib` names another file; remove the line, colours come from `look` and `image`")
         elif word not in _IGNORED:
             shown = word[:20].decode("ascii", "replace")
-            raise AssetError(f"{shown!r} is nothing that a mesh of triangles needs; export it as plain faces")
+            raise AssetError(f"{shown!r} is not part of a plain triangle mesh; export it as plain faces")
 
     def _numbers(self, column: list[list[float]], words: Sequence[bytes], least: int) -> None:
         if len(words) - 1 < least:
@@ -95,7 +95,11 @@ class _Reader:
 
 
 def read(content: bytes) -> list[Raw]:
-    """A part for each material that faces name; a polygon becomes a fan. AssetError with the line that is wrong."""
+    """Return a part for each material of the faces; polygons become triangle fans.
+
+    Raises:
+        AssetError: a line is invalid; the message has its number.
+    """
     if b"\0" in content:
         raise AssetError("is not an OBJ file: it holds a zero byte; OBJ is text")
     reader = _Reader()
@@ -119,19 +123,19 @@ def _raw(columns: Sequence[Floats], slot: str, group: _Group) -> Raw:
     uv = None
     if len(uvs) and (corners[:, 1] >= 0).all():
         uv = uvs[corners[:, 1]]
-        uv = np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=-1)  # OBJ counts v from the bottom
+        uv = np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=-1)  # in OBJ files, v = 0 is the bottom
     normal = normals[corners[:, 2]] if len(normals) and (corners[:, 2] >= 0).all() else None
     triangles: Indices = np.array(group.triangles, np.int64).reshape(-1, 3)
     return Raw(slot, points[corners[:, 0]], triangles, normal, uv, both_sides=True)
 
 
 def _index(cell: bytes, count: int) -> int:
-    """From 1, or from -1 backwards, to from 0."""
+    """Convert an index that counts from 1, or from -1 backwards, to one that counts from 0."""
     shown = cell[:20].decode("ascii", "replace")
     if not re.match(rb"-?[0-9]{1,9}\Z", cell):
         raise AssetError(f"{shown!r} is not a corner of a face; export it again")
     value = int(cell)
     value = value - 1 if value > 0 else count + value
     if not 0 <= value < count or cell.strip(b"-0") == b"":
-        raise AssetError(f"a face names number {shown} of {count}, which is not there; export it again")
+        raise AssetError(f"a face names number {shown} of {count}, which does not exist; export it again")
     return value

@@ -1,7 +1,7 @@
 """PNG images to 8-bit sRGB. Sizes are read from the header and bounded before anything is decoded.
 
-PNG alone, because it has one meaning: a JPEG's pixels are each decoder's own. All chunks but those that hold pixels
-are dropped before the decoder sees them, so that no text, profile or animation costs anything.
+Only PNG is supported, because all decoders return the same pixels; those of a JPEG depend on the decoder. All chunks
+without pixels are dropped before decoding, so text, profiles and animations cost nothing.
 """
 
 from __future__ import annotations
@@ -20,16 +20,20 @@ from recipe_compiler.ir.assets.geometry import AssetError
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MAX_PIXELS = 16 << 20
 MAX_SIDE = 8192
-_KEPT = {b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"}
-_ALIEN = {b"\xff\xd8\xff": "a JPEG", b"GIF8": "a GIF", b"RIFF": "a WebP", b"BM": "a BMP", b"<": "text or XML"}
+_PIXEL_CHUNKS = {b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"}
+_OTHER_FORMATS = {b"\xff\xd8\xff": "a JPEG", b"GIF8": "a GIF", b"RIFF": "a WebP", b"BM": "a BMP", b"<": "text or XML"}
 
 Pixels = NDArray[np.uint8]  # [H, W, 3] sRGB
 
 
 def size(content: bytes) -> tuple[int, int]:
-    """Width and height, from the header alone; AssetError for no PNG, or one too large."""
+    """Return width and height from the header.
+
+    Raises:
+        AssetError: it is not a PNG image, or too large.
+    """
     if not content.startswith(SIGNATURE):
-        kind = next((name for head, name in _ALIEN.items() if content.startswith(head)), "something else")
+        kind = next((name for head, name in _OTHER_FORMATS.items() if content.startswith(head)), "something else")
         raise AssetError(f"is not a PNG image but {kind}; save it as an 8-bit PNG, which decodes the same everywhere")
     if len(content) < 33 or content[8:16] != b"\0\0\0\rIHDR":
         raise AssetError("is truncated or damaged: it has no header; save it again")
@@ -43,7 +47,11 @@ def size(content: bytes) -> tuple[int, int]:
 
 
 def decode(content: bytes, *, opaque: bool = True) -> Pixels:
-    """The pixels [H, W, 3]. With `opaque`, AssetError for one that is see-through; else alpha is left out."""
+    """Return the pixels [H, W, 3], without alpha.
+
+    Raises:
+        AssetError: the image is damaged or, with `opaque`, partly transparent.
+    """
     from PIL import Image, PngImagePlugin
 
     width, height = size(content)
@@ -74,7 +82,7 @@ _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
 def _check_length(content: bytes, packed: bytes) -> None:
-    """AssetError unless the data unpack to just as many bytes as the header's pixels take.
+    """Raise AssetError unless the data decompress to exactly the size that the header implies.
 
     The decoder leaves missing rows undefined, and this decompresses only as much as it needs.
     """
@@ -95,7 +103,7 @@ def _check_length(content: bytes, packed: bytes) -> None:
 
 
 def _chunks(content: bytes) -> Iterator[bytes]:
-    """The chunks that hold pixels, whole."""
+    """Yield the chunks that contain pixels."""
     at, kind = len(SIGNATURE), b""
     while kind != b"IEND":
         if at + 12 > len(content):
@@ -106,7 +114,7 @@ def _chunks(content: bytes) -> Iterator[bytes]:
             raise AssetError(f"is truncated: a chunk of {length} bytes exceeds the file; save it again")
         if kind == b"IHDR" and at != len(SIGNATURE):
             raise AssetError("is damaged: it has two headers; save it again")
-        if kind in _KEPT:
+        if kind in _PIXEL_CHUNKS:
             if zlib.crc32(content[at + 4 : end - 4]) != struct.unpack(">I", content[end - 4 : end])[0]:
                 raise AssetError("is damaged: the checksum of a chunk is wrong; save it again")
             yield content[at:end]

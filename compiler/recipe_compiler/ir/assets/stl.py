@@ -14,7 +14,7 @@ SLOT = "body"
 
 
 def read(content: bytes) -> list[Raw]:
-    """The triangles; an STL's normals follow from its corners, and are seen from both sides."""
+    """Return the triangles, visible from both sides; the file's normals are ignored."""
     count = int.from_bytes(content[80:84], "little")
     if len(content) >= 84 and len(content) == 84 + _FACET.itemsize * count:
         check_count(count, "triangles", MAX_TRIANGLES)

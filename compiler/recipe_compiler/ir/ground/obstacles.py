@@ -22,7 +22,7 @@ FURNITURE |= {"hydrant", "kiosk", "lamp", "planter", "statue", "tower", "traffic
 STEP_OVER, HEADROOM = 0.25, 1.9  # heights that anybody steps over, and walks under
 _BARK = 1.1  # half the side of a tree's square, as a multiple of its trunk's radius
 _CELL, _REACH = 4.0, 0.6  # edge length of a cell of the index; the greatest margin of a query
-_MOST_CELLS = 4096  # of one obstacle in the index
+_MAX_CELLS = 4096  # of one obstacle in the index
 _INFINITE = math.inf
 
 Segment = tuple[float, float, float, float]  # x and y of its start, x and y of its end
@@ -148,7 +148,7 @@ class ObstacleMap:
             half_y = abs(o.sin) * o.depth + abs(o.cos) * o.width + reach
             across = range(self._index(o.x - half_x), self._index(o.x + half_x) + 1)
             along = range(self._index(o.y - half_y), self._index(o.y + half_y) + 1)
-            if len(across) * len(along) > _MOST_CELLS:
+            if len(across) * len(along) > _MAX_CELLS:
                 self._large.append((number, o))
                 continue
             for i in across:

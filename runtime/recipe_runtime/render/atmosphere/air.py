@@ -1,4 +1,4 @@
-"""Air: the sky in a direction, and what fog and dust do to light on its way to the eye."""
+"""Radiance of the sky by direction, and the attenuation and in-scattering of fog and dust."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
@@ -13,56 +13,56 @@ wp.set_module_options(OPTIONS)
 
 DECAY_STEPS = wp.constant(1024)
 DECAY_SCALE = wp.constant(wp.float32(64.0))
-MAX_TABLE_DEPTH = wp.constant(wp.float32(15.9))  # beyond it e^-x is nothing, and a table's end is near
+MAX_TABLE_DEPTH = wp.constant(wp.float32(15.9))  # beyond, e^-x is taken as 0; the tables end soon after
 SKY_ROWS = wp.constant(64)
 HALO_ROWS = wp.constant(256)
-SWING_STIRS = wp.constant(43)  # of a leaf to and fro
+SWAY_STEPS = wp.constant(43)  # steps of one period of a leaf's sway
 
 
 @wp.struct
 class Air:
-    """Light and weather of one appearance, as numbers; radiance is relative, 1 being about a clear noon sky's."""
+    """Light and weather of one appearance, for kernels. Radiance is relative: a clear noon sky has about 1."""
 
     sun: wp.vec3f  # unit, towards the sun
-    sunlight: wp.vec3f  # of a white surface that faces it
+    sunlight: wp.vec3f  # radiance of a white surface that faces the sun
     disc: wp.vec3f  # radiance of the sun's disc
-    overhead: wp.vec3f  # ambient light from above, from the side and from the ground
-    sideways: wp.vec3f
-    below: wp.vec3f
+    overhead: wp.vec3f  # ambient light on surfaces that face up
+    sideways: wp.vec3f  # ... that face a side
+    below: wp.vec3f  # ... that face down
     cloud_bright: wp.vec3f
     cloud_dark: wp.vec3f
-    cover: wp.float32  # share of the sky that clouds fill, 0 to 1
-    drift: wp.vec2f  # how far the wind has moved the clouds
-    stars: wp.float32
-    flutter: wp.float32  # how much leaves move in the wind, 0 to 1
-    swings: wp.array[wp.vec2f]  # metres their pattern has moved at two points of a swing, by the time in stirs
-    breeze: wp.float32  # metres that gusts come on from stir to stir
-    stirs: wp.int32  # the time in which they stir, each for four of these
-    fog: wp.float32  # extinction, 1/m, from fog_start on
-    haze: wp.float32  # extinction of rain's mist, dust and air, 1/m, everywhere
-    fog_start: wp.float32  # metres
-    fog_thin: wp.float32  # how fast it thins with height, 1/m
+    cover: wp.float32  # cloud cover, 0 to 1
+    drift: wp.vec2f  # offset of the cloud pattern
+    stars: wp.float32  # radiance of the brightest stars
+    leaf_motion: wp.float32  # amplitude of the shading of moving leaves, 0 to 1
+    sway: wp.array[wp.vec2f]  # [SWAY_STEPS], offsets of their pattern in metres: sine and cosine of the sway
+    gust_shift: wp.float32  # metres that gusts move per `leaf_step`
+    leaf_step: wp.int32  # time in steps of 1/30 s; a leaf moves at every fourth
+    fog: wp.float32  # extinction coefficient of fog, 1/m, beyond fog_start
+    haze: wp.float32  # extinction coefficient of rain, dust and air, 1/m, everywhere
+    fog_start: wp.float32  # metres from the camera
+    fog_falloff: wp.float32  # decrease of the fog's density with height, 1/m
     fog_colour: wp.vec3f
-    fog_sun: wp.vec3f  # added towards the sun
-    glow: wp.float32  # how much of the lamps' light it scatters towards the eye
-    wet: wp.float32  # 0 dry, 1 streaming
-    puddles: wp.float32  # 0 none, 1 all that is flat
-    pelting: wp.float32  # how far drops tilt the water that they fall on
-    moment: wp.int32  # time step of the rings on it
+    fog_sun: wp.vec3f  # in-scattered light added towards the sun
+    glow_share: wp.float32  # share of the lamps' light that fog scatters towards the camera
+    wet: wp.float32  # wetness of surfaces, 0 to 1
+    puddles: wp.float32  # 0 none, 1 on all flat ground
+    ring_strength: wp.float32  # tilt of the water's normal by the rings of drops
+    ring_step: wp.int32  # time in steps of 1/12 s; rings change at every fourth
     night: wp.float32  # 0 by day, 1 with all lamps on
-    lit: wp.float32  # how brightly those that burn, and windows, shine themselves: 1 in a clear night
+    emissive_gain: wp.float32  # factor of the radiance of lamps and lit windows; 1 in a clear night
     signal: wp.float32  # radiance of a traffic light
     seed: wp.uint32
     decay: wp.array[wp.float32]  # e^-x for x = i / 64
-    thinning: wp.array[wp.float32]  # the mean of e^-t for t from 0 to x = i / 64
-    gradient: wp.array[wp.vec3f]  # clear sky by elevation, horizon first
-    warm: wp.vec3f  # over the horizon below a low sun
-    halo: wp.array[wp.vec3f]  # brightness about the sun by cosine of the angle, opposite first
+    mean_decay: wp.array[wp.float32]  # mean of e^-t over [0, x], for x = i / 64
+    gradient: wp.array[wp.vec3f]  # [SKY_ROWS], clear sky by elevation, horizon first
+    warm: wp.vec3f  # added near the horizon below a low sun
+    halo: wp.array[wp.vec3f]  # [HALO_ROWS], added about the sun, by the angle to it, opposite first
 
 
 @wp.func
 def interpolate(table: wp.array[wp.float32], x: wp.float32) -> wp.float32:
-    """Linear interpolation in a table of steps of 1 / 64 from 0 on."""
+    """Interpolate linearly in a table with steps of 1 / 64 from 0 on."""
     t = minimum(maximum(x, 0.0) * DECAY_SCALE, wp.float32(DECAY_STEPS - 2))
     i = nonnegative(wp.int32(t))
     low = table[i]
@@ -71,21 +71,21 @@ def interpolate(table: wp.array[wp.float32], x: wp.float32) -> wp.float32:
 
 @wp.func
 def decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
-    """e^-x for x >= 0, from a table."""
+    """Return e^-x for x >= 0, from a table."""
     return interpolate(air[0].decay, x)
 
 
 @wp.func
 def mean_decay(air: wp.array[Air], x: wp.float32) -> wp.float32:
-    """The mean of e^-t for t from 0 to x >= 0: how dense fog is on a way that rises through it."""
+    """Return the mean of e^-t for t from 0 to x >= 0: the mean density of fog on a path that rises through it."""
     if x > MAX_TABLE_DEPTH:
         return 1.0 / x
-    return interpolate(air[0].thinning, x)
+    return interpolate(air[0].mean_decay, x)
 
 
 @wp.func
 def lookup(table: wp.array[wp.vec3f], t: wp.float32, rows: wp.int32) -> wp.vec3f:
-    """Linear interpolation in a table over [0, 1]."""
+    """Interpolate linearly in a table over [0, 1]."""
     s = clamp01(t) * wp.float32(rows - 1)
     i = nonnegative(wp.min(wp.int32(s), rows - 2))
     return mix(table[i], table[i + 1], s - wp.float32(i))
@@ -93,7 +93,7 @@ def lookup(table: wp.array[wp.vec3f], t: wp.float32, rows: wp.int32) -> wp.vec3f
 
 @wp.func
 def clear_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
-    """Cloudless sky in a direction, without the sun's disc; below the horizon, the horizon's."""
+    """Return the cloudless sky in a direction, without the sun's disc; below the horizon, that at the horizon."""
     up = maximum(d[2], 0.0)
     base = lookup(air[0].gradient, wp.sqrt(up), SKY_ROWS)
     c = dot(d, air[0].sun) * 0.5 + 0.5
@@ -104,7 +104,7 @@ def clear_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
 
 @wp.func
 def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
-    """Thickness of cloud in a direction above the horizon, and how bright it is there, both 0 to 1."""
+    """Return thickness and brightness of the clouds in a direction above the horizon, both 0 to 1."""
     s = 1.0 / (d[2] + 0.12)
     x = d[0] * s * 0.9 + air[0].drift[0]
     y = d[1] * s * 0.9 + air[0].drift[1]
@@ -112,13 +112,13 @@ def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
     n = big * 0.52
     edge = 0.86 - 0.76 * air[0].cover
     if n + 0.48 <= edge:
-        return wp.vec2f(0.0, 1.0)  # however thick the small clouds, together they stay below the edge
+        return wp.vec2f(0.0, 1.0)  # small clouds cannot lift the sum above the edge
     middle = noise2(x * 2.3 + 7.0, y * 2.3, air[0].seed ^ seeds.CLOUD_MIDDLE)
     n = n + middle * 0.27
     n = n + noise2(x * 5.1 + middle, y * 5.1 + 3.0, air[0].seed ^ seeds.CLOUD_SMALL) * 0.14
     n = n + noise2(x * 11.0, y * 11.0 + middle, air[0].seed ^ seeds.CLOUD_FINE) * 0.07
     thick = smoothstep(edge, edge + 0.22, n)
-    # The side towards the sun, where there is less cloud before the light, is the bright one.
+    # The side towards the sun, with less cloud in front of the light, is brighter.
     sunward = noise2(x + air[0].sun[0] * 0.2, y + air[0].sun[1] * 0.2, air[0].seed ^ seeds.CLOUD_LARGE) * 0.52
     sunward = sunward + 0.27 * noise2(
         (x + air[0].sun[0] * 0.2) * 2.3 + 7.0, (y + air[0].sun[1] * 0.2) * 2.3, air[0].seed ^ seeds.CLOUD_MIDDLE
@@ -128,7 +128,7 @@ def cloud_at(air: wp.array[Air], d: wp.vec3f) -> wp.vec2f:
 
 @wp.func
 def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
-    """The whole sky in a direction: gradient, halo, disc, clouds, stars."""
+    """Return the complete sky in a direction: gradient, halo, disc, clouds, stars."""
     clear = clear_sky(air, d)
     c = dot(d, air[0].sun)
     sharp = smoothstep(0.99992, 0.99997, c)
@@ -156,7 +156,7 @@ def sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
 
 @wp.func
 def reflected_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
-    """The sky as a mirror shows it: without small clouds; below the horizon it darkens to the ground."""
+    """Return the sky for reflections: without small clouds; below the horizon it fades to the ground's colour."""
     clear = clear_sky(air, wp.vec3f(d[0], d[1], maximum(d[2], 0.0)))
     grey = mix(air[0].cloud_dark, air[0].cloud_bright, 0.5)
     both = mix(clear, grey, clamp01(air[0].cover))
@@ -165,11 +165,11 @@ def reflected_sky(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
 
 @wp.func
 def transmittance(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: wp.float32) -> wp.float32:
-    """Share of light that survives `distance` metres of fog and haze between two heights (Koschmieder)."""
+    """Return the share of light left after `distance` metres of fog and haze between two heights (Koschmieder)."""
     path = maximum(distance - air[0].fog_start, 0.0) * air[0].fog
-    if air[0].fog_thin > 0.0 and path > 0.0:
-        low = maximum(minimum(z0, z1), 0.0) * air[0].fog_thin
-        rise = (z1 - z0) * air[0].fog_thin
+    if air[0].fog_falloff > 0.0 and path > 0.0:
+        low = maximum(minimum(z0, z1), 0.0) * air[0].fog_falloff
+        rise = (z1 - z0) * air[0].fog_falloff
         rise = maximum(rise, -rise)
         path = path * (decay(air, low) * mean_decay(air, rise))
     return decay(air, path + distance * air[0].haze)
@@ -177,7 +177,7 @@ def transmittance(air: wp.array[Air], z0: wp.float32, z1: wp.float32, distance: 
 
 @wp.func
 def apply_fog(air: wp.array[Air], radiance: wp.vec3f, d: wp.vec3f, left: wp.float32) -> wp.vec3f:
-    """Radiance seen in direction d, when the fog between lets the share `left` through."""
+    """Return the radiance in direction d behind fog that transmits the share `left`."""
     c = clamp01(dot(d, air[0].sun))
     c = c * c * c * c
     veil = air[0].fog_colour + air[0].fog_sun * (c * c)
@@ -186,7 +186,7 @@ def apply_fog(air: wp.array[Air], radiance: wp.vec3f, d: wp.vec3f, left: wp.floa
 
 @wp.func
 def ambient(air: wp.array[Air], n: wp.vec3f) -> wp.vec3f:
-    """Light from the whole sky and the ground on a surface with normal n."""
+    """Return the light of the sky and the ground on a surface with normal n."""
     up = n[2] >= 0.0
     t = wp.where(up, n[2], -n[2])
     a = air[0].overhead

@@ -1,8 +1,8 @@
-"""The clear sky as two tables, worked out on the host: its colour by elevation, and its glow by the angle to the sun.
+"""The clear sky as two tables, computed on the host: its colour by elevation, and the halo by the angle to the sun.
 
-The colours between the tables' altitudes were drawn by eye, after photographs: blue noon, gold and blue evenings, an
-orange band under a deep blue dusk. Rayleigh scattering makes the zenith bluer and low suns redder; Mie scattering
-pales the sky and gathers light about the sun, by the phase function of Henyey and Greenstein (1941).
+The colours were chosen after photographs: blue at noon, gold and blue in the evening, an orange band under a deep blue
+at dusk. Rayleigh scattering makes the zenith bluer and low suns redder; Mie scattering desaturates the sky and
+concentrates light around the sun, by the phase function of Henyey and Greenstein (1941).
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from recipe_compiler.ir import exact
 from recipe_runtime.render.atmosphere.air import HALO_ROWS, SKY_ROWS
 
 Colour = NDArray[np.float64]  # [3] linear RGB
-RAYLEIGH, MIE = 0.0331, 0.03  # CARLA's scales of air as it mostly is
+RAYLEIGH, MIE = 0.0331, 0.03  # CARLA's defaults
 _BRIGHTNESS: tuple[tuple[float, float], ...] = (
     *((-90, 7e-5), (-18, 7e-5), (-12, 2e-4), (-6, 2.5e-3), (-3, 0.012), (0, 0.06)),
     *((5, 0.22), (15, 0.52), (45, 0.9), (90, 1.0)),
 )  # of the sky, by the sun's altitude in degrees
-# By the sun's altitude: zenith, horizon, and what lies over the horizon below the sun; times the sky's brightness.
+# By the sun's altitude: zenith, horizon, and the light near the horizon below the sun; relative to the brightness.
 _COLOURS: tuple[tuple[float, tuple[float, ...]], ...] = (
     (-18, (0.22, 0.34, 0.70, 0.50, 0.52, 0.66, 0.0, 0.0, 0.0)),
     (-10, (0.20, 0.32, 0.74, 0.34, 0.40, 0.64, 0.5, 0.28, 0.16)),
@@ -37,31 +37,31 @@ _COLOURS: tuple[tuple[float, tuple[float, ...]], ...] = (
 
 @dataclass(frozen=True)
 class Haze:
-    """The air's own scattering, relative to CARLA's usual air: 1 and 0.107 there."""
+    """Scattering by the air, relative to CARLA's default air, which has 1 and 0.107."""
 
-    rayleigh: float  # 0 none, 1 usual; the square root of the scale, so that its whole range stays a sky
+    rayleigh: float  # 0: none, 1: default; the square root of CARLA's scale
     mie: float  # optical depth of one air mass
 
 
 def haze_of(mie: float, rayleigh: float) -> Haze:
-    """The haze of CARLA's scales, 0 to 5 and 0 to 2; both grow with theirs, ever more slowly."""
+    """Return the haze for CARLA's scales, 0 to 5 (Mie) and 0 to 2 (Rayleigh); it grows less than linearly with them."""
     return Haze(exact.power(rayleigh / RAYLEIGH, 0.5), 0.08 + 0.9 * mie / (1.0 + 0.35 * mie))
 
 
 def brightness(altitude: float) -> float:
-    """The sky's brightness through day, twilight and night; 1 under a sun at the zenith."""
-    return exact.exp(_between(altitude))
+    """Return the brightness of the sky by day, twilight and night; 1 with the sun at the zenith."""
+    return exact.exp(_log_brightness(altitude))
 
 
 def gradient(altitude: float, haze: Haze) -> NDArray[np.float64]:
-    """The sky away from the sun by the square root of the direction's z, horizon first. [SKY_ROWS, 3]"""
+    """Return the sky away from the sun by the square root of the direction's z, horizon first, [SKY_ROWS, 3]."""
     zenith, horizon, _ = _colours(altitude)
     s = haze.rayleigh
     if s > 1.0:
         zenith = zenith * np.array([exact.power(s, e) for e in (-0.4, -0.12, 0.16)])
-        low = min(max(1.0 - altitude / 20.0, 0.0), 1.0)  # then the light has crossed more air than it can bear
+        low = min(max(1.0 - altitude / 20.0, 0.0), 1.0)  # a low sun's light crosses much air
         horizon = horizon * np.array([exact.power(s, e) for e in (-0.16 + 0.4 * low, -0.06, 0.03 - 0.35 * low)])
-    else:  # without molecules the sky is black but for haze
+    else:  # without Rayleigh scattering the sky is black except for haze
         dark = 0.10 + 0.90 * s
         zenith = zenith * dark + 0.05 * (1.0 - s) * zenith[2]
         horizon = horizon * (0.3 + 0.7 * s)
@@ -75,9 +75,9 @@ def gradient(altitude: float, haze: Haze) -> NDArray[np.float64]:
 
 
 def halo(haze: Haze, shining: Colour) -> NDArray[np.float64]:
-    """The glow about the sun by the square of (1 + cosine) / 2, opposite first. [HALO_ROWS, 3]
+    """Return the halo about the sun by the square of (1 + cosine) / 2, opposite first, [HALO_ROWS, 3].
 
-    `shining` is the sunlight that gets past molecules and clouds.
+    `shining` is the sunlight that molecules and clouds transmit.
     """
     cosine = np.sqrt(np.arange(HALO_ROWS) / (HALO_ROWS - 1.0)) * 2.0 - 1.0
     g = 0.84
@@ -89,7 +89,7 @@ def halo(haze: Haze, shining: Colour) -> NDArray[np.float64]:
 
 
 def warmth(altitude: float, haze: Haze) -> Colour:
-    """What lies over the horizon below a low sun: the redder, the more molecules have taken the blue."""
+    """Return the light added near the horizon below a low sun; redder with more Rayleigh scattering."""
     colour: Colour = _colours(altitude)[2] * (brightness(altitude) * min(haze.rayleigh, 1.0)) * _redder(haze)
     return colour
 
@@ -107,8 +107,8 @@ def _colours(altitude: float) -> tuple[Colour, Colour, Colour]:
     return found[0:3], found[3:6], found[6:9]
 
 
-def _between(x: float) -> float:
-    """The logarithm of the sky's brightness, straight between its altitudes."""
+def _log_brightness(x: float) -> float:
+    """Interpolate the logarithm of the sky's brightness linearly."""
     for (x0, y0), (x1, y1) in pairwise(_BRIGHTNESS):
         if x <= x1:
             t = max((x - x0) / (x1 - x0), 0.0)

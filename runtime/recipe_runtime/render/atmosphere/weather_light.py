@@ -1,8 +1,8 @@
-"""From weather and sun to light: the numbers of an appearance, worked out on the host by exact arithmetic.
+"""From weather and sun to light: the parameters of an appearance, computed on the host with exact arithmetic.
 
-Sunlight is white light dimmed by Rayleigh and Mie extinction along the air mass of Kasten and Young (1989). Fog's
-visual range V gives its extinction by Koschmieder's law, 3.912 / V. Automatic exposure follows from these and from the
-street lamps about a camera: never from a picture, never from the frame before.
+Sunlight is white light attenuated by Rayleigh and Mie extinction along the air mass of Kasten and Young (1989). The
+extinction of fog follows from its visual range V by Koschmieder's law, 3.912 / V. Automatic exposure follows from these
+and from the street lamps near a camera, never from a picture or an earlier frame.
 """
 
 from __future__ import annotations
@@ -17,41 +17,41 @@ from recipe_compiler.ir.plan import AppearancePlan, Weather
 from recipe_compiler.ir.plan_types import fixed
 
 from recipe_runtime.render.atmosphere import sky
-from recipe_runtime.render.atmosphere.air import DECAY_STEPS, SWING_STIRS, Air
+from recipe_runtime.render.atmosphere.air import DECAY_STEPS, SWAY_STEPS, Air
 from recipe_runtime.render.atmosphere.sky import MIE, RAYLEIGH, Colour, Haze, haze_of
-from recipe_runtime.render.device.arrays import copied, filled
+from recipe_runtime.render.device.arrays import copy_struct, set_fields
 from recipe_runtime.render.device.setup import wp
 
-MIN_VISUAL_RANGE = 45.0  # metres seen at fog_density 100
+MIN_VISUAL_RANGE = 45.0  # visual range in metres at fog_density 100
 LAMPS_ON, LAMPS_OFF = -1.0, 5.0  # sun altitudes, degrees, between which lamps fade
-_MOLECULES = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass of them
-_AEROSOL = np.array([0.8, 1.0, 1.35])  # haze takes more of the blue: Angstrom's law with an exponent of 1.3
-_STREET_LIGHT = 1.0e-3  # what lamps give the eye to adapt to
-_NIGHT_GAIN = 400.0  # the exposure of a clear night
-_SIGNAL, _SIGNAL_SHOWN = 0.35, 0.9  # radiance of a traffic light, and the most that it is to be after the exposure
-_LAMPLIGHT = np.array([1.0, 0.8, 0.58])  # the colour of lamps' light, thrown about
+_MOLECULES = np.array([0.052, 0.115, 0.245])  # optical depth of one air mass
+_AEROSOL = np.array([0.8, 1.0, 1.35])  # relative, by colour: Angstrom's law with an exponent of 1.3
+_STREET_LIGHT = 1.0e-3  # light of lamps to which exposure adapts
+_NIGHT_GAIN = 400.0  # the gain of exposure in a clear night
+_SIGNAL, _SIGNAL_SHOWN = 0.35, 0.9  # radiance of a traffic light, and its maximum after exposure
+_LAMPLIGHT = np.array([1.0, 0.8, 0.58])  # colour of the scattered light of lamps
 _DUST = np.array([1.0, 0.60, 0.30])
-_RINGS = 12  # a second; a patch of ground has each pattern of rings for four of them
-_STIRS = 30  # a second; leaves in a place stay as they are for four of them
-_SWAY, _GUSTS = 0.16, 0.9  # of leaves in a storm, metres to either side; of gusts, metres a second
-_GLOW_ENDS, _GLOW_SEEN = 70.0, 0.001  # metres of air, and its extinction, about lamps that are seen to glow
+_RING_STEPS = 12  # per second; a patch of ground changes its rings at every fourth
+_LEAF_STEPS = 30  # per second; leaves at a place move at every fourth
+_SWAY, _GUST_SPEED = 0.16, 0.9  # amplitude of leaves in a storm, metres; speed of gusts, metres per second
+_GLOW_ENDS, _GLOW_SEEN = 70.0, 0.001  # maximum distance in metres, and minimum extinction, of visible glow
 _CLEAR_AIR = 0.0004  # extinction of air without fog, 1/m
 
 
 @dataclass(frozen=True)
-class Light:
-    """What an appearance's light is, before it goes to a device."""
+class WeatherLight:
+    """The light of an appearance: values for the host, and the struct `Air` for kernels."""
 
     air: Any
     sun: Colour  # unit, towards the sun
     sunlight: Colour
-    daylight: float  # what sun and sky give the eye to adapt to
-    lamplight: float  # and lamps, in a street that is lit as streets are
-    response: float  # how bright a picture is to become
+    daylight: float  # light of sun and sky to which exposure adapts
+    lamplight: float  # light of lamps, in a typical street
+    response: float  # target brightness of the picture
     night: float
     rain: float  # 0 to 1
     wind: float  # 0 to 1
-    moved: tuple[float, float, int, int] = (0.0, 0.0, 0, 0)  # clouds, rings and leaves, as in `air`
+    moved: tuple[float, float, int, int] = (0.0, 0.0, 0, 0)  # drift, ring_step and leaf_step of `air`
 
     @property
     def sun_shines(self) -> bool:
@@ -60,22 +60,22 @@ class Light:
 
     @property
     def lamps_burn(self) -> bool:
-        """Whether lamps light anything, or are seen to glow in fog."""
-        return bool(self.air.night > 0.0 or self.air.glow > 0.0)
+        """Whether lamps illuminate anything, or glow in fog."""
+        return bool(self.air.night > 0.0 or self.air.glow_share > 0.0)
 
     @property
     def wet(self) -> bool:
-        """Whether the ground mirrors anything."""
+        """Whether the ground reflects."""
         return bool(self.air.wet > 0.0)
 
     def exposure(self, lamps: float = 1.0) -> float:
-        """The gain that a camera chooses for a street in this light, which `lamps` times a common street's light."""
+        """Return the gain of automatic exposure; `lamps` is the light of lamps relative to a typical street."""
         return fixed(self.response * exact.power(self.daylight + self.lamplight * lamps, -0.86))
 
 
 @dataclass(frozen=True)
 class _State:
-    """The weather as shares of one, and what follows from it and the sun's altitude."""
+    """The weather as fractions, and what follows from it and the sun's altitude."""
 
     weather: Weather
     altitude: float
@@ -84,16 +84,16 @@ class _State:
     rain: float
     fog: float
     dust: float
-    cover: float  # share of the sky under clouds
-    grey: float  # how far they close it
-    shine: float  # share of the direct sun that they, rain, fog and dust let through
+    cover: float  # cloud cover
+    grey: float  # degree of overcast
+    shine: float  # share of direct sunlight that clouds, rain, fog and dust transmit
     night: float
     day: float  # brightness of the sky
 
 
 @dataclass(frozen=True)
-class _Falling:
-    """Light on surfaces that face up, sideways and down, and what fog and overcast skies look like in it."""
+class _Irradiance:
+    """Light on surfaces that face up, sideways and down, and the colours of fog and overcast skies."""
 
     overhead: Colour
     sideways: Colour
@@ -104,86 +104,88 @@ class _Falling:
 
 
 def direction(azimuth: float, altitude: float) -> Colour:
-    """The unit vector towards a point of the sky, degrees."""
+    """Return the unit vector towards a point of the sky, from angles in degrees."""
     sa, ca = exact.sin_cos_deg(azimuth)
     sh, ch = exact.sin_cos_deg(altitude)
     return np.array([ca * ch, sa * ch, sh])
 
 
-def light_of(appearance: AppearancePlan, device: str) -> Light:
-    """The light of an appearance at time 0."""
+def initial_light(appearance: AppearancePlan, device: str) -> WeatherLight:
+    """Return the light of an appearance at time 0."""
     w = appearance.weather
     s = _state_of(appearance)
     clear_sun = 5.6 * transmittance(s.altitude, w.mie_scattering_scale, w.rayleigh_scattering_scale)
     sunlight = clear_sun * s.shine
-    falling = _falling(s, clear_sun)
+    irradiance = _irradiance(s, clear_sun)
     air, warm = Air(), sky.warmth(s.altitude, s.haze)
-    bright = 0.82 * falling.overcast + 0.12 * sunlight + 0.7 * warm
-    filled(
+    bright = 0.82 * irradiance.overcast + 0.12 * sunlight + 0.7 * warm
+    set_fields(
         air,
         sun=_vector(s.sun),
         sunlight=_vector(sunlight),
         disc=_vector(sunlight * 60.0),
-        overhead=_vector(falling.overhead),
-        sideways=_vector(falling.sideways),
-        below=_vector(falling.below),
-        cloud_bright=_vector(_mix(bright, falling.overcast * 0.80 + 0.4 * warm, s.grey)),
-        cloud_dark=_vector(falling.overcast * (0.42 - 0.04 * s.rain)),
+        overhead=_vector(irradiance.overhead),
+        sideways=_vector(irradiance.sideways),
+        below=_vector(irradiance.below),
+        cloud_bright=_vector(_mix(bright, irradiance.overcast * 0.80 + 0.4 * warm, s.grey)),
+        cloud_dark=_vector(irradiance.overcast * (0.42 - 0.04 * s.rain)),
         cover=fixed(s.cover),
         stars=fixed(_smoothstep(-6.0, -14.0, s.altitude) * (1.0 - s.cover)) * 2.0e-3,
         warm=_vector(warm * (1.0 - 0.9 * s.grey)),
         wet=fixed(max(w.wetness / 100.0, min(1.6 * s.rain, 1.0), 0.9 * w.precipitation_deposits / 100.0)),
         puddles=fixed(w.precipitation_deposits / 100.0),
         night=fixed(s.night),
-        pelting=fixed(0.06 * s.rain),
-        flutter=fixed(min(1.0, w.wind_intensity / 60.0)),
-        breeze=fixed(_GUSTS / _STIRS * w.wind_intensity / 100.0),
+        ring_strength=fixed(0.06 * s.rain),
+        leaf_motion=fixed(min(1.0, w.wind_intensity / 60.0)),
+        gust_shift=fixed(_GUST_SPEED / _LEAF_STEPS * w.wind_intensity / 100.0),
         seed=appearance.seed & 0xFFFFFFFF,
     )
-    _fill_fog(air, s, falling, sunlight)
-    _fill_tables(air, s, device)
-    daylight, response = _daylight(s, sunlight, falling.overhead), _response(s)
+    _set_fog(air, s, irradiance, sunlight)
+    _set_tables(air, s, device)
+    daylight, response = _daylight(s, sunlight, irradiance.overhead), _response(s)
     lamplight = _STREET_LIGHT * s.night
-    light = Light(air, s.sun, sunlight, daylight, lamplight, response, s.night, s.rain, w.wind_intensity / 100.0)
-    # A picture holds far fewer steps of light than an eye: what shines itself keeps its place in it as all else dims.
+    light = WeatherLight(air, s.sun, sunlight, daylight, lamplight, response, s.night, s.rain, w.wind_intensity / 100.0)
+    # A picture has less dynamic range than the eye: emitters keep their displayed brightness as all else dims.
     gain = light.exposure()
-    filled(air, lit=fixed(exact.power(_NIGHT_GAIN / gain, 0.8)), signal=fixed(min(_SIGNAL, _SIGNAL_SHOWN / gain)))
+    set_fields(
+        air, emissive_gain=fixed(exact.power(_NIGHT_GAIN / gain, 0.8)), signal=fixed(min(_SIGNAL, _SIGNAL_SHOWN / gain))
+    )
     return light
 
 
-def light_at(light: Light, time: float) -> Light:
-    """The light with clouds and leaves where the wind has them at a time in seconds, and other drops on the water.
+def light_at_time(light: WeatherLight, time: float) -> WeatherLight:
+    """Return the light with clouds, leaves and rings on the water at a time in seconds.
 
-    It is the same object where nothing of that differs.
+    It is the same object if none of these has changed.
     """
-    # Clouds move in steps too small to see: between them, a camera at rest keeps its sky.
+    # Clouds move in steps too small to see; between steps a static camera reuses its sky.
     moved = light.wind * int(2.0 * time) / 2.0
     drift = fixed(0.004 * moved), fixed(0.002 * moved)
-    moment = int(_RINGS * time) if light.rain > 0.0 else 0
-    stirs = int(_STIRS * time + 1e-6) if light.air.flutter > 0.0 else 0
-    if light.moved == (*drift, moment, stirs):
+    ring_step = int(_RING_STEPS * time) if light.rain > 0.0 else 0
+    leaf_step = int(_LEAF_STEPS * time + 1e-6) if light.air.leaf_motion > 0.0 else 0
+    if light.moved == (*drift, ring_step, leaf_step):
         return light
-    air = filled(copied(light.air), drift=wp.vec2f(*drift), moment=moment, stirs=stirs)
-    return replace(light, air=air, moved=(*drift, moment, stirs))
+    air = set_fields(copy_struct(light.air), drift=wp.vec2f(*drift), ring_step=ring_step, leaf_step=leaf_step)
+    return replace(light, air=air, moved=(*drift, ring_step, leaf_step))
 
 
 def transmittance(altitude: float, mie: float = MIE, rayleigh: float = RAYLEIGH) -> Colour:
-    """The share of sunlight that reaches the ground, by colour; fades to 0 as the disc sets."""
+    """Return the share of sunlight that reaches the ground, by colour; it fades to 0 as the disc sets."""
     haze = haze_of(mie, rayleigh)
     white = np.array([1.0, 1.03, 1.1])
-    # Evening air is full of dust.
+    # Evening light is redder, by dust.
     golden = _mix(np.ones(3), np.array([1.08, 0.86, 0.58]), _smoothstep(28.0, 8.0, altitude))
-    left: Colour = golden * white * _past(altitude, _MOLECULES * haze.rayleigh + haze.mie * _AEROSOL)
+    left: Colour = golden * white * _attenuation(altitude, _MOLECULES * haze.rayleigh + haze.mie * _AEROSOL)
     return left * _smoothstep(-1.2, 0.8, altitude)
 
 
 def extinction(fog_density: float) -> float:
-    """Koschmieder's extinction, 1/m, of a fog density 0..100: visual range falls with its square, to 45 m."""
+    """Return the extinction coefficient, 1/m, of a fog density 0 to 100: the visual range falls to 45 m."""
     return 3.912 / MIN_VISUAL_RANGE * (fog_density / 100.0) * (fog_density / 100.0)
 
 
-def _past(altitude: float, depth: Colour) -> Colour:
-    """What an optical depth of one air mass leaves of light that comes from an altitude in degrees."""
+def _attenuation(altitude: float, depth: Colour) -> Colour:
+    """Return the share of light from an altitude in degrees that is left by an optical depth per air mass."""
     height = max(altitude, -1.5)
     mass = 1.0 / (exact.sin_deg(height) + 0.50572 * exact.power(height + 6.07995, -1.6364))
     return np.array([exact.exp(-float(d) * mass) for d in depth])
@@ -210,7 +212,7 @@ def _state_of(appearance: AppearancePlan) -> _State:
     )
 
 
-def _falling(s: _State, clear_sun: Colour) -> _Falling:
+def _irradiance(s: _State, clear_sun: Colour) -> _Irradiance:
     sunlight, up = clear_sun * s.shine, max(float(s.sun[2]), 0.0)
     zenith, horizon = _ambient_colours(s.altitude, s.day)
     evening = _smoothstep(24.0, 8.0, s.altitude) * _smoothstep(-4.0, 4.0, s.altitude)
@@ -218,21 +220,21 @@ def _falling(s: _State, clear_sun: Colour) -> _Falling:
     tint = _mix(tint, np.array([1.02, 0.80, 0.60]), evening)
     overcast = tint * (s.day * (0.95 - 0.35 * s.rain) * (1.0 - 0.3 * s.dust))
     overcast = overcast + clear_sun * (up * (1.0 - s.shine) * 0.32)
-    overhead = _mix(_pale(0.54 * zenith + 0.33 * horizon, 0.5), overcast, s.grey)
-    around = _mix(_pale(0.26 * zenith + 0.48 * horizon, 0.5), 0.62 * overcast, s.grey)
+    overhead = _mix(_desaturate(0.54 * zenith + 0.33 * horizon, 0.5), overcast, s.grey)
+    around = _mix(_desaturate(0.26 * zenith + 0.48 * horizon, 0.5), 0.62 * overcast, s.grey)
     below = 0.25 * (sunlight * up + overhead) * np.array([1.0, 0.96, 0.9])
-    walls = 0.05 * sunlight * (1.0 - up)  # a low sun's light, thrown back by house fronts
+    walls = 0.05 * sunlight * (1.0 - up)  # light of a low sun, reflected by house fronts
     overhead = overhead + walls
     sideways = 0.5 * around + 0.5 * below + 0.2 * overhead + walls
-    # Clouds give a town its own glow back.
+    # Clouds reflect the light of the town.
     street = _STREET_LIGHT * s.night * (0.6 + 0.25 * s.cover) * _LAMPLIGHT
     lifted = overhead + (0.3 + 0.3 * s.cover) * street
     veil = _mix(overhead, around, 0.45) + 0.1 * street
-    return _Falling(lifted, sideways + street, below + street, around, overcast, veil)
+    return _Irradiance(lifted, sideways + street, below + street, around, overcast, veil)
 
 
 def _ambient_colours(altitude: float, day: float) -> tuple[Colour, Colour]:
-    """Zenith and horizon as they light the ground: paler than they look."""
+    """Return the light of zenith and horizon on surfaces, which is less saturated than their visible colours."""
     noon = _smoothstep(-2.0, 26.0, altitude)
     zenith = _mix(np.array([0.22, 0.34, 0.70]), np.array([0.26, 0.48, 0.98]), noon)
     horizon = _mix(np.array([1.0, 0.86, 0.84]), np.array([1.22, 1.38, 1.52]), noon)
@@ -240,57 +242,60 @@ def _ambient_colours(altitude: float, day: float) -> tuple[Colour, Colour]:
     return zenith * day, horizon * day
 
 
-def _fill_fog(air: Any, s: _State, falling: _Falling, sunlight: Colour) -> None:
-    """Fog begins at its distance and thins with height; rain's mist, dust and the air itself are everywhere."""
+def _set_fog(air: Any, s: _State, irradiance: _Irradiance, sunlight: Colour) -> None:
+    """Set fog, which begins at its distance and thins with height, and haze by rain, dust and air, which is uniform."""
     w = s.weather
     grains, mist = 0.05 * s.dust * s.dust, 0.009 * s.rain
     fog, clear = extinction(w.fog_density), _CLEAR_AIR + 0.0006 * max(s.haze.mie - 0.107, 0.0)
     haze = grains + mist + clear
     air.fog, air.haze = fixed(fog), fixed(haze)
-    air.fog_start, air.fog_thin = fixed(min(w.fog_distance, 1000.0)), fixed(0.1 * w.fog_falloff)
+    air.fog_start, air.fog_falloff = fixed(min(w.fog_distance, 1000.0)), fixed(0.1 * w.fog_falloff)
     thick = (fog + grains) / (0.1 * mist + 0.004 + fog + grains)
-    dense = _pale(_mix(falling.around, falling.veil, thick), 0.6) * (1.0 - 0.12 * s.fog)
-    blue = _mix(sky.gradient(s.altitude, s.haze)[0], 0.8 * falling.overcast, s.grey)  # aerial perspective
+    dense = _desaturate(_mix(irradiance.around, irradiance.veil, thick), 0.6) * (1.0 - 0.12 * s.fog)
+    blue = _mix(sky.gradient(s.altitude, s.haze)[0], 0.8 * irradiance.overcast, s.grey)  # aerial perspective
     plain = _mix(blue, dense, (fog + mist) / (0.002 + fog + mist))
-    brown = 0.9 * (falling.veil + 0.10 * sunlight) * _DUST
+    brown = 0.9 * (irradiance.veil + 0.10 * sunlight) * _DUST
     air.fog_colour = _vector(_mix(plain, brown, grains / (grains + fog + mist + 0.002)))
     scattering = exact.power(w.scattering_intensity, 0.35)  # 1 at CARLA's usual 1, 5 at 100
     about_sun = (0.08 + 0.32 * thick) * sunlight
     about_sun = about_sun + 0.9 * (1.0 - exact.exp(-0.5 * max(s.haze.mie - 0.107, 0.0))) * _unhazed(s)
     air.fog_sun = _vector(scattering * about_sun)
     murk = haze + (fog if w.fog_distance < _GLOW_ENDS else 0.0)
-    air.glow = fixed(0.25 * scattering * s.night) if murk * scattering > _GLOW_SEEN else 0.0
+    air.glow_share = fixed(0.25 * scattering * s.night) if murk * scattering > _GLOW_SEEN else 0.0
 
 
-def _fill_tables(air: Any, s: _State, device: str) -> None:
+def _set_tables(air: Any, s: _State, device: str) -> None:
     decay = np.array([exact.exp(-i / 64.0) for i in range(DECAY_STEPS)])
     air.decay = wp.array(decay.astype(np.float32), dtype=wp.float32, device=device)
-    thinning = [1.0, *((1.0 - value) * 64.0 / i for i, value in enumerate(decay[1:], start=1))]
-    air.thinning = wp.array(np.array(thinning, np.float32), dtype=wp.float32, device=device)
-    reach, turns = _SWAY * s.weather.wind_intensity / 100.0, [360.0 * i / SWING_STIRS for i in range(SWING_STIRS)]
-    swings = np.array([exact.sin_cos_deg(turn) for turn in turns]) * reach
-    air.swings = wp.array(_round(swings), dtype=wp.vec2f, device=device)
+    mean_decay = [1.0, *((1.0 - value) * 64.0 / i for i, value in enumerate(decay[1:], start=1))]
+    air.mean_decay = wp.array(np.array(mean_decay, np.float32), dtype=wp.float32, device=device)
+    reach, turns = _SWAY * s.weather.wind_intensity / 100.0, [360.0 * i / SWAY_STEPS for i in range(SWAY_STEPS)]
+    sway = np.array([exact.sin_cos_deg(turn) for turn in turns]) * reach
+    air.sway = wp.array(_round(sway), dtype=wp.vec2f, device=device)
     air.gradient = wp.array(_round(sky.gradient(s.altitude, s.haze)), dtype=wp.vec3f, device=device)
     air.halo = wp.array(_round(sky.halo(s.haze, _unhazed(s))), dtype=wp.vec3f, device=device)
 
 
 def _unhazed(s: _State) -> Colour:
-    """The sunlight that haze finds to scatter; the light that more molecules took stays in the sky."""
+    """Return the sunlight before haze; light that additional molecules scatter stays in the sky."""
     return (
-        5.6 * s.shine * _past(s.altitude, _MOLECULES * min(s.haze.rayleigh, 1.0)) * _smoothstep(-1.2, 0.8, s.altitude)
+        5.6
+        * s.shine
+        * _attenuation(s.altitude, _MOLECULES * min(s.haze.rayleigh, 1.0))
+        * _smoothstep(-1.2, 0.8, s.altitude)
     )
 
 
 def _daylight(s: _State, sunlight: Colour, overhead: Colour) -> float:
-    """What sun and sky give a camera in a street to adapt to."""
-    # A low sun lights the tops of houses; the street, which the exposure is for, lies in their shade.
+    """Return the light of sun and sky to which a camera in a street adapts."""
+    # A low sun illuminates the tops of houses; the street, for which the picture is exposed, is in their shade.
     open_street = 0.33 + 0.67 * _smoothstep(4.0, 40.0, s.altitude)
     seen = sunlight * (max(float(s.sun[2]), 0.3) * open_street * _smoothstep(-1.0, 1.0, s.altitude)) + 1.25 * overhead
     return 0.2126 * float(seen[0]) + 0.7152 * float(seen[1]) + 0.0722 * float(seen[2])
 
 
 def _response(s: _State) -> float:
-    """How bright a picture is to become: dusk is darker than day, and a lit street by night than dusk."""
+    """Return the target brightness of a picture: lower at dusk than by day, and in a street at night than at dusk."""
     deep = _smoothstep(-3.0, -13.0, s.altitude)
     clear = 1.0 - 0.12 * _smoothstep(30.0, 12.0, s.altitude) - 0.2 * _smoothstep(9.0, -3.0, s.altitude) + 0.4 * deep
     veiled = (1.0 - 0.2 * s.rain * (1.0 - deep)) * (1.0 - 0.06 * s.fog) * (1.0 - 0.36 * s.dust)
@@ -302,8 +307,8 @@ def _smoothstep(start: float, end: float, x: float) -> float:
     return t * t * (3.0 - 2.0 * t)
 
 
-def _pale(colour: Colour, share: float) -> Colour:
-    """A colour with a share of its saturation taken."""
+def _desaturate(colour: Colour, share: float) -> Colour:
+    """Remove a share of a colour's saturation."""
     return colour + (float(colour[0] + colour[1] + colour[2]) / 3.0 - colour) * share
 
 
@@ -312,7 +317,7 @@ def _mix(a: Colour, b: Colour, t: float) -> Colour:
 
 
 def _vector(colour: Colour) -> Any:
-    """A kernel's vector, its components rounded to 12 places (light at night is small)."""
+    """Return a kernel's vector, with components rounded to 12 places (light at night is small)."""
     return wp.vec3f(*(round(float(c), 12) for c in colour))
 
 

@@ -1,4 +1,4 @@
-"""Bloom: the light that bright places shed about them in the lens, as a share of a coarse, softened plate."""
+"""Bloom, host side: the light that the lens spreads around bright points, a blurred image of low resolution."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 
-_ACROSS = 160  # coarse samples in a picture's width
-_RADIUS = 12  # of them that light reaches
-SHARE = 0.06  # of the light that is shed at intensity 1
+_ACROSS = 160  # samples of the bloom image along the width
+_RADIUS = 12  # of the blur, in these samples
+SHARE = 0.06  # of the light that is spread at intensity 1
 
 
 def side_of(camera: CameraPlan) -> int:
-    """Plate samples along the side of a coarse one."""
+    """Return the samples of the HDR image along the side of a sample of the bloom image."""
     return max(1, camera.width // _ACROSS)
 
 
-def spread(plate: DeviceArray, camera: CameraPlan, device: str) -> DeviceArray:
-    """The coarse, softened plate; its size is the plate's over `side_of`, rounded up."""
+def spread(hdr_image: DeviceArray, camera: CameraPlan, device: str) -> DeviceArray:
+    """Return the bloom image, vec3f, row by row; its size is the HDR image's divided by `side_of`, rounded up."""
     side = side_of(camera)
     wide, high = -(-camera.width // side), -(-camera.height // side)
     first, second = (wp.empty(wide * high, dtype=wp.vec3f, device=device) for _ in range(2))
@@ -34,7 +34,7 @@ def spread(plate: DeviceArray, camera: CameraPlan, device: str) -> DeviceArray:
         downsample,
         wide * high,
         device,
-        plate=plate,
+        hdr_image=hdr_image,
         wide=camera.width,
         high=camera.height,
         side=side,
@@ -49,7 +49,7 @@ def spread(plate: DeviceArray, camera: CameraPlan, device: str) -> DeviceArray:
 
 @cache
 def _bell() -> NDArray[np.float32]:
-    """A narrow and a broad bell curve added, their sum 1."""
+    """Return the weights of the blur: the sum of a narrow and a wide Gaussian, normalised."""
     places = range(-_RADIUS, _RADIUS + 1)
     values = [exact.exp(-n * n / 4.5) + 0.25 * exact.exp(-n * n / 50.0) for n in places]
     whole = sum(values)

@@ -1,4 +1,4 @@
-"""Bloom: the light that bright places shed about them in the lens, as a share of a coarse, softened plate."""
+"""Bloom: the light that the lens spreads around bright points, a blurred image of low resolution."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
@@ -10,10 +10,10 @@ wp.set_module_options(OPTIONS)
 
 @wp.kernel
 def downsample(
-    plate: wp.array[wp.vec3f], wide: wp.int32, high: wp.int32, side: wp.int32, columns: wp.int32,
+    hdr_image: wp.array[wp.vec3f], wide: wp.int32, high: wp.int32, side: wp.int32, columns: wp.int32,
     out_light: wp.array[wp.vec3f],
 ):  # fmt: skip
-    """The mean of a square of samples."""
+    """Write the mean of a square of samples."""
     i = wp.tid()
     x0 = i % columns * side
     y0 = i / columns * side
@@ -21,7 +21,7 @@ def downsample(
     count = wp.float32(0.0)
     for y in range(y0, wp.min(y0 + side, high)):
         for x in range(x0, wp.min(x0 + side, wide)):
-            total = total + plate[y * wide + x]
+            total = total + hdr_image[y * wide + x]
             count = count + 1.0
     out_light[i] = total / count
 
@@ -31,7 +31,7 @@ def blur_rows(
     light: wp.array[wp.vec3f], weights: wp.array[wp.float32], wide: wp.int32, high: wp.int32, across: wp.int32,
     out_light: wp.array[wp.vec3f],
 ):  # fmt: skip
-    """Weighted by distance along rows (across = 1) or columns (0); the rim's light stands for what lies beyond."""
+    """Blur along rows (across = 1) or columns (across = 0); samples of the border are repeated beyond it."""
     i = wp.tid()
     x = i % wide
     y = i / wide

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse
 
-from recipe_runtime.render.atmosphere.weather_light import Light
+from recipe_runtime.core.timings import Timings
+from recipe_runtime.render.atmosphere.weather_light import WeatherLight
 from recipe_runtime.render.camera import passes
 from recipe_runtime.render.camera.develop_kernels import Response
 from recipe_runtime.render.camera.motion_blur import NeighbourFrame
@@ -17,10 +18,9 @@ from recipe_runtime.render.camera.passes import Exposed
 from recipe_runtime.render.camera.post_process import PostProcess, needs_post_process
 from recipe_runtime.render.camera.rain import drop_count, rain_at, streak_radiance
 from recipe_runtime.render.camera.responses import ResponseTables, response_of
-from recipe_runtime.render.device.arrays import DeviceArray, record
+from recipe_runtime.render.device.arrays import DeviceArray, struct_array
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.lighting.lights import lamplight
 from recipe_runtime.render.lighting.sample_light import SampleLight
 from recipe_runtime.render.lighting.shading import ShadingPass
@@ -59,39 +59,39 @@ class CameraPass:
         time: float,
         neighbour: NeighbourFrame | None = None,
     ) -> NDArray[np.uint8]:
-        """8-bit sRGB [H, W, 3]; motion blur takes a neighbouring frame."""
+        """Return the picture, 8-bit sRGB [H, W, 3]; motion blur takes the motion from a neighbouring frame."""
         response = appearance.responses.get(sensor) or CameraResponse()
-        plate = self._post.plate_of(obs, response.supersample)
-        points = self._sampler.points(plate, response.antialias)
-        light = self._shading.light_of(appearance, time)
-        found = self._shading.shade(plate, points, appearance, sensor, light)
+        undistorted = self._post.undistorted(obs, response.supersample)
+        points = self._sampler.points(undistorted, response.antialias)
+        light = self._shading.weather_light(appearance, time)
+        found = self._shading.shade(undistorted, points, appearance, sensor, light)
         with self._timings("rain"):
-            cover = self._rain(plate, appearance.seed, light, time)
+            cover = self._rain(undistorted, appearance.seed, light, time)
         with self._timings("develop"):
             key = noise_key(appearance.seed, sensor, frame)
             r = response_of(response, self._exposure(obs, light), key, obs.camera)
             by_pixel = points.starts, points.groups, points.weights
             exposed = Exposed(found.light.shown, *by_pixel, cover, streak_radiance(light))
             if needs_post_process(obs.camera, response, neighbour):
-                out = self._post.finish(exposed, plate, obs, response, r, neighbour)
+                out = self._post.finish(exposed, undistorted, obs, response, r, neighbour)
             else:
-                out = self._straight(exposed, obs.camera, response, r, found)
+                out = self._developed(exposed, obs.camera, response, r, found)
             picture: NDArray[np.uint8] = out.numpy().reshape(r.height, r.width, 3)
         return picture
 
-    def _straight(
+    def _developed(
         self, exposed: Exposed, camera: CameraPlan, response: CameraResponse, r: Response, found: SampleLight
     ) -> DeviceArray:
-        """The bytes of a picture that is its own plate."""
+        """Return the bytes of a picture that one kernel develops."""
         out = wp.empty(camera.width * camera.height * 3, dtype=wp.uint8, device=self._device)
-        tables, response_record = self._tables.by_pixel(response, camera), record(r, self._device)
-        with self._developed_anew(found):
+        tables, response_record = self._tables.by_pixel(response, camera), struct_array([r], self._device)
+        with self._without_pixel_reuse(found):
             passes.develop_pixels(exposed, camera, response_record, tables, found.kept, found.pixels, out, self._device)
         return out
 
     @contextmanager
-    def _developed_anew(self, found: SampleLight) -> Iterator[None]:
-        """With pixel reuse off, mark every pixel as stale; afterwards only those are that the kernel leaves so."""
+    def _without_pixel_reuse(self, found: SampleLight) -> Iterator[None]:
+        """With pixel reuse off, mark all pixels as stale for the block; restore the marks that the kernel keeps."""
         if self._reuse.pixels or not found.kept:
             yield
             return
@@ -102,22 +102,22 @@ class CameraPass:
         stale &= before
 
     def radiance(self, obs: Observation, appearance: AppearancePlan, time: float) -> NDArray[np.float32]:
-        """Linear radiance at pixel centres, float32 [H, W, 3]."""
+        """Return linear radiance at pixel centres, float32 [H, W, 3]."""
         points = self._sampler.points(obs, antialias=False)
-        found = self._shading.shade(obs, points, appearance, "", self._shading.light_of(appearance, time))
+        found = self._shading.shade(obs, points, appearance, "", self._shading.weather_light(appearance, time))
         values: NDArray[np.float32] = found.light.shown.numpy()[points.starts.numpy()]
         return values.reshape(obs.camera.height, obs.camera.width, 3)
 
-    def _exposure(self, obs: Observation, light: Light) -> float:
-        """What a camera would choose here by itself."""
+    def _exposure(self, obs: Observation, light: WeatherLight) -> float:
+        """Return the gain of automatic exposure."""
         return light.exposure(lamplight(self._g, obs.world_from_sensor[:, 3]) if light.lamplight > 0.0 else 1.0)
 
-    def _rain(self, obs: Observation, seed: int, light: Light, time: float) -> DeviceArray:
+    def _rain(self, obs: Observation, seed: int, light: WeatherLight, time: float) -> DeviceArray:
         if light.rain <= 0.0:
             return wp.zeros(1, dtype=wp.int32, device=self._device)
         cover = wp.zeros(obs.camera.width * obs.camera.height, dtype=wp.int32, device=self._device)
         rain = rain_at(obs.world_from_sensor, light, time, seed)
         view = upload_transforms(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-        rain_record = record(rain, self._device)
+        rain_record = struct_array([rain], self._device)
         passes.draw_rain(drop_count(light), rain_record, obs.device_depth, view, obs.camera, cover, self._device)
         return cover

@@ -13,19 +13,21 @@ from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
 
 wp.set_module_options(OPTIONS)
 
-LEVELS = wp.constant(4096)
-RIM_STEPS = wp.constant(1024)
+LEVELS = wp.constant(4096)  # linear levels of the tone table
+RIM_STEPS = wp.constant(1024)  # steps of the vignette table
+DEVIATES = wp.constant(1024)  # entries of the table of normal deviates
+DEVIATE_SHIFT = wp.constant(wp.uint32(22))  # 32 - log2(DEVIATES): the highest bits of a hash are the index
 
 
 @wp.struct
 class Response:
-    """How light becomes numbers."""
+    """The settings of the camera for one frame."""
 
     exposure: wp.float32
-    white: wp.vec3f  # gains that make the light's colour white
+    white: wp.vec3f  # gains of the white balance
     noise: wp.float32
-    vignette: wp.float32  # darkening at one width from the centre
-    rim: wp.int32  # whether there is a lens circle
+    vignette: wp.float32  # loss of light at one picture width from the centre
+    rim: wp.int32  # 1: there is a lens circle
     key: wp.uint32  # of seed, sensor and frame
     width: wp.int32
     height: wp.int32
@@ -33,7 +35,7 @@ class Response:
 
 @wp.func
 def tone(x: wp.float32) -> wp.float32:
-    """A film-like curve into [0, 1): Narkowicz's rational fit to ACES."""
+    """Map light to [0, 1) by a filmic curve: Narkowicz's rational fit to ACES."""
     x = maximum(x, 0.0)
     y = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)
     return minimum(y, 1.0)
@@ -41,7 +43,7 @@ def tone(x: wp.float32) -> wp.float32:
 
 @wp.func
 def inverse_tone(y: wp.float32) -> wp.float32:
-    """The light, up to 7.2, that `tone` makes y of: the root of its quadratic."""
+    """Return the light, up to 7.2, that `tone` maps to y."""
     a = 2.51 - 2.43 * y
     b = 0.03 - 0.59 * y
     return (wp.sqrt(b * b + 0.56 * a * y) - b) / (2.0 * a)
@@ -49,7 +51,7 @@ def inverse_tone(y: wp.float32) -> wp.float32:
 
 @wp.func
 def lens_circle_gain(rims: wp.array[wp.float32], square: wp.float32) -> wp.float32:
-    """The lens circle's gain at a squared distance from the centre, 1 at the corners; a line between two steps."""
+    """Return the gain of the lens circle at a squared distance from the centre, 1 at the corners, interpolated."""
     t = minimum(square, 1.0) * wp.float32(RIM_STEPS)
     i = wp.min(wp.int32(t), RIM_STEPS - 1)
     return rims[i] + (rims[i + 1] - rims[i]) * (t - wp.float32(i))
@@ -57,7 +59,7 @@ def lens_circle_gain(rims: wp.array[wp.float32], square: wp.float32) -> wp.float
 
 @wp.func
 def vignette_at(x: wp.float32, y: wp.float32, r: Response, rims: wp.array[wp.float32]) -> wp.float32:
-    """The share of light that a lens lets through to a place, in widths from the picture's centre."""
+    """Return the gain of the vignette at a point, in picture widths from the centre."""
     square = x * x + y * y
     gain = 1.0 - r.vignette * square
     if r.rim != 0:
@@ -67,14 +69,14 @@ def vignette_at(x: wp.float32, y: wp.float32, r: Response, rims: wp.array[wp.flo
 
 
 @wp.func
-def normal_deviate(bells: wp.array[wp.float32], h: wp.uint32) -> wp.float32:
-    """A normal number of mean 0 and deviation 1, of a hash's ten highest bits."""
-    return bells[wp.int32(h >> wp.uint32(22))]
+def normal_deviate(table: wp.array[wp.float32], h: wp.uint32) -> wp.float32:
+    """Return a standard normal deviate, chosen by the ten highest bits of a hash."""
+    return table[wp.int32(h >> DEVIATE_SHIFT)]
 
 
 @wp.func
 def level(x: wp.float32, deviate: wp.float32, noise: wp.float32) -> wp.int32:
-    """A linear display value with noise, as a place in the sRGB table."""
+    """Return the index into the tone table of a linear value with noise."""
     grain = noise * deviate * (0.0005 + 0.008 * wp.sqrt(x))
     t = (x + grain) * wp.float32(LEVELS - 1) + 0.5
     return nonnegative(wp.int32(minimum(maximum(t, 0.0), wp.float32(LEVELS - 1))))
@@ -89,19 +91,19 @@ def record_levels(
     blue: wp.float32,
     r: Response,
     srgb: wp.array[wp.uint8],
-    bells: wp.array[wp.float32],
+    deviates: wp.array[wp.float32],
 ):
-    """Write a pixel's bytes: noise, each channel's of its own bits of the pixel's hash, and the tone table."""
+    """Write a pixel's bytes: noise, from other bits of the pixel's hash for each channel, then the tone table."""
     h = scramble(wp.uint32(i) ^ r.key)
     at = nonnegative(3 * i)
-    out[at] = srgb[level(red, normal_deviate(bells, h), r.noise)]
-    out[at + 1] = srgb[level(green, normal_deviate(bells, h << wp.uint32(10)), r.noise)]
-    out[at + 2] = srgb[level(blue, normal_deviate(bells, h << wp.uint32(20)), r.noise)]
+    out[at] = srgb[level(red, normal_deviate(deviates, h), r.noise)]
+    out[at + 1] = srgb[level(green, normal_deviate(deviates, h << wp.uint32(10)), r.noise)]
+    out[at + 2] = srgb[level(blue, normal_deviate(deviates, h << wp.uint32(20)), r.noise)]
 
 
 @wp.kernel
 def vignette_gains(responses: wp.array[Response], lens_circle: wp.array[wp.float32], out_gains: wp.array[wp.float32]):
-    """The share of light that the lens lets through to every pixel."""
+    """Write the gain of the vignette at every pixel."""
     i = wp.tid()
     r = responses[0]
     x = (wp.float32(i % r.width) + 0.5) / wp.float32(r.width) - 0.5
@@ -120,7 +122,7 @@ def tone_mapped(
     gain: wp.float32,
     white: wp.vec3f,
 ) -> wp.vec3f:
-    """A pixel's samples, exposed, each through the tone curve, and then averaged."""
+    """Return the mean of a pixel's samples, each exposed and tone-mapped."""
     drops = minimum(wp.float32(rain) * (1.0 / 65536.0), 0.8)
     red = wp.float32(0.0)
     green = wp.float32(0.0)
@@ -182,10 +184,10 @@ def develop_pixels(
                 out_levels[i] = colour
                 out_stale[i] = wp.uint8(0)
         else:
-            held = out_levels[i]
-            red = held[0]
-            green = held[1]
-            blue = held[2]
+            kept = out_levels[i]
+            red = kept[0]
+            green = kept[1]
+            blue = kept[2]
         record_levels(out_rgb, i, red, green, blue, r, tone_table, deviates)
 
 
@@ -198,12 +200,12 @@ def expose_samples(
     rain_cover: wp.array[wp.int32],
     streak: wp.vec3f,
     response: Response,
-    out_plate: wp.array[wp.vec3f],
+    out_hdr_image: wp.array[wp.vec3f],
 ):
-    """One plate pixel's light, exposed and balanced, its samples averaged as `develop_pixels` does, before any blur."""
+    """Write a pixel of the HDR image: light, exposed and balanced, its samples averaged as by `develop_pixels`."""
     i = wp.tid()
     drops = wp.int32(0)
     if rain_cover.shape[0] > 1:
         drops = rain_cover[i]
     colour = tone_mapped(starts[i], groups[i] & 7, radiance, weights, drops, streak, response.exposure, response.white)
-    out_plate[i] = wp.vec3f(inverse_tone(colour[0]), inverse_tone(colour[1]), inverse_tone(colour[2]))
+    out_hdr_image[i] = wp.vec3f(inverse_tone(colour[0]), inverse_tone(colour[1]), inverse_tone(colour[2]))

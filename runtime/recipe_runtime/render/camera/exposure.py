@@ -1,6 +1,6 @@
-"""What a camera's settings come to before its kernels run: gain, white balance, rim and tone tables.
+"""Gain, white balance, vignette and tone tables of a camera's settings.
 
-Worked out on the host with exact arithmetic, once for each response.
+Computed on the host with exact arithmetic, once for each response.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import CameraResponse
 from recipe_compiler.ir.streams import normal_quantile
 
+from recipe_runtime.render.camera.develop_kernels import DEVIATES, RIM_STEPS
+
 _NOON = 1.0 / (100.0 * 16.0 * 16.0)  # the sunny sixteen: 1/100 s at f/16 and ISO 100 ...
 _NOON_GAIN = 0.26  # ... exposes clear noon as the automatic exposure does
-RIM_STEPS = 1024
-_DEVIATES = 1024
 
 
 def gain(response: CameraResponse, automatic: float) -> float:
-    """What light is multiplied by; `automatic` is the gain for the sun, weather and lamps at hand.
+    """Return the factor of the light; `automatic` is the gain that automatic exposure chooses.
 
-    Manual: in proportion to shutter time, sensitivity and aperture's area, iso / (100 shutter_speed fstop^2), so that
-    the sunny-sixteen rule holds at clear noon.
+    Manual exposure is proportional to shutter time, sensitivity and area of the aperture,
+    iso / (100 shutter_speed fstop^2), so that the sunny-sixteen rule holds at clear noon.
     """
     if response.exposure_mode == "manual":
         light = response.iso / (100.0 * response.shutter_speed * response.fstop * response.fstop)
@@ -30,26 +30,28 @@ def gain(response: CameraResponse, automatic: float) -> float:
 
 
 def noise_strength(response: CameraResponse) -> float:
-    """Noise as a multiple of a good street camera's at ISO 100: it grows as the root of the sensitivity."""
+    """Return the noise relative to a typical camera at ISO 100; it grows with the square root of the sensitivity."""
     return response.noise * float(np.sqrt(response.iso / 100.0))
 
 
 def white(response: CameraResponse) -> tuple[float, float, float]:
-    """Gains of red, green and blue that show light of `temp` kelvin white, luminance kept; `tint` takes from green."""
+    """Return gains of red, green and blue that show light of `temp` kelvin as white; `tint` reduces green.
+
+    They keep the luminance of white.
+    """
     if response.temp == 6500.0 and response.tint == 0.0:
         return 1.0, 1.0, 1.0
     rows = zip(_blackbody(6500.0), _blackbody(response.temp), strict=True)
     red, green, blue = (reference / light for reference, light in rows)
     green = green * (1.0 - 0.3 * response.tint)
-    whole = 0.2126 * red + 0.7152 * green + 0.0722 * blue
-    return red / whole, green / whole, blue / whole
+    luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    return red / luminance, green / luminance, blue / luminance
 
 
 def lens_circle(response: CameraResponse) -> NDArray[np.float32]:
-    """The lens circle: the gain at r^2 = i / RIM_STEPS, r from the centre (0) to the corners (1).
+    """Return the vignette: the gain at r^2 = i / RIM_STEPS, r from the centre (0) to the corners (1), [RIM_STEPS + 1].
 
-    max(0, 1 - lens_circle_multiplier r^(2 lens_circle_falloff)), so the darkness keeps nearer to the rim the larger
-    the falloff is.
+    It is max(0, 1 - lens_circle_multiplier r^(2 lens_circle_falloff)): a larger falloff restricts it to the rim.
     """
     squares = (i / RIM_STEPS for i in range(RIM_STEPS + 1))
     shade = (exact.power(square, response.lens_circle_falloff) for square in squares)
@@ -57,7 +59,7 @@ def lens_circle(response: CameraResponse) -> NDArray[np.float32]:
 
 
 def tone_table(levels: int, gamma: float) -> NDArray[np.uint8]:
-    """The 8-bit level of each linear display level: sRGB's curve, its result taken to the power 2.2 / gamma."""
+    """Return the 8-bit level of each linear level: the sRGB curve, its result raised to 2.2 / gamma."""
     top = levels - 1
     encoded = (_encode(i / top) for i in range(levels))
     if gamma != 2.2:
@@ -66,9 +68,9 @@ def tone_table(levels: int, gamma: float) -> NDArray[np.uint8]:
 
 
 def deviates() -> NDArray[np.float32]:
-    """Numbers in rising order, each as likely as the others in a normal distribution of mean 0 and deviation 1."""
-    values = [normal_quantile((i + 0.5) / _DEVIATES) for i in range(_DEVIATES)]
-    spread = float(np.sqrt(sum(v * v for v in values) / _DEVIATES))  # a little below 1: the ends are cut off
+    """Return equally likely quantiles of the standard normal distribution, in rising order, [DEVIATES]."""
+    values = [normal_quantile((i + 0.5) / DEVIATES) for i in range(DEVIATES)]
+    spread = float(np.sqrt(sum(v * v for v in values) / DEVIATES))  # a little below 1: the ends are cut off
     return np.array([v / spread for v in values], np.float32)
 
 
@@ -77,7 +79,7 @@ def _encode(v: float) -> float:
 
 
 def _blackbody(kelvin: float) -> tuple[float, float, float]:
-    """Linear sRGB of a black body's light, Y = 1: Kim et al.'s cubics for its chromaticity, 1667 to 25000 K."""
+    """Return the linear sRGB of a black body's light with Y = 1: cubics of Kim et al., 1667 to 25000 K."""
     t = 1000.0 / max(kelvin, 1667.0)
     if kelvin < 4000.0:
         x = 0.179910 + t * (0.8776956 + t * (-0.2343589 - t * 0.2661239))

@@ -1,4 +1,4 @@
-"""Motion blur: the poses of a neighbouring frame, and a plate's light over the exposure."""
+"""Motion blur, host side: the poses of a neighbouring frame, and the blur of an HDR image."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from recipe_runtime.render.camera.motion_blur_kernels import (
     longest_in_tile,
     screen_motion,
 )
-from recipe_runtime.render.device.arrays import DeviceArray, filled
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster.observation import Observation
@@ -26,7 +26,7 @@ from recipe_runtime.render.scene.geometry import Geometry
 
 @dataclass(frozen=True)
 class NeighbourFrame:
-    """A neighbouring frame: where everything was (or will be), `seconds` away."""
+    """The poses of a frame that is `seconds` earlier or later."""
 
     world_from_sensor: Array  # [3, 4]
     parts: Array  # [P, 3, 4]
@@ -34,32 +34,41 @@ class NeighbourFrame:
 
 
 def frames_open(response: CameraResponse, neighbour: NeighbourFrame) -> float:
-    """The exposure in steps from the frame to its neighbour; the intensity makes it longer or shorter."""
+    """Return the length of the exposure in intervals between the frame and its neighbour, scaled by the intensity."""
     return response.motion_blur_intensity / (response.shutter_speed * neighbour.seconds)
 
 
 def then_from_now(world_from_sensor: Array, parts: Array, neighbour: NeighbourFrame) -> Array:
-    """Where, in the camera's frame of the other moment, a point of a part is that is seen here now. [1 + P, 3, 4]."""
+    """Return, by part, the transforms from this frame's view space to the neighbour's, [1 + P, 3, 4]."""
     then = view_from_parts(neighbour.world_from_sensor, neighbour.parts)
     return compose(then, invert(view_from_parts(world_from_sensor, parts)))
 
 
 def blurred(
     light: DeviceArray,
-    plate: Observation,
+    undistorted: Observation,
     g: Geometry,
     response: CameraResponse,
     neighbour: NeighbourFrame,
     device: str,
 ) -> DeviceArray:
-    """A plate's light, vec3f [H * W], over the exposure."""
-    camera = plate.camera
-    shutter = filled(
+    """Return an HDR image with motion blur, vec3f [H * W].
+
+    Args:
+        light: The HDR image, vec3f [H * W].
+        undistorted: The observation by its camera.
+        g: The geometry of the scene.
+        response: The camera's settings.
+        neighbour: The frame that the motion is taken from.
+        device: The device of the arrays.
+    """
+    camera = undistorted.camera
+    shutter = set_fields(
         Shutter(),
         wide=camera.width,
         high=camera.height,
         frames=frames_open(response, neighbour),
-        most=float(np.float32(response.motion_blur_max_distortion * camera.width)),
+        max_length=float(np.float32(response.motion_blur_max_distortion * camera.width)),
     )
     pixels = camera.width * camera.height
     tiles = -(-camera.width // int(TILE)) * -(-camera.height // int(TILE))
@@ -69,16 +78,18 @@ def blurred(
         screen_motion,
         pixels,
         device,
-        keys=plate.keys,
+        keys=undistorted.keys,
         triangles=g.triangles,
         vertex_part=g.vertex_part,
-        then_from_now=upload_transforms(then_from_now(plate.world_from_sensor, plate.parts, neighbour), device),
+        then_from_now=upload_transforms(
+            then_from_now(undistorted.world_from_sensor, undistorted.parts, neighbour), device
+        ),
         pinhole=pinhole_of(camera, 1),
         shutter=shutter,
         out_motion=motion,
     )
     launch(longest_in_tile, tiles, device, motion=motion, shutter=shutter, out_longest=own)
     launch(longest_around_tile, tiles, device, longest=own, shutter=shutter, out_longest=around)
-    shared = {"plate": light, "keys": plate.keys, "motion": motion, "longest": around}
+    shared = {"hdr_image": light, "keys": undistorted.keys, "motion": motion, "longest": around}
     launch(average_exposure, pixels, device, shutter=shutter, out_light=out, **shared)
     return out

@@ -1,9 +1,9 @@
-"""Motion blur: what a plate's light becomes while the shutter is open, from two poses and no history.
+"""Motion blur of an HDR image, from the poses of two frames; no history is used.
 
-Every sample knows its surface's way on the screen from one frame to the next, and so its way during the exposure. For
-each moment of the exposure a sample shows the nearest of what has come to lie on it, and where a surface has moved
-away, what its neighbourhood shows behind it. Along the way only one other motion is considered, the longest near by.
-The exposure is centred on the frame's time.
+The screen-space motion of every sample follows from the poses of its part in both frames. At each of several moments of
+the exposure, a sample shows the nearest surface that has moved onto it; where a surface has moved away, it shows the
+background near it. Besides its own motion, a sample considers one other: the longest in its neighbourhood. The exposure
+is centred on the frame's time.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -21,12 +21,12 @@ MAX_STEPS = wp.constant(96)  # of an exposure, at most
 
 @wp.struct
 class Shutter:
-    """A plate, and how long its exposure is."""
+    """The size of an HDR image, and the length of its exposure."""
 
     wide: wp.int32
     high: wp.int32
-    frames: wp.float32  # from opening to closing
-    most: wp.float32  # samples that a blur is long, at most
+    frames: wp.float32  # length of the exposure, in intervals between the two frames
+    max_length: wp.float32  # of a blur, in samples
 
 
 @wp.kernel
@@ -39,7 +39,7 @@ def screen_motion(
     shutter: Shutter,
     out_motion: wp.array[wp.vec2f],
 ):
-    """A sample's way on the plate during the exposure; the sky turns with the camera."""
+    """Write a sample's motion during the exposure, in samples; the sky moves as the camera turns."""
     i = wp.tid()
     key = keys[i]
     x = wp.float32((wp.float64(i % shutter.wide) + wp.float64(0.5) - pinhole.cx) / pinhole.focal)
@@ -57,9 +57,9 @@ def screen_motion(
     vx = (px / pz - x) * scale
     vy = (py / pz - y) * scale
     length = wp.sqrt(vx * vx + vy * vy)
-    if length > shutter.most:
-        vx = vx * (shutter.most / length)
-        vy = vy * (shutter.most / length)
+    if length > shutter.max_length:
+        vx = vx * (shutter.max_length / length)
+        vy = vy * (shutter.max_length / length)
     out_motion[i] = wp.vec2f(vx, vy)
 
 
@@ -71,7 +71,7 @@ def longer(a: wp.vec2f, b: wp.vec2f) -> bool:
 
 @wp.kernel
 def longest_in_tile(motion: wp.array[wp.vec2f], shutter: Shutter, out_longest: wp.array[wp.vec2f]):
-    """A tile's longest way, the first of equals."""
+    """Write the longest motion in a tile, the first of equals."""
     i = wp.tid()
     columns = (shutter.wide + TILE - 1) / TILE
     x0 = i % columns * TILE
@@ -87,13 +87,13 @@ def longest_in_tile(motion: wp.array[wp.vec2f], shutter: Shutter, out_longest: w
 
 @wp.kernel
 def longest_around_tile(longest: wp.array[wp.vec2f], shutter: Shutter, out_longest: wp.array[wp.vec2f]):
-    """The longest way that comes into a tile from anywhere."""
+    """Write the longest motion that reaches a tile from any tile near it."""
     i = wp.tid()
     columns = (shutter.wide + TILE - 1) / TILE
     rows = (shutter.high + TILE - 1) / TILE
     column = i % columns
     row = i / columns
-    radius = wp.int32(0.5 * shutter.most) / TILE + 1
+    radius = wp.int32(0.5 * shutter.max_length) / TILE + 1
     best = longest[i]
     for v in range(wp.max(row - radius, 0), wp.min(row + radius, rows - 1) + 1):
         for u in range(wp.max(column - radius, 0), wp.min(column + radius, columns - 1) + 1):
@@ -108,7 +108,7 @@ def longest_around_tile(longest: wp.array[wp.vec2f], shutter: Shutter, out_longe
 
 @wp.func
 def place_at(x: wp.float32, y: wp.float32, s: Shutter) -> wp.int32:
-    """The sample nearest to a place, within the plate."""
+    """Return the index of the sample nearest to a point, within the image."""
     i = wp.int32(wp.min(wp.max(x + 0.5, 0.0), wp.float32(s.wide - 1)))
     j = wp.int32(wp.min(wp.max(y + 0.5, 0.0), wp.float32(s.high - 1)))
     return j * s.wide + i
@@ -116,9 +116,9 @@ def place_at(x: wp.float32, y: wp.float32, s: Shutter) -> wp.int32:
 
 @wp.func
 def lands_on(at: wp.int32, way: wp.vec2f, t: wp.float32, x: wp.float32, y: wp.float32, s: Shutter) -> bool:
-    """Whether what a sample sees lies on (x, y) at moment t of the exposure, from -1/2 to 1/2.
+    """Return whether the surface of a sample lies on (x, y) at moment t of the exposure, from -1/2 to 1/2.
 
-    Its place was rounded to a sample, and neighbours on one surface differ in their ways, as when a camera drives.
+    The tolerance covers the rounding to a sample, and the difference of motion between neighbours on one surface.
     """
     dx = wp.float32(at % s.wide) + way[0] * t - x
     dy = wp.float32(at / s.wide) + way[1] * t - y
@@ -128,47 +128,47 @@ def lands_on(at: wp.int32, way: wp.vec2f, t: wp.float32, x: wp.float32, y: wp.fl
 
 @wp.func
 def is_in_front(a: wp.uint64, b: wp.uint64) -> bool:
-    """Whether a is well before b: two samples of one surface hardly ever are."""
+    """Return whether a is nearer than b by more than neighbouring samples of one surface usually differ."""
     nearness = wp.float64(wp.int64(b >> wp.uint64(24)))  # keys grow with it
     return wp.float64(wp.int64(a >> wp.uint64(24))) > nearness * wp.float64(1.02)
 
 
 @wp.kernel
 def average_exposure(
-    plate: wp.array[wp.vec3f],
+    hdr_image: wp.array[wp.vec3f],
     keys: wp.array[wp.uint64],
     motion: wp.array[wp.vec2f],
     longest: wp.array[wp.vec2f],
     shutter: Shutter,
     out_light: wp.array[wp.vec3f],
 ):
-    """One sample's light, averaged over the moments of the exposure."""
+    """Write a sample's light, averaged over the moments of the exposure."""
     i = wp.tid()
     row = i / shutter.wide
     column = i - row * shutter.wide
     there = longest[row / TILE * ((shutter.wide + TILE - 1) / TILE) + column / TILE]
     length = wp.sqrt(there[0] * there[0] + there[1] * there[1])
     if length < 0.5:
-        out_light[i] = plate[i]
+        out_light[i] = hdr_image[i]
         return
     x = wp.float32(column)
     y = wp.float32(row)
     own = motion[i]
     moments = wp.min(wp.int32(length) + 2, MAX_STEPS)
-    here = plate[i]
-    total = wp.vec3f(0.0, 0.0, 0.0)  # of differences, so that what does not change stays the same to the bit
+    here = hdr_image[i]
+    total = wp.vec3f(0.0, 0.0, 0.0)  # of differences, so that unchanged light stays bit-identical
     for n in range(moments):
         t = (wp.float32(n) + 0.5) / wp.float32(moments) - 0.5
-        # Where something comes from is guessed from one way along, and then found by the way of what is there.
+        # Estimate the origin from one motion, then correct it by the motion of the surface found there.
         a = place_at(x - there[0] * t, y - there[1] * t, shutter)
         a = place_at(x - motion[a][0] * t, y - motion[a][1] * t, shutter)
         behind = place_at(x - own[0] * t, y - own[1] * t, shutter)
         b = place_at(x - motion[behind][0] * t, y - motion[behind][1] * t, shutter)
         stays = lands_on(b, motion[b], t, x, y, shutter)
         if lands_on(a, motion[a], t, x, y, shutter) and (not stays or is_in_front(keys[a], keys[b])):
-            total = total + (plate[a] - here)
+            total = total + (hdr_image[a] - here)
         elif stays:
-            total = total + (plate[b] - here)
-        elif is_in_front(keys[i], keys[behind]):  # (what is nearer hides the way, and does not belong to it)
-            total = total + (plate[behind] - here)
+            total = total + (hdr_image[b] - here)
+        elif is_in_front(keys[i], keys[behind]):  # a nearer surface hides the origin
+            total = total + (hdr_image[behind] - here)
     out_light[i] = here + total * (1.0 / wp.float32(moments))

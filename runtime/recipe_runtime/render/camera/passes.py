@@ -2,7 +2,7 @@
 
 `starts` and `groups` int32 [H * W] say of each pixel where its samples begin and how many they are; `weights` float32
 is each sample's share of its pixel; `cover` int32 [H * W] is what `draw_rain` writes, or has one element if it does
-not rain; `response` is the struct `Response`, in `develop_pixels` a record of it.
+not rain; `response` is the struct `Response`, in `develop_pixels` a one-element array of it.
 """
 
 from __future__ import annotations
@@ -50,7 +50,10 @@ def draw_rain(
     out_cover: DeviceArray,
     device: str,
 ) -> None:
-    """Add the streaks of so many drops to the cover of the pixels that they cross; `shower` is a record of `Rain`."""
+    """Add the streaks of `count` drops to the cover of the pixels that they cross.
+
+    `shower` is a one-element array of `Rain`.
+    """
     launch(
         rain_kernels.draw_streaks,
         count,
@@ -97,11 +100,11 @@ def develop_pixels(
     )
 
 
-def expose_samples(exposed: Exposed, response: Response, out_plate: DeviceArray, device: str) -> None:
+def expose_samples(exposed: Exposed, response: Response, out_hdr_image: DeviceArray, device: str) -> None:
     """Write each pixel's light, exposed and balanced, vec3f [H * W]."""
     launch(
         develop_kernels.expose_samples,
-        out_plate.size,
+        out_hdr_image.size,
         device,
         radiance=exposed.radiance,
         starts=exposed.starts,
@@ -110,12 +113,12 @@ def expose_samples(exposed: Exposed, response: Response, out_plate: DeviceArray,
         rain_cover=exposed.cover,
         streak=exposed.streak,
         response=response,
-        out_plate=out_plate,
+        out_hdr_image=out_hdr_image,
     )
 
 
 def vignette_gains(response: DeviceArray, lens_circle: DeviceArray, out_gains: DeviceArray, device: str) -> None:
-    """Write the share of light that the lens lets through to each pixel; `response` is a record."""
+    """Write the share of light that the lens lets through to each pixel; `response` is a one-element array."""
     launch(
         develop_kernels.vignette_gains,
         out_gains.size,

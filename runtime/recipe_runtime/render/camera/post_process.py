@@ -1,8 +1,8 @@
-"""Pictures that take more than one kernel: lens distortion, supersampling, chromatic aberration, bloom, motion blur.
+"""Camera effects of several kernels: lens distortion, supersampling, chromatic aberration, bloom, motion blur.
 
-A plain camera's samples become bytes in one kernel. Any other's become a plate first: a straight picture of light,
-wider and finer as its lens and its supersampling need. Motion blur and bloom act there, and the picture is resampled
-from it.
+Without these effects one kernel turns samples into bytes. With any of them, samples become an undistorted HDR image
+first, with the size and resolution that distortion and supersampling need. Motion blur and bloom are applied to it, and
+the picture is resampled from it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from recipe_runtime.render.camera.motion_blur import NeighbourFrame
 from recipe_runtime.render.camera.passes import Exposed
 from recipe_runtime.render.camera.post_process_kernels import LensEffects, finish_pixels
 from recipe_runtime.render.camera.responses import ResponseTables
-from recipe_runtime.render.device.arrays import DeviceArray, filled
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster import distortion
@@ -28,47 +28,56 @@ from recipe_runtime.render.scene.geometry import Geometry
 
 
 class PostProcess:
-    """Finishes the pictures of one scene that need a plate."""
+    """Finishes the pictures of one scene that need an undistorted HDR image."""
 
     def __init__(self, geometry: Geometry, observer: Observer, tables: ResponseTables, device: str) -> None:
         self._g, self._observer, self._tables, self._device = geometry, observer, tables, device
-        self._plates: WeakKeyDictionary[Observation, dict[int, Observation]] = WeakKeyDictionary()
+        self._undistorted: WeakKeyDictionary[Observation, dict[int, Observation]] = WeakKeyDictionary()
 
-    def plate_of(self, obs: Observation, supersample: int) -> Observation:
-        """The observation of the plate; the observation itself if it is its own plate."""
-        straight = distortion.plate_of(obs.camera, supersample)
+    def undistorted(self, obs: Observation, supersample: int) -> Observation:
+        """Return the observation by the undistorted camera; `obs` itself if its camera is that camera."""
+        straight = distortion.undistorted_camera(obs.camera, supersample)
         if straight == obs.camera:
             return obs
-        plates = self._plates.setdefault(obs, {})
-        if supersample not in plates:
-            plates[supersample] = self._observer.observe(straight, obs.world_from_sensor, obs.parts)
-        return plates[supersample]
+        by_supersampling = self._undistorted.setdefault(obs, {})
+        if supersample not in by_supersampling:
+            by_supersampling[supersample] = self._observer.observe(straight, obs.world_from_sensor, obs.parts)
+        return by_supersampling[supersample]
 
     def finish(
         self,
         exposed: Exposed,
-        plate: Observation,
+        undistorted: Observation,
         obs: Observation,
         response: CameraResponse,
         r: Response,
         neighbour: NeighbourFrame | None,
     ) -> DeviceArray:
-        """The bytes of a picture, uint8 [H * W * 3]; `r` is its struct `Response`."""
+        """Return the bytes of a picture, uint8 [H * W * 3].
+
+        Args:
+            exposed: The light of the samples, and the rain.
+            undistorted: The observation by the undistorted camera.
+            obs: The observation of the picture.
+            response: The camera's settings.
+            r: The same as a struct `Response`, with exposure and noise.
+            neighbour: The frame that motion blur takes the motion from, if any.
+        """
         device, pixels = self._device, obs.camera.width * obs.camera.height
-        light = wp.empty(plate.camera.width * plate.camera.height, dtype=wp.vec3f, device=device)
+        light = wp.empty(undistorted.camera.width * undistorted.camera.height, dtype=wp.vec3f, device=device)
         passes.expose_samples(exposed, r, light, device)
         if neighbour is not None and response.motion_blur_intensity > 0.0:
-            light = motion_blur.blurred(light, plate, self._g, response, neighbour, device)
+            light = motion_blur.blurred(light, undistorted, self._g, response, neighbour, device)
         tables = self._tables.by_distance(response)
         out = wp.empty(pixels * 3, dtype=wp.uint8, device=device)
         launch(
             finish_pixels,
             pixels,
             device,
-            plate=light,
-            spread=bloom.spread(light, plate.camera, device) if response.bloom_intensity > 0.0 else light,
+            hdr_image=light,
+            spread=bloom.spread(light, undistorted.camera, device) if response.bloom_intensity > 0.0 else light,
             distortion=distortion.distortion_of(obs.camera, response.supersample),
-            effects=_effects_of(response, plate.camera),
+            effects=_effects_of(response, undistorted.camera),
             response=r,
             lens_circle=tables.gains,
             tone_table=tables.tone,
@@ -79,7 +88,7 @@ class PostProcess:
 
 
 def needs_post_process(camera: CameraPlan, response: CameraResponse, neighbour: NeighbourFrame | None) -> bool:
-    """Whether a picture takes more than one kernel."""
+    """Return whether a picture needs more than one kernel."""
     return (
         optics.bends(camera)
         or response.supersample > 1
@@ -89,11 +98,11 @@ def needs_post_process(camera: CameraPlan, response: CameraResponse, neighbour: 
     )
 
 
-def _effects_of(response: CameraResponse, plate: CameraPlan) -> LensEffects:
-    return filled(
+def _effects_of(response: CameraResponse, undistorted: CameraPlan) -> LensEffects:
+    return set_fields(
         LensEffects(),
         fringe=0.01 * response.chromatic_aberration_intensity,
         clear=response.chromatic_aberration_offset,
         bloom=bloom.SHARE * response.bloom_intensity,
-        coarse=bloom.side_of(plate),
+        coarse=bloom.side_of(undistorted),
     )

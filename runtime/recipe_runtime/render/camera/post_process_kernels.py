@@ -1,28 +1,28 @@
-"""From a plate to a picture: chromatic aberration, bloom's light, tone and noise."""
+"""From an HDR image to a picture: distortion, chromatic aberration, bloom, tone mapping and noise."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.render.camera.develop_kernels import Response, record_levels, tone, vignette_at
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.raster.distortion_kernels import Distortion, plate_position
+from recipe_runtime.render.raster.distortion_kernels import Distortion, undistorted_position
 
 wp.set_module_options(OPTIONS)
 
 
 @wp.struct
 class LensEffects:
-    """How a plate becomes a picture."""
+    """Chromatic aberration and bloom."""
 
-    fringe: wp.float32  # share of the radius by which red and blue part at the corners
-    clear: wp.float32  # radius, 1 at the corners, within which they do not
-    bloom: wp.float32  # share of the light that is spread
-    coarse: wp.int32  # plate samples along the side of one of the spread light's
+    fringe: wp.float32  # displacement of red and blue at the corners, as a share of the radius
+    clear: wp.float32  # radius, 1 at the corners, within which there is none
+    bloom: wp.float32  # share of the light that bloom spreads
+    coarse: wp.int32  # samples of the HDR image along the side of a sample of the bloom image
 
 
 @wp.func
-def bilinear(plate: wp.array[wp.vec3f], px: wp.float64, py: wp.float64, wide: wp.int32, high: wp.int32) -> wp.vec3f:
-    """The light at a place of a plate, from the four samples about it."""
+def bilinear(hdr_image: wp.array[wp.vec3f], px: wp.float64, py: wp.float64, wide: wp.int32, high: wp.int32) -> wp.vec3f:
+    """Interpolate an image bilinearly at a point, in samples; beyond its border the nearest sample counts."""
     x = wp.min(wp.max(px - wp.float64(0.5), wp.float64(0.0)), wp.float64(wide - 1))
     y = wp.min(wp.max(py - wp.float64(0.5), wp.float64(0.0)), wp.float64(high - 1))
     i = wp.int32(x)
@@ -31,21 +31,21 @@ def bilinear(plate: wp.array[wp.vec3f], px: wp.float64, py: wp.float64, wide: wp
     fy = wp.float32(y - wp.float64(j))
     k = wp.min(i + 1, wide - 1)
     below = wp.min(j + 1, high - 1)
-    a = plate[j * wide + i]
-    b = plate[j * wide + k]
-    c = plate[below * wide + i]
-    d = plate[below * wide + k]
+    a = hdr_image[j * wide + i]
+    b = hdr_image[j * wide + k]
+    c = hdr_image[below * wide + i]
+    d = hdr_image[below * wide + k]
     top = a + (b - a) * fx
     foot = c + (d - c) * fx
     return top + (foot - top) * fy
 
 
 @wp.func
-def light_at(
-    plate: wp.array[wp.vec3f], spread: wp.array[wp.vec3f], p: wp.vec2d, c: Distortion, f: LensEffects
+def light_with_bloom(
+    hdr_image: wp.array[wp.vec3f], spread: wp.array[wp.vec3f], p: wp.vec2d, c: Distortion, f: LensEffects
 ) -> wp.vec3f:
-    """The light at a place of the plate, with its share of what bright places shed."""
-    light = bilinear(plate, p[0], p[1], c.wide, c.high)
+    """Return the light at a point of the HDR image, in samples, with bloom."""
+    light = bilinear(hdr_image, p[0], p[1], c.wide, c.high)
     if f.bloom > 0.0:
         scale = wp.float64(1.0) / wp.float64(f.coarse)
         wide = (c.wide + f.coarse - 1) / f.coarse
@@ -56,7 +56,7 @@ def light_at(
 
 @wp.kernel
 def finish_pixels(
-    plate: wp.array[wp.vec3f],
+    hdr_image: wp.array[wp.vec3f],
     spread: wp.array[wp.vec3f],
     distortion: Distortion,
     effects: LensEffects,
@@ -66,7 +66,7 @@ def finish_pixels(
     deviates: wp.array[wp.float32],
     out_rgb: wp.array[wp.uint8],
 ):
-    """One pixel's three bytes from the plate: its samples toned one by one, then averaged, and noise on top."""
+    """Write a pixel's three bytes: tone mapping of each sample, their mean, then noise."""
     i = wp.tid()
     step = wp.float64(1.0) / wp.float64(distortion.fine)
     red = wp.float32(0.0)
@@ -79,15 +79,15 @@ def finish_pixels(
         y = wp.float64(i / distortion.width) + (wp.float64(s / distortion.fine) + wp.float64(0.5)) * step
         dx = x - half
         dy = y - middle
-        light = light_at(plate, spread, plate_position(x, y, distortion), distortion, effects)
+        light = light_with_bloom(hdr_image, spread, undistorted_position(x, y, distortion), distortion, effects)
         if effects.fringe > 0.0:
             radius = wp.float32(wp.sqrt(dx * dx + dy * dy) / (half * distortion.limit))
             part = wp.float64(effects.fringe * wp.max(radius - effects.clear, 0.0) / (1.0 - effects.clear))
-            outward = light_at(
-                plate, spread, plate_position(x - dx * part, y - dy * part, distortion), distortion, effects
+            outward = light_with_bloom(
+                hdr_image, spread, undistorted_position(x - dx * part, y - dy * part, distortion), distortion, effects
             )
-            inward = light_at(
-                plate, spread, plate_position(x + dx * part, y + dy * part, distortion), distortion, effects
+            inward = light_with_bloom(
+                hdr_image, spread, undistorted_position(x + dx * part, y + dy * part, distortion), distortion, effects
             )
             light = wp.vec3f(outward[0], light[1], inward[2])
         gain = vignette_at(

@@ -9,7 +9,7 @@ from recipe_compiler.ir.plan import CameraPlan, CameraResponse
 from recipe_runtime.render.camera import exposure, passes
 from recipe_runtime.render.camera.develop_kernels import LEVELS, Response
 from recipe_runtime.render.camera.passes import Tables
-from recipe_runtime.render.device.arrays import filled, record
+from recipe_runtime.render.device.arrays import set_fields, struct_array
 from recipe_runtime.render.device.setup import wp
 
 
@@ -41,7 +41,7 @@ class ResponseTables:
         key = (*dark, camera.width, camera.height)
         if key not in self._gains:
             gains = wp.empty(camera.width * camera.height, dtype=wp.float32, device=self._device)
-            response_record = record(response_of(response, 1.0, 0, camera), self._device)
+            response_record = struct_array([response_of(response, 1.0, 0, camera)], self._device)
             passes.vignette_gains(response_record, tables.gains, gains, self._device)
             self._gains[key] = gains
         return Tables(self._gains[key], tables.tone, tables.deviates)
@@ -49,7 +49,7 @@ class ResponseTables:
 
 def response_of(response: CameraResponse, automatic: float, key: int, camera: CameraPlan) -> Response:
     """The struct `Response`; `automatic` is the exposure for sun, weather and lamps, `key` the noise's."""
-    return filled(
+    return set_fields(
         Response(),
         exposure=exposure.gain(response, automatic),
         white=wp.vec3f(*exposure.white(response)),

@@ -1,1 +1,1 @@
-"""Warp, set up so that every machine computes the same bytes; arrays, records and launches."""
+"""Warp, set up so that every machine computes the same bytes; arrays, structs and launches."""

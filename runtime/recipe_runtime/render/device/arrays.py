@@ -1,4 +1,4 @@
-"""Arrays and records on a device."""
+"""Arrays and Warp structs on a device."""
 
 from __future__ import annotations
 
@@ -14,14 +14,20 @@ DeviceArray: TypeAlias = "wp.array[Any, Any]"  # of any element type and shape; 
 
 
 def zeros(count: int, kind: Any, device: str) -> DeviceArray:
-    """An array of zeros. On a CPU pages are allocated when they are written to: most of a shadow map never is."""
+    """Return a 1-D array of zeros.
+
+    On a CPU, memory is taken only when a page is first written to: most of a shadow map never is.
+    """
     if device != "cpu":
         return wp.zeros(count, dtype=kind, device=device)
     return wp.array(np.zeros(count, wp.dtype_to_numpy(kind)), dtype=kind, device=device, copy=False)
 
 
-def filled(struct: Struct, /, **fields: Any) -> Struct:
-    """Set fields of a struct by name; numbers and arrays are converted to the fields' types.
+def set_fields(struct: Struct, /, **fields: Any) -> Struct:
+    """Set fields of a struct by name, in place; numbers and arrays are converted to the fields' types.
+
+    Returns:
+        The same struct.
 
     Raises:
         RuntimeError: The struct has no field of a name.
@@ -31,21 +37,26 @@ def filled(struct: Struct, /, **fields: Any) -> Struct:
     return struct
 
 
-def copied(struct: Any) -> Any:
-    """A struct with the values of another, and the same arrays."""
+def copy_struct(struct: Any) -> Any:
+    """Return a copy of a struct. Both refer to the same arrays."""
     copy = struct._cls()
     copy.assign(struct)
     return copy
 
 
-def record(struct: Any, device: str) -> DeviceArray:
-    """A struct as an array of one: Warp passes structs by value into every function, and arrays by address."""
-    return records([struct], device)
+def struct_array(structs: list[Any], device: str) -> DeviceArray:
+    """Upload structs as an array.
 
+    Kernels take even a single struct this way: Warp passes structs to functions by value, and arrays by address.
 
-def records(structs: list[Any], device: str) -> DeviceArray:
-    """Structs as an array, which keeps them: it holds only the addresses of their own arrays."""
-    if device == "cpu":  # copied as they lie in memory: through NumPy it takes several times as long
+    Args:
+        structs: One or more structs of the same type.
+        device: The device that the array is created on.
+
+    Returns:
+        The array. It holds a reference to the structs, since its elements contain only the addresses of their arrays.
+    """
+    if device == "cpu":  # copy the bytes: the conversion through NumPy takes several times as long
         array: DeviceArray = wp.empty(len(structs), dtype=structs[0]._cls, device=device)
         for place, struct in enumerate(structs):
             body = struct.__ctype__()

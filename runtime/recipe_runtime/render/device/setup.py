@@ -21,7 +21,7 @@ import platformdirs
 import warp
 from recipe_compiler.ir.errors import InputError, RunError
 
-from recipe_runtime.cache.cache_folder import claim
+from recipe_runtime.cache.cache_folder import create_cache_folder
 from recipe_runtime.cache.store import kernel_cache
 
 wp = warp
@@ -41,7 +41,7 @@ def _cache_folder() -> str:
         folder = home() / "kernels" / name
         try:
             folder.parent.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
-            claim(folder.parent.parent)
+            create_cache_folder(folder.parent.parent)
             for path in (folder.parent, folder):
                 path.mkdir(mode=0o755, exist_ok=True)  # whatever the umask lets others do
         except OSError:

@@ -1,4 +1,4 @@
-"""The arrays of one frame under way: all that its passes write between the numbers that come and the pixels that go."""
+"""The arrays of one frame in flight: everything that its passes write."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from recipe_runtime.render.raster.passes import BinBuffers
 from recipe_runtime.render.sampling.buffers import SampleColumns
 from recipe_runtime.render.shadows.shadow_maps import ShadowMap, moving_beams
 
-_BIN_CAPACITY = 1 << 17  # rows of large triangles
+_BIN_CAPACITY = 1 << 17  # bins of large triangles
 
 
 class FrameBuffers:
-    """Arrays on the device, for `setup.capacity` samples. Their sizes suit every frame: none is read back."""
+    """Arrays on the device for `setup.capacity` samples. Their sizes fit every frame, so no size is read back."""
 
     def __init__(self, setup: StreamSetup) -> None:
         device, g, pixels = setup.device, setup.g, setup.pixels
@@ -45,9 +45,9 @@ class FrameBuffers:
         self.maps = [self._moving_maps(setup, sun) for sun in setup.suns]
         self.wet_light = LightBuffers.empty(self.capacity + 4, True, device)
         bare = self.wet_light
-        self.dry_light = LightBuffers(bare.radiance, bare.gleam, bare.known, bare.radiance)
+        self.dry_light = LightBuffers(bare.radiance, bare.mirror, bare.reuse_class, bare.radiance)
         self.rays = RayBuffers.empty(setup.camera, device)
-        # what a frame alone does not use: earlier frames
+        # temporal reuse, unused here
         self.no_sources = zeros(1, wp.vec2i)
         self.no_motion = wp.zeros((1, 1), dtype=wp.int32, device=device)
         self.no_levels = PixelLevels(zeros(1, wp.uint8), zeros(1, wp.vec3f))
@@ -55,17 +55,17 @@ class FrameBuffers:
         self.cover, self.no_cover = zeros(pixels, wp.int32), zeros(1, wp.int32)
 
     def light(self, wet: bool) -> LightBuffers:
-        """The buffers of light, for an appearance in which the ground mirrors anything or not."""
+        """Return the light buffers of an appearance with or without wet ground."""
         return self.wet_light if wet else self.dry_light
 
     @staticmethod
     def _burning(setup: StreamSetup) -> list[bool]:
-        """Whether lamps burn, for every case among the appearances."""
+        """Return whether lamps are on, for each case among the appearances."""
         return sorted({look.light.lamps_burn for look in setup.appearances})
 
     @staticmethod
     def _moving_maps(setup: StreamSetup, sun: NDArray[np.float64]) -> list[ShadowMap]:
-        """The fine and the coarse map of what moves under a sun; where they stand comes with each frame."""
+        """Return the fine and the coarse map of moving objects under a sun; each frame's inputs set their position."""
         maps = []
         for beam in moving_beams(sun, np.zeros(3), np.array([1.0, 0.0, 0.0])):
             keys = wp.zeros(beam.size * beam.size, dtype=wp.uint64, device=setup.device)

@@ -1,7 +1,6 @@
-"""A stream of frames of one camera, drawn without waiting for one before the next is begun.
+"""A stream of frames of one camera, each started before the earlier ones are finished.
 
-The numbers that change from frame to frame are computed for a few frames at once, while several recorded frames keep a
-GPU busy.
+The inputs of several frames are computed at once, while several recorded frames keep a GPU busy.
 """
 
 from __future__ import annotations
@@ -15,11 +14,11 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse, SensorPlan
 
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.atmosphere.weather_light import Light, light_at, light_of
+from recipe_runtime.render.atmosphere.weather_light import WeatherLight, initial_light, light_at_time
 from recipe_runtime.render.camera.post_process import needs_post_process
 from recipe_runtime.render.camera.rain import rain_at
 from recipe_runtime.render.camera.responses import ResponseTables, response_of
-from recipe_runtime.render.device.arrays import record, records
+from recipe_runtime.render.device.arrays import struct_array
 from recipe_runtime.render.device.memory_layout import span_of
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.gpu.recorded_frame import RecordedFrame, RenderedFrame
@@ -34,13 +33,13 @@ from recipe_runtime.render.shadows.shadow_maps import ShadowMaps, moving_beams
 from recipe_runtime.render.texture.mipmaps import ImageAtlases
 from recipe_runtime.render.texture.surface_colours import surface_colours
 
-_CHUNK = 8  # frames whose numbers are made at once, while those of before are drawn
-_EDGE_SAMPLES = 0.5  # samples at edges that there is room for at first, a pixel
+_CHUNK = 8  # frames whose inputs are computed at once, while earlier frames are drawn
+_EDGE_SAMPLES = 0.5  # initial capacity for samples at edges, per pixel
 
 
 @dataclass(frozen=True)
 class FrameBatch:
-    """Frames to draw, by number, each with its time, the sensor's pose and the parts' transforms."""
+    """Frames to draw: number, time, pose of the sensor, and transforms of the parts."""
 
     numbers: Sequence[int]
     times: Sequence[float]  # seconds
@@ -49,7 +48,7 @@ class FrameBatch:
 
 
 class FrameStream:
-    """Draws frames of one camera in some appearances that agree on antialiasing."""
+    """Draws frames of one camera in appearances that agree on antialiasing."""
 
     def __init__(
         self,
@@ -64,9 +63,9 @@ class FrameStream:
     ) -> None:
         self._g, self._device, self._camera, self._sensor = geometry, device, camera_plan, sensor
         self._shadows, self._atlases, self._tables = shadows, atlases, ResponseTables(device)
-        lit = [light_of(plan, device) for plan in appearances]
+        lit = [initial_light(plan, device) for plan in appearances]
         suns = suns_of(lit)
-        looks = [self._look(plan, light, suns) for plan, light in zip(appearances, lit, strict=True)]
+        looks = [self._prepare(plan, light, suns) for plan, light in zip(appearances, lit, strict=True)]
         smooth = {look.response.antialias for look in looks} or {False}
         if len(smooth) != 1:
             raise ValueError("the appearances of a stream must all be antialiased, or none")
@@ -80,15 +79,15 @@ class FrameStream:
             suns,
             looks,
             tiles=wp.array(all_tiles(camera_plan), dtype=wp.int32, device=device),
-            no_shadows=records([shadows.none()] * 4, device),
+            no_shadows=struct_array([shadows.none()] * 4, device),
             layout=frame_layout(geometry, len(suns), len(looks)),
             capacity=pixels + (int(_EDGE_SAMPLES * pixels) if side == 2 else 0),
         )
-        self._beams: list[Any] = []  # static shadow maps that frames under way may read
+        self._beams: list[Any] = []  # static shadow maps that frames in flight may read
         self._lanes = [RecordedFrame(self._setup) for _ in range(lanes)]
 
     def frames(self, batch: FrameBatch) -> Iterator[RenderedFrame]:
-        """The frames, in their order."""
+        """Yield the frames in order."""
         waiting: list[tuple[RecordedFrame, int]] = []
         for start in range(0, len(batch.numbers), _CHUNK):
             stop = min(start + _CHUNK, len(batch.numbers))
@@ -103,7 +102,7 @@ class FrameStream:
             yield self._ready(batch, lane, index)
 
     def _ready(self, batch: FrameBatch, lane: RecordedFrame, index: int) -> RenderedFrame:
-        """A recorded frame, once it is done; drawn again with more capacity, if it had too little."""
+        """Return a finished recorded frame; it is drawn again with more capacity if it had too little."""
         lane.wait()
         if lane.wanted > lane.capacity:
             self._setup.capacity = max(self._setup.capacity, lane.wanted + lane.wanted // 8)
@@ -111,15 +110,15 @@ class FrameStream:
             lane.wait()
         return lane.result(batch.numbers[index], batch.poses[index], batch.parts[index])
 
-    def _look(self, plan: AppearancePlan, light: Light, suns: list[NDArray[np.float64]]) -> ShadedAppearance:
+    def _prepare(self, plan: AppearancePlan, light: WeatherLight, suns: list[NDArray[np.float64]]) -> ShadedAppearance:
         response = plan.responses.get(self._sensor) or CameraResponse()
         sun = next((n for n, sun in enumerate(suns) if light.sun_shines and bool((light.sun == sun).all())), -1)
         colours = surface_colours(self._g, plan.looks.root, self._atlases.of(plan), self._device)
         tables = self._tables.by_pixel(response, self._camera)
-        return ShadedAppearance(plan, light, record(colours, self._device), response, tables, sun)
+        return ShadedAppearance(plan, light, struct_array([colours], self._device), response, tables, sun)
 
     def _rows(self, batch: FrameBatch, start: int, stop: int) -> NDArray[np.uint8]:
-        """Rows of the layout for some frames, but for the bytes that are a recorded frame's own."""
+        """Return layout rows of some frames, without the bytes that belong to a recorded frame."""
         span, layout = slice(start, stop), self._setup.layout
         poses, parts = batch.poses[span], batch.parts[span]
         rows, put = layout.rows(stop - start), layout.put
@@ -142,7 +141,7 @@ class FrameStream:
         return rows
 
     def _put_beams(self, row: NDArray[np.uint8], pose: Array) -> list[Any]:
-        """Put the shadow maps of a pose into a row; the static ones, for which a frame must hold the memory."""
+        """Put the shadow maps of a pose into a row; the frame must hold references to the static maps."""
         held: list[Any] = []
         for n, sun in enumerate(self._setup.suns):
             static = self._shadows.static(sun, pose[:, 3])
@@ -152,10 +151,10 @@ class FrameStream:
         return held
 
     def _put_light(self, row: NDArray[np.uint8], pose: Array, number: int, time: float) -> None:
-        """Put light, rain and camera response of every appearance at a time into a row."""
+        """Put the light, rain and camera response of every appearance at a time into a row."""
         layout = self._setup.layout
         for v, look in enumerate(self._setup.appearances):
-            light, seed = light_at(look.light, time), look.plan.seed
+            light, seed = light_at_time(look.light, time), look.plan.seed
             layout.put_records(row, f"air {v}", [light.air])
             if light.rain > 0.0:
                 layout.put_records(row, f"rain {v}", [rain_at(pose, light, time, seed)])
@@ -166,7 +165,7 @@ class FrameStream:
 
 
 def can_stream(sensor: SensorPlan, appearances: Sequence[AppearancePlan]) -> bool:
-    """Whether a stream can draw a sensor in these appearances: its camera must need no post-processing."""
+    """Return whether a stream can draw a sensor in these appearances: its camera must need no post-processing."""
     responses = [plan.responses.get(sensor.name) or CameraResponse() for plan in appearances]
     plain = all(not needs_post_process(sensor.camera, r, None) and r.motion_blur_intensity == 0.0 for r in responses)
     return plain and len({r.antialias for r in responses}) <= 1

@@ -1,10 +1,10 @@
-"""A frame whose passes are recorded once, as a CUDA graph, and replayed for frame after frame.
+"""The kernels of one frame, recorded once as a CUDA graph and replayed for every frame.
 
-Observer, Sampler, ShadingPass and CameraPass read sizes back between their passes. Here every array has its size
-beforehand (`FrameBuffers`), and every number that changes from frame to frame lies in one piece of memory. The passes
-are the same functions; only three choices differ: large triangles are shared out (`raster_binned`), samples take slots
-(`assign_slots`), and nothing of an earlier frame is used. On a CPU the passes run one by one, which is how tests
-compare the bytes with Renderer's.
+Observer, Sampler, ShadingPass and CameraPass read sizes back between their passes. Here every array has a fixed size
+(`FrameBuffers`), and all values that change from frame to frame are in one block of memory. The passes are the same
+functions, with three differences: large triangles are split among threads (`raster_binned`), samples take slots
+(`assign_slots`), and nothing of an earlier frame is reused. On a CPU the passes run one by one, so tests can compare
+the bytes with Renderer's.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.camera import passes as camera_passes
 from recipe_runtime.render.camera.passes import Exposed
 from recipe_runtime.render.camera.rain import drop_count, streak_radiance
-from recipe_runtime.render.device.arrays import DeviceArray, record
+from recipe_runtime.render.device.arrays import DeviceArray, struct_array
 from recipe_runtime.render.device.memory_layout import span_of
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.gpu.frame_buffers import FrameBuffers
@@ -41,7 +41,7 @@ from recipe_runtime.render.shadows.shadow_kernels import Sunbeam
 class RenderedFrame:
     """A frame of a stream: its observation, and a picture [H, W, 3] for every appearance.
 
-    The arrays are the recorded frame's: they are valid until the next frame is requested.
+    The arrays belong to the recorded frame: they are valid until the next frame is requested.
     """
 
     number: int
@@ -50,7 +50,7 @@ class RenderedFrame:
 
 
 class RecordedFrame:
-    """Memory for one frame, and the passes that fill it."""
+    """The memory of one frame, and the passes that fill it."""
 
     def __init__(self, setup: StreamSetup) -> None:
         self.setup, self.device = setup, setup.device
@@ -61,33 +61,33 @@ class RecordedFrame:
 
     @property
     def capacity(self) -> int:
-        """Samples that there is room for."""
+        """Number of samples for which there is room."""
         return self._buffers.capacity
 
     @property
     def wanted(self) -> int:
-        """Samples that the last frame would have filled."""
+        """Number of samples that the last frame required."""
         return self.setup.pixels + int(self._host["cursor"][0])
 
     def start(self, row: NDArray[np.uint8]) -> None:
-        """Begin to draw the frame of a row of `setup.layout`."""
+        """Start drawing a frame from a row of `setup.layout`."""
         if self.capacity < self.setup.capacity:
             self._allocate()
         self._row = row
         self._run()
 
     def rebuild(self) -> None:
-        """Draw the frame once more, with the capacity that the stream has now."""
+        """Draw the frame again, with the stream's current capacity."""
         self._allocate()
         self._run()
 
     def wait(self) -> None:
-        """Wait until the frame is in the host's memory."""
+        """Wait until the frame is in host memory."""
         if self._done is not None:
             wp.synchronize_event(self._done)
 
     def result(self, number: int, pose: Array, parts: Array) -> RenderedFrame:
-        """The frame that is done: its number, its sensor's pose [3, 4] and its parts' transforms [P, 3, 4]."""
+        """Return the finished frame: its number, the sensor's pose [3, 4] and the parts' transforms [P, 3, 4]."""
         h, camera = self._host, self.setup.camera
         shape = camera.height, camera.width
         visible, amodal, projected = h["extents"][:3]
@@ -114,7 +114,7 @@ class RecordedFrame:
             self._draw()
 
     def _allocate(self) -> None:
-        """All arrays, and on a GPU the recording."""
+        """Allocate all arrays, and on a GPU record the graph."""
         setup, device = self.setup, self.device
         if self._cuda:
             wp.synchronize_stream(self._stream)
@@ -146,18 +146,21 @@ class RecordedFrame:
         wp.synchronize_stream(self._stream)
 
     def _make_records(self) -> None:
-        """Records that stay the same from frame to frame; what they point to does not."""
+        """Create the struct arrays, which stay the same from frame to frame; the arrays that they refer to change."""
         g, b, device = self.setup.g, self._b, self.device
         scene = scene_arrays(g, self._buffers.vertices, b["world_from_part"], b["world_from_view"])
-        self._scene, self._all = record(scene, device), record(all_samples(), device)
-        self._no_static, self._no_previous = record(StaticSamples(), device), record(PreviousFrame(), device)
+        self._scene, self._all = struct_array([scene], device), struct_array([all_samples()], device)
+        self._no_static, self._no_previous = (
+            struct_array([StaticSamples()], device),
+            struct_array([PreviousFrame()], device),
+        )
         burning = lights.lamps_of(g, [b[f"lamps {name}"] for name in lights.LAMP_NAMES], device)
-        self._lamps = {True: record(burning, device), False: record(lights.no_lamps(device), device)}
+        self._lamps = {True: struct_array([burning], device), False: struct_array([lights.no_lamps(device)], device)}
         columns = [b[f"bodies {name}"] for name in lights.BODY_NAMES]
-        self._bodies = record(lights.bodies_of(columns, columns[0].size), device)
+        self._bodies = struct_array([lights.bodies_of(columns, columns[0].size)], device)
 
     def _make_own(self) -> None:
-        """The bytes of a row that are this frame's own, the addresses of its arrays, and which bytes those are."""
+        """Return the bytes of a row that contain addresses of this frame's own arrays, and a mask of these bytes."""
         layout = self.setup.layout
         self._own, self._is_own = layout.rows(1)[0], np.zeros(layout.size, bool)
         layout.put_records(self._own, "samples", [samples_of(self._buffers.columns)])
@@ -169,7 +172,7 @@ class RecordedFrame:
                     layout.mark(self._is_own, f"beams {n}", *span_of(Sunbeam, name), at=k)
 
     def _draw(self) -> None:
-        """All passes of a frame, in order."""
+        """Run all passes of a frame, in order."""
         wp.copy(self._block, self._pinned)
         self._observe()
         if self.setup.appearances:
@@ -234,21 +237,21 @@ class RecordedFrame:
             light_passes.list_lights(n.coarse, *place, self._lamps[burn], self._bodies, lists, self.device)
 
     def _shade(self, v: int, look: ShadedAppearance) -> None:
-        """The light of all samples in an appearance."""
+        """Return the light of all samples in an appearance."""
         b, n, device, burn = self._b, self._buffers, self.device, look.light.lamps_burn
         samples, air, light = b["samples"], b[f"air {v}"], n.light(look.light.wet)
         beams = b[f"beams {look.sun}"] if look.sun >= 0 else self.setup.no_shadows
-        sources = light_passes.Lights(look.colours, air, beams, self._lamps[burn], self._bodies, n.lists[burn])
+        sources = light_passes.ShadingInputs(look.colours, air, beams, self._lamps[burn], self._bodies, n.lists[burn])
         earlier = self._no_previous, self._all
         light_passes.shade_samples(self.capacity, samples, sources, *earlier, light, device)
         if look.light.wet:
-            view = light_passes.View(self.setup.camera, self._labels.depth, n.starts, b["view_from_part"])
-            light_passes.trace_rays(samples, light.gleam, view, self._no_previous, n.no_motion, n.rays, device)
+            view = light_passes.ReflectionView(self.setup.camera, self._labels.depth, n.starts, b["view_from_part"])
+            light_passes.trace_rays(samples, light.mirror, view, self._no_previous, n.no_motion, n.rays, device)
             frame = samples, air, view, n.rays
             light_passes.reflect(self.capacity, *frame, *earlier, light, n.no_sources, device)
 
     def _develop(self, v: int, look: ShadedAppearance) -> None:
-        """The picture of an appearance."""
+        """Write the picture of an appearance."""
         b, n, camera, cover = self._b, self._buffers, self.setup.camera, self._buffers.no_cover
         if look.light.rain > 0.0:
             cover = n.cover

@@ -1,4 +1,4 @@
-"""What all frames of a stream share, and the layouts of the memory that goes to a device and comes back."""
+"""What all frames of a stream share, and the memory layouts of their inputs and results."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, CameraResponse
 
 from recipe_runtime.render.atmosphere.air import Air
-from recipe_runtime.render.atmosphere.weather_light import Light
+from recipe_runtime.render.atmosphere.weather_light import WeatherLight
 from recipe_runtime.render.camera.develop_kernels import Response
 from recipe_runtime.render.camera.passes import Tables
 from recipe_runtime.render.camera.rain_kernels import Rain
@@ -25,14 +25,14 @@ from recipe_runtime.render.shadows.shadow_kernels import Sunbeam
 
 @dataclass(frozen=True)
 class ShadedAppearance:
-    """An appearance, made ready for a camera."""
+    """An appearance, prepared for a camera."""
 
     plan: AppearancePlan
-    light: Light  # at time 0
-    colours: DeviceArray  # a record of SurfaceColours
+    light: WeatherLight  # at time 0
+    colours: DeviceArray  # a one-element array of SurfaceColours
     response: CameraResponse
     tables: Tables
-    sun: int  # its place among the stream's suns; -1: none shines
+    sun: int  # index among the stream's suns; -1: the sun does not shine
 
 
 @dataclass
@@ -46,18 +46,18 @@ class StreamSetup:
     suns: list[NDArray[np.float64]]
     appearances: list[ShadedAppearance]
     tiles: DeviceArray  # int32, every tile of the picture
-    no_shadows: DeviceArray  # a record of four shadow maps, for where no sun shines
+    no_shadows: DeviceArray  # four empty shadow maps, for appearances without sunlight
     layout: MemoryLayout  # of what changes from frame to frame
-    capacity: int  # samples that a frame has room for; it grows once a frame wanted more
+    capacity: int  # samples for which a frame has room; it grows when a frame requires more
 
     @property
     def pixels(self) -> int:
-        """Count of the picture's pixels."""
+        """Number of the picture's pixels."""
         return self.camera.width * self.camera.height
 
 
 def frame_layout(g: Geometry, suns: int, appearances: int) -> MemoryLayout:
-    """The layout of what changes from frame to frame, in so many appearances under so many suns."""
+    """Return the layout of the values that change from frame to frame, for a number of appearances and suns."""
     parts, eye, none = 1 + g.parts, np.zeros((1, 3)), np.zeros((1, g.parts, 3, 4))
     layout = MemoryLayout()
     layout.add("view_from_part", wp.float32, (parts, 12))
@@ -80,7 +80,7 @@ def frame_layout(g: Geometry, suns: int, appearances: int) -> MemoryLayout:
 
 
 def result_layout(setup: StreamSetup) -> MemoryLayout:
-    """The layout of what a frame leaves behind."""
+    """Return the layout of a frame's results."""
     layout, labels = MemoryLayout(), (("depth", wp.float32), ("instance", wp.uint16), ("semantic", wp.uint8))
     for name, kind in labels:
         layout.add(name, kind, (setup.pixels,))
@@ -91,8 +91,8 @@ def result_layout(setup: StreamSetup) -> MemoryLayout:
     return layout
 
 
-def suns_of(lit: Sequence[Light]) -> list[NDArray[np.float64]]:
-    """The directions of the suns that shine in some lights, each once, in order."""
+def suns_of(lit: Sequence[WeatherLight]) -> list[NDArray[np.float64]]:
+    """Return the distinct directions of the suns that shine, in order."""
     suns: list[NDArray[np.float64]] = []
     for light in lit:
         if light.sun_shines and not any(bool((light.sun == sun).all()) for sun in suns):

@@ -15,14 +15,14 @@ from recipe_runtime.render.lighting.tile_list_kernels import MAX_PER_TILE
 class LightBuffers:
     """Light by sample, for `capacity` samples."""
 
-    radiance: DeviceArray  # vec3f, without what wet ground mirrors
-    gleam: DeviceArray  # vec2f, share and gloss of what a sample mirrors
-    known: DeviceArray  # uint8, see `temporal_kernels`
-    shown: DeviceArray  # vec3f, with what wet ground mirrors; `radiance` itself where nothing is wet
+    radiance: DeviceArray  # vec3f, without the reflection on wet ground
+    mirror: DeviceArray  # vec2f, share and gloss of mirror reflection
+    reuse_class: DeviceArray  # uint8, what the radiance depends on: a constant of `temporal_kernels`
+    shown: DeviceArray  # vec3f, with the reflection on wet ground; `radiance` itself if nothing is wet
 
     @staticmethod
     def empty(capacity: int, wet: bool, device: str) -> LightBuffers:
-        """Buffers yet to be written."""
+        """Allocate buffers, uninitialised."""
         radiance = wp.empty(capacity, dtype=wp.vec3f, device=device)
         return LightBuffers(
             radiance,
@@ -34,15 +34,15 @@ class LightBuffers:
 
 @dataclass(frozen=True)
 class RayBuffers:
-    """Mirrored rays, one for each block of 2 x 2 pixels."""
+    """Reflected rays, one for each block of 2 x 2 pixels."""
 
-    reach: DeviceArray  # float32, metres to what the ray meets, -1 for nothing
-    origins: DeviceArray  # int32, the sample whose ray is kept, -1: none, -2: the block mirrors nothing
-    ways: DeviceArray  # uint32, the tiles that the ray crosses
+    reach: DeviceArray  # float32, metres to the hit, -1 for none
+    origins: DeviceArray  # int32, sample whose ray is cached, -1: none, -2: the block reflects nothing
+    ways: DeviceArray  # uint32, tiles that the ray crosses, as `packed_tiles`
 
     @staticmethod
     def empty(camera: CameraPlan, device: str) -> RayBuffers:
-        """Buffers with no ray kept."""
+        """Allocate buffers in which no ray is cached."""
         blocks = -(-camera.width // 2) * -(-camera.height // 2)
         return RayBuffers(
             wp.empty(blocks, dtype=wp.float32, device=device),
@@ -53,7 +53,7 @@ class RayBuffers:
 
 @dataclass(frozen=True)
 class TileLists:
-    """What reaches each tile, int32 [tiles, 1 + MAX_PER_TILE]; the first entry of a row is the count."""
+    """What affects each tile, int32 [tiles, 1 + MAX_PER_TILE]; the first entry of a row is the count."""
 
     lamps: DeviceArray
     bodies: DeviceArray
@@ -61,25 +61,25 @@ class TileLists:
 
     @staticmethod
     def empty(tiles: int, device: str) -> TileLists:
-        """Lists that hold nothing."""
+        """Allocate empty lists."""
         shape = (tiles, int(MAX_PER_TILE) + 1)
         return TileLists(*(wp.zeros(shape, dtype=wp.int32, device=device) for _ in range(3)))
 
     @property
     def tiles(self) -> int:
-        """Count of tiles."""
+        """Number of tiles."""
         return int(self.lamps.shape[0])
 
 
 @dataclass(frozen=True)
 class PixelLevels:
-    """Developed pixels that later frames may use again."""
+    """Developed pixels that later frames may reuse."""
 
     stale: DeviceArray  # uint8 [H * W], not 0 where the light has changed since the pixel was developed
     levels: DeviceArray  # vec3f [H * W], before the noise
 
     @staticmethod
     def empty(pixels: int, device: str) -> PixelLevels:
-        """No pixel is developed yet."""
+        """Allocate levels, all stale."""
         stale = wp.full(pixels, 1, dtype=wp.uint8, device=device)
         return PixelLevels(stale, wp.empty(pixels, dtype=wp.vec3f, device=device))

@@ -1,7 +1,8 @@
-"""Glow: the lamps' light that fog, rain and dust scatter towards the eye, so that each lamp has a halo and a cone.
+"""Glow: light of lamps scattered by fog, rain and dust, which gives each lamp a halo and a cone.
 
-Along a line of sight that passes a lamp at h metres, light that falls off with the square of distance integrates to the
-angle that the line subtends at the lamp, over h. That closed form needs one sum a lamp, and no steps through the air.
+Along a line of sight that passes a lamp at a distance of h metres, light that falls off with the square of the distance
+integrates to the angle that the line subtends at the lamp, divided by h. With this closed form no ray marching is
+needed.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -18,7 +19,7 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 
-MAX_RADIUS = wp.constant(wp.float32(5.0))  # metres beside a lamp at which its glow has faded to nothing
+MAX_RADIUS = wp.constant(wp.float32(5.0))  # metres beside a lamp at which its glow has faded to 0
 MAX_DISTANCE = wp.constant(wp.float32(70.0))  # metres from the eye, likewise
 MIN_RADIUS = wp.constant(wp.float32(0.12))  # metres, the radius of a lamp's glass
 SATURATION = wp.constant(wp.float32(12.0))  # per unit of power: bright lamps glow less than their strength
@@ -26,7 +27,7 @@ SATURATION = wp.constant(wp.float32(12.0))  # per unit of power: bright lamps gl
 
 @wp.func
 def arctangent(x: wp.float32) -> wp.float32:
-    """The arc tangent of x, to 0.002 radians (Rajan and others, 2006)."""
+    """Return the arc tangent of x, to 0.002 radians (Rajan and others, 2006)."""
     a = maximum(x, -x)
     t = a
     if a > 1.0:
@@ -46,7 +47,7 @@ def cull_glows(
     lamps: wp.array[Lamps],
     out_lists: wp.array2d[wp.int32],
 ):
-    """List the lamps whose glow may be seen within a tile; entry 0 is the count."""
+    """List the lamps whose glow may be visible within a tile; entry 0 is the count."""
     tile = wp.tid()
     columns = (pinhole.width + TILE - 1) / TILE
     focal = wp.float32(pinhole.focal)
@@ -71,7 +72,7 @@ def cull_glows(
             + view_from_world[0, 10] * p[2]
             + view_from_world[0, 11]
         )
-        # How far the lamp stands beside the tile's middle, in the plane across the optical axis.
+        # Distance of the lamp from the tile's centre, in the plane across the optical axis.
         depth = maximum(z, 0.0)
         dx = x - middle_x * depth
         dy = y - middle_y * depth
@@ -84,9 +85,9 @@ def cull_glows(
 
 @wp.func
 def extinction_at(air: wp.array[Air], z: wp.float32, distance: wp.float32) -> wp.float32:
-    """Extinction of the air at a height and a distance from the eye, 1/m."""
+    """Return the extinction coefficient of the air at a height and a distance from the eye, 1/m."""
     begun = clamp01((distance - air[0].fog_start) * 0.1 + 1.0)
-    return air[0].haze + air[0].fog * begun * decay(air, maximum(z, 0.0) * air[0].fog_thin)
+    return air[0].haze + air[0].fog * begun * decay(air, maximum(z, 0.0) * air[0].fog_falloff)
 
 
 @wp.func
@@ -99,7 +100,7 @@ def lamp_glow(
     sight: wp.vec3f,
     distance: wp.float32,
 ) -> wp.vec3f:
-    """The light of a tile's lamps that the air before `distance` metres scatters into a line of sight."""
+    """Return the light of a tile's lamps that the air within `distance` metres scatters into a line of sight."""
     total = wp.vec3f(0.0, 0.0, 0.0)
     for k in range(lists[tile, 0]):
         i = lists[tile, k + 1]
@@ -114,14 +115,14 @@ def lamp_glow(
             h = wp.sqrt(beside + MIN_RADIUS * MIN_RADIUS)
             seen = arctangent((distance - along) / h) + arctangent(along / h)
             near = minimum(maximum(along, 0.0), distance)
-            q = sight * near - to  # from the lamp to the nearest point of the way
+            q = sight * near - to  # from the lamp to the nearest point of the line of sight
             r = 1.0 / wp.sqrt(dot(q, q) + MIN_RADIUS * MIN_RADIUS)
             cone = lamps[0].cone[i]
             within = smoothstep(cone[0] - 0.25, cone[1], dot(q, lamps[0].direction[i]) * r)
-            # A narrow beam is soon crossed; the rest of a lamp's flux, thrown about, glows on all sides.
+            # A line of sight crosses a narrow beam quickly; the rest of the lamp's flux is scattered to all sides.
             beam = 0.65 * within * wp.sqrt(maximum(1.0 - cone[0] * cone[0], 0.0)) + 0.3 * (1.0 - cone[0])
             sigma = extinction_at(air, lamps[0].position[i][2], near)
-            share = sigma * air[0].glow * decay(air, sigma * near) * seen * edge * edge / h * beam
+            share = sigma * air[0].glow_share * decay(air, sigma * near) * seen * edge * edge / h * beam
             power = lamps[0].power[i]
             total = total + power * (share / (1.0 + power[0] * SATURATION))
     return total
@@ -138,7 +139,7 @@ def add_glow(
     distance: wp.float32,
     radiance: wp.vec3f,
 ) -> wp.vec3f:
-    """Add the glow of a tile's lamps in the fog, along a unit direction, to the light that arrives from there."""
-    if air[0].glow > 0.0:
+    """Add the glow of a tile's lamps along a unit direction to a radiance."""
+    if air[0].glow_share > 0.0:
         radiance = radiance + lamp_glow(air, lamps, lists, tile, eye, d, distance)
     return radiance

@@ -1,4 +1,7 @@
-"""What lights an observation: shadow maps by sun, lamps and bodies by tile. All appearances of a frame share them."""
+"""The light sources of an observation: shadow maps by sun, lamps and bodies by tile.
+
+All appearances of a frame share them.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,9 @@ from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from recipe_runtime.render.atmosphere.weather_light import Light
-from recipe_runtime.render.device.arrays import DeviceArray, record, records
-from recipe_runtime.render.device.timings import Timings
+from recipe_runtime.core.timings import Timings
+from recipe_runtime.render.atmosphere.weather_light import WeatherLight
+from recipe_runtime.render.device.arrays import DeviceArray, struct_array
 from recipe_runtime.render.lighting import passes
 from recipe_runtime.render.lighting.buffers import TileLists
 from recipe_runtime.render.lighting.lights import bodies_at, lamps_at, no_lamps
@@ -21,8 +24,8 @@ from recipe_runtime.render.shadows.shadow_maps import ShadowMaps, world_vertices
 
 
 @dataclass(frozen=True)
-class Nearby:
-    """Lamps and bodies about a camera, each a record on the device, and which of them reach each tile."""
+class TiledLights:
+    """Lamps and bodies near a camera, each a one-element struct array on the device, and their lists by tile."""
 
     lamps: DeviceArray
     bodies: DeviceArray
@@ -30,11 +33,11 @@ class Nearby:
 
 
 @dataclass
-class _Found:
-    """What is known of one observation."""
+class _Cached:
+    """The light sources computed so far for one observation."""
 
     moving_beams: dict[bytes, list[Any]] = field(default_factory=dict)  # by the sun's direction
-    nearby: dict[bool, Nearby] = field(default_factory=dict)  # by whether lamps burn
+    nearby: dict[bool, TiledLights] = field(default_factory=dict)  # by whether lamps burn
 
 
 class LightSources:
@@ -43,12 +46,12 @@ class LightSources:
     def __init__(self, geometry: Geometry, device: str, timings: Timings) -> None:
         self._g, self._device, self._timings = geometry, device, timings
         self._maps = ShadowMaps(geometry, device)
-        self._found: WeakKeyDictionary[Observation, _Found] = WeakKeyDictionary()
+        self._found: WeakKeyDictionary[Observation, _Cached] = WeakKeyDictionary()
 
-    def beams(self, obs: Observation, light: Light) -> DeviceArray:
-        """The four shadow maps of a sun, a record: static fine and coarse, moving fine and coarse."""
+    def beams(self, obs: Observation, light: WeatherLight) -> DeviceArray:
+        """Return the four shadow maps of a sun, a struct array: static fine and coarse, moving fine and coarse."""
         if not light.sun_shines:
-            return records([self._maps.none()] * 4, self._device)
+            return struct_array([self._maps.none()] * 4, self._device)
         eye, ahead = obs.world_from_sensor[:, 3], obs.world_from_sensor[:, 0]
         with self._timings("static shadows"):
             static = self._maps.static(light.sun, eye)
@@ -59,25 +62,25 @@ class LightSources:
             maps = self._maps.moving(light.sun, vertices, world, eye, ahead)
             moving[sun] = [shadow_map.beam for shadow_map in maps]
             weakref.finalize(obs, self._maps.give_back, maps).atexit = False
-        return records([*static, *moving[sun]], self._device)
+        return struct_array([*static, *moving[sun]], self._device)
 
-    def nearby(self, obs: Observation, lit: bool) -> Nearby:
-        """The lamps, none unless `lit`, and the bodies about a camera, and their lists by tile."""
+    def nearby(self, obs: Observation, lit: bool) -> TiledLights:
+        """Return the lamps (none unless `lit`) and the bodies near a camera, and their lists by tile."""
         nearby = self._of(obs).nearby
         if lit not in nearby:
             nearby[lit] = self._listed(obs, lit)
         return nearby[lit]
 
-    def _listed(self, obs: Observation, lit: bool) -> Nearby:
+    def _listed(self, obs: Observation, lit: bool) -> TiledLights:
         world, eye, device = world_from_parts(obs.parts), obs.world_from_sensor[:, 3], self._device
-        lamps = record(lamps_at(self._g, world, eye, device) if lit else no_lamps(device), device)
-        bodies = record(bodies_at(self._g, obs.parts, device), device)
+        lamps = struct_array([lamps_at(self._g, world, eye, device) if lit else no_lamps(device)], device)
+        bodies = struct_array([bodies_at(self._g, obs.parts, device)], device)
         tiles = -(-obs.camera.width // int(TILE)) * -(-obs.camera.height // int(TILE))
         lists = TileLists.empty(tiles, device)
         back = upload_transforms(world_from_view(obs.world_from_sensor), device)
         view = upload_transforms(view_from_parts(obs.world_from_sensor, obs.parts)[:1], device)
         passes.list_lights(obs.keys, obs.camera, back, view, lamps, bodies, lists, device)
-        return Nearby(lamps, bodies, lists)
+        return TiledLights(lamps, bodies, lists)
 
-    def _of(self, obs: Observation) -> _Found:
-        return self._found.setdefault(obs, _Found())
+    def _of(self, obs: Observation) -> _Cached:
+        return self._found.setdefault(obs, _Cached())

@@ -1,4 +1,4 @@
-"""The lamps that burn and the bodies that stand near the ground, gathered on the host for one frame or many."""
+"""Lamps that are on, and bodies near the ground, collected on the host for one frame or many."""
 
 from __future__ import annotations
 
@@ -9,21 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.device.arrays import filled
+from recipe_runtime.render.device.arrays import set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps
 from recipe_runtime.render.scene.geometry import Geometry
 
-_CANDELA = 1.0 / 11000.0  # light on a white surface a metre away, in the scale of `air`, of one candela
-_SPILL = 1400.0  # candela above which a lamp's light near by grows by the square root only
+_CANDELA = 1.0 / 11000.0  # light of one candela on a white surface at one metre, in the scale of `Air`
+_SPILL = 1400.0  # candela above which the light near a lamp grows with the square root
 _MAX_LAMPS = 256
-_LIT_STREET, _UNLIT = (
-    3.1e-3,
-    0.3,
-)  # the light of all lamps about a street that is lit; the least that one counts as, of it
-_LOWEST = 0.4  # metres above its actor's foot at which a part no longer darkens the ground
-_UNDER = 0.72  # share of the sky's light that a wide body flat on the ground keeps from it
-_NOWHERE = 1.0e9  # metres
+_LIT_STREET = 3.1e-3  # the light of all lamps near a street that is lit
+_UNLIT = 0.3  # the minimum that a street counts as, relative to that
+_MAX_HEIGHT = 0.4  # metres above the ground at which a part no longer darkens it
+_MAX_OCCLUSION = 0.72  # share of the sky's light that a wide body on the ground blocks
+_NOWHERE = 1.0e9  # metres, a coordinate out of reach
 LAMP_NAMES = ("position", "direction", "power", "cone", "reach")
 LAMP_KINDS = (wp.vec3f, wp.vec3f, wp.vec3f, wp.vec2f, wp.float32)
 BODY_NAMES = ("centre", "axis", "half", "spread", "strength")
@@ -31,28 +29,28 @@ BODY_KINDS = (wp.vec3f, wp.vec2f, wp.vec2f, wp.float32, wp.float32)
 
 
 def lamplight(geometry: Geometry, eye: Array) -> float:
-    """The light of the static lamps on the street about an eye [3], as a multiple of a common street's.
+    """Return the light of the static lamps on the street near an eye [3], relative to a typical street.
 
-    A lamp counts as if it hung at least 10 m away, so that driving by one changes little.
+    A lamp counts as if it were at least 10 m away, so that passing one changes little.
     """
     lights = geometry.light_rows[geometry.light_parts == 0]
     dx, dy, dz = (lights[:, axis] - float(eye[axis]) for axis in range(3))
     near = _power(lights[:, 9]) / (dx * dx + dy * dy + dz * dz + 100.0)
-    total = float(np.add.accumulate(near)[-1]) if len(near) else 0.0  # one after the other, on every processor
+    total = float(np.add.accumulate(near)[-1]) if len(near) else 0.0  # sequential sum: the same on every CPU
     return min(max(total / _LIT_STREET, _UNLIT), 2.0)
 
 
 def lamps_at(geometry: Geometry, world_from_parts: Array, eye: Array, device: str) -> Lamps:
-    """The lamps nearest to the eye, in the geometry's order."""
+    """Return the lamps nearest to the eye, in the geometry's order."""
     columns = lamp_columns(geometry, world_from_parts, eye)
     return lamps_of(geometry, [_upload(c, kind, device) for c, kind in zip(columns, LAMP_KINDS, strict=True)], device)
 
 
 def lamps_of(geometry: Geometry, columns: Sequence[Any], device: str) -> Lamps:
-    """The struct of lamps whose columns are on the device."""
-    crowded = len(geometry.lights) > _MAX_LAMPS  # then which lamps are here may change from frame to frame
+    """Return the struct of lamps whose columns are on the device."""
+    crowded = len(geometry.lights) > _MAX_LAMPS  # then the selected lamps may change from frame to frame
     moves = [int(crowded or mounted.part != 0) for mounted in geometry.lights[:_MAX_LAMPS]] or [1]
-    return filled(
+    return set_fields(
         Lamps(),
         **dict(zip(LAMP_NAMES, columns, strict=True)),
         moves=wp.array(np.array(moves, np.int32), dtype=wp.int32, device=device),
@@ -61,9 +59,10 @@ def lamps_of(geometry: Geometry, columns: Sequence[Any], device: str) -> Lamps:
 
 
 def lamp_columns(geometry: Geometry, world: Array, eye: Array) -> tuple[Array, ...]:
-    """Position, direction, power, cone and reach of the lamps nearest to the eye; one of no power if there is none.
+    """Return position, direction, power, cone and reach of the lamps nearest to the eye.
 
-    `world` [..., 1 + P, 3, 4], `eye` [..., 3]; columns [..., L, 3], or 2 for the cone, or none for the reach.
+    If there are no lamps, one of power 0 is returned. `world` [..., 1 + P, 3, 4], `eye` [..., 3]; columns [..., L, 3],
+    the cone [..., L, 2], the reach [..., L].
     """
     if not geometry.lights:
         none = np.zeros((*eye.shape[:-1], 1, 3))
@@ -72,9 +71,9 @@ def lamp_columns(geometry: Geometry, world: Array, eye: Array) -> tuple[Array, .
     candela, cone = lights[:, 9], lights[:, 10]
     power = _power(candela)[:, None] * lights[:, 6:9]
     shape = np.stack([cone, cone + (1.0 - cone) * 0.75, 3.0 + 0.6 * np.sqrt(candela)], axis=-1)
-    to = _turned(carrier, lights[:, 3:6])
+    to = _rotated(carrier, lights[:, 3:6])
     rest = np.broadcast_to(np.concatenate([power, shape], axis=-1), (*to.shape[:-1], 6))
-    rows = np.concatenate([_turned(carrier, lights[:, 0:3]) + carrier[..., 3], to, rest], axis=-1)
+    rows = np.concatenate([_rotated(carrier, lights[:, 0:3]) + carrier[..., 3], to, rest], axis=-1)
     if len(geometry.lights) > _MAX_LAMPS:
         away = rows[..., 0:3] - eye[..., None, :]
         gaps = (away[..., 0] * away[..., 0] + away[..., 1] * away[..., 1]) + away[..., 2] * away[..., 2]
@@ -84,13 +83,13 @@ def lamp_columns(geometry: Geometry, world: Array, eye: Array) -> tuple[Array, .
 
 
 def no_lamps(device: str) -> Lamps:
-    """The lamps that burn by day: none."""
+    """Return the struct of no lamps, for daylight."""
     columns = {name: wp.zeros(1, dtype=kind, device=device) for name, kind in zip(LAMP_NAMES, LAMP_KINDS, strict=True)}
-    return filled(Lamps(), **columns, moves=wp.zeros(1, dtype=wp.int32, device=device), count=0)
+    return set_fields(Lamps(), **columns, moves=wp.zeros(1, dtype=wp.int32, device=device), count=0)
 
 
 def bodies_at(geometry: Geometry, parts: Array, device: str) -> Bodies:
-    """The moving parts that come within half a metre of their actor's foot."""
+    """Return the moving parts that come within half a metre of the ground below their actor."""
     columns = body_columns(geometry, parts)
     near = columns[0][:, 2] < _NOWHERE
     uploaded = [_upload(c[near] if near.any() else c[:1], k, device) for c, k in zip(columns, BODY_KINDS, strict=True)]
@@ -98,14 +97,14 @@ def bodies_at(geometry: Geometry, parts: Array, device: str) -> Bodies:
 
 
 def bodies_of(columns: Sequence[Any], count: int) -> Bodies:
-    """The struct of bodies whose columns are on the device."""
-    return filled(Bodies(), **dict(zip(BODY_NAMES, columns, strict=True)), count=count)
+    """Return the struct of bodies whose columns are on the device."""
+    return set_fields(Bodies(), **dict(zip(BODY_NAMES, columns, strict=True)), count=count)
 
 
 def body_columns(geometry: Geometry, parts: Array) -> tuple[Array, ...]:
-    """Centre, axis, half sizes, spread and strength of every moving part's foot, in the Trace's order.
+    """Return centre, axis, half sizes, spread and strength of the footprint of every moving part, in the Trace's order.
 
-    `parts` [..., P, 3, 4]. A part that is not near its actor's foot stands nowhere: beyond anything's reach.
+    `parts` [..., P, 3, 4]. The footprint of a part that is not near the ground is placed out of reach.
     """
     if not geometry.parts:
         none = np.zeros((*parts.shape[:-3], 1, 3))
@@ -114,42 +113,42 @@ def body_columns(geometry: Geometry, parts: Array) -> tuple[Array, ...]:
     firsts = [actor.first_part for actor in geometry.actors]
     lowest = np.minimum.reduceat(box[..., 2], firsts, axis=-1)
     foot = np.repeat(lowest, [actor.parts for actor in geometry.actors], axis=-1)
-    signals = np.full((*foot.shape[:-1], box.shape[-2] - foot.shape[-1]), -_NOWHERE)  # lamps stand on no ground
+    signals = np.full((*foot.shape[:-1], box.shape[-2] - foot.shape[-1]), -_NOWHERE)  # signals are not near the ground
     foot = np.concatenate([foot, signals], axis=-1)
     height, small = box[..., 2] - foot, np.minimum(box[..., 5], box[..., 6])
-    # What a disc of the part's breadth hides of the sky, seen from the ground below its middle.
+    # The share of the sky that a disc of the part's width hides, seen from the ground below its centre.
     lift = height / (small + 0.04)
     centre = np.stack([box[..., 0], box[..., 1], foot], axis=-1)
-    centre = np.where((height < _LOWEST)[..., None], centre, _NOWHERE)
+    centre = np.where((height < _MAX_HEIGHT)[..., None], centre, _NOWHERE)
     spread = 0.05 + 0.35 * small + 0.4 * height
-    return centre, box[..., 3:5], box[..., 5:7], spread, _UNDER / (1.0 + lift * lift)
+    return centre, box[..., 3:5], box[..., 5:7], spread, _MAX_OCCLUSION / (1.0 + lift * lift)
 
 
 def _power(candela: Array) -> Array:
-    """What lamps give a white surface a metre away."""
-    # What falls near a strong lamp is the spill of a beam that is aimed far ahead.
+    """Return the light on a white surface at a distance of one metre."""
+    # The light near a strong lamp is the spill of a beam that is aimed far ahead.
     power: Array = candela * np.minimum(1.0, np.sqrt(_SPILL / candela)) * _CANDELA
     return power
 
 
-def _turned(world: Array, v: Array) -> Array:
-    """Vectors [L, 3] turned by transforms [..., L, 3, 4]."""
+def _rotated(world: Array, v: Array) -> Array:
+    """Rotate vectors [L, 3] by transforms [..., L, 3, 4]."""
     turned: Array = (world[..., 0] * v[:, 0:1] + world[..., 1] * v[:, 1:2]) + world[..., 2] * v[:, 2:3]
     return turned
 
 
 def _footprint(world: Array, boxes: NDArray[np.float64]) -> Array:
-    """Centre x, y, lowest z, level axis and half sizes of the parts' boxes [P, 2, 3]. [..., P, 7]."""
+    """Return centre x, y, lowest z, horizontal axis and half sizes of the parts' boxes [P, 2, 3], as [..., P, 7]."""
     low, high = boxes[:, 0], boxes[:, 1]
     half = (high - low) / 2.0
-    at = _turned(world, (low + high) / 2.0) + world[..., 3]
-    # The first axis that lies level enough gives the direction; a limb's box is nearly round anyway.
+    at = _rotated(world, (low + high) / 2.0) + world[..., 3]
+    # The direction is that of the first axis if it is horizontal enough; boxes of limbs are nearly round.
     x, y = world[..., 0, 0], world[..., 1, 0]
     size = np.sqrt(x * x + y * y)
     level = size > 0.3
     one = np.where(level, size, 1.0)
     x, y = np.where(level, x / one, 1.0), np.where(level, y / one, 0.0)
-    reach = _turned(np.abs(world), half)
+    reach = _rotated(np.abs(world), half)
     h0 = np.where(level, _extent(world, half, x, y), reach[..., 0])
     h1 = np.where(level, _extent(world, half, -y, x), reach[..., 1])
     return np.stack([at[..., 0], at[..., 1], at[..., 2] - reach[..., 2], x, y, h0, h1], axis=-1)

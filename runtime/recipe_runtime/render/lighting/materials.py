@@ -1,14 +1,14 @@
-"""Materials: what a surface is made of at a point, dry or wet, at rest or in the wind.
+"""Materials: the surface properties at a point, dry or wet, still or moved by wind.
 
-Paint, glass and metal have a coat that mirrors; a window has a room behind it. Water darkens what is porous, and lies
-in the hollows of flat ground. Leaves turn in the wind.
+Paint, glass and metal have a reflective coat; windows show a room. Water darkens porous surfaces and fills hollows of
+flat ground.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern
-from recipe_runtime.render.atmosphere.air import SWING_STIRS, Air
+from recipe_runtime.render.atmosphere.air import SWAY_STEPS, Air
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, noise3, smoothstep, unit
@@ -18,27 +18,27 @@ from recipe_runtime.render.texture.ground import ground_height
 
 wp.set_module_options(OPTIONS)
 
-MAX_SOFTNESS = wp.constant(wp.float32(0.35))  # the furthest that light wraps around anything
-LEVEL = wp.constant(wp.float32(0.95))  # what turns so far upward holds water
-MIN_DEPOSITS = wp.constant(wp.float32(0.02))  # deposits up to this make no puddle
+MAX_SOFTNESS = wp.constant(wp.float32(0.35))  # the maximum of `soft`
+LEVEL = wp.constant(wp.float32(0.95))  # surfaces whose normal has at least this z hold water
+MIN_DEPOSITS = wp.constant(wp.float32(0.02))  # deposits up to this form no puddle
 
 
 @wp.struct
 class Material:
-    """What a surface is made of at a point."""
+    """The surface properties at a point."""
 
     albedo: wp.vec3f
     glow: wp.vec3f  # emitted radiance
-    coat: wp.float32  # reflectance of its gloss straight on; 0: none
-    gloss: wp.float32  # 1 a mirror, 0 matt
+    coat: wp.float32  # reflectance at normal incidence; 0: none
+    gloss: wp.float32  # 1: mirror, 0: matt
     normal: wp.vec3f
-    soft: wp.float32  # how far light wraps around: leaves, cloth, skin
-    street: wp.float32  # 1: it mirrors the houses over the way below the sky
+    soft: wp.float32  # wrap lighting: leaves, cloth, skin
+    street: wp.float32  # 1: reflects the houses across the street below the sky
 
 
 @wp.func
 def window_light_level(air: wp.array[Air], code: wp.uint32, awake: wp.float32) -> wp.float32:
-    """A number in [0, 1) for a window that is lit at night, below 0 for one that is dark."""
+    """Return a number in [0, 1) for a window that is lit at night, below 0 for a dark one."""
     h = (code ^ air[0].seed) * wp.uint32(0x9E3779B)
     h = (h ^ (h >> wp.uint32(13))) * wp.uint32(0x85EBCA7)
     chance = unit(h ^ (h >> wp.uint32(16)))
@@ -58,7 +58,10 @@ def window_material(
     code: wp.uint32,
     awake: wp.float32,
 ) -> Material:
-    """A window: its frame, and behind the glass a dark or a lit room, with a curtain, goods or a floor slab."""
+    """Return the material of a window.
+
+    It consists of the frame and, behind the glass, a dark or lit room with a curtain, goods or a floor slab.
+    """
     glass = 1.0 - detail[1]
     inside = wp.vec3f(0.034, 0.037, 0.042)
     veil = wp.vec3f(0.4, 0.38, 0.34)
@@ -82,10 +85,10 @@ def window_material(
     m.street = 1.0
     lit_by = window_light_level(air, code, awake)
     bright = wp.float32(0.0)
-    if lit_by >= 0.0 and lit_by < air[0].night:  # one after the other, as it gets dark
+    if lit_by >= 0.0 and lit_by < air[0].night:  # lights turn on one after the other at dusk
         bright = 0.6 + 0.7 * lit_by
     if pattern != Pattern.SHOP_WINDOW:
-        # Where many windows share a pixel, their mean is seen.
+        # If many windows share a pixel, their mean is visible.
         mean = awake * air[0].night * (0.6 + 0.35 * air[0].night)
         bright = mean + (bright - mean) * detail[3]
         lit_by = 0.5 + (lit_by - 0.5) * detail[3]
@@ -97,13 +100,13 @@ def window_material(
         elif pattern == Pattern.SHOP_WINDOW:
             colour = mix(colour, multiply(colour, veil) * 2.5, detail[2])
             through = glass * 1.2
-        m.glow = colour * (air[0].lit * 0.8e-3 * detail[0] * through * bright)
+        m.glow = colour * (air[0].emissive_gain * 0.8e-3 * detail[0] * through * bright)
     return m
 
 
 @wp.func
 def is_window(pattern: wp.int32) -> bool:
-    """Whether a surface is glass with rooms behind it."""
+    """Return whether a surface is glass with rooms behind it."""
     glass = pattern == Pattern.WINDOW or pattern == Pattern.CURTAIN_WALL
     return glass or pattern == Pattern.SHOP_WINDOW or pattern == Pattern.FACADE
 
@@ -119,7 +122,7 @@ def material_of(
     code: wp.uint32,
     awake: wp.float32,
 ) -> Material:
-    """The dry material."""
+    """Return the dry material."""
     m = Material()
     m.normal = n
     m.albedo = mix(first, second, detail[1]) * maximum(detail[0], 0.05)
@@ -141,15 +144,15 @@ def material_of(
         m.coat = 0.12
         m.gloss = 0.6
     elif pattern == Pattern.LAMP:
-        m.glow = first * (air[0].night * air[0].lit * 3.0e-2)
+        m.glow = first * (air[0].night * air[0].emissive_gain * 3.0e-2)
     elif pattern == Pattern.SIGNAL:
         m.glow = first * air[0].signal
     elif pattern == Pattern.HEADLIGHT:
-        m.glow = first * (air[0].night * air[0].lit * 5.0e-2)
+        m.glow = first * (air[0].night * air[0].emissive_gain * 5.0e-2)
         m.coat = 0.2
         m.gloss = 0.9
     elif pattern == Pattern.TAILLIGHT:
-        m.glow = first * (air[0].night * air[0].lit * 6.0e-3)
+        m.glow = first * (air[0].night * air[0].emissive_gain * 6.0e-3)
         m.coat = 0.08
         m.gloss = 0.9
     elif pattern == Pattern.LENS:
@@ -170,14 +173,14 @@ def material_of(
 
 @wp.func
 def is_paved(pattern: wp.int32) -> bool:
-    """Whether a surface soaks, shines and holds puddles as a street does."""
+    """Return whether a surface becomes wet and has puddles, as a street does."""
     street = pattern == Pattern.ASPHALT or pattern == Pattern.ROAD_PAINT
     return street or pattern == Pattern.SLABS or pattern == Pattern.CONCRETE
 
 
 @wp.func
 def puddle_depth(pattern: wp.int32, p: wp.vec3f, foot: wp.float32) -> wp.float32:
-    """How low the ground lies, as -1 less its height: below 0. The higher, the sooner water stands there."""
+    """Return -1 minus the height of the ground, always below 0; the higher, the sooner a puddle forms."""
     height = ground_height(p, foot)
     if pattern == Pattern.SLABS or pattern == Pattern.CONCRETE:
         height = height + 0.1
@@ -186,7 +189,7 @@ def puddle_depth(pattern: wp.int32, p: wp.vec3f, foot: wp.float32) -> wp.float32
 
 @wp.func
 def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.float32) -> Material:
-    """Wet what is dry: porous stone darkens and shines, hollows of flat ground fill with water."""
+    """Wet a dry material: porous surfaces become darker and glossier, hollows of flat ground fill with water."""
     up = m.normal[2]
     if is_paved(pattern):
         darker = 0.52
@@ -194,7 +197,7 @@ def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.fl
             darker = 0.78
         m.albedo = m.albedo * (1.0 - (1.0 - darker) * air[0].wet)
         m.coat = 0.022 * air[0].wet
-        m.gloss = 0.55 + 0.25 * air[0].wet  # a thin film follows the grain of what it wets
+        m.gloss = 0.55 + 0.25 * air[0].wet  # a thin film follows the roughness of the surface
         if up > LEVEL and air[0].puddles > MIN_DEPOSITS:
             level = 0.88 - 0.6 * air[0].puddles
             pool = smoothstep(level - 0.03, level + 0.05, 2.0 + low) * smoothstep(MIN_DEPOSITS, 0.2, air[0].puddles)
@@ -219,13 +222,13 @@ def apply_wetness(m: Material, pattern: wp.int32, air: wp.array[Air], low: wp.fl
 
 
 @wp.func
-def apply_wind(m: Material, air: wp.array[Air], p: wp.vec3f, near: wp.float32, stir: wp.int32) -> Material:
-    """Leaves and blades in the wind: their light and shade move to and fro, more so where a gust passes."""
-    gust = noise2(p[0] * 0.25 - air[0].breeze * wp.float32(stir), p[1] * 0.25 + 0.3 * p[2], seeds.WIND_GUST)
-    ends = air[0].swings[nonnegative((stir + SWING_STIRS) % SWING_STIRS)]
+def apply_wind(m: Material, air: wp.array[Air], p: wp.vec3f, near: wp.float32, step: wp.int32) -> Material:
+    """Move the shading of leaves and blades to and fro, more in gusts."""
+    gust = noise2(p[0] * 0.25 - air[0].gust_shift * wp.float32(step), p[1] * 0.25 + 0.3 * p[2], seeds.WIND_GUST)
+    ends = air[0].sway[nonnegative((step + SWAY_STEPS) % SWAY_STEPS)]
     swing = ends[0] * (1.0 - gust) + ends[1] * gust
     leaf = noise3(p[0] * 7.0 + swing * 7.0, p[1] * 7.0 + swing * 5.0, p[2] * 7.0 - swing * 4.0, seeds.WIND_LEAF) - 0.5
-    amount = air[0].flutter * (0.4 + 0.6 * gust) * minimum(2.0 * near, 1.0)
+    amount = air[0].leaf_motion * (0.4 + 0.6 * gust) * minimum(2.0 * near, 1.0)
     m.albedo = m.albedo * (1.0 + 0.9 * amount * leaf)
     lean = 0.7 * amount * leaf
     m.normal = normalize(wp.vec3f(m.normal[0] + lean, m.normal[1] - 0.6 * lean, m.normal[2] + 0.4 * lean))

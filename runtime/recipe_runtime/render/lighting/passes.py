@@ -1,8 +1,8 @@
 """The passes from samples to light, each a launch of one kernel. ShadingPass and RecordedFrame both run these.
 
-Arguments: `samples`, `air`, `beams`, `lamps`, `bodies`, `previous` and `dirty` are records of the structs `Samples`,
-`Air`, `Sunbeam` (four), `Lamps`, `Bodies`, `PreviousFrame` and `DirtySamples`; `view_from_world` and `world_from_view`
-are float32 [1, 12]. `threads` is how many samples a pass is for. Outputs come last.
+Arguments: `samples`, `air`, `lamps`, `bodies`, `previous` and `dirty` are one-element arrays of the structs `Samples`,
+`Air`, `Lamps`, `Bodies`, `PreviousFrame` and `DirtySamples`, `beams` an array of four `Sunbeam`; `view_from_world` and
+`world_from_view` are float32 [1, 12]. `threads` is the number of samples that a pass computes. Outputs come last.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from recipe_runtime.render.shadows import shadow_kernels
 
 
 @dataclass(frozen=True)
-class Lights:
-    """What shades the samples of one appearance, each a record on the device."""
+class ShadingInputs:
+    """The inputs of shading for one appearance, each a struct array on the device."""
 
     colours: DeviceArray  # SurfaceColours
     air: DeviceArray
@@ -39,8 +39,8 @@ class Lights:
 
 
 @dataclass(frozen=True)
-class View:
-    """What reflection reads: depth float32 [H * W], each pixel's first sample int32 [H * W], the camera."""
+class ReflectionView:
+    """The inputs of reflection: depth float32 [H * W], each pixel's first sample int32 [H * W], the camera."""
 
     camera: CameraPlan
     depth: DeviceArray
@@ -58,7 +58,7 @@ def list_lights(
     out_lists: TileLists,
     device: str,
 ) -> None:
-    """List the lamps, the bodies and the glows that reach each tile."""
+    """List the lamps, bodies and glows that affect each tile."""
     launch(
         tile_list_kernels.cull_lights,
         out_lists.tiles,
@@ -122,7 +122,7 @@ def collect_dirty(
     firsts: DeviceArray,
     air: DeviceArray,
     previous: DeviceArray,
-    known: DeviceArray,
+    reuse_class: DeviceArray,
     out_quiet: DeviceArray,
     out_count: DeviceArray,
     out_samples: DeviceArray,
@@ -136,7 +136,7 @@ def collect_dirty(
         firsts=firsts,
         air=air,
         previous=previous,
-        known=known,
+        reuse_class=reuse_class,
         out_quiet=out_quiet,
         out_count=out_count,
         out_samples=out_samples,
@@ -146,7 +146,7 @@ def collect_dirty(
 def shade_samples(
     threads: int,
     samples: DeviceArray,
-    lights: Lights,
+    lights: ShadingInputs,
     previous: DeviceArray,
     dirty: DeviceArray,
     out_light: LightBuffers,
@@ -169,22 +169,22 @@ def shade_samples(
         previous=previous,
         dirty=dirty,
         out_radiance=out_light.radiance,
-        out_gleam=out_light.gleam,
-        out_known=out_light.known,
+        out_mirror=out_light.mirror,
+        out_reuse_class=out_light.reuse_class,
         out_shown=out_light.shown,
     )
 
 
 def trace_rays(
     samples: DeviceArray,
-    gleam: DeviceArray,
-    view: View,
+    mirror: DeviceArray,
+    view: ReflectionView,
     previous: DeviceArray,
     motion_sums: DeviceArray,
     out_rays: RayBuffers,
     device: str,
 ) -> None:
-    """Follow the mirrored ray of each block of 2 x 2 pixels."""
+    """Trace the reflected ray of each block of 2 x 2 pixels."""
     rows, columns = -(-view.camera.height // 2), -(-view.camera.width // 2)
     blocks_per_thread = columns if device == "cpu" else 1  # a GPU has threads to spare
     launch(
@@ -192,7 +192,7 @@ def trace_rays(
         rows * -(-columns // blocks_per_thread),
         device,
         samples=samples,
-        gleam=gleam,
+        mirror=mirror,
         depth=view.depth,
         starts=view.starts,
         view_from_world=view.view_from_world,
@@ -207,15 +207,15 @@ def trace_rays(
 
 
 def collect_reflective(
-    samples: DeviceArray, gleam: DeviceArray, count: int, out_count: DeviceArray, out_samples: DeviceArray, device: str
+    samples: DeviceArray, mirror: DeviceArray, count: int, out_count: DeviceArray, out_samples: DeviceArray, device: str
 ) -> None:
-    """List those of the first `count` samples that mirror anything."""
+    """List those of the first `count` samples that reflect anything."""
     launch(
         reflection_reuse_kernels.collect_reflective,
         count,
         device,
         samples=samples,
-        gleam=gleam,
+        mirror=mirror,
         out_count=out_count,
         out_samples=out_samples,
     )
@@ -226,13 +226,13 @@ def stale_reflections(
     air: DeviceArray,
     previous: DeviceArray,
     reflective: DeviceArray,
-    previous_moment: int,
+    previous_ring_step: int,
     sources: DeviceArray,
     out_count: DeviceArray,
     out_samples: DeviceArray,
     device: str,
 ) -> None:
-    """List those of the reflective samples whose mirrored light may have changed."""
+    """List those of the reflective samples whose reflection may have changed."""
     launch(
         reflection_reuse_kernels.stale_reflections,
         reflective.size,
@@ -241,7 +241,7 @@ def stale_reflections(
         air=air,
         previous=previous,
         reflective=reflective,
-        previous_moment=previous_moment,
+        previous_ring_step=previous_ring_step,
         sources=sources,
         out_count=out_count,
         out_samples=out_samples,
@@ -252,7 +252,7 @@ def reflect(
     threads: int,
     samples: DeviceArray,
     air: DeviceArray,
-    view: View,
+    view: ReflectionView,
     rays: RayBuffers,
     previous: DeviceArray,
     dirty: DeviceArray,
@@ -260,14 +260,14 @@ def reflect(
     out_sources: DeviceArray,
     device: str,
 ) -> None:
-    """Add what wet ground mirrors to `light.shown`."""
+    """Add the reflection on wet ground to `light.shown`."""
     launch(
         reflection_kernels.reflect,
         threads,
         device,
         samples=samples,
         air=air,
-        gleam=light.gleam,
+        mirror=light.mirror,
         reach=rays.reach,
         depth=view.depth,
         starts=view.starts,

@@ -1,4 +1,4 @@
-"""Reflection on wet ground, the host's side: which rays are followed anew, and which samples mirror something else."""
+"""Reflection on wet ground, host side: which rays are traced again, and which samples reflect something else."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from recipe_runtime.render.device.arrays import DeviceArray, record
+from recipe_runtime.render.device.arrays import DeviceArray, struct_array
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.lighting import passes
@@ -20,7 +20,7 @@ from recipe_runtime.render.scene.camera import upload_transforms, view_from_part
 
 
 class ReflectionPass:
-    """Adds what wet ground mirrors to the light of a frame's samples."""
+    """Adds the reflection on wet ground to the light of a frame's samples."""
 
     def __init__(self, device: str, reuse: TemporalReuse, sample_list: SampleList) -> None:
         self._device, self._reuse, self._list = device, reuse.reflections, sample_list
@@ -33,35 +33,35 @@ class ReflectionPass:
         samples: DeviceArray,
         air: DeviceArray,
         previous: DeviceArray,
-        known: int,
+        shared_count: int,
         found: SampleLight,
     ) -> None:
-        """Write `found.light.shown`.
+        """Write `found.light.shown`: the radiance with the reflection on wet ground.
 
         Args:
             obs: The frame's observation.
             points: Its samples.
-            samples: They, as a record of the struct `Samples`.
-            air: The light and weather, a record of the struct `Air`.
-            previous: What is known of the frame before, a record of `PreviousFrame`.
-            known: How many samples it knows.
+            samples: The samples, a one-element array of `Samples`.
+            air: The light and weather, a one-element array of `Air`.
+            previous: What changed since the earlier frame, a one-element array of `PreviousFrame`.
+            shared_count: Samples below this index are those of the earlier frame.
             found: The light of the samples.
         """
         view_from_world = upload_transforms(view_from_parts(obs.world_from_sensor, obs.parts)[:1], self._device)
-        view = passes.View(obs.camera, obs.device_depth, points.starts, view_from_world)
-        rays_known = previous if self._reuse else record(PreviousFrame(), self._device)
+        view = passes.ReflectionView(obs.camera, obs.device_depth, points.starts, view_from_world)
+        rays_previous = previous if self._reuse else struct_array([PreviousFrame()], self._device)
         sums = self._sums(obs)
-        passes.trace_rays(samples, found.light.gleam, view, rays_known, sums, found.rays, self._device)
-        dirty = self._stale(samples, air, previous, found) if known and self._reuse else all_samples()
-        threads, dirty_record = thread_count(dirty, points.count), record(dirty, self._device)
+        passes.trace_rays(samples, found.light.mirror, view, rays_previous, sums, found.rays, self._device)
+        dirty = self._stale(samples, air, previous, found) if shared_count and self._reuse else all_samples()
+        threads, dirty_record = thread_count(dirty, points.count), struct_array([dirty], self._device)
         place = found.rays, previous, dirty_record, found.light, found.sources
         passes.reflect(threads, samples, air, view, *place, self._device)
 
     def _stale(self, samples: DeviceArray, air: DeviceArray, previous: DeviceArray, found: SampleLight) -> DirtySamples:
-        """The samples that mirror something else than in the frame before, a struct `DirtySamples`."""
+        """Return the samples whose reflection may have changed since the earlier frame."""
         if found.reflective is None:
             count, listed = self._list.begin(found.kept)
-            passes.collect_reflective(samples, found.light.gleam, found.kept, count, listed, self._device)
+            passes.collect_reflective(samples, found.light.mirror, found.kept, count, listed, self._device)
             found.reflective = wp.clone(listed[: int(count.numpy()[0])])
         count, listed = self._list.begin(found.kept)
         frame = samples, air, previous, found.reflective, found.ring_step, found.sources
@@ -69,7 +69,7 @@ class ReflectionPass:
         return listed_samples(count, listed, found.kept)
 
     def _sums(self, obs: Observation) -> DeviceArray:
-        """How many tiles that something moving may touch lie above and to the left of each tile's corner, int32."""
+        """Return the summed-area table, int32 [rows + 1, columns + 1], of the tiles that moving objects may affect."""
         if obs not in self._motion_sums:
             tile = int(TILE)
             counts = np.zeros((-(-obs.camera.height // tile) + 1, -(-obs.camera.width // tile) + 1), np.int32)

@@ -1,8 +1,8 @@
-"""Reflections on wet ground: what a puddle mirrors is looked up in the picture itself.
+"""Reflections on wet ground: screen-space ray tracing in the depth of the picture.
 
-The mirrored ray is followed until it passes behind something that the camera sees; that sample's light is reflected.
-Four pixels share one ray's length, each goes that far along a ray of its own; at an edge, as far as those beside it.
-A ray that meets nothing sees the sky, or, if it is low, the street beyond the picture.
+The reflected ray is followed until it passes behind a visible surface; the light of that sample is reflected. A block
+of four pixels shares the length of one ray, and each pixel goes that far along its own ray; at edges, as far as
+neighbouring blocks. A ray without a hit sees the sky or, if it is low, the street beyond the picture.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -30,14 +30,14 @@ wp.set_module_options(OPTIONS)
 
 STEPS = wp.constant(13)
 STEP_GROWTH = wp.constant(wp.float32(1.47))
-DISTANCE_BEYOND_PICTURE = wp.constant(wp.float32(60.0))  # metres of air before what a ray meets beyond the picture
-DRY = wp.constant(-2)  # in the place of a sample: a block that mirrors nothing
-MIN_SHARE = wp.constant(wp.float32(0.016))  # shares below this only see the sky
+DISTANCE_BEYOND_PICTURE = wp.constant(wp.float32(60.0))  # metres of air assumed for a ray that leaves the picture
+DRY = wp.constant(-2)  # in place of a sample's index: a block that reflects nothing
+MIN_SHARE = wp.constant(wp.float32(0.016))  # of reflectance; below, only the sky is reflected
 
 
 @wp.func
 def to_view(view: wp.array2d[wp.float32], v: wp.vec3f) -> wp.vec3f:
-    """A direction of the world in the camera's frame."""
+    """Rotate a world-space direction to view space."""
     return wp.vec3f(
         (view[0, 0] * v[0] + view[0, 1] * v[1]) + view[0, 2] * v[2],
         (view[0, 4] * v[0] + view[0, 5] * v[1]) + view[0, 6] * v[2],
@@ -46,24 +46,26 @@ def to_view(view: wp.array2d[wp.float32], v: wp.vec3f) -> wp.vec3f:
 
 
 @wp.func
-def pixel_of(q: wp.vec3f, lens: Pinhole) -> wp.vec2i:
-    """The column and the row of the pixel that a point before the camera falls on; -1 and -1 outside of the picture."""
-    scale = wp.float32(lens.focal) / q[2]
-    x = q[0] * scale + wp.float32(lens.cx)
-    y = q[1] * scale + wp.float32(lens.cy)
-    within = x >= 0.0 and y >= 0.0 and x < wp.float32(lens.width) and y < wp.float32(lens.height)
+def pixel_of(q: wp.vec3f, pinhole: Pinhole) -> wp.vec2i:
+    """Return the pixel (column, row) of a view-space point in front of the camera; -1 and -1 outside the picture."""
+    scale = wp.float32(pinhole.focal) / q[2]
+    x = q[0] * scale + wp.float32(pinhole.cx)
+    y = q[1] * scale + wp.float32(pinhole.cy)
+    within = x >= 0.0 and y >= 0.0 and x < wp.float32(pinhole.width) and y < wp.float32(pinhole.height)
     return wp.vec2i(wp.where(within, wp.int32(x), -1), wp.where(within, wp.int32(y), -1))
 
 
 @wp.func
 def ripple_tilt(air: wp.array[Air], p: wp.vec3f, rings: wp.int32, gloss: wp.float32) -> wp.float32:
-    """How far ripples, grain and falling drops tilt the normal of wet ground at p along the line of sight."""
-    return (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(rings)) - 0.5) * (0.006 + 0.3 * (1.0 - gloss) + air[0].pelting)
+    """Return the tilt of the normal of wet ground along the line of sight by ripples, roughness and raindrops."""
+    return (noise2(p[0] * 23.0, p[1] * 23.0, wp.uint32(rings)) - 0.5) * (
+        0.006 + 0.3 * (1.0 - gloss) + air[0].ring_strength
+    )
 
 
 @wp.func
 def mirror_direction(to_point: wp.vec3f, ripple: wp.float32) -> wp.vec3f:
-    """The unit direction in which wet ground mirrors the line of sight: upward, and perturbed by ripples."""
+    """Return the unit direction of the reflected line of sight: upward, and perturbed by ripples."""
     one = 1.0 / wp.sqrt(maximum(dot(to_point, to_point), 1.0e-8))
     sight = to_point * one
     n = wp.vec3f(sight[0] * ripple, sight[1] * ripple, 1.0)
@@ -73,32 +75,37 @@ def mirror_direction(to_point: wp.vec3f, ripple: wp.float32) -> wp.vec3f:
 
 @wp.func
 def first_wet(
-    x0: wp.int32, y0: wp.int32, gleam: wp.array[wp.vec2f], starts: wp.array[wp.int32], lens: Pinhole
+    x0: wp.int32, y0: wp.int32, mirror: wp.array[wp.vec2f], starts: wp.array[wp.int32], pinhole: Pinhole
 ) -> wp.int32:
-    """The first sample of a block of 2 x 2 pixels that mirrors enough to be followed; -1 if none does."""
+    """Return the first sample of a block of 2 x 2 pixels that is reflective enough for a ray; -1 if there is none."""
     found = wp.int32(-1)
-    for y in range(y0, wp.min(y0 + 2, lens.height)):
-        for x in range(x0, wp.min(x0 + 2, lens.width)):
-            s = nonnegative(starts[nonnegative(y * lens.width + x)])
-            if found < 0 and gleam[s][0] > MIN_SHARE:
+    for y in range(y0, wp.min(y0 + 2, pinhole.height)):
+        for x in range(x0, wp.min(x0 + 2, pinhole.width)):
+            s = nonnegative(starts[nonnegative(y * pinhole.width + x)])
+            if found < 0 and mirror[s][0] > MIN_SHARE:
                 found = s
     return found
 
 
 @wp.func
 def bisect_hit(
-    start: wp.vec3f, way: wp.vec3f, before: wp.float32, behind: wp.float32, depth: wp.array[wp.float32], lens: Pinhole
+    start: wp.vec3f,
+    way: wp.vec3f,
+    before: wp.float32,
+    behind: wp.float32,
+    depth: wp.array[wp.float32],
+    pinhole: Pinhole,
 ) -> wp.float32:
-    """Where on its way a ray first passed behind what is seen: halvings between before it and behind it."""
+    """Return where a ray passes behind the visible surface, by bisection between a point in front and one behind."""
     low = before
     high = behind
     for _halving in range(4):
         middle = (low + high) * 0.5
         q = start + way * middle
-        at = pixel_of(q, lens)
+        at = pixel_of(q, pinhole)
         hidden = False
         if at[0] >= 0:
-            hidden = depth[nonnegative(at[1] * lens.width + at[0])] < q[2] - 0.03
+            hidden = depth[nonnegative(at[1] * pinhole.width + at[0])] < q[2] - 0.03
         if hidden:
             high = middle
         else:
@@ -114,9 +121,9 @@ def follow_ray(
     samples: wp.array[Samples],
     depth: wp.array[wp.float32],
     view: wp.array2d[wp.float32],
-    lens: Pinhole,
+    pinhole: Pinhole,
 ):
-    """How far the mirrored ray of a sample goes to what it meets, -1 if it meets nothing; and the tiles on its way."""
+    """Return the length of a sample's reflected ray up to its hit, -1 without a hit; and the tiles that it crosses."""
     to_point = samples[0].positions[i] - samples[0].eye
     start = to_view(view, to_point)
     way = to_view(view, mirror_direction(to_point, 0.0))
@@ -131,7 +138,7 @@ def follow_ray(
         q = start + way * t
         if q[2] <= 0.2:
             break
-        at = pixel_of(q, lens)
+        at = pixel_of(q, pinhole)
         x = at[0]
         y = at[1]
         if x < 0:
@@ -140,7 +147,7 @@ def follow_ray(
         top = wp.min(top, y)
         right = wp.max(right, x)
         bottom = wp.max(bottom, y)
-        seen = depth[nonnegative(y * lens.width + x)]
+        seen = depth[nonnegative(y * pinhole.width + x)]
         if seen < q[2] - 0.03 and seen > q[2] - 0.3 - 1.3 * (t - last):
             hit = 1
             break
@@ -148,14 +155,14 @@ def follow_ray(
         t = t * STEP_GROWTH
     found = wp.float32(-1.0)
     if hit != 0:
-        found = bisect_hit(start, way, last, t, depth, lens)
-    return found, packed_tiles(left, top, right, bottom, lens)
+        found = bisect_hit(start, way, last, t, depth, pinhole)
+    return found, packed_tiles(left, top, right, bottom, pinhole)
 
 
 @wp.kernel
 def trace_rays(
     samples: wp.array[Samples],
-    gleam: wp.array[wp.vec2f],
+    mirror: wp.array[wp.vec2f],
     depth: wp.array[wp.float32],
     starts: wp.array[wp.int32],
     view_from_world: wp.array2d[wp.float32],
@@ -167,31 +174,31 @@ def trace_rays(
     out_origins: wp.array[wp.int32],
     out_ways: wp.array[wp.uint32],
 ):
-    """How far the mirrored rays of blocks of 2 x 2 pixels go to what they meet; `blocks_per_thread` in a row.
+    """Trace the reflected rays of blocks of 2 x 2 pixels; `blocks_per_thread` blocks of a row.
 
-    The ray of an earlier frame, from sample `out_origins` past the tiles `out_ways`, is kept where nothing moves in any
-    of them; so is the knowledge (`DRY`) that a block mirrors nothing. A block whose ray goes another way than before
-    marks its pixels, and those beside it, as dirty.
+    A ray of an earlier frame, from sample `out_origins` across the tiles `out_ways`, is reused if nothing moves in
+    these tiles, and so is `DRY`, for a block that reflects nothing. A block whose ray changes marks its pixels, and
+    those beside it, as dirty.
     """
     columns = (pinhole.width + 1) / 2
     spans = (columns + blocks_per_thread - 1) / blocks_per_thread
     row = wp.tid() / spans
     first = (wp.tid() % spans) * blocks_per_thread
-    small = previous[0].kept > 0 and wp.max(pinhole.width, pinhole.height) <= MAX_PICTURE_SIDE
+    small = previous[0].kept_count > 0 and wp.max(pinhole.width, pinhole.height) <= MAX_PICTURE_SIDE
     y0 = row * 2
     for column in range(first, wp.min(first + blocks_per_thread, columns)):
         x0 = column * 2
         block = nonnegative(row * columns + column)
         known = out_origins[block]
         same = bool(False)
-        # (Nested, for what a kernel works out of an `and` is Warp's affair, and `calm` needs a small picture.)
+        # (Nested: Warp may evaluate both sides of an `and`, and `no_motion_in` requires a small picture.)
         if small and known != -1:  # noqa: SIM102
             if is_block_unchanged(x0, y0, previous, pinhole):
                 same = known == DRY
                 if not same:
                     same = no_motion_in(motion_sums, out_ways[block])
         if not same:
-            i = first_wet(x0, y0, gleam, starts, pinhole)
+            i = first_wet(x0, y0, mirror, starts, pinhole)
             was = out_reach[block]
             now = wp.float32(-1.0)
             out_origins[block] = DRY
@@ -199,7 +206,7 @@ def trace_rays(
                 now, way = follow_ray(i, x0, y0, samples, depth, view_from_world, pinhole)
                 out_ways[block] = way
                 out_origins[block] = -1
-                if small and i < previous[0].kept:  # noqa: SIM102
+                if small and i < previous[0].kept_count:  # noqa: SIM102
                     if no_motion_in(motion_sums, way):
                         out_origins[block] = i
             out_reach[block] = now
@@ -214,20 +221,20 @@ def ray_hit(
     d: wp.vec3f,
     depth: wp.array[wp.float32],
     view: wp.array2d[wp.float32],
-    lens: Pinhole,
+    pinhole: Pinhole,
 ) -> wp.vec2i:
-    """The pixel that a ray which goes t metres from a point ends on, and whether what is seen there lies at its end.
+    """Return the pixel in which a ray of length t from a point ends, and whether the visible surface lies at its end.
 
-    -1 and 0 if t is not above 0, or if that is beyond the picture.
+    It returns -1 and 0 if t is not above 0, or if the end is outside the picture.
     """
     at = wp.int32(-1)
     close = wp.int32(0)
     if t > 0.0:
         q = to_view(view, to_point + d * t)
         if q[2] > 0.2:
-            place = pixel_of(q, lens)
+            place = pixel_of(q, pinhole)
             if place[0] >= 0:
-                at = place[1] * lens.width + place[0]
+                at = place[1] * pinhole.width + place[0]
                 seen = depth[nonnegative(at)]
                 close = wp.where(seen < q[2] + 0.1 + 0.03 * t and seen > q[2] - 0.3 - 0.2 * t, 1, 0)
     return wp.vec2i(at, close)
@@ -235,18 +242,18 @@ def ray_hit(
 
 @wp.func
 def block_beside(
-    block: wp.int32, pixel: wp.int32, t: wp.float32, reach: wp.array[wp.float32], lens: Pinhole
+    block: wp.int32, pixel: wp.int32, t: wp.float32, reach: wp.array[wp.float32], pinhole: Pinhole
 ) -> wp.int32:
-    """The block next to a pixel of a block whose ray went t metres, if that one's went another way; else its own.
+    """Return a block next to a pixel of a block whose ray has length t, with a ray of another length; else the block.
 
-    It is the one on the pixel's side; or, if that is no other, the one above or below.
+    It is the block on the pixel's left or right side or, if that has the same length, the one above or below.
     """
-    columns = (lens.width + 1) / 2
-    rows = (lens.height + 1) / 2
+    columns = (pinhole.width + 1) / 2
+    rows = (pinhole.height + 1) / 2
     column = block % columns
     row = block / columns
-    c = wp.min(wp.max(column + ((pixel % lens.width) & 1) * 2 - 1, 0), columns - 1)
-    r = wp.min(wp.max(row + ((pixel / lens.width) & 1) * 2 - 1, 0), rows - 1)
+    c = wp.min(wp.max(column + ((pixel % pinhole.width) & 1) * 2 - 1, 0), columns - 1)
+    r = wp.min(wp.max(row + ((pixel / pinhole.width) & 1) * 2 - 1, 0), rows - 1)
     found = row * columns + c
     if wp.abs(reach[nonnegative(found)] - t) <= 0.15 * wp.abs(t):
         found = r * columns + column
@@ -264,20 +271,21 @@ def mirrored_pixel(
     reach: wp.array[wp.float32],
     depth: wp.array[wp.float32],
     view: wp.array2d[wp.float32],
-    lens: Pinhole,
+    pinhole: Pinhole,
 ) -> wp.vec2i:
-    """The pixel that a point of a block's pixel mirrors along d, and the other pixel whose depth decided that; or -1.
+    """Return the pixel that is reflected along d, and the other pixel whose depth decided that; or -1.
 
-    The ray goes as far as the block's; or, where that ends in the air or behind something, as that of a block beside.
+    The ray has the length of the block's; if that ends in front of or behind the visible surface, that of a
+    neighbour's.
     """
     t = reach[block]
-    own = ray_hit(t, to_point, d, depth, view, lens)
+    own = ray_hit(t, to_point, d, depth, view, pinhole)
     at = own[0]
     other = wp.int32(-1)
     if own[1] == 0:
-        beside = reach[nonnegative(block_beside(block, pixel, t, reach, lens))]
+        beside = reach[nonnegative(block_beside(block, pixel, t, reach, pinhole))]
         if beside > 0.0 and beside != t:
-            end = ray_hit(beside, to_point, d, depth, view, lens)
+            end = ray_hit(beside, to_point, d, depth, view, pinhole)
             other = end[0]
             if end[1] != 0:
                 other = at
@@ -287,7 +295,7 @@ def mirrored_pixel(
 
 @wp.func
 def light_beyond_picture(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
-    """The light along d of what the camera does not see: the sky, or, if d is low, the street."""
+    """Return the light along d from outside the picture: the sky or, if d is low, the street."""
     street = clamp01(smoothstep(0.34, 0.12, d[2]))
     beyond = mix(reflected_sky(air, d), air[0].sideways * 0.45, street)
     return mix(air[0].fog_colour, beyond, decay(air, (air[0].fog + air[0].haze) * DISTANCE_BEYOND_PICTURE))
@@ -297,7 +305,7 @@ def light_beyond_picture(air: wp.array[Air], d: wp.vec3f) -> wp.vec3f:
 def reflect(
     samples: wp.array[Samples],
     air: wp.array[Air],
-    gleam: wp.array[wp.vec2f],
+    mirror: wp.array[wp.vec2f],
     reach: wp.array[wp.float32],
     depth: wp.array[wp.float32],
     starts: wp.array[wp.int32],
@@ -309,37 +317,37 @@ def reflect(
     out_sources: wp.array[wp.vec2i],
     out_shown: wp.array[wp.vec3f],
 ):
-    """Add to the dirty samples what they mirror: along their own ray, as far as their block's ray went.
+    """Add the reflected light to the dirty samples: along their own ray, as far as the ray of their block.
 
-    Where that ends in the air or behind something, as it may at the edge of what is mirrored, or goes nowhere, the ray
-    of a block beside it may end better. `out_sources` gets the pixel whose light it was and the
-    other pixel whose depth mattered, for `stale_reflections`.
+    If that ray does not end on the visible surface, as at edges, the length of a neighbouring block's ray may.
+    `out_sources` receives the pixel whose light is reflected and the other pixel whose depth was used, for
+    `stale_reflections`.
     """
     i = dirty_sample(dirty, wp.tid())
-    share = gleam[i][0]
+    share = mirror[i][0]
     if share <= 0.0:
         return
     pixel = samples[0].pixels[i]
-    if pixel < 0:  # a slot that no sample took
+    if pixel < 0:  # an unused slot
         return
     light = radiance[i]
     pixel = nonnegative(pixel)
     block = nonnegative((pixel / pinhole.width / 2) * ((pinhole.width + 1) / 2) + (pixel % pinhole.width) / 2)
-    keep = i < previous[0].kept
+    keep = i < previous[0].kept_count
     mark_dirty(previous, pixel)
     p = samples[0].positions[i]
     to_point = p - samples[0].eye
-    d = mirror_direction(to_point, ripple_tilt(air, p, ring_pattern(ring_phase(p), air[0].moment), gleam[i][1]))
+    d = mirror_direction(to_point, ripple_tilt(air, p, ring_pattern(ring_phase(p), air[0].ring_step), mirror[i][1]))
     hit = mirrored_pixel(block, pixel, to_point, d, reach, depth, view_from_world, pinhole)
     at = hit[0]
     if at >= 0:
-        # A film spreads a lamp's image over the ground about it; only standing water shows it whole.
-        most = air[0].sideways * (4.0 + 500.0 * maximum(gleam[i][1] - 0.82, 0.0))
+        # A thin film blurs the image of a lamp; only standing water shows it sharply.
+        most = air[0].sideways * (4.0 + 500.0 * maximum(mirror[i][1] - 0.82, 0.0))
         seen = nonnegative(starts[nonnegative(at)])
         shown = radiance[seen]
         shown = wp.vec3f(minimum(shown[0], most[0]), minimum(shown[1], most[1]), minimum(shown[2], most[2]))
         out_shown[i] = light + shown * share
-        if seen >= previous[0].kept:
+        if seen >= previous[0].kept_count:
             at = -2
     else:
         out_shown[i] = light + light_beyond_picture(air, d) * share

@@ -1,4 +1,4 @@
-"""The light of one appearance on a frame's samples, and what of it later frames may use again."""
+"""The light of one appearance on a frame's samples, and what later frames need to reuse it."""
 
 from __future__ import annotations
 
@@ -13,21 +13,20 @@ from recipe_runtime.render.lighting.buffers import LightBuffers, PixelLevels, Ra
 
 @dataclass(eq=False)
 class SampleLight:
-    """One appearance's light on the samples of a frame. Where any is kept, the next frame's goes into these arrays."""
+    """One appearance's light on the samples of a frame; a later frame from the same pose overwrites it in place."""
 
     light: LightBuffers
     rays: RayBuffers
     pixels: PixelLevels
     lists: TileLists
-    clouds: tuple[float, float]  # how far the wind has moved them
-    kept: int  # samples whose light stays for later frames
+    clouds: tuple[float, float]  # the earlier frame's `Air.drift`
+    kept: int  # samples below this index are cached for later frames
     sources: DeviceArray  # vec2i by kept sample, as `reflection_kernels.reflect` writes them
     quiet: DeviceArray  # uint8 by tile, as `temporal_kernels.collect_dirty` writes it
-    leaf_step: int = 0  # the time in which leaves moved
-    ring_step: int = -1  # the time of the rings on wet ground
-    reflective: DeviceArray | None = (
-        None  # int32, what `collect_reflective` lists: it follows from materials, and so stays
-    )
+    leaf_step: int = 0  # `Air.leaf_step` of the frame
+    ring_step: int = -1  # `Air.ring_step` of the frame
+    # int32, the list of `collect_reflective`; it depends on materials only, so it is valid for all frames
+    reflective: DeviceArray | None = None
 
     @staticmethod
     def empty(
@@ -39,7 +38,7 @@ class SampleLight:
         wet: bool,
         device: str,
     ) -> SampleLight:
-        """Room for the light of so many samples, of which the first `kept` stay for later frames."""
+        """Allocate the light of `capacity` samples, of which the first `kept` are cached for later frames."""
         return SampleLight(
             light=LightBuffers.empty(capacity, wet, device),
             rays=RayBuffers.empty(camera, device),

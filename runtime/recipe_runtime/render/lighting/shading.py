@@ -1,22 +1,28 @@
 """The light of a frame's samples in one appearance: shadows, nearby lamps and bodies, shading, reflection.
 
-For a camera at rest the light of an earlier frame stays where it is, as far as it must be equal: that saves time and
-changes no byte.
+For a static camera, samples whose light cannot have changed keep the radiance of an earlier frame (temporal reuse). The
+caches and buffers of it are:
+
+- `StaticSamples` (in `sampling`): the samples of the static scene, which frames from the same pose share;
+- `SampleLight`, by pose, appearance and sensor: the radiances of the shared samples, overwritten in place, with the
+  reuse class of each;
+- `PreviousFrame`: what changed since the frame that wrote a `SampleLight`;
+- `DirtySamples`: the samples that are shaded again; all others are not read.
 """
 
 from __future__ import annotations
 
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan
 
+from recipe_runtime.core.timings import Timings
 from recipe_runtime.render.atmosphere import weather_light
-from recipe_runtime.render.atmosphere.weather_light import Light
-from recipe_runtime.render.device.arrays import DeviceArray, filled, record
+from recipe_runtime.render.atmosphere.weather_light import WeatherLight
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.lighting import passes
 from recipe_runtime.render.lighting.light_sources import LightSources
-from recipe_runtime.render.lighting.passes import Lights
+from recipe_runtime.render.lighting.passes import ShadingInputs
 from recipe_runtime.render.lighting.reflection import ReflectionPass
 from recipe_runtime.render.lighting.sample_light import SampleLight
 from recipe_runtime.render.lighting.temporal import SampleList, all_samples, listed_samples, thread_count
@@ -42,66 +48,66 @@ class ShadingPass:
         self._reuse, self._list = reuse.light, SampleList(device)
         self._sources = LightSources(geometry, device, timings)
         self._reflection = ReflectionPass(device, reuse, self._list)
-        self._lights: dict[str, Light] = {}  # by the appearance's digest
+        self._lights: dict[str, WeatherLight] = {}  # by the appearance's digest
         self._colours: tuple[str, SurfaceColours | None] = "", None  # the last that were used, by their identity
 
-    def light_of(self, appearance: AppearancePlan, time: float) -> Light:
-        """The light of an appearance at a time in seconds."""
+    def weather_light(self, appearance: AppearancePlan, time: float) -> WeatherLight:
+        """Return the light of an appearance at a time in seconds since frame 0."""
         name = appearance.digest
         if name not in self._lights:
             if len(self._lights) >= _LIGHT_CACHE_SIZE:
                 self._lights.clear()
-            self._lights[name] = weather_light.light_of(appearance, self._device)
-        self._lights[name] = weather_light.light_at(self._lights[name], time)
+            self._lights[name] = weather_light.initial_light(appearance, self._device)
+        self._lights[name] = weather_light.light_at_time(self._lights[name], time)
         return self._lights[name]
 
     def shade(
-        self, obs: Observation, points: FrameSamples, appearance: AppearancePlan, sensor: str, light: Light
+        self, obs: Observation, points: FrameSamples, appearance: AppearancePlan, sensor: str, light: WeatherLight
     ) -> SampleLight:
-        """The light of all samples of a frame in an appearance, `sensor` being the name of its camera."""
+        """Return the light of all samples of a frame in an appearance; `sensor` is the name of the camera."""
         with self._timings("shadows"):
             beams = self._sources.beams(obs, light)
         with self._timings("nearby"):
             nearby = self._sources.nearby(obs, light.lamps_burn)
         with self._timings("shade"):
             samples, air, colours = (
-                record(v, self._device) for v in (points.data, light.air, self._colours_of(appearance))
+                struct_array([v], self._device) for v in (points.data, light.air, self._colours_of(appearance))
             )
-            lights = Lights(colours, air, beams, nearby.lamps, nearby.bodies, nearby.lists)
-            found, before = self._begun(obs.camera, points, f"{appearance.digest} {sensor}", light, lights)
-            previous = record(before, self._device)
-            dirty = self._dirty(points, previous, air, found) if before.known else all_samples()
+            lights = ShadingInputs(colours, air, beams, nearby.lamps, nearby.bodies, nearby.lists)
+            found, before = self._prepare(obs.camera, points, f"{appearance.digest} {sensor}", light, lights)
+            previous = struct_array([before], self._device)
+            dirty = self._dirty(points, previous, air, found) if before.shared_count else all_samples()
             threads = thread_count(dirty, points.count)
-            reused = previous, record(dirty, self._device), found.light
+            reused = previous, struct_array([dirty], self._device), found.light
             passes.shade_samples(threads, samples, lights, *reused, self._device)
         if light.wet:
             with self._timings("reflect"):
-                self._reflection.reflect(obs, points, samples, air, previous, int(before.known), found)
-            found.ring_step = int(light.air.moment)
+                self._reflection.reflect(obs, points, samples, air, previous, int(before.shared_count), found)
+            found.ring_step = int(light.air.ring_step)
         return found
 
     def _dirty(self, points: FrameSamples, previous: DeviceArray, air: DeviceArray, found: SampleLight) -> DirtySamples:
-        """The samples whose light may be another than in the frame before, a struct `DirtySamples`."""
+        """Return the samples whose light may have changed since the earlier frame."""
         assert points.base is not None
         count, listed = self._list.begin(points.base.count)
-        known = found.light.known
-        passes.collect_dirty(points.base.firsts, air, previous, known, found.quiet, count, listed, self._device)
+        inputs = points.base.firsts, air, previous, found.light.reuse_class
+        passes.collect_dirty(*inputs, found.quiet, count, listed, self._device)
         return listed_samples(count, listed, points.base.count)
 
-    def _begun(
-        self, camera: CameraPlan, points: FrameSamples, name: str, light: Light, lights: Lights
+    def _prepare(
+        self, camera: CameraPlan, points: FrameSamples, name: str, light: WeatherLight, lights: ShadingInputs
     ) -> tuple[SampleLight, PreviousFrame]:
-        """Where the light goes, and what is known of an earlier frame's that is there: a struct `PreviousFrame`."""
+        """Return the buffers for the light, and what changed since the frame whose light they contain."""
         before, base = PreviousFrame(), points.base
         clouds = float(light.air.drift[0]), float(light.air.drift[1])
-        held = base.lights.get(name) if base is not None else None
-        if held is not None and base is not None:
+        cached = base.lights.get(name) if base is not None else None
+        if cached is not None and base is not None:
             before.tiles = wp.empty(lights.lists.tiles, dtype=wp.int32, device=self._device)
-            filled(before, sky=int(held.clouds == clouds), known=base.count, stirs=held.leaf_step)
-            needed = 1 + 2 * int(light.air.night > 0.0) + 4 * int(light.air.glow > 0.0)
-            lists = lights.lamps, held.lists, lights.lists
+            set_fields(before, sky=int(cached.clouds == clouds), shared_count=base.count, leaf_step=cached.leaf_step)
+            needed = 1 + 2 * int(light.air.night > 0.0) + 4 * int(light.air.glow_share > 0.0)
+            lists = lights.lamps, cached.lists, lights.lists
             passes.compare_tiles(*lists, base.boxes, lights.beams, needed, before.tiles, self._device)
-            found, held.lists, held.clouds = held, lights.lists, clouds
+            found, cached.lists, cached.clouds = cached, lights.lists, clouds
         else:
             capacity, kept = points.count, 0
             if base is not None:
@@ -109,8 +115,8 @@ class ShadingPass:
                 capacity, room = base.columns.capacity, len(base.lights) < _SAMPLE_LIGHT_CACHE_SIZE
                 kept = base.count if room and self._device == "cpu" and self._reuse else 0
             found = SampleLight.empty(camera, capacity, kept, lights.lists, clouds, light.wet, self._device)
-        found.leaf_step = int(light.air.stirs)
-        filled(before, kept=found.kept, stale=found.pixels.stale)
+        found.leaf_step = int(light.air.leaf_step)
+        set_fields(before, kept_count=found.kept, stale=found.pixels.stale)
         if base is not None and found.kept:
             base.lights[name] = found
         return found, before

@@ -1,7 +1,7 @@
-"""Shading: the light that leaves each sample towards the eye, after the air between.
+"""Shading: the radiance from each sample towards the eye, including the air between.
 
-Sun, sky, bounced light and lamps fall on a surface (see `materials`); a coat of paint, glass or water reflects the sky
-over it. Radiance is linear and relative (see `air`).
+Sun, sky, indirect light and lamps illuminate a surface (see `materials`); a coat of paint, glass or water reflects the
+sky. Radiance is linear and relative (see `Air`).
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -30,8 +30,8 @@ from recipe_runtime.render.lighting.temporal_kernels import (
     DirtySamples,
     PreviousFrame,
     dirty_sample,
+    last_leaf_step,
     leaf_phase,
-    leaf_step,
     mark_dirty,
 )
 from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps, contact_occlusion, lamp_light
@@ -45,12 +45,12 @@ from recipe_runtime.render.texture.images import SurfaceColours, image_at
 
 wp.set_module_options(OPTIONS)
 
-MAX_LEAF_DISTANCE = wp.constant(wp.float32(40.0))  # metres, beyond which no leaf is seen to move
+MAX_LEAF_DISTANCE = wp.constant(wp.float32(40.0))  # metres beyond which the motion of leaves is not visible
 
 
 @wp.func
 def moving_shadow(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
-    """The share of the sun that what moves leaves to a point (maps 2, 3)."""
+    """Return the share of the sun that moving objects leave to a point (maps 2 and 3)."""
     moving = wp.int32(2)
     if not map_contains(beams, moving, p):
         moving = wp.int32(3)
@@ -59,9 +59,9 @@ def moving_shadow(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.floa
 
 @wp.func
 def sun_share(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
-    """The share of the sun that reaches a point past all, and what it would be past what moves alone.
+    """Return the share of the sun that reaches a point, and the share that moving objects alone would leave.
 
-    The latter is 1 where the static scene (maps 0, 1) already blocks the sun.
+    The latter is 1 where the static scene (maps 0 and 1) already blocks the sun.
     """
     still = wp.int32(0)
     if not map_contains(beams, still, p):
@@ -75,25 +75,25 @@ def sun_share(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
 
 @wp.func
 def is_light_unchanged(
-    before: wp.array[PreviousFrame],
+    previous: wp.array[PreviousFrame],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
     bodies: wp.array[Bodies],
     body_lists: wp.array2d[wp.int32],
-    known: wp.uint8,
+    reuse_class: wp.uint8,
     tile: wp.int32,
     p: wp.vec3f,
     n: wp.vec3f,
 ) -> bool:
-    """Whether a static sample's light is that of the frame before: nothing that moves affects it."""
-    if known == TOUCHED:
+    """Return whether a static sample's light equals that of the earlier frame: no moving object affects it."""
+    if reuse_class == TOUCHED:
         return False
-    bits = before[0].tiles[tile]
+    bits = previous[0].tiles[tile]
     if contact_occlusion(bodies, body_lists, tile, p, n) < 1.0:
         return False
     if air[0].night > 0.0 and (bits & 2) == 0:
         return False
-    if air[0].glow > 0.0 and (bits & 4) == 0:
+    if air[0].glow_share > 0.0 and (bits & 4) == 0:
         return False
     if air[0].sunlight[0] + air[0].sunlight[1] <= 0.0 or dot(n, air[0].sun) <= -MAX_SOFTNESS:
         return True
@@ -102,7 +102,7 @@ def is_light_unchanged(
 
 @wp.func
 def fresnel(coat: wp.float32, gloss: wp.float32, cosine: wp.float32) -> wp.float32:
-    """Schlick's reflectance; a rough surface never becomes the mirror at grazing that a smooth one does."""
+    """Return Schlick's reflectance, reduced for rough surfaces at grazing angles."""
     m = 1.0 - clamp01(cosine)
     m2 = m * m
     return coat + (maximum(gloss * gloss * gloss, coat) - coat) * m2 * m2 * m
@@ -110,7 +110,7 @@ def fresnel(coat: wp.float32, gloss: wp.float32, cosine: wp.float32) -> wp.float
 
 @wp.func
 def specular(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.float32:
-    """A highlight's strength (Trowbridge and Reitz), for light along `to` and the eye along `back`."""
+    """Return the strength of a highlight (Trowbridge-Reitz) for light along `to` and the eye along `back`."""
     h = normalize(to + back)
     c = clamp01(dot(n, h))
     rough = 1.02 - gloss
@@ -123,7 +123,7 @@ def specular(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp
 def sky_reflection(
     air: wp.array[Air], m: Material, p: wp.vec3f, sight: wp.vec3f, facing: wp.float32, open_sky: wp.float32
 ) -> wp.vec3f:
-    """What a glossy surface reflects of the sky; rough ones see it from a little higher, and less of it at grazing."""
+    """Return the sky that a glossy surface reflects; rough surfaces reflect a higher part, and less when grazing."""
     n = m.normal
     r = sight + n * (2.0 * facing)
     rough = 1.0 - m.gloss
@@ -138,14 +138,14 @@ def sky_reflection(
 
 @wp.func
 def sky_through_fog(air: wp.array[Air], eye: wp.vec3f, d: wp.vec3f) -> wp.vec3f:
-    """The sky along a unit direction, behind the fog before it: the lower, the longer the way through the fog."""
+    """Return the sky along a unit direction behind fog; the path through the fog is longer near the horizon."""
     far = 300.0 / (maximum(d[2], 0.0) + 0.06)
     return apply_fog(air, sky(air, d), d, transmittance(air, eye[2], eye[2] + d[2] * far, far))
 
 
 @wp.func
 def open_sky(left: wp.float32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
-    """The share of the sky that a point sees past the street before it, of what bodies beside it leave."""
+    """Return the share of the sky that a point sees between the houses, of the share `left` by nearby bodies."""
     if n[2] < 0.5 and p[2] < 3.0:
         # Walls see less of the sky near the ground.
         low = 1.0 / (1.0 + maximum(p[2], 0.0) * 2.0)
@@ -155,19 +155,19 @@ def open_sky(left: wp.float32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
 
 @wp.func
 def add_sun(air: wp.array[Air], beams: wp.array[Sunbeam], m: Material, p: wp.vec3f, back: wp.vec3f, light: wp.vec3f):
-    """Add the sun to the light on a point; its highlight, and the share that what moves leaves of it, come along."""
+    """Add the sun to the light on a point; return also its highlight, and the share that moving objects leave."""
     to_sun = dot(m.normal, air[0].sun)
     left = wp.float32(0.0)
     past = wp.float32(1.0)
-    gleaming = wp.float32(0.0)
+    mirroring = wp.float32(0.0)
     if to_sun > -m.soft and air[0].sunlight[0] + air[0].sunlight[1] > 0.0:
         reached = sun_share(beams, p, m.normal)
         past = reached[1]
         left = reached[0] * clamp01((to_sun + m.soft) / (1.0 + m.soft))
         if m.coat > 0.0 and reached[0] > 0.0 and to_sun > 0.0:
             bright = specular(m.gloss, m.normal, air[0].sun, back)
-            gleaming = reached[0] * fresnel(m.coat, m.gloss, to_sun) * bright * to_sun
-    return light + air[0].sunlight * left, air[0].sunlight * gleaming, past
+            mirroring = reached[0] * fresnel(m.coat, m.gloss, to_sun) * bright * to_sun
+    return light + air[0].sunlight * left, air[0].sunlight * mirroring, past
 
 
 @wp.func
@@ -183,7 +183,7 @@ def add_lamps(
     light: wp.vec3f,
     shine: wp.vec3f,
 ):
-    """Add the lamps of a tile, one after the other, to the light on a point and to its highlights."""
+    """Add a tile's lamps, in order, to the light on a point and to its highlights."""
     for k in range(lists[tile, 0]):
         lamp = lists[tile, k + 1]
         fall = lamp_light(lamps, lamp, p, m.normal)
@@ -193,16 +193,16 @@ def add_lamps(
             power = lamps[0].power[lamp] * (fall[3] * air[0].night)
             light = light + power * clamp01((c + 0.12) / 1.12)
             if m.coat > 0.0 and c > 0.0:
-                gleaming = c * fresnel(m.coat, m.gloss, facing) * specular(m.gloss, m.normal, to, back) * 3.0
-                shine = shine + power * gleaming
+                mirroring = c * fresnel(m.coat, m.gloss, facing) * specular(m.gloss, m.normal, to, back) * 3.0
+                shine = shine + power * mirroring
     return light, shine
 
 
 @wp.func
 def swaying_phase(air: wp.array[Air], pattern: wp.int32, p: wp.vec3f, to_point: wp.vec3f) -> wp.int32:
-    """The phase of leaves or grass at a point, if they are seen to move in the wind; -1 for all else."""
+    """Return the phase of leaves or grass that visibly move in the wind; -1 for everything else."""
     phase = wp.int32(-1)
-    swaying = air[0].flutter > 0.0 and (pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS)
+    swaying = air[0].leaf_motion > 0.0 and (pattern == Pattern.FOLIAGE or pattern == Pattern.GRASS)
     if swaying:
         swaying = dot(to_point, to_point) < MAX_LEAF_DISTANCE * MAX_LEAF_DISTANCE
     if swaying:
@@ -220,7 +220,7 @@ def dry_material(
     pattern: wp.int32,
     n: wp.vec3f,
 ) -> Material:
-    """The dry material of a sample of a surface, in the colours of the surface and of its image, if it has one."""
+    """Return the dry material of a sample, with the colours of its surface and image."""
     detail = samples[0].details[i]
     first = colours[0].first[surface]
     second = colours[0].second[surface]
@@ -243,8 +243,8 @@ def weathered_material(
     distance: wp.float32,
     m: Material,
 ) -> Material:
-    """The material of a sample in rain and wind; `phase` is what `swaying_phase` found."""
-    # (Parts of a material are assigned one by one: the choice between two whole ones would go through memory.)
+    """Return the material of a sample with rain and wind; `phase` is that of `swaying_phase`."""
+    # (Fields are assigned one by one: a choice between two structs would go through memory.)
     if air[0].wet > 0.0:
         low = samples[0].puddle_depths[i]
         if air[0].puddles > MIN_DEPOSITS and low == UNKNOWN_DEPTH and m.normal[2] > LEVEL and is_paved(pattern):
@@ -255,7 +255,7 @@ def weathered_material(
         m.coat = moist.coat
         m.gloss = moist.gloss
     if phase >= 0:
-        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, leaf_step(phase, air[0].stirs))
+        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, last_leaf_step(phase, air[0].leaf_step))
         m.albedo = moving.albedo
         m.normal = moving.normal
     return m
@@ -269,11 +269,11 @@ def write_light(
     mirrored: wp.float32,
     gloss: wp.float32,
     out_radiance: wp.array[wp.vec3f],
-    out_gleam: wp.array[wp.vec2f],
+    out_mirror: wp.array[wp.vec2f],
     out_shown: wp.array[wp.vec3f],
 ):
-    """Write a sample's light, and how wet ground mirrors there; `reflect` writes what is shown of the latter."""
-    out_gleam[i] = wp.vec2f(mirrored, gloss)
+    """Write a sample's light and its mirror reflection; `reflect` writes what is reflected."""
+    out_mirror[i] = wp.vec2f(mirrored, gloss)
     out_radiance[i] = radiance
     if air[0].wet > 0.0 and mirrored <= 0.0:
         out_shown[i] = radiance
@@ -299,12 +299,12 @@ def shade_surface(
     n: wp.vec3f,
     to_point: wp.vec3f,
 ):
-    """The light of a sample of a surface, how much it mirrors and how glossy it is, and what is known of its light."""
+    """Return the radiance of a sample of a surface, share and gloss of its mirror reflection, and its reuse class."""
     distance = wp.sqrt(dot(to_point, to_point))
     sight = to_point * (1.0 / maximum(distance, 1.0e-4))
     facing = -dot(n, sight)
     if facing < 0.0:
-        # A smoothed normal may turn away at a silhouette; bring it back to the edge.
+        # At a silhouette a smoothed normal may point away from the eye: move it to the edge.
         n = normalize(n - sight * (facing * -1.0))
         facing = wp.float32(0.0)
     m = dry_material(samples, colours, air, i, surface, pattern, n)
@@ -316,7 +316,7 @@ def shade_surface(
     rest = AT_REST
     if phase >= 0:
         rest = LEAF + wp.uint8(phase)
-    known = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
+    reuse_class = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
     if air[0].night > 0.0:
         light, shine = add_lamps(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
     radiance = multiply(m.albedo, light) + m.glow + shine
@@ -328,7 +328,7 @@ def shade_surface(
         radiance = radiance + sky_reflection(air, m, p, sight, facing, sky_left)
     radiance = apply_fog(air, radiance, sight, left)
     radiance = add_glow(air, lamps, glow_lists, tile, samples[0].eye, sight, distance, radiance)
-    return radiance, mirrored, m.gloss, known
+    return radiance, mirrored, m.gloss, reuse_class
 
 
 @wp.kernel
@@ -345,18 +345,19 @@ def shade_samples(
     previous: wp.array[PreviousFrame],
     dirty: wp.array[DirtySamples],
     out_radiance: wp.array[wp.vec3f],
-    out_gleam: wp.array[wp.vec2f],
-    out_known: wp.array[wp.uint8],
+    out_mirror: wp.array[wp.vec2f],
+    out_reuse_class: wp.array[wp.uint8],
     out_shown: wp.array[wp.vec3f],
 ):
-    """Linear radiance of every dirty sample.
+    """Write the linear radiance of every dirty sample.
 
-    Wet ground's reflection is left to `reflect`, its share and gloss in `out_gleam`; what mirrors nothing is
-    written to `out_shown` unchanged where anything is wet. `collect_dirty` reads `out_known` a frame later.
+    The reflection on wet ground is added by `reflect`, from the share and gloss in `out_mirror`; samples without a
+    reflection are written to `out_shown` unchanged if anything is wet. `collect_dirty` reads `out_reuse_class` in a
+    later frame.
     """
     i = dirty_sample(dirty, wp.tid())
     tile = samples[0].tiles[i]
-    if tile < 0:  # a slot that no sample took
+    if tile < 0:  # an unused slot
         return
     tile = nonnegative(tile)
     eye = samples[0].eye
@@ -364,28 +365,28 @@ def shade_samples(
     surface = samples[0].surfaces[i]
     if surface < 0:
         mark_dirty(previous, samples[0].pixels[i])
-        out_known[i] = SKY
+        out_reuse_class[i] = SKY
         seen = add_glow(air, lamps, glow_lists, tile, eye, p, 1000.0, sky_through_fog(air, eye, p))
-        write_light(air, i, seen, 0.0, 0.0, out_radiance, out_gleam, out_shown)
+        write_light(air, i, seen, 0.0, 0.0, out_radiance, out_mirror, out_shown)
         return
     n = samples[0].normals[i]
     to_point = p - eye
     surface = nonnegative(surface)
     pattern = colours[0].pattern[surface]
     phase = swaying_phase(air, pattern, p, to_point)
-    # (A dirty leaf is shaded: `is_light_unchanged` does not know how the wind has turned it. A normal that turns away
-    # is bent first, below: these are few.)
+    # (Leaves are always shaded: `is_light_unchanged` does not know how the wind has moved them. So are samples whose
+    # normal points away from the eye, which is corrected below: they are few.)
     if (
-        i < previous[0].known
+        i < previous[0].shared_count
         and phase < 0
         and dot(n, to_point) <= 0.0
-        and is_light_unchanged(previous, air, beams, bodies, body_lists, out_known[i], tile, p, n)
+        and is_light_unchanged(previous, air, beams, bodies, body_lists, out_reuse_class[i], tile, p, n)
     ):
         return
     mark_dirty(previous, samples[0].pixels[i])
-    seen, mirrored, gloss, known = shade_surface(
+    seen, mirrored, gloss, reuse_class = shade_surface(
         samples, colours, air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
         i, tile, surface, pattern, phase, p, n, to_point,
     )  # fmt: skip
-    out_known[i] = known
-    write_light(air, i, seen, mirrored, gloss, out_radiance, out_gleam, out_shown)
+    out_reuse_class[i] = reuse_class
+    write_light(air, i, seen, mirrored, gloss, out_radiance, out_mirror, out_shown)

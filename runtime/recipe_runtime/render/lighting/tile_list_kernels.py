@@ -1,7 +1,7 @@
-"""Nearby things: which lamps light a tile of the picture, and which bodies stand close enough to darken it.
+"""Light culling: which lamps illuminate a tile of the picture, and which bodies are close enough to darken it.
 
-A tile is 16 x 16 pixels. Its box in the world follows from its nearest and farthest pixel; a light or a body whose
-reach does not meet the box is left out. Tiles keep the things in the order of the list, so sums are always the same.
+A tile has 16 x 16 pixels. Its world-space box follows from its nearest and farthest pixel; lamps and bodies that do not
+reach the box are culled. The order of the list is kept, so sums are always the same.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -16,45 +16,45 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 
-MAX_PER_TILE = wp.constant(24)  # things a tile can hold; the list's first ones are kept
-FADE_END_SQUARED = wp.constant(wp.float32(8.0))  # squared, in spreads from a body: from there on it darkens nothing
-FADE_END_SHARE = wp.constant(wp.float32(1.0 / 81.0))  # what it would darken there
+MAX_PER_TILE = wp.constant(24)  # entries of a tile's list; further ones are dropped
+FADE_END_SQUARED = wp.constant(wp.float32(8.0))  # squared distance, in spreads, beyond which a body darkens nothing
+FADE_END_SHARE = wp.constant(wp.float32(1.0 / 81.0))  # its occlusion at that distance
 
 
 @wp.struct
 class Lamps:
-    """Spot lights that are on, in the world."""
+    """Spot lights that are on, in world space."""
 
     position: wp.array[wp.vec3f]
     direction: wp.array[wp.vec3f]  # unit
-    power: wp.array[wp.vec3f]  # light on a white surface one metre away
-    cone: wp.array[wp.vec2f]  # cosines: faded to nothing, and full
+    power: wp.array[wp.vec3f]  # light on a white surface at one metre
+    cone: wp.array[wp.vec2f]  # cosines of the angles at which the light is 0 and full
     reach: wp.array[wp.float32]  # metres
-    moves: wp.array[wp.int32]  # 1: it is carried about
+    moves: wp.array[wp.int32]  # 1: may move between frames
     count: wp.int32
 
 
 @wp.struct
 class Bodies:
-    """Moving things that nearly touch the ground: an upright box each."""
+    """Moving parts that nearly touch the ground: the footprint of an upright box each."""
 
-    centre: wp.array[wp.vec3f]  # of its foot
+    centre: wp.array[wp.vec3f]  # of the footprint
     axis: wp.array[wp.vec2f]  # unit, along its first half size
     half: wp.array[wp.vec2f]
-    spread: wp.array[wp.float32]  # metres beside the box over which the darkening fades
+    spread: wp.array[wp.float32]  # metres beside the box over which the occlusion fades
     strength: wp.array[wp.float32]
     count: wp.int32
 
 
 @wp.func
 def gap(low: wp.float32, high: wp.float32, x: wp.float32) -> wp.float32:
-    """Distance of x from the interval."""
+    """Return the distance of x from an interval."""
     return maximum(maximum(low - x, x - high), 0.0)
 
 
 @wp.func
 def meets_cone(v: wp.vec3f, radius: wp.float32, aim: wp.vec3f, cosine: wp.float32) -> bool:
-    """Whether a ball at v from a cone's point may meet the cone; always, if its half angle is not below 90 degrees."""
+    """Return whether a ball at v from a cone's apex may meet the cone; always for half angles of 90 degrees or more."""
     if cosine <= 0.0:
         return True
     along = dot(v, aim)
@@ -65,23 +65,23 @@ def meets_cone(v: wp.vec3f, radius: wp.float32, aim: wp.vec3f, cosine: wp.float3
 
 
 @wp.func
-def key_range(keys: wp.array[wp.uint64], lens: Pinhole, x0: wp.int32, y0: wp.int32, x1: wp.int32, y1: wp.int32):
-    """The nearest and the farthest key of a rectangle of pixels, the sky left out; a nearest of 0: all is sky."""
+def key_range(keys: wp.array[wp.uint64], pinhole: Pinhole, x0: wp.int32, y0: wp.int32, x1: wp.int32, y1: wp.int32):
+    """Return nearest and farthest key of a rectangle of pixels, without the sky; a nearest of 0 means sky only."""
     far = wp.uint64(0xFFFFFFFFFFFFFFFF)
     near = wp.uint64(0)
     for y in range(y0, y1):
-        row = y * lens.width
+        row = y * pinhole.width
         for x in range(x0, x1):
             key = keys[nonnegative(row + x)]
             near = wp.max(near, key)
-            far = wp.min(far, key - wp.uint64(1))  # the sky's 0 becomes the largest number
+            far = wp.min(far, key - wp.uint64(1))  # the sky's 0 becomes the largest value
     return near, far + wp.uint64(1)
 
 
 @wp.func
 def world_box(
     world: wp.array2d[wp.float32],
-    lens: Pinhole,
+    pinhole: Pinhole,
     x0: wp.int32,
     y0: wp.int32,
     x1: wp.int32,
@@ -89,16 +89,16 @@ def world_box(
     z0: wp.float32,
     z1: wp.float32,
 ):
-    """The world's box, its low and its high corner, about what a rectangle of pixels shows between two depths."""
+    """Return low and high corner of the world-space box of a rectangle of pixels between two depths."""
     low = wp.vec3f(1.0e9, 1.0e9, 1.0e9)
     high = wp.vec3f(-1.0e9, -1.0e9, -1.0e9)
-    focal = wp.float32(lens.focal)
+    focal = wp.float32(pinhole.focal)
     for corner in range(8):
         z = z0
         if corner >= 4:
             z = z1
-        cx = (wp.float32(x0 + (corner & 1) * (x1 - x0)) - wp.float32(lens.cx)) / focal * z
-        cy = (wp.float32(y0 + ((corner >> 1) & 1) * (y1 - y0)) - wp.float32(lens.cy)) / focal * z
+        cx = (wp.float32(x0 + (corner & 1) * (x1 - x0)) - wp.float32(pinhole.cx)) / focal * z
+        cy = (wp.float32(y0 + ((corner >> 1) & 1) * (y1 - y0)) - wp.float32(pinhole.cy)) / focal * z
         px = world[0, 0] * cx + world[0, 1] * cy + world[0, 2] * z + world[0, 3]
         py = world[0, 4] * cx + world[0, 5] * cy + world[0, 6] * z + world[0, 7]
         pz = world[0, 8] * cx + world[0, 9] * cy + world[0, 10] * z + world[0, 11]
@@ -109,13 +109,13 @@ def world_box(
 
 @wp.func
 def gaps(low: wp.vec3f, high: wp.vec3f, p: wp.vec3f) -> wp.vec3f:
-    """Distances of a point from a box, axis by axis."""
+    """Return the distances of a point from a box along each axis."""
     return wp.vec3f(gap(low[0], high[0], p[0]), gap(low[1], high[1], p[1]), gap(low[2], high[2], p[2]))
 
 
 @wp.func
 def list_lamps(lamps: wp.array[Lamps], low: wp.vec3f, high: wp.vec3f, tile: wp.int32, lists: wp.array2d[wp.int32]):
-    """List the lamps whose ball of reach meets the box, and whose cone meets the ball about it."""
+    """List the lamps whose ball of reach meets the box, and whose cone meets the bounding ball of the box."""
     middle = (low + high) * 0.5
     span = high - low
     radius = 0.5 * wp.sqrt(dot(span, span)) + 0.05
@@ -133,7 +133,7 @@ def list_lamps(lamps: wp.array[Lamps], low: wp.vec3f, high: wp.vec3f, tile: wp.i
 
 @wp.func
 def list_bodies(bodies: wp.array[Bodies], low: wp.vec3f, high: wp.vec3f, tile: wp.int32, lists: wp.array2d[wp.int32]):
-    """List the bodies that stand so near to the box that they may darken it."""
+    """List the bodies that are close enough to the box to darken it."""
     n = wp.int32(0)
     for i in range(bodies[0].count):
         reach = bodies[0].half[i][0] + bodies[0].half[i][1] + wp.sqrt(FADE_END_SQUARED) * bodies[0].spread[i] + 0.001
@@ -154,7 +154,7 @@ def cull_lights(
     out_lamp_lists: wp.array2d[wp.int32],
     out_body_lists: wp.array2d[wp.int32],
 ):
-    """List the lamps and bodies that reach a tile; entry 0 is the count."""
+    """List the lamps and bodies that affect a tile; entry 0 is the count."""
     tile = wp.tid()
     columns = (pinhole.width + TILE - 1) / TILE
     x0 = (tile % columns) * TILE
@@ -166,7 +166,7 @@ def cull_lights(
     out_body_lists[tile, 0] = 0
     if near == wp.uint64(0):
         return
-    # A little to spare: samples within a pixel may lie nearer or farther than its centre.
+    # A margin: samples within a pixel may be nearer or farther than its centre.
     z0 = wp.float32(depth_of(near, pinhole.near)) * 0.97 - 0.05
     z1 = wp.float32(depth_of(far, pinhole.near)) * 1.03 + 0.05
     low, high = world_box(world_from_view, pinhole, x0, y0, x1, y1, z0, z1)
@@ -176,7 +176,7 @@ def cull_lights(
 
 @wp.func
 def same_lamps(lamps: wp.array[Lamps], before: wp.array2d[wp.int32], now: wp.array2d[wp.int32], tile: wp.int32) -> bool:
-    """Whether a tile's list holds the lamps that it held a frame before, and none that moves."""
+    """Return whether a tile's list contains the same lamps as in the earlier frame, and none that moves."""
     n = now[tile, 0]
     if before[tile, 0] != n:
         return False
@@ -198,9 +198,10 @@ def compare_lists(
     glow_lists: wp.array2d[wp.int32],
     out_bits: wp.array[wp.int32],
 ):
-    """Compare a tile's lists in two frames.
+    """Compare a tile's lists with those of the earlier frame.
 
-    Bit 0: no body darkens it; bits 1 and 2: the same still lamps light it, and glow before it.
+    Bit 0: no body darkens the tile; bit 1: the same static lamps illuminate it; bit 2: the same static lamps glow
+    before it.
     """
     tile = wp.tid()
     bits = wp.int32(0)
@@ -217,7 +218,7 @@ def compare_lists(
 def contact_occlusion(
     bodies: wp.array[Bodies], lists: wp.array2d[wp.int32], tile: wp.int32, p: wp.vec3f, n: wp.vec3f
 ) -> wp.float32:
-    """The share of the sky's light left on ground that bodies stand close above."""
+    """Return the share of the sky's light left on ground below nearby bodies."""
     left = wp.float32(1.0)
     for k in range(lists[tile, 0]):
         i = lists[tile, k + 1]
@@ -237,16 +238,16 @@ def contact_occlusion(
             if square < FADE_END_SQUARED * spread:
                 r = square / spread
                 share = maximum(1.0 / (1.0 + 2.0 * r + r * r) - FADE_END_SHARE, 0.0) * (1.0 / (1.0 - FADE_END_SHARE))
-                # The parts of one body stand in each other's way: the darkest of them counts, not their product.
+                # Parts of one body overlap: the darkest counts, not their product.
                 left = minimum(left, 1.0 - bodies[0].strength[i] * clamp01(n[2]) * share)
     return left
 
 
 @wp.func
 def lamp_light(lamps: wp.array[Lamps], i: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.vec4f:
-    """How a lamp lights a point: the unit vector towards it, and the share of its power that falls there.
+    """Return the unit vector from a point to a lamp, and the share of the lamp's power that illuminates the point.
 
-    The share is 0 where it is out of reach or the surface faces away by more than wrapping light would mend.
+    The share is 0 out of reach, or if the surface faces away by more than wrap lighting covers.
     """
     q = lamps[0].position[i]
     dx = q[0] - p[0]
@@ -256,7 +257,7 @@ def lamp_light(lamps: wp.array[Lamps], i: wp.int32, p: wp.vec3f, n: wp.vec3f) ->
     reach = lamps[0].reach[i]
     if s > reach * reach:
         return wp.vec4f(0.0, 0.0, 1.0, 0.0)
-    # Outside of the cone, by squares: most points that a lamp could reach it does not point at.
+    # Outside the cone, tested without a square root: the usual case.
     cone = lamps[0].cone[i]
     aim = lamps[0].direction[i]
     along = -(dx * aim[0] + dy * aim[1] + dz * aim[2])

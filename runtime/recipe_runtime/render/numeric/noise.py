@@ -1,4 +1,4 @@
-"""Noise without state: an integer hash of a key, and smooth noise over a lattice of hashes."""
+"""Stateless noise: an integer hash of a key, and smooth noise over a lattice of hashes."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
@@ -18,7 +18,7 @@ INV_2_24 = wp.constant(wp.float32(1.0 / 16777216.0))
 
 @wp.func
 def scramble(h: wp.uint32) -> wp.uint32:
-    """A 32-bit mix in which every bit of the key moves every bit of the result (Wellons, "lowbias32")."""
+    """Return a 32-bit hash in which every input bit affects every output bit (Wellons, lowbias32)."""
     h = h ^ (h >> wp.uint32(16))
     h = h * _A
     h = h ^ (h >> wp.uint32(15))
@@ -40,13 +40,13 @@ def hash3(x: wp.int32, y: wp.int32, z: wp.int32, seed: wp.uint32) -> wp.uint32:
 
 @wp.func
 def unit(h: wp.uint32) -> wp.float32:
-    """A hash as a number in [0, 1)."""
+    """Map a hash to a number in [0, 1)."""
     return wp.float32(h >> wp.uint32(8)) * INV_2_24
 
 
 @wp.func
 def floor(x: wp.float32) -> wp.int32:
-    """The floor of x, which is first brought into the range of lattice numbers."""
+    """Return the floor of x, clamped to the range of lattice coordinates."""
     c = maximum(minimum(x, wp.float32(1.0e9)), wp.float32(-1.0e9))
     i = wp.int32(c)
     if wp.float32(i) > c:
@@ -56,19 +56,19 @@ def floor(x: wp.float32) -> wp.int32:
 
 @wp.func
 def ease(t: wp.float32) -> wp.float32:
-    """The cubic that eases from 0 to 1."""
+    """Return the cubic smoothstep of t in [0, 1]."""
     return t * t * (3.0 - 2.0 * t)
 
 
 @wp.func
 def smoothstep(low: wp.float32, high: wp.float32, x: wp.float32) -> wp.float32:
-    """0 below low, 1 above high, smooth between."""
+    """Return 0 below low, 1 above high, and a cubic between."""
     return ease(clamp01((x - low) / (high - low)))
 
 
 @wp.func
 def lattice(h: wp.uint32) -> wp.float32:
-    """A number in [0, 1) of a lattice point's key; a lighter mix than `scramble`, good enough for what is smoothed."""
+    """Map the key of a lattice point to [0, 1), by a cheaper hash than `scramble`, sufficient for smooth noise."""
     h = (h ^ (h >> wp.uint32(15))) * _A
     h = (h ^ (h >> wp.uint32(13))) * _B
     return unit(h)

@@ -1,7 +1,7 @@
-"""The lesser and the greater of two numbers, a number kept within [0, 1], and an index that is not below 0.
+"""Minimum, maximum, clamping and non-negative indices in kernels.
 
-Warp's own `min` and `max` mind NaN, which costs a CPU five instructions instead of one, in every pattern and every
-light; here the second number counts only if it is beyond the first.
+Warp's own `min` and `max` handle NaN, which costs five CPU instructions instead of one; these return the first number
+unless the second is smaller or larger.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -14,26 +14,26 @@ wp.set_module_options(OPTIONS)
 
 @wp.func
 def minimum(a: wp.float32, b: wp.float32) -> wp.float32:
-    """The lesser of two numbers."""
+    """Return the smaller of two numbers."""
     return wp.where(b < a, b, a)
 
 
 @wp.func
 def maximum(a: wp.float32, b: wp.float32) -> wp.float32:
-    """The greater of two numbers."""
+    """Return the larger of two numbers."""
     return wp.where(b > a, b, a)
 
 
 @wp.func
 def clamp01(t: wp.float32) -> wp.float32:
-    """t, kept within [0, 1]."""
+    """Clamp t to [0, 1]."""
     return minimum(maximum(t, 0.0), 1.0)
 
 
 @wp.func
 def nonnegative(i: wp.int32) -> wp.int32:
-    """i >= 0, in a form that shows it.
+    """Return i, which must not be negative, in a form that the compiler recognises as such.
 
-    Warp lets an index count from an array's end, and so tests every access for it; this form needs no test.
+    Warp lets negative indices count from an array's end, and tests every access for them; this form needs no test.
     """
     return i & 0x7FFFFFFF

@@ -1,6 +1,6 @@
-"""The register of noise seeds. A seed decides bytes: a new pattern takes a new number, and none is ever changed.
+"""The register of noise seeds. A seed determines bytes: new patterns take new numbers, and no number is ever changed.
 
-8 to 11 each serve two patterns that never share a surface.
+Seeds 8 to 11 each serve two patterns that never occur on one surface.
 """
 
 from __future__ import annotations
@@ -57,6 +57,6 @@ CLOUD_FINE = wp.constant(wp.uint32(104))
 
 
 def noise_key(seed: int, name: str, frame: int) -> int:
-    """A 32-bit key of a seed, a name and a frame."""
+    """Return a 32-bit key of a seed, a name and a frame."""
     digest = hashlib.sha256(f"{seed}/{name}/{frame}".encode()).digest()
     return int.from_bytes(digest[:4], "little")

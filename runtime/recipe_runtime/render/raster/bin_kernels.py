@@ -1,8 +1,9 @@
-"""Binned rasterisation, for a device of many small cores.
+"""Binned rasterisation, for GPUs: large triangles are split among many threads.
 
-One thread draws a small triangle. A large one would keep the others waiting, so it is split into bins of rows, which go
-onto a list; then groups of threads draw the bins, each group as wide as the triangle. Keys are maxima and bits are
-unions, so their order changes nothing: the keys are those of `visibility_kernels.raster_keys`.
+One thread draws a small triangle. A large one would make the other threads of its warp wait, so it is split into bins
+of rows, which are appended to a list; then groups of threads draw the bins, each group as wide as the triangle. Keys
+are combined by maximum and bits by union, so the order does not matter: the result equals that of
+`visibility_kernels.raster_keys`.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -33,7 +34,7 @@ USED_ENTRY = wp.constant(wp.uint64(0x8000000000000000))  # marks an entry that h
 @wp.func
 def fill_or_bin(
     keys: wp.array[wp.uint64],
-    lens: Pinhole,
+    pinhole: Pinhole,
     piece: Piece,
     triangle: wp.int32,
     which: wp.int32,
@@ -41,23 +42,23 @@ def fill_or_bin(
     bands: wp.array[wp.uint64],
     taken: wp.array[wp.int32],
 ):
-    """Draw a small triangle; put a large one's bins on the list. If that is full, draw it here too."""
+    """Draw a small triangle, or append the bins of a large one to the list. If the list is full, draw it here."""
     if piece.there == 0 or edge_function(piece.a.x, piece.a.y, piece.b.x, piece.b.y, piece.c.x, piece.c.y) <= wp.int64(
         0
     ):
         return
-    left, top, right, bottom = sample_box(lens, piece.a, piece.b, piece.c)
+    left, top, right, bottom = sample_box(pinhole, piece.a, piece.b, piece.c)
     if left > right or top > bottom:
         return
     if (right - left + wp.int64(1)) * (bottom - top + wp.int64(1)) <= SMALL_TRIANGLE:
-        fill_triangle(keys, lens, piece.a, piece.b, piece.c, wp.uint64(triangle), bit)
+        fill_triangle(keys, pinhole, piece.a, piece.b, piece.c, wp.uint64(triangle), bit)
         return
     count = int(bottom - top) / BIN_ROWS + 1
     at = wp.atomic_add(taken, 0, count)
     if at + count > bands.shape[0]:
         for k in range(at, bands.shape[0]):
             bands[k] = wp.uint64(0)
-        fill_triangle(keys, lens, piece.a, piece.b, piece.c, wp.uint64(triangle), bit)
+        fill_triangle(keys, pinhole, piece.a, piece.b, piece.c, wp.uint64(triangle), bit)
         return
     for k in range(count):
         entry = wp.uint64(triangle) | (wp.uint64(which) << wp.uint64(24)) | (wp.uint64(k) << wp.uint64(25))
@@ -67,7 +68,7 @@ def fill_or_bin(
 @wp.func
 def fill_bin(
     keys: wp.array[wp.uint64],
-    lens: Pinhole,
+    pinhole: Pinhole,
     piece: Piece,
     triangle: wp.uint64,
     band: wp.int32,
@@ -78,17 +79,17 @@ def fill_bin(
     a = piece.a
     b = piece.b
     c = piece.c
-    left, top, right, bottom = sample_box(lens, a, b, c)
-    step = wp.int64(256) / wp.int64(lens.side)
+    left, top, right, bottom = sample_box(pinhole, a, b, c)
+    step = wp.int64(256) / wp.int64(pinhole.side)
     half = step / wp.int64(2)
     inverse = wp.float64(1.0) / wp.float64(edge_function(a.x, a.y, b.x, b.y, c.x, c.y))
     slope1 = (b.q - a.q) * inverse
     slope2 = (c.q - a.q) * inverse
-    limit = lens.near / lens.far
+    limit = pinhole.near / pinhole.far
     bias0 = top_left_bias(b.x, b.y, c.x, c.y)
     bias1 = top_left_bias(c.x, c.y, a.x, a.y)
     bias2 = top_left_bias(a.x, a.y, b.x, b.y)
-    # A group is as wide as a narrow box needs, and has more rows instead.
+    # For a narrow box, a group is narrower and has more rows.
     wide = int(right - left) + 1
     across = wp.int32(BIN_THREADS)
     while across > 4 and across >= wide * 2:
@@ -105,7 +106,7 @@ def fill_bin(
         w0 = edge_function(b.x, b.y, c.x, c.y, px, py)
         w1 = edge_function(c.x, c.y, a.x, a.y, px, py)
         w2 = edge_function(a.x, a.y, b.x, b.y, px, py)
-        base = y * lens.width * lens.side
+        base = y * pinhole.width * pinhole.side
         for x in range(int(left) + first % across, int(right) + 1, across):
             if (w0 + bias0) >= wp.int64(0) and (w1 + bias1) >= wp.int64(0) and (w2 + bias2) >= wp.int64(0):
                 q = a.q + wp.float64(w1) * slope1 + wp.float64(w2) * slope2
@@ -130,9 +131,10 @@ def bin_triangles(
     out_bins: wp.array[wp.uint64],
     out_bin_count: wp.array[wp.int32],
 ):
-    """Draw the small triangles of the chunks first_chunk.. and list the large ones' bins; `out_bin_count` must be 0.
+    """Draw small triangles, and list the bins of large ones; `out_bin_count` must be 0.
 
-    Keys, as `raster_keys` draws them, if `first_actor` is below 0; else the actors' bits, as `raster_actor_bits`.
+    The triangles are those of visible chunks from `first_chunk` on. If `first_actor` is below 0, keys are drawn as by
+    `raster_keys`, otherwise the actors' bits as by `raster_actor_bits`.
     """
     i = visible_triangle(wp.tid(), first_chunk, chunks, chunk_visible)
     if i < 0:
@@ -158,7 +160,7 @@ def raster_bins(
     bins: wp.array[wp.uint64],
     bin_count: wp.array[wp.int32],
 ):
-    """Draw the listed bins; BIN_GROUPS x BIN_THREADS threads."""
+    """Draw the listed bins, with BIN_GROUPS x BIN_THREADS threads."""
     thread = wp.tid()
     for at in range(thread / BIN_THREADS, wp.min(bin_count[0], bins.shape[0]), wp.int32(BIN_GROUPS)):
         entry = bins[at]

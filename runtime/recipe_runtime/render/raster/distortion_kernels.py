@@ -1,8 +1,9 @@
-"""The lens: which place of a straight picture, the plate, each place of the picture shows.
+"""Lens distortion: the point of the undistorted image that each point of the picture shows.
 
-`recipe_compiler.ir.optics` has the formula. Labels take the nearest sample of a plate that is at least twice as fine as
-the picture, and are never blended, so the ray that they are exact for is within 0.36 of a plate's sample of the
-pixel's centre. Colour is filtered. Without a bend the plate is the picture, or the same picture with more samples.
+`recipe_compiler.ir.optics` has the formula. A label is that of the nearest sample of the undistorted image, never a
+blend: the undistorted image has at least twice the picture's resolution, so the sample is within 0.36 of a pixel of
+the pixel's centre. Colour is filtered. Without distortion the undistorted image is the picture itself, or the
+picture with more samples.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -15,22 +16,22 @@ wp.set_module_options(OPTIONS)
 
 @wp.struct
 class Distortion:
-    """A picture's way to its plate."""
+    """The mapping from a picture to its undistorted image."""
 
     k: wp.float64
     kcube: wp.float64
-    limit: wp.float64  # half widths from the centre to the corners; the curve goes on straight beyond
+    limit: wp.float64  # radius of the corners in half widths; beyond, the curve is continued by its tangent
     width: wp.int32  # of the picture
     height: wp.int32
-    wide: wp.int32  # of the plate
+    wide: wp.int32  # of the undistorted image
     high: wp.int32
-    fine: wp.int32  # the plate's samples along the side of a pixel
+    fine: wp.int32  # samples of the undistorted image along the side of a pixel
     bends: wp.int32
 
 
 @wp.func
-def plate_position(x: wp.float64, y: wp.float64, c: Distortion) -> wp.vec2d:
-    """Where on the plate, in its samples, a place of the picture, in pixels, is seen."""
+def undistorted_position(x: wp.float64, y: wp.float64, c: Distortion) -> wp.vec2d:
+    """Map a point of the picture, in pixels, to the undistorted image, in its samples."""
     dx = x - wp.float64(c.width) * wp.float64(0.5)
     dy = y - wp.float64(c.height) * wp.float64(0.5)
     half = wp.float64(c.width) * wp.float64(0.5)
@@ -42,24 +43,24 @@ def plate_position(x: wp.float64, y: wp.float64, c: Distortion) -> wp.vec2d:
 
 
 @wp.kernel
-def resample_words(plate: wp.array[wp.uint64], distortion: Distortion, out_words: wp.array[wp.uint64]):
-    """A pixel's word: that of the plate's sample nearest to what its centre shows."""
+def resample_words(words: wp.array[wp.uint64], distortion: Distortion, out_words: wp.array[wp.uint64]):
+    """Copy to each pixel the word of the undistorted image's sample that is nearest to the pixel's centre."""
     i = wp.tid()
-    p = plate_position(
+    p = undistorted_position(
         wp.float64(i % distortion.width) + wp.float64(0.5),
         wp.float64(i / distortion.width) + wp.float64(0.5),
         distortion,
     )
     x = wp.min(wp.max(wp.int32(p[0]), 0), distortion.wide - 1)
     y = wp.min(wp.max(wp.int32(p[1]), 0), distortion.high - 1)
-    out_words[i] = plate[y * distortion.wide + x]
+    out_words[i] = words[y * distortion.wide + x]
 
 
 @wp.func
 def distort(x: wp.float64, y: wp.float64, c: Distortion) -> wp.vec2d:
-    """Where in the picture a place is shown that a pinhole would show at (x, y), in pixels: the inverse, by Newton.
+    """Map a point that a pinhole camera shows at (x, y), in pixels, to the picture, by Newton's method.
 
-    Beyond the corners the curve is followed in a straight line, so that whatever lies outside stays outside.
+    Beyond the corners the curve is continued by its tangent, so that what lies outside the picture stays outside.
     """
     if c.bends == 0:
         return wp.vec2d(x, y)

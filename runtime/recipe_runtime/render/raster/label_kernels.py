@@ -1,4 +1,4 @@
-"""Observation: every label, from the one visibility buffer, at pixel centres and never blended."""
+"""Labels from the visibility buffer: depth, instance, semantic tag and extents, at pixel centres and never blended."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
@@ -13,15 +13,16 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 wp.set_module_options(OPTIONS)
 
 SKY = wp.constant(wp.uint8(Tag.SKY.value))
-TILE = wp.constant(16)  # pixels along a tile's side; frames are worked on by tiles
+TILE = wp.constant(16)  # pixels along the side of a tile; labels are computed by tiles
 TILE_PIXELS = wp.constant(256)
 
 
 @wp.func
 def pixel_at(corners: wp.array[wp.int32], place: wp.int32):
-    """Column and row of a place in a list of tiles, 256 places a tile; they may lie beyond the picture's right and end.
+    """Return column and row of a thread's pixel; 256 threads per tile.
 
-    A tile is named by its first pixel: its column, and its row in the bits from 16 on.
+    A tile is given by its first pixel: the column, and the row in the bits from 16 on. The pixel may lie beyond the
+    right or the lower border of the picture.
     """
     corner = corners[place >> 8]
     return (corner & 65535) + (place & 15), (corner >> 16) + ((place >> 4) & 15)
@@ -29,13 +30,13 @@ def pixel_at(corners: wp.array[wp.int32], place: wp.int32):
 
 @wp.func
 def triangle_of(key: wp.uint64) -> wp.int32:
-    """The triangle named by a key that is not 0."""
+    """Return the triangle's index in a key that is not 0."""
     return wp.int32(key & wp.uint64(16777215))
 
 
 @wp.func
 def depth_of(key: wp.uint64, near: wp.float64) -> wp.float64:
-    """Depth in metres along the optical axis, of a key that is not 0."""
+    """Return the depth of a key that is not 0, in metres along the optical axis."""
     return near * NEARNESS / wp.float64(wp.int64(key >> wp.uint64(24)))
 
 
@@ -53,7 +54,10 @@ def label_pixels(
     out_semantic: wp.array[wp.uint8],
     out_extents: wp.array2d[wp.int32],
 ):
-    """Depth, instance and tag of the tiles' pixels, and their actors' visible count and box (count, x0, y0, x1, y1)."""
+    """Label the tiles' pixels, and widen the visible extents of the actors.
+
+    An extent is a pixel count and a box: count, x0, y0, x1, y1.
+    """
     x, y = pixel_at(tile_corners, wp.tid())
     if x >= pinhole.width or y >= pinhole.height:
         return
@@ -75,7 +79,7 @@ def label_pixels(
 
 @wp.func
 def widen_box(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32, size: wp.int32):
-    """Widen an actor's box by a point, or a pixel of size 1; only if it lies outside, for atomics make threads wait."""
+    """Widen an actor's box by a point, or by a pixel if `size` is 1; atomics are used only if it lies outside."""
     if x < extents[actor, 1]:
         wp.atomic_min(extents, actor, 1, x)
     if y < extents[actor, 2]:
@@ -88,7 +92,7 @@ def widen_box(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp
 
 @wp.func
 def count_pixel(extents: wp.array2d[wp.int32], actor: wp.int32, x: wp.int32, y: wp.int32):
-    """Count a pixel into an actor's extent."""
+    """Add a pixel to an actor's extent."""
     wp.atomic_add(extents, actor, 0, 1)
     widen_box(extents, actor, x, y, 1)
 
@@ -102,7 +106,7 @@ def count_amodal(
     actor_count: wp.int32,
     out_extents: wp.array2d[wp.int32],
 ):
-    """Count the tiles' pixels into the extent of every actor whose bit they carry."""
+    """Add the tiles' pixels to the amodal extent of every actor whose bit is set there."""
     x, y = pixel_at(tile_corners, wp.tid())
     if x >= pinhole.width or y >= pinhole.height:
         return
@@ -127,9 +131,10 @@ def project_boxes(
     out_extents: wp.array2d[wp.int32],
     out_reach: wp.array2d[wp.int32],
 ):
-    """Widen an actor's unclipped box (1/256 pixels) by a triangle's corners in front of the near plane.
+    """Widen an actor's unclipped box (1/256 pixels) by the corners of a triangle in front of the near plane.
 
-    `out_reach` also includes the points where the near plane cuts the triangle: its pixels lie within both boxes.
+    `out_reach` also contains the points at which the near plane cuts the triangle: together the boxes contain all of
+    its pixels.
     """
     i = first_triangle + wp.tid()
     actor = surface_actor[triangle_surface[i]]

@@ -19,10 +19,10 @@ Box = tuple[int, int, int, int]
 
 @dataclass(frozen=True)
 class ObjectView:
-    """An actor of which at least one pixel would be seen if nothing stood before it.
+    """An actor of which at least one pixel would be visible without occlusion.
 
-    Boxes are x0, y0, x1, y1 in pixels and end outside; `box` is None for an actor wholly hidden. `projected` is not
-    clipped to the picture; it holds what lies beyond the near plane.
+    Boxes are x0, y0, x1, y1 in pixels, ends excluded; `box` is None for a completely occluded actor. `projected` is not
+    clipped to the picture, but to the near plane.
     """
 
     name: str
@@ -49,15 +49,15 @@ class FrameLabels:
 
 @dataclass(frozen=True, eq=False)
 class Observation(FrameLabels):
-    """The labels, and what sampling and shading start from."""
+    """The labels of a frame, and the arrays that sampling and shading start from."""
 
     keys: DeviceArray = field(repr=False)  # uint64 [H * W] visibility at pixel centres
     vertices: DeviceArray = field(repr=False)  # vec3f [V] in the camera's frame; static ones at least where `seen`
     seen: DeviceArray = field(repr=False)  # int32 [C], 1 for every chunk of triangles that may be in the view
-    pose: bytes = field(repr=False)  # equal for one camera in one place
+    pose: bytes = field(repr=False)  # identifies the camera and its pose
     touched: NDArray[np.int32] = field(
         repr=False
-    )  # tiles outside of which nothing moving is seen, as kernels take them
+    )  # the tiles in which moving objects may be visible, as `all_tiles` encodes them
 
     @cached_property
     def device_depth(self) -> DeviceArray:
@@ -68,7 +68,7 @@ class Observation(FrameLabels):
 def objects_of(
     geometry: Geometry, visible: NDArray[np.int32], amodal: NDArray[np.int32], projected: NDArray[np.int32]
 ) -> tuple[ObjectView, ...]:
-    """The actors that would be seen if nothing stood before them, from their extents [A, 5]."""
+    """Return the actors that would be visible without occlusion, from their extents [A, 5]."""
     views = []
     for index, actor in enumerate(geometry.actors):
         if amodal[index, 0]:

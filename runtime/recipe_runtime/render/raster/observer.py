@@ -1,8 +1,8 @@
-"""From a pose to an Observation: visibility and labels, the first half of the pipeline.
+"""From a pose to an Observation: visibility and labels.
 
-Vertices are transformed into the camera's frame and drawn into one buffer of keys, from which every label follows. For
-a camera at rest the static scene is drawn and labelled once, and later only in the tiles that something moving may
-touch. No appearance is involved.
+Vertices are transformed to view space and rasterised into one visibility buffer, from which all labels follow. For a
+static camera the static scene is rasterised and labelled once, later only the tiles that moving objects may touch.
+Appearance is not involved.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from recipe_compiler.ir.optics import bends
 from recipe_compiler.ir.plan import CameraPlan
 
+from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.device.timings import Timings
 from recipe_runtime.render.raster import label_kernels, passes
-from recipe_runtime.render.raster.distortion import apply_distortion, plate_of
+from recipe_runtime.render.raster.distortion import apply_distortion, undistorted_camera
 from recipe_runtime.render.raster.observation import Observation, objects_of
 from recipe_runtime.render.raster.passes import Labels
 from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, view_from_parts
@@ -35,21 +35,23 @@ _VERTEX_POOL_SIZE = 3  # arrays of vertices kept for a pose
 
 @dataclass(frozen=True)
 class _StaticView:
-    """The static scene, seen from one pose as if nothing else were there."""
+    """The observation of the static scene from one pose, without moving objects."""
 
     vertices: DeviceArray
     keys: DeviceArray
     labels: Labels
-    spare: list[Any] = field(default_factory=list)  # vertices of observations that are gone; the static ones are valid
+    spare: list[Any] = field(
+        default_factory=list
+    )  # vertex arrays of released observations; their static vertices are valid
 
     def give_back(self, vertices: DeviceArray) -> None:
-        """Keep an observation's vertices for the next."""
+        """Keep the vertex array of an observation for reuse."""
         if len(self.spare) < _VERTEX_POOL_SIZE:
             self.spare.append(vertices)
 
 
 def all_tiles(camera: CameraPlan) -> NDArray[np.int32]:
-    """Every tile of a picture, as kernels take them: the first pixel's column, and its row in the bits from 16 on."""
+    """Return every tile of a picture, int32: the column of its first pixel, and the row in the bits from 16 on."""
     tile = int(label_kernels.TILE)
     rows, columns = np.arange(0, camera.height, tile, dtype=np.int32), np.arange(0, camera.width, tile, dtype=np.int32)
     corners: NDArray[np.int32] = ((rows[:, None] << 16) | columns[None, :]).reshape(-1)
@@ -57,28 +59,30 @@ def all_tiles(camera: CameraPlan) -> NDArray[np.int32]:
 
 
 class Observer:
-    """Observes one scene's geometry. For a camera at rest it draws the static scene once."""
+    """Observes one scene. For a static camera it rasterises the static scene once."""
 
     def __init__(self, geometry: Geometry, device: str, timings: Timings, reuse: TemporalReuse) -> None:
         self._g, self._device, self._timings = geometry, device, timings
         self._reuse = reuse.visibility
-        self._poses: OrderedDict[bytes, _StaticView | None] = OrderedDict()  # None: seen once, and so perhaps moving
+        self._poses: OrderedDict[bytes, _StaticView | None] = (
+            OrderedDict()
+        )  # None: observed once, so the camera may be moving
 
     def observe(self, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> Observation:
-        """The observation of one frame; `parts` [P, 3, 4] are the actors' parts in the world."""
+        """Return the observation of one frame; `parts` [P, 3, 4] are the world transforms of the moving parts."""
         if len(parts) != self._g.parts:
             raise ValueError(f"{len(parts)} transforms were given for {self._g.parts} moving parts")
         pose = world_from_sensor.tobytes() + camera.model_dump_json().encode()
         still = self._still(pose, camera, world_from_sensor, parts)
         with self._timings("transform"):
             matrices = upload_transforms(view_from_parts(world_from_sensor, parts), self._device)
-            chunks = self._chunks(plate_of(camera), matrices)
+            chunks = self._chunks(undistorted_camera(camera), matrices)
             vertices = self._transform(matrices, chunks, still)
             projected, reach = self._projected(camera, vertices)
-            # A lens bows edges out of the box of their ends, so the short cut is a pinhole's.
+            # Lens distortion bends edges beyond the box of their ends, so this shortcut is valid for pinholes only.
             touched = all_tiles(camera) if bends(camera) else _tiles_within(camera, projected, reach)
         if still is None:
-            straight = self.visibility(plate_of(camera), vertices, chunks, side=1)
+            straight = self.visibility(undistorted_camera(camera), vertices, chunks, side=1)
             keys, labels = apply_distortion(straight, camera, self._device), Labels.empty(camera, self._device)
         else:
             keys, labels = wp.clone(still.keys), still.labels.clone()
@@ -100,7 +104,7 @@ class Observer:
     def visibility(
         self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, *, side: int, still: bool = False
     ) -> DeviceArray:
-        """Keys of side x side samples a pixel, row by row; of the static scene alone, if `still`."""
+        """Return visibility keys, side x side samples per pixel, row by row; of the static scene only if `still`."""
         with self._timings(f"visibility x{side}"):
             keys = wp.zeros(camera.width * camera.height * side * side, dtype=wp.uint64, device=self._device)
             count = self._g.static_chunks if still else self._g.chunk_count
@@ -110,20 +114,20 @@ class Observer:
     def draw_moving(
         self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, side: int, keys: DeviceArray
     ) -> None:
-        """Draw the moving parts into the keys of the static scene."""
+        """Rasterise the moving parts into keys of the static scene."""
         with self._timings(f"visibility x{side}"):
             moving = range(self._g.static_chunks, self._g.chunk_count)
             passes.raster_keys(self._g, vertices, seen, moving, pinhole_of(camera, side), keys, self._device)
 
     def _still(self, pose: bytes, camera: CameraPlan, world_from_sensor: Array, parts: Array) -> _StaticView | None:
-        """The static scene from a pose; None for a pose not seen before, which may not come again."""
+        """Return the static view of a pose; None at the first frame from a pose, which may not occur again."""
         if not self._reuse or bends(camera):
             return None
         known = pose in self._poses
         still = self._poses.pop(pose, None)
         if known and still is None:
             matrices = upload_transforms(view_from_parts(world_from_sensor, parts), self._device)
-            chunks, labels = self._chunks(plate_of(camera), matrices), Labels.empty(camera, self._device)
+            chunks, labels = self._chunks(undistorted_camera(camera), matrices), Labels.empty(camera, self._device)
             vertices = self._transform(matrices, chunks, None)
             keys = self.visibility(camera, vertices, chunks, side=1, still=True)
             with self._timings("label"):
@@ -135,15 +139,15 @@ class Observer:
         return still
 
     def _chunks(self, camera: CameraPlan, transforms: DeviceArray) -> DeviceArray:
-        """Which chunks of triangles may be in the view, int32 [C]."""
+        """Return which chunks of triangles may be visible, int32 [C]."""
         visible = wp.empty(max(self._g.chunk_count, 1), dtype=wp.int32, device=self._device)
         passes.cull_chunks(self._g, transforms, camera, visible, self._device)
         return visible
 
     def _transform(self, transforms: DeviceArray, chunks: DeviceArray, still: _StaticView | None) -> DeviceArray:
-        """All vertices in the camera's frame; on a CPU only those static ones whose chunks may be seen.
+        """Return all vertices in view space; on a CPU, static ones only where their chunk may be visible.
 
-        From a known pose the static ones are copied, or already in an array that an earlier observation gave back.
+        From a known pose, static vertices are copied, or are already in an array that an earlier observation gave back.
         """
         g = self._g
         out: DeviceArray
@@ -162,7 +166,7 @@ class Observer:
     def _label(
         self, camera: CameraPlan, keys: DeviceArray, tiles: NDArray[np.int32], labels: Labels
     ) -> NDArray[np.int32]:
-        """Label the tiles' pixels; the actors' visible extents within them, [A, 5]."""
+        """Label the tiles' pixels; return the visible extents of the actors within them, [A, 5]."""
         extents = self._extents()
         passes.label_pixels(self._g, self._tiles(tiles), keys, camera, labels, extents, self._device)
         rows: NDArray[np.int32] = extents.numpy()
@@ -171,18 +175,18 @@ class Observer:
     def _amodal(
         self, camera: CameraPlan, vertices: DeviceArray, seen: DeviceArray, tiles: NDArray[np.int32]
     ) -> NDArray[np.int32]:
-        """The extents of the actors within the tiles, each as if it were alone, [A, 5]."""
-        g, plate, extents = self._g, plate_of(camera), self._extents()
+        """Return the extents of the actors within the tiles, each without occlusion, [A, 5]."""
+        g, undistorted, extents = self._g, undistorted_camera(camera), self._extents()
         for first in range(0, len(g.actors) if len(tiles) else 0, passes.ACTORS_PER_WORD):
-            bits = wp.zeros(plate.width * plate.height, dtype=wp.uint64, device=self._device)
-            passes.raster_actor_bits(g, vertices, seen, first, pinhole_of(plate, 1), bits, self._device)
+            bits = wp.zeros(undistorted.width * undistorted.height, dtype=wp.uint64, device=self._device)
+            passes.raster_actor_bits(g, vertices, seen, first, pinhole_of(undistorted, 1), bits, self._device)
             bits = apply_distortion(bits, camera, self._device)
             passes.count_amodal(g, self._tiles(tiles), bits, first, camera, extents, self._device)
         rows: NDArray[np.int32] = extents.numpy()
         return rows
 
     def _projected(self, camera: CameraPlan, vertices: DeviceArray) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """The actors' unclipped boxes, and those of the points where the near plane cuts them, each [A, 5]."""
+        """Return the actors' unclipped boxes, and those of the points where the near plane cuts them, each [A, 5]."""
         extents, reach = self._extents(), self._extents()
         passes.project_boxes(self._g, vertices, camera, extents, reach, self._device)
         return extents.numpy(), reach.numpy()
@@ -195,7 +199,7 @@ class Observer:
 
 
 def _tiles_within(camera: CameraPlan, *boxes: NDArray[np.int32]) -> NDArray[np.int32]:
-    """The tiles that the actors' boxes (1/256 pixels; both together, a pixel wider) meet, as kernels take them."""
+    """Return the tiles that the actors' boxes (1/256 pixels, widened by one pixel) overlap."""
     low = np.minimum(boxes[0][:, 1:3], boxes[1][:, 1:3]) // 256 - 1
     high = np.maximum(boxes[0][:, 3:5], boxes[1][:, 3:5]) // 256 + 1
     tile = int(label_kernels.TILE)

@@ -1,8 +1,8 @@
 """The passes from vertices to labels, each a launch of one kernel. Observer and RecordedFrame both run these.
 
-Arguments: `g` is the scene's geometry, `transforms` float32 [1 + P, 12] leads from each part to the camera's frame,
-`tiles` int32 [N] names tiles as `label_kernels.pixel_at` reads them, `keys` uint64 [H * W * side^2] holds what each
-sample sees. Outputs come last.
+Arguments: `g` is the geometry of the scene, `transforms` float32 [1 + P, 12] lead from the world and each moving part
+to view space, `tiles` int32 [N] are encoded as `label_kernels.pixel_at` reads them, `keys` uint64 [H * W * side^2] are
+the visibility keys of the samples. Outputs come last.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from recipe_runtime.render.scene.camera import pinhole_of
 from recipe_runtime.render.scene.geometry import CHUNK, Geometry
 from recipe_runtime.render.scene.pinhole import Pinhole
 
-ACTORS_PER_WORD = 64  # whose silhouettes fit a 64-bit word
-_FAR_AWAY = 1 << 30  # 1/256 pixels: the bounds of a box that holds nothing
+ACTORS_PER_WORD = 64  # one bit each in a 64-bit word
+_FAR_AWAY = 1 << 30  # 1/256 pixels: the bounds of an empty box
 
 
 @dataclass(frozen=True)
@@ -36,25 +36,25 @@ class Labels:
 
     @staticmethod
     def empty(camera: CameraPlan, device: str) -> Labels:
-        """Labels yet to be written."""
+        """Allocate labels, uninitialised."""
         kinds = (wp.float32, wp.uint16, wp.uint8)
         return Labels(*(wp.empty(camera.width * camera.height, dtype=kind, device=device) for kind in kinds))
 
     def clone(self) -> Labels:
-        """A copy."""
+        """Return a copy."""
         return Labels(wp.clone(self.depth), wp.clone(self.instance), wp.clone(self.semantic))
 
 
 @dataclass(frozen=True)
 class BinBuffers:
-    """The list of large triangles' rows; see `bin_kernels`."""
+    """The list of bins of large triangles; see `bin_kernels`."""
 
     bins: DeviceArray  # uint64 [capacity]
     count: DeviceArray  # int32 [1]
 
 
 def empty_extents(g: Geometry, *shape: int) -> np.ndarray[Any, np.dtype[np.int32]]:
-    """Extents of actors that were not seen, int32 [*shape, A, 5]: pixel count, and a box x0, y0, x1, y1."""
+    """Return extents without a pixel, int32 [*shape, A, 5]: pixel count, and a box x0, y0, x1, y1."""
     rows = np.zeros((*shape, max(len(g.actors), 1), 5), np.int32)
     rows[..., 1:3], rows[..., 3:5] = _FAR_AWAY, -_FAR_AWAY
     return rows
@@ -63,7 +63,7 @@ def empty_extents(g: Geometry, *shape: int) -> np.ndarray[Any, np.dtype[np.int32
 def transform_vertices(
     g: Geometry, transforms: DeviceArray, first_vertex: int, out_vertices: DeviceArray, device: str
 ) -> None:
-    """Transform the vertices from the first one on."""
+    """Transform the vertices from `first_vertex` on."""
     if g.vertex_count > first_vertex:
         launch(
             visibility_kernels.transform_vertices,
@@ -97,7 +97,7 @@ def transform_visible_vertices(
 def cull_chunks(
     g: Geometry, transforms: DeviceArray, camera: CameraPlan, out_visible: DeviceArray, device: str
 ) -> None:
-    """Find the chunks that may be in the view."""
+    """Find the chunks that may be visible."""
     if g.chunk_count:
         launch(
             visibility_kernels.cull_chunks,
@@ -121,7 +121,7 @@ def raster_keys(
     out_keys: DeviceArray,
     device: str,
 ) -> None:
-    """Draw a range of chunks into the keys."""
+    """Rasterise a range of chunks into the keys."""
     if len(chunks):
         launch(
             visibility_kernels.raster_keys,
@@ -146,7 +146,7 @@ def raster_actor_bits(
     out_bits: DeviceArray,
     device: str,
 ) -> None:
-    """Set the bits of up to 64 actors where each would be seen alone."""
+    """Set the bits of up to 64 actors where each would be visible without occlusion."""
     launch(
         visibility_kernels.raster_actor_bits,
         (g.chunk_count - g.static_chunks) * CHUNK,
@@ -175,7 +175,7 @@ def raster_binned(
     out_keys: DeviceArray,
     device: str,
 ) -> None:
-    """Clear and draw keys (`first_actor` -1) or the bits of actors, large triangles shared out among many threads."""
+    """Clear and rasterise keys (`first_actor` is -1) or actor bits, large triangles by many threads."""
     out_keys.zero_()
     buffers.count.zero_()
     shared = {
@@ -240,7 +240,7 @@ def count_amodal(
     out_extents: DeviceArray,
     device: str,
 ) -> None:
-    """Widen the amodal extents of up to 64 actors by the tiles' pixels that carry their bits."""
+    """Widen the amodal extents of up to 64 actors by the tiles' pixels in which their bits are set."""
     launch(
         label_kernels.count_amodal,
         tiles.size * int(label_kernels.TILE_PIXELS),

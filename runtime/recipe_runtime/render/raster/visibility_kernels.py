@@ -1,8 +1,9 @@
-"""Visibility: which triangle every sample sees, exactly.
+"""Exact visibility: the nearest triangle of every sample.
 
-Corners are snapped to 1/256 pixel; inside-ness is decided by integer edge functions with the top-left rule, so two
-triangles that share an edge leave no gap and take no sample twice. A sample's winner is the largest 64-bit key:
-40 bits of nearness (near / depth), then 24 bits of triangle number. An atomic maximum does not care for order.
+Corners are snapped to 1/256 pixel, and integer edge functions with the top-left rule decide which samples a triangle
+covers, so triangles that share an edge leave no gap and cover no sample twice. The triangle with the largest 64-bit key
+is visible: 40 bits of nearness (near / depth), then 24 bits of the triangle's index. An atomic maximum does not depend
+on the order.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -25,7 +26,9 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 
-SPAN_THRESHOLD = wp.constant(wp.int64(12))  # samples across at which solving for a row's span beats testing each
+SPAN_THRESHOLD = wp.constant(
+    wp.int64(12)
+)  # samples per row from which solving for the span is faster than testing each
 
 
 @wp.kernel
@@ -36,7 +39,7 @@ def transform_vertices(
     first_vertex: wp.int32,
     out_vertices: wp.array[wp.vec3f],
 ):
-    """Vertices first.. of each part's frame, moved by the part's matrix (3x4, by rows)."""
+    """Transform vertices from `first_vertex` on by the 3x4 matrix (by rows) of their part."""
     i = first_vertex + wp.tid()
     out_vertices[i] = transform_point(transforms, vertex_part[i], vertices[i])
 
@@ -61,7 +64,7 @@ def transform_visible_vertices(
 
 @wp.func
 def inside_plane(c: wp.vec3f, n: wp.vec3f, r: wp.float32, slack: wp.float32) -> bool:
-    """Whether a box about c, which reaches r along n, may lie on the inner side of the plane n through the origin."""
+    """Return whether a box may lie on the inner side of a plane: centre c, normal n, extent r along n."""
     return n[0] * c[0] + n[1] * c[1] + n[2] * c[2] + r > -slack
 
 
@@ -74,14 +77,14 @@ def cull_chunks(
     pinhole: Pinhole,
     out_visible: wp.array[wp.int32],
 ):
-    """1 for every chunk whose box may meet the view's pyramid, 0 for the others: nothing of them could be drawn."""
+    """Write 1 for every chunk whose box may overlap the view frustum, otherwise 0."""
     i = wp.tid()
     part = chunks[i][2]
     half = chunk_halves[i]
     c = transform_point(transforms, part, chunk_centres[i])
     f = wp.float32(pinhole.focal)
     deep = box_extent(transforms, part, half, wp.vec3f(0.0, 0.0, 1.0))
-    # A centimetre and a pixel's hundredth to spare, for what is rounded on the way.
+    # A margin of a centimetre and a hundredth of a pixel covers the rounding.
     slack = 0.01 * f + 0.01 * (wp.abs(c[2]) + deep)
     left = wp.vec3f(f, 0.0, wp.float32(pinhole.cx))
     right = wp.vec3f(-f, 0.0, wp.float32(pinhole.width) - wp.float32(pinhole.cx))
@@ -97,7 +100,7 @@ def cull_chunks(
 
 @wp.func
 def first_inside(e: wp.int64, d: wp.int64, last: wp.int64) -> wp.int64:
-    """The first k >= 0 with e + k d >= 0; beyond last if there is none."""
+    """Return the first k >= 0 with e + k d >= 0; a value above `last` if there is none."""
     if e >= wp.int64(0):
         return wp.int64(0)
     if d <= wp.int64(0):
@@ -107,7 +110,7 @@ def first_inside(e: wp.int64, d: wp.int64, last: wp.int64) -> wp.int64:
 
 @wp.func
 def last_inside(e: wp.int64, d: wp.int64, last: wp.int64) -> wp.int64:
-    """The last k <= last with e + k d >= 0, where d < 0; -1 if there is none."""
+    """Return the last k <= `last` with e + k d >= 0, for d < 0; -1 if there is none."""
     if d >= wp.int64(0):
         return last
     if e < wp.int64(0):
@@ -119,7 +122,7 @@ def last_inside(e: wp.int64, d: wp.int64, last: wp.int64) -> wp.int64:
 def first_column(
     e0: wp.int64, e1: wp.int64, e2: wp.int64, d0: wp.int64, d1: wp.int64, d2: wp.int64, last: wp.int64
 ) -> wp.int64:
-    """Where a row enters the triangle: the last of its edges to let it in."""
+    """Return the first column of a row inside all three edges."""
     return wp.max(first_inside(e0, d0, last), wp.max(first_inside(e1, d1, last), first_inside(e2, d2, last)))
 
 
@@ -127,7 +130,7 @@ def first_column(
 def last_column(
     e0: wp.int64, e1: wp.int64, e2: wp.int64, d0: wp.int64, d1: wp.int64, d2: wp.int64, last: wp.int64
 ) -> wp.int64:
-    """Where a row leaves the triangle: the first of its edges to bar it."""
+    """Return the last column of a row inside all three edges."""
     return wp.min(last_inside(e0, d0, last), wp.min(last_inside(e1, d1, last), last_inside(e2, d2, last)))
 
 
@@ -135,7 +138,7 @@ def last_column(
 def depth_test(
     keys: wp.array[wp.uint64], at: wp.int32, q: wp.float64, limit: wp.float64, triangle: wp.uint64, bit: wp.uint64
 ):
-    """Offer a triangle to a sample, at nearness q; nothing is seen beyond the limit."""
+    """Combine a triangle at nearness q with a sample's key, unless it is beyond the far limit."""
     if bit != wp.uint64(0):
         wp.atomic_or(keys, at, bit)
     elif q > limit:
@@ -145,7 +148,7 @@ def depth_test(
 
 @wp.func
 def edge_steps(a: Corner, b: Corner, px: wp.int64, py: wp.int64, step: wp.int64):
-    """An edge's function at a point, what a step to the right and one down add to it, and the edge's bias."""
+    """Return an edge's function at a point, its increments per column and per row, and the edge's bias."""
     value = edge_function(a.x, a.y, b.x, b.y, px, py)
     return value, -(b.y - a.y) * step, (b.x - a.x) * step, top_left_bias(a.x, a.y, b.x, b.y)
 
@@ -166,7 +169,7 @@ def fill_span(
     triangle: wp.uint64,
     bit: wp.uint64,
 ):
-    """Offer a triangle to the samples first..last, which all lie inside it; q0 is the nearness of its first corner."""
+    """Depth-test a triangle at the samples first..last, all inside it; q0 is the nearness of its first corner."""
     at = first
     w1 = weight1
     w2 = weight2
@@ -181,21 +184,21 @@ def fill_span(
 @wp.func
 def fill_triangle(
     keys: wp.array[wp.uint64],
-    lens: Pinhole,
+    pinhole: Pinhole,
     a: Corner,
     b: Corner,
     c: Corner,
     triangle: wp.uint64,
     bit: wp.uint64,
 ):
-    """Offer one front-facing triangle to every sample inside it: its key by maximum, or, if `bit`, that bit by or."""
+    """Rasterise one front-facing triangle: its key by maximum or, if `bit` is not 0, that bit by union."""
     area = edge_function(a.x, a.y, b.x, b.y, c.x, c.y)
     if area <= wp.int64(0):
         return
-    step = wp.int64(256) / wp.int64(lens.side)
+    step = wp.int64(256) / wp.int64(pinhole.side)
     half = step / wp.int64(2)
-    columns = wp.int64(lens.width * lens.side)
-    left, top, right, bottom = sample_box(lens, a, b, c)
+    columns = wp.int64(pinhole.width * pinhole.side)
+    left, top, right, bottom = sample_box(pinhole, a, b, c)
     if left > right or top > bottom:
         return
     px = left * step + half
@@ -207,7 +210,7 @@ def fill_triangle(
     # Nearness is linear on the screen: q = a.q + w1 slope1 + w2 slope2, from the integer weights themselves.
     slope1 = (b.q - a.q) * inverse
     slope2 = (c.q - a.q) * inverse
-    limit = lens.near / lens.far
+    limit = pinhole.near / pinhole.far
     span = right - left
     for y in range(int(top), int(bottom) + 1):
         k0 = wp.int64(0)
@@ -218,7 +221,7 @@ def fill_triangle(
         w0 = row0 + k0 * dx0
         w1 = row1 + k0 * dx1
         w2 = row2 + k0 * dx2
-        if span <= SPAN_THRESHOLD:  # what an edge does not own lies below 0
+        if span <= SPAN_THRESHOLD:  # samples that do not belong to the triangle have values below 0
             w0 = w0 + bias0
             w1 = w1 + bias1
             w2 = w2 + bias2
@@ -244,18 +247,18 @@ def fill_triangle(
 @wp.func
 def clip_and_fill(
     keys: wp.array[wp.uint64],
-    lens: Pinhole,
+    pinhole: Pinhole,
     v0: wp.vec3f,
     v1: wp.vec3f,
     v2: wp.vec3f,
     triangle: wp.uint64,
     bit: wp.uint64,
 ):
-    """Clip a triangle at the near plane, giving none, one or two, and draw what is left."""
+    """Clip a triangle at the near plane, which leaves none, one or two triangles, and rasterise them."""
     for which in range(2):
-        piece = clipped_piece(lens, v0, v1, v2, which)
+        piece = clipped_piece(pinhole, v0, v1, v2, which)
         if piece.there != 0:
-            fill_triangle(keys, lens, piece.a, piece.b, piece.c, triangle, bit)
+            fill_triangle(keys, pinhole, piece.a, piece.b, piece.c, triangle, bit)
 
 
 @wp.kernel
@@ -268,9 +271,9 @@ def raster_keys(
     pinhole: Pinhole,
     out_keys: wp.array[wp.uint64],
 ):
-    """Draw the chunks first.. that may be seen, 64 places each, of camera-space vertices into the keys.
+    """Rasterise visible chunks from `first_chunk` on into the keys, 64 threads per chunk.
 
-    In that space x is right, y down, z forward.
+    Vertices are in view space: x right, y down, z forward.
     """
     i = visible_triangle(wp.tid(), first_chunk, chunks, chunk_visible)
     if i < 0:
@@ -292,7 +295,7 @@ def raster_actor_bits(
     pinhole: Pinhole,
     out_bits: wp.array[wp.uint64],
 ):
-    """Set bit a - first_actor of every pixel that actor a would cover if it were alone; 64 actors a run."""
+    """Set bit a - first_actor of every sample that actor a would cover without occlusion; 64 actors per launch."""
     i = visible_triangle(wp.tid(), first_chunk, chunks, chunk_visible)
     if i < 0:
         return

@@ -1,1 +1,1 @@
-"""The points of a frame that are shaded, and the geometry at each."""
+"""The shading samples of a frame, and the geometry at each."""

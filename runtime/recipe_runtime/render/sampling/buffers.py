@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from recipe_runtime.render.device.arrays import DeviceArray, filled
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.sampling.sample_kernels import Samples, SceneArrays
 from recipe_runtime.render.scene.geometry import Geometry
@@ -23,18 +23,18 @@ _KINDS = {
 
 
 class SampleColumns:
-    """Arrays with an element a sample, for `capacity` samples."""
+    """Arrays with one element per sample, for `capacity` samples."""
 
-    keys: DeviceArray  # uint64, what the sample sees
-    pixels: DeviceArray  # int32, the pixel that it belongs to
-    places: DeviceArray  # int32, its quarter of the pixel, or 4 for the centre
-    weights: DeviceArray  # float32, its share of the pixel
+    keys: DeviceArray  # uint64, visibility key
+    pixels: DeviceArray  # int32, index of the pixel
+    places: DeviceArray  # int32, quarter of the pixel, or 4 for the centre
+    weights: DeviceArray  # float32, share of the pixel
     tiles: DeviceArray  # int32
     surfaces: DeviceArray  # int32, -1 for the sky
     codes: DeviceArray  # uint32
-    positions: DeviceArray  # vec3f, metres in the world; for the sky a direction
+    positions: DeviceArray  # vec3f, world position in metres; for the sky a direction
     normals: DeviceArray  # vec3f
-    details: DeviceArray  # vec4f, tone, second, wear, parameter of `Detail`; of an image, coordinates and longer step
+    details: DeviceArray  # vec4f: fields of `Detail`; with an image, coordinates and the longer step
     puddle_depths: DeviceArray  # float32, see `Samples`
 
     def __init__(self, capacity: int, device: str) -> None:
@@ -43,7 +43,7 @@ class SampleColumns:
             setattr(self, name, wp.empty(capacity, dtype=kind, device=device))
 
     def grown(self, capacity: int, count: int, device: str) -> SampleColumns:
-        """Columns of another capacity, with the first `count` samples of these."""
+        """Return columns of another capacity, with the first `count` samples of these."""
         wider = SampleColumns(capacity, device)
         for name in _KINDS:
             wp.copy(getattr(wider, name), getattr(self, name), count=count)
@@ -51,16 +51,16 @@ class SampleColumns:
 
 
 def samples_of(columns: SampleColumns) -> Samples:
-    """The struct `Samples` of the columns, as shading reads them; its eye is not set."""
+    """Return the struct `Samples` of the columns, for shading; its eye is not set."""
     names = ("surfaces", "positions", "normals", "details", "codes", "puddle_depths", "pixels", "tiles")
-    return filled(Samples(), **{name: getattr(columns, name) for name in names})
+    return set_fields(Samples(), **{name: getattr(columns, name) for name in names})
 
 
 def scene_arrays(
     g: Geometry, vertices: DeviceArray, world_from_part: DeviceArray, world_from_view: DeviceArray
 ) -> SceneArrays:
-    """The struct `SceneArrays` of a frame: `vertices` vec3f [V] in the camera's frame, transforms float32 [N, 12]."""
-    return filled(
+    """Return the struct `SceneArrays` of a frame: `vertices` vec3f [V] in view space, transforms float32 [N, 12]."""
+    return set_fields(
         SceneArrays(),
         view=vertices,
         normals=g.normals,

@@ -1,8 +1,8 @@
 """The passes from keys to samples, each a launch of one kernel. Sampler and RecordedFrame both run these.
 
-Arguments: `tiles` int32 [N] names tiles, `coarse` and `fine` are the keys of pixels and of their quarters, `scene` is a
-record of `SceneArrays`; `groups` and `starts` int32 [H * W] say of each pixel how its quarters group and where its
-samples begin. `side` is 2 with antialiasing and 1 without. Outputs come last.
+Arguments: `tiles` int32 [N] are indices of tiles, `coarse` and `fine` are the keys of pixels and of their quarters,
+`scene` is a one-element array of `SceneArrays`; `groups` and `starts` int32 [H * W] are, by pixel, how its quarters
+group and the index of its first sample. `side` is 2 with antialiasing and 1 without. Outputs come last.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from recipe_runtime.render.scene.camera import pinhole_of
 def restore_keys(
     tiles: DeviceArray, static_keys: DeviceArray, camera: CameraPlan, out_fine: DeviceArray, device: str
 ) -> None:
-    """Make the tiles' quarters see the static scene again."""
+    """Reset the keys of the tiles' quarters to the static scene."""
     if tiles.size:
         launch(
             sample_kernels.restore_keys,
@@ -76,10 +76,10 @@ def assign_slots(
     out_firsts: DeviceArray,
     device: str,
 ) -> None:
-    """Give every pixel the slots of its samples without reading a count back; see `slot_kernels`.
+    """Assign the slots of every pixel's samples without reading a count back; see `slot_kernels`.
 
-    `wanted` and `stretches` int32 by tile are work space. `out_cursor` counts the slots at edges that were wanted; a
-    pixel for which there is no room loses its samples (`counts` becomes 0), and the frame has to be drawn again.
+    `wanted` and `stretches` int32 by tile are scratch space. `out_cursor` counts the requested slots at edges; a pixel
+    without room loses its samples (`counts` becomes 0), and the frame must be redrawn.
     """
     size = tiles.size * int(TILE_PIXELS)
     wanted.zero_()
@@ -145,7 +145,7 @@ def emit_samples(
 def evaluate_samples(
     first_sample: int, count: int, camera: CameraPlan, scene: DeviceArray, columns: SampleColumns, device: str
 ) -> None:
-    """Evaluate surface, position, normal and pattern of so many samples from the first one on."""
+    """Evaluate surface, position, normal and pattern of `count` samples from `first_sample` on."""
     if count:
         launch(
             sample_kernels.evaluate_samples,
@@ -176,7 +176,7 @@ def bound_tiles(
     out_highs: DeviceArray,
     device: str,
 ) -> None:
-    """Bound each tile's samples, the sky's left out, by a box in the world; `out_lows`, `out_highs` vec3f by tile."""
+    """Write the world-space box of each tile's samples except the sky's; `out_lows`, `out_highs` vec3f by tile."""
     launch(
         sample_kernels.bound_tiles,
         tiles.size,

@@ -1,8 +1,9 @@
-"""Samples: the points of a frame that are shaded, and the geometry at each.
+"""Shading samples: where a frame is shaded, and the geometry at each sample.
 
-A pixel whose four sub-samples see one smooth surface is shaded once, at its centre. At an edge every surface seen is
-shaded once, weighed by the quarters it fills. What is found here depends on no appearance, so all weathers share it.
-For a camera at rest all frames share it too: only a pixel that something moving changed gets samples of its own.
+A pixel whose four sub-samples see one smooth surface is shaded once, at its centre. At an edge, each visible surface is
+shaded once, weighted by the number of quarters that it covers. Nothing here depends on appearance, so all weathers
+share the samples. For a static camera all frames share those of the static scene: only pixels that moving objects
+change get samples of their own.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -19,13 +20,13 @@ from recipe_runtime.render.texture.patterns import detail_of
 
 wp.set_module_options(OPTIONS)
 
-UNKNOWN_DEPTH = wp.constant(wp.float32(0.0))  # of a sample whose ground was not yet shaded in rain
-CENTRE = wp.constant(4)  # place of a sample at the pixel's centre; 0..3 are its quarters
+UNKNOWN_DEPTH = wp.constant(wp.float32(0.0))  # of a sample that has not yet been shaded when wet
+CENTRE = wp.constant(4)  # place of a sample at the pixel's centre; 0 to 3 are the quarters
 
 
 @wp.struct
 class SceneArrays:
-    """The geometry's arrays that a sample is evaluated from."""
+    """The arrays of the geometry from which samples are evaluated."""
 
     view: wp.array[wp.vec3f]
     normals: wp.array[wp.vec3f]
@@ -41,7 +42,7 @@ class SceneArrays:
 
 @wp.func
 def same_surface(a: wp.uint64, b: wp.uint64, scene: wp.array[SceneArrays]) -> bool:
-    """Whether two samples see one smooth surface: same look, near in depth, faces turned alike."""
+    """Return whether two samples see one smooth surface: same material, similar depth, similar orientation."""
     if a == b:
         return True
     if a == wp.uint64(0) or b == wp.uint64(0):
@@ -56,7 +57,7 @@ def same_surface(a: wp.uint64, b: wp.uint64, scene: wp.array[SceneArrays]) -> bo
         return False
     if dot(scene[0].face_normals[s], scene[0].face_normals[t]) < 0.8:
         return False
-    # Keys grow with nearness: within 3 % of each other means as near.
+    # Keys grow with nearness; within 3 % of each other counts as similar depth.
     u = wp.float64(wp.int64(a >> wp.uint64(24)))
     v = wp.float64(wp.int64(b >> wp.uint64(24)))
     return u < v * wp.float64(1.03) and v < u * wp.float64(1.03)
@@ -64,13 +65,13 @@ def same_surface(a: wp.uint64, b: wp.uint64, scene: wp.array[SceneArrays]) -> bo
 
 @wp.struct
 class StaticSamples:
-    """The static scene from a pose, and its samples; `known` 0: there are none."""
+    """The visibility of the static scene from a pose, and its samples; none if `available` is 0."""
 
     coarse: wp.array[wp.uint64]
     fine: wp.array[wp.uint64]
     groups: wp.array[wp.int32]
     starts: wp.array[wp.int32]
-    known: wp.int32
+    available: wp.int32
 
 
 @wp.func
@@ -82,7 +83,7 @@ def sees_static_only(
     base: wp.int32,
     row: wp.int32,
 ) -> bool:
-    """Whether a pixel and its quarters, the first of them at `base`, see the static scene and nothing else."""
+    """Return whether a pixel and its quarters, the first of them at `base`, see the static scene only."""
     if coarse[i] != still[0].coarse[i]:
         return False
     if row == 0:
@@ -96,9 +97,9 @@ def sees_static_only(
 def group_quarters(
     k0: wp.uint64, k1: wp.uint64, k2: wp.uint64, k3: wp.uint64, scene: wp.array[SceneArrays]
 ) -> wp.int32:
-    """How many different surfaces a pixel's quarters see, with the quarters' groups in the bits above.
+    """Group a pixel's quarters by surface, and return the number of groups and the grouping.
 
-    Bits 0-2 hold the count, bits 4 + 2q, 5 + 2q the group of quarter q.
+    Bits 0-2 are the number of groups, bits 4 + 2q and 5 + 2q the group of quarter q.
     """
     t = triangle_of(k0)
     seen = k0 != wp.uint64(0) and k1 != wp.uint64(0) and k2 != wp.uint64(0) and k3 != wp.uint64(0)
@@ -156,10 +157,10 @@ def count_samples(
     out_starts: wp.array[wp.int32],
     out_counts: wp.array[wp.int32],
 ):
-    """How many new samples a pixel of the tiles needs, and how its quarters are grouped.
+    """Write how many new samples each of the tiles' pixels needs, and how its quarters are grouped.
 
-    None, if it looks as it did without anything moving: then it has the samples that it had. Without antialiasing
-    (a side of 1) there is one sample a pixel.
+    A pixel that sees the static scene only needs none: it has samples already. Without antialiasing (a side of 1) a
+    pixel has one sample.
     """
     place = wp.tid()
     x, y = pixel_at(tile_corners, place)
@@ -172,7 +173,7 @@ def count_samples(
     if pinhole.side == 2:
         row = pinhole.width * 2
         base = y * 2 * row + x * 2
-    if static_samples[0].known != 0 and sees_static_only(static_samples, coarse, fine, i, base, row):
+    if static_samples[0].available != 0 and sees_static_only(static_samples, coarse, fine, i, base, row):
         out_groups[i] = static_samples[0].groups[i]
         out_starts[i] = static_samples[0].starts[i]
         return
@@ -200,7 +201,7 @@ def emit_samples(
     out_weights: wp.array[wp.float32],
     out_tiles: wp.array[wp.int32],
 ):
-    """Write a pixel's new samples from its first on: key, pixel, place within it, share, and tile."""
+    """Write a pixel's new samples: key, pixel, place within it, weight and tile."""
     at = wp.tid()
     if counts[at] == 0:
         return
@@ -237,7 +238,7 @@ def emit_samples(
         out_weights[first + s] = 0.0
         out_pixels[first + s] = i
     for back in range(4):
-        quarter = 3 - back  # so that a group is led by its first quarter
+        quarter = 3 - back  # so that a group has the place of its first quarter
         s = first + ((g >> (4 + 2 * quarter)) & 3)
         out_keys[s] = fine[base + (quarter >> 1) * row + (quarter & 1)]
         out_places[s] = quarter
@@ -245,25 +246,28 @@ def emit_samples(
 
 
 @wp.func
-def ray_of(pixel: wp.int32, spot: wp.int32, lens: Pinhole) -> wp.vec3f:
-    """The ray through a place within a pixel, in the camera's frame and one metre deep."""
+def ray_of(pixel: wp.int32, spot: wp.int32, pinhole: Pinhole) -> wp.vec3f:
+    """Return the ray through a place within a pixel in view space, of depth 1 m."""
     dx = wp.float64(0.5)
     dy = wp.float64(0.5)
     if spot != CENTRE:
         dx = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot & 1)
         dy = wp.float64(0.25) + wp.float64(0.5) * wp.float64(spot >> 1)
-    x = wp.float32((wp.float64(pixel % lens.width) + dx - lens.cx) / lens.focal)
-    y = wp.float32((wp.float64(pixel / lens.width) + dy - lens.cy) / lens.focal)
+    x = wp.float32((wp.float64(pixel % pinhole.width) + dx - pinhole.cx) / pinhole.focal)
+    y = wp.float32((wp.float64(pixel / pinhole.width) + dy - pinhole.cy) / pinhole.focal)
     return wp.vec3f(x, y, 1.0)
 
 
 @wp.func
 def barycentric_weights(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f) -> wp.vec3f:
-    """A triangle's perspective-correct weights where a ray meets it: the volumes that the ray spans with its edges."""
+    """Return the perspective-correct barycentric weights where a ray meets a triangle.
+
+    They are the volumes that the ray spans with the edges.
+    """
     w0 = dot(ray, cross(v1, v2))
     w1 = dot(ray, cross(v2, v0))
     w2 = dot(ray, cross(v0, v1))
-    # All three have the sign of their sum inside the triangle; rounding may put an edge's sample just outside.
+    # Inside the triangle all three have the sign of their sum; rounding may move a sample at an edge just outside.
     total = w0 + w1 + w2
     if total * total < 1.0e-30:  # (returning from here would take a tenth longer)
         w0 = 1.0
@@ -280,7 +284,7 @@ def barycentric_weights(ray: wp.vec3f, v0: wp.vec3f, v1: wp.vec3f, v2: wp.vec3f)
 
 @wp.func
 def footprint_of(face: wp.vec3f, sight: wp.vec3f, across: wp.float32) -> wp.vec2f:
-    """Metres of a surface that a pixel holds, across the line of sight and along it: more at grazing angles."""
+    """Return a pixel's size on a surface in metres, across and along the line of sight; larger at grazing angles."""
     return wp.vec2f(across, across / maximum(-dot(face, sight), 0.04))
 
 
@@ -299,10 +303,10 @@ def evaluate_samples(
     out_codes: wp.array[wp.uint32],
     out_puddle_depths: wp.array[wp.float32],
 ):
-    """The surface, world position, unit normal and pattern at the samples first..; for the sky, -1 and a direction."""
+    """Write surface, world position, unit normal and pattern of samples; for the sky, -1 and a direction."""
     i = nonnegative(first_sample + wp.tid())
     pixel = pixels[i]
-    if pixel < 0:  # a slot that no sample took
+    if pixel < 0:  # an unused slot
         return
     key = keys[i]
     spot = places[i]
@@ -358,7 +362,7 @@ def bound_tiles(
     out_lows: wp.array[wp.vec3f],
     out_highs: wp.array[wp.vec3f],
 ):
-    """The world's box about the samples of a tile, which lie one after the other; the sky's are left out."""
+    """Write the world-space box of a tile's samples, which are stored consecutively; samples of the sky are ignored."""
     tile = wp.tid()
     x, y = pixel_at(tile_corners, tile * TILE * TILE)
     begin = starts[y * pinhole.width + x]
@@ -382,7 +386,7 @@ def bound_tiles(
 
 @wp.struct
 class Samples:
-    """The points to shade, as `evaluate_samples` found them."""
+    """The samples to shade, as `evaluate_samples` writes them."""
 
     surfaces: wp.array[wp.int32]
     positions: wp.array[wp.vec3f]

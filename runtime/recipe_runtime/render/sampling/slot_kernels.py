@@ -1,7 +1,7 @@
-"""Slots for a frame's samples, assigned without reading a count back to the host.
+"""Slots for a frame's samples, assigned on the device without reading a count back to the host.
 
-A pixel with one sample has the slot of its own number. The samples of an edge's pixel stand together behind all those;
-each tile takes a stretch there. Which one depends on timing, but a sample's place changes no byte.
+A pixel with one sample has the slot of its own index. The samples of pixels at edges follow after all those; each tile
+reserves a contiguous range there. Which range depends on timing, but the slot of a sample changes no byte.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -16,7 +16,7 @@ wp.set_module_options(OPTIONS)
 
 @wp.kernel
 def rank_in_tile(counts: wp.array[wp.int32], out_firsts: wp.array[wp.int32], out_wanted: wp.array[wp.int32]):
-    """Where an edge's pixel stands within its tile's stretch; `wanted` counts the tile's samples and comes zeroed."""
+    """Write an edge pixel's offset within its tile's range; `out_wanted` counts the tile's samples and must be 0."""
     at = wp.tid()
     n = counts[at]
     if n > 1:
@@ -25,7 +25,7 @@ def rank_in_tile(counts: wp.array[wp.int32], out_firsts: wp.array[wp.int32], out
 
 @wp.kernel
 def reserve_slots(wanted: wp.array[wp.int32], out_stretches: wp.array[wp.int32], out_cursor: wp.array[wp.int32]):
-    """A stretch for each tile; the cursor comes zeroed."""
+    """Reserve a range of slots for each tile; `out_cursor` must be 0."""
     tile = wp.tid()
     out_stretches[tile] = wp.atomic_add(out_cursor, 0, wanted[tile])
 
@@ -39,7 +39,10 @@ def assign_slots(
     out_counts: wp.array[wp.int32],
     out_firsts: wp.array[wp.int32],
 ):
-    """Every pixel's first slot. Without room it gets none: the cursor shows it, and the frame is drawn again."""
+    """Write every pixel's first slot.
+
+    A pixel without room gets no slot: then the cursor exceeds the capacity, and the frame is redrawn.
+    """
     at = wp.tid()
     n = out_counts[at]
     x, y = pixel_at(tile_corners, at)

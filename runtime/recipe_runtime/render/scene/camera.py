@@ -1,4 +1,4 @@
-"""Where a camera stands and how it projects: the numbers that a frame's kernels are given."""
+"""Camera transforms and projection parameters for kernels."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.core.transforms import Array, compose, invert
-from recipe_runtime.render.device.arrays import DeviceArray, filled
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.pinhole import Pinhole
 
@@ -18,9 +18,9 @@ _HERE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.
 
 
 def pinhole_of(camera: CameraPlan, side: int) -> Pinhole:
-    """The camera as kernels want it, with side x side samples a pixel."""
+    """Return the struct `Pinhole` of a camera, with side x side samples per pixel."""
     sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
-    return filled(
+    return set_fields(
         Pinhole(),
         focal=camera.width / 2.0 * cosine / sine,
         cx=camera.width / 2.0,
@@ -34,22 +34,22 @@ def pinhole_of(camera: CameraPlan, side: int) -> Pinhole:
 
 
 def world_from_parts(parts: Array) -> Array:
-    """The world itself as part 0, then the moving parts [..., P, 3, 4]. [..., 1 + P, 3, 4]."""
+    """Prepend the identity, the world as part 0, to transforms of moving parts [..., P, 3, 4]: [..., 1 + P, 3, 4]."""
     here = np.broadcast_to(_HERE, (*parts.shape[:-3], 1, 3, 4))
     return np.concatenate([here, parts], axis=-3)
 
 
 def view_from_parts(world_from_sensor: Array, parts: Array) -> Array:
-    """Camera-from-part transforms of the world and of the moving parts. [..., 1 + P, 3, 4]."""
+    """Return the transforms from the world and from each moving part to view space, [..., 1 + P, 3, 4]."""
     view = compose(_VIEW_FROM_SENSOR, invert(world_from_sensor))
     return compose(view[..., None, :, :], world_from_parts(parts))
 
 
 def world_from_view(world_from_sensor: Array) -> Array:
-    """World-from-camera, the camera with x right, y down, z forward. [..., 3, 4]."""
+    """Return the transform from view space (x right, y down, z forward) to the world, [..., 3, 4]."""
     return compose(world_from_sensor, _SENSOR_FROM_VIEW)
 
 
 def upload_transforms(transforms: Array, device: str) -> DeviceArray:
-    """3x4 transforms as rows of twelve float32 on the device."""
+    """Upload 3x4 transforms as float32 [N, 12]."""
     return wp.array(transforms.reshape(-1, 12).astype(np.float32), dtype=wp.float32, device=device)

@@ -1,6 +1,6 @@
-"""Geometry on the device: the triangles of all bodies, uploaded once, what is static before what moves.
+"""Geometry on the device: the triangles of all bodies, uploaded once, static bodies first.
 
-Visibility, shadow maps and samples read these arrays by a triangle's number.
+Visibility, shadow maps and samples index these arrays by triangle.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from recipe_runtime.meshes.mesh import Body, Light, Mesh, Pattern
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.setup import wp
 
-# Flat ground never shadows anything; left out of the shadow maps it can neither shadow itself by rounding.
+# Flat ground casts no shadow; without it in the shadow maps, rounding cannot make it shadow itself.
 _GROUND_TAGS = frozenset({Tag.ROADS, Tag.SIDEWALKS, Tag.TERRAIN, Tag.WATER, Tag.ROAD_LINES, Tag.GROUND})
-CHUNK = 64  # triangles that are tested together for whether any of them may be seen
+CHUNK = 64  # triangles that are culled together
 MAX_TRIANGLES = 1 << 24  # a visibility key has 24 bits for the triangle
 
 
 @dataclass(frozen=True)
 class SurfaceKey:
-    """One surface of one body: where its colour is found, and what its labels are."""
+    """One surface of one body: the slot of its colour, and its labels."""
 
     body: str
     slot: str
@@ -46,7 +46,7 @@ class MountedLight:
 
 @dataclass(frozen=True)
 class Actor:
-    """A moving body: its first part, its count of parts, and the radius of its parts about their origins."""
+    """A moving body: first part, number of parts, and the radius of its parts about their origins."""
 
     name: str
     instance: int
@@ -65,13 +65,11 @@ class Geometry:
     triangles: DeviceArray  # vec3i [T]
     face_normals: DeviceArray  # vec3f [T], in the part's frame
     triangle_surface: DeviceArray  # int32 [T]
-    casts: DeviceArray  # int32 [T], 1 if it throws a shadow
+    casts: DeviceArray  # int32 [T], 1 if it casts a shadow
     chunks: DeviceArray  # vec3i [C], first triangle, count up to CHUNK, part
     chunk_centres: DeviceArray  # vec3f [C], of the chunk's box in the part's frame
     chunk_halves: DeviceArray  # vec3f [C], half its size
-    chunk_vertices: (
-        DeviceArray  # vec2i [C], the first of its vertices and the one after the last, others' maybe between them
-    )
+    chunk_vertices: DeviceArray  # vec2i [C], range of vertices that contains the chunk's, and perhaps others
     surface_actor: DeviceArray  # int32 [S]
     surface_instance: DeviceArray  # int32 [S]
     surface_tag: DeviceArray  # int32 [S]
@@ -90,12 +88,12 @@ class Geometry:
 
     @property
     def parts(self) -> int:
-        """Count of moving parts."""
+        """Number of moving parts."""
         return len(self.part_bounds)
 
     @cached_property
     def light_rows(self) -> NDArray[np.float64]:
-        """Of every light its place and aim on its part, colour, candela and cone's cosine, [L, 11]."""
+        """Position and direction on the part, colour, candela and cosine of the cone of every light, [L, 11]."""
         all_lights = [mounted.light for mounted in self.lights]
         rows = [[*li.position, *li.direction, *li.colour, li.intensity, li.cone] for li in all_lights]
         return np.array(rows, np.float64).reshape(-1, 11)
@@ -107,9 +105,10 @@ class Geometry:
 
 
 def upload(bodies: Sequence[Body], device: str) -> Geometry:
-    """Geometry of the static bodies, of the actors', their parts in the Trace's order, and of the lamps of signals.
+    """Upload the geometry of static bodies, of actors with their parts in the Trace's order, and of lamps of signals.
 
-    ValueError if the bodies are in another order, or if there are more triangles than a key can name.
+    Raises:
+        ValueError: The bodies are in another order, or there are more triangles than a visibility key can index.
     """
     town = [b for b in bodies if not b.moves]
     moving = [b for b in bodies if b.moves and not b.is_signal]
@@ -136,7 +135,7 @@ def upload(bodies: Sequence[Body], device: str) -> Geometry:
 
 
 class _Packer:
-    """Joins meshes into flat arrays, and gives every surface of every body a number."""
+    """Joins meshes into flat arrays, and numbers the surfaces of all bodies."""
 
     def __init__(self) -> None:
         self.vertex_count = 0
@@ -147,7 +146,7 @@ class _Packer:
         self._lights: list[MountedLight] = []
 
     def add(self, body: Body, mesh: Mesh, part: int, actor: int) -> None:
-        """Append one part's mesh."""
+        """Append the mesh of one part."""
         numbers = [self._number(body, mesh, row, actor) for row in range(len(mesh.surfaces))]
         casts = np.array([s.tag not in _GROUND_TAGS and not body.is_signal for s in mesh.surfaces], np.int32)
         surface = mesh.surface.astype(np.int64)
@@ -165,7 +164,7 @@ class _Packer:
         self.triangle_count += len(mesh.triangles)
 
     def finish(self, device: str, actors: tuple[Actor, ...], boxes: list[Any], still: tuple[int, int, int]) -> Geometry:
-        """All chunks on the device."""
+        """Upload all chunks."""
         if self.triangle_count >= MAX_TRIANGLES:
             raise ValueError(f"{self.triangle_count} triangles are more than a scene can hold ({MAX_TRIANGLES})")
         static_vertices, static_triangles, static_chunks = still
@@ -201,7 +200,7 @@ class _Packer:
         )
 
     def _chunk(self, mesh: Mesh, part: int) -> None:
-        """Append the boxes of the mesh's triangles, CHUNK by CHUNK in their order."""
+        """Append the boxes of the mesh's triangles, CHUNK triangles at a time."""
         count = len(mesh.triangles)
         starts = np.arange(0, count, CHUNK, dtype=np.int32)
         corners = mesh.vertices.astype(np.float32)[mesh.triangles]
@@ -231,7 +230,7 @@ def _box(vertices: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _face_normals(mesh: Mesh) -> NDArray[np.float32]:
-    """Unit normals of the triangles, by components: no product here may depend on BLAS."""
+    """Return unit normals of the triangles, by components: no product here may depend on BLAS."""
     corner = mesh.vertices.astype(np.float64)[mesh.triangles]
     u, v = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     n = np.stack(

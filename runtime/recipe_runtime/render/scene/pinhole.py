@@ -1,4 +1,4 @@
-"""The pinhole camera as kernels take it."""
+"""The pinhole camera, a struct for kernels."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
@@ -10,7 +10,7 @@ wp.set_module_options(OPTIONS)
 
 @wp.struct
 class Pinhole:
-    """A pinhole camera: focal length and centre in pixels, depth limits in metres, samples a pixel (1 or 2 a side)."""
+    """A pinhole camera: focal length and centre in pixels, depth limits in metres, 1 or 2 samples per pixel side."""
 
     focal: wp.float64
     cx: wp.float64

@@ -1,8 +1,9 @@
-"""Shadows: how near to the sun the first thing along each of its rays is.
+"""Shadow maps: the nearness of the first surface along each ray of the sun.
 
-The sun's rays are a picture of their own: u level, v up in the plane they cross, nearness along them. What stands
-still is drawn once for a sun's place; what moves is drawn every frame into two maps about the camera, fine and
-coarse, whose texels are fixed in the world. Flat ground casts nothing, so it cannot shadow itself by rounding.
+A map is an orthographic picture from the sun: u horizontal and v upward in the plane across its rays, nearness along
+them. The static scene is drawn once for a sun direction; moving objects are drawn every frame into two maps around the
+camera, fine and coarse, whose texels are fixed in the world. Flat ground casts no shadow, so rounding cannot make it
+shadow itself.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -17,8 +18,8 @@ from recipe_runtime.render.scene.pinhole import Pinhole
 
 wp.set_module_options(OPTIONS)
 
-UNTOUCHED = wp.constant(8)  # of a tile: nothing that moves has a part in its light
-TILE = wp.constant(16)  # texels along the side of a tile that is known to be empty or not
+UNTOUCHED = wp.constant(8)  # of a tile: no moving object affects its light
+TILE = wp.constant(16)  # texels along the side of a tile, the unit of clearing and bounds
 
 
 @wp.struct
@@ -32,18 +33,18 @@ class Sunbeam:
     texel: wp.float32  # metres, the larger side
     depth: wp.float32  # metres from nearness 0 to 1
     depths: wp.array[wp.float32]  # nearness by texel
-    bounds: wp.array[wp.vec2f]  # by tile, the nearness that a filter may meet
+    bounds: wp.array[wp.vec2f]  # by tile, minimum and maximum nearness that a filter may read
 
 
 @wp.func
 def axis_coordinate(axis: wp.vec4f, p: wp.vec3f) -> wp.float32:
-    """A coordinate of a point."""
+    """Return a coordinate of a point."""
     return ((axis[0] * p[0] + axis[1] * p[1]) + axis[2] * p[2]) + axis[3]
 
 
 @wp.func
 def map_corner(beams: wp.array[Sunbeam], p: wp.vec3f) -> Corner:
-    """A point in the map, in 1/256 texel."""
+    """Return a point in the map, in 1/256 texels."""
     c = Corner()
     c.x = snap(wp.float64(axis_coordinate(beams[0].u, p)))
     c.y = snap(wp.float64(axis_coordinate(beams[0].v, p)))
@@ -55,7 +56,7 @@ def map_corner(beams: wp.array[Sunbeam], p: wp.vec3f) -> Corner:
 def box_meets_map(
     axis: wp.vec4f, m: wp.array2d[wp.float32], part: wp.int32, c: wp.vec3f, half: wp.vec3f, size: wp.int32
 ) -> bool:
-    """Whether a box about c may lie within the map, or a filter's width outside, along one of its axes."""
+    """Return whether a box about c may lie within the map, or a filter's width outside, along one of its axes."""
     r = box_extent(m, part, half, wp.vec3f(axis[0], axis[1], axis[2])) + 8.0
     at = axis_coordinate(axis, c)
     return at + r > 0.0 and at - r < wp.float32(size)
@@ -71,7 +72,7 @@ def cull_casters(
     first_chunk: wp.int32,
     out_visible: wp.array[wp.int32],
 ):
-    """1 for every chunk first.. whose box may meet the map; `transforms` lead from the parts to the world."""
+    """Write 1 for every chunk whose box may overlap the map; `transforms` lead from the parts to the world."""
     i = first_chunk + wp.tid()
     part = chunks[i][2]
     c = transform_point(transforms, part, chunk_centres[i])
@@ -93,7 +94,7 @@ def raster_casters(
     out_keys: wp.array[wp.uint64],
     out_used: wp.array[wp.int32],
 ):
-    """Draw the chunks first.. that the map may hold, of world-space vertices, whichever way they face."""
+    """Rasterise visible chunks of world-space vertices into the map, front and back faces."""
     i = visible_triangle(wp.tid(), first_chunk, chunks, chunk_visible)
     if i < 0:
         return
@@ -108,7 +109,7 @@ def raster_casters(
         b = c
         c = turn
     fill_triangle(out_keys, pinhole, a, b, c, wp.uint64(0), wp.uint64(0))
-    # Mark the tiles that it may touch, a filter's width further out.
+    # Mark the tiles that it may touch, including a filter's width.
     side = beams[0].size / TILE
     left = wp.max(int((wp.min(a.x, wp.min(b.x, c.x)) >> wp.int64(8)) - wp.int64(3)) / TILE, 0)
     top = wp.max(int((wp.min(a.y, wp.min(b.y, c.y)) >> wp.int64(8)) - wp.int64(3)) / TILE, 0)
@@ -128,9 +129,9 @@ def resolve_depths(
     rows_per_thread: wp.int32,
     out_depths: wp.array[wp.float32],
 ):
-    """Some rows of a used tile: keys as nearness in 0..1, half as large to keep, and cleared.
+    """Convert some rows of a used tile from 64-bit keys to float32 nearness in 0..1, and clear the keys.
 
-    `out_depths` must be 0 but for the tiles of `used_before`, which are cleared.
+    `out_depths` must be 0 except in the tiles of `used_before`, which are cleared.
     """
     shares = TILE / rows_per_thread
     tile = wp.tid() / shares
@@ -150,7 +151,7 @@ def resolve_depths(
 def bound_depths(
     depths: wp.array[wp.float32], used: wp.array[wp.int32], size: wp.int32, out_bounds: wp.array[wp.vec2f]
 ):
-    """The least and the greatest nearness that a filter may meet from within a tile: most need not filter at all."""
+    """Write the minimum and maximum nearness that a filter may read from within a tile; most tiles need no filter."""
     tile = wp.tid()
     if used[tile] == 0:
         out_bounds[tile] = wp.vec2f(0.0, 0.0)
@@ -170,7 +171,7 @@ def bound_depths(
 
 @wp.func
 def map_contains(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f) -> bool:
-    """Whether a point lies well within map k."""
+    """Return whether a point lies within map k, with a margin."""
     u = axis_coordinate(beams[k].u, p)
     v = axis_coordinate(beams[k].v, p)
     end = wp.float32(beams[k].size - 12)
@@ -179,7 +180,7 @@ def map_contains(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f) -> bool:
 
 @wp.func
 def box_unshadowed(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
-    """Whether map k takes no light from any point of a box; False also where finding out would take long."""
+    """Return whether map k shadows no point of a box; False also if that would take long to decide."""
     size = beams[k].size
     if size == 0:
         return True
@@ -216,7 +217,7 @@ def box_unshadowed(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: w
 
 @wp.func
 def map_contains_box(beams: wp.array[Sunbeam], k: wp.int32, low: wp.vec3f, high: wp.vec3f) -> bool:
-    """Whether every point of a box lies within map k, with a margin."""
+    """Return whether every point of a box lies within map k, with a margin."""
     middle = (low + high) * 0.5
     half = (high - low) * 0.5
     a = beams[k].u
@@ -237,7 +238,7 @@ def mark_unshadowed(
     needed_bits: wp.int32,
     out_bits: wp.array[wp.int32],
 ):
-    """Set `UNTOUCHED` in a tile with all `needed_bits` whose box no shadow of what moves (maps 2, 3) can reach."""
+    """Set `UNTOUCHED` in a tile with all `needed_bits` whose box no moving object (maps 2, 3) shadows."""
     tile = wp.tid()
     if (out_bits[tile] & needed_bits) != needed_bits:
         return
@@ -245,7 +246,7 @@ def mark_unshadowed(
     high = highs[tile]
     if not box_unshadowed(beams, 2, low, high):
         return
-    # (Where the fine map holds all, the coarse one is not read.)
+    # (If the fine map contains the box, the coarse map is not read.)
     untouched = map_contains_box(beams, 2, low, high)
     if not untouched:
         untouched = box_unshadowed(beams, 3, low, high)
@@ -255,7 +256,7 @@ def mark_unshadowed(
 
 @wp.func
 def sun_visibility(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec3f) -> wp.float32:
-    """The share of the sun seen from a point with normal n: nine bilinear taps, so that edges are soft and still."""
+    """Return the share of the sun visible from a point with normal n: nine bilinear taps, so edges are soft."""
     size = beams[k].size
     if size == 0:
         return 1.0

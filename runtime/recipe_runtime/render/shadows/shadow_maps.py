@@ -1,4 +1,4 @@
-"""Shadow maps: made for a sun's place over the whole town once, and for what moves every frame."""
+"""Shadow maps, host side: of the static scene once for a sun direction, of moving objects every frame."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.core.transforms import Array
-from recipe_runtime.render.device.arrays import DeviceArray, filled, record, zeros
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array, zeros
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster.passes import transform_vertices
@@ -24,7 +24,7 @@ _MOVING_SIZE = 1024
 _MOVING_TEXELS = (0.022, 0.09)  # metres: about 22 m across, and 92 m
 _STATIC_CACHE_SIZE = 6  # static maps kept of each kind
 _MAP_POOL_SIZE = 8  # moving maps, 4 MB each
-_DEPTH = 1200.0  # metres along the sun's rays that a map spans
+_DEPTH = 1200.0  # metres along the sun's rays between nearness 0 and 1
 
 
 class ShadowMaps:
@@ -34,17 +34,17 @@ class ShadowMaps:
         self._g, self._device = geometry, device
         self._keys: dict[int, DeviceArray] = {}  # by a map's size
         self._static: list[OrderedDict[tuple[bytes, int, int], Sunbeam]] = [OrderedDict() for _ in _STATIC_MAPS]
-        self._spare: list[ShadowMap] = []  # maps that no observation uses any more
+        self._spare: list[ShadowMap] = []  # maps that no observation uses
 
     def static(self, sun: NDArray[np.float64], eye: Array) -> tuple[Sunbeam, Sunbeam]:
-        """The fine and the coarse map of the static scene about the eye; for a sun above the horizon.
+        """Return the fine and the coarse map of the static scene around the eye, for a sun above the horizon.
 
-        Their centres lie on a grid of the world, so that a camera that moves seldom needs another one.
+        Their centres lie on a world-space grid, so a moving camera rarely needs another map.
         """
-        fine, coarse = (self._held(kind, sun, eye) for kind in range(len(_STATIC_MAPS)))
+        fine, coarse = (self._static_map(kind, sun, eye) for kind in range(len(_STATIC_MAPS)))
         return fine, coarse
 
-    def _held(self, kind: int, sun: NDArray[np.float64], eye: Array) -> Sunbeam:
+    def _static_map(self, kind: int, sun: NDArray[np.float64], eye: Array) -> Sunbeam:
         size, texel, grid = _STATIC_MAPS[kind]
         cell = int(np.floor(eye[0] / grid + 0.5)), int(np.floor(eye[1] / grid + 0.5))
         held, name = self._static[kind], (sun.tobytes(), *cell)
@@ -59,51 +59,51 @@ class ShadowMaps:
         return held[name]
 
     def none(self) -> Sunbeam:
-        """A map that shadows nothing."""
+        """Return a map without shadows."""
         depths = wp.zeros(1, dtype=wp.float32, device=self._device)
         bounds = wp.zeros(1, dtype=wp.vec2f, device=self._device)
-        return filled(Sunbeam(), size=0, depth=1.0, depths=depths, bounds=bounds)
+        return set_fields(Sunbeam(), size=0, depth=1.0, depths=depths, bounds=bounds)
 
     def moving(
         self, sun: NDArray[np.float64], vertices: DeviceArray, world: DeviceArray, eye: Array, ahead: Array
     ) -> list[ShadowMap]:
-        """The fine and the coarse map of the moving parts, from their vertices in the world, moved there by `world`."""
+        """Return the fine and the coarse map of the moving parts, whose `vertices` `world` transforms to the world."""
         first = self._g.static_chunks
         count = self._g.chunk_count - first
         maps = [self._moving_map(beam) for beam in moving_beams(sun, eye, ahead)]
         for shadow_map in maps:
-            shadow_map.draw(record(shadow_map.beam, self._device), vertices, world, first, count)
+            shadow_map.draw(struct_array([shadow_map.beam], self._device), vertices, world, first, count)
         return maps
 
     def give_back(self, maps: list[ShadowMap]) -> None:
-        """Keep moving maps, so that later frames use their memory again."""
+        """Keep moving maps for reuse by later frames."""
         for shadow_map in maps:
             if len(self._spare) < _MAP_POOL_SIZE:
                 self._spare.append(shadow_map)
 
     def _moving_map(self, beam: Sunbeam) -> ShadowMap:
-        """A moving map: one that is no longer used, else a new one."""
+        """Return a moving map: an unused one or, if there is none, a new one."""
         if not self._spare:
             return ShadowMap(beam, self._g, self._device, self._cleared(int(beam.size)))
         shadow_map = self._spare.pop()
-        shadow_map.turn(beam)
+        shadow_map.assign(beam)
         return shadow_map
 
     def _cleared(self, size: int) -> DeviceArray:
-        """A map of keys, all 0, as `resolve_depths` leaves it."""
+        """Return a map of keys, all 0, as `resolve_depths` leaves it."""
         if size not in self._keys:
             self._keys[size] = zeros(size * size, wp.uint64, self._device)
         return self._keys[size]
 
     def _draw(self, beam: Sunbeam, vertices: DeviceArray, world: DeviceArray, first: int, count: int) -> Sunbeam:
         ShadowMap(beam, self._g, self._device, self._cleared(int(beam.size))).draw(
-            record(beam, self._device), vertices, world, first, count
+            struct_array([beam], self._device), vertices, world, first, count
         )
         return beam
 
 
 class ShadowMap:
-    """A map's memory; `beam` is given its place there."""
+    """The memory of a shadow map; `beam` refers to it."""
 
     def __init__(self, beam: Sunbeam, geometry: Geometry, device: str, keys: DeviceArray) -> None:
         self.beam, self._g, self._device = beam, geometry, device
@@ -115,22 +115,25 @@ class ShadowMap:
         beam.depths = zeros(size * size, wp.float32, device)
         beam.bounds = wp.empty(tiles, dtype=wp.vec2f, device=device)
 
-    def turn(self, beam: Sunbeam) -> None:
-        """Serve another beam of the same size; the next drawing clears what was drawn."""
+    def assign(self, beam: Sunbeam) -> None:
+        """Use the map for another beam of the same size; the next drawing clears the earlier content."""
         beam.depths, beam.bounds = self.beam.depths, self.beam.bounds
         self.beam, self._used, self._before = beam, self._before, self._used
         self._used.zero_()
 
     def clear(self) -> None:
-        """Make it empty again."""
+        """Clear the map."""
         arrays: tuple[DeviceArray, ...] = self._used, self._before, self.beam.depths
         for array in arrays:
             array.zero_()
 
     def draw(self, beam: DeviceArray, vertices: DeviceArray, world: DeviceArray, first: int, count: int) -> None:
-        """Draw chunks into an empty map, or over what was there before a `turn`; `beam` is a record of `self.beam`."""
+        """Draw chunks into an empty map, or over what was there before an `assign`.
+
+        `beam` is `self.beam` as a one-element array.
+        """
         g, size = self._g, int(self.beam.size)
-        pinhole = filled(Pinhole(), near=1.0, far=1.0e9, width=size, height=size, side=1)
+        pinhole = set_fields(Pinhole(), near=1.0, far=1.0e9, width=size, height=size, side=1)
         if count:
             chunks = {"chunks": g.chunks, "beams": beam, "first_chunk": first}
             launch(
@@ -182,20 +185,20 @@ class ShadowMap:
 
 
 def moving_beams(sun: NDArray[np.float64], eye: Array, ahead: Array) -> list[Any]:
-    """The frames of the fine and the coarse map of what moves about a camera."""
+    """Return the frames of the fine and the coarse map of moving objects around a camera."""
     places = [(texel, eye + ahead * (texel * _MOVING_SIZE * 0.42)) for texel in _MOVING_TEXELS]
     return [_beam_about(sun, centre, texel, _MOVING_SIZE) for texel, centre in places]
 
 
 def world_vertices(geometry: Geometry, world_from_part: DeviceArray, device: str) -> DeviceArray:
-    """The moving vertices in the world; the static ones are there already, and are left unset."""
+    """Return the moving vertices in world space; static vertices are already there, and are left unset."""
     out = wp.empty(geometry.vertex_count, dtype=wp.vec3f, device=device)
     transform_vertices(geometry, world_from_part, geometry.static_vertices, out, device)
     return out
 
 
 def _axes(sun: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Unit vectors across the rays (level), across them (upward), and towards the sun."""
+    """Return unit vectors across the rays (horizontal), across them (upward), and towards the sun."""
     flat = float(np.sqrt(sun[0] * sun[0] + sun[1] * sun[1]))
     u = np.array([-sun[1] / flat, sun[0] / flat, 0.0]) if flat > 1e-6 else np.array([1.0, 0.0, 0.0])
     v = np.array([sun[1] * u[2] - sun[2] * u[1], sun[2] * u[0] - sun[0] * u[2], sun[0] * u[1] - sun[1] * u[0]])
@@ -208,11 +211,11 @@ def _along(axis: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np
 
 
 def _beam_about(sun: NDArray[np.float64], centre: Array, texel: float, size: int) -> Sunbeam:
-    """The frame of a map about a point; whole texels, so that its grid stays in place as the camera moves."""
+    """Return the frame of a map around a point; offsets are whole texels, so the grid is fixed in the world."""
     axes = _axes(sun)
     at = [float(_along(axis, centre[None])[0]) for axis in axes]
     scale = (1.0 / texel, 1.0 / texel, 1.0 / _DEPTH)
     offset = (size / 2.0 - float(np.floor(at[0] / texel)), size / 2.0 - float(np.floor(at[1] / texel)))
     rows = zip(axes, scale, (*offset, 0.5 - at[2] / _DEPTH), strict=True)
     u, v, q = (wp.vec4f(float(a[0]) * s, float(a[1]) * s, float(a[2]) * s, o) for a, s, o in rows)
-    return filled(Sunbeam(), u=u, v=v, q=q, size=size, texel=texel, depth=_DEPTH)
+    return set_fields(Sunbeam(), u=u, v=v, q=q, size=size, texel=texel, depth=_DEPTH)

@@ -1,6 +1,6 @@
-"""Detail: what a pattern says of a point, and the filtered shapes that patterns are drawn with.
+"""Detail: the result of a pattern at a point, and filtered shapes for patterns.
 
-All are analytic, and averaged over a pixel's footprint, so that nothing aliases at a distance.
+All are analytic and averaged over a pixel's footprint, which prevents aliasing at a distance.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -16,25 +16,25 @@ wp.set_module_options(OPTIONS)
 
 @wp.struct
 class Detail:
-    """A pattern at a point; `code` is a hash that names the window."""
+    """The result of a pattern at a point; `code` is a hash that identifies a window."""
 
     tone: wp.float32
     second: wp.float32
     wear: wp.float32
-    parameter: wp.float32  # of paved ground, the pixel's footprint, m; of windows, see those
+    parameter: wp.float32  # paved ground: the pixel's footprint in metres; windows: see `window`
     code: wp.uint32
     normal: wp.vec3f
 
 
 @wp.func
 def fade(width: wp.float32, footprint: wp.float32) -> wp.float32:
-    """How much of a feature `width` metres wide is left in pixels `footprint` wide: 1 close by, 0 far off."""
+    """Return the contrast left of a feature `width` metres wide in pixels `footprint` wide: 1 near, 0 far away."""
     return clamp01(1.5 - 2.0 * footprint / width)
 
 
 @wp.func
 def joint_share(t: wp.float32, half: wp.float32, footprint: wp.float32) -> wp.float32:
-    """Share of a pixel that lies on joints 2 half wide, one at each whole number; box-filtered, so exact on average."""
+    """Return the share of a pixel covered by joints 2 half wide at whole numbers; box-filtered, so exact on average."""
     w = maximum(footprint, 1.0e-4) * 0.5
     low = t - w + half
     high = t + w + half
@@ -47,7 +47,7 @@ def joint_share(t: wp.float32, half: wp.float32, footprint: wp.float32) -> wp.fl
 def tiles(
     uv: wp.vec2f, width: wp.float32, height: wp.float32, gap: wp.float32, bond: wp.float32, foot: wp.float32
 ) -> wp.vec3f:
-    """Courses of stones: the share of joint, a tone of the stone in [0, 1), and how much of that tone is left."""
+    """Return, for courses of stones, the share of joint, the tone of the stone in [0, 1), and that tone's contrast."""
     v = uv[1] / height
     course = floor(v)
     u = uv[0] / width + bond * wp.float32(course & 1)
@@ -57,5 +57,5 @@ def tiles(
 
 @wp.func
 def union_share(a: wp.float32, b: wp.float32) -> wp.float32:
-    """The share covered by at least one of two things that lie independently."""
+    """Return the share covered by at least one of two independent shares."""
     return a + b - a * b

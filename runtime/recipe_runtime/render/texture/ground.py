@@ -1,4 +1,4 @@
-"""Patterns of what one walks on and what lies level: asphalt, paving, grass, water."""
+"""Patterns of the ground: asphalt, paving, grass, water."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
@@ -15,7 +15,7 @@ wp.set_module_options(OPTIONS)
 
 @wp.func
 def ground_height(p: wp.vec3f, foot: wp.float32) -> wp.float32:
-    """Slow unevenness of the ground in the world, in [0, 1): where it is low, water stands."""
+    """Return the slow unevenness of the ground in world space, in [0, 1); low places collect water."""
     a = noise2(p[0] * 0.45, p[1] * 0.45, seeds.GROUND_HEIGHT)
     level = a * 0.7 + 0.15
     near = fade(0.6, foot)
@@ -29,7 +29,7 @@ def ground_height(p: wp.vec3f, foot: wp.float32) -> wp.float32:
 
 @wp.func
 def repairs(p: wp.vec3f, foot: wp.float32) -> wp.float32:
-    """What a road's repairs do to its tone: here and there a rectangle of newer, darker asphalt with a tarred seam."""
+    """Return the tone of repairs of a road: some rectangles of newer, darker asphalt with a tarred seam."""
     x = p[0] / 4.7
     y = p[1] / 7.3
     i = floor(x)
@@ -49,7 +49,7 @@ def repairs(p: wp.vec3f, foot: wp.float32) -> wp.float32:
 
 @wp.func
 def asphalt(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """Grains of stone in tar, patches that have aged differently, repairs, and fine cracks."""
+    """Asphalt: grains of stone in tar, patches of different age, repairs, and fine cracks."""
     age = noise2(p[0] * 0.23, p[1] * 0.23, seeds.ASPHALT_AGE) - 0.5
     d.tone = 1.0 + 0.3 * age
     near = fade(0.5, foot)
@@ -71,7 +71,7 @@ def asphalt(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
 
 @wp.func
 def road_paint(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """Paint on asphalt, worn off here and there: `second` is the share of asphalt seen."""
+    """Paint on asphalt, worn in places: `second` is the share of visible asphalt."""
     d = asphalt(d, uv, p, foot)
     d.second = 0.13
     near = fade(0.32, foot)
@@ -84,7 +84,7 @@ def road_paint(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail
 
 @wp.func
 def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """Paving stones, each of its own tone, with dark joints."""
+    """Paving stones with individual tones and dark joints."""
     t = tiles(uv, 0.6, 0.4, 0.012, 0.5, foot)
     d.second = t[0] * 0.75
     stain = noise2(p[0] * 0.7, p[1] * 0.7, seeds.SLAB_STAIN) - 0.5
@@ -99,7 +99,7 @@ def slabs(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
 
 @wp.func
 def blades(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """Grass: broad changes of colour, tufts, and blades close by."""
+    """Grass: large-scale colour variation, tufts, and single blades at close range."""
     field = noise2(p[0] * 0.13, p[1] * 0.13, seeds.GRASS_FIELD) - 0.5
     d.tone = 0.95 + 0.25 * field
     d.second = clamp01(0.3 + 0.5 * field)
@@ -119,7 +119,7 @@ def blades(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
 
 @wp.func
 def ripples(d: Detail, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """The surface of a basin, which small waves tilt to and fro."""
+    """The surface of a basin, tilted by small waves."""
     near = fade(0.3, foot) * 0.09
     a = noise2(p[0] * 4.3, p[1] * 4.3 + 7.0, seeds.RIPPLE_X) - 0.5
     b = noise2(p[0] * 4.3 + 11.0, p[1] * 4.3, seeds.RIPPLE_Y) - 0.5

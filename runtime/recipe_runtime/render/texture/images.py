@@ -1,8 +1,8 @@
-"""Images on surfaces: sampled from mip levels by the footprint of a pixel, so that nothing aliases at a distance.
+"""Images on surfaces, sampled from mip levels by a pixel's footprint, which prevents aliasing at a distance.
 
-Texture coordinates and how far they go from one pixel to the next are found when samples are evaluated; which image is
-there depends on the appearance. So evaluation keeps the two steps that coordinates take from pixel to pixel (to the
-right and down) in the sample's own numbers, the longer one as it is and the other one as a share of its length.
+Texture coordinates, and their steps from pixel to pixel (to the right and down), are computed when samples are
+evaluated; which image is used depends on the appearance. A sample therefore stores both steps: the longer one as it is,
+the shorter one relative to its length.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -16,12 +16,15 @@ from recipe_runtime.render.numeric.vectors import cross, dot
 wp.set_module_options(OPTIONS)
 
 MAX_TAPS = wp.constant(8)  # along the longer side of a footprint
-_MAX_STEP = wp.constant(wp.float32(1.0e4))  # no step is longer, in images
+_MAX_STEP = wp.constant(wp.float32(1.0e4))  # maximum length of a step, in images
 
 
 @wp.struct
 class ImageAtlas:
-    """The images of an appearance. Image k has the levels first[k] .. first[k + 1], each half as fine as the last."""
+    """The images of an appearance.
+
+    Image k has the levels first[k] to first[k + 1], each of half the resolution of the last.
+    """
 
     of_surface: wp.array[wp.int32]  # image of each surface, -1 for none
     first: wp.array[wp.int32]
@@ -35,7 +38,7 @@ class ImageAtlas:
 
 @wp.struct
 class SurfaceColours:
-    """Colours and kinds of the surfaces."""
+    """Colours and kinds of the surfaces in one appearance."""
 
     first: wp.array[wp.vec3f]  # linear albedo
     second: wp.array[wp.vec3f]
@@ -46,13 +49,13 @@ class SurfaceColours:
 
 @wp.func
 def bounded(v: wp.float32) -> wp.float32:
-    """A step of sensible length."""
+    """Limit the length of a step."""
     return minimum(maximum(v, -_MAX_STEP), _MAX_STEP)
 
 
 @wp.func
 def step_of(e0: wp.float32, e1: wp.float32, e2: wp.float32, t0: wp.vec2f, t1: wp.vec2f, t2: wp.vec2f, uv: wp.vec2f):
-    """How the coordinates' numerator and denominator change together along one axis of the picture."""
+    """Return the change of the coordinates' numerator and denominator along one axis of the picture."""
     total = e0 + e1 + e2
     return wp.vec2f(
         e0 * t0[0] + e1 * t1[0] + e2 * t2[0] - uv[0] * total, e0 * t0[1] + e1 * t1[1] + e2 * t2[1] - uv[1] * total
@@ -71,10 +74,10 @@ def steps_between_pixels(
     t2: wp.vec2f,
     uv: wp.vec2f,
 ) -> wp.vec4f:
-    """How far texture coordinates go from a pixel to the one on its right, and to the one below it.
+    """Return the steps of texture coordinates from a pixel to the one on its right, and to the one below it.
 
-    A weight is the ray's product with the outer product of two corners, so its change along the picture is a
-    component of that.
+    A barycentric weight is the dot product of the ray with the cross product of two corners, so its derivative along an
+    axis of the picture is a component of that cross product.
     """
     e0 = cross(v1, v2)
     e1 = cross(v2, v0)
@@ -92,7 +95,7 @@ def steps_between_pixels(
 
 @wp.func
 def order_steps(s: wp.vec4f) -> wp.vec4f:
-    """The two steps, the longer one first."""
+    """Return the two steps, the longer one first."""
     if s[2] * s[2] + s[3] * s[3] > s[0] * s[0] + s[1] * s[1]:
         return wp.vec4f(s[2], s[3], s[0], s[1])
     return s
@@ -100,19 +103,19 @@ def order_steps(s: wp.vec4f) -> wp.vec4f:
 
 @wp.func
 def share_code(share: wp.float32) -> wp.uint32:
-    """A share in [-1, 1] as 16 bits."""
+    """Encode a share in [-1, 1] in 16 bits."""
     return wp.uint32(wp.int32(minimum(maximum(share, -1.0), 1.0) * 32767.0 + 32768.0))
 
 
 @wp.func
 def share_of(code: wp.uint32) -> wp.float32:
-    """The share that 16 bits stand for."""
+    """Decode the share of `share_code`."""
     return (wp.float32(wp.int32(code & wp.uint32(0xFFFF))) - 32768.0) * (1.0 / 32767.0)
 
 
 @wp.func
 def second_step(steps: wp.vec4f) -> wp.uint32:
-    """The shorter step as shares of the longer one's length, 16 bits each."""
+    """Encode the shorter step relative to the longer one's length, in 16 bits per component."""
     length = wp.sqrt(steps[0] * steps[0] + steps[1] * steps[1])
     scale = 1.0 / maximum(length, 1.0e-12)
     return share_code(steps[2] * scale) | (share_code(steps[3] * scale) << wp.uint32(16))
@@ -120,7 +123,7 @@ def second_step(steps: wp.vec4f) -> wp.uint32:
 
 @wp.func
 def wrap_texel(i: wp.int32, size: wp.int32, repeats: wp.int32) -> wp.int32:
-    """A texel's place in a row, whatever lies beyond its ends."""
+    """Return a texel's index in a row, wrapped or clamped at the ends."""
     if repeats != 0:
         i = i % size
         if i < 0:
@@ -131,7 +134,7 @@ def wrap_texel(i: wp.int32, size: wp.int32, repeats: wp.int32) -> wp.int32:
 
 @wp.func
 def texel(album: wp.array[ImageAtlas], level: wp.int32, x: wp.int32, y: wp.int32, repeats: wp.int32) -> wp.vec3f:
-    """One texel, in linear light."""
+    """Return one texel, in linear light."""
     w = album[0].widths[level]
     at = album[0].starts[level] + wrap_texel(y, album[0].heights[level], repeats) * w + wrap_texel(x, w, repeats)
     c = album[0].texels[at]
@@ -144,7 +147,7 @@ def texel(album: wp.array[ImageAtlas], level: wp.int32, x: wp.int32, y: wp.int32
 
 @wp.func
 def bilinear(album: wp.array[ImageAtlas], level: wp.int32, x: wp.float32, y: wp.float32, repeats: wp.int32) -> wp.vec3f:
-    """A level at a place in its texels, between the four nearest."""
+    """Interpolate a level bilinearly at a point in texels."""
     px = x - 0.5
     py = y - 0.5
     ix = floor(px)
@@ -158,7 +161,7 @@ def bilinear(album: wp.array[ImageAtlas], level: wp.int32, x: wp.float32, y: wp.
 
 @wp.func
 def wrap_coordinate(t: wp.float32, repeats: wp.int32) -> wp.float32:
-    """A coordinate within the image."""
+    """Wrap or clamp a coordinate to the image."""
     if repeats != 0:
         return t - wp.float32(floor(t))
     return minimum(maximum(t, 0.0), 1.0)
@@ -166,9 +169,10 @@ def wrap_coordinate(t: wp.float32, repeats: wp.int32) -> wp.float32:
 
 @wp.func
 def image_at(album: wp.array[ImageAtlas], image: wp.int32, detail: wp.vec4f, code: wp.uint32) -> wp.vec3f:
-    """The mean colour of an image, linear, over the footprint of a pixel.
+    """Return the mean linear colour of an image over the footprint of a pixel.
 
-    Taps lie along the longer side of the footprint; each is as wide as the shorter one, between two levels.
+    Taps lie along the longer side of the footprint; each is as wide as the shorter side, interpolated between two
+    levels.
     """
     first = album[0].first[image]
     last = album[0].first[image + 1] - 1
@@ -197,7 +201,7 @@ def image_at(album: wp.array[ImageAtlas], image: wp.int32, detail: wp.vec4f, cod
         short = short * 0.5
         scale = scale * 0.5
         level = level + 1
-    finer = minimum(short - 1.0, 1.0)  # between two levels the size's logarithm is all but straight
+    finer = minimum(short - 1.0, 1.0)  # linear between two levels, in place of the logarithm of the size
     if level == last:
         finer = wp.float32(0.0)
     total = wp.vec3f(0.0, 0.0, 0.0)

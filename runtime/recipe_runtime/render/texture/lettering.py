@@ -1,4 +1,4 @@
-"""Patterns of what is printed: posters and letters."""
+"""Patterns of print: posters and letters."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
@@ -14,7 +14,7 @@ wp.set_module_options(OPTIONS)
 
 @wp.func
 def poster(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
-    """A printed picture, by its number: a disc over hills, or bands, and lines of type below."""
+    """A printed poster, by its number: a disc over hills, or bands, and lines of text below."""
     i = floor(uv[0])
     fu = uv[0] - wp.float32(i)
     fv = uv[1] - wp.float32(floor(uv[1]))
@@ -56,7 +56,7 @@ def poster(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
 
 @wp.func
 def ink_at(high: wp.int32, low: wp.int32, column: wp.int32, row: wp.int32) -> wp.float32:
-    """1 where a letter's dot is inked; rows count from its foot, and nothing is outside."""
+    """Return 1 where a letter's dot is inked; rows count from the bottom, and there is no ink outside."""
     if column < 0 or column > 3 or row < 0 or row > 5:
         return 0.0
     half = high

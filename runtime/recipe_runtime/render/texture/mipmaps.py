@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import AppearancePlan, TexturePlan
 
-from recipe_runtime.render.device.arrays import DeviceArray, filled, record
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.geometry import Geometry
 from recipe_runtime.render.texture.images import ImageAtlas
@@ -18,26 +18,26 @@ from recipe_runtime.render.texture.surface_colours import srgb_to_linear
 
 Images = Callable[[TexturePlan], NDArray[np.uint8]]  # pixels [H, W, 3], sRGB
 Textures = Mapping[str, Mapping[str, TexturePlan]]  # body -> slot -> image
-_ONE = 65535  # linear light in whole numbers, 1.0
+_ONE = 65535  # linear light 1.0, as an integer
 _ATLAS_CACHE_SIZE = 4  # each holds all images of an appearance, four thirds of their pixels times four bytes
 _ROWS = 256  # of an image that are summed at a time
 
 
 class ImageAtlases:
-    """The image atlases of a geometry's appearances, the last few kept."""
+    """The image atlases of the appearances of a geometry; the last few are cached."""
 
     def __init__(self, geometry: Geometry, images: Images | None, device: str) -> None:
         self._geometry, self._images, self._device = geometry, images or _no_images, device
         self._kept: dict[str, DeviceArray] = {}
 
     def of(self, appearance: AppearancePlan) -> DeviceArray:
-        """An appearance's atlas, a record of `ImageAtlas`."""
+        """Return an appearance's atlas, a one-element array of `ImageAtlas`."""
         name = appearance.colours if appearance.textures else ""
         if name not in self._kept:
             if len(self._kept) >= _ATLAS_CACHE_SIZE:
                 self._kept.pop(next(iter(self._kept)))
             atlas = atlas_of(self._geometry, appearance.textures, self._images, self._device)
-            self._kept[name] = record(atlas, self._device)
+            self._kept[name] = struct_array([atlas], self._device)
         return self._kept[name]
 
 
@@ -46,7 +46,7 @@ def _no_images(texture: TexturePlan) -> NDArray[np.uint8]:
 
 
 def atlas_of(geometry: Geometry, textures: Textures, images: Images, device: str) -> ImageAtlas:
-    """The images of a geometry's surfaces; an image that several surfaces show is there once."""
+    """Return the images of a geometry's surfaces; an image on several surfaces is stored once."""
     wanted = [textures.get(key.body, {}).get(key.slot) for key in geometry.surfaces]
     known = list(dict.fromkeys(texture for texture in wanted if texture is not None))
     ladders = [mip_levels(images(texture)) for texture in known]
@@ -63,7 +63,7 @@ def atlas_of(geometry: Geometry, textures: Textures, images: Images, device: str
         "heights": [level.shape[0] for level in levels],
     }
     arrays = {name: np.array(values, np.int32).reshape(-1) for name, values in columns.items()}
-    return filled(
+    return set_fields(
         ImageAtlas(),
         **{name: wp.array(values, dtype=wp.int32, device=device) for name, values in arrays.items()},
         texels=wp.array(texels, dtype=wp.uint32, device=device),
@@ -72,17 +72,17 @@ def atlas_of(geometry: Geometry, textures: Textures, images: Images, device: str
 
 
 def mip_levels(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint32]]:
-    """An image [H, W, 3] and its coarser levels, down to one texel, each texel red, green << 8, blue << 16.
+    """Return an image [H, W, 3] and its coarser levels, down to one texel, each texel red, green << 8, blue << 16.
 
-    Texel i of level l is the mean of the texels i * 2^l .. (i + 1) * 2^l of the image, as far as it goes, in linear
-    light, and then the nearest 8-bit colour. Sums are whole numbers, so they have no order.
+    Texel i of level l is the mean of the texels i * 2^l to (i + 1) * 2^l of the image, as far as it extends, in linear
+    light, rounded to the nearest 8-bit colour. Sums are integers, so their order does not matter.
     """
     linear = np.array([round(srgb_to_linear(v) * _ONE) for v in range(256)], np.int64)
     levels = [_packed(pixels)]
     height, width = pixels.shape[:2]
     if height == 1 and width == 1:
         return levels
-    # The first halving goes by strips of rows: an image's sums are eight times as large as the image.
+    # The first level is computed in strips of rows: sums need eight times the memory of the image.
     strips = [_halved(linear[pixels[y : y + _ROWS]]) for y in range(0, height, _ROWS)]
     sums, size = np.concatenate(strips), 2
     while True:
@@ -93,7 +93,7 @@ def mip_levels(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint32]]:
 
 
 def _halved(values: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Sums of two by two; what has no neighbour stands alone."""
+    """Return sums of 2 x 2 values; at odd ends, of those that exist."""
     rows = values[0::2].copy()
     rows[: len(values) // 2] += values[1::2]
     out = rows[:, 0::2].copy()
@@ -102,13 +102,13 @@ def _halved(values: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _covered(length: int, size: int) -> NDArray[np.int64]:
-    """How many texels of the image each texel of a level holds along one side."""
+    """Return the number of texels of the image in each texel of a level, along one side."""
     return np.minimum(size, length - np.arange(0, length, size, dtype=np.int64))
 
 
 def _nearest(sums: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """The 8-bit colours whose light is nearest to the means."""
-    # A mean above the middle between two colours' light is the upper one's; twice the middle is a whole number.
+    """Return the 8-bit colours whose linear light is nearest to the means."""
+    # A mean above the middle between two colours rounds up; twice the middle is an integer.
     twice = -(-2 * sums // counts[..., None])
     found: NDArray[np.uint8] = np.searchsorted(_middles(), twice, side="left").astype(np.uint8)
     return found

@@ -1,8 +1,8 @@
-"""Patterns: what a surface looks like close by, drawn from its coordinates and faded where a pixel is wider.
+"""Procedural patterns: the appearance of surfaces at close range, from texture coordinates, faded with distance.
 
-Every pattern gives a tone (the base colour is multiplied by it), a share of the surface's second colour (mortar,
-joints, leaves in the sun), a wear, and what else the shading of its kind wants. All of it is analytic and filtered
-by the pixel's footprint, so that nothing aliases at a distance.
+A pattern returns a tone (a factor of the base colour), the share of the surface's second colour (mortar, joints, sunlit
+leaves), a wear, and a parameter of its kind. All patterns are analytic and filtered by the pixel's footprint, which
+prevents aliasing at a distance.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -25,13 +25,13 @@ wp.set_module_options(OPTIONS)
 
 @wp.func
 def hole(t: wp.float32) -> wp.float32:
-    """1 in the gaps between leaves, where noise in [-0.5, 0.5) is lowest."""
+    """Return 1 in the gaps between leaves, where noise in [-0.5, 0.5) is lowest."""
     return clamp01(-0.6 - 7.0 * t)
 
 
 @wp.func
 def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """A tree's leaves: dark gaps between them, boughs of their own green, and less sky within and below."""
+    """Leaves of a tree: dark gaps, boughs of different green, and less sky light inside and below."""
     bough = (noise3(p[0] * 1.3, p[1] * 1.3, p[2] * 1.6, seeds.LEAF_BOUGH) - 0.5) * fade(1.5, foot)
     twig = noise3(p[0] * 6.3, p[1] * 6.3, p[2] * 7.1, seeds.LEAF_TWIG) - 0.5
     near = fade(0.22, foot)
@@ -55,7 +55,7 @@ def crown(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
 
 @wp.func
 def concrete(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """A wall's concrete, or ground of it, on which water stands."""
+    """Concrete of a wall, or of ground, which collects water."""
     d = wall(d, uv, p, foot, 0.18)
     d.parameter = foot
     return d
@@ -63,7 +63,7 @@ def concrete(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
 
 @wp.func
 def plain_tone(pattern: wp.int32, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, surface: wp.uint32) -> wp.float32:
-    """The tone of a pattern that has nothing else; 1 for a surface without a pattern."""
+    """Return the tone of a pattern that has nothing else; 1 for a surface without a pattern."""
     tone = wp.float32(1.0)
     if pattern == Pattern.NICHE:
         tone = 1.0 - 0.62 * clamp01(uv[1])
@@ -88,16 +88,16 @@ def detail_of(
     footprint: wp.vec2f,
     surface: wp.uint32,
 ) -> Detail:
-    """The pattern at a point of the world, seen along the unit direction `sight`.
+    """Return the pattern at a point of the world, seen along the unit direction `sight`.
 
-    `footprint` is a pixel's size there, across and along the sight.
+    `footprint` is the size of a pixel there, across and along the line of sight.
     """
     d = Detail()
     d.tone = 1.0
     d.normal = normal
     d.parameter = 0.5
     d.code = surface
-    # A pattern is returned as soon as it is known: what branches leave behind would be copied at the end of each.
+    # Return early: Warp copies the values that a branch assigns at its end.
     foot = 0.5 * (footprint[1] + wp.sqrt(footprint[0] * footprint[1]))
     if pattern == Pattern.ASPHALT:
         return asphalt(d, uv, p, foot)

@@ -15,7 +15,7 @@ from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.scene.geometry import Geometry, SurfaceKey
 from recipe_runtime.render.texture.images import SurfaceColours
 
-# Slots that a look leaves out.
+# Default colours of slots that a look does not set.
 _FALLBACK = {
     Pattern.ASPHALT: "#48484a", Pattern.SLABS: "#9a958c", Pattern.CONCRETE: "#8f8d88", Pattern.BRICK: "#8a4f3c",
     Pattern.PLASTER: "#c9bfae", Pattern.ROOF: "#6a4a40", Pattern.GRASS: "#5a7438", Pattern.FOLIAGE: "#4c6b2c",
@@ -35,7 +35,7 @@ _SHOPS_LIT, _ROOMS_LIT = 0.8, 0.42  # shares of the windows that are lit at nigh
 def surface_colours(
     geometry: Geometry, looks: dict[str, dict[str, str]], album: DeviceArray, device: str
 ) -> SurfaceColours:
-    """Every surface's colours in one appearance; `album` is a record of its `ImageAtlas`."""
+    """Return every surface's colours in one appearance; `album` is a one-element array of its `ImageAtlas`."""
     firsts, seconds = [], []
     for key in geometry.surfaces:
         first = linear_colour(looks.get(key.body, {}).get(key.slot) or _FALLBACK[key.pattern])
@@ -52,12 +52,12 @@ def surface_colours(
 
 
 def linear_colour(text: str) -> NDArray[np.float64]:
-    """Linear RGB of `#rrggbb`."""
+    """Convert `#rrggbb` to linear RGB."""
     return np.array([srgb_to_linear(int(text[i : i + 2], 16)) for i in (1, 3, 5)])
 
 
 def _second(key: SurfaceKey, first: Any) -> Any:
-    """The colour of what a pattern is mixed with: mortar, joints, sunlit leaves, the road under worn paint, a frame."""
+    """Return the second colour of a pattern: mortar, joints, sunlit leaves, the road under worn paint, or a frame."""
     if key.pattern in (Pattern.BRICK,):
         return 0.35 * first + 0.65 * np.array([0.36, 0.34, 0.31])
     if key.pattern in (Pattern.SLABS, Pattern.ROOF, Pattern.STONE, Pattern.CLAPBOARD, Pattern.WOOD):
@@ -77,6 +77,6 @@ def _second(key: SurfaceKey, first: Any) -> Any:
 
 @cache
 def srgb_to_linear(value: int) -> float:
-    """The light of an 8-bit sRGB value, 0 to 1."""
+    """Convert an 8-bit sRGB value to linear light, 0 to 1."""
     v = value / 255.0
     return v / 12.92 if v <= 0.04045 else exact.power((v + 0.055) / 1.055, 2.4)

@@ -1,4 +1,4 @@
-"""Patterns of walls and roofs: masonry, plaster, tiles, boards, and what years of rain do to them."""
+"""Patterns of walls and roofs: masonry, plaster, tiles and boards, with stains."""
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
 # mypy: ignore-errors
@@ -14,7 +14,7 @@ wp.set_module_options(OPTIONS)
 
 @wp.func
 def apply_stains(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
-    """Years of rain on an upright wall: runs below its edges, and splashed dirt at its foot."""
+    """Add rain stains to an upright wall: streaks below its edges, and splashed dirt at its base."""
     if d.normal[2] * d.normal[2] < 0.25:
         low = clamp01(1.0 - uv[1] * 1.3)
         dirt = 0.25 * low * low
@@ -28,7 +28,7 @@ def apply_stains(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
 
 @wp.func
 def wall(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, grain: wp.float32) -> Detail:
-    """Plaster or concrete: weather stains that run down, and a fine grain."""
+    """Plaster or concrete: streaks and a fine grain."""
     stain = noise2((p[0] + p[1]) * 0.6, p[2] * 0.17, seeds.WALL_STAIN) - 0.5
     d.tone = 1.0 + 0.16 * stain
     near = fade(0.08, foot)
@@ -40,7 +40,7 @@ def wall(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32, grain: wp.float
 
 @wp.func
 def bricks(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """Bricks in stretcher bond, some burnt darker, in light mortar."""
+    """Bricks in stretcher bond, some darker, with light mortar."""
     t = tiles(uv, 0.25, 0.083, 0.011, 0.5, foot)
     stain = noise2((p[0] + p[1]) * 0.5, p[2] * 0.3, seeds.BRICK_STAIN) - 0.5
     d.second = t[0] * 0.7
@@ -51,7 +51,7 @@ def bricks(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
 
 @wp.func
 def stones(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
-    """Dressed blocks with fine joints; each has its tone, and its lower edge a little shade."""
+    """Dressed blocks with fine joints, individual tones, and a slightly darker lower edge."""
     t = tiles(uv, 0.9, 0.42, 0.014, 0.5, foot)
     d.second = t[0] * 0.75
     d.tone = 1.0 + 0.14 * (t[1] - 0.5) * t[2]
@@ -63,7 +63,7 @@ def stones(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
 
 @wp.func
 def roof_tiles(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """Overlapping tiles: each rounded across, with a shadow under the course above; moss here and there."""
+    """Overlapping tiles, rounded across, with a shadow under the course above, and some moss."""
     t = tiles(uv, 0.24, 0.32, 0.0, 0.5, foot)
     d.tone = 1.0 + 0.26 * (t[1] - 0.5) * t[2] + 0.2 * (noise2(p[0] * 0.7, p[1] * 0.7, seeds.ROOF_MOSS) - 0.5)
     d.second = 0.8 * joint_share(uv[1] / 0.32, 0.08, foot / 0.32)
@@ -77,7 +77,7 @@ def roof_tiles(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail
 
 @wp.func
 def boards(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
-    """Level boards, each lapping over the one below: a dark line under its edge, and lighter towards it."""
+    """Horizontal boards, each overlapping the one below, with a dark line under its edge."""
     v = uv[1] / 0.15
     course = floor(v)
     d.second = 0.7 * joint_share(v, 0.045, foot / 0.15)
@@ -90,7 +90,7 @@ def boards(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
 
 @wp.func
 def planks(d: Detail, uv: wp.vec2f, foot: wp.float32) -> Detail:
-    """Upright planks with their grain."""
+    """Upright planks with grain."""
     u = uv[0] / 0.13
     plank = unit(hash2(floor(u), 0, seeds.PLANK_TONE)) - 0.5
     d.second = 0.8 * joint_share(u, 0.035, foot / 0.13)

@@ -1,6 +1,7 @@
-"""Patterns of glass: the rooms behind windows, curtain walls, shop windows, and the windows of distant walls.
+"""Patterns of glass: rooms behind windows, curtain walls, shop windows, and windows of distant walls.
 
-A line of sight that enters a pane meets the room's walls, floor or ceiling, so a window has depth without a triangle.
+A line of sight through a pane meets the walls, floor or ceiling of a room (interior mapping), so a window has depth
+without triangles.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -18,7 +19,7 @@ wp.set_module_options(OPTIONS)
 
 @wp.func
 def slope_behind(sight: wp.vec3f, normal: wp.vec3f) -> wp.vec3f:
-    """The slope of a line of sight behind a pane: right and up for each unit inwards, and how fast it goes in."""
+    """Return the slope of a line of sight behind a pane: right and up per unit inwards, and its inward component."""
     inward = maximum(-dot(sight, normal), 0.08)
     right = sight[1] * normal[0] - sight[0] * normal[1]
     return wp.vec3f(right / inward, sight[2] / inward, inward)
@@ -26,7 +27,7 @@ def slope_behind(sight: wp.vec3f, normal: wp.vec3f) -> wp.vec3f:
 
 @wp.func
 def distance_to_wall(at: wp.float32, slope: wp.float32, low: wp.float32, high: wp.float32) -> wp.float32:
-    """How far inwards a line of sight goes until it leaves the interval on this axis."""
+    """Return how far inwards a line of sight leaves the interval on this axis."""
     far = wp.float32(99.0)
     if slope > 1.0e-4:
         far = (high - at) / slope
@@ -37,7 +38,7 @@ def distance_to_wall(at: wp.float32, slope: wp.float32, low: wp.float32, high: w
 
 @wp.func
 def room(fu: wp.float32, fv: wp.float32, ray: wp.vec3f, code: wp.uint32) -> wp.float32:
-    """The brightness of a room, by the wall, floor or ceiling that the line of sight meets; lengths in panes."""
+    """Return the brightness of the wall, floor or ceiling that the line of sight meets; lengths are in panes."""
     side = distance_to_wall(fu, ray[0], -0.75, 1.75)
     level = distance_to_wall(fv, ray[1], -0.5, 1.22)
     back = 2.0 + 1.2 * unit(code)
@@ -59,10 +60,10 @@ def room(fu: wp.float32, fv: wp.float32, ray: wp.vec3f, code: wp.uint32) -> wp.f
 
 @wp.func
 def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail:
-    """A pane: `second` is its frame's share, `wear` the curtain's, `tone` how bright the room behind it is.
+    """A pane: `second` is the share of the frame, `wear` that of the curtain, `tone` the brightness of the room.
 
-    `code` names the window, `parameter` is how far it is seen by itself and not as one of many. A building's windows
-    are divided alike.
+    `code` identifies the window, `parameter` is the degree to which it is resolved as a single window. All windows of a
+    building are divided alike.
     """
     i = floor(uv[0])
     j = floor(uv[1])
@@ -103,7 +104,7 @@ def window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail
 
 @wp.func
 def curtain_wall(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail:
-    """Glass from floor to floor between thin mullions; below it, as `wear`, the panel that hides a floor slab."""
+    """Floor-to-ceiling glass between thin mullions; `wear` is the share of the panel that hides a floor slab."""
     i = floor(uv[0])
     j = floor(uv[1])
     fu = uv[0] - wp.float32(i)
@@ -131,7 +132,7 @@ def curtain_wall(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> 
 
 @wp.func
 def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> Detail:
-    """One large pane before a display: goods on two shelves, the shop behind.
+    """One large pane with a display: goods on two shelves, and the shop behind.
 
     `wear` is the share of the goods' colour, `parameter` selects that colour.
     """
@@ -176,7 +177,7 @@ def shop_window(d: Detail, uv: wp.vec2f, sight: wp.vec3f, foot: wp.float32) -> D
 
 @wp.func
 def facade(d: Detail, uv: wp.vec2f, p: wp.vec3f, foot: wp.float32) -> Detail:
-    """A bay of a distant wall: its window, and as `second` the wall around it. Buildings differ."""
+    """A bay of a distant wall: its window, and `second` is the wall around it. It varies between buildings."""
     i = floor(uv[0])
     j = floor(uv[1])
     w = maximum(foot * 0.33, 0.003)

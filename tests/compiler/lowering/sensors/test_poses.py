@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from recipe_compiler.ir import exact
-from recipe_compiler.lowering.camera_motion import poses
+from recipe_compiler.lowering.sensors.poses import poses
 from recipe_compiler.schema.camera import Sensor
 
 JITTER = {

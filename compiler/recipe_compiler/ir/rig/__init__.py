@@ -1,0 +1,1 @@
+"""Sensors: their plans, and the poses of those that follow an actor."""

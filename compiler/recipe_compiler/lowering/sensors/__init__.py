@@ -1,0 +1,1 @@
+"""Lowers sensors to plans: poses, routes, arms and intervals."""
