@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pycocotools.mask
 import pytest
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.lowering.placement import instance_numbers
 from recipe_runtime.annotate.categories import MOTS_CLASSES, MOTS_IGNORE
 from recipe_runtime.annotate.mots import mots_id, mots_lines
-from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.build.pipeline import build
 
 from tests.compiler.carla.importing import CONFIGS, compiled, import_files, import_text
@@ -147,11 +147,12 @@ def test_10_every_sequence_keeps_all_its_frames_and_an_id_stands_once_in_a_frame
 
 
 def test_10_parts_of_the_ignore_region_are_one_row() -> None:
-    records: list[LabelRecord] = [
-        {"instance": 15001, "counts": "0145"},  # type: ignore[typeddict-item]
-        {"instance": 15002, "counts": "415"},  # type: ignore[typeddict-item]
-    ]
-    (line,) = mots_lines([records], 5, 2)
+    """Traffic lights, and all that has no class, had several rows of one id in a frame."""
+    masks = [np.asfortranarray(np.eye(2, 5, column, dtype=np.uint8)) for column in (0, 3)]
+    counts = [pycocotools.mask.encode(mask)["counts"].decode() for mask in masks]
+    records: list[Any] = [{"instance": 15001 + n, "counts": text} for n, text in enumerate(counts)]
+    frame: Any = {"frame": 0, "objects": records}
+    (line,) = mots_lines([frame], 5, 2)
     assert line.startswith("1 10000 10 2 5 ")
 
 
@@ -173,7 +174,7 @@ def test_13_every_annotation_says_how_much_is_visible_and_the_dataset_where_it_c
     dataset: Path, kwcoco: dict[str, list[dict[str, Any]]]
 ) -> None:
     for row in kwcoco["annotations"]:
-        assert {"occlusion", "truncation", "amodal_bbox"} <= row.keys()
+        assert {"visible_fraction", "truncation", "amodal_bbox"} <= row.keys()
     manifest = json.loads((dataset / "manifest.json").read_text())
     assert "sha256" in json.dumps(manifest)
 

@@ -85,6 +85,10 @@ class Site:
         blocked = self._planner.inside(x, y, 0.0) if vehicle else self._planner.inside(x, y)
         return (x, y) if blocked is None else self._planner.nearest_free(x, y) or (x, y)
 
+    def lane(self, x: float, y: float) -> Pose:
+        """The nearest spawn point of vehicles, which is on a lane and faces along it."""
+        return min(self.town.spots["vehicle"], key=lambda spot: (_length(spot.x - x, spot.y - y), spot.x, spot.y))
+
     def _anchors(self, anchor: Point) -> Iterator[XY]:
         """The places of the anchor that are tried, those near the middle of the town first."""
         spots = self.town.spots["vehicle" if anchor.kind == "vehicle" else "pedestrian"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from recipe_compiler.carla.configuration import Reader
 from recipe_compiler.carla.draft import Draft, name_for
 from recipe_compiler.carla.forms.specs import Number, Spec
-from recipe_compiler.carla.handedness import WALKER_ORIGIN, Pose
+from recipe_compiler.carla.handedness import WALKER_ORIGIN, Pose, turned
 from recipe_compiler.carla.placement import XY, Point, Site
 from recipe_compiler.carla.report import Path
 from recipe_compiler.carla.settings import Settings
@@ -76,9 +76,23 @@ class Scene:
         """
         own = spec.transform.pose if spec.transform is not None else Pose()
         carrier = self.carrier(spec)
+        if self.follows_road(spec):
+            return self._on_road(spec, own)
         if carrier is None:
             return None if spec.transform is None else self.world(own)
         return self.carried(carrier, own)
+
+    def follows_road(self, spec: Spec) -> bool:
+        """Whether a sensor travels along the lanes of the town."""
+        return spec.route is not None and self.carrier(spec) is None
+
+    def _on_road(self, spec: Spec, own: Pose) -> Pose:
+        """The start of a sensor that follows the road: the nearest lane, in its direction, with the route's angles."""
+        assert spec.route is not None
+        at, turn = self.world(own), spec.goal.pose if spec.goal is not None else Pose()
+        lane = self.site.lane(at.x, at.y)
+        height = self.reader.number(spec.route.get("elevation")) or at.z
+        return Pose(lane.x, lane.y, height, turned(lane.yaw), turn.pitch, turn.roll)
 
     def carried(self, carrier: Spec, own: Pose) -> Pose | None:
         """A pose in the frame of an entry: in the frame of the actor that carries that, else in the world."""

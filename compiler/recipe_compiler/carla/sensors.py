@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from recipe_compiler.carla import cameras
+from recipe_compiler.carla import cameras, routes
 from recipe_compiler.carla.draft import Data, name_for
 from recipe_compiler.carla.forms.specs import ANGLES, POSITION, Number, Spec
 from recipe_compiler.carla.handedness import WALKER_ORIGIN, Pose
-from recipe_compiler.carla.report import Node
+from recipe_compiler.carla.report import Node, number_text
 from recipe_compiler.carla.scene import ACTORS, Scene
 from recipe_compiler.ir.errors import Code
 from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.streams import Stream
-from recipe_compiler.schema.camera import Camera, Motion, Mount, Sensor
+from recipe_compiler.schema.camera import Camera
+from recipe_compiler.schema.tick import MAX_TICK, nearest_ticks
 from recipe_compiler.source.yaml_reader import show
 
 _SPEED = 0.5  # metres per frame, the collector's default
@@ -140,6 +141,9 @@ def _at_spawn_point(scene: Scene, spec: Spec) -> Pose:
 
 def _note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:
     """Note where the numbers of a transform went."""
+    if scene.follows_road(spec):
+        routes.note_mount(scene, spec, pose, to)
+        return
     if spec.transform is None:
         return
     numbers, carrier, (dx, dy) = spec.transform.numbers, scene.carrier(spec), scene.vector
@@ -193,8 +197,8 @@ def _note_attachment(scene: Scene, spec: Spec, mount: dict[str, Data], to: str) 
         ledger.ignored(spec.attachment, "nothing carries this sensor")
     elif wanted == "rigid":
         ledger.mapped(spec.attachment, f"{to}.on", scene.name(actor), "a sensor on an actor is fixed to it")
-    elif "attachment" not in Mount.model_fields:
-        ledger.ignored(spec.attachment, "recipes have no spring arms yet: the sensor is fixed to the actor")
+    elif not (mount["x"] or mount["y"]):
+        ledger.ignored(spec.attachment, "an arm without length: the sensor is fixed to the actor")
     else:
         mount["attachment"] = wanted
         ledger.mapped(spec.attachment, f"{to}.attachment", wanted, "the name of this attachment here")
@@ -218,7 +222,7 @@ def _motion(scene: Scene, group: _Group, to: str) -> dict[str, Data]:
     motion: dict[str, Data] = {}
     for spec in group.specs:
         if spec.route is not None:
-            motion |= _route(scene, spec, f"{to}.motion")
+            motion |= routes.write(scene, spec, to)
         elif spec.goal is not None:
             motion |= _linear(scene, spec, f"{to}.motion")
         elif spec.speed is not None:
@@ -270,39 +274,19 @@ def _linear(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
     return {"linear": {"to": end, "speed": speed}}
 
 
-def _route(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
-    """OSCAR's motion along the road."""
-    assert spec.route is not None
-    ledger, controller = scene.reader.ledger, spec.route
-    if spec.goal is not None and spec.goal.node is not None:
-        ledger.ignored(spec.goal.node, "the route follows the road from the mount: its end is not chosen")
-    if "route" not in Motion.model_fields:
-        ledger.ignored(controller, "recipes have no routes of sensors yet: the sensor stands")
-        return {}
-    resolution = controller.get("sampling_resolution")
-    given = scene.reader.number(resolution, 0.0, 1000.0)
-    speed = round((2.0 if given is None else given) * scene.settings.fps, 6)
-    why = f"one waypoint each frame at {scene.settings.fps} frames per second"
-    if resolution is None:
-        ledger.default(f"{to}.route.speed", speed, f"no resolution is given, OSCAR's is 2 metres: {why}")
-    else:
-        ledger.mapped(resolution, f"{to}.route.speed", speed, why)
-    ledger.ignored(controller, "the route follows the lanes from the mount, at its height")
-    return {"route": {"road": True, "speed": speed}}
-
-
 def _write_tick(scene: Scene, group: _Group, to: str) -> None:
+    """Write the time between two pictures; CARLA takes one at every step if it is shorter than a step."""
+    fps = scene.settings.fps
     for spec in group.specs:
         node = spec.attributes.get("sensor_tick")
-        tick = scene.reader.number(node, 0.0, 86_400.0)
+        tick = scene.reader.number(node, 0.0, MAX_TICK)
         if node is None or tick is None:
             continue
-        frames = tick * scene.settings.fps
-        if "tick" not in Sensor.model_fields:
-            scene.reader.ledger.ignored(node, "recipes have no slower sensors yet: it takes a picture at every frame")
-        elif abs(frames - round(frames)) > 1e-6:
-            message = f"{tick:g} s are {frames:g} frames"
-            remedy = "write a whole number of frames, or 0 for every frame"
+        if tick * fps <= 1.0:
+            scene.reader.ledger.mapped(node, f"{to}.tick", 0, "a picture at every frame, as without it")
+        elif near := nearest_ticks(tick, fps):
+            message = f"{tick:g} s are {tick * fps:g} frames at {fps} frames per second"
+            remedy = f"write {' or '.join(map(number_text, near))}, or 0 for every frame"
             scene.reader.refuse(node, message, remedy, Code.OUT_OF_RANGE)
         else:
             scene.draft.set(f"{to}.tick", tick)

@@ -192,9 +192,8 @@ class SettingsReader:
             self._ledger.default("base.town", name, f"no town is given; {why}")
         else:
             self._ledger.mapped(node, "base.town", name, why)
-        self.notes.append(
-            f"{(asked or towns.DEFAULT).rsplit('/', 1)[-1]} of CARLA becomes {name}: another town, with other streets, buildings and relief"
-        )
+        short = (asked or towns.DEFAULT).rsplit("/", 1)[-1]
+        self.notes.append(f"{short} of CARLA becomes {name}: another town, with other streets, buildings and relief")
         return name
 
     def _warmup(self, steps: float) -> dict[str, float]:

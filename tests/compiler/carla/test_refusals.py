@@ -99,6 +99,11 @@ REFUSED = {
         "config.yaml:3:42: spawn_actors[0].blueprint.speed: 50 metres per frame at 30 frames per second are 1500 m/s;"
         " write more than 0 and at most 3.33333 metres per frame",
     ),
+    "tick": (
+        HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {sensor_tick: '0.05'}}\n",
+        "config.yaml:3:49: spawn_actors[0].blueprint.attr.sensor_tick: 0.05 s are 1.5 frames at 30 frames per second;"
+        " write 0.033333 or 0.066667, or 0 for every frame",
+    ),
     "weather": (
         HEAD + CAMERA + "weather: {cloudiness: much}\n",
         'config.yaml:4:11: weather.cloudiness: it is "much"; write a number',

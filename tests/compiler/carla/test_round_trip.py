@@ -1,4 +1,4 @@
-"""What both languages know loses nothing: poses, weather and clock of the compiled plan follow from the configuration."""
+"""What both languages know loses nothing: poses, weather and clock of the plan follow from the configuration."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ sizes = st.sampled_from([16, 64, 100, 800])
 weathers = st.fixed_dictionaries(
     {},
     optional={
-        **dict.fromkeys(PARAMETERS[:4] + ("fog_density", "wetness"), percent),
+        **dict.fromkeys((*PARAMETERS[:4], "fog_density", "wetness"), percent),
         "sun_azimuth_angle": st.floats(0, 360).map(lambda value: round(value, 3)),
         "sun_altitude_angle": st.floats(-90, 90).map(lambda value: round(value, 3)),
         "fog_distance": percent,
@@ -54,13 +54,20 @@ rigs = st.fixed_dictionaries(
         "jitter": jitters,
     },
 )
+
+
+def place_of(rig: Any) -> str:
+    """What tells rigs apart: those at one place could become one sensor."""
+    return json.dumps(rig["pose"]["location"])
+
+
 configurations = st.fixed_dictionaries(
     {
         "fps": st.sampled_from([1, 5, 10, 24, 25, 30]),
         "frames": st.integers(1, 12),
         "seed": st.integers(0, 2**32 - 1),
         "weather": weathers,
-        "rigs": st.lists(rigs, min_size=1, max_size=3, unique_by=lambda rig: json.dumps(rig["pose"]["location"])),
+        "rigs": st.lists(rigs, min_size=1, max_size=3, unique_by=place_of),
     }
 )
 OURS = {"rgb": "rgb", "depth": "depth", "instance_segmentation": "instance"}
@@ -68,12 +75,16 @@ OURS = {"rgb": "rgb", "depth": "depth", "instance_segmentation": "instance"}
 
 def written(given: dict[str, Any]) -> str:
     """The configuration as YAML, of which JSON is a part."""
+    entry: dict[str, Any]
     spawned: list[dict[str, Any]] = [
         {"blueprint": {"name": f"{kind}.*", "attr": {"role_name": kind}}} for kind in ("walker", "vehicle")
     ]
     for number, rig in enumerate(given["rigs"]):
         for modality in rig["modalities"]:
-            attributes = {"image_size_x": str(rig["camera"]["width"]), "image_size_y": rig["camera"]["height"]}
+            attributes: dict[str, Any] = {
+                "image_size_x": str(rig["camera"]["width"]),
+                "image_size_y": rig["camera"]["height"],
+            }
             attributes |= {"fov": str(rig["camera"]["fov"]), "role_name": f"rig{number}"}
             if modality == "rgb":
                 attributes |= {key: str(rig["camera"][key]) for key in ("gamma", "iso") if key in rig["camera"]}
@@ -98,12 +109,14 @@ def written(given: dict[str, Any]) -> str:
 
 def position(rig: dict[str, Any], frame: int, fps: int) -> np.ndarray[Any, np.dtype[np.float64]]:
     """Where the collector's sensor is, left-handed, without jitter: speed metres a frame, until it is there."""
-    start = np.array([rig["pose"]["location"][axis] for axis in "xyz"])
+    start: np.ndarray[Any, np.dtype[np.float64]] = np.array([rig["pose"]["location"][axis] for axis in "xyz"])
     if "goal" not in rig:
         return start
     delta = np.array([rig["goal"][axis] for axis in "xyz"]) - start
     length = float(np.linalg.norm(delta))
-    return start + delta * (min(1.0, frame * rig.get("speed", 0.5) / length) if length > 0 else 1.0)
+    part = min(1.0, frame * float(rig.get("speed", 0.5)) / length) if length > 0 else 1.0
+    at: np.ndarray[Any, np.dtype[np.float64]] = start + delta * part
+    return at
 
 
 def check_sensor(sensor: SensorPlan, rig: dict[str, Any], plan: ScenarioPlan, shift: tuple[float, float]) -> None:
