@@ -175,6 +175,8 @@ class Scene:
                 self.reader.ledger.ignored(spec.role, "actors here move by themselves: only sensors are carried")
         for spec in self.of_kind("sensor"):
             self._check_circle(spec)
+        for spec in self.of_kind("sensor"):
+            self._join_moving_carrier(spec)
 
     def _with_role(self, spec: Spec, roles: Mapping[str, Spec]) -> Spec | None:
         assert spec.role is not None
@@ -196,6 +198,33 @@ class Scene:
                 self.reader.refuse(spec.role or spec.node, "it is attached to itself", "attach it to an actor")
                 return
             seen.append(carrier)
+
+    def _join_moving_carrier(self, spec: Spec) -> None:
+        """Give a sensor at the pose of a sensor that moves, to which it is attached, the same pose and motion."""
+        carrier = self.carrier(spec)
+        if carrier is None or carrier.kind != "sensor":
+            return
+        self._join_moving_carrier(carrier)
+        moves = carrier.goal or carrier.jitter or carrier.route or carrier.attachment
+        if not moves:
+            return
+        own = spec.transform.pose if spec.transform is not None else Pose()
+        if own != Pose() or spec.goal or spec.jitter or spec.route or spec.attachment:
+            message = f"{carrier.node.key}, to which it is attached, moves: it has another pose or motion"
+            remedy = "attach it to an actor, or give it the pose and motion of that sensor"
+            self.reader.refuse(spec.node, message, remedy)
+            return
+        for leaf in spec.transform.node.leaves() if spec.transform is not None and spec.transform.node else ():
+            self.reader.ledger.mapped(leaf, "", f"the pose of {carrier.node.key}", "that sensor carries it")
+        if spec.role is not None:
+            self.reader.ledger.mapped(spec.role, "", f"the pose of {carrier.node.key}", "that sensor carries it")
+        spec.role, spec.transform, spec.goal, spec.speed = None, carrier.transform, carrier.goal, carrier.speed
+        spec.jitter, spec.route, spec.attachment = carrier.jitter, carrier.route, carrier.attachment
+        above = self.carrier(carrier)
+        if above is None:
+            del self.carriers[id(spec)]
+        else:
+            self.carriers[id(spec)] = above
 
     def _points(self) -> list[Point]:
         """The world positions of the configuration, before they are moved."""

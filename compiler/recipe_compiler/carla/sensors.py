@@ -201,7 +201,10 @@ def _note_attachment(scene: Scene, spec: Spec, mount: dict[str, Data], to: str) 
         ledger.ignored(spec.attachment, "an arm without length: the sensor is fixed to the actor")
     else:
         mount["attachment"] = wanted
-        ledger.mapped(spec.attachment, f"{to}.attachment", wanted, "the name of this attachment here")
+        if wanted == kind:
+            ledger.kept(spec.attachment, f"{to}.attachment")
+        else:
+            ledger.mapped(spec.attachment, f"{to}.attachment", wanted, "the same kind of arm")
 
 
 def _write_camera(scene: Scene, group: _Group, to: str) -> None:

@@ -81,11 +81,8 @@ def written(given: dict[str, Any]) -> str:
     ]
     for number, rig in enumerate(given["rigs"]):
         for modality in rig["modalities"]:
-            attributes: dict[str, Any] = {
-                "image_size_x": str(rig["camera"]["width"]),
-                "image_size_y": rig["camera"]["height"],
-            }
-            attributes |= {"fov": str(rig["camera"]["fov"]), "role_name": f"rig{number}"}
+            attributes: dict[str, Any] = {"fov": str(rig["camera"]["fov"]), "role_name": f"rig{number}"}
+            attributes |= {"image_size_x": str(rig["camera"]["width"]), "image_size_y": rig["camera"]["height"]}
             if modality == "rgb":
                 attributes |= {key: str(rig["camera"][key]) for key in ("gamma", "iso") if key in rig["camera"]}
             entry = {"blueprint": {"name": f"sensor.camera.{modality}", "attr": attributes}, "transform": rig["pose"]}
