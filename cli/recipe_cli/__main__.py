@@ -1,6 +1,6 @@
 """`python -m recipe_cli` is `recipe`."""
 
-from recipe_cli.main import main
+from recipe_cli.entry import main
 
 if __name__ == "__main__":
     main()

@@ -25,7 +25,14 @@ Command = TypeVar("Command", bound=Callable[..., object])
 PathText: TypeAlias = "str | PathLike[str]"
 
 
-class LocalPath(click.Path):
+class _AnyPath(click.Path):
+    """A path. What reads it reports one that this user may not read, with a remedy."""
+
+    def __init__(self, *, file_okay: bool = True, dir_okay: bool = True, path_type: type[Path] = Path) -> None:
+        super().__init__(file_okay=file_okay, dir_okay=dir_okay, readable=False, path_type=path_type)
+
+
+class LocalPath(_AnyPath):
     """A path of this host. A URL is refused; the message shows it without its password."""
 
     def convert(
@@ -78,7 +85,7 @@ def output_option(
     return click.option("-o", "--output", "--out", "output", type=kind, metavar=metavar, help=help)
 
 
-class PlaceOrUrl(click.Path):
+class PlaceOrUrl(_AnyPath):
     """A path, or a URL as text."""
 
     def convert(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from recipe_cli import usage
 from recipe_cli.console import State, fail, say
 
 if TYPE_CHECKING:
@@ -118,7 +119,7 @@ def _explained(error: Exception) -> tuple[Sequence[Problem], int]:
     if isinstance(error, RecipeError):
         return error.problems, 2 if isinstance(error, InputError) else 1
     if isinstance(error, click.ClickException):
-        return [_usage(error)], 2
+        return [usage.problem_of(error)], 2
     if isinstance(error, click.Abort):
         return [Problem("interrupted", help="run the command again", code=Code.INTERRUPTED)], 130
     if isinstance(error, MemoryError):
@@ -133,18 +134,3 @@ def _explained(error: Exception) -> tuple[Sequence[Problem], int]:
             say(each, err=True)
     report = "this is a fault of the program: please report it with the lines above"
     return [Problem(f"{type(error).__name__}: {error}", help=report, code=Code.INTERNAL)], 1
-
-
-def _usage(error: click.ClickException) -> Problem:
-    """Return the problem of a command line, and where its usage is documented."""
-    from recipe_compiler.ir.errors import Code, Problem
-
-    message = error.format_message().rstrip(".")
-    message = message[:1].lower() + message[1:]
-    context = error.ctx if isinstance(error, click.UsageError) else None
-    command = context.command_path if context else "recipe"
-    if isinstance(error, click.NoSuchOption) and error.option_name == "--frames":
-        remedy = "the recipe sets the number of frames: change `frames` in its `clock`"
-        return Problem("no such option '--frames'", help=remedy, code=Code.USAGE)
-    found = Problem(message, code=Code.USAGE)
-    return found if found.help else Problem(message, help=f"see `{command} --help`", code=Code.USAGE)

@@ -17,6 +17,7 @@ _ADDED = {  # code -> what is added after parts of the library's remedy
         r"choose (another|a) (folder|place|file)": "--output",
         r"replace it\b": "--replace",
     },
+    "invalid-dataset": {r"repair the dataset\b": "`recipe build RECIPE --repair`"},
     "invalid-lockfile": {r"with traces\b": "`recipe lock --update --with-traces`"},
 }
 

@@ -24,6 +24,7 @@ from recipe_compiler.library.towns import Town
 from recipe_compiler.limits import TooLargeError as TooLargeError
 from recipe_compiler.lowering import asset_files, placement, workload
 from recipe_compiler.lowering.lower import Lowering
+from recipe_compiler.lowering.patches import texture_files
 from recipe_compiler.schema.messages import nearest, translate
 from recipe_compiler.schema.recipe import Base, Recipe
 from recipe_compiler.schema.sweep import Sweep
@@ -88,14 +89,16 @@ def _compile(
     if root is None:
         raise InputError(_sorted(problems))
     recipe, faulty = _check_recipe(root, problems)
-    assets, unfit = asset_files.read(root, recipe.assets, path.parent, sources)
+    textures = texture_files.find(root, path.parent, sources)
+    assets, asset_problems = asset_files.read(root, recipe.assets, path.parent, sources, textures.files)
+    asset_problems += textures.problems
     axes = _check_sweep(root, None if "sweep" in faulty else recipe.sweep, problems)
-    if root.get("base") is None or _has_new(problems, sources.problems):
+    if root.get("base") is None or len(problems) > len(sources.problems):
         kinds = None if "assets" in faulty else _kinds(recipe)
         rules = recipe.sweep.exclude if "sweep" not in faulty else None
-        problems += [*unfit, *_check_variants_in_part(root, kinds, rules)]
-        raise InputError(_sorted(sources.problems, _new(problems, yaml_places)))
-    problems += unfit
+        problems += [*asset_problems, *_check_variants_in_part(root, kinds, rules)]
+        raise InputError(_sorted(sources.problems, _without_repeats(problems, yaml_places)))
+    problems += asset_problems
     loads: list[limits.Load] = []
     found = Findings()
     checked: list[tuple[Variant, Base]] = []
@@ -107,19 +110,19 @@ def _compile(
         checked.append((variant, base))
         loads.append(workload.estimated(variant, base, changes))
         if len(loads) in _EARLY_CHECKS and not allow_large:
-            too_long = _too_long(root, loads, expand.count(axes, recipe.sweep))
-            if too_long and not problems and not found.total:
-                raise too_long
-            if too_long:
+            limit_error = _compile_limit_error(root, loads, expand.count(axes, recipe.sweep))
+            if limit_error and not problems and not found.total:
+                raise limit_error
+            if limit_error:
                 break
     problems += found.problems()
     if problems:
-        raise InputError(_sorted(sources.problems, _new(problems, yaml_places)))
+        raise InputError(_sorted(sources.problems, _without_repeats(problems, yaml_places)))
     estimate = limits.total(loads, recipe.output.depth)
     reasons = estimate.over(free_disk, memory)
     if reasons and not allow_large:
         raise limits.TooLargeError(_place_of_size(root, estimate), estimate, reasons)
-    lowering = Lowering(_instances(root, problems), assets)
+    lowering = Lowering(_instances(root, problems), assets, textures.read(assets))
     plans, warnings = _lowered(lowering, checked)
     plan = DatasetPlan(
         recipe=recipe.recipe,
@@ -140,7 +143,7 @@ def _compile(
 
 
 def named_files(path: Path) -> tuple[str, set[str]] | None:
-    """The name of a recipe and the files that it uses, itself included, without compiling it.
+    """Return the name of a recipe and the files that it uses, itself included, without compiling it.
 
     Returns:
         None if the recipe cannot be read.
@@ -149,7 +152,9 @@ def named_files(path: Path) -> tuple[str, set[str]] | None:
     if sources.root is None or sources.problems:
         return None
     name = sources.root.get("recipe")
-    return str(name.data if name else ""), {*sources.files, *asset_files.named(sources.root, path.parent, sources)}
+    textures = texture_files.find(sources.root, path.parent, sources)
+    used = {*asset_files.named(sources.root, path.parent, sources), *(file.path for file in textures.files.values())}
+    return str(name.data if name else ""), {*sources.files, *used}
 
 
 def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tuple[list[ScenarioPlan], list[Problem]]:
@@ -180,7 +185,8 @@ def _kinds(recipe: Recipe) -> dict[str, str]:
     return {name: "image" if asset.mesh is None else "mesh" for name, asset in recipe.assets.items()}
 
 
-def _new(problems: Iterable[Problem], yaml_places: set[Place | None]) -> list[Problem]:
+def _without_repeats(problems: Iterable[Problem], yaml_places: set[Place | None]) -> list[Problem]:
+    """Return the problems at places without a YAML error."""
     return [problem for problem in problems if problem.place not in yaml_places]
 
 
@@ -189,11 +195,6 @@ def _sorted(*problems: Iterable[Problem]) -> list[Problem]:
     found = Findings()
     found.add(itertools.chain(*problems))
     return found.problems()
-
-
-def _has_new(problems: list[Problem], of_reading: list[Problem]) -> bool:
-    """Whether there are problems besides those of reading the files."""
-    return len(problems) > len(of_reading)
 
 
 def _check_recipe(root: Value, problems: list[Problem]) -> tuple[Recipe, set[str]]:
@@ -280,7 +281,7 @@ def _check_variants_in_part(
 
 
 def _place_of_size(root: Value, cost: limits.Cost) -> Place:
-    """The place of the number that contributes most to the size of a recipe over the limits."""
+    """Return the place of the number that contributes most to the size of a recipe over the limits."""
     if cost.over_to_compile() or cost.variants * cost.variants > cost.frames:
         for path in (("sweep", "repeats"), ("sweep", "draw", "count"), ("deltas",), ("base", "traffic")):
             if root.get(*path):
@@ -288,20 +289,20 @@ def _place_of_size(root: Value, cost: limits.Cost) -> Place:
     return root.place_of("base", "clock", "frames")
 
 
-def _too_long(root: Value, loads: list[limits.Load], variants: int) -> limits.TooLargeError | None:
-    """The error to raise if compiling the variants so far already exceeds the limits; None if it does not."""
-    estimate = limits.total(loads, "carla")
+def _compile_limit_error(root: Value, loads: list[limits.Load], variants: int) -> limits.TooLargeError | None:
+    """Return the error to raise if compiling the variants so far already exceeds the limits, or None."""
+    estimate = limits.total(loads, "carla")  # the form of depth does not affect the cost of compiling
     reasons = estimate.over_to_compile()
     if reasons:
         reasons[0] = f"of the first {len(loads)} variants alone, {reasons[0]}"
-    whole = dataclasses.replace(estimate, variants=variants)
-    return limits.TooLargeError(_place_of_size(root, whole), whole, reasons) if reasons else None
+    cost = dataclasses.replace(estimate, variants=variants)
+    return limits.TooLargeError(_place_of_size(root, cost), cost, reasons) if reasons else None
 
 
 def _check_variants(
     root: Value, variants: Iterable[Variant], kinds: dict[str, str], found: Findings
 ) -> Iterator[tuple[Variant, Base | None]]:
-    """Yields each variant with its checked base; None in place of the base if it has problems."""
+    """Yield each variant with its checked base, or None in place of a base with problems."""
     checker = Checker(root.map["base"], kinds)
     for variant in variants:
         if len(variant.name) > expand.MAX_NAME:

@@ -70,7 +70,7 @@ _PER_CHANGE = (5e-5, 3600)  # per variant and delta merged into its base
 
 
 @dataclass(frozen=True)
-class View:
+class Clip:
     """One sensor of one variant: a clip of frames."""
 
     frames: int
@@ -91,7 +91,7 @@ class Load:
     appearance: Hashable
     steps: int  # physics steps
     actors: int
-    views: tuple[View, ...]
+    views: tuple[Clip, ...]
     town: Hashable = None
     elements: int = 0  # of the town
     points: int = 0  # of all actors' routes
@@ -240,7 +240,7 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
     )
 
 
-def _kinds(view: View, depth: str) -> list[str]:
+def _kinds(view: Clip, depth: str) -> list[str]:
     """The kinds of files that are written once for all appearances."""
     return ["depth-npy" if (m, depth) == ("depth", "npy") else m for m in view.capture if m != "rgb"]
 
@@ -252,7 +252,7 @@ def _simulating(load: Load) -> float:
     return _START_SIMULATION + load.actors * (_SIMULATE_ACTOR + frames * _POSE_ACTOR) + steps
 
 
-def _observing(load: Load, view: View, depth: str) -> float:
+def _observing(load: Load, view: Clip, depth: str) -> float:
     """Seconds of the work that all appearances of a view share."""
     frame = _LABEL + load.actors * _LABEL_ACTOR
     frame += sum(_FILE + view.pixels / 1e6 * _ENCODE[kind] for kind in _kinds(view, depth))
@@ -263,7 +263,7 @@ def _observing(load: Load, view: View, depth: str) -> float:
     return view.frames * frame + whole * moved + (view.frames - whole) * least
 
 
-def _shading(load: Load, view: View) -> float:
+def _shading(load: Load, view: Clip) -> float:
     """Seconds to render and write one appearance."""
     mega = view.samples / 1e6
     moved, still = (each + mega * rate for each, rate in (_SHADE, _SHADE_STILL))
@@ -278,7 +278,7 @@ def _blocks(amount: float) -> int:
     return -(-round(amount) // _BLOCK) * _BLOCK
 
 
-def _rate(view: View, kind: str) -> float:
+def _rate(view: Clip, kind: str) -> float:
     """Encoded bytes per pixel."""
     return _DEPTH_MOVING if kind == "depth" and not view.still else _BYTES[kind]
 
@@ -312,7 +312,7 @@ def _memory(
     return _MAIN + _SIMULATION + round(records * _MEMORY_RECORD), worker
 
 
-def _sample_bytes(view: View, further: int) -> int:
+def _sample_bytes(view: Clip, further: int) -> int:
     """Bytes of a worker's memory per sample of a view; `further` appearances after the first."""
     if "rgb" not in view.capture:
         return _MEMORY_LABELS

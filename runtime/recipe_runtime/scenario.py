@@ -7,6 +7,7 @@ process that inherited or unpickled a scenario, so that each worker of a `DataLo
 from __future__ import annotations
 
 import io
+import operator
 import os
 import weakref
 from collections import OrderedDict
@@ -14,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +24,14 @@ from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.plan import ScenarioPlan, ScenePlan, SensorPlan
 from recipe_compiler.ir.plurals import count
 
+from recipe_runtime.annotate.calibration import Calibration, calibration
 from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array
+from recipe_runtime.core.transforms import sensor_transform
 from recipe_runtime.core.versions import builder_identity
 from recipe_runtime.frames.engines import Engines, devices, real_engines
 from recipe_runtime.frames.source import SceneSource
@@ -119,6 +122,10 @@ class Frame:
     def labels(self, sensor: str | None = None) -> list[LabelRecord]:
         """As `Scenario.labels`."""
         return self.scenario.labels(self.number, sensor)
+
+    def calibration(self, sensor: str | None = None) -> Calibration:
+        """As `Scenario.calibration`."""
+        return self.scenario.calibration(self.number, sensor)
 
 
 class Scenario(Sequence[Frame]):
@@ -226,7 +233,7 @@ class Scenario(Sequence[Frame]):
         plan, scene = self._sensor(sensor), self.plan.scene
         numbers = [self._taken(frame, plan) for frame in (plan.frames(len(self)) if frames is None else frames)]
         appearances = [self.plan.appearance] if "rgb" in plan.capture else []
-        for made in self._scenes.source(scene).make(plan, appearances, numbers, lanes=MAX_CONCURRENT_FRAMES):
+        for made in self._scenes.source(scene).make(plan, appearances, numbers, in_flight=MAX_CONCURRENT_FRAMES):
             pictures: dict[str, NDArray[np.generic]] = dict(zip(["rgb"], made.pictures, strict=False))
             yield made.number, {m: pictures[m] if m == "rgb" else label_array(made.seen, m) for m in plan.capture}
 
@@ -234,7 +241,13 @@ class Scenario(Sequence[Frame]):
         """Return the records of the visible objects of a frame, by instance; see `annotate.records.LabelRecord`."""
         plan, scene = self._sensor(sensor), self.plan.scene
         frame = self._taken(frame, plan)
-        return self._scenes.source(scene).labels(self._scenes.observe(scene, plan, frame), plan, frame)
+        return self._scenes.source(scene).labels(self._scenes.observe(scene, plan, frame), plan, frame)["objects"]
+
+    def calibration(self, frame: int, sensor: str | None = None) -> Calibration:
+        """Return K, distortion and pose of a sensor at a frame that it takes; see `annotate.calibration`."""
+        plan = self._sensor(sensor)
+        trace = self._scenes.source(self.plan.scene).trace
+        return calibration(plan.camera, sensor_transform(plan, trace, self._taken(frame, plan)))
 
     def _render(self, frame: int, plan: SensorPlan, modality: str) -> NDArray[np.generic]:
         scene = self.plan.scene
@@ -250,7 +263,10 @@ class Scenario(Sequence[Frame]):
             "store/pixels/1", [self.plan.scene.digest, plan.document(), colour, modality, frame, builder_identity()]
         )
 
-    def _number(self, frame: int) -> int:
+    def _number(self, frame: object) -> int:
+        if isinstance(frame, bool) or not isinstance(frame, SupportsIndex):
+            raise TypeError(f"a frame is a whole number, not {frame!r}")
+        frame = operator.index(frame)
         if not -len(self) <= frame < len(self):
             raise IndexError(f"frame {frame} is not there: {self.variant} has frames 0 to {len(self) - 1}")
         return frame % len(self)

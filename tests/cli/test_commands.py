@@ -379,7 +379,7 @@ def test_diff_names_the_first_cause(folder: Path, tmp_path: Path) -> None:
         same = run_here("diff", *pair, cwd=folder)
         assert (same.returncode, same.stdout) == (0, "nothing differs\n"), same.stdout
         assert same.stderr.splitlines() == [
-            "datasets/small was compared by its manifest; `recipe verify` checks that the files are those"
+            "datasets/small was compared by its manifest; `recipe verify` checks the files themselves"
         ]  # so motion and pixels were compared as well: a recipe stands with its lockfile
 
 

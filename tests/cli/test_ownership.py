@@ -262,7 +262,7 @@ def test_a_comment_or_another_file_name_is_not_another_recipe(recipe: Run) -> No
     assert recipe("lock", "small.yaml").exit_code == 0
     locked = Path("lockfiles/small.lock").read_bytes()
     write("renamed.yaml", f"# a remark\n\n{RECIPE}description: The same plan.\n")
-    note = "renamed.yaml is not a file that was locked; its plan is the locked one"
+    note = "renamed.yaml was locked as small.yaml, with another text; the plan is equal"
     verified = recipe("verify", "renamed.yaml", "--frames", "1")
     assert (verified.exit_code, verified.stdout.splitlines()[0]) == (0, "PASS  renamed.yaml"), verified.stdout
     assert f"  note: {note}" in verified.stdout.splitlines()

@@ -29,7 +29,8 @@ def test_any_name_that_the_language_allows_makes_a_recipe(tmp_path: Path, name: 
 
 
 @pytest.mark.parametrize(
-    ("name", "nearest"), [("x.yaml", "'x'"), ("../x", "'x'"), ("my dataset", "'rain_bench'"), ("", "'rain_bench'")]
+    ("name", "nearest"),
+    [("x.yaml", "'x'"), ("../x", "'x' with --dir .."), ("my dataset", "'rain_bench'"), ("", "'rain_bench'")],
 )
 def test_any_other_name_is_refused_with_one_that_would_do(tmp_path: Path, name: str, nearest: str) -> None:
     with pytest.raises(InputError, match=f"cannot name a recipe: .*; try {nearest}$"):
@@ -85,6 +86,21 @@ def test_a_default_folder_that_is_a_link_is_not_written_through(tmp_path: Path, 
     done = run_here(command, "r.yaml", cwd=tmp_path)
     assert done.returncode == 2 and f"{folder} is a symbolic link" in done.stderr
     assert not list((tmp_path / "victim").iterdir())
+
+
+@pytest.mark.parametrize("replace", [[], ["--replace"]], ids=["", "replace"])
+@pytest.mark.parametrize("there", [None, "private"], ids=["dangling", "file"])
+def test_no_file_is_written_through_a_link(tmp_path: Path, there: str | None, replace: list[str]) -> None:
+    """A link such as `r.recipe -> ~/.bashrc` may come with a recipe from elsewhere."""
+    (tmp_path / "r.yaml").write_text(json.dumps(small() | {"recipe": "r"}))
+    victim = tmp_path / "victim"
+    if there:
+        victim.write_text(there)
+    (tmp_path / "r.recipe").symlink_to("victim")
+    done = run_here("pack", "r.yaml", *replace, cwd=tmp_path)
+    assert done.returncode == 2 and "r.recipe is a symbolic link" in done.stderr
+    assert "help: remove the link, or name the file that it leads to" in done.stderr
+    assert (victim.read_text() if victim.exists() else None) == there
 
 
 def test_a_missing_target_of_verify_has_a_fitting_remedy(tmp_path: Path) -> None:

@@ -40,6 +40,11 @@ def wrong(folder: Path, recipe: object) -> tuple[Problem, ...]:
         ("base:\n  a: {b: 1}\n   town: x\n", (3, 4), "lines 2 and 3 belong to one map", "line 3 with 2 spaces"),
         # the earlier line is the one that differs from its siblings
         ("base:\n    a: 1\n  b: 2\n  c: 3\n", (2, 5), "lines 2 and 3 belong to one map", "line 2 with 2 spaces"),
+        # a line that starts too far left ends the map above, which the next line continues
+        ("base:\n  a: 1\nb: 2\n  c: 3\n", (3, 1), "line 3 ends the map `base` of line 1", "start it with 2 spaces"),
+        ("base:\n  a: 1\nb:\n    c: 3\n  d: 1\n", (3, 1), "but line 5 continues it", "start it with 2 spaces"),
+        ("a: {b: #ff0000}\nc: 1\n", (1, 8), "starts a comment, which hides the rest of line 1", '"#ff0000"'),
+        ("a:\n  - {b: 1}\n  c: 2\n", (3, 3), "a key of a map stands among the items of a list", "every entry"),
         ("a:\n\tb: 1\n", (2, 1), "a tab cannot indent YAML", "use spaces"),
         ("a: {b: 1\n", (2, 1), "the `{` of line 1 is not closed", "add the `}`"),
         ("a: 'x\nb: 1\n", (1, 4), "the quote opened on line 1 is never closed", "add the closing quote"),
@@ -171,3 +176,31 @@ def test_many_wrong_names_are_not_all_compared_with_many_valid_ones(monkeypatch:
     assert len(compared) == MAX_SHOWN and max(compared) <= 30
     assert remedies[:MAX_SHOWN] == [f'did you mean "{name}"?' for name in valid[:MAX_SHOWN]]
     assert remedies[-1].startswith(f"valid are {valid[0]}, ") and remedies[-1].endswith("and 888 more")
+
+
+@pytest.mark.parametrize(
+    ("change", "help"),
+    [
+        ({"clock": {"fps": 29.97, "frames": 2}}, "write 30, without a fraction"),
+        ({"clock": {"fps": None, "frames": 2}}, "write a whole number after the `:`"),
+        ({"clock": {"fps": 1000, "frames": 2}}, "write 240, the nearest that does"),
+        ({"sensors": {"s": {"mount": {"z": 2}, "capture": "rgb, depth"}}}, "write [rgb, depth]"),
+        ({"actors": {"a": {"blueprint": "walker.*", "route": {"x": 1, "y": 2}}}}, "write [{x: 1, y: 2}]"),
+        ({"actors": {"a": {"blueprint": "walker.pedestrian.4"}}}, 'did you mean "walker.pedestrian.0004"?'),
+        ({"actors": {"a": {"blueprint": "sedan"}}}, 'did you mean "vehicle.sedan.*"?'),
+        ({"props": {"p": {"asset": "crate", "at": {"x": 1, "y": 2}}}}, "name a mesh file in `assets`"),
+        ({"clock": {"fps\uff1a 10": None, "frames": 2}}, "replace U+FF1A (fullwidth colon) by `:` and a space"),
+    ],
+)
+def test_the_remedy_can_be_copied(tmp_path: Path, change: dict[str, object], help: str) -> None:
+    """A remedy in general words, such as `write it in digits`, leaves the work of finding the value to the reader."""
+    assert help in [problem.help for problem in wrong(tmp_path, small(**change))]
+
+
+def test_a_distribution_in_brackets_and_a_base_in_a_delta_have_remedies(tmp_path: Path) -> None:
+    drawn = small() | {"sweep": {"draw": {"count": 2, "values": {"weather.fog_density": [0, 50]}}}}
+    assert [problem.help for problem in wrong(tmp_path, drawn)] == ["write {uniform: [0, 50]}"]
+    nested = small() | {"deltas": {"a": {"b": {"base": {"weather": "ClearNoon"}}}}}
+    assert [problem.help for problem in wrong(tmp_path, nested)] == [
+        "remove it: a delta starts with the keys of the base"
+    ]

@@ -21,12 +21,11 @@ from typing import Any
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir import assets, lockfile
 from recipe_compiler.ir.assets.png import SIGNATURE
-from recipe_compiler.ir.canonical import canonical_bytes
+from recipe_compiler.ir.canonical import canonical_bytes, digest
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.lockfile import VariantRow
 from recipe_compiler.ir.plan import TownPlan
 from recipe_compiler.library import towns
-from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.core.trace import Trace
@@ -214,7 +213,7 @@ def _labels(content: bytes) -> None:
     variant, path = held.plan.variants[0], _labels_file()
     try:
         records = json.loads(content)
-        value, line = label_digest(records), canonical_bytes(records) + b"\n"
+        value, line = digest("labels/2", records), canonical_bytes(records) + b"\n"
     except (ValueError, TypeError, RecursionError):
         line, value = content, "0" * 64
     path.write_bytes(line)

@@ -29,7 +29,9 @@ from recipe_compiler.ir.plan import (
     Weather,
 )
 from recipe_compiler.library.blueprints import match
-from recipe_runtime.core.trace import METRE, UNIT, Trace
+from recipe_runtime.annotate.calibration import calibration
+from recipe_runtime.annotate.records import LabelledFrame
+from recipe_runtime.core.trace import METRE, UNIT, ContactEvent, Trace
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.frames.engines import Engines
 from recipe_runtime.meshes.mesh import Body, Mesh
@@ -107,7 +109,9 @@ def simulate(scene: ScenePlan) -> Trace:
     linear = np.zeros((f, a, 3), np.int64)
     linear[..., 1] = METRE
     names = tuple(actor.name for actor in scene.actors)
-    return Trace(names, tuple(f"{n}/base" for n in names), positions, rotations, linear, np.zeros_like(linear))
+    parts = tuple(f"{name}/base" for name in names)
+    contacts = (ContactEvent("hero1", "van", 50, 60, 12.5),)
+    return Trace(names, parts, positions, rotations, linear, np.zeros_like(linear), contacts=contacts)
 
 
 def actor_bodies(scene: ScenePlan) -> list[Body]:
@@ -131,6 +135,14 @@ class Seen:
     instance: NDArray[np.uint16]
     semantic: NDArray[np.uint8]
     objects: list[View]
+
+
+NO_LABELS: LabelledFrame = {
+    "frame": 0,
+    "time": 0.0,
+    "calibration": calibration(CameraPlan(width=64, height=48, fov=90), np.eye(3, 4)),
+    "objects": [],
+}
 
 
 class Renderer:
@@ -167,7 +179,7 @@ class Renderer:
         return self.picture(obs, appearance, frame)
 
     def frame_stream(
-        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int
+        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], in_flight: int
     ) -> NoReturn:
         raise AssertionError("a CPU renders its frames one by one")
 

@@ -6,7 +6,7 @@ import json
 import os
 import pickle
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import numpy as np
 import pytest
@@ -58,7 +58,8 @@ def test_rendered_on_demand_equals_the_built_files(built: Path) -> None:
 def test_labels_on_demand_equal_the_built_ones(built: Path) -> None:
     lines = (built / layout.labels_file(RAIN, "street")).read_text().splitlines()
     scenario = recipe_runtime.open(TINY, RAIN)
-    assert scenario[2].labels("street") == json.loads(lines[2])
+    assert scenario[2].labels("street") == json.loads(lines[2])["objects"]
+    assert scenario[2].calibration("street") == json.loads(lines[2])["calibration"]
 
 
 @pytest.mark.slow
@@ -102,6 +103,10 @@ def test_frames_are_a_sequence() -> None:
     for wrong in (6, -7):
         with pytest.raises(IndexError, match="has frames 0 to 5"):
             scenario[wrong]
+    np.testing.assert_array_equal(scenario.render(cast(int, np.int64(2))), scenario.render(2))
+    for value in (1.5, "2", True, None):
+        with pytest.raises(TypeError, match=f"a frame is a whole number, not {value!r}"):
+            scenario.render(value)  # type: ignore[arg-type]
 
 
 def test_what_is_not_there_is_said_with_what_is() -> None:

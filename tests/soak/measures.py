@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import Element, ScenePlan
 from recipe_compiler.ir.signals import light
-from recipe_runtime.core.trace import METRE, UNIT, Trace
-from recipe_runtime.simulation.events import ContactEvent
+from recipe_runtime.core.trace import METRE, UNIT, ContactEvent, Trace
 
 Array = NDArray[np.float64]
 PERSON = 0.2  # radius of a pedestrian

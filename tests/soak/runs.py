@@ -9,7 +9,6 @@ from typing import Any
 
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.plan import ScenePlan
-from recipe_runtime.simulation.events import ContactEvent
 from recipe_runtime.simulation.process import simulate
 
 from tests.soak.measures import Measures, measure
@@ -47,5 +46,6 @@ def scene(town: str, count: int, seed: int, seconds: int = SECONDS) -> ScenePlan
 
 def run(town: str, count: int, seed: int, seconds: int = SECONDS) -> Measures:
     """Simulate a run and measure it."""
-    plan, events = scene(town, count, seed, seconds), list[ContactEvent]()
-    return measure(plan, simulate(plan, events=events), events)
+    plan = scene(town, count, seed, seconds)
+    trace = simulate(plan)
+    return measure(plan, trace, trace.contacts or ())

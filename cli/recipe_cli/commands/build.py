@@ -32,6 +32,7 @@ from recipe_cli.build_report import Outcome
 from recipe_cli.console import fail, print_json, say, warn
 from recipe_cli.places import free_disk, lockfile_path, read_lockfile, recipe_files, source_of
 from recipe_cli.progress import Progress
+from recipe_cli.suggestions import url_with_one_slash
 
 if TYPE_CHECKING:
     from recipe_compiler.compile import Compiled
@@ -107,11 +108,9 @@ def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
     metavar="[ADDRESS]",
     help="Distribute the work on a Ray cluster: at ADDRESS, or started on this host.",
 )
-@click.option(
-    "--repair", is_flag=True, help="Hash every file of the dataset that is there, and make again what is damaged."
-)
+@click.option("--repair", is_flag=True, help="Hash every file of the existing dataset, and rebuild damaged ones.")
 @REPLACE
-@click.option("--explain", is_flag=True, help="Say why each stage runs, or does not.")
+@click.option("--explain", is_flag=True, help="Print why each stage runs or is skipped.")
 @DEVICE
 @WORKERS
 @ALLOW_LARGE
@@ -162,6 +161,8 @@ def _inputs(request: Request) -> Inputs:
     if request.ray and request.device not in ("cpu", "cuda"):
         raise InputError(f"--device {request.device}: on a cluster, every worker has a GPU of its own; write cuda")
     folder = Path(output) if output and "://" not in output else None
+    if folder and output and (url := url_with_one_slash(output)):
+        raise InputError(f"{shown(output)}: there is no folder of that name", help=f"did you mean {shown(url)}?")
     if request.repair and output and folder is None:
         url = shown(output)
         raise InputError(

@@ -17,7 +17,7 @@ _MAX_SHARD = 1 << 50  # bytes
 @click.command("export")
 @click.argument("dataset", type=LocalPath(path_type=Path))
 @click.argument("out", required=False, type=LocalPath(path_type=Path))
-@output_option(LocalPath(path_type=Path), "The folder to write to; another way to give OUT.")
+@output_option(LocalPath(path_type=Path), "The folder to write to, instead of the argument OUT.")
 @click.option(
     "--format",
     "form",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shlex
@@ -42,7 +43,8 @@ def command(name: str, folder: Path, replace: bool, as_json: bool) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         write_output(path, template(name).encode(), replace=replace)
     except OSError as error:
-        remedy = "free some space, or choose another --dir"
+        space = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+        remedy = "free some space, or choose another --dir" if space else "choose another --dir"
         raise RunError(f"{path} cannot be written: {error.strerror or error}", help=remedy) from None
     if as_json:
         print_json({"file": str(path)})
@@ -62,6 +64,8 @@ def _check_name(name: str) -> None:
         return re.fullmatch(NAME.strip("^$"), text) is not None and len(text) <= NAME_LENGTH
 
     if not allowed(name):
-        stem = Path(name).stem
+        stem, folder = Path(name).stem, str(Path(name).parent)
         rule = f"letters, digits, _ and - only, a letter or digit first, at most {NAME_LENGTH}"
-        raise InputError(f"{name!r} cannot name a recipe: {rule}; try {stem if allowed(stem) else 'rain_bench'!r}")
+        remedy = f"try {stem if allowed(stem) else 'rain_bench'!r}"
+        remedy += f" with --dir {shlex.quote(folder)}" if folder != "." else ""
+        raise InputError(f"{name!r} cannot name a recipe: {rule}; {remedy}")

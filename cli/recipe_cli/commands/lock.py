@@ -235,7 +235,8 @@ def _check_before(recipe: Path, compiled: Compiled, path: Path, update: bool, re
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RunError(f"{path.parent}: cannot be created: {error.strerror}") from error
+        remedy = "allow writing there, or lock a copy of the recipe in another folder"
+        raise RunError(f"{path.parent}: cannot be created: {error.strerror}", help=remedy) from error
     if path.is_dir() or not os.access(path.parent, os.W_OK):
         raise RunError(f"{path}: cannot be written; make the folder writable, or move what is in the way")
 

@@ -70,6 +70,7 @@ def command(
             raise InputError("--map draws a town, not a frame; leave out --sensor, --frame and --modality")
         _draw_map(recipe, variant, output, replace, allow_large, as_json)
         return
+    _check_not_a_town(recipe)
     compiled = compile_quietly(recipe, allow_large=allow_large)
     plan = compiled.plan
     scenario = plan.named(variant)
@@ -96,6 +97,16 @@ def command(
     else:
         say(f"{path}: {scenario.variant}, {made.sensor}, {made.modality}, frame {made.frame}")
         say(f"pixels sha256:{made.digest}")
+
+
+def _check_not_a_town(recipe: Path) -> None:
+    """Raise InputError if a town is named, and no file has that name: only a map can be drawn of it."""
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.library import towns
+
+    if str(recipe) in towns.NAMES and not recipe.exists():
+        what = f"{recipe}: there is no such file"
+        raise InputError(what, help="add --map to draw the town of that name", code=Code.FILE_NOT_FOUND)
 
 
 def _check_town_name(recipe: Path) -> None:

@@ -27,6 +27,7 @@ from recipe_cli.arguments import (
 from recipe_cli.console import COLOURS, Styled, fail, print_json, row, say, state
 from recipe_cli.places import FOLDER, check_lockfile_is_of, lockfile_path, recipe_of
 from recipe_cli.progress import Progress
+from recipe_cli.suggestions import nearest_place, url_with_one_slash
 
 if TYPE_CHECKING:
     from recipe_compiler.ir.errors import Problem
@@ -101,6 +102,7 @@ def command(
     from recipe_runtime.core.nonce import fresh_nonce
     from recipe_runtime.verify.verify import Options
 
+    _check_options(targets, against, integrity=integrity, everything=everything, frames=frames)
     options = Options(
         nonce=fresh_nonce() if nonce is None else nonce,
         confidence=confidence,
@@ -112,8 +114,6 @@ def command(
         pictures=_checked_pictures(pictures),
         allow_large=allow_large,
     )
-    if against is not None and (len(targets) != 1 or _is_dataset(targets[0]) or integrity):
-        raise InputError("--against compares a dataset with one recipe or lockfile; name that one")
 
     def check(target: Path | str) -> Report:
         if integrity:
@@ -135,6 +135,18 @@ def command(
     elif as_json:
         print_json(state().partial["reports"])
     raise click.exceptions.Exit(min((_EXIT[verdict] for verdict in verdicts), key=(1, 3, 0).index))
+
+
+def _check_options(
+    targets: Sequence[Path | str], against: Path | str | None, *, integrity: bool, everything: bool, frames: int | None
+) -> None:
+    """InputError for options that contradict each other or the targets."""
+    from recipe_compiler.ir.errors import InputError
+
+    if everything and frames is not None:
+        raise InputError("--all checks every frame, and --frames a number of them; give one of the two")
+    if against is not None and (len(targets) != 1 or _is_dataset(targets[0]) or integrity):
+        raise InputError("--against compares a dataset with one recipe or lockfile; name that one")
 
 
 def _checked_pictures(folder: Path) -> Path:
@@ -195,10 +207,11 @@ def _check_exists(target: Path | str) -> None:
 
     if not isinstance(target, Path) or target.exists() or target.suffix not in ("", ".lock"):
         return
+    near = url_with_one_slash(str(target)) or nearest_place(target)
     what, remedy = "dataset folder", "`recipe build` makes one, in datasets/NAME; or name a recipe or a lockfile"
     if target.suffix:
-        near = target.parent / FOLDER / target.name
-        what, remedy = "lockfile", f"did you mean {near}?" if near.is_file() else "`recipe lock RECIPE` writes one"
+        what, remedy = "lockfile", "`recipe lock RECIPE` writes one"
+    remedy = f"did you mean {near}?" if near else remedy
     raise InputError(f"{target}: there is no such {what}", help=remedy, code=Code.FILE_NOT_FOUND)
 
 

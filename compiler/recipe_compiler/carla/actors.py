@@ -14,9 +14,6 @@ from recipe_compiler.ir.errors import Code
 from recipe_compiler.schema.fields import MAX_SEED, TRAFFIC_LIMIT
 from recipe_compiler.source.yaml_reader import show
 
-GREEN = "#00903a"
-"""The colour of OSCAR's patches, a green screen."""
-
 _TURNED = "sign changed"
 _GROUND = "actors stand on the ground"
 _NO_ATTRIBUTE = {
@@ -175,12 +172,12 @@ def _colour(text: str | None) -> str | None:
 
 
 def _write_patch(scene: Scene, spec: Spec) -> None:
-    """Write a patch as a board with the colour of OSCAR's green screen."""
+    """Write a patch as a free-standing board in the mode `green`, the colour of OSCAR's screen."""
     reader, ledger = scene.reader, scene.reader.ledger
     taken = [*scene.names.values()]
     name = name_for(spec.wanted_name or "patch", taken, "patch")
     scene.names[id(spec)] = name
-    to = f"base.props.{name}"
+    to = f"base.patches.{name}"
     size: dict[str, float] = {}
     for key in ("width", "height"):
         node = spec.attributes.get(key)
@@ -189,21 +186,21 @@ def _write_patch(scene: Scene, spec: Spec) -> None:
         value = reader.number(node, 0.01, 100.0)
         size[key] = value or 1.0
         if node is not None:
-            ledger.kept(node, f"{to}.size.{key}")
+            ledger.kept(node, f"{to}.on.size.{key}")
     transform = spec.transform
     pose = board(scene.world(transform.pose if transform is not None else Pose()), size["height"])
     at = {axis: round(getattr(pose, axis), 6) for axis in ("x", "y", "z", "yaw", "pitch", "roll")}
-    scene.draft.set(to, {"size": size, "at": at, "look": {"face": GREEN, "back": GREEN}})
-    ledger.default(f"{to}.look", GREEN, "the colour of the green screen")
+    scene.draft.set(to, {"on": {"board": at, "size": size}, "mode": "green"})
+    ledger.default(f"{to}.mode", "green", "a green screen, as OSCAR's patches without texture")
     why = "right-handed and moved, as the pose of a board, whose origin is the middle of its lower edge"
     if transform is None:
         reader.refuse(spec.node, "the patch has no transform", "write where it is", Code.MISSING_KEY)
         return
     for axis, number in transform.numbers.items():
         for leaf in number.node.leaves() if number.node is not None else ():
-            ledger.mapped(leaf, f"{to}.at.{axis}", at[axis], why)
+            ledger.mapped(leaf, f"{to}.on.board.{axis}", at[axis], why)
     for key, reason in (
-        ("texture", "an image file: put it beside the recipe, name it in `assets`, and set `image` of the board"),
+        ("texture", "an image file: copy it beside the recipe and name it as `texture` of the patch, in another mode"),
         ("texture_roi", "goes with the texture"),
     ):
         node = spec.attributes.get(key)

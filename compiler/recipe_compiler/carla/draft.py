@@ -23,7 +23,7 @@ _BLOCKS = {
     ("base",),
     ("base", "actors"),
     ("base", "sensors"),
-    ("base", "props"),
+    ("base", "patches"),
     ("deltas",),
     ("deltas", "weather"),
 }

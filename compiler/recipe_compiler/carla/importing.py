@@ -216,7 +216,7 @@ class _Import:
     def _put_sensors_last(self) -> None:
         base = self.draft.data["base"]
         assert isinstance(base, dict)
-        order = ("clock", "town", "weather", "actors", "traffic", "props", "sensors")
+        order = ("clock", "town", "weather", "actors", "traffic", "patches", "sensors")
         self.draft.data["base"] = {key: base[key] for key in order if key in base}
 
     def _write_weather(self, node: Node, form: Form) -> None:

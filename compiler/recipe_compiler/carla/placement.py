@@ -17,10 +17,10 @@ from typing import Literal
 
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.ground.obstacles import BUILDINGS
+from recipe_compiler.ir.ground.ways import Planner
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library import towns
 from recipe_compiler.library.towns import Town
-from recipe_compiler.lowering.walking import Planner
 
 _ASIDE = (0.0, -2.0, 2.0)  # metres from a spawn point, across and along its direction
 _MOST_SPOTS, _MOST_POINTS = 150, 24  # spawn points that are tried, and points that are compared

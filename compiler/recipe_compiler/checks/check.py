@@ -16,8 +16,13 @@ from recipe_compiler.schema.messages import Suggestions, details, fields_at, nea
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.source.yaml_reader import Value, show
 
-_NAMED = {"actors": "actor", "props": "prop", "sensors": "sensor"}  # the maps whose entries deltas address by name
-_NEEDS = {"actors": "blueprint", "props": "at, and asset or size", "sensors": "mount and capture"}
+_NAMED = {
+    "actors": "actor",
+    "props": "prop",
+    "patches": "patch",
+    "sensors": "sensor",
+}  # the maps whose entries deltas address by name
+_NEEDS = {"actors": "blueprint", "props": "at, and asset or size", "patches": "on", "sensors": "mount and capture"}
 
 
 def _section_models() -> dict[str, type[BaseModel]]:
@@ -39,8 +44,8 @@ class Checker:
         own = () if assets is None else (references.unknown_asset(assets),)
         self._checks = (*references.CHECKS, *own)
         self._names = {kind: set(value.map) if (value := base.get(kind)) else set() for kind in _NAMED}
-        self._checked: dict[tuple[object, ...], tuple[object, list[Problem]]] = {}
-        self._seen: dict[tuple[str, int], tuple[Value | None, object, list[Problem]]] = {}
+        self._cross_checks: dict[tuple[object, ...], tuple[object, list[Problem]]] = {}
+        self._sections: dict[tuple[str, int], tuple[Value | None, object, list[Problem]]] = {}
 
     def base(self, merged: Value, problems: list[Problem]) -> Base | None:
         """The model of a merged base, or None if it has problems, which are added to `problems`."""
@@ -57,18 +62,18 @@ class Checker:
         for check, sections_read in self._checks:
             parts = tuple(merged.get(section) for section in sections_read)
             identity = (check.__name__, *map(id, parts))
-            if identity not in self._checked:
-                self._checked[identity] = (parts, list(check(merged)))
-            found += self._checked[identity][1]
+            if identity not in self._cross_checks:
+                self._cross_checks[identity] = (parts, list(check(merged)))
+            found += self._cross_checks[identity][1]
         problems += found
         return None if found else Base.model_construct(**sections)
 
     def _section(self, name: str, merged: Value) -> tuple[object, list[Problem]]:
         value = merged.get(name)
         key = (name, id(value))
-        if key not in self._seen:
-            self._seen[key] = (value, *self._validate(name, value, merged))
-        return self._seen[key][1:]
+        if key not in self._sections:
+            self._sections[key] = (value, *self._validate(name, value, merged))
+        return self._sections[key][1:]
 
     def _validate(self, name: str, value: Value | None, merged: Value) -> tuple[object, list[Problem]]:
         try:
@@ -101,6 +106,8 @@ def _remedy_of_key(key: str, value: Value) -> str:
     homes = [section for section in _SECTIONS if key in fields_at(Base, (section,))]
     if homes:
         return f"it is a key of {homes[0]}: write {homes[0]}: {{{key}: ...}}"
+    if key == "base":
+        return "remove it: a delta starts with the keys of the base"
     return remedies.of_key(key, value.plain) or nearest(key, _SECTIONS)
 
 

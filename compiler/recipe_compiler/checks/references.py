@@ -73,10 +73,14 @@ def unknown_blueprint(base: Value) -> Iterator[Problem]:
 
 def blueprint_remedy(glob: str) -> str:
     """Return the remedy for an unknown blueprint: the nearest id, or the list of families."""
-    close = near(glob, blueprints.names())
+    names = list(blueprints.names())
+    families = [name for name in names if name.endswith(".*")]
+    family = next((name for name in families if f".{name}".endswith((f".{glob}.*", f".{glob}"))), None)
+    head, _, number = glob.rpartition(".")
+    padded = f"{head}.{number:0>4}"  # pedestrians have numbers of four digits
+    close = family or (padded if number.isdigit() and padded in names else near(glob, names))
     if close is not None:
         return f"did you mean {show(close)}?"
-    families = [name for name in blueprints.names() if name.endswith(".*")]
     return f"valid are {', '.join(families)}, and the ids that `recipe blueprints` lists"
 
 
@@ -110,7 +114,12 @@ def unknown_carrier(base: Value) -> Iterator[Problem]:
 def unknown_sensor(base: Value) -> Iterator[Problem]:
     """Traffic near a sensor that the variant does not have."""
     near_sensor, sensors = _text(base, "traffic", "near"), base.get("sensors")
-    if near_sensor is not None and sensors is not None and near_sensor not in sensors.map:
+    if near_sensor is None or sensors is None or near_sensor in sensors.map:
+        return
+    if (removed := _removal(base, "sensors", near_sensor)) is not None:
+        message = f"the sensor {show(near_sensor)} is removed here, but traffic.near names it"
+        yield Problem(message, removed, "change or remove traffic.near too", Code.CONFLICT)
+    else:
         message, place = f"traffic.near: there is no sensor {show(near_sensor)}", base.place_of("traffic", "near")
         yield Problem(message, place, nearest(near_sensor, list(sensors.map)), Code.UNKNOWN_NAME)
 
@@ -151,7 +160,7 @@ def _removal(base: Value, section: str, name: str) -> Place | None:
 
 def names_alike(base: Value) -> Iterator[Problem]:
     """Report names that differ in case only: they become folders, and some file systems ignore case."""
-    for section in ("actors", "props", "sensors"):
+    for section in ("actors", "props", "patches", "sensors"):
         entries = base.get(section)
         if entries is not None:
             yield from alike(entries, section)
@@ -195,9 +204,9 @@ def unknown_asset(assets: Mapping[str, str]) -> Check:
                     f"is of kind {assets.get(asset)}, not {article} {kind}" if asset in assets else "is not an asset"
                 )
                 message, place = f"props.{name}.{key}: {show(asset)} {known}", base.place_of("props", name, key)
-                yield Problem(
-                    message, place, suggestions.setdefault(kind, Suggestions(fitting)).nearest(asset), Code.UNKNOWN_NAME
-                )
+                known_names = suggestions.setdefault(kind, Suggestions(fitting))
+                remedy = known_names.nearest(asset) if fitting else f"name {article} {kind} file in `assets`"
+                yield Problem(message, place, remedy, Code.UNKNOWN_NAME)
 
     return wrong_asset, ("props",)
 
@@ -211,7 +220,7 @@ CHECKS: tuple[Check, ...] = (
     (uneven_tick, ("clock", "sensors")),
     (unknown_mix, ("traffic",)),
     (unknown_day, ("place",)),
-    (names_alike, ("actors", "props", "sensors")),
+    (names_alike, ("actors", "props", "patches", "sensors")),
 )
 """Each check with the sections that it looks at."""
 

@@ -286,7 +286,12 @@ def _lines_of(path: Path) -> Iterator[Iterator[bytes]]:
         raise InputError(f"{path}: there is no lockfile; `recipe lock` writes it", code=Code.FILE_NOT_FOUND) from None
     except (OSError, ValueError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or error
-        raise InputError(f"{path}: cannot be read as a lockfile: {reason}", code=Code.INVALID_LOCKFILE) from None
+        refused = isinstance(error, PermissionError)
+        raise InputError(
+            f"{path}: cannot be read as a lockfile: {reason}",
+            help="allow this user to read it" if refused else "",
+            code=Code.INVALID_LOCKFILE,
+        ) from None
 
 
 def loads(text: str, name: str) -> Lockfile:

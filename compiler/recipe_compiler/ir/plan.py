@@ -15,16 +15,17 @@ from difflib import get_close_matches
 from functools import cached_property
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, RootModel
+from pydantic import ConfigDict, Field, RootModel, SerializerFunctionWrapHandler, model_serializer
 
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.patches import Patches
+from recipe_compiler.ir.patches import PatchPlan as PatchPlan
 from recipe_compiler.ir.plan_types import (
     MAX_ACTORS,
     MAX_BODIES,
     MAX_DESCRIPTION,
     MAX_ELEMENTS,
-    MAX_FILE_BYTES,
     MAX_FRAMES,
     MAX_POINTS,
     MAX_PROPS,
@@ -38,7 +39,6 @@ from recipe_compiler.ir.plan_types import (
     Name,
     Number,
     Percent,
-    Sha256,
     Shape,
     Share,
     Slot,
@@ -46,6 +46,7 @@ from recipe_compiler.ir.plan_types import (
     Tag,
     Ten,
 )
+from recipe_compiler.ir.plan_types import FilePlan as FilePlan
 from recipe_compiler.ir.plan_types import Plan as Plan
 from recipe_compiler.ir.plan_types import Point as Point
 from recipe_compiler.ir.plan_types import Pose as Pose
@@ -123,14 +124,6 @@ class ActorPlan(Plan):
     entry: Pose | None = None  # a vehicle that reaches its goal leaves, and enters again here when there is room
     pauses: Annotated[tuple[Pause, ...], Field(max_length=MAX_POINTS)] = ()  # in order of their waypoints
     companion: Name | None = None  # the pedestrian beside whom it walks; its route is then not used
-
-
-class FilePlan(Plan):
-    """A file that a recipe uses, identified by its content; its path is not part of a plan."""
-
-    sha256: Sha256
-    bytes: Annotated[int, Field(ge=0, le=MAX_FILE_BYTES)]
-    kind: Literal["glb", "gltf", "obj", "png", "stl"]
 
 
 class PropPlan(Plan):
@@ -258,12 +251,20 @@ class AppearancePlan(Plan):
     textures: Annotated[dict[Name, Textures], Field(max_length=MAX_PROPS)] = Field(
         default_factory=dict
     )  # body -> slot -> image
+    patches: Patches = ()
     responses: Annotated[dict[Name, CameraResponse], Field(max_length=MAX_SENSORS)]  # by sensor
+
+    @model_serializer(mode="wrap")
+    def _without_absent_patches(self, own: SerializerFunctionWrapHandler) -> dict[str, object]:
+        document: dict[str, object] = own(self)
+        if not self.patches:
+            document.pop("patches", None)
+        return document
 
     @cached_property
     def colours(self) -> str:
         """Identity of what surfaces look like in white light."""
-        textures = self.model_dump(mode="json", include={"textures"})
+        textures = self.model_dump(mode="json", include={"textures", "patches"})
         return digest("plan/colours/1", {**textures, "looks": self.looks.digest})
 
     @cached_property
@@ -286,7 +287,8 @@ class ScenarioPlan(Plan):
         """The files that it uses, by digest."""
         meshes = [prop.mesh for prop in self.scene.props if prop.mesh is not None]
         images = [texture.file for slots in self.appearance.textures.values() for texture in slots.values()]
-        return {file.sha256: file for file in [*meshes, *images]}
+        patches = [file for patch in self.appearance.patches for file in patch.texture.files]
+        return {file.sha256: file for file in [*meshes, *images, *patches]}
 
     @cached_property
     def observation(self) -> str:

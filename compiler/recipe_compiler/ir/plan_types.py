@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -76,3 +76,11 @@ class Point(Plan):
 
     x: Metres
     y: Metres
+
+
+class FilePlan(Plan):
+    """A file that a recipe uses, identified by its content; its path is not part of a plan."""
+
+    sha256: Sha256
+    bytes: Annotated[int, Field(ge=0, le=MAX_FILE_BYTES)]
+    kind: Literal["glb", "gltf", "obj", "png", "stl"]

@@ -13,11 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from recipe_compiler.ir.bounded_reads import read_regular
-from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.ir.plan import FilePlan
 from recipe_compiler.ir.plurals import count
 from recipe_compiler.schema.scene import Asset
-from recipe_compiler.source.merge import Sources, forbidden, nearest_file, stays_below
+from recipe_compiler.source.file_help import nearest_file
+from recipe_compiler.source.merge import Sources, forbidden, stays_below
 from recipe_compiler.source.yaml_reader import Value, printable, show
 
 MESH_BYTES, IMAGE_BYTES, ALL_BYTES = 32 << 20, 16 << 20, 128 << 20
@@ -64,8 +65,23 @@ class AssetFile:
         return f"{self.triangles} triangles in {', '.join(self.materials)}"
 
 
+@dataclass(frozen=True)
+class NamedFile:
+    """A file that a recipe names."""
+
+    label: str  # of its problems, such as "assets.poster"
+    asset: Asset
+    path: str  # relative to the recipe's folder
+    place: Place
+    pinned: Place  # of its SHA-256
+
+
 def read(
-    root: Value, assets: Mapping[str, Asset], folder: Path, sources: Sources
+    root: Value,
+    assets: Mapping[str, Asset],
+    folder: Path,
+    sources: Sources,
+    textures: Mapping[str, NamedFile] | None = None,
 ) -> tuple[dict[str, AssetFile], list[Problem]]:
     """Read and validate the assets of a recipe.
 
@@ -74,25 +90,23 @@ def read(
         assets: the assets by name.
         folder: the recipe's folder.
         sources: the digests of the asset files are added to its `files`.
+        textures: further files by name, those of patches.
 
     Returns:
-        The valid assets by name, and the problems of the others.
+        The valid files by name, and the problems of the others.
     """
     found: dict[str, AssetFile] = {}
     problems: list[Problem] = []
-    names = {printable(str(folder / name)): name for name in sources.files}
     total = triangles = pixels = 0
     invalid: list[int] = []  # sizes of invalid files
-    for name, asset in assets.items():
+    for name, wanted in {**_wanted(root, assets, folder, sources), **(textures or {})}.items():
+        asset, path, place, label = wanted.asset, wanted.path, wanted.place, wanted.label
         if len(invalid) >= INVALID_FILES or sum(invalid) > INVALID_BYTES:
             message = (
                 f"assets: {count(len(invalid), 'file')} above cannot be used, and those from {name} on were not read"
             )
-            problems.append(Problem(message, root.place_of("assets", name), "correct them first", Code.INVALID_ASSET))
+            problems.append(Problem(message, _first(label, root, place), "correct them first", Code.INVALID_ASSET))
             break
-        key = "mesh" if asset.mesh is not None else "image"
-        place = root.place_of("assets", name, key)
-        path = _path(names.get(place.file, ""), asset.mesh or asset.image or "")
         content = b""
         try:
             content = _content(asset, folder, path)
@@ -100,14 +114,14 @@ def read(
         except (OSError, ValueError) as error:
             invalid += [len(content)] if content else []
             shown, reason = show(asset.mesh if asset.mesh is not None else asset.image), _reason(error, folder / path)
-            problems.append(Problem(f"assets.{name}: {shown}: {reason}", place, code=Code.INVALID_ASSET))
+            problems.append(Problem(f"{label}: {shown}: {reason}", place, code=Code.INVALID_ASSET))
             continue
         found[name] = one
         sources.files[path] = one.file.sha256
         if asset.sha256 is not None and asset.sha256 != one.file.sha256:
-            message = f"assets.{name}.sha256: {show(path)} is another file: its digest is {one.file.sha256}"
+            message = f"{label}.sha256: {show(path)} is another file: its digest is {one.file.sha256}"
             remedy = "restore the original file, or write this digest if the new file is intended"
-            problems.append(Problem(message, root.place_of("assets", name, "sha256"), remedy, Code.INVALID_ASSET))
+            problems.append(Problem(message, wanted.pinned, remedy, Code.INVALID_ASSET))
         total, triangles = total + one.file.bytes, triangles + one.triangles
         pixels += one.pixels[0] * one.pixels[1]
         for number, what, most in _sums(total, triangles, pixels):
@@ -115,6 +129,21 @@ def read(
             problems.append(Problem(message, place, "use fewer or smaller assets", Code.INPUT_LIMIT))
             return found, problems
     return found, problems
+
+
+def _wanted(root: Value, assets: Mapping[str, Asset], folder: Path, sources: Sources) -> dict[str, NamedFile]:
+    names = {printable(str(folder / name)): name for name in sources.files}
+    wanted = {}
+    for name, asset in assets.items():
+        place = root.place_of("assets", name, "mesh" if asset.mesh is not None else "image")
+        path = _path(names.get(place.file, ""), asset.mesh or asset.image or "")
+        wanted[name] = NamedFile(f"assets.{name}", asset, path, place, root.place_of("assets", name, "sha256"))
+    return wanted
+
+
+def _first(label: str, root: Value, place: Place) -> Place:
+    """The place of an asset, or of a texture's path."""
+    return root.place_of("assets", label.partition(".")[2]) if label.startswith("assets.") else place
 
 
 def named(root: Value, folder: Path, sources: Sources) -> set[str]:

@@ -6,7 +6,7 @@ Parts that variants share are lowered once. Their plans are the same objects, so
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar, cast
 
@@ -17,6 +17,7 @@ from recipe_compiler.ir.plan import (
     CameraResponse,
     Clock,
     Looks,
+    PatchPlan,
     RigPlan,
     ScenarioPlan,
     ScenePlan,
@@ -29,6 +30,8 @@ from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering import lint, plausibility, props, sun, traffic
 from recipe_compiler.lowering.actors import ActorLowering
 from recipe_compiler.lowering.asset_files import AssetFile
+from recipe_compiler.lowering.patches import lower as patch_lowering
+from recipe_compiler.lowering.patches.texture_files import Key
 from recipe_compiler.lowering.sensors import arms
 from recipe_compiler.lowering.sensors import rig as rigs
 from recipe_compiler.lowering.walking_routes import WalkingRoutes
@@ -51,10 +54,15 @@ class _Scene:
 class Lowering:
     """Lowers the variants of one recipe, and collects problems and warnings."""
 
-    def __init__(self, instances: Mapping[str, int], assets: Mapping[str, AssetFile] | None = None) -> None:
+    def __init__(
+        self,
+        instances: Mapping[str, int],
+        assets: Mapping[str, AssetFile] | None = None,
+        textures: Mapping[Key, Sequence[AssetFile]] | None = None,
+    ) -> None:
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
-        self._instances, self._assets = instances, assets or {}
+        self._instances, self._assets, self._textures = instances, assets or {}, textures or {}
         self._made: dict[tuple[object, ...], tuple[object, object]] = {}
 
     def _once(self, key: tuple[object, ...], holding: object, make: Callable[[], T]) -> T:
@@ -94,7 +102,7 @@ class Lowering:
         cast = [base.clock, base.town, base.actors, base.traffic, base.props]
         if base.traffic.near is not None:
             cast.append(base.sensors)
-        key = ("scene", *map(id, cast), variant.seed)
+        key = ("scene", *map(id, cast), patch_lowering.board_key(base.patches), variant.seed)
         scene = self._once_reporting(key, cast, lambda: self._scene(variant, base))
         if scene is None or not self._carriers_exist(variant, base, scene):
             return None
@@ -109,6 +117,9 @@ class Lowering:
         shared = (*parts, base.actors, base.traffic)
         of_views = plausibility.of_views(variant.base, rig, scene.plan.actors)
         self._once_reporting(viewed, shared, lambda: self.warnings.extend(of_views))
+        patches = self._patches(variant, base, scene.plan)
+        if patches is None:
+            return None
         numbers, where = self._weather_and_sun(variant, base)
         appearance = AppearancePlan(
             seed=variant.seed,
@@ -116,6 +127,7 @@ class Lowering:
             sun=where,
             looks=scene.looks,
             textures=scene.textures,
+            patches=patches,
             responses={name: _response(sensor.camera) for name, sensor in base.sensors.items()},
         )
         return ScenarioPlan(variant=variant.name, scene=scene.plan, rig=rig, appearance=appearance)
@@ -132,6 +144,18 @@ class Lowering:
             return rig
 
         return self._once_reporting(("rig", *map(id, parts), variant.seed), parts, make)
+
+    def _patches(self, variant: Variant, base: Base, scene: ScenePlan) -> tuple[PatchPlan, ...] | None:
+        """The patches of a variant; None, with entries in `problems`, if there are any problems."""
+        if not base.patches:
+            return ()
+        lowered = self._once(
+            ("patches", id(base.patches), id(scene)),
+            (base.patches, scene),
+            lambda: patch_lowering.lower(base.patches, self._textures, variant.base, scene),
+        )
+        self.problems += lowered.problems
+        return None if lowered.problems else lowered.plans
 
     def _carriers_exist(self, variant: Variant, base: Base, scene: _Scene) -> bool:
         """Report each sensor whose pose depends on an actor that the scene does not have."""
@@ -155,6 +179,7 @@ class Lowering:
         actors = cast.plans()
         self.problems += cast.problems
         stage = props.lower(base.props, self._assets, variant.base, town)
+        patch_lowering.add_boards(stage, base.patches, variant.base, town)
         self.problems += stage.problems
         if actors is None or stage.problems:
             return None

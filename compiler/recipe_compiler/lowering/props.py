@@ -13,12 +13,12 @@ from recipe_compiler.ir.semantic_tags import TAG_OF_LABEL
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.asset_files import AssetFile
 from recipe_compiler.schema.messages import nearest
-from recipe_compiler.schema.scene import Prop
+from recipe_compiler.schema.scene import Board, Prop, Standing
 from recipe_compiler.source.yaml_reader import Value, show
 
 PREFIX = "prop."  # keeps the names of props distinct from those of actors and town elements
 BOARD_THICKNESS = 0.02  # metres
-_BOARD_LOOK = {"face": "#909090", "back": "#b8b0a0"}
+BOARD_LOOK: Mapping[str, str] = {"face": "#909090", "back": "#b8b0a0"}
 _WHITE = "#ffffff"
 _SIZES = (0.001, 1000.0)  # limits of a prop's largest extent, metres
 _TRIANGLES = 4_000_000  # limit for all props of a scene
@@ -65,6 +65,11 @@ def lower(props: Mapping[str, Prop], assets: Mapping[str, AssetFile], base: Valu
     return lowered
 
 
+def board(name: str, size: Board, at: Standing, town: Town) -> PropPlan:
+    """A flat board of this name, which is not a prop of the recipe."""
+    return _plan(name, Prop(size=size, at=at), None, town).model_copy(update={"name": name})
+
+
 def _plan(name: str, prop: Prop, mesh: AssetFile | None, town: Town) -> PropPlan:
     low, high = _box(prop, mesh)
     at = prop.at
@@ -107,7 +112,7 @@ def _lowest(low: Corner, high: Corner, pitch: float, roll: float) -> float:
 
 
 def _look(prop: Prop, mesh: AssetFile | None) -> dict[str, str]:
-    own = {slot: material.colour for slot, material in mesh.materials.items()} if mesh else dict(_BOARD_LOOK)
+    own = {slot: material.colour for slot, material in mesh.materials.items()} if mesh else dict(BOARD_LOOK)
     if prop.image is not None:  # white leaves the colours of the image unchanged, unless `look` overrides it
         own |= dict.fromkeys(_imaged(mesh), _WHITE)
     own |= {slot: colour.lower() for slot, colour in prop.look.items()}
@@ -142,7 +147,7 @@ def _wrong_size(name: str, prop: Prop, mesh: AssetFile | None, base: Value) -> I
 
 
 def _wrong_slots(name: str, prop: Prop, mesh: AssetFile | None, base: Value) -> Iterator[Problem]:
-    slots = list(mesh.materials) if mesh else list(_BOARD_LOOK)
+    slots = list(mesh.materials) if mesh else list(BOARD_LOOK)
     parent = base.get("props", name, "look")
     for slot in prop.look:
         if slot not in slots and parent:

@@ -13,11 +13,11 @@ from collections.abc import Mapping, Sequence
 
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.obstacles import Obstacle
+from recipe_compiler.ir.ground.ways import XY, Planner, TooManyObstaclesError
 from recipe_compiler.ir.plan import ActorPlan, Pause, Point, PropPlan
 from recipe_compiler.ir.plan_types import MAX_POINTS
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.enclosures import Yards
-from recipe_compiler.lowering.walking import XY, Planner, TooManyObstaclesError
 from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import Value
 

@@ -14,6 +14,7 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library import towns
 from recipe_compiler.lowering import traffic
 from recipe_compiler.lowering.actors import MAX_ROUTE
+from recipe_compiler.lowering.patches import lower as patch_lowering
 from recipe_compiler.schema.motion import Motion
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.tick import interval_of
@@ -29,10 +30,11 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
         base: its checked base. Sections that are the same object in several variants count as shared.
         changes: the number of axes and draws merged over the base.
     """
-    scene = (*(id(part) for part in (base.clock, base.town, base.actors, base.traffic, base.props)), variant.seed)
+    parts = base.clock, base.town, base.actors, base.traffic, base.props
+    scene = (*map(id, parts), patch_lowering.board_key(base.patches), variant.seed)
     rig = (id(base.sensors), variant.seed)
     views = tuple(
-        limits.View(
+        limits.Clip(
             len(range(0, base.clock.frames, interval_of(s.tick, base.clock.fps))),
             s.camera.width * s.camera.height,
             _samples(s.camera, s.camera.supersample),
@@ -85,7 +87,7 @@ def measured(plan: ScenarioPlan) -> limits.Load:
     clock = plan.scene.clock
     responses = plan.appearance.responses
     views = tuple(
-        limits.View(
+        limits.Clip(
             len(s.frames(clock.frames)),
             s.camera.width * s.camera.height,
             _samples(s.camera, responses[s.name].supersample),

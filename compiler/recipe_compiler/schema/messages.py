@@ -59,6 +59,8 @@ _CONFLICTS = {
     "way",
     "asset",
     "prop",
+    "carrier",
+    "texture",
     "distribution",
     "clip",
     "moves",
@@ -171,6 +173,10 @@ def _problem(detail: ErrorDetails, model: type[BaseModel], root: Value, prefix: 
         place = parent.key_place(path[-1]) if parent else root.place_of(*path)
     else:
         place = root.place_of(*path)
+    value = root.get(*path)
+    gone = [key for key in value.keys if key not in value.map] if value and detail["type"] == "too_short" else []
+    if value and gone:  # a delta removed what is missing
+        place = value.key_place(gone[-1])
     code, message, help = _words(detail, model, path, key_is_wrong)
     return Problem(message, place, help or "", code)
 

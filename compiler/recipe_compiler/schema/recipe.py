@@ -6,8 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints
 
+from recipe_compiler.ir.patches import MAX_PATCHES
 from recipe_compiler.schema.camera import Sensor
 from recipe_compiler.schema.fields import MAX_ASSETS, MAX_PROPS, Model, Name, Seed, distinct
+from recipe_compiler.schema.patches import Patch
 from recipe_compiler.schema.scene import Actor, Asset, Clock, Prop, Town, Traffic
 from recipe_compiler.schema.sweep import Sweep
 from recipe_compiler.schema.weather import Geography, Weather
@@ -28,6 +30,10 @@ class Base(Model):
     actors: Annotated[dict[Name, Actor], Field(description="Actors by name.")] = {}
     traffic: Annotated[Traffic, Field(description="Numbers of additional, randomly chosen actors.")] = Traffic()
     props: Annotated[dict[Name, Prop], Field(max_length=MAX_PROPS, description="Static objects by name.")] = {}
+    patches: Annotated[
+        dict[Name, Patch],
+        Field(max_length=MAX_PATCHES, description="Textures on surfaces, by name; later ones lie over earlier ones."),
+    ] = {}
     sensors: Annotated[dict[Name, Sensor], Field(min_length=1, description="Sensors by name.")]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 from collections.abc import Collection
@@ -34,7 +35,15 @@ def of_value(key: str, wanted: str, value: object, fields: Collection[str] = ())
         return "remove the brackets"
     if wanted == "a map" and isinstance(value, list) and {"x", "y"} <= set(fields):
         return _point(value, fields)
+    if wanted == "a list" and isinstance(value, str | dict):
+        return _in_list(value)
+    if wanted == "a map" and "uniform" in fields and isinstance(value, list) and None not in map(_number_of, value):
+        return f"write {{uniform: [{', '.join(f'{item:g}' for item in value)}]}}" if len(value) == 2 else None
     number = _number_of(value)
+    if wanted == "a whole number" and number is not None and abs(number) < 1e9:
+        return f"write {math.floor(number + 0.5)}, without a fraction"
+    if value is None and wanted in ("a number", "a whole number", "text"):
+        return f"write {wanted} after the `:`"
     if wanted == "a list" and key in ("yaw", "pitch", "roll") and number is not None:
         return f"write [{-abs(number):g}, {abs(number):g}]"
     if wanted in ("a number", "a whole number") and isinstance(value, str):
@@ -60,6 +69,8 @@ def of_key(key: str, value: object) -> str | None:
     """Return the remedy for an unknown key; None if nothing in particular is known."""
     if value is None and key.isdecimal():
         return "write numbers with a decimal point, not a comma"
+    if (colon := next((c for c in key if c in "\uff1a\ufe55\u2236"), None)) is not None:
+        return f"replace {name_of(colon)} by `:` and a space"
     odd = next((c for c in key if unicodedata.category(c) in ("Zs", "Cf") and c != " "), None)
     return None if odd is None else f"remove the character {name_of(odd)}"
 
@@ -89,6 +100,17 @@ def _point(value: list[object], fields: Collection[str]) -> str | None:
     if not 2 <= len(value) <= 3 or not set(axes) <= set(fields) or None in map(_number_of, value):
         return None
     return f"write {{{', '.join(f'{axis}: {number:g}' for axis, number in zip(axes, value, strict=True))}}}"
+
+
+def _in_list(value: str | dict[str, object]) -> str | None:
+    """The remedy for words, or one flat map, where a list is wanted."""
+    if isinstance(value, dict):
+        entries = ", ".join(f"{key}: {item}" for key, item in value.items())
+        plain = all(isinstance(item, int | float | str) for item in value.values()) and len(entries) <= 60
+        return f"write [{{{entries}}}]" if plain else None
+    words = re.split(r"[,;\s]+", value.strip())[:9]
+    fit = len(words) <= 8 and all(re.fullmatch(r"[\w.*-]{1,40}", word) for word in words)
+    return f"write [{', '.join(words)}]" if fit else None
 
 
 def _number(text: str) -> str | None:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, StringConstraints, model_validator
 from pydantic_core import PydanticCustomError
 
+from recipe_compiler.ir.plurals import form
 from recipe_compiler.ir.semantic_tags import PropLabel
 from recipe_compiler.schema.fields import (
     BLUEPRINT,
@@ -51,8 +52,14 @@ class Clock(Model):
             near = " or ".join(map(str, [below, *above]))
             raise PydanticCustomError(
                 "fps",
-                "{fps} does not divide the physics rate {physics}; write {near}, the nearest that do",
-                {"key": "fps", "fps": self.fps, "physics": self.physics, "near": near},
+                "{fps} does not divide the physics rate {physics}; write {near}, the nearest that {do}",
+                {
+                    "key": "fps",
+                    "fps": self.fps,
+                    "physics": self.physics,
+                    "near": near,
+                    "do": form(1 + len(above), "does", "do"),
+                },
             )
         return self
 

@@ -6,18 +6,17 @@ a merged value is that of the file and line that set it. Files are read only fro
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from recipe_compiler.ir.bounded_reads import read_regular
 from recipe_compiler.ir.errors import Code, Place, Problem
-from recipe_compiler.source import yaml_reader
+from recipe_compiler.source import file_help, yaml_reader
+from recipe_compiler.source.file_help import nearest_file
 from recipe_compiler.source.yaml_reader import Value, show
 
 MAX_CHAIN = 16
-_MAX_NAMES = 2000  # number of a folder's files with which a misspelt name is compared
 
 # A bare word is short for a map with one entry: `weather: ClearNoon` for `{preset: ClearNoon}`.
 SHORTHANDS = {"weather": "preset", "town": "name"}
@@ -159,7 +158,7 @@ def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) ->
         return None
     except IsADirectoryError:
         message = f"{_label(name, place) if place else f'{path}: '}is a folder"
-        _report(sources, message, place, "name a recipe file in it, such as NAME.yaml")
+        _report(sources, message, place, file_help.recipe_of_folder(path))
         return None
     except (OSError, ValueError) as error:
         cause = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
@@ -171,6 +170,11 @@ def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) ->
         )
         return None
     sources.files[name] = hashlib.sha256(content).hexdigest()
+    kind = file_help.other_kind(content)
+    if kind is not None:
+        message = f"{_label(name, place) if place else f'{path}: '}is {kind[0]}, and not a recipe"
+        _report(sources, message, place, kind[1], Code.INVALID_VALUE)
+        return None
     shown = yaml_reader.printable(str(path))
     sources.lines[shown] = yaml_reader.lines(content)
     value, problems = yaml_reader.parse(content, shown)
@@ -180,20 +184,6 @@ def _read_one(folder: Path, name: str, place: Place | None, sources: Sources) ->
         _report(sources, message, value.place, "start with the line `recipe: its_name`", Code.INVALID_VALUE)
         return None
     return value
-
-
-def nearest_file(path: Path) -> str | None:
-    """A remedy for a path that leads to no file: the file beside it whose name is nearest, if one is near."""
-    try:
-        names = [entry.name for entry in sorted(path.parent.iterdir())[:_MAX_NAMES] if entry.is_file()]
-    except (OSError, ValueError):
-        return None
-    recipes = [name for name in names if name in (f"{path.name}.yaml", f"{path.name}.yml")]
-    if recipes:
-        return f"did you mean {show(recipes[0])}?"
-    alike = [name for name in names if Path(name).suffix == path.suffix or Path(name).stem == path.stem]
-    close = difflib.get_close_matches(path.name[:100], alike, n=1, cutoff=0.75)
-    return f"did you mean {show(close[0])}?" if close else None
 
 
 def _label(name: str, place: Place | None) -> str:

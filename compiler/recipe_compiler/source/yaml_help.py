@@ -18,7 +18,7 @@ _LEADING_ZERO = re.compile(r"[-+]?0[0-9]+\Z")
 _BINARY = re.compile(r"[-+]?0b[01_]+\Z")
 _EXPONENT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)[eE][-+]?[0-9]+\Z")
 _DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}([Tt ].*)?\Z")
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+][0-9]+)?\Z")
+FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+][0-9]+)?\Z")
 
 
 def explain(problem: str, context: str, opened: int | None, text: str, place: Place) -> Problem:
@@ -40,8 +40,9 @@ def explain(problem: str, context: str, opened: int | None, text: str, place: Pl
         _odd_indentation(lines, place)
         or _open_quote(problem, context, opened, lines, place)
         or _key_without_colon(problem, opened, lines, place)
+        or _unquoted_colour(context, opened, lines, place)
     )
-    wrong = wrong or _indentation(lines, place)
+    wrong = wrong or _interrupted_map(lines, place) or _indentation(lines, place)
     if wrong is not None:
         return wrong
     known = _known(problem, context, opened)
@@ -68,6 +69,11 @@ def _known(problem: str, context: str, line: int | None) -> tuple[str, str] | No
         return f"a backslash in double quotes starts an escape, and this is not one ({problem})", "use single quotes"
     if "simple key" in context and "could not find expected ':'" in problem:
         return f"{opened} has no `: ` after its key", "write `key: value`, with a space after the colon"
+    if "block collection" in context and problem.endswith("but found '?'"):
+        return (
+            "a key of a map stands among the items of a list, with `-`",
+            "write every entry as `name: ...`, or every entry with `- `",
+        )
     if problem.endswith("but found '-'"):
         return (
             "an item of a list, with `-`, stands among the keys of a map",
@@ -141,6 +147,54 @@ def name_of(character: str) -> str:
 
 def _is_entry(line: str) -> bool:
     return bool(line.strip()) and not line.lstrip().startswith("#")
+
+
+def _unquoted_colour(context: str, opened: int | None, lines: list[str], place: Place) -> Problem | None:
+    """A colour such as `#ff0000` without quotes within brackets: it starts a comment, which hides the bracket's end."""
+    if "flow" not in context or not opened:
+        return None
+    for number in range(opened, min(place.line, len(lines)) + 1):
+        found = re.search(r"[:,\[]\s+(#[0-9A-Fa-f]{3,8})\b", lines[number - 1])
+        if found:
+            where = Place(place.file, number, found.start(1) + 1)
+            what = f"a `#` after a space starts a comment, which hides the rest of line {number}"
+            return Problem(what, where, f'quote the colour: "{found[1]}"', Code.YAML_SYNTAX)
+    return None
+
+
+def _interrupted_map(lines: list[str], place: Place) -> Problem | None:
+    """A line that starts too far left, so that the lines after it no longer belong to the map above.
+
+    The wrong line is that one and not the line of the place: the latter starts as the entries of the map above do.
+    """
+    if place.line > len(lines) or not _is_entry(lines[place.line - 1]):
+        return None
+    indent = _column(lines[place.line - 1])
+    entries = [n for n in range(1, place.line) if _is_entry(lines[n - 1])]
+    wrong = next((n for n in reversed(entries) if _column(lines[n - 1]) < indent), None)
+    if wrong is None:
+        return None
+    column = _column(lines[wrong - 1])
+    above = next((n for n in reversed(entries) if n < wrong and _column(lines[n - 1]) <= column), None)
+    if above is None or _column(lines[above - 1]) != column:
+        return None
+    key = re.match(r"\s*([A-Za-z_][\w.-]*):\s*(#.*)?\Z", lines[above - 1])
+    inside = [_column(lines[n - 1]) for n in entries if above < n < wrong]
+    if key is None or (inside and inside[0] != indent) or (wrong != entries[-1] and _opens_map(lines, wrong, indent)):
+        return None
+    if not re.match(r"\s*[A-Za-z_][\w.-]*:( |\Z)", lines[wrong - 1]):
+        return None
+    what = (
+        f"wrong indentation: line {wrong} ends the map `{key[1]}` of line {above}, but line {place.line} continues it"
+    )
+    remedy = f"if line {wrong} belongs to `{key[1]}`, start it with {_spaces(indent)}"
+    return Problem(what, Place(place.file, wrong, column + 1), remedy, Code.YAML_SYNTAX)
+
+
+def _opens_map(lines: list[str], number: int, indent: int) -> bool:
+    """Whether the entries below a line start in column `indent`."""
+    below = next((line for line in lines[number:] if _is_entry(line)), "")
+    return _column(below) == indent
 
 
 def _indentation(lines: list[str], place: Place) -> Problem | None:
@@ -225,7 +279,7 @@ def ambiguity(text: str) -> tuple[str, str] | None:
         return f"YAML reads the bare {short} as a number or as text", f'drop the leading zero, or quote it: "{short}"'
     if _BINARY.match(text):
         return f"YAML turns the bare {short} into a binary number", f'write it in decimal, or quote it: "{short}"'
-    if _EXPONENT.match(text) and not _FLOAT.match(text):
+    if _EXPONENT.match(text) and not FLOAT.match(text):
         exact = float(text)
         plain = f": {exact:.0f}" if exact.is_integer() and abs(exact) < 1e15 else ""
         return f"YAML reads the bare {short} as a number or as text", f"write the number without exponent{plain}"

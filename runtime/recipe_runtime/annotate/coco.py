@@ -1,21 +1,20 @@
 """COCO annotation files: kwcoco with videos, tracks and assets, and flat COCO for one modality.
 
-Ids count from 1 in the order of videos, frames and instances. A track's id is the instance value of its actor: an actor
-has one track in the whole file, also across videos. No wall-clock time is written: `date_captured` is empty, and a
-timestamp is the time of the frame in seconds from the start. `iscrowd` is always 0, also for an object whose visible
-part is in several pieces.
+Ids are digests of names (`annotate.ids`): an image has one id in every file, and ids stay when variants, sensors or
+frames are added. An actor has one track in all sensors of a variant. No wall-clock time is written: `date_captured` is
+empty, and a timestamp is the time of the frame in seconds from the start. `iscrowd` is always 0, also for an object
+whose visible part is in several pieces.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.categories import CATEGORY_IDS, category_rows
-from recipe_runtime.annotate.records import LabelRecord, Video
+from recipe_runtime.annotate.ids import UniqueIds, annotation_id, image_id, track_id, video_id
+from recipe_runtime.annotate.records import FrameRecord, Video
 from recipe_runtime.annotate.rows import tables
 from recipe_runtime.core import layout
 
@@ -31,19 +30,22 @@ _CHANNELS = {
 
 
 def kwcoco(dataset: DatasetPlan, identity: str, videos: Sequence[Video]) -> Iterator[str]:
-    """Yield the text of the kwcoco file: a video per sensor and variant, a track per actor visible in any.
+    """Yield the text of the kwcoco file: a video per sensor and variant, a track per variant and visible actor.
 
     Args:
         dataset: The plan of the dataset.
         identity: The dataset's identity line, written as its version.
         videos: All videos, in the plan's order.
+
+    Raises:
+        InputError: Two rows of a table have one id.
     """
     return tables(
         {
             "info": _info(dataset, identity),
             "licenses": _LICENSES,
             "categories": category_rows(),
-            "videos": [_video(video, number) for number, video in enumerate(videos, start=1)],
+            "videos": _videos(videos),
             "tracks": _tracks(videos),
             "images": _images(dataset, videos),
             "annotations": _annotations(videos),
@@ -55,14 +57,18 @@ def flat_coco(dataset: DatasetPlan, identity: str, videos: Sequence[Video], moda
     """Yield the text of the flat COCO file for the images of one modality.
 
     File names are relative to the dataset's folder.
+
+    Raises:
+        InputError: Two rows of a table have one id.
     """
+    captured = [video for video in videos if modality in video.sensor.capture]
     return tables(
         {
             "info": _info(dataset, identity),
             "licenses": _LICENSES,
             "categories": category_rows(),
-            "images": _flat_images(dataset, videos, modality),
-            "annotations": _annotations([video for video in videos if modality in video.sensor.capture]),
+            "images": _flat_images(dataset, captured, modality),
+            "annotations": _annotations(captured),
         }
     )
 
@@ -80,91 +86,88 @@ def _info(dataset: DatasetPlan, identity: str) -> Row:
     }
 
 
-def _tracks(videos: Sequence[Video]) -> list[Row]:
-    """Return a row for every visible actor.
+def _tracks(videos: Sequence[Video]) -> Iterator[Row]:
+    """Yield a row for every actor that is visible in a variant; kwcoco requires unique names."""
+    ids = UniqueIds("tracks")
+    for variant in dict.fromkeys(video.variant for video in videos):
+        mine = (video for video in videos if video.variant == variant)
+        items = (item for video in mine for record in video.frames for item in record["objects"])
+        instances = {item["instance"]: item["actor"] for item in items}
+        for instance, actor in sorted(instances.items()):
+            yield {
+                "id": ids.add(track_id(variant, actor)),
+                "name": f"{variant}/{actor}",
+                "variant": variant,
+                "actor": actor,
+                "instance": instance,
+                "category_id": CATEGORY_IDS[instance // 1000],
+            }
 
-    kwcoco requires unique names: the instance value is appended to a name that two instances share.
-    """
-    items = (item for video in videos for record in video.frames for item in record["objects"])
-    actors: dict[int, str] = {}
-    for item in items:
-        actors.setdefault(item["instance"], item["actor"])
-    count = Counter(actors.values())
-    return [
-        {
-            "id": instance,
-            "name": actor if count[actor] == 1 else f"{actor}#{instance}",
-            "actor": actor,
-            "instance": instance,
-            "category_id": CATEGORY_IDS[instance // 1000],
+
+def _videos(videos: Sequence[Video]) -> Iterator[Row]:
+    ids = UniqueIds("videos")
+    for video in videos:
+        yield {
+            "id": ids.add(video_id(video.variant, video.sensor.name)),
+            "name": video.name,
+            "variant": video.variant,
+            "sensor": video.sensor.name,
+            "scene": video.scene,
+            "framerate": video.fps,
+            "width": video.sensor.camera.width,
+            "height": video.sensor.camera.height,
         }
-        for instance, actor in sorted(actors.items())
-    ]
-
-
-def _video(video: Video, number: int) -> Row:
-    camera = video.sensor.camera
-    row = {"id": number, "name": video.name, "variant": video.variant, "sensor": video.sensor.name}
-    return {**row, "framerate": video.fps, "width": camera.width, "height": camera.height}
 
 
 def _images(dataset: DatasetPlan, videos: Sequence[Video]) -> Iterator[Row]:
-    number = itertools.count(1)
-    for video_id, video in enumerate(videos, start=1):
-        for frame in range(0, video.length, video.sensor.interval):
-            yield _image(dataset, video, video_id, frame, next(number))
+    ids = UniqueIds("images")
+    for video in videos:
+        for record in video.frames:
+            frame, assets = record["frame"], []
+            row = _image(video, record, ids)
+            size = {"width": row["width"], "height": row["height"]}
+            for modality in video.sensor.capture:
+                path = layout.frame_file(video.variant, video.sensor.name, modality, frame, dataset.depth)
+                channels = _CHANNELS[modality, path.rpartition(".")[2]]
+                assets.append({"file_name": f"../{path}", "channels": channels, "modality": modality, **size})
+            yield {**row, "name": f"{video.name}/{frame:06d}", "file_name": None, "assets": assets}
 
 
 def _flat_images(dataset: DatasetPlan, videos: Sequence[Video], modality: str) -> Iterator[Row]:
-    number = itertools.count(1)
-    for video_id, video in enumerate(videos, start=1):
-        camera = video.sensor.camera
-        taken = range(0, video.length, video.sensor.interval)
-        for frame in taken if modality in video.sensor.capture else ():
-            name = layout.frame_file(video.variant, video.sensor.name, modality, frame, dataset.depth)
-            row: Row = {"id": next(number), "file_name": name, "width": camera.width, "height": camera.height}
-            row |= {"license": 1, "date_captured": "", "coco_url": "", "flickr_url": ""}
-            yield {**row, "video_id": video_id, "frame_index": frame}
+    ids = UniqueIds("images")
+    for video in videos:
+        for record in video.frames:
+            name = layout.frame_file(video.variant, video.sensor.name, modality, record["frame"], dataset.depth)
+            row = {**_image(video, record, ids), "file_name": name}
+            yield {**row, "license": 1, "date_captured": "", "coco_url": "", "flickr_url": ""}
+
+
+def _image(video: Video, record: FrameRecord, ids: UniqueIds) -> Row:
+    """Return the fields of an image that every file has."""
+    return {
+        "id": ids.add(image_id(video.variant, video.sensor.name, record["frame"])),
+        "width": video.sensor.camera.width,
+        "height": video.sensor.camera.height,
+        "video_id": video_id(video.variant, video.sensor.name),
+        "frame_index": record["frame"],
+        "timestamp": record["time"],
+        "calibration": record["calibration"],
+    }
 
 
 def _annotations(videos: Sequence[Video]) -> Iterator[Row]:
-    """Yield the annotations of all frames, with ids that count the frames of these videos."""
-    number, image_id = itertools.count(1), 0
+    ids = UniqueIds("annotations")
     for video in videos:
-        camera = video.sensor.camera
+        name, size = (video.variant, video.sensor.name), [video.sensor.camera.height, video.sensor.camera.width]
         for record in video.frames:
-            image_id += 1
+            image = image_id(*name, record["frame"])
             for item in record["objects"]:
-                yield _annotation(item, image_id, next(number), camera.width, camera.height)
-
-
-def _image(dataset: DatasetPlan, video: Video, video_id: int, frame: int, image_id: int) -> Row:
-    size = {"width": video.sensor.camera.width, "height": video.sensor.camera.height}
-    assets = []
-    for modality in video.sensor.capture:
-        path = layout.frame_file(video.variant, video.sensor.name, modality, frame, dataset.depth)
-        channels = _CHANNELS[modality, path.rpartition(".")[2]]
-        assets.append({"file_name": f"../{path}", "channels": channels, "modality": modality, **size})
-    return {
-        "id": image_id,
-        "name": f"{video.name}/{frame:06d}",
-        "file_name": None,
-        "video_id": video_id,
-        "frame_index": frame,
-        "timestamp": round(frame / video.fps, 6),
-        "assets": assets,
-        **size,
-    }
-
-
-def _annotation(item: LabelRecord, image_id: int, annotation_id: int, width: int, height: int) -> Row:
-    kept = {key: value for key, value in item.items() if key != "counts"}
-    return {
-        **kept,
-        "id": annotation_id,
-        "image_id": image_id,
-        "category_id": CATEGORY_IDS[item["instance"] // 1000],
-        "track_id": item["instance"],
-        "segmentation": {"size": [height, width], "counts": item["counts"]},
-        "iscrowd": 0,
-    }
+                yield {
+                    **{key: value for key, value in item.items() if key != "counts"},
+                    "id": ids.add(annotation_id(*name, record["frame"], item["actor"])),
+                    "image_id": image,
+                    "category_id": CATEGORY_IDS[item["instance"] // 1000],
+                    "track_id": track_id(video.variant, item["actor"]),
+                    "segmentation": {"size": size, "counts": item["counts"]},
+                    "iscrowd": 0,
+                }

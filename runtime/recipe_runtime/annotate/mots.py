@@ -34,13 +34,14 @@ def mots_picture(instance: NDArray[np.uint16]) -> NDArray[np.uint16]:
     return out
 
 
-def mots_lines(frames: Iterable[LabelledFrame], width: int, height: int) -> Iterator[str]:
-    """Yield the lines of the `gt.txt` of one sequence.
+def mots_lines(frames: Iterable[LabelledFrame], width: int, height: int, *, first: int = 1) -> Iterator[str]:
+    """Yield the lines of the text file of one sequence.
 
     Args:
         frames: The labelled frames, in order.
         width: Width of the image in pixels.
         height: Height of the image in pixels.
+        first: Number of frame 0 in the file: 1 in MOTSChallenge, 0 in KITTI.
     """
     for frame in frames:
         codes: dict[int, list[str]] = {}
@@ -48,7 +49,7 @@ def mots_lines(frames: Iterable[LabelledFrame], width: int, height: int) -> Iter
             codes.setdefault(mots_id(record["instance"]), []).append(record["counts"])
         for name, counts in sorted(codes.items()):
             rle = counts[0] if len(counts) == 1 else _union(counts, width, height)
-            yield f"{frame['frame'] + 1} {name} {name // 1000} {height} {width} {rle}\n"
+            yield f"{frame['frame'] + first} {name} {name // 1000} {height} {width} {rle}\n"
 
 
 def seqinfo(name: str, directory: str, rate: int, length: int, width: int, height: int) -> str:

@@ -6,23 +6,22 @@ fields of a record. All numbers come from exact arithmetic.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
-import numpy as np
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.plan import CameraPlan, ScenePlan
 from recipe_compiler.ir.plan_types import fixed
 
+from recipe_runtime.annotate.actor_boxes import Extent, GroundedBoxes, TightBoxes
+from recipe_runtime.annotate.calibration import calibration
 from recipe_runtime.annotate.masks import masks
-from recipe_runtime.annotate.records import Box3d, LabelRecord
+from recipe_runtime.annotate.records import Box3d, Boxes, LabelledFrame, LabelRecord
 from recipe_runtime.body.kinematics import quaternion_of_matrix
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.trace import METRE, Trace
-from recipe_runtime.core.transforms import Array, compose, invert, part_transforms
+from recipe_runtime.core.transforms import Array, compose, invert, part_transforms, transform_points
 from recipe_runtime.meshes.mesh import Body
-
-_PART_FRAMES = 1 << 13  # number of poses (parts times frames) in one batch
-_CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
 class Annotator:
@@ -38,11 +37,11 @@ class Annotator:
         self._trace = trace
         self._by_instance = {a.tag * 1000 + a.instance: a.name for a in scene.actors}
         self._numbers = {actor: number for number, actor in enumerate(trace.actors)}
-        meshes = {body.name: body for body in bodies}
-        self._extents = _extents(trace, [meshes[a.name] for a in scene.actors])
+        self._fps = scene.clock.fps
+        self._grounded, self._tight = GroundedBoxes(scene.actors, trace), TightBoxes(trace, bodies)
 
-    def records(self, seen: Observed, camera: CameraPlan, world_from_sensor: Array, frame: int) -> list[LabelRecord]:
-        """Return a record for every visible object, sorted by instance.
+    def labels(self, seen: Observed, camera: CameraPlan, world_from_sensor: Array, frame: int) -> LabelledFrame:
+        """Return the labels of a frame: a record for every visible object, sorted by instance.
 
         Args:
             seen: The observation of the frame.
@@ -50,14 +49,13 @@ class Annotator:
             world_from_sensor: Pose of the sensor, [3, 4], x forward, y left, z up, metres.
             frame: Number of the frame.
         """
-        sensor_from_world = invert(world_from_sensor)
         parts, velocities = part_transforms(self._trace, frame), self._trace.linear[frame].tolist()
         views = {view.instance: view for view in seen.objects}
         records: list[LabelRecord] = []
         for mask in masks(seen.instance):
             actor, view = self._by_instance[mask.instance], views[mask.instance]
-            base = compose(sensor_from_world, parts[self._trace.base_part(actor)])
-            box, distance = self._box(actor, base)
+            boxes = self._boxes(actor, parts, world_from_sensor)
+            x, y, z = boxes["box3d"]["centre"]
             x0, y0, x1, y1 = (int(v) for v in view.amodal_box)
             records.append(
                 {
@@ -70,26 +68,53 @@ class Annotator:
                     "amodal_area": int(view.amodal),
                     "visible_fraction": fixed(mask.area / int(view.amodal)),
                     "truncation": truncation(view.projected, camera),
-                    "box3d": box,
-                    "distance": distance,
+                    **boxes,
+                    "distance": fixed(math.sqrt(x * x + y * y + z * z)),
                     "velocity": [fixed(v / METRE) for v in velocities[self._numbers[actor]]],
                 }
             )
-        return records
-
-    def _box(self, actor: str, sensor_from_base: Array) -> tuple[Box3d, float]:
-        """The box of an actor in the sensor's frame, and the distance to its centre in metres."""
-        low, high = self._extents[actor]
-        centre = _apply(sensor_from_base, ((low + high) / 2.0)[None])[0]
-        r = sensor_from_base
-        box: Box3d = {
-            "centre": [fixed(float(v)) for v in centre],
-            "size": [fixed(float(v)) for v in high - low],
-            "rotation": [fixed(v) for v in quaternion(r)],
-            "yaw": fixed(exact.atan2_deg(float(r[1, 0]), float(r[0, 0]))),
+        return {
+            "frame": frame,
+            "time": fixed(frame / self._fps),
+            "calibration": calibration(camera, world_from_sensor),
+            "objects": records,
         }
-        distance = np.sqrt(centre[0] * centre[0] + centre[1] * centre[1] + centre[2] * centre[2])
-        return box, fixed(float(distance))
+
+    def _boxes(self, actor: str, parts: Array, world_from_sensor: Array) -> Boxes:
+        """Return the boxes of an actor, in the frames of sensor and world.
+
+        Args:
+            actor: Name of the actor.
+            parts: World-from-part transforms, [P, 3, 4].
+            world_from_sensor: Pose of the sensor, [3, 4].
+        """
+        base = self._trace.base_part(actor)
+        in_sensor = compose(invert(world_from_sensor), parts[base])
+        body, tight = self._grounded.extent(actor, parts, base), self._tight.extent(actor, parts)
+        return {
+            "box3d": box3d(in_sensor, body),
+            "box3d_world": box3d(parts[base], body),
+            "tight3d": box3d(in_sensor, tight),
+            "tight3d_world": box3d(parts[base], tight),
+        }
+
+
+def box3d(frame_from_base: Array, extent: Extent) -> Box3d:
+    """Return a box in another frame.
+
+    Args:
+        frame_from_base: Transform from the frame of the base part, [3, 4].
+        extent: Lowest and highest corner in the frame of the base part.
+    """
+    low, high = extent
+    r = frame_from_base
+    centre = transform_points(r, ((low + high) / 2.0)[None])[0]
+    return {
+        "centre": [fixed(v) for v in centre.tolist()],
+        "size": [fixed(v) for v in (high - low).tolist()],
+        "rotation": [fixed(v) for v in quaternion(r)],
+        "yaw": fixed(exact.atan2_deg(float(r[1, 0]), float(r[0, 0]))),
+    }
 
 
 def quaternion(transform: Array) -> tuple[float, float, float, float]:
@@ -112,34 +137,3 @@ def truncation(projected: Sequence[float], camera: CameraPlan) -> float:
     wide = min(x1, float(camera.width)) - max(x0, 0.0)
     high = min(y1, float(camera.height)) - max(y0, 0.0)
     return fixed(1.0 - max(wide, 0.0) * max(high, 0.0) / whole) if whole > 0.0 else 0.0
-
-
-def _extents(trace: Trace, bodies: Sequence[Body]) -> dict[str, tuple[Array, Array]]:
-    """Return the lowest and highest corner of each actor's bounding box over all frames, in its base part's frame."""
-    rows, bases, corners, owners = [], [], [], []
-    for number, body in enumerate(bodies):
-        for row in trace.actor_parts(body.name):
-            vertices = body.mesh(trace.parts[row].rpartition("/")[2]).vertices.astype(np.float64)
-            if len(vertices):
-                low, high = vertices.min(axis=0), vertices.max(axis=0)
-                rows.append(row)
-                bases.append(trace.base_part(body.name))
-                corners.append(low + _CORNERS * (high - low))
-                owners.append(number)
-    lows, highs = np.full((len(rows), 3), np.inf), np.full((len(rows), 3), -np.inf)
-    step = max(1, _PART_FRAMES // max(1, len(trace.parts)))
-    for start in range(0, trace.frames if rows else 0, step):
-        poses = part_transforms(trace, slice(start, start + step))
-        moved = _apply(compose(invert(poses)[:, bases], poses[:, rows]), np.array(corners))
-        lows = np.minimum(lows, moved.min(axis=(0, 2)))
-        highs = np.maximum(highs, moved.max(axis=(0, 2)))
-    parts = {body.name: [i for i, owner in enumerate(owners) if owner == n] for n, body in enumerate(bodies)}
-    return {name: (lows[mine].min(axis=0), highs[mine].max(axis=0)) for name, mine in parts.items()}
-
-
-def _apply(transform: Array, points: Array) -> Array:
-    """Apply transforms [..., 3, 4] to points [..., N, 3]."""
-    t = transform[..., None, :, :]
-    x, y, z = points[..., 0:1], points[..., 1:2], points[..., 2:3]
-    moved: Array = t[..., 0] * x + t[..., 1] * y + t[..., 2] * z + t[..., 3]
-    return moved

@@ -9,20 +9,28 @@ from typing import TypeAlias, TypedDict
 from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.plan import SensorPlan
 
+from recipe_runtime.annotate.calibration import Calibration, Distortion
+
 
 class Box3d(TypedDict):
-    """The oriented box of an actor, in the sensor's frame: x forward, y left, z up.
-
-    The box contains the actor in all of its poses, so that its size is constant over a track.
-    """
+    """An oriented box in a frame of reference with z up: the world's, or the sensor's with x forward and y left."""
 
     centre: list[float]  # x, y, z in metres
     size: list[float]  # length, width, height in metres
-    rotation: list[float]  # unit quaternion w, x, y, z from the axes of the box to those of the sensor
-    yaw: float  # degrees; the whole rotation if sensor and actor are level
+    rotation: list[float]  # unit quaternion w, x, y, z from the axes of the box to those of the frame of reference
+    yaw: float  # degrees; the whole rotation if the actor, and the sensor in its frame, are level
 
 
-class LabelRecord(TypedDict):
+class Boxes(TypedDict):
+    """The boxes of an actor in a frame, see `annotate.actor_boxes`."""
+
+    box3d: Box3d  # body box, in the sensor's frame
+    box3d_world: Box3d  # body box, in the world frame
+    tight3d: Box3d  # tight box, in the sensor's frame
+    tight3d_world: Box3d  # tight box, in the world frame
+
+
+class LabelRecord(Boxes):
     """One visible object of one frame, as plain JSON. Non-integers have six decimal places."""
 
     instance: int  # class tag * 1000 + number: the identity of the track in every sensor, frame and variant
@@ -34,8 +42,7 @@ class LabelRecord(TypedDict):
     amodal_area: int  # number of those pixels
     visible_fraction: float  # area / amodal_area
     truncation: float  # share of its projected box, occluded or not, that lies outside the image, 0 to 1
-    box3d: Box3d
-    distance: float  # from the sensor to the centre of the box, metres
+    distance: float  # from the sensor to the centre of the body box, metres
     velocity: list[float]  # x, y, z in the world frame, m/s
 
 
@@ -45,18 +52,52 @@ _TEXTS = ("actor", "counts")
 _NUMBERS = ("instance", "area", "amodal_area", "visible_fraction", "truncation", "distance")
 
 
+def is_labelled_frame(value: object) -> bool:
+    """Whether plain JSON has the fields of a `LabelledFrame`, and nothing else."""
+    if not isinstance(value, dict) or value.keys() != LabelledFrame.__annotations__.keys():
+        return False
+    objects = value["objects"]
+    return (
+        type(value["frame"]) is int
+        and _is_number(value["time"])
+        and _is_calibration(value["calibration"])
+        and isinstance(objects, list)
+        and all(map(is_label, objects))
+    )
+
+
 def is_label(record: object) -> bool:
     """Whether plain JSON has the fields of a `LabelRecord`, and nothing else."""
     if not isinstance(record, dict) or record.keys() != LabelRecord.__annotations__.keys():
         return False
-    box = record["box3d"]
-    if not isinstance(box, dict) or box.keys() != Box3d.__annotations__.keys() or not _is_number(box["yaw"]):
-        return False
     return (
-        all(_are_numbers(box[key], length) for key, length in _BOX_LENGTHS.items())
+        all(_is_box(record[key]) for key in Boxes.__annotations__)
         and all(_are_numbers(record[key], length) for key, length in _LENGTHS.items())
         and all(isinstance(record[key], str) for key in _TEXTS)
         and all(_is_number(record[key]) for key in _NUMBERS)
+    )
+
+
+def _is_box(value: object) -> bool:
+    return (
+        isinstance(value, dict)
+        and value.keys() == Box3d.__annotations__.keys()
+        and _is_number(value["yaw"])
+        and all(_are_numbers(value[key], length) for key, length in _BOX_LENGTHS.items())
+    )
+
+
+def _is_calibration(value: object) -> bool:
+    if not isinstance(value, dict) or value.keys() != Calibration.__annotations__.keys():
+        return False
+    lens, poses = value["distortion"], (value["camera_to_world"], value["world_to_camera"])
+    matrices = [(value["K"], 3), *((pose, 4) for pose in poses)]
+    return (
+        isinstance(lens, dict)
+        and lens.keys() == Distortion.__annotations__.keys()
+        and isinstance(lens["model"], str)
+        and all(_is_number(lens[key]) for key in ("lens_k", "lens_kcube"))
+        and all(isinstance(m, list) and len(m) == n and all(_are_numbers(r, n) for r in m) for m, n in matrices)
     )
 
 
@@ -73,9 +114,11 @@ FileRow: TypeAlias = tuple[int, str] | tuple[int, str, str]
 
 
 class LabelledFrame(TypedDict):
-    """The labels of one frame of one sensor."""
+    """The labels of one frame of one sensor: a line of `labels.jsonl`."""
 
     frame: int
+    time: float  # seconds since frame 0
+    calibration: Calibration
     objects: list[LabelRecord]
 
 
@@ -87,9 +130,19 @@ class FrameRecord(LabelledFrame):
     files: dict[str, FileRow]  # by path in the dataset
 
 
-def label_digest(records: Sequence[LabelRecord]) -> str:
+def only_labels(record: LabelledFrame) -> LabelledFrame:
+    """Return the labels of a frame, without what else is recorded of it."""
+    return {
+        "frame": record["frame"],
+        "time": record["time"],
+        "calibration": record["calibration"],
+        "objects": record["objects"],
+    }
+
+
+def label_digest(frame: LabelledFrame) -> str:
     """Return the identity of the labels of a frame."""
-    return digest("labels/1", list(records))
+    return digest("labels/2", only_labels(frame))
 
 
 @dataclass(frozen=True)
@@ -97,6 +150,7 @@ class Video:
     """The frames of one sensor in one variant, in order. `fps` is the clip's rate, in which frames are numbered."""
 
     variant: str
+    scene: str  # digest of the scene; variants with equal scenes have equal motion
     sensor: SensorPlan
     fps: int
     frames: Sequence[FrameRecord]  # that the sensor takes

@@ -18,6 +18,7 @@ from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset.assembly import FrameAssembly
+from recipe_runtime.dataset.events import events_csv
 from recipe_runtime.dataset.manifest import file_row, manifest_text
 from recipe_runtime.dataset.schedule import simulations, views
 from recipe_runtime.dataset.text_files import Text, annotation_texts, closing_texts, labels_text, with_labels
@@ -59,7 +60,7 @@ class Finisher:
         """Write all files, and return the manifest rows of every file of the dataset, by path."""
         files = self.harvest.files()
         known = self.dataset, self.identity, self.videos
-        annotate = [self._labels, *self._texts(annotation_texts(*known)), lambda: self._tracks(trace), self._check]
+        annotate = [self._labels, *self._texts(annotation_texts(*known)), lambda: self._motion(trace), self._check]
         place = self.sources.place if self.sources else None
         rest = [*self._texts(closing_texts(*known, place)), *self._sheets(), self._recipe]
         for stage, tasks in (("annotate", annotate), ("finish", rest)):
@@ -98,13 +99,18 @@ class Finisher:
             self.work.link(first, path)
         return dict.fromkeys([first, *others], row)
 
-    def _tracks(self, trace: Callable[[ScenePlan], Trace]) -> dict[str, FileRow]:
-        """Write one `tracks.csv` per scene, linked into the folder of each of its variants."""
+    def _motion(self, trace: Callable[[ScenePlan], Trace]) -> dict[str, FileRow]:
+        """Write one `tracks.csv` per scene, linked into the folder of each of its variants, and their `events.csv`."""
         files: dict[str, FileRow] = {}
         for scene in simulations(self.dataset):
             names = [v.variant for v in self.dataset.variants if v.scene.digest == scene.digest]
             first, *others = (layout.tracks_file(name) for name in names)
-            files |= self._shared(self.work.write_pieces(first, tracks_csv(scene, trace(scene))), first, others)
+            motion = trace(scene)
+            files |= self._shared(self.work.write_pieces(first, tracks_csv(scene, motion)), first, others)
+            for name in names:
+                mine = [video for video in self.videos if video.variant == name]
+                path = layout.events_file(name)
+                files[path] = self.work.write_pieces(path, events_csv(scene, motion, mine))
         return files
 
     def _check(self) -> dict[str, FileRow]:

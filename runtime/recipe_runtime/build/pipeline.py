@@ -277,8 +277,8 @@ class _Stages:
                 raise
 
     def _trace(self, scene: ScenePlan) -> Trace:
-        """Return a scene's Trace, from the store or simulated."""
-        return Store(self.job.cache).trace(scene, lambda: self.job.engines.simulate(scene))
+        """Return a scene's Trace with its contacts, from the store or simulated."""
+        return Store(self.job.cache).trace(scene, lambda: self.job.engines.simulate(scene), contacts=True)
 
     def _reuse_frames(self, work: Workspace, assembly: FrameAssembly, reuse: Reuse) -> dict[int, ReusedFrames]:
         """Link the frames that an earlier dataset shares with this one; return them by the number of the view."""

@@ -134,10 +134,9 @@ class Reuse:
                 rgb[name] = self._digest(picture, sensor, "rgb", frame)
         labels = [m for m in view.sensor.capture if m != "rgb"] + ["labels"]
         digests = {m: self._digest(old.variant, sensor, m, frame) for m in labels}
-        seen = labels_of(
-            self._lines(view)[frame // view.sensor.interval], digests["labels"], sensor, instances_of(view.scene)
-        )
-        return {"frame": frame, "objects": seen, "digests": digests, "rgb": rgb, "files": files}
+        line = self._lines(view)[frame // view.sensor.interval]
+        seen = labels_of(line, frame, digests["labels"], sensor, instances_of(view.scene))
+        return {**seen, "digests": digests, "rgb": rgb, "files": files}
 
     def _linked(self, work: Workspace | None, source: str, paths: list[str]) -> dict[str, FileRow]:
         """Check a file of the earlier dataset, and link it under its names in the new dataset."""

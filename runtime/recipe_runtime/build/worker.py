@@ -133,8 +133,8 @@ class _FrameTask:
         """Label and write a frame, with one picture for each group of variants that share an appearance."""
         sensor, timings, frame, seen = self.view.sensor, self.timings, made.number, made.seen
         with timings("annotate"):
-            objects = self.source.labels(seen, sensor, frame)
-            digests = {"labels": label_digest(objects)}
+            labels = self.source.labels(seen, sensor, frame)
+            digests = {"labels": label_digest(labels)}
         files: dict[str, FileRow] = {}
         for modality in LABEL_MODALITIES:
             if modality in sensor.capture:
@@ -150,7 +150,7 @@ class _FrameTask:
                 value = pixel_digest("rgb", picture)
             rgb.update({self.job.dataset.variants[index].variant: value for index in group})
             self._write(files, "rgb", frame, picture, group)
-        return {"frame": frame, "objects": objects, "digests": digests, "rgb": rgb, "files": files}
+        return {**labels, "digests": digests, "rgb": rgb, "files": files}
 
     def _write(
         self, files: dict[str, FileRow], modality: str, frame: int, array: NDArray[Any], variants: tuple[int, ...]

@@ -345,14 +345,17 @@ def check_out(out: Path) -> None:
     if out.is_mount():  # publishing is a rename, which cannot replace a mount point
         remedy = f"choose a folder in it, such as {out / 'dataset'}"
         raise InputError(f"{out} is a mount point", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
-    _check_outside_datasets(out)
+    manifest_reader.check_outside_datasets(out)
     if not out.is_dir() or not any(out.iterdir()):
         return
     manifest = read_manifest(out)
     if manifest is None:
+        unreadable = (out / layout.MANIFEST).exists() and not os.access(out / layout.MANIFEST, os.R_OK)
         raise InputError(
-            f"{out} holds files but no {layout.MANIFEST} of a dataset",
-            help="move it away, or choose another folder",
+            f"{out}: its {layout.MANIFEST} cannot be read: permission denied"
+            if unreadable
+            else f"{out} holds files but no {layout.MANIFEST} of a dataset",
+            help="allow this user to read it" if unreadable else "move it away, or choose another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )
     try:
@@ -365,21 +368,6 @@ def check_out(out: Path) -> None:
         raise InputError(
             f"{out} holds a file that is not the dataset's, {foreign[0]}; move it away before it is replaced"
         )
-
-
-def _check_outside_datasets(out: Path) -> None:
-    """Check that no parent of `out` is a dataset, because a dataset contains only the files of its manifest.
-
-    Raises:
-        InputError: `out` is inside a dataset.
-    """
-    for folder in out.resolve().parents:
-        if read_manifest(folder) is not None:
-            raise InputError(
-                f"{out} is inside the dataset {folder}",
-                help=f"choose a folder outside it, such as {folder.parent / (out.name + '-again')}",
-                code=Code.OUTPUT_IN_THE_WAY,
-            )
 
 
 def read_manifest(out: Path) -> Manifest | None:

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import json
 import os
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,11 +23,11 @@ from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.core.files import atomic_file, host_errors, make_folder, regular_file
-from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.trace import ContactEvent, Trace
 from recipe_runtime.core.versions import simulator_identity
 
 FORMAT = "recipe/store/2"
-KINDS = ("built", "pixels", "shards", "traces")
+KINDS = ("built", "contacts", "pixels", "shards", "traces")
 """All kinds of entries; other files in a cache folder do not belong to this project."""
 _LONGEST_HEADER = 400
 
@@ -115,17 +117,29 @@ class Store:
                 file.seek(0)
                 file.write(header(kind, key, hasher.hexdigest()))
 
-    def trace(self, scene: ScenePlan, simulate: Callable[[], Trace]) -> Trace:
-        """Return the Trace of a scene: from the store if it has an intact one, else simulated and stored."""
-        return self._trace(scene) or self.keep_trace(scene, simulate())
+    def trace(self, scene: ScenePlan, simulate: Callable[[], Trace], *, contacts: bool = False) -> Trace:
+        """Return the Trace of a scene: from the store if it has an intact one, else simulated and stored.
+
+        Args:
+            scene: The plan of the scene.
+            simulate: Returns a new Trace.
+            contacts: Whether a Trace without its contacts counts as absent.
+        """
+        kept = self._trace(scene)
+        if kept is not None and (kept.contacts is not None or not contacts):
+            return kept
+        return self.keep_trace(scene, simulate())
 
     def has_trace(self, scene: ScenePlan) -> bool:
         """Return whether the store has an intact Trace of a scene."""
         return self._trace(scene) is not None
 
     def keep_trace(self, scene: ScenePlan, trace: Trace) -> Trace:
-        """Store a scene's Trace, replacing an existing one. Returns it as read from the store."""
+        """Store a scene's Trace and its contacts, replacing existing ones. Returns it as read from the store."""
         self.put("traces", _trace_key(scene), trace.pieces())
+        if trace.contacts is not None:
+            rows = [astuple(contact) for contact in trace.contacts]
+            self.put("contacts", _trace_key(scene), json.dumps(rows).encode())
         return self._trace(scene) or trace
 
     def _trace(self, scene: ScenePlan) -> Trace | None:
@@ -138,7 +152,12 @@ class Store:
                 trace = Trace.from_file(file, checked=True)
             except (ValueError, KeyError):
                 return None  # written in an older format
-        return trace if is_motion_of(trace, scene) else None
+        return replace(trace, contacts=self._contacts(scene)) if is_motion_of(trace, scene) else None
+
+    def _contacts(self, scene: ScenePlan) -> tuple[ContactEvent, ...] | None:
+        """The contacts of a scene's stored Trace; None if they are absent or damaged."""
+        body = self.get("contacts", _trace_key(scene))
+        return None if body is None else tuple(ContactEvent(*row) for row in json.loads(body))
 
     def replace_bad_trace(self, scene: ScenePlan, trace: Trace) -> None:
         """Replace a scene's stored Trace if it differs from this newly simulated one.
@@ -146,11 +165,15 @@ class Store:
         Does nothing if none is stored or the folder cannot be written.
         """
         kept = self._trace(scene)
-        if kept is not None and all(a == b for a, b in itertools.zip_longest(kept.pieces(), trace.pieces())):
+        if kept is not None and kept.contacts in (None, trace.contacts) and _equal_motion(kept, trace):
             return
         if self.path("traces", _trace_key(scene)).is_file():
             with suppress(RunError):
                 self.keep_trace(scene, trace)
+
+
+def _equal_motion(one: Trace, other: Trace) -> bool:
+    return all(a == b for a, b in itertools.zip_longest(one.pieces(), other.pieces()))
 
 
 def header(kind: str, key: str, sha256: str) -> bytes:

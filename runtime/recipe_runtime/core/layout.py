@@ -33,8 +33,13 @@ def labels_file(variant: str, sensor: str) -> str:
 
 
 def tracks_file(variant: str) -> str:
-    """Pose and velocity of a variant's actors."""
+    """Pose, velocity and box of a variant's actors."""
     return f"{folder(variant)}/tracks.csv"
+
+
+def events_file(variant: str) -> str:
+    """Return the file of a variant's events."""
+    return f"{folder(variant)}/events.csv"
 
 
 def plan_file(variant: str) -> str:
@@ -85,7 +90,7 @@ def expected_files(plan: DatasetPlan) -> set[str]:
     files |= {MOTS_SEQMAP} if "mots_txt" in plan.annotations else set()
     for variant in plan.variants:
         name = variant.variant
-        files |= {plan_file(name), tracks_file(name)}
+        files |= {plan_file(name), tracks_file(name), events_file(name)}
         for sensor in variant.rig.sensors:
             frames = sensor.frames(variant.scene.clock.frames)
             files.add(labels_file(name, sensor.name))

@@ -16,11 +16,18 @@ from recipe_runtime.core.files import write_atomic
 def check_output(path: Path, *, replace: bool = False) -> None:
     """Raise InputError if a file exists at `path`, unless `replace`; called before the work begins.
 
-    A device or a pipe is not a file: writing to it loses nothing.
+    A device or a pipe is not a file: writing to it loses nothing. A file is not replaced through a symbolic link, which
+    may have come with the folder.
     """
+    if path.is_symlink() and (path.is_file() or not path.exists()):
+        raise InputError(
+            f"{path} is a symbolic link, and files are not written through one",
+            help="remove the link, or name the file that it leads to",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
     if replace or not os.path.lexists(path):
         return
-    if path.is_file() or (path.is_symlink() and not path.exists()):
+    if path.is_file():
         raise InputError(
             f"{path} exists already",
             help="choose another file, or replace it",
@@ -29,10 +36,10 @@ def check_output(path: Path, *, replace: bool = False) -> None:
 
 
 def write_output(path: Path, body: bytes, *, replace: bool = False) -> None:
-    """Write a file atomically, following a link to it.
+    """Write a file atomically. A link to a device or a pipe is followed; one to a file is refused.
 
     Raises:
-        InputError: A file exists there, and `replace` is false.
+        InputError: A file exists there, and `replace` is false; or a link to a file.
         OSError: the host cannot write it.
     """
     check_output(path, replace=replace)

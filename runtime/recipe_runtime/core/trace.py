@@ -15,7 +15,7 @@ import mmap
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import IO, Any
 
@@ -32,11 +32,23 @@ _VELOCITY = 3 * 8  # bytes an actor
 
 
 @dataclass(frozen=True)
+class ContactEvent:
+    """Two bodies touched."""
+
+    first: str  # name of an actor, element or prop
+    second: str
+    start: int  # physics step since frame 0; negative during the warm-up
+    end: int  # the last step with contact
+    impulse: float  # N s, all together
+
+
+@dataclass(frozen=True)
 class Trace:
     """Motion of F frames, P rigid parts and A actors, in the world frame.
 
     `parts` names them `actor/part`, actors in plan order, each actor's base part first. `linear` and `angular` are
-    the velocities of each actor's base. The arrays are read-only views of a file, or in memory.
+    the velocities of each actor's base. The arrays are read-only views of a file, or in memory. Contacts are neither
+    part of the byte form nor of a digest.
     """
 
     actors: tuple[str, ...]
@@ -46,9 +58,10 @@ class Trace:
     linear: NDArray[np.int64]  # [F, A, 3], 2^-20 m/s
     angular: NDArray[np.int64]  # [F, A, 3], 2^-20 rad/s
     mapping: mmap.mmap | None = None  # the file that the arrays are views of
+    contacts: tuple[ContactEvent, ...] | None = None  # in the order of their start; None if they are not known
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Trace.from_bytes, (self.to_bytes(),)
+        return _restored, (self.to_bytes(), self.contacts)
 
     @property
     def frames(self) -> int:
@@ -88,7 +101,7 @@ class Trace:
             actors: names; all actors by default.
 
         Returns:
-            For each actor a digest for each of `ends`, equal to `actor_digest(actor, end)`.
+            For each actor a digest for each of `ends`.
         """
         actors = self.actors if actors is None else actors
         parts = [np.array(self.actor_parts(actor), np.intp) for actor in actors]
@@ -231,6 +244,10 @@ def frame_bytes(
     return b"".join(array.astype(kind).tobytes() for array, kind in zip(arrays, _TYPES, strict=True))
 
 
+def _restored(data: bytes, contacts: tuple[ContactEvent, ...] | None) -> Trace:
+    return replace(Trace.from_bytes(data), contacts=contacts)
+
+
 _TYPES = ("<i8", "<i4", "<i8", "<i8")
 _DAMAGED = "the Trace is damaged: its checksum does not hold"
 
@@ -245,7 +262,7 @@ def _holds(file: IO[bytes], size: int) -> bool:
 
 
 def _read_head(file: IO[bytes], size: int) -> tuple[tuple[str, ...], tuple[str, ...], int, int]:
-    """Actors, parts, frames and the length of the header of a byte form of so many bytes; ValueError if it is wrong."""
+    """Return actors, parts, number of frames and length of the header of a byte form; ValueError if it is invalid."""
     line = file.readline()
     try:
         head = json.loads(line)

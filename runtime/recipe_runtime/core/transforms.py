@@ -6,6 +6,7 @@ Products are written out term by term: `@` and `dot` go through BLAS, whose orde
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,19 @@ def from_pose(pose: Pose) -> Array:
     )
 
 
+def rigid_transform(position: Sequence[float], rotation: Sequence[float]) -> Array:
+    """The transform of a position [3] and a quaternion x, y, z, w, which need not have unit length. Shape [3, 4]."""
+    return _of_quaternions(np.array(position, np.float64), np.array(rotation, np.float64))
+
+
+def transform_points(transform: Array, points: Array) -> Array:
+    """Apply transforms [..., 3, 4] to points [..., N, 3]."""
+    t = transform[..., None, :, :]
+    x, y, z = points[..., 0:1], points[..., 1:2], points[..., 2:3]
+    moved: Array = t[..., 0] * x + t[..., 1] * y + t[..., 2] * z + t[..., 3]
+    return moved
+
+
 def part_transforms(trace: Trace, frame: int | slice | NDArray[np.intp]) -> Array:
     """World-from-part of every part of the Trace at a frame, or at many. Shape [P, 3, 4] or [F, P, 3, 4]."""
     made = _transforms(trace.positions[frame], trace.rotations[frame])
@@ -56,8 +70,11 @@ def part_transforms(trace: Trace, frame: int | slice | NDArray[np.intp]) -> Arra
 
 def _transforms(positions: NDArray[np.int64], rotations: NDArray[np.int32]) -> Array:
     """Transforms [..., 3, 4] of a Trace's positions [..., 3] and rotations [..., 4]."""
-    p = positions.astype(np.float64) / METRE
-    q = rotations.astype(np.float64) / UNIT
+    return _of_quaternions(positions.astype(np.float64) / METRE, rotations.astype(np.float64) / UNIT)
+
+
+def _of_quaternions(p: Array, q: Array) -> Array:
+    """Transforms [..., 3, 4] of positions [..., 3] and quaternions x, y, z, w [..., 4]."""
     x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     s = 2.0 / (x * x + y * y + z * z + w * w)
     rows = [

@@ -42,7 +42,7 @@ class FrameAssembly:
             for sensor in variant.rig.sensors:
                 view = homes[index, sensor.name]
                 frames = tuple(self.records[view, k] for k in sensor.frames(clock.frames) if (view, k) in self.records)
-                found.append(Video(variant.variant, sensor, clock.fps, frames))
+                found.append(Video(variant.variant, variant.scene.digest, sensor, clock.fps, frames))
         return found
 
     def files(self) -> dict[str, FileRow]:

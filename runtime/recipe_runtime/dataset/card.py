@@ -87,8 +87,8 @@ def _layout(dataset: DatasetPlan) -> str:
         "0 for town and sky.",
         "- semantic: 8-bit PNG of CARLA 0.9.14+ tags.",
         "- `<variant>/<sensor>/labels.jsonl`: one line per frame, the source of every annotation file.",
-        "- `<variant>/tracks.csv`: pose and velocity of every actor at every frame, in the world: x, y on the ground, "
-        "z up, metres and seconds.",
+        "- `<variant>/tracks.csv`: pose, lean, velocity and box of every actor at every frame, in the world: x, y "
+        "on the ground, z up, metres and seconds; `events.csv`: collisions, lights, tracks that begin and end.",
     ]
     described = {
         "kwcoco": f"- `{layout.KWCOCO}`: videos, tracks, boxes, masks, amodal boxes, 3-D boxes, distances.",

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 from recipe_compiler.ir import optics, plan_bounds
 from recipe_compiler.ir.errors import InputError, Problem
+from recipe_compiler.ir.patches import STATIC
 from recipe_compiler.ir.plan import DatasetPlan, RigPlan, ScenarioPlan, ScenePlan, SensorPlan
 from recipe_compiler.ir.plan_types import (
     MAX_ACTORS,
@@ -64,7 +65,7 @@ def check_bounds(dataset: DatasetPlan) -> None:
     towns_of = {scene.town.digest: scene.town for scene in scenes_of.values()}
     found = [p for town in towns_of.values() for p in plan_bounds.town_faults(town.elements)]
     found += [p for scene in scenes_of.values() for p in [*_clock(scene), *_actors_and_town(scene)]]
-    found += [p for v in dataset.variants for p in [*_props(v), *_rig(v.rig, v)]]
+    found += [p for v in dataset.variants for p in [*_props(v), *_patches(v), *_rig(v.rig, v)]]
     found += _sums(dataset)
     if not found:
         scenes = {v.scene.digest: v.scene.clock for v in dataset.variants}.values()
@@ -100,7 +101,7 @@ def file_count(dataset: DatasetPlan) -> int:
     masks = "mots_png" in dataset.annotations
     total = 12
     for variant in dataset.variants:
-        total += 2  # plan and tracks
+        total += 3  # plan, tracks and events
         for sensor in variant.rig.sensors:
             frames = len(sensor.frames(variant.scene.clock.frames))
             total += 3 + frames * (len(sensor.capture) + masks)  # labels, and two MOTS text files
@@ -143,6 +144,34 @@ def _props(variant: ScenarioPlan) -> Iterator[str]:
     for file in variant.files.values():
         if not 0 <= file.bytes <= MAX_FILE_BYTES:
             yield f"the file sha256:{file.sha256} of {file.bytes} bytes is over {MAX_FILE_BYTES}"
+
+
+def _patches(variant: ScenarioPlan) -> Iterator[str]:
+    scene, patches = variant.scene, variant.appearance.patches
+    static = {e.name for e in scene.town.elements} | {prop.name for prop in scene.props} if patches else set()
+    actors = {actor.name: actor for actor in scene.actors}
+    if len({patch.name for patch in patches}) < len(patches):
+        yield "two patches have one name"
+    for patch in patches:
+        if patch.body not in static and patch.body not in actors:
+            yield f"patch {patch.name!r}: there is no {patch.body!r}"
+        if any((face.part == STATIC) != (patch.body in static) for face in patch.faces):
+            yield f"patch {patch.name!r}: its faces are on parts that {patch.body!r} does not have"
+        if any(abs(_square(v) - 1.0) > 1e-3 for face in patch.faces for v in (face.right, face.down, face.normal)):
+            yield f"patch {patch.name!r}: a face is not a rectangle"
+        if any(face.region[0] >= face.region[2] or face.region[1] >= face.region[3] for face in patch.faces):
+            yield f"patch {patch.name!r}: a face shows nothing of the texture"
+        texture = patch.texture
+        if [texture.image is not None, bool(texture.frames), texture.colour is not None].count(True) != 1:
+            yield f"patch {patch.name!r}: its texture is not one of an image, a sequence and a colour"
+        if texture.frames and len(texture.frames) != scene.clock.frames:
+            yield f"patch {patch.name!r}: {len(texture.frames)} images for {scene.clock.frames} frames"
+        if any(file.kind != "png" for file in texture.files):
+            yield f"patch {patch.name!r}: its texture is not an image"
+
+
+def _square(v: tuple[float, float, float]) -> float:
+    return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
 
 
 def _rig(rig: RigPlan, variant: ScenarioPlan) -> Iterator[str]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, BinaryIO, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from recipe_compiler.ir.errors import Code, InputError
 from recipe_compiler.ir.modalities import DIGEST_KINDS
 from recipe_compiler.ir.plan_types import (
     MAX_DESCRIPTION,
@@ -201,3 +202,21 @@ def _check_intervals(value: object, variant: str) -> None:
 def _check_digest(value: object, what: str) -> None:
     if not isinstance(value, str) or not _DIGEST.fullmatch(value):
         raise ValueError(f"{what} has no SHA-256 digest")
+
+
+def check_outside_datasets(out: Path) -> None:
+    """Check that no parent of `out` is a dataset, because a dataset contains only the files of its manifest.
+
+    Raises:
+        InputError: `out` is inside a dataset.
+    """
+    for folder in out.resolve().parents:
+        try:
+            read(folder)
+        except (OSError, ValueError):
+            continue
+        raise InputError(
+            f"{out} is inside the dataset {folder}",
+            help=f"choose a folder outside it, such as {folder.parent / (out.name + '-again')}",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )

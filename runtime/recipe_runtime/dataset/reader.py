@@ -7,6 +7,7 @@ so a manifest that was changed to match a forged text file is detected.
 
 from __future__ import annotations
 
+import difflib
 import os
 import stat
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -26,6 +27,7 @@ from recipe_runtime.core.files import regular_file as regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.dataset import digests, manifest_reader
+from recipe_runtime.dataset.events import events_csv
 from recipe_runtime.dataset.limits import check_bounds, check_plan, file_count, row_count
 from recipe_runtime.dataset.manifest import DAMAGE, listed_files
 from recipe_runtime.dataset.manifest import lock_of as lock_of
@@ -34,6 +36,7 @@ from recipe_runtime.dataset.plan_reader import MAX_PLAN_BYTES, PlanReader
 from recipe_runtime.dataset.text_files import annotation_texts, closing_texts, instances_of, labels_of
 from recipe_runtime.dataset.tracks import tracks_csv
 
+_MAX_NAMES = 2000  # entries of a folder that are searched for a dataset
 _MAX_LINE = 16 * 2**20  # limit of one frame's labels, bytes
 _MAX_KEPT = 32 * 2**20  # bytes of labels that are kept in memory while texts are compared; others are read again
 
@@ -75,13 +78,21 @@ def read(root: Path, name: str = "") -> Dataset:
         recipe_file = recipe_file_of(manifest, files)
     except manifest_reader.NotAManifestError:
         raise InputError(
-            f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project",
-            help="name a folder that `recipe build` made, such as datasets/NAME",
+            f"{name} is not a dataset: it holds no {layout.MANIFEST} of this project"
+            if os.path.lexists(root)
+            else f"{name}: there is no such folder",
+            help=_nearest_dataset(root) or "name a folder that `recipe build` made, such as datasets/NAME",
             code=Code.INVALID_DATASET,
         ) from None
     except InputError as error:
         raise InputError(
             f"{name}: {str(error).splitlines()[0]}; not a dataset of this project", code=Code.INVALID_DATASET
+        ) from None
+    except PermissionError as error:
+        raise InputError(
+            f"{name}: its manifest or a plan cannot be read: {error.strerror}",
+            help="allow this user to read the folder",
+            code=Code.INVALID_DATASET,
         ) from None
     except (OSError, *DAMAGE) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -90,6 +101,23 @@ def read(root: Path, name: str = "") -> Dataset:
         ) from None
     plan_digests = {variant: row["plan"] for variant, row in manifest["variants"].items()}
     return Dataset(root, plan, lock, files, name, recipe_file, plan_digests)
+
+
+def _nearest_dataset(root: Path) -> str | None:
+    """A remedy for a folder that is no dataset: a dataset in it, or one beside it with a similar name, if any."""
+
+    def datasets(folder: Path) -> list[Path]:
+        try:
+            entries = sorted(folder.iterdir())[:_MAX_NAMES]
+        except OSError:
+            return []
+        return [entry for entry in entries if (entry / layout.MANIFEST).is_file()]
+
+    inside = datasets(root)
+    names = {path.name: path for path in datasets(root.parent)}
+    close = difflib.get_close_matches(root.name, names, n=1, cutoff=0.7)
+    found = inside[:1] or [names[name] for name in close]
+    return f"did you mean {found[0]}?" if found else None
 
 
 def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -> None:
@@ -159,8 +187,8 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
     """Return faults of text files that contradict the plan, the labels or the given traces.
 
     Labels are read line by line and compared with the manifest's digests. Annotation files, sequence lists, plans and
-    README are generated again from them, and `tracks.csv` from the scene's Trace (by scene digest) if it is given; then
-    the bytes are compared.
+    README are generated again from them, and `tracks.csv` and `events.csv` from the scene's Trace (by scene digest) if
+    it is given; then the bytes are compared. A Trace without contacts makes no `events.csv`.
     """
     videos: list[Video] = []
     found: list[Fault] = []
@@ -172,10 +200,10 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
             try:
                 size = frames.size()
                 if kept + size <= _MAX_KEPT:
-                    video = Video(variant.variant, sensor, variant.scene.clock.fps, tuple(frames))
+                    video = Video(variant.variant, variant.scene.digest, sensor, variant.scene.clock.fps, tuple(frames))
                     kept += size
                 else:
-                    video = Video(variant.variant, sensor, variant.scene.clock.fps, frames)
+                    video = Video(variant.variant, variant.scene.digest, sensor, variant.scene.clock.fps, frames)
                     for _ in frames:  # each is checked, and none is kept
                         pass
                 videos.append(video)
@@ -187,6 +215,12 @@ def text_differences(dataset: Dataset, traces: Mapping[str, Trace]) -> list[Faul
     if found and len(videos) < len({(v.variant, s.name) for v in dataset.plan.variants for s in v.rig.sensors}):
         return found  # all labels are required to generate the files
     known = dataset.plan, dataset.lock.identity, videos
+    for variant in dataset.plan.variants:
+        trace = traces.get(variant.scene.digest)
+        if trace is not None and trace.contacts is not None:
+            mine = [video for video in videos if video.variant == variant.variant]
+            pieces = events_csv(variant.scene, trace, mine)
+            found += _pieces_difference(dataset.root, layout.events_file(variant.variant), pieces)
     for path, make in (*annotation_texts(*known), *closing_texts(*known, dataset.recipe_file)):
         found += _text_difference(dataset.root, path, make)
     return found
@@ -289,10 +323,10 @@ def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Itera
         for number, frame in enumerate(sensor.frames(variant.scene.clock.frames), start=1):
             value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
             try:
-                objects = labels_of(lines.readline(_MAX_LINE), value, sensor, actors)
+                found = labels_of(lines.readline(_MAX_LINE), frame, value, sensor, actors)
             except DAMAGE as error:
                 raise ValueError(f"line {number}: {error}") from None
-            yield {"frame": frame, "objects": objects}
+            yield found
         if lines.read(1):
             raise ValueError("it has more lines than frames")
 

@@ -15,7 +15,14 @@ from recipe_compiler.ir.plan import DatasetPlan, ScenePlan, SensorPlan
 
 from recipe_runtime.annotate.coco import flat_coco, kwcoco
 from recipe_runtime.annotate.mots import mots_lines, runs_fill, seqinfo, seqmap
-from recipe_runtime.annotate.records import FrameRecord, LabelRecord, Video, is_label, label_digest
+from recipe_runtime.annotate.records import (
+    FrameRecord,
+    LabelledFrame,
+    Video,
+    is_labelled_frame,
+    label_digest,
+    only_labels,
+)
 from recipe_runtime.core import layout
 from recipe_runtime.dataset.card import card
 from recipe_runtime.dataset.json_stream import loads
@@ -28,23 +35,26 @@ Text = tuple[str, Callable[[], Iterable[str]]]  # a file's path, and what makes 
 
 def labels_text(video: Video) -> str:
     """The labels of a video, one line per frame."""
-    return "".join(canonical_bytes(record["objects"]).decode() + "\n" for record in video.frames)
+    return "".join(canonical_bytes(only_labels(record)).decode() + "\n" for record in video.frames)
 
 
 def with_labels(video: Video, text: str) -> Video:
     """The video with its labels as a reader of the file gets them: numbers rounded as in JSON."""
     lines = text.split("\n")  # not splitlines: a name may hold another separator
     frames: list[FrameRecord] = [
-        {**record, "objects": json.loads(line)} for record, line in zip(video.frames, lines, strict=False)
+        {**record, **json.loads(line)} for record, line in zip(video.frames, lines, strict=False)
     ]
     return replace(video, frames=tuple(frames))
 
 
-def labels_of(line: bytes, digest: str | None, sensor: SensorPlan, actors: Mapping[str, int]) -> list[LabelRecord]:
-    """The records of one line of labels.
+def labels_of(
+    line: bytes, frame: int, digest: str | None, sensor: SensorPlan, actors: Mapping[str, int]
+) -> LabelledFrame:
+    """The labels of one line of a labels file.
 
     Args:
         line: the line.
+        frame: the number of its frame.
         digest: the digest that the manifest has of it.
         sensor: the sensor.
         actors: the instance values of the scene's actors, by name (`instances_of`).
@@ -52,13 +62,14 @@ def labels_of(line: bytes, digest: str | None, sensor: SensorPlan, actors: Mappi
     Raises:
         ValueError: the line has another digest, is not in canonical form, or contains what no label has.
     """
-    records = loads(line, _MAX_VALUES)
-    if label_digest(records) != digest:
-        raise ValueError("it is not what the manifest's digest stands for")
-    if canonical_bytes(records) + b"\n" != line:
-        raise ValueError("it is not in canonical form")
-    if not isinstance(records, list) or not all(map(is_label, records)):
+    found = loads(line, _MAX_VALUES)
+    if not is_labelled_frame(found) or found["frame"] != frame:
         raise ValueError("it holds what no label has")
+    if label_digest(found) != digest:
+        raise ValueError("it is not what the manifest's digest stands for")
+    if canonical_bytes(found) + b"\n" != line:
+        raise ValueError("it is not in canonical form")
+    records = found["objects"]
     names = [record["actor"] for record in records]
     if len(set(names)) < len(names) or any(actors.get(r["actor"]) != r["instance"] for r in records):
         raise ValueError("it has labels of other actors than the scene's")
@@ -67,8 +78,8 @@ def labels_of(line: bytes, digest: str | None, sensor: SensorPlan, actors: Mappi
         raise ValueError("its masks have more runs than the picture has pixels")
     if not all(runs_fill(record["counts"], size) for record in records):
         raise ValueError("a mask has another size than the picture")
-    found: list[LabelRecord] = records
-    return found
+    labels: LabelledFrame = found
+    return labels
 
 
 def instances_of(scene: ScenePlan) -> dict[str, int]:

@@ -41,7 +41,7 @@ class SceneRenderer(Protocol):
         """
 
     def frame_stream(
-        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int
+        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], in_flight: int
     ) -> Any:
         """Return a stream that renders many frames of one camera concurrently, on a GPU."""
 

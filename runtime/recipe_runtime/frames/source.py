@@ -18,7 +18,7 @@ from recipe_compiler.ir.modalities import LABEL_MODALITIES
 from recipe_compiler.ir.plan import AppearancePlan, ScenarioPlan, ScenePlan, SensorPlan
 
 from recipe_runtime.annotate.objects import Annotator
-from recipe_runtime.annotate.records import LabelRecord
+from recipe_runtime.annotate.records import LabelledFrame
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.modalities import label_array
 from recipe_runtime.core.timings import Timings
@@ -82,7 +82,7 @@ class SceneSource:
         appearances: Sequence[AppearancePlan],
         frames: Sequence[int],
         timings: Timings | None = None,
-        lanes: int = 4,
+        in_flight: int = 4,
     ) -> Iterator[Made]:
         """Yield frames in the order of `frames`.
 
@@ -91,10 +91,10 @@ class SceneSource:
             appearances: The appearances to render; none for labels alone.
             frames: Frame numbers.
             timings: Receives the time of each stage.
-            lanes: Maximum number of concurrent frames on a GPU.
+            in_flight: Maximum number of concurrent frames on a GPU.
         """
         timings = timings or Timings()
-        stream = self._stream_for(sensor, appearances, lanes) if len(frames) > 1 else None
+        stream = self._stream_for(sensor, appearances, in_flight) if len(frames) > 1 else None
         if stream is not None:
             yield from self._streamed(stream, sensor, frames, timings)
             return
@@ -112,10 +112,10 @@ class SceneSource:
             seen: Observed = self.renderer.observe(sensor.camera, pose, self._motion.parts(frame))
         return seen
 
-    def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> list[LabelRecord]:
-        """Return the records of the visible objects, by instance."""
+    def labels(self, seen: Observed, sensor: SensorPlan, frame: int) -> LabelledFrame:
+        """Return the labels of a frame: its calibration, and the records of the visible objects by instance."""
         pose = sensor_transform(sensor, self.trace, frame)
-        return self.annotator.records(seen, sensor.camera, pose, frame)
+        return self.annotator.labels(seen, sensor.camera, pose, frame)
 
     def shade(self, seen: Observed, appearance: AppearancePlan, sensor: SensorPlan, frame: int) -> NDArray[np.uint8]:
         """Return the colour image of an observation, uint8 [H, W, 3] sRGB."""
@@ -136,7 +136,7 @@ class SceneSource:
             self._renderer = None
             raise
 
-    def _stream_for(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
+    def _stream_for(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], in_flight: int) -> Any:
         """Return a frame stream and its key; None on a CPU, and for cameras that need one frame at a time."""
         if not self.use_streams:
             return None
@@ -144,16 +144,16 @@ class SceneSource:
 
         if not can_stream(sensor, appearances):
             return None
-        key = digest("reel/1", [sensor.document(), [plan.digest for plan in appearances], lanes])
+        key = digest("reel/1", [sensor.document(), [plan.digest for plan in appearances], in_flight])
         known, kept = self._stream
         self._stream = "", None  # not reentrant; and its memory is freed before another one is allocated
         if known != key:
             kept = None
-            kept = self.renderer.frame_stream(sensor.camera, sensor.name, appearances, lanes)
+            kept = self.renderer.frame_stream(sensor.camera, sensor.name, appearances, in_flight)
         return key, kept
 
     def _streamed(
-        self, reel: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], timings: Timings
+        self, stream: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], timings: Timings
     ) -> Iterator[Made]:
         from recipe_runtime.render.gpu.frame_stream import FrameBatch
 
@@ -163,7 +163,7 @@ class SceneSource:
                 numbers = frames[start : start + _STREAM_BATCH]
                 poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in numbers])
                 times = [frame / self.scene.clock.fps for frame in numbers]
-                prints = reel[1].frames(FrameBatch(numbers, times, poses, self._motion.many(np.array(numbers))))
+                prints = stream[1].frames(FrameBatch(numbers, times, poses, self._motion.many(np.array(numbers))))
                 for _ in numbers:
                     with timings("render"):
                         made = next(prints)
@@ -171,7 +171,7 @@ class SceneSource:
                     yield Made(made.number, made.observation, made.pictures)
         finally:
             if not left:  # otherwise frames are still in flight
-                self._stream = reel
+                self._stream = stream
 
     def _neighbour_frame(self, sensor: SensorPlan, frame: int) -> Any:
         """Return the previous frame, or for frame 0 the next one; the length of the blur is equal."""
@@ -202,7 +202,7 @@ class FrameSource:
         """Return the captured modalities of one frame, as arrays for `pixel_digest`."""
         return self.render_labelled(sensor, frame)[0]
 
-    def render_labelled(self, sensor: str, frame: int) -> tuple[dict[str, NDArray[np.generic]], list[LabelRecord]]:
+    def render_labelled(self, sensor: str, frame: int) -> tuple[dict[str, NDArray[np.generic]], LabelledFrame]:
         """Return the captured modalities of one frame, and its labels."""
         plan = self._sensors[sensor]
         seen = self.source.observe(plan, frame)

@@ -1,5 +1,6 @@
 """Bodies of actors: rigid parts, each in its own frame."""
 
+from collections.abc import Mapping
 from functools import lru_cache
 
 from recipe_compiler.ir.plan import ActorPlan
@@ -19,8 +20,13 @@ def actor_body(actor: ActorPlan) -> Body:
     The base part comes first; its origin is on the ground and +x points forward. Actors of the same shape share their
     meshes, whose arrays are read-only.
     """
-    shape, lit = tuple(sorted(actor.shape.items())), is_person(actor.shape) or not is_parked(actor)
-    return Body(actor.name, actor.tag * 1000 + actor.instance, _parts(shape, actor.tag, lit))
+    lit = is_person(actor.shape) or not is_parked(actor)
+    return Body(actor.name, actor.tag * 1000 + actor.instance, shape_parts(actor.shape, actor.tag, lit))
+
+
+def shape_parts(shape: Mapping[str, float], tag: int, lit: bool = True) -> tuple[tuple[str, Mesh], ...]:
+    """Return the parts of a shape, the base part first; `lit`: whether a vehicle's lamps can be lit."""
+    return _parts(tuple(sorted(shape.items())), tag, lit)
 
 
 @lru_cache(maxsize=SHAPES_CACHE_SIZE)

@@ -71,11 +71,15 @@ class Renderer:
         """Return linear relative radiance at pixel centres, [H, W, 3]; for tests and tools."""
         return self._camera.radiance(obs, appearance, time)
 
+    def patch_map(self, obs: Observation, appearance: AppearancePlan, frame: int = 0) -> NDArray[np.uint8]:
+        """1 + the number of the topmost patch at each pixel's centre, uint8 [H, W]; 0 where there is none."""
+        return self._camera.patch_map(obs, appearance, frame)
+
     def frame_stream(
-        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int = 16
+        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], in_flight: int = 16
     ) -> FrameStream:
         """Return a stream of frames of a plain camera (`can_stream`), fast on a GPU, with the bytes of `shade`."""
         shadows = ShadowMaps(self._geometry, self._device)
         return FrameStream(
-            self._geometry, shadows, self._atlases, self._device, camera, sensor_name, appearances, lanes
+            self._geometry, shadows, self._atlases, self._device, camera, sensor_name, appearances, in_flight
         )

@@ -44,10 +44,10 @@ class Spots:
 def town_map(town: TownPlan, spots: Spots, title: str, scenario: ScenarioPlan | None = None) -> bytes:
     """Return a PNG with a map of a town, and the named actors and the sensors of a scenario.
 
-    Of a town larger than 320 m, only the part around the scenario's actors and sensors is shown, or the middle.
+    Of a town larger than 320 m, a part with all of the actors and sensors is shown, or the middle; the title says so.
     """
     cast = [a for a in scenario.scene.actors if not a.name.startswith("traffic.")] if scenario else []
-    box = _shown(spots, scenario, cast)
+    box, part = _shown(spots, scenario, cast)
     canvas = Canvas(box, _MAX_SIDE / max(box[2] - box[0], box[3] - box[1]), _GRASS)
     for kinds, draw in _LAYERS:
         for element in town.elements:
@@ -63,27 +63,28 @@ def town_map(town: TownPlan, spots: Spots, title: str, scenario: ScenarioPlan | 
             _actor(canvas, actor, _CAST[n % len(_CAST)])
         for sensor in scenario.rig.sensors:
             _sensor(canvas, sensor, scenario)
-    return codecs.png(np.asarray(_page(canvas, title, scenario is not None)), level=6)
+    return codecs.png(np.asarray(_page(canvas, f"{title} (a part)" if part else title, scenario is not None)), level=6)
 
 
-def _shown(spots: Spots, scenario: ScenarioPlan | None, cast: Sequence[ActorPlan]) -> Box:
-    """Return the part of the world to draw: all spawn points, or the surroundings of the actors and sensors."""
+def _shown(spots: Spots, scenario: ScenarioPlan | None, cast: Sequence[ActorPlan]) -> tuple[Box, bool]:
+    """Return what to draw, all spawn points or the surroundings of actors and sensors, and whether that is a part."""
     points = [(p.x, p.y) for p in (*spots.vehicles, *spots.pedestrians)]
     interest = [(a.start.x, a.start.y) for a in cast]
     if scenario:
         interest += [(s.poses[0].x, s.poses[0].y) for s in scenario.rig.sensors if s.on is None]
-    ends = []
+    ends, part = [], False
     for axis in (0, 1):
         low, high = spots.bounds[axis]
         values = [p[axis] for p in points] or [low, high]
         low, high = max(low, min(values) - _MARGIN), min(high, max(values) + _MARGIN)
         if high - low > _MAX_EXTENT:
-            here = [p[axis] for p in interest] or [low, high]
-            middle = (min(here) + max(here)) / 2
-            start = min(max(middle - _MAX_EXTENT / 2, low), high - _MAX_EXTENT)
-            low, high = start, start + _MAX_EXTENT
+            here = [min(max(p[axis], low), high) for p in interest] or [(low + high) / 2]
+            length = min(max(_MAX_EXTENT, max(here) - min(here) + 2 * _MARGIN), high - low)
+            start = min(max((min(here) + max(here) - length) / 2, low), high - length)
+            part |= length < high - low
+            low, high = start, start + length
         ends.append((floor(low / _GRID) * _GRID, ceil(high / _GRID) * _GRID))
-    return float(ends[0][0]), float(ends[1][0]), float(ends[0][1]), float(ends[1][1])
+    return (float(ends[0][0]), float(ends[1][0]), float(ends[0][1]), float(ends[1][1])), part
 
 
 # Elements of a town

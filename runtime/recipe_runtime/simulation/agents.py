@@ -10,6 +10,7 @@ from recipe_runtime.simulation.pedestrian import PedestrianAgent
 from recipe_runtime.simulation.traffic.driver import Driver
 from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.road_map import RoadMap
+from recipe_runtime.simulation.traffic.standing_props import standing_props
 from recipe_runtime.simulation.vehicle import create_vehicle
 from recipe_runtime.simulation.walking.surroundings import Surroundings
 
@@ -27,12 +28,13 @@ def create_agents(world: World, scene: ScenePlan, control_dt: float) -> tuple[li
     """
     road_map = RoadMap(scene.town)
     junctions = JunctionControl(road_map)
+    props = standing_props(scene.props, world.ground)
     surroundings = Surroundings(scene, world.ground, road_map)
 
     def create(actor: ActorPlan) -> Agent:
         if actor.category == "pedestrian":
             return PedestrianAgent(world, actor, control_dt, surroundings)
-        return create_vehicle(world, actor, control_dt, Driver(actor, road_map, junctions))
+        return create_vehicle(world, actor, control_dt, Driver(actor, road_map, junctions, props))
 
     agents = [create(actor) for actor in scene.actors]
     walkers = {agent.actor.name: agent for agent in agents if isinstance(agent, PedestrianAgent)}

@@ -1,12 +1,12 @@
-"""Records contacts between bodies as events, and lets agents react to them."""
+"""Records contacts between bodies as events (who touched whom, when, and how hard), and lets agents react to them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from recipe_runtime.core.trace import ContactEvent
 from recipe_runtime.simulation.agent import Agent
 from recipe_runtime.simulation.bullet import World
-from recipe_runtime.simulation.events import ContactEvent
 
 _SEPARATE = 0.5  # seconds without contact that end an event
 

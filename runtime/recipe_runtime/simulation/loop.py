@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 
 from recipe_compiler.ir.plan import ScenePlan
 
+from recipe_runtime.core.trace import ContactEvent
 from recipe_runtime.simulation.agent import Agent
 from recipe_runtime.simulation.agents import create_agents
 from recipe_runtime.simulation.bullet import World
 from recipe_runtime.simulation.contacts import ContactRecorder
-from recipe_runtime.simulation.events import ContactEvent
 from recipe_runtime.simulation.neighbours import NeighbourGrid
 from recipe_runtime.simulation.recording import FrameRecorder
 from recipe_runtime.simulation.traffic import through_traffic

@@ -21,7 +21,7 @@ import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack, closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import IO, Any
 
 from recipe_compiler.ir.errors import RunError
@@ -29,8 +29,7 @@ from recipe_compiler.ir.plan import ScenePlan
 
 from recipe_runtime.body.skeleton import part_names
 from recipe_runtime.core import subprocesses
-from recipe_runtime.core.trace import Trace, TraceWriter
-from recipe_runtime.simulation.events import ContactEvent
+from recipe_runtime.core.trace import ContactEvent, Trace, TraceWriter
 
 PINNED = {
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4",
@@ -49,15 +48,13 @@ def simulate(
     progress: Progress | None = None,
     *,
     timeout: float = 3600.0,
-    events: list[ContactEvent] | None = None,
 ) -> Trace:
-    """Return the motion of a scene.
+    """Return the motion of a scene, with its contacts.
 
     Args:
         scene: The plan of the scene.
         progress: Called with the steps done and the total number of steps.
         timeout: Seconds after which the simulation is stopped.
-        events: The list to which contacts between bodies are added, in the order of their start.
 
     Raises:
         RunError: The child process failed or exceeded the time limit.
@@ -70,7 +67,7 @@ def simulate(
         timer = threading.Timer(timeout, child.kill)
         timer.start()
         try:
-            trace = _converse(child, scene, progress, events)
+            trace = _converse(child, scene, progress)
         finally:
             hung = not timer.is_alive()
             timer.cancel()
@@ -85,10 +82,8 @@ def simulate(
         return trace
 
 
-def _converse(
-    child: subprocess.Popen[bytes], scene: ScenePlan, progress: Progress | None, events: list[ContactEvent] | None
-) -> Trace | None:
-    """Send the plan, report progress and write the frames; None if the child ended before the last frame."""
+def _converse(child: subprocess.Popen[bytes], scene: ScenePlan, progress: Progress | None) -> Trace | None:
+    """Send the plan, report progress, collect frames and contacts; None if the child ended before the last frame."""
     assert child.stdin is not None and child.stdout is not None
     with child.stdout as out, ExitStack() as stack:
         try:
@@ -96,7 +91,7 @@ def _converse(
                 stdin.write(scene.model_dump_json().encode())
         except BrokenPipeError:
             return None
-        writer, frames = None, 0
+        writer, frames, contacts = None, 0, list[ContactEvent]()
         for line in out:
             word, _, rest = line.partition(b" ")
             if word == b"parts":
@@ -110,10 +105,10 @@ def _converse(
                     return None
                 _keep(writer, int(rest), data)
                 frames += 1
-            elif word == b"event" and events is not None:
-                events.append(ContactEvent(**json.loads(rest)))
+            elif word == b"event":
+                contacts.append(ContactEvent(**json.loads(rest)))
             elif line == b"end\n" and writer is not None and frames == scene.clock.frames:
-                return writer.trace()
+                return replace(writer.trace(), contacts=tuple(contacts))
     return None
 
 

@@ -19,10 +19,13 @@ from recipe_runtime.simulation.chassis.suspension import Suspension, Wheels
 from recipe_runtime.simulation.path import Path
 from recipe_runtime.simulation.traffic.corridor import SIDESTEP, SIDESTEP_SLOPE
 from recipe_runtime.simulation.traffic.driver import Command, Driver
+from recipe_runtime.simulation.traffic.reversing import REVERSE_SPEED
 
 _STEERING = 1.57  # steering rate of the front wheels, rad/s
 _STOPPING = 5.0  # m/s2, after a collision
+_BACK = 3.0  # metres behind its rear from where its place on the path is looked for while it drives backwards
 _HARD, _HIT = 0.3, 0.01  # m/s, change of the speed that stops it: by anything, and by a person while it moves
+_REVERSING = 0.8  # m/s2, when it drives backwards
 _TIP = 50.0  # lean rate of a two-wheeler, degrees/s
 
 
@@ -71,6 +74,11 @@ class VehicleAgent(Agent):
     def curvature(self) -> float:
         """Curvature of the way that its wheels point to, 1/m, positive to the left."""
         return self._steer / self._base
+
+    @property
+    def halted(self) -> bool:
+        """Whether it stands because of a collision."""
+        return self._stands_until > -math.inf
 
     @property
     def arrived(self) -> bool:
@@ -129,8 +137,11 @@ class VehicleAgent(Agent):
         """Return the speed at the next call, m/s, from the speed along the heading now."""
         if self.held or not self.actor.route:
             return move_towards(ahead, 0.0, _STOPPING * self._dt)
-        if self._stands_until > -math.inf or ahead < 0.0:
+        reverses = self._command.reverse
+        if self._stands_until > -math.inf or (ahead < 0.0 and not reverses):
             return move_towards(ahead, 0.0, _STOPPING * self._dt)
+        if reverses:
+            return move_towards(ahead, -REVERSE_SPEED, _REVERSING * self._dt)
         kind = self._kind
         return max(0.0, ahead + max(-kind.brake, min(kind.drive, self._command.acceleration)) * self._dt)
 
@@ -140,7 +151,10 @@ class VehicleAgent(Agent):
         slope = 0.0 if line == self._line else (shift if line > self._line else -shift) / max(speed, 0.1)
         self._line = line
         if self._stands_until == -math.inf:
+            if self._command.reverse:
+                self._leg = self._steering.go_back(self.progress - self.reach - _BACK)
             target = self._steering.target((self.x, self.y), self.heading, speed, (line, slope))
+            target = -target if self._command.reverse else target  # turns it as it would turn on its way forwards
             rate = (1.0 + self._steer * self._steer) * _STEERING
             self._steer = move_towards(self._steer, target, rate * self._dt)
 

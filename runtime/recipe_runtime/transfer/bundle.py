@@ -91,7 +91,12 @@ def read(path: Path) -> Pack:
     except (OSError, InputError, *_DAMAGE) as error:
         lines = str(error).splitlines() or [type(error).__name__]
         reason = (isinstance(error, OSError) and error.strerror) or lines[0]
-        raise InputError(f"{path}: is not a pack that can be used: {reason}", code=Code.INVALID_PACK) from None
+        refused = isinstance(error, PermissionError)
+        raise InputError(
+            f"{path}: is not a pack that can be used: {reason}",
+            help="allow this user to read it" if refused else "copy it again, or make it again with `recipe pack`",
+            code=Code.INVALID_PACK,
+        ) from None
 
 
 Named = tuple[str, Collection[str]]  # a recipe's name, and the files that it uses

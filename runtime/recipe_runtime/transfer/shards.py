@@ -33,6 +33,7 @@ from recipe_compiler.ir.plurals import count
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256, host_errors, is_folder, open_folder, regular_file
 from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset, labels
 
 INDEX = "index.json"
@@ -106,13 +107,14 @@ def webdataset(
         InputError: `out` exists and is not an export, or a file of the dataset is damaged.
         RunError: the files cannot be written, or another export writes to `out`.
     """
+    check_outside_datasets(out)
     known = _index_of(out)
     same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
     if known is not None and same and _is_whole(out, known):
         return known
-    if out.is_symlink() or (out.exists() and (known is None or _has_other_files(out, known))):
+    if out.is_symlink() or (out.exists() and not _is_empty(out) and (known is None or _has_other_files(out, known))):
         raise InputError(
-            f"{out} exists already, and is not an export alone",
+            f"{out} exists already, and holds files that are not of an export",
             help="move it away, or choose another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )
@@ -206,8 +208,7 @@ def _samples(dataset: Dataset) -> Iterator[Sample]:
                         "variant": variant.variant,
                         "sensor": sensor.name,
                         "fps": variant.scene.clock.fps,
-                        "frame": frame,
-                        "objects": row["objects"],
+                        **row,
                     }
                     sample = {f"{key}.json": canonical_bytes(document)}
                     for modality in sensor.capture:
@@ -244,7 +245,15 @@ def _whole(dataset: Dataset, path: str) -> bytes:
 
 
 def _damaged(dataset: Dataset, what: str) -> InputError:
-    return InputError(f"{dataset.root}/{what}; build the dataset again, then export it")
+    return InputError(
+        f"{dataset.root}/{what}",
+        help="repair the dataset, then export it",
+        code=Code.INVALID_DATASET,
+    )
+
+
+def _is_empty(folder: Path) -> bool:
+    return folder.is_dir() and not any(folder.iterdir())
 
 
 def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:

@@ -59,6 +59,8 @@ class Target:
     def __init__(self, url: str) -> None:
         self._full = url.rstrip("/")
         self.url = urls.shown(self._full)
+        if self._full.partition("://")[0].lower() in ("http", "https"):
+            raise InputError(f"{self.url}: a web server takes no files", help="name a store, such as s3://bucket/name")
         with self._reported():
             self._fs, self._prefix = located(self._full)
             self._there = self._manifest()
@@ -161,7 +163,11 @@ class Target:
             self._make_room(path)
             self._fs.cp_file(self._at(first), self._at(path))
         elif file_sha256(root / path) != row[1]:
-            raise InputError(f"{root / path} differs from its SHA-256 in the manifest; build the dataset again")
+            raise InputError(
+                f"{root / path} differs from its SHA-256 in the manifest",
+                help="repair the dataset",
+                code=Code.INVALID_DATASET,
+            )
         else:
             self._make_room(path)
             self._fs.put_file(str(root / path), self._at(path))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import PurePosixPath
 
 from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import DatasetPlan
@@ -43,19 +44,24 @@ def compare_files(plan: DatasetPlan, lock: Lockfile, files: dict[str, str]) -> l
 
 
 def text_note(lock: Lockfile, plan: str, files: Mapping[str, str]) -> str | None:
-    """Return a one-line note if files changed since they were locked although the plan did not, or None.
+    """Return a one-line note if files were changed or renamed since they were locked and the plan is equal, or None.
 
     Args:
         lock: the lockfile.
         plan: the digest of the plan that the files compile to now.
         files: SHA-256 of the recipe's files, by path.
     """
+    if lock.plan != plan or not lock.files:
+        return None
     locked = set(lock.files.values())
     changed = sorted(path for path, value in files.items() if value not in locked)
-    if lock.plan != plan or not (lock.files and changed):
+    source = PurePosixPath(lock.source).name
+    names = sorted(files.keys() - lock.files.keys()) if source in lock.files and source not in files else []
+    if names:
+        text = ", with another text" if names[0] in changed else ""
+        return f"{names[0]} was locked as {source}{text}; the plan is equal"
+    if not changed:
         return None
-    if changed[0] not in lock.files:
-        return f"{changed[0]} is not a file that was locked; its plan is the locked one"
     rest = f" and {count(len(changed) - 1, 'more file')}" if len(changed) > 1 else ""
     return f"the text of {changed[0]}{rest} has changed since it was locked; the plan has not"
 

@@ -78,7 +78,7 @@ def left_out(a: Side, b: Side) -> list[str]:
     if folders:
         whose = form(len(folders), "its manifest", "their manifests")
         what = f"{' and '.join(folders)} {form(len(folders), 'was', 'were')} compared by {whose}"
-        notes.append(f"{what}; `recipe verify` checks that the files are those")
+        notes.append(f"{what}; `recipe verify` checks the files themselves")
     return notes
 
 
@@ -149,10 +149,15 @@ def _versions(a: Side, b: Side) -> Iterator[Difference]:
 
 def _variants(a: Side, b: Side) -> Iterator[Difference]:
     ours, theirs = a.lock.variants, b.lock.variants
+    if a.plan and b.plan and len(ours) == len(theirs) == 1 and ours.keys() != theirs.keys():
+        one, other_one = a.plan.variants[0], b.plan.variants[0]
+        yield Difference("plan", f"{a.name} is variant {one.variant}, and {b.name} is variant {other_one.variant}")
+        yield from (Difference("plan", message) for message in _plan_fields(one, other_one))
+        return
     for side, other in ((a, b), (b, a)):
         only = [name for name in side.lock.variants if name not in other.lock.variants]
         if only:
-            yield Difference("plan", f"{_some(only, 'variant')}, {form(len(only), 'is', 'are')} in {side.name} only")
+            yield Difference("plan", f"{_some(only, 'variant')} {form(len(only), 'is', 'are')} in {side.name} only")
     shared = [name for name in ours if name in theirs]
     if a.plan and b.plan:
         yield from _fields(shared, a.plan, b.plan)
@@ -289,7 +294,7 @@ def _made(path: str) -> tuple[int, str]:
     """Return the sort key of a file in build order: plans, tracks, pictures, labels, annotations, sheets, README."""
     order = (
         path.startswith("plans/"),
-        path.endswith("/tracks.csv"),
+        path.endswith(("/tracks.csv", "/events.csv")),
         path.count("/") == 3 and not path.startswith("mots/"),
         path.endswith("/labels.jsonl"),
         path.startswith(("annotations/", "mots/")),

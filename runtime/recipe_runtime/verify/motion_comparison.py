@@ -117,7 +117,7 @@ def scenes_to_simulate(
     scenes, notes = {digest: every[digest] for digest in chosen}, []
     if chosen and len(chosen) < len(every):
         which = f"{len(every) - len(chosen):,} of {count(len(every), 'scene')}"
-        notes.append(f"the motion of {which}, and so their tracks.csv, was not compared")
+        notes.append(f"the motion of {which}, and so their tracks.csv and events.csv, was not compared")
     return scenes, notes
 
 

@@ -318,9 +318,10 @@ class _Check:
         return {**self.traces, **{scene: other.trace for scene, other in self.other.items()}}
 
     def track_excuses(self) -> dict[str, str]:
-        """Return, by path, the reason why a `tracks.csv` may differ: its motion may differ on this host."""
+        """Return, by path, the reason why `tracks.csv` and `events.csv` may differ: motion may differ on this host."""
         found = [(v, self.other.get(v.scene.digest)) for v in self.plan.variants]
-        return {layout.tracks_file(v.variant): other.reason for v, other in found if other is not None}
+        files = layout.tracks_file, layout.events_file
+        return {file(v.variant): other.reason for v, other in found if other is not None for file in files}
 
     def _resumption(self, job: Job) -> Resumption | None:
         """Return the journal of a run with the same plan, motion, code, host and device."""

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
+from recipe_compiler.ir.ground.ways import CLEARANCE, Planner, TooManyObstaclesError
 from recipe_compiler.ir.plan import ActorPlan, ScenePlan
 from recipe_compiler.library import towns
-from recipe_compiler.lowering.walking import CLEARANCE, Planner, TooManyObstaclesError
 
 from tests.compiler.kitchen import compiled, small
 

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recipe_compiler.source.merge import Merger, nearest_file, read
+from recipe_compiler.source.file_help import nearest_file
+from recipe_compiler.source.merge import Merger, read
 from recipe_compiler.source.yaml_reader import Value, parse
 
 

@@ -13,6 +13,8 @@ import pycocotools.mask
 import pytest
 from PIL import Image
 from pycocotools.coco import COCO
+from recipe_compiler.ir.errors import InputError
+from recipe_runtime.annotate import ids
 from recipe_runtime.annotate.validate import problems
 from recipe_runtime.build.pipeline import build
 
@@ -37,12 +39,42 @@ def test_kwcoco_accepts_it_without_a_warning(dataset: Path) -> None:
 
 def test_a_track_is_one_actor_in_every_video_and_file(dataset: Path) -> None:
     data = json.loads((dataset / "annotations/kwcoco.json").read_text())
-    assert [(row["id"], row["name"]) for row in data["tracks"]] == [(12001, "hero1"), (12002, "hero2"), (15001, "van")]
+    tracks = {row["id"]: row for row in data["tracks"]}
+    assert len(tracks) == 4 * 3  # of each actor one in every variant
     flat = json.loads((dataset / "annotations/coco/rgb.json").read_text())
+    videos = {row["id"]: row for row in data["videos"]}
+    images = {row["id"]: videos[row["video_id"]] for row in data["images"]}
+    seen: dict[int, set[str]] = {}
     for row in (*data["annotations"], *flat["annotations"]):
-        assert row["track_id"] == row["instance"]
-    videos = {row["id"]: row["video_id"] for row in data["images"]}
-    assert len({videos[row["image_id"]] for row in data["annotations"] if row["track_id"] == 12001}) == 8
+        track, video = tracks[row["track_id"]], images[row["image_id"]]
+        assert (track["variant"], track["actor"], track["instance"]) == (
+            video["variant"],
+            row["actor"],
+            row["instance"],
+        )
+        seen.setdefault(row["track_id"], set()).add(video["sensor"])
+    assert list(seen.values()).count({"street", "side"}) >= 4  # one track in both sensors
+    assert [row["id"] for row in data["annotations"]] == [row["id"] for row in flat["annotations"]]
+    assert len({row["scene"] for row in videos.values()}) == 1
+
+
+def test_ids_stay_when_a_dataset_is_extended(dataset: Path, tmp_path: Path) -> None:
+    """Ids were counted: another frame or variant before an image gave it another id."""
+    longer = build(dataset_plan(13, 3), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    for file in ("annotations/kwcoco.json", "annotations/coco/rgb.json"):
+        data, more = (json.loads((root / file).read_text()) for root in (dataset, longer))
+        for table in ("videos", "tracks", "images", "annotations"):
+            before, after = ({row["id"]: row for row in rows.get(table, ())} for rows in (data, more))
+            assert before.keys() <= after.keys()
+            assert all(0 < number < 1 << 53 for number in after)
+            assert all(after[n].get("file_name") == row.get("file_name") for n, row in before.items())
+            assert all(after[n].get("actor") == row.get("actor") for n, row in before.items())
+
+
+def test_equal_ids_are_refused(monkeypatch: pytest.MonkeyPatch, dataset: Path, tmp_path: Path) -> None:
+    monkeypatch.setattr(ids, "ID_LIMIT", 40)
+    with pytest.raises(InputError, match=r"have the id .* which is a digest of their names"):
+        build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES)
 
 
 def test_pycocotools_reads_masks_that_are_the_instance_pixels(
@@ -102,25 +134,25 @@ def change(table: str, row: int, **values: Any) -> Callable[[dict[str, Any]], No
 
 
 FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
-    (change("images", 1, frame_index=0), r"\(video, frame_index\) \(1, 0\) stands 2 times"),
-    (change("images", 1, video_id=99), "images 2: video_id 99 has no row in videos"),
-    (change("annotations", 0, track_id=99), "annotations 1: track_id 99 has no row in tracks"),
-    (change("annotations", 0, category_id=99), "annotations 1: category_id 99 has no row in categories"),
-    (change("annotations", 0, image_id=999), "annotations 1: image_id 999 has no row in images"),
-    (change("annotations", 0, id=2), "annotations id 2 stands 2 times"),
+    (change("images", 1, frame_index=0), r"\(video, frame_index\) \(\d+, 0\) stands 2 times"),
+    (change("images", 1, video_id=99), r"images \d+: video_id 99 has no row in videos"),
+    (change("annotations", 0, track_id=99), r"annotations \d+: track_id 99 has no row in tracks"),
+    (change("annotations", 0, category_id=99), r"annotations \d+: category_id 99 has no row in categories"),
+    (change("annotations", 0, image_id=999), r"annotations \d+: image_id 999 has no row in images"),
+    (lambda data: data["annotations"].append(data["annotations"][0]), r"annotations id \d+ stands 2 times"),
     (change("annotations", 0, distance=float("nan")), r"\$.annotations\[0\].distance is nan"),
-    (change("annotations", 0, area=3), "annotation 1: area 3 is not the mask's"),
-    (change("annotations", 0, bbox=[0, 0, 1, 1]), r"annotation 1: bbox \[0, 0, 1, 1\] is not the mask's"),
-    (change("annotations", 0, amodal_bbox=[0, 0, 1, 1]), "annotation 1: bbox .* reaches out of amodal_bbox"),
-    (change("tracks", 1, name="hero1"), "tracks name .* stands 2 times"),
+    (change("annotations", 0, area=3), r"annotation \d+: area 3 is not the mask's"),
+    (change("annotations", 0, bbox=[0, 0, 1, 1]), r"annotation \d+: bbox \[0, 0, 1, 1\] is not the mask's"),
+    (change("annotations", 0, amodal_bbox=[0, 0, 1, 1]), r"annotation \d+: bbox .* reaches out of amodal_bbox"),
+    (change("tracks", 1, name="weather=w0,jitter=still/hero1"), "tracks name .* stands 2 times"),
     (lambda data: data["images"][0]["assets"][0].update(file_name="../no.png"), "../no.png is not there"),
     (
         lambda data: data["annotations"][1].update(segmentation=data["annotations"][0]["segmentation"]),
-        "image 1: masks overlap",
+        r"image \d+: masks overlap",
     ),
     (
         lambda data: data["annotations"][0]["segmentation"].update(size=[64, 48]),
-        "image 1: a mask's size is not the picture's",
+        r"image \d+: a mask's size is not the picture's",
     ),
 ]
 

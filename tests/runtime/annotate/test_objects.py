@@ -1,5 +1,6 @@
 """Annotations say what the pixels say, as pycocotools counts them, and what the geometry says."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,16 +11,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from recipe_compiler.ir.plan import CameraPlan, Pose
 from recipe_compiler.ir.plan_types import fixed
+from recipe_runtime.annotate.calibration import Calibration
 from recipe_runtime.annotate.masks import masks
 from recipe_runtime.annotate.objects import quaternion, truncation
-from recipe_runtime.annotate.records import Box3d, FrameRecord, LabelRecord, label_digest
+from recipe_runtime.annotate.records import Box3d, FrameRecord, LabelledFrame, LabelRecord, label_digest
 from recipe_runtime.build.journal import FolderJournal
 from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.core.transforms import compose, from_pose, invert, part_transforms
 from recipe_runtime.dataset.schedule import all_shards, views
 from recipe_runtime.frames.source import FrameSource
 
-from tests.runtime.fakes import ENGINES, actor_bodies, dataset_plan, simulate
+from tests.runtime.fakes import ENGINES, NO_LABELS, actor_bodies, dataset_plan, simulate
 
 
 def pictures() -> list[NDArray[np.uint16]]:
@@ -66,25 +68,32 @@ def test_truncation_is_the_share_outside() -> None:
 def test_records_hold_the_scene(tmp_path: object) -> None:
     plan = dataset_plan()
     source = FrameSource(plan.variants[0], simulate(plan.variants[0].scene), engines=ENGINES)
-    arrays, records = source.render_labelled("street", 3)
+    arrays, labels = source.render_labelled("street", 3)
+    records = labels["objects"]
     assert sorted(arrays) == ["depth", "instance", "rgb", "semantic"]
+    assert (labels["frame"], labels["time"]) == (3, 0.3)
     by_name = {r["actor"]: r for r in records}
     hero = by_name["hero1"]
     assert hero["instance"] == 12001
     box = {"centre": [4.0, -2.375, 0.0], "size": [1.0, 1.0, 2.0], "rotation": [1.0, 0.0, 0.0, 0.0], "yaw": 0.0}
-    assert hero["box3d"] == box
-    assert hero["distance"] == 4.651949  # sqrt(4^2 + 2.375^2)
+    assert hero["tight3d"] == box
+    assert hero["tight3d_world"] == {**box, "centre": [4.0, -2.375, 1.0]}
+    assert hero["distance"] == fixed(math.dist(hero["box3d"]["centre"], (0, 0, 0)))
     assert hero["velocity"] == [0.0, 1.0, 0.0]
     assert all(0 < r["visible_fraction"] <= 1 for r in records)
-    assert any(r["visible_fraction"] < 1 for f in range(12) for r in source.render_labelled("street", f)[1])
+    assert any(r["visible_fraction"] < 1 for f in range(12) for r in source.render_labelled("street", f)[1]["objects"])
 
 
 def test_records_have_the_fields_of_their_types() -> None:
     plan = dataset_plan()
     source = FrameSource(plan.variants[0], simulate(plan.variants[0].scene), engines=ENGINES)
-    for record in source.render_labelled("street", 3)[1]:
-        assert list(record) == list(LabelRecord.__annotations__)
-        assert list(record["box3d"]) == list(Box3d.__annotations__)
+    labels = source.render_labelled("street", 3)[1]
+    assert labels.keys() == LabelledFrame.__annotations__.keys()
+    assert labels["calibration"].keys() == Calibration.__annotations__.keys()
+    for record in labels["objects"]:
+        assert record.keys() == LabelRecord.__annotations__.keys()
+        boxes = record["box3d"], record["box3d_world"], record["tight3d"], record["tight3d_world"]
+        assert all(list(box) == list(Box3d.__annotations__) for box in boxes)
 
 
 def test_a_journal_returns_the_records_written(tmp_path: Path) -> None:
@@ -92,8 +101,7 @@ def test_a_journal_returns_the_records_written(tmp_path: Path) -> None:
     plan = dataset_plan()
     shard, journal = all_shards(plan)[0], FolderJournal(tmp_path, b"key")
     record: FrameRecord = {
-        "frame": 0,
-        "objects": [],
+        **NO_LABELS,
         "digests": {},
         "rgb": {},
         "files": {"a": (1, "x"), "b": (2, "y", "z")},
@@ -133,7 +141,8 @@ def test_boxes_hold_their_actors_whatever_way_the_sensor_looks(angles: tuple[flo
     sensor = variant.rig.sensors[0].model_copy(update={"poses": (pose,)})
     trace, bodies = simulate(variant.scene), actor_bodies(variant.scene)
     source = FrameSource(variant, trace, engines=ENGINES).source
-    boxes = {r["actor"]: r["box3d"] for r in source.labels(source.observe(sensor, 2), sensor, 2)}
+    labels = source.labels(source.observe(sensor, 2), sensor, 2)
+    boxes = {r["actor"]: r["tight3d"] for r in labels["objects"]}
     assert len(boxes) == 3
     parts, sensor_from_world = part_transforms(trace, 2), invert(from_pose(pose))
     for row, body in enumerate(bodies):

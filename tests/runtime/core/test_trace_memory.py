@@ -7,7 +7,6 @@ import io
 import pickle
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +15,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from recipe_compiler.ir.canonical import canonical_bytes, digest_array, digest_bytes
-from recipe_runtime.annotate import objects
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import trace as trace_module
 from recipe_runtime.core.trace import Trace, TraceWriter, frame_bytes
 from recipe_runtime.core.transforms import part_transforms
 from recipe_runtime.dataset.tracks import tracks_csv
 
-from tests.runtime.fakes import actor_bodies, scene_plan, simulate
+from tests.runtime.fakes import scene_plan, simulate
 
 
 def _peak(folder: Path, frames: int) -> int:
@@ -126,16 +124,6 @@ def test_what_the_store_gives_is_mapped_and_read_only(tmp_path: Path) -> None:
     assert trace.to_bytes() == simulate(scene).to_bytes()
 
 
-def test_boxes_are_the_same_however_many_frames_are_handled_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, trace = scene_plan(12), _random(12, [1, 1, 1], 3)
-    names = tuple(a.name for a in scene.actors)
-    trace = replace(trace, actors=names, parts=tuple(f"{name}/base" for name in names))
-    whole = objects._extents(trace, actor_bodies(scene))
-    monkeypatch.setattr(objects, "_PART_FRAMES", 1)
-    for name, (low, high) in objects._extents(trace, actor_bodies(scene)).items():
-        assert (low.tobytes(), high.tobytes()) == (whole[name][0].tobytes(), whole[name][1].tobytes())
-
-
 def _arrays(trace: Trace) -> tuple[NDArray[np.generic], ...]:
     return trace.positions, trace.rotations, trace.linear, trace.angular
 
@@ -146,7 +134,7 @@ def test_many_frames_at_once_are_those_frames() -> None:
     assert (some == np.stack([part_transforms(trace, k) for k in (1, 2, 3)])).all()
 
 
-def test_tracks_are_made_a_frame_at_a_time() -> None:
-    scene = scene_plan(3)
+def test_tracks_are_made_a_few_frames_at_a_time() -> None:
+    scene = scene_plan(35)
     pieces = list(tracks_csv(scene, simulate(scene)))
-    assert [piece.count(b"\n") for piece in pieces] == [1, 3, 3, 3]
+    assert [piece.count(b"\n") for piece in pieces] == [1, 48, 48, 9]

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import pytest
 from recipe_compiler.compile import compile_recipe
-from recipe_compiler.ir.canonical import canonical_bytes
+from recipe_compiler.ir.canonical import canonical_bytes, digest
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.plan import SensorPlan
 from recipe_runtime.annotate.mots import runs_fill
@@ -20,6 +20,7 @@ from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.core.layout import expected_files
+from recipe_runtime.dataset import manifest_reader
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.dataset.limits import check_bounds
 from recipe_runtime.dataset.manifest import is_whole
@@ -354,7 +355,7 @@ def test_a_manifest_that_does_not_add_up_or_of_other_tools_is_not_whole(copy: Pa
 def test_only_codes_of_whole_pictures_are_handed_to_pycocotools(built: Path) -> None:
     found = 0
     for line in (built / STREET / "labels.jsonl").read_text().splitlines():
-        for record in json.loads(line):
+        for record in json.loads(line)["objects"]:
             assert runs_fill(record["counts"], 48 * 64)
             assert not runs_fill(record["counts"], 48 * 64 - 1)
             assert not runs_fill(record["counts"][:-1], 48 * 64)
@@ -395,9 +396,9 @@ def test_labels_hold_what_labels_have_and_nothing_else(built: Path) -> None:
     variant = dataset.plan.variants[0]
     sensor, actors = variant.rig.sensors[0], instances_of(variant.scene)
     line = (built / layout.labels_file(variant.variant, sensor.name)).read_bytes().splitlines(keepends=True)[0]
-    records = json.loads(line)
-    assert labels_of(line, label_digest(records), sensor, actors) == records
-    first = records[0]
+    labels = json.loads(line)
+    assert labels_of(line, 0, label_digest(labels), sensor, actors) == labels
+    first, calibration = labels["objects"][0], labels["calibration"]
     forgeries: tuple[Any, ...] = (
         [{**first, "zz": [{}] * 100}],
         [{**first, "velocity": [0.0] * 4}],
@@ -410,7 +411,34 @@ def test_labels_hold_what_labels_have_and_nothing_else(built: Path) -> None:
         [[]],
         {},
     )
-    for forged in forgeries:
+    frames: list[Any] = [
+        {**labels, "more": 1},
+        {**labels, "frame": 1},
+        {**labels, "time": None},
+        {**labels, "calibration": {**calibration, "K": [[1.0] * 3] * 4}},
+        {**labels, "calibration": {**calibration, "distortion": {}}},
+        [],
+    ]
+    for forged in [*({**labels, "objects": objects} for objects in forgeries), *frames]:
         body = canonical_bytes(forged) + b"\n"
         with pytest.raises(ValueError, match=r"no label has|other actors|more runs"):
-            labels_of(body, label_digest(forged), sensor, actors)
+            labels_of(body, 0, digest("labels/2", forged), sensor, actors)
+
+
+def test_a_folder_that_is_no_dataset_names_the_nearest(built: Path, tmp_path: Path) -> None:
+    for wrong, what in ((built.parent, "is not a dataset"), (built.with_name("tinny"), "there is no such folder")):
+        with pytest.raises(InputError, match=f"{what}.*; did you mean {built}"):
+            datasets.read(wrong)
+    with pytest.raises(InputError, match="there is no such folder; name a folder that `recipe build` made"):
+        datasets.read(tmp_path / "zebra")
+
+
+def test_a_dataset_that_may_not_be_read_is_not_called_damaged(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The remedy was to build it again, which cannot help."""
+
+    def refuse(root: Path) -> Manifest:
+        raise PermissionError(13, "Permission denied", str(root))
+
+    monkeypatch.setattr(manifest_reader, "read", refuse)
+    with pytest.raises(InputError, match="cannot be read: Permission denied; allow this user to read the folder"):
+        datasets.read(copy)

@@ -18,7 +18,7 @@ from recipe_runtime.frames.shot import Shot
 from recipe_runtime.report.contact_sheets import contact_sheet, overlay_sheet
 from recipe_runtime.report.difference import first_difference, write_difference
 
-from tests.runtime.fakes import sensor_plan
+from tests.runtime.fakes import NO_LABELS, sensor_plan
 
 PIXELS = (np.arange(6 * 8 * 3) * 37 % 256).astype(np.uint8).reshape(6, 8, 3)
 
@@ -103,8 +103,8 @@ def test_a_folder_that_cannot_be_written_is_an_error_that_says_so(tmp_path: Path
 def test_a_picture_that_cannot_be_read_back_is_no_traceback(tmp_path: Path) -> None:
     broken = tmp_path / "000000.png"
     broken.write_bytes(codecs.png(PIXELS)[:60])
-    record: FrameRecord = {"frame": 0, "objects": [], "digests": {"labels": ""}, "rgb": {}, "files": {}}
-    video = Video("a", sensor_plan(), 10, (record,))
+    record: FrameRecord = {**NO_LABELS, "digests": {"labels": ""}, "rgb": {}, "files": {}}
+    video = Video("a", "", sensor_plan(), 10, (record,))
     for sheet in (contact_sheet, overlay_sheet):
         with pytest.raises(RunError, match=r"000000.png was written and cannot be read back"):
             sheet("tiny", [video], lambda video, frame: broken)

@@ -22,6 +22,8 @@ from recipe_runtime.report import town_map
 from recipe_runtime.report.canvas import Canvas
 from recipe_runtime.report.town_map import Spots
 
+from tests.compiler.kitchen import only, small
+
 
 def spots(town: towns.Town) -> Spots:
     return Spots(town.spots["vehicle"], town.spots["pedestrian"], town.parking, town.streets.bounds)
@@ -186,3 +188,29 @@ def test_a_map_is_of_no_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match="--map draws a town, not a frame"):
         run("--map", "plaza", "--frame", "3")
+
+
+@pytest.mark.parametrize(("y", "shown"), [(None, 320.0), (250.0, 560.0)])
+def test_a_part_of_a_large_town_holds_every_named_actor_and_says_that_it_is_a_part(
+    tmp_path: Path, drawn: dict[str, list[Any]], monkeypatch: pytest.MonkeyPatch, y: float | None, shown: float
+) -> None:
+    """Actors beyond the middle 320 m of a highway were drawn at the map's border, as if they were there."""
+    titles: list[str] = []
+    page = town_map._page
+
+    def titled(canvas: Canvas, title: str, cast: bool) -> Image.Image:
+        titles.append(title)
+        return page(canvas, title, cast)
+
+    monkeypatch.setattr(town_map, "_page", titled)
+    town = towns.build("highway", 0, {})
+    scenario = None
+    if y is not None:
+        recipe = small(town="highway", actors={"a": {"blueprint": "vehicle.sedan.*", "start": {"x": 4, "y": y}}})
+        recipe["base"]["sensors"] = {"s": {"mount": {"x": 0, "y": -y, "z": 3}, "capture": ["rgb"]}}
+        scenario = only(recipe)
+    town_map.town_map(town.plan, spots(town), "highway", scenario)
+    canvas, _ = drawn["canvas"][0]
+    assert canvas.box[3] - canvas.box[1] == shown
+    assert y is None or canvas.box[1] <= -y < y <= canvas.box[3]
+    assert titles == ["highway (a part)"]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
-from recipe_compiler.ir.plan import ActorPlan, Clock, Pause, Point, Pose, ScenePlan
+from recipe_compiler.ir.plan import ActorPlan, Clock, Element, Pause, Point, Pose, ScenePlan, TownPlan
 from recipe_compiler.ir.signals import may_walk
 from recipe_compiler.library import blueprints, towns
 from recipe_runtime.core.trace import METRE, Trace
@@ -123,6 +123,24 @@ def test_who_meets_at_a_standing_vehicle_gets_round_it() -> None:
     )
     trace = moved(walker("hero", ((-6.0, -8.0), (-6.0, 8.0))), standing, seconds=30.0)
     assert track(trace, "hero")[-1] == pytest.approx((-6.0, 8.0), abs=0.1)
+
+
+@pytest.mark.parametrize("depth", [2.0, 4.0])
+def test_who_is_in_a_dead_end_turns_back_and_goes_round(depth: float) -> None:
+    """Avoidance turns by at most 135 degrees; in a corner, one stood for good."""
+    hero = walker("hero", ((0.0, 0.0), (12.0, 0.0)))
+    shape = {"extent": 1.0}
+    fences = [
+        Element(name=name, kind="fence", pose=Pose(x=x, y=y, yaw=yaw), size=(length, 0.1, 1.2), shape=shape)
+        for name, x, y, yaw, length in (
+            ("end", 4.0, 0.0, 90.0, 3.0),
+            ("left", 4.0 - depth / 2, 1.5, 0.0, depth),
+            ("right", 4.0 - depth / 2, -1.5, 0.0, depth),
+        )
+    ]
+    plan = scene(hero, seconds=60.0).model_copy(update={"town": TownPlan(name="flat", elements=tuple(fences))})
+    trace = simulate(plan)
+    assert track(trace, "hero")[-1] == pytest.approx((12.0, 0.0), abs=0.2)
 
 
 @given(

@@ -57,7 +57,8 @@ def test_webdataset_reads_every_frame(built: Dataset, tmp_path: Path) -> None:
         told = sample["json"]
         assert (told["variant"], told["sensor"], told["frame"]) == (variant.variant, sensor.name, frame)
         lines = (built.root / layout.labels_file(variant.variant, sensor.name)).read_text().splitlines()
-        assert told["objects"] == json.loads(lines[frame])
+        labels = json.loads(lines[frame])
+        assert {key: told[key] for key in labels} == labels
         with Image.open(built.root / place / "rgb" / f"{frame:06d}.png") as picture:
             np.testing.assert_array_equal(sample["rgb.png"], np.asarray(picture))
 
@@ -166,7 +167,7 @@ def test_a_forged_export_is_neither_believed_nor_followed(built: Dataset, tmp_pa
     if forgery == "link":
         shards.webdataset(built, out, lambda *_: None, SMALL, replace=True)
     elif forgery == "folder":
-        with pytest.raises(InputError, match="is not an export alone"):
+        with pytest.raises(InputError, match="holds files that are not of an export"):
             shards.webdataset(built, out, lambda *_: None, SMALL, replace=True)
         assert (first / "thesis.tex").read_text() == "precious"
     assert precious.read_text() == "precious"
@@ -189,8 +190,19 @@ def test_what_is_there_already_is_left_alone(built: Dataset, tmp_path: Path) -> 
     with pytest.raises(InputError, match="exists already, and is another export"):
         exported(built, tmp_path / "out", SMALL * 2)
     (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/notes.txt").write_text("mine")
     with pytest.raises(InputError, match="exists already"):
         exported(built, tmp_path / "mine")
+
+
+def test_an_empty_folder_is_filled_and_a_dataset_is_not_exported_into(built: Dataset, tmp_path: Path) -> None:
+    """Files inside a dataset that its manifest does not list would fail its verification."""
+    (tmp_path / "empty").mkdir()
+    assert exported(built, tmp_path / "empty")
+    before = sorted(built.root.iterdir())
+    with pytest.raises(InputError, match=r"is inside the dataset .*; choose a folder outside it"):
+        exported(built, built.root / "shards")
+    assert sorted(built.root.iterdir()) == before
 
 
 @pytest.mark.parametrize("damage", ["bytes", "missing", "link", "labels"])
@@ -211,6 +223,6 @@ def test_damage_does_not_travel(built: Dataset, tmp_path: Path, damage: str) -> 
         victim.unlink()
         if damage == "link":
             victim.symlink_to("/etc/hostname")
-    with pytest.raises(InputError, match="build the dataset again, then export it"):
+    with pytest.raises(InputError, match="repair the dataset, then export it"):
         exported(dataset, tmp_path / "out")
     assert not list(tmp_path.glob("*out*")) and not list(tmp_path.glob(".*out*"))

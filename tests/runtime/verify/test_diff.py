@@ -125,7 +125,7 @@ def test_datasets_are_said_to_be_compared_by_their_manifests(ours: Side) -> None
     """`nothing differs` must not read as if the files had been looked at."""
     one, other = replace(ours, listed={"README.md": "aa"}), replace(ours, name="theirs", listed={"README.md": "aa"})
     assert differences(one, other) == []
-    check = "`recipe verify` checks that the files are those"
+    check = "`recipe verify` checks the files themselves"
     assert left_out(one, other) == [f"ours and theirs were compared by their manifests; {check}"]
     assert left_out(one, ours) == [f"ours was compared by its manifest; {check}"]
 
@@ -154,10 +154,23 @@ def test_variants_and_outputs_of_one_side_are_reported_in_sentences(ours: Side) 
     asked = ", ".join(ours.plan.annotations)
     assert rest
     assert [str(f) for f in differences(ours, Side("theirs", bare(plan, "", {}), plan))] == [
-        f"plan: 2 variants (first: {first}), are in ours only",
+        f"plan: 2 variants (first: {first}) are in ours only",
         f"plan: output.annotations: {asked} in ours, none in theirs",
         "plan: output.depth: carla in ours, npy in theirs",
     ]
+
+
+def test_two_plans_of_different_variants_are_compared_by_their_content(ours: Side) -> None:
+    """Two expanded plans were reported as variants of one side only, whatever differed."""
+    assert ours.plan is not None
+    plans = [
+        DatasetPlan(recipe="a", description="", variants=(variant,), annotations=(), depth="carla")
+        for variant in ours.plan.variants[:2]
+    ]
+    names = [plan.variants[0].variant for plan in plans]
+    first, *others = differences(*(Side(f"{n}.json", bare(plan, "", {}), plan) for n, plan in enumerate(plans)))
+    assert first.message == f"0.json is variant {names[0]}, and 1.json is variant {names[1]}"
+    assert others and all(" and " in found.message for found in others), others
 
 
 def test_values_are_written_as_in_a_recipe() -> None:
@@ -194,7 +207,7 @@ def test_committed_lockfiles_differ_from_each_other_in_their_variants() -> None:
         (lambda lock: {"plan": "0" * 64}, "the identities differ"),
         (
             lambda lock: {"bodies": {key: replace(row, digest="0" * 64) for key, row in lock.bodies.items()}},
-            "3 body rows differ though the trace rows agree",
+            "3 body rows differ although the trace rows agree",
         ),
     ],
 )

@@ -119,7 +119,7 @@ def test_scenes_that_are_not_simulated_are_reported(locked: Lockfile, monkeypatc
     monkeypatch.setattr(sampling, "MAX_SCENES", 2)
     report = check(locked)
     assert report.verdict == "PASS"
-    assert report.notes == ["the motion of 1 of 3 scenes, and so their tracks.csv, was not compared"]
+    assert report.notes == ["the motion of 1 of 3 scenes, and so their tracks.csv and events.csv, was not compared"]
 
 
 def test_forged_checkpoints_of_a_body_fail(locked: Lockfile) -> None:

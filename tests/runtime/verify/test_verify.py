@@ -27,7 +27,7 @@ from recipe_runtime.core.transforms import Array
 from recipe_runtime.core.versions import host_versions
 from recipe_runtime.dataset import reader as datasets
 from recipe_runtime.frames.engines import Engines
-from recipe_runtime.verify.compare import compare_locks
+from recipe_runtime.verify.compare import compare_locks, text_note
 from recipe_runtime.verify.locking import lock
 from recipe_runtime.verify.verdict import Report
 from recipe_runtime.verify.verify import Options, verify
@@ -151,6 +151,16 @@ def test_an_edited_recipe_is_reported(locked: Lockfile) -> None:
     report = check(edited, fakes.dataset_plan(frames=6, weathers=1))
     assert (report.verdict, report.stage, report.notes) == ("FAIL", "recipe", [])
     assert "tiny.yaml has changed since it was locked" in str(report.differences[0])
+
+
+def test_a_renamed_recipe_is_noted_with_the_name_under_which_it_was_locked(locked: Lockfile) -> None:
+    """The note said that the file was not locked, or that its text had changed, and nothing if only the name had."""
+    (same,) = locked.files.values()
+    assert text_note(locked, PLAN.digest, {"new.yaml": same}) == "new.yaml was locked as tiny.yaml; the plan is equal"
+    other = "new.yaml was locked as tiny.yaml, with another text; the plan is equal"
+    assert text_note(locked, PLAN.digest, {"new.yaml": "b" * 64}) == other
+    assert text_note(locked, PLAN.digest, locked.files) is None
+    assert text_note(locked, "another plan", {"new.yaml": same}) is None
 
 
 def test_another_plan_is_reported_by_its_part(locked: Lockfile) -> None:

@@ -183,6 +183,14 @@ class ObstacleMap:
         here = self._cells.get((self._index(x), self._index(y)), [])
         return [o for _, o in (sorted(here + self._large, key=_number) if self._large else here)]
 
+    def around(self, x: float, y: float, distance: float) -> list[Obstacle]:
+        """Return the obstacles of which a part may be within a distance of a point along both axes."""
+        found = dict(self._large)
+        for i in range(self._index(x - distance), self._index(x + distance) + 1):
+            for j in range(self._index(y - distance), self._index(y + distance) + 1):
+                found.update(self._cells.get((i, j), ()))
+        return [found[n] for n in sorted(found)]
+
     def at(self, x: float, y: float, margin: float = 0.0) -> Obstacle | None:
         """Return the first obstacle that covers a point when it is enlarged by a margin, at most the map's reach."""
         return next((o for o in self.near(x, y) if o.outside(x, y) < margin), None)

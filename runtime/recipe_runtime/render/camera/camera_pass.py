@@ -25,6 +25,7 @@ from recipe_runtime.render.lighting.lights import lamplight
 from recipe_runtime.render.lighting.sample_light import SampleLight
 from recipe_runtime.render.lighting.shading import ShadingPass
 from recipe_runtime.render.numeric.seeds import noise_key
+from recipe_runtime.render.patches.patch_map import patch_map
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.raster.observer import Observer
 from recipe_runtime.render.sampling.sampler import Sampler
@@ -64,7 +65,7 @@ class CameraPass:
         undistorted = self._post.undistorted(obs, response.supersample)
         points = self._sampler.points(undistorted, response.antialias)
         light = self._shading.weather_light(appearance, time)
-        found = self._shading.shade(undistorted, points, appearance, sensor, light)
+        found = self._shading.shade(undistorted, points, appearance, sensor, light, frame)
         with self._timings("rain"):
             cover = self._rain(undistorted, appearance.seed, light, time)
         with self._timings("develop"):
@@ -101,10 +102,18 @@ class CameraPass:
         yield
         stale &= before
 
-    def radiance(self, obs: Observation, appearance: AppearancePlan, time: float) -> NDArray[np.float32]:
+    def patch_map(self, obs: Observation, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
+        """Return 1 + the number of the patch at each pixel's centre, uint8 [H, W]; 0 for none."""
+        points = self._sampler.points(self._post.undistorted(obs, 1), antialias=False)
+        return patch_map(obs, points, self._shading.patches_of(appearance, frame), self._device)
+
+    def radiance(
+        self, obs: Observation, appearance: AppearancePlan, time: float, frame: int = 0
+    ) -> NDArray[np.float32]:
         """Return linear radiance at pixel centres, float32 [H, W, 3]."""
         points = self._sampler.points(obs, antialias=False)
-        found = self._shading.shade(obs, points, appearance, "", self._shading.weather_light(appearance, time))
+        light = self._shading.weather_light(appearance, time)
+        found = self._shading.shade(obs, points, appearance, "", light, frame)
         values: NDArray[np.float32] = found.light.shown.numpy()[points.starts.numpy()]
         return values.reshape(obs.camera.height, obs.camera.width, 3)
 

@@ -44,6 +44,11 @@ def copy_struct(struct: Any) -> Any:
     return copy
 
 
+def struct_of(array: DeviceArray) -> Any:
+    """Return the first struct of an array that `struct_array` made."""
+    return vars(array)["structs"][0]
+
+
 def struct_array(structs: list[Any], device: str) -> DeviceArray:
     """Upload structs as an array.
 

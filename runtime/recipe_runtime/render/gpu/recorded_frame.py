@@ -27,6 +27,7 @@ from recipe_runtime.render.lighting import lights
 from recipe_runtime.render.lighting import passes as light_passes
 from recipe_runtime.render.lighting.temporal import all_samples
 from recipe_runtime.render.lighting.temporal_kernels import PreviousFrame
+from recipe_runtime.render.patches.patch_arrays import no_patches
 from recipe_runtime.render.raster import passes as raster_passes
 from recipe_runtime.render.raster.observation import FrameLabels, objects_of
 from recipe_runtime.render.raster.passes import Labels
@@ -154,6 +155,7 @@ class RecordedFrame:
             struct_array([StaticSamples()], device),
             struct_array([PreviousFrame()], device),
         )
+        self._no_patches = no_patches(device)
         burning = lights.lamps_of(g, [b[f"lamps {name}"] for name in lights.LAMP_NAMES], device)
         self._lamps = {True: struct_array([burning], device), False: struct_array([lights.no_lamps(device)], device)}
         columns = [b[f"bodies {name}"] for name in lights.BODY_NAMES]
@@ -241,7 +243,8 @@ class RecordedFrame:
         b, n, device, burn = self._b, self._buffers, self.device, look.light.lamps_burn
         samples, air, light = b["samples"], b[f"air {v}"], n.light(look.light.wet)
         beams = b[f"beams {look.sun}"] if look.sun >= 0 else self.setup.no_shadows
-        sources = light_passes.ShadingInputs(look.colours, air, beams, self._lamps[burn], self._bodies, n.lists[burn])
+        no_patches, lamps = self._no_patches, self._lamps[burn]
+        sources = light_passes.ShadingInputs(look.colours, no_patches, air, beams, lamps, self._bodies, n.lists[burn])
         earlier = self._no_previous, self._all
         light_passes.shade_samples(self.capacity, samples, sources, *earlier, light, device)
         if look.light.wet:

@@ -14,7 +14,10 @@ from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, noise3, smoothstep, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import mix, multiply, normalize
+from recipe_runtime.render.patches.patch_kernels import PatchArrays, patch_point
+from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.texture.ground import ground_height
+from recipe_runtime.render.texture.images import ImageAtlas, image_at
 
 wp.set_module_options(OPTIONS)
 
@@ -232,4 +235,34 @@ def apply_wind(m: Material, air: wp.array[Air], p: wp.vec3f, near: wp.float32, s
     m.albedo = m.albedo * (1.0 + 0.9 * amount * leaf)
     lean = 0.7 * amount * leaf
     m.normal = normalize(wp.vec3f(m.normal[0] + lean, m.normal[1] - 0.6 * lean, m.normal[2] + 0.4 * lean))
+    return m
+
+
+@wp.func
+def patched_material(
+    patches: wp.array[PatchArrays],
+    album: wp.array[ImageAtlas],
+    samples: wp.array[Samples],
+    i: wp.int32,
+    surface: wp.int32,
+    m: Material,
+) -> Material:
+    """The material of a sample with the patches that its surface carries, one over the other.
+
+    A patch hides what is below it, also water and glass; it keeps the surface's relief.
+    """
+    for e in range(patches[0].first_entry[surface], patches[0].first_entry[surface + 1]):
+        patch = patches[0].entries[e]
+        at = patch_point(patches, patch, samples, i)
+        if at.coverage > 0.0:
+            shown = patches[0].colour[patch]
+            if patches[0].image[patch] >= 0:
+                shown = image_at(album, patches[0].image[patch], at.place, at.code)
+            left = 1.0 - at.coverage
+            m.albedo = mix(m.albedo, shown, at.coverage)
+            m.glow = m.glow * left + shown * (patches[0].emission[patch] * at.coverage)
+            m.coat = m.coat * left + patches[0].coat[patch] * at.coverage
+            m.gloss = m.gloss * left + patches[0].gloss[patch] * at.coverage
+            m.soft = m.soft * left
+            m.street = m.street * left
     return m

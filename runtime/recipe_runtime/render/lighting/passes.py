@@ -31,6 +31,7 @@ class ShadingInputs:
     """The inputs of shading for one appearance, each a struct array on the device."""
 
     colours: DeviceArray  # SurfaceColours
+    patches: DeviceArray  # PatchArrays
     air: DeviceArray
     beams: DeviceArray
     lamps: DeviceArray
@@ -159,6 +160,7 @@ def shade_samples(
         device,
         samples=samples,
         colours=lights.colours,
+        patches=lights.patches,
         air=lights.air,
         beams=lights.beams,
         lamps=lights.lamps,

@@ -27,6 +27,7 @@ from recipe_runtime.render.lighting.reflection import ReflectionPass
 from recipe_runtime.render.lighting.sample_light import SampleLight
 from recipe_runtime.render.lighting.temporal import SampleList, all_samples, listed_samples, thread_count
 from recipe_runtime.render.lighting.temporal_kernels import DirtySamples, PreviousFrame
+from recipe_runtime.render.patches.patch_arrays import no_patches, patch_structs, texture_of
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.sampling.sampler import FrameSamples
 from recipe_runtime.render.scene.geometry import Geometry
@@ -49,7 +50,8 @@ class ShadingPass:
         self._sources = LightSources(geometry, device, timings)
         self._reflection = ReflectionPass(device, reuse, self._list)
         self._lights: dict[str, WeatherLight] = {}  # by the appearance's digest
-        self._colours: tuple[str, SurfaceColours | None] = "", None  # the last that were used, by their identity
+        self._colours: tuple[tuple[str, ...], SurfaceColours, DeviceArray] | None = None  # the last, by their identity
+        self._no_patches = no_patches(device)
 
     def weather_light(self, appearance: AppearancePlan, time: float) -> WeatherLight:
         """Return the light of an appearance at a time in seconds since frame 0."""
@@ -62,7 +64,13 @@ class ShadingPass:
         return self._lights[name]
 
     def shade(
-        self, obs: Observation, points: FrameSamples, appearance: AppearancePlan, sensor: str, light: WeatherLight
+        self,
+        obs: Observation,
+        points: FrameSamples,
+        appearance: AppearancePlan,
+        sensor: str,
+        light: WeatherLight,
+        frame: int,
     ) -> SampleLight:
         """Return the light of all samples of a frame in an appearance; `sensor` is the name of the camera."""
         with self._timings("shadows"):
@@ -70,11 +78,11 @@ class ShadingPass:
         with self._timings("nearby"):
             nearby = self._sources.nearby(obs, light.lamps_burn)
         with self._timings("shade"):
-            samples, air, colours = (
-                struct_array([v], self._device) for v in (points.data, light.air, self._colours_of(appearance))
-            )
-            lights = ShadingInputs(colours, air, beams, nearby.lamps, nearby.bodies, nearby.lists)
-            found, before = self._prepare(obs.camera, points, f"{appearance.digest} {sensor}", light, lights)
+            surface_colours, patches = self._colours_of(appearance, frame)
+            samples, air, colours = (struct_array([v], self._device) for v in (points.data, light.air, surface_colours))
+            lights = ShadingInputs(colours, patches, air, beams, nearby.lamps, nearby.bodies, nearby.lists)
+            name = "" if any(patch.changes for patch in appearance.patches) else f"{appearance.digest} {sensor}"
+            found, before = self._prepare(obs.camera, points, name, light, lights)
             previous = struct_array([before], self._device)
             dirty = self._dirty(points, previous, air, found) if before.shared_count else all_samples()
             threads = thread_count(dirty, points.count)
@@ -97,7 +105,10 @@ class ShadingPass:
     def _prepare(
         self, camera: CameraPlan, points: FrameSamples, name: str, light: WeatherLight, lights: ShadingInputs
     ) -> tuple[SampleLight, PreviousFrame]:
-        """Return the buffers for the light, and what changed since the frame whose light they contain."""
+        """Return the buffers for the light, and what changed since the frame whose light they contain.
+
+        `name` is equal for frames of equal colours; empty: no other frame has these.
+        """
         before, base = PreviousFrame(), points.base
         clouds = float(light.air.drift[0]), float(light.air.drift[1])
         cached = base.lights.get(name) if base is not None else None
@@ -113,7 +124,7 @@ class ShadingPass:
             if base is not None:
                 # (On a GPU it is quicker to shade all samples than to find the dirty ones.)
                 capacity, room = base.columns.capacity, len(base.lights) < _SAMPLE_LIGHT_CACHE_SIZE
-                kept = base.count if room and self._device == "cpu" and self._reuse else 0
+                kept = base.count if room and name and self._device == "cpu" and self._reuse else 0
             found = SampleLight.empty(camera, capacity, kept, lights.lists, clouds, light.wet, self._device)
         found.leaf_step = int(light.air.leaf_step)
         set_fields(before, kept_count=found.kept, stale=found.pixels.stale)
@@ -121,10 +132,18 @@ class ShadingPass:
             base.lights[name] = found
         return found, before
 
-    def _colours_of(self, appearance: AppearancePlan) -> SurfaceColours:
-        name, colours = self._colours
-        if colours is None or name != appearance.colours:
-            name = appearance.colours
-            colours = surface_colours(self._g, appearance.looks.root, self._atlases.of(appearance), self._device)
-            self._colours = name, colours
-        return colours
+    def patches_of(self, appearance: AppearancePlan, frame: int) -> DeviceArray:
+        """The patches of an appearance in a frame, a record of `PatchArrays`."""
+        return self._colours_of(appearance, frame)[1]
+
+    def _colours_of(self, appearance: AppearancePlan, frame: int) -> tuple[SurfaceColours, DeviceArray]:
+        shown = [texture for patch in appearance.patches if (texture := texture_of(patch, frame)) is not None]
+        name = appearance.colours, *(texture.file.sha256 for texture in shown)
+        if self._colours is None or name != self._colours[0]:
+            atlas, device = self._atlases.of(appearance, shown), self._device
+            colours = surface_colours(self._g, appearance.looks.root, atlas.images, device)
+            patches = self._no_patches
+            if appearance.patches:
+                patches = patch_structs(self._g, appearance.patches, atlas.numbers, frame, device)
+            self._colours = name, colours, patches
+        return self._colours[1:]

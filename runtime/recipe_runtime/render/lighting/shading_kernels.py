@@ -20,6 +20,7 @@ from recipe_runtime.render.lighting.materials import (
     apply_wind,
     is_paved,
     material_of,
+    patched_material,
     puddle_depth,
 )
 from recipe_runtime.render.lighting.temporal_kernels import (
@@ -39,6 +40,7 @@ from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot, multiply, normalize
+from recipe_runtime.render.patches.patch_kernels import PatchArrays
 from recipe_runtime.render.sampling.sample_kernels import UNKNOWN_DEPTH, Samples
 from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, map_contains, sun_visibility
 from recipe_runtime.render.texture.images import SurfaceColours, image_at
@@ -283,6 +285,7 @@ def write_light(
 def shade_surface(
     samples: wp.array[Samples],
     colours: wp.array[SurfaceColours],
+    patches: wp.array[PatchArrays],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
     lamps: wp.array[Lamps],
@@ -309,6 +312,8 @@ def shade_surface(
         facing = wp.float32(0.0)
     m = dry_material(samples, colours, air, i, surface, pattern, n)
     m = weathered_material(samples, air, i, pattern, phase, p, distance, m)
+    if patches[0].count > 0:
+        m = patched_material(patches, colours[0].album, samples, i, surface, m)
     free = contact_occlusion(bodies, body_lists, tile, p, n)
     sky_left = open_sky(free, p, n)
     back = wp.vec3f(-sight[0], -sight[1], -sight[2])
@@ -335,6 +340,7 @@ def shade_surface(
 def shade_samples(
     samples: wp.array[Samples],
     colours: wp.array[SurfaceColours],
+    patches: wp.array[PatchArrays],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
     lamps: wp.array[Lamps],
@@ -385,7 +391,7 @@ def shade_samples(
         return
     mark_dirty(previous, samples[0].pixels[i])
     seen, mirrored, gloss, reuse_class = shade_surface(
-        samples, colours, air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
+        samples, colours, patches, air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
         i, tile, surface, pattern, phase, p, n, to_point,
     )  # fmt: skip
     out_reuse_class[i] = reuse_class

@@ -51,8 +51,8 @@ class SampleColumns:
 
 
 def samples_of(columns: SampleColumns) -> Samples:
-    """Return the struct `Samples` of the columns, for shading; its eye is not set."""
-    names = ("surfaces", "positions", "normals", "details", "codes", "puddle_depths", "pixels", "tiles")
+    """Return the struct `Samples` of the columns, for shading; its eye and its transforms are not set."""
+    names = ("surfaces", "positions", "normals", "details", "codes", "puddle_depths", "pixels", "tiles", "keys")
     return set_fields(Samples(), **{name: getattr(columns, name) for name in names})
 
 

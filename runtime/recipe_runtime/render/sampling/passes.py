@@ -12,7 +12,7 @@ from recipe_compiler.ir.plan import CameraPlan
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.launch import launch
 from recipe_runtime.render.raster.label_kernels import TILE_PIXELS
-from recipe_runtime.render.sampling import sample_kernels, slot_kernels
+from recipe_runtime.render.sampling import sample_kernels, slot_kernels, tile_kernels
 from recipe_runtime.render.sampling.buffers import SampleColumns
 from recipe_runtime.render.scene.camera import pinhole_of
 
@@ -178,7 +178,7 @@ def bound_tiles(
 ) -> None:
     """Write the world-space box of each tile's samples except the sky's; `out_lows`, `out_highs` vec3f by tile."""
     launch(
-        sample_kernels.bound_tiles,
+        tile_kernels.bound_tiles,
         tiles.size,
         device,
         tile_corners=tiles,

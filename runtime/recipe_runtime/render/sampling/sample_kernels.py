@@ -11,7 +11,7 @@ change get samples of their own.
 
 from recipe_runtime.meshes.mesh import Pattern
 from recipe_runtime.render.device.setup import OPTIONS, wp
-from recipe_runtime.render.numeric.scalars import maximum, minimum, nonnegative
+from recipe_runtime.render.numeric.scalars import maximum, nonnegative
 from recipe_runtime.render.numeric.vectors import cross, dot, normalize, rotate
 from recipe_runtime.render.raster.label_kernels import TILE, depth_of, pixel_at, triangle_of
 from recipe_runtime.render.scene.pinhole import Pinhole
@@ -351,39 +351,6 @@ def evaluate_samples(
         out_codes[i] = second_step(steps)
 
 
-@wp.kernel
-def bound_tiles(
-    tile_corners: wp.array[wp.int32],
-    pinhole: Pinhole,
-    starts: wp.array[wp.int32],
-    sample_count: wp.int32,
-    surfaces: wp.array[wp.int32],
-    positions: wp.array[wp.vec3f],
-    out_lows: wp.array[wp.vec3f],
-    out_highs: wp.array[wp.vec3f],
-):
-    """Write the world-space box of a tile's samples, which are stored consecutively; samples of the sky are ignored."""
-    tile = wp.tid()
-    x, y = pixel_at(tile_corners, tile * TILE * TILE)
-    begin = starts[y * pinhole.width + x]
-    end = sample_count
-    if tile + 1 < out_lows.shape[0]:
-        x, y = pixel_at(tile_corners, (tile + 1) * TILE * TILE)
-        end = starts[y * pinhole.width + x]
-    low = wp.vec3f(1.0e9, 1.0e9, 1.0e9)
-    high = wp.vec3f(-1.0e9, -1.0e9, -1.0e9)
-    for i in range(begin, end):
-        if surfaces[i] >= 0:
-            p = positions[i]
-            low = wp.vec3f(minimum(low[0], p[0]), minimum(low[1], p[1]), minimum(low[2], p[2]))
-            high = wp.vec3f(maximum(high[0], p[0]), maximum(high[1], p[1]), maximum(high[2], p[2]))
-    if high[0] < low[0]:
-        low = wp.vec3f(0.0, 0.0, 0.0)
-        high = low
-    out_lows[tile] = low
-    out_highs[tile] = high
-
-
 @wp.struct
 class Samples:
     """The samples to shade, as `evaluate_samples` writes them."""
@@ -396,4 +363,8 @@ class Samples:
     puddle_depths: wp.array[wp.float32]  # what `puddle_depth` returns, or UNKNOWN_DEPTH; `shade_samples` writes it
     pixels: wp.array[wp.int32]
     tiles: wp.array[wp.int32]  # of `nearby`
+    keys: wp.array[wp.uint64]
+    world_from_part: wp.array2d[wp.float32]  # this and the next two are for patches
+    world_from_view: wp.array2d[wp.float32]
+    focal: wp.float32  # pixels
     eye: wp.vec3f

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recipe_runtime.core.timings import Timings
-from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array
+from recipe_runtime.render.device.arrays import DeviceArray, set_fields, struct_array, struct_of
 from recipe_runtime.render.device.reuse import TemporalReuse
 from recipe_runtime.render.device.setup import wp
 from recipe_runtime.render.raster import label_kernels
@@ -25,7 +25,7 @@ from recipe_runtime.render.raster.observer import Observer, all_tiles
 from recipe_runtime.render.sampling import passes
 from recipe_runtime.render.sampling.buffers import SampleColumns, samples_of, scene_arrays
 from recipe_runtime.render.sampling.sample_kernels import Samples, StaticSamples
-from recipe_runtime.render.scene.camera import upload_transforms, world_from_parts, world_from_view
+from recipe_runtime.render.scene.camera import pinhole_of, upload_transforms, world_from_parts, world_from_view
 from recipe_runtime.render.scene.geometry import Geometry
 
 _POSE_CACHE_SIZE = 4  # 90 MB each at 800 x 600
@@ -112,7 +112,7 @@ class Sampler:
         inputs = obs.keys, fine, struct_array([StaticSamples()], self._device), groups, starts
         columns, count = self._emit(obs, scene, antialias, all_tiles(obs.camera), *inputs)
         self._evaluate(obs, scene, columns, 0, count)
-        return FrameSamples(_data(obs, columns), groups, starts, columns.weights, count, None)
+        return FrameSamples(_data(obs, columns, scene), groups, starts, columns.weights, count, None)
 
     def _static_samples(self, obs: Observation, antialias: bool, room: int) -> StaticBase:
         """Return the samples of the static scene."""
@@ -159,7 +159,7 @@ class Sampler:
         arrays = obs.keys, fine, struct_array([base.still], self._device), base.groups, base.starts
         columns, count = self._emit(obs, scene, antialias, tiles, *arrays, base=base)
         self._evaluate(obs, scene, columns, base.count, count - base.count)
-        points = FrameSamples(_data(obs, columns), base.groups, base.starts, columns.weights, count, base)
+        points = FrameSamples(_data(obs, columns, scene), base.groups, base.starts, columns.weights, count, base)
         base.tenant, base.touched = points, obs.touched
         return points
 
@@ -221,8 +221,10 @@ class Sampler:
         return wp.array(tiles, dtype=wp.int32, device=self._device)
 
 
-def _data(obs: Observation, columns: SampleColumns) -> Samples:
-    """Return a frame's samples as the struct that shading reads."""
-    data = samples_of(columns)
+def _data(obs: Observation, columns: SampleColumns, scene: DeviceArray) -> Samples:
+    """Return a frame's samples as the struct that shading reads; `scene` is a one-element array of `SceneArrays`."""
+    data, here = samples_of(columns), struct_of(scene)
+    focal = pinhole_of(obs.camera, 1).focal
+    set_fields(data, world_from_part=here.world_from_part, world_from_view=here.world_from_view, focal=focal)
     data.eye = wp.vec3f(*(float(v) for v in obs.world_from_sensor[:, 3]))
     return data

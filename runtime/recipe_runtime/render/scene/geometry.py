@@ -46,12 +46,13 @@ class MountedLight:
 
 @dataclass(frozen=True)
 class Actor:
-    """A moving body: first part, number of parts, and the radius of its parts about their origins."""
+    """A moving body: its first part, and the number and the names of its parts."""
 
     name: str
     instance: int
     first_part: int  # into the Trace's parts
     parts: int
+    part_names: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,9 @@ def upload(bodies: Sequence[Body], device: str) -> Geometry:
     actors: list[Actor] = []
     bounds: list[NDArray[np.float64]] = []
     for index, body in enumerate(moving):
-        actors.append(Actor(body.name, body.instance, len(bounds), len(body.parts)))
+        actors.append(
+            Actor(body.name, body.instance, len(bounds), len(body.parts), tuple(name for name, _ in body.parts))
+        )
         for _, mesh in body.parts:
             bounds.append(_box(mesh.vertices))
             packer.add(body, mesh, part=len(bounds), actor=index)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -23,21 +24,28 @@ _ATLAS_CACHE_SIZE = 4  # each holds all images of an appearance, four thirds of 
 _ROWS = 256  # of an image that are summed at a time
 
 
+@dataclass(frozen=True)
+class Atlas:
+    """The images of an appearance: a one-element array of `ImageAtlas`, and the number of each image in it."""
+
+    images: DeviceArray
+    numbers: Mapping[TexturePlan, int]
+
+
 class ImageAtlases:
     """The image atlases of the appearances of a geometry; the last few are cached."""
 
     def __init__(self, geometry: Geometry, images: Images | None, device: str) -> None:
         self._geometry, self._images, self._device = geometry, images or _no_images, device
-        self._kept: dict[str, DeviceArray] = {}
+        self._kept: dict[tuple[str, ...], Atlas] = {}
 
-    def of(self, appearance: AppearancePlan) -> DeviceArray:
-        """Return an appearance's atlas, a one-element array of `ImageAtlas`."""
-        name = appearance.colours if appearance.textures else ""
+    def of(self, appearance: AppearancePlan, patched: Sequence[TexturePlan] = ()) -> Atlas:
+        """Return an appearance's atlas; `patched` are the images that its patches show."""
+        name = appearance.colours if appearance.textures or patched else "", *(t.file.sha256 for t in patched)
         if name not in self._kept:
             if len(self._kept) >= _ATLAS_CACHE_SIZE:
                 self._kept.pop(next(iter(self._kept)))
-            atlas = atlas_of(self._geometry, appearance.textures, self._images, self._device)
-            self._kept[name] = struct_array([atlas], self._device)
+            self._kept[name] = atlas_of(self._geometry, appearance.textures, self._images, self._device, patched)
         return self._kept[name]
 
 
@@ -45,10 +53,12 @@ def _no_images(texture: TexturePlan) -> NDArray[np.uint8]:
     raise ValueError(f"no reader was given for image sha256:{texture.file.sha256}")
 
 
-def atlas_of(geometry: Geometry, textures: Textures, images: Images, device: str) -> ImageAtlas:
-    """Return the images of a geometry's surfaces; an image on several surfaces is stored once."""
+def atlas_of(
+    geometry: Geometry, textures: Textures, images: Images, device: str, patched: Sequence[TexturePlan] = ()
+) -> Atlas:
+    """Return the images of a geometry's surfaces and of patches; an image that several show is stored once."""
     wanted = [textures.get(key.body, {}).get(key.slot) for key in geometry.surfaces]
-    known = list(dict.fromkeys(texture for texture in wanted if texture is not None))
+    known = list(dict.fromkeys(texture for texture in (*wanted, *patched) if texture is not None))
     ladders = [mip_levels(images(texture)) for texture in known]
     levels = [level for ladder in ladders for level in ladder]
     sizes = np.array([level.size for level in levels], np.int64)
@@ -63,12 +73,13 @@ def atlas_of(geometry: Geometry, textures: Textures, images: Images, device: str
         "heights": [level.shape[0] for level in levels],
     }
     arrays = {name: np.array(values, np.int32).reshape(-1) for name, values in columns.items()}
-    return set_fields(
+    atlas = set_fields(
         ImageAtlas(),
         **{name: wp.array(values, dtype=wp.int32, device=device) for name, values in arrays.items()},
         texels=wp.array(texels, dtype=wp.uint32, device=device),
         linear=wp.array(linear, dtype=wp.float32, device=device),
     )
+    return Atlas(struct_array([atlas], device), {texture: number for number, texture in enumerate(known)})
 
 
 def mip_levels(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint32]]:

@@ -30,6 +30,12 @@ class Steering:
         self._front_leg = self._rear_leg = 0
         self.lock = wheelbase * min(_LOCK, _SLOPE / wheelbase)
 
+    def go_back(self, metres: float) -> int:
+        """Look for the axles from an arc length of the path onward again; return the leg there."""
+        leg = self._path.leg_at(metres)
+        self._front_leg = self._rear_leg = leg
+        return leg
+
     def target(self, place: Vector2, heading: Vector2, speed: float, offset: Vector2) -> float:
         """Return the wanted tangent of the steering angle, positive to the left.
 

@@ -68,5 +68,9 @@ class Vehicle(Body, Protocol):
         """Metres to the left of its path."""
 
     @property
+    def halted(self) -> bool:
+        """Whether it stands because of a collision."""
+
+    @property
     def driver(self) -> Driver:
         """Its driver."""

@@ -147,7 +147,8 @@ def _vehicle(c: Corridor, body: Body, x: float, y: float, size: float) -> Obstac
     if low > left + room or high < right - room:
         return None
     vx, vy = body.velocity
-    return Obstacle(body, gap, vx * tx + vy * ty, low, high, hx * tx + hy * ty, False)
+    along = hx * tx + hy * ty if driver is not None else 0.0  # a prop faces nowhere
+    return Obstacle(body, gap, vx * tx + vy * ty, low, high, along, False)
 
 
 def _person(c: Corridor, body: Body) -> Obstacle | None:

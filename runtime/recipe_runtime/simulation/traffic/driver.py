@@ -2,7 +2,7 @@
 
 Speed: the least of the driver's own speed, the limit of the road, and what bends ahead allow. Leaders: `following` on
 what lies in the `corridor`. Stop lines: `junctions`. Lanes: `lane_change` on roads with several lanes, `overtaking`
-over the oncoming lane of streets.
+over the oncoming lane of streets. After a collision, or too near to what it passes: `reversing`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ from recipe_runtime.simulation.traffic.junctions import JunctionControl
 from recipe_runtime.simulation.traffic.lane_change import LaneChanger, Own
 from recipe_runtime.simulation.traffic.overtaking import Overtaking, is_stalled
 from recipe_runtime.simulation.traffic.passage import Passage
+from recipe_runtime.simulation.traffic.reversing import Reversing, Situation
 from recipe_runtime.simulation.traffic.road_map import Lanes, RoadMap, speed_profile
+from recipe_runtime.simulation.traffic.standing_props import PropsNearby, StandingProp
 
 _LATERAL, _EARLY_BRAKING = 2.0, 1.2  # m/s2 in bends, and before lower speeds
 _BICYCLE_OFFSET = -0.8  # metres: bicycles keep to the right
@@ -38,8 +40,8 @@ _FIRM = 4.0  # m/s2, to stop where one waits and not only at the painted line be
 _SLACK = 0.5  # metres by which queues may stay longer than they must
 _RETURN = 6.0  # metres more before somebody who overtakes and comes closer: to return into the lane
 _PASSING = 1.5  # m/s of a vehicle that crosses, from which it counts as about to be gone
-_LONG = 3.2  # half length from which the swing of the body counts
 _PULL_OUT = 11.0  # metres more behind a standing obstacle, from which a vehicle can pass it
+_LONG = 3.2  # half length from which the swing of the body counts
 _IDLE_TICKS = 20  # decisions to go without moving, after which it counts as stalled, for example by a crash
 _LANE_TICKS = 8  # decisions between two looks at other lanes
 
@@ -50,6 +52,7 @@ class Command:
 
     acceleration: float  # m/s2 along the path
     offset: float  # metres to the left of the path
+    reverse: bool = False  # drive backwards instead, slowly
 
 
 class Driver:
@@ -66,7 +69,9 @@ class Driver:
         stalled: Whether it stands for a reason of its own: not in a queue, at a line or for somebody.
     """
 
-    def __init__(self, actor: ActorPlan, road_map: RoadMap, junctions: JunctionControl) -> None:
+    def __init__(
+        self, actor: ActorPlan, road_map: RoadMap, junctions: JunctionControl, props: Sequence[StandingProp] = ()
+    ) -> None:
         self.actor, self.style = actor, style_of(actor.shape)
         self.base_offset = _BICYCLE_OFFSET if int(actor.shape["body"]) == BICYCLE else 0.0
         self.passage = Passage(extent=math.inf if actor.route else 0.0)
@@ -75,10 +80,12 @@ class Driver:
         self.waiting, self.stalled = False, not actor.route or actor.speed <= 0.0
         self.horizon = 60.0
         self._map, self._junctions = road_map, junctions
+        self._props = PropsNearby(props) if props else None
         self._path: Path | None = None
         self._profile: Sequence[float] = ()
         self._lanes: Lanes | None = None
         self._changer, self._overtaking = LaneChanger(), Overtaking(junctions)
+        self._reversing = Reversing(road_map, junctions)
         self._ticks = self._idle = 0
 
     @property
@@ -103,6 +110,8 @@ class Driver:
         if self.actor.speed <= 0.0 or not vehicle.path.legs or (self.actor.held and seconds < 0.0):
             self.waiting, self.stalled, self.passage.extent = False, True, 0.0
             return Command(-2.0 if vehicle.speed > 0.0 else 0.0, vehicle.offset)
+        if self._props is not None:
+            neighbours = [*neighbours, *self._props.near(vehicle.x, vehicle.y, self.horizon)]
         speed, style = vehicle.speed, self.style
         self.desired = self._desired(vehicle)
         free = free_acceleration(speed, self.desired, style)
@@ -129,7 +138,13 @@ class Driver:
         aside = self.offset - self.line
         self.line = self.offset if abs(aside) <= step else self.line + (step if aside > 0.0 else -step)
         self._choose_offset(vehicle, neighbours, nearest, seconds)
-        return Command(max(-HARDEST_BRAKING, wish), self.offset)
+        reverse = speed < 0.1 and self._drives_back(vehicle, neighbours, Situation(wish, nearest), seconds)
+        return Command(max(-HARDEST_BRAKING, wish), self.offset, reverse)
+
+    def _drives_back(self, vehicle: Vehicle, neighbours: Sequence[Body], situation: Situation, seconds: float) -> bool:
+        """Return whether a vehicle that stands, or drives backwards already, drives backwards now."""
+        situation.overtakes = self._lanes is None and self.offset > self.base_offset + 0.3
+        return self._reversing.decide(vehicle, neighbours, situation, seconds)
 
     def _take_path(self, vehicle: Vehicle) -> None:
         """Compute the speeds along a new path."""
@@ -198,15 +213,10 @@ class Driver:
         for body in neighbours:
             if body.actor.category == "pedestrian" or any(body is other for other in known):
                 continue
-            for k in (-1.0, 0.0, 1.0):
-                x = body.x + k * (body.reach - body.radius) * body.heading[0] - junction.x
-                y = body.y + k * (body.reach - body.radius) * body.heading[1] - junction.y
-                if abs(x) > 25.0 or abs(y) > 25.0:
-                    continue
-                after = vehicle.progress - crossing.entry
-                contact = crossing.movement.first_contact(x, y, body.radius, after + 1.0)
-                if contact is not None:
-                    more.append(Obstacle(body, contact - after - 0.5, 0.0, 0.0, 0.0, 0.0, False))
+            after = vehicle.progress - crossing.entry
+            contact = crossing.movement.first_touch(body, (junction.x, junction.y), after + 1.0)
+            if contact is not None:
+                more.append(Obstacle(body, contact - after - 0.5, 0.0, 0.0, 0.0, 0.0, False))
         return more
 
     def _spare(self, vehicle: Vehicle, obstacle: Obstacle) -> float:

@@ -5,6 +5,7 @@ vehicle of each lane, in order of arrival, under these conditions:
 
 - its light is green, or amber and a comfortable stop is no longer possible; at a stop sign it has stood;
 - its swept path meets none of a vehicle that holds permission, beyond the place where that one is already past;
+- its swept path touches nobody who has lost permission and stands beyond the place where one waits;
 - there is room for it behind the junction, so that it will not stand inside;
 - nobody who overtakes comes towards it on the road that it would enter;
 - no vehicle with priority arrives before it has passed (gap acceptance): priority roads go before stop signs, oncoming
@@ -26,7 +27,7 @@ from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.following import stopping_distance
 from recipe_runtime.simulation.traffic.passage import Crossing, Passage, decision_distance
 from recipe_runtime.simulation.traffic.road_map import DIRECTIONS, RoadMap
-from recipe_runtime.simulation.traffic.swept_path import Movement, Overlap, sweep
+from recipe_runtime.simulation.traffic.swept_path import MARGIN, Movement, Overlap, sweep
 
 PATIENCE, PATIENCE_AT_LIGHTS = 20.0, 12.0  # seconds of waiting, while the light allows going, until others yield
 _IN_SIGHT = 60.0  # metres before the stop line within which vehicles count as approaching
@@ -36,6 +37,7 @@ _GIVES_UP = 2.0  # seconds that a vehicle with permission may stand before the l
 _SAFETY = 0.7  # seconds between two vehicles at one place
 _LANE = (0.3, 2.7)  # metres to the right of a road's axis that a waiting vehicle covers
 _MAX_SETBACK = 8.0  # metres
+_BEYOND = 0.5  # metres past its waiting place from which a vehicle may be in others' way
 
 
 @dataclass(slots=True)
@@ -183,6 +185,7 @@ class JunctionControl:
     def _decide(self, number: int, approaches: list[_Approach], seconds: float, dt: float) -> None:
         """Decide about the first vehicles in the lanes of one junction."""
         for a in approaches:
+            a.passage.obstructs = False
             a.passage.see(a.vehicle, a.hold, seconds, dt, self._light(a, seconds) != "red")
         for a in sorted(approaches, key=lambda a: (a.passage.since, a.order)):
             passage = a.passage
@@ -229,10 +232,25 @@ class JunctionControl:
             overlap = self.overlap(a.crossing.movement, crossing.movement)
             if overlap is not None and holder.progress - crossing.entry <= overlap.other_last:
                 return "occupied"
+        in_way = [
+            other for other in approaches if other.hold < -_BEYOND and other is not a and self._stands_in_way(other, a)
+        ]
+        for other in in_way:
+            other.passage.obstructs = True
+        if in_way:
+            return "blocked"
         for other in approaches:
             if other is not a and not other.passage.granted and self._goes_first(other, a, seconds):
                 return "priority"
         return ""
+
+    def _stands_in_way(self, other: _Approach, a: _Approach) -> bool:
+        """Return whether a vehicle without permission stands beyond its waiting place, where another one passes."""
+        if other.passage.granted:
+            return False
+        junction = self.road_map.junctions[a.crossing.junction]
+        after = a.vehicle.progress - a.crossing.entry
+        return a.crossing.movement.first_touch(other.vehicle, (junction.x, junction.y), after, MARGIN) is not None
 
     def overlap(self, a: Movement, b: Movement) -> Overlap | None:
         """Return where two movements meet; computed once for each pair."""
@@ -243,7 +261,7 @@ class JunctionControl:
 
     def _goes_first(self, other: _Approach, a: _Approach, seconds: float) -> bool:
         """Return whether a vehicle must let another one, which has no permission yet, go first."""
-        if other.passage.reason in ("light", "room", "sign", "oncoming"):
+        if other.passage.reason in ("light", "room", "sign", "oncoming", "blocked"):
             return False
         overlap = self.overlap(a.crossing.movement, other.crossing.movement)
         if overlap is None:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from recipe_runtime.simulation.traffic.agents import Body, Vehicle
 from recipe_runtime.simulation.traffic.following import Style, free_acceleration, idm
 from recipe_runtime.simulation.traffic.road_map import Lanes
+from recipe_runtime.simulation.traffic.standing_props import StandingProp
 
 POLITENESS, THRESHOLD, KEEP_RIGHT = 0.2, 0.15, 0.2  # the last two in m/s2
 SAFE_BRAKING = 3.0  # m/s2 that a follower may have to brake at most
@@ -131,7 +132,9 @@ def _by_lane(
     for body in neighbours:
         dx, dy = body.x - px, body.y - py
         aside = dy * tx - dx * ty
-        if abs(aside) > 4.0 * width or body.heading[0] * tx + body.heading[1] * ty < 0.5:
+        if abs(aside) > 4.0 * width:
+            continue
+        if body.heading[0] * tx + body.heading[1] * ty < 0.5 and not isinstance(body, StandingProp):
             continue
         along = dx * tx + dy * ty
         gap = abs(along) - body.reach - vehicle.reach

@@ -55,6 +55,7 @@ class Passage:
     waited: float = 0.0  # seconds of waiting there while the light allowed going
     stood: float = 0.0  # seconds of standing there with permission
     stopped: bool = False  # stood at the next stop line
+    obstructs: bool = False  # stands beyond the waiting place, where another one has to pass
     room: float = math.inf  # metres that its front may go before it has to stand behind somebody
     solid_room: float = math.inf  # the same without pedestrians
     extent: float = math.inf  # the same, but also not beyond the next stop line that it may not pass

@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from recipe_runtime.body.skeleton import axle_shift
 from recipe_runtime.simulation.path import Path, Point
+from recipe_runtime.simulation.traffic.agents import Body
 
 Turn = Literal["straight", "left", "right"]
 _POSE_STEP, _TRACTRIX_STEP = 1.0, 0.25  # metres along the path
 _SLICE, _LONG_SLICE = 0.6, 1.0  # metres of a body that one circle covers, and of one longer than a van
 _VAN = 5.6  # metres
 MARGIN = 0.3  # metres that two bodies keep apart
+_FAR = 25.0  # metres from a junction's middle beyond which nobody is touched
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +85,29 @@ class Movement:
         dx, dy, reach = self.x[row:] - x, self.y[row:] - y, self.radius + radius
         rows = np.flatnonzero((dx * dx + dy * dy < reach * reach).any(axis=1))
         return self.start + _POSE_STEP * (row + int(rows[0])) if len(rows) else None
+
+    def first_touch(self, body: Body, middle: Point, after: float, margin: float = 0.0) -> float | None:
+        """Return where the moving body would first touch a vehicle that stands.
+
+        Args:
+            body: The vehicle; three circles stand for it.
+            middle: The junction's middle in the world frame.
+            after: Metres of the moving body's middle from the stop line, from which it goes on.
+            margin: Metres to keep from the circles, beyond which the corners of the vehicle reach by up to 0.5.
+
+        Returns:
+            Metres of the moving body's middle from the stop line; None if it touches the vehicle nowhere.
+        """
+        first: float | None = None
+        for k in (-1.0, 0.0, 1.0):
+            x = body.x + k * (body.reach - body.radius) * body.heading[0] - middle[0]
+            y = body.y + k * (body.reach - body.radius) * body.heading[1] - middle[1]
+            if abs(x) > _FAR or abs(y) > _FAR:
+                continue
+            contact = self.first_contact(x, y, body.radius + margin, after)
+            if contact is not None and (first is None or contact < first):
+                first = contact
+        return first
 
     def reach_into(self, direction: Point, lane: tuple[float, float]) -> float:
         """Return how far from the junction's middle the body gets in a lane that leads to it.

@@ -1,1 +1,1 @@
-"""How pedestrians decide: their routes and pauses, crossings of roads, and avoidance of others."""
+"""How pedestrians decide: their routes and pauses, crossings of roads, avoidance of others, and detours."""

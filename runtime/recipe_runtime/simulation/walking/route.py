@@ -91,6 +91,10 @@ class Route:
             return self.path.tangent(self.metres + look)
         return (dx / size, dy / size) if size > 1e-6 else (1.0, 0.0)
 
+    def ahead(self, metres: float) -> Vector2:
+        """Return the point of the path some metres ahead; the goal if that is nearer."""
+        return self.path.at(min(self.metres + metres, self.path.length))
+
     def distance_to_goal(self, x: float, y: float) -> float:
         """Return the straight distance to the goal."""
         px, py = self.path.at(self.path.length)

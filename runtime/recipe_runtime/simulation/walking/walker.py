@@ -15,6 +15,7 @@ from recipe_runtime.simulation.agent import Agent
 from recipe_runtime.simulation.walking import avoidance
 from recipe_runtime.simulation.walking.avoidance import LOOK, Disc, Scene
 from recipe_runtime.simulation.walking.crossings import KERB, Crossing, Crossings
+from recipe_runtime.simulation.walking.detour import Detour
 from recipe_runtime.simulation.walking.route import Route, braking_speed
 from recipe_runtime.simulation.walking.surroundings import SIGHT, Surroundings
 
@@ -30,6 +31,8 @@ _BEHIND = -0.3  # metres ahead; who is farther behind is not avoided
 _FORESIGHT, _STILL = 1.5, 4.0  # seconds ahead for vehicles that move, and that stand
 _STANDING = 0.15  # m/s
 _BLOCKED, _DETOUR = 2.0, 3.5  # seconds of standing until one goes round what is in the way, and for how long
+_AGAIN = 15.0  # seconds after such an attempt within which another one is a planned way
+_GOALS = (6.0, 9.0, 12.0, 3.0)  # metres ahead on the route of the places to which a way is planned
 _PASSING = 1.0  # seconds after a step aside for which one keeps to that side
 _ARRIVED, _CROWDED, _BACK = 0.02, 1.2, 0.6  # metres to the goal: there; near enough if others stand there; goes back
 _DECISION = 1.0  # metres before the kerb, beside the way to brake, where one decides whether to enter a road
@@ -71,6 +74,7 @@ class Walker:
         self._seed = zlib.crc32(actor.name.encode())
         self._side, self._beside = 0, 1
         self._stood, self._detour_until, self._passing_until = 0.0, -math.inf, -math.inf
+        self._blocked_at, self._detour = -math.inf, Detour(surroundings)
         self._arrived = not actor.route or actor.speed <= 0.0
 
     def decide(self, own: PedestrianAgent, others: Sequence[Agent], seconds: float, *, stands: bool) -> Wish:
@@ -181,7 +185,9 @@ class Walker:
         stands = own.velocity[0] * own.velocity[0] + own.velocity[1] * own.velocity[1] < _STANDING * _STANDING
         self._stood = self._stood + DT if wants and stands else max(0.0, self._stood - DT)
         if self._stood > _BLOCKED:
-            self._detour_until, self._stood = seconds + _DETOUR, 0.0
+            self._go_round(own, others, seconds)
+        if self._detour.active:
+            ahead = self._detour.direction(own, self.leader, seconds) or ahead
         scene = self._scene(own, others, ahead, on_road)
         choice = avoidance.choose(scene, ahead, speed, distance, self._side, seconds < self._detour_until)
         if choice.side:
@@ -189,6 +195,15 @@ class Walker:
         elif seconds > max(self._passing_until, self._detour_until):
             self._side = 0
         return choice
+
+    def _go_round(self, own: PedestrianAgent, others: Sequence[Agent], seconds: float) -> None:
+        """Go round what is in the way: by wide turns, and if that has not helped lately, on a planned way."""
+        again = seconds < self._blocked_at + _AGAIN
+        self._blocked_at, self._stood = seconds, 0.0
+        leader = self.leader
+        goals = ((leader.x, leader.y),) if leader is not None else tuple(map(self._route.ahead, _GOALS))
+        if not (again and self._detour.plan(own, goals, others, seconds)):
+            self._detour_until = seconds + _DETOUR
 
     def _scene(self, own: PedestrianAgent, others: Sequence[Agent], ahead: tuple[float, float], on_road: bool) -> Scene:
         """Return what is near."""

@@ -84,6 +84,8 @@ class Dummy:
 class Car(Dummy):
     """A vehicle with its driver."""
 
+    halted = False
+
     def __init__(self, actor: ActorPlan, driver: Driver) -> None:
         super().__init__(actor)
         self.driver = driver

@@ -214,6 +214,19 @@ def test_a_turning_bus_does_not_swing_into_who_waits(turn: tuple[int, int]) -> N
     assert least > 0.2
 
 
+def test_nobody_turns_into_who_stands_beyond_the_waiting_place() -> None:
+    """A car that has lost its permission stood at the painted line, where buses swing through: they collided."""
+    reach = actor("any", start=(0.0, 0.0, 0.0)).shape["length"] / 2
+    plans = [_vehicle("bus", East, South, 30.0, "bus.city"), _vehicle("over", North, North, reach + 0.3)]
+    world = KinematicWorld(crossing(lights={North: RED, East: GREEN}), plans)
+    world.run(25.0)
+    bus, over = world["bus"].driver.passage, world["over"].driver.passage
+    assert not bus.entered and bus.reason == "blocked" and over.obstructs
+    world["over"].progress -= 8.0
+    world.run(20.0)
+    assert _gone(world["bus"]) and not over.obstructs and not world.overlaps
+
+
 def test_a_bus_turning_right_needs_more_ground_than_a_car() -> None:
     plans = [_vehicle("bus", North, East, 20.0, "bus.city"), _vehicle("car", North, East, 50.0)]
     world = KinematicWorld(crossing(), plans)

@@ -1,8 +1,9 @@
-"""Plans walking routes round obstacles: the shortest ways on the visibility graph of the corners in between.
+"""Plans ways round obstacles for pedestrians: the shortest ones on the visibility graph of the corners in between.
 
 A way is straight where the straight way is free. Otherwise the graph consists of the corners of the obstacles that
-block it, enlarged by the clearance; obstacles that block the shortest way so far are added until none does. The result
-is therefore the shortest way round all obstacles.
+block it, enlarged by the clearance; obstacles that block the shortest way so far are added until none does, and those
+that stand too near to the corners of others if there is no way without their own. The result is the shortest way round
+all obstacles; where some touch, it may be a longer one.
 """
 
 from __future__ import annotations
@@ -87,6 +88,9 @@ class Planner:
             shortest = search.shortest()
             self._work -= search.tests - before
             if shortest is None:
+                found = [o for o in search.covering if o not in search.obstacles]
+                if found:
+                    continue
                 return None
             points = shortest
             across = (o for a, b in pairwise(points) for o in self._blocking(a, b, start, goal))
@@ -104,6 +108,7 @@ class _Search:
 
     def __init__(self, around: ObstacleMap, start: XY, goal: XY) -> None:
         self.obstacles: list[Obstacle] = []
+        self.covering: list[Obstacle] = []  # those too near to corners of these for anybody to walk there
         self._around = around
         self.tests = 0
         self._points = [start, goal]
@@ -125,8 +130,11 @@ class _Search:
             self.obstacles.append(o)
             self._margins.append(margin(o, start, goal))
             for corner in o.corners(CLEARANCE + _OUTSIDE):
-                if self._around.at(*corner, CLEARANCE) is None:
+                over = self._around.at(*corner, CLEARANCE)
+                if over is None:
                     self._points.append(corner)
+                else:
+                    self.covering.append(over)
 
     def shortest(self) -> list[XY] | None:
         """Return the shortest way from the start to the goal by A*; None if there is none."""

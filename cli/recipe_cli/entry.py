@@ -1,0 +1,23 @@
+"""Entry point of the `recipe` command: Ctrl-C prints no traceback, also while modules are still imported."""
+
+from __future__ import annotations
+
+import signal
+import sys
+
+
+def main() -> None:
+    """Import and run the command; exit code 130 if that is interrupted."""
+    try:
+        from recipe_cli.main import main as run
+
+        run()
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one would interrupt the message
+        from recipe_compiler.ir.errors import Code, Problem
+
+        from recipe_cli.console import State, fail
+
+        problem = Problem("interrupted", help="run the command again", code=Code.INTERRUPTED)
+        fail([problem], State(as_json="--json" in sys.argv[1:]))
+        sys.exit(130)

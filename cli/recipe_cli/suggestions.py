@@ -1,0 +1,46 @@
+"""Remedies for paths on the command line that lead nowhere: the nearest file, folder or URL that exists."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+from pathlib import Path
+
+_MAX_NAMES = 2000  # entries of a folder with which a misspelt name is compared
+_PLACES = ("datasets/{}", "lockfiles/{}", "lockfiles/{}.lock")
+
+
+def url_with_one_slash(text: str) -> str | None:
+    """The URL that was probably meant by text such as `s3:/bucket/name`; None if it is a path."""
+    scheme = re.match(r"([A-Za-z][A-Za-z0-9+.-]+):/(?!/)", text)
+    if scheme is None or os.path.lexists(f"{scheme[1]}:"):
+        return None
+    return f"{scheme[1]}://{text[scheme.end() :]}"
+
+
+def nearest_place(path: Path) -> str | None:
+    """The existing path that a missing one is probably a misspelling of, or None.
+
+    That is a recipe, dataset or lockfile of that name, else a path whose misspelt part is nearest.
+    """
+    named = [path.with_name(f"{path.name}{suffix}") for suffix in (".yaml", ".yml", ".recipe") if path.name]
+    named += [Path(place.format(path.name)) for place in _PLACES if path.parent == Path()]
+    found = next((str(place) for place in named if place.exists()), None)
+    return found or _respelt(path)
+
+
+def _respelt(path: Path) -> str | None:
+    """The path with its first missing part replaced by the nearest name beside it; None unless the result exists."""
+    folder = Path(path.anchor)
+    for number, part in enumerate(path.parts[1 if path.anchor else 0 :], start=1 if path.anchor else 0):
+        if not (folder / part).exists():
+            try:
+                names = sorted(entry.name for entry in folder.iterdir())[:_MAX_NAMES]
+            except OSError:
+                return None
+            close = difflib.get_close_matches(part[:100], names, n=1, cutoff=0.7)
+            there = folder.joinpath(*close, *path.parts[number + 1 :])
+            return str(there) if close and there.exists() else None
+        folder /= part
+    return None

@@ -1,0 +1,42 @@
+"""Messages for wrong command lines, in plain words: click's own name Python's types and ranges."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from recipe_compiler.ir.errors import Problem
+
+_REWORDED = (  # click's words -> ours
+    (r"'(.*)' is not a valid integer( range)?", r"'\1' is not a whole number"),
+    (r"'(.*)' is not a valid float( range)?", r"'\1' is not a number"),
+    (r"(\S+) is not in the range (\S+)<=x<=(\S+)", r"\1 is not from \2 to \3"),
+    (r"(\S+) is not in the range x>=(\S+)", r"\1 is below \2"),
+    (r"File '(.*)' is a directory", r"'\1' is a folder"),
+    (r"Directory '(.*)' is a file", r"'\1' is a file, not a folder"),
+)
+_SHARE = re.compile(r"([0-9.]+) is not from (0\.[0-9]+) to (0\.[0-9]+)\Z")
+
+
+def problem_of(error: click.ClickException) -> Problem:
+    """What is wrong with a command line, and the remedy, or where to read how the command is used."""
+    from recipe_compiler.ir.errors import Code, Problem
+
+    message = error.format_message().rstrip(".")
+    for theirs, ours in _REWORDED:
+        message = re.sub(f"{theirs}\\Z", ours, message)
+    if not message[1:2].isupper():
+        message = message[:1].lower() + message[1:]
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    command = context.command_path if context else "recipe"
+    if isinstance(error, click.NoSuchOption) and error.option_name == "--frames":
+        remedy = "the recipe sets the number of frames: change `frames` in its `clock`"
+        return Problem("no such option '--frames'", help=remedy, code=Code.USAGE)
+    share = _SHARE.search(message)
+    if share and float(share[2]) <= float(share[1]) / 100 <= float(share[3]):
+        return Problem(message, help=f"write {float(share[1]) / 100:g} for {float(share[1]):g} %", code=Code.USAGE)
+    found = Problem(message, code=Code.USAGE)
+    return found if found.help else Problem(message, help=f"see `{command} --help`", code=Code.USAGE)

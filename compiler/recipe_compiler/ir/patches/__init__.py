@@ -1,0 +1,98 @@
+"""Patches: textures that an appearance lays on surfaces, as decals.
+
+A patch is a rectangle on a flat surface, or it covers a body whole: then its faces project the texture onto the body's
+parts from the sides of a box, and every triangle takes the face that it is turned to. Everything is resolved: where
+each face lies, and the digests of the images.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from recipe_compiler.ir.plan_types import MAX_FRAMES, Colour, FilePlan, Metres, Name, Number, Plan, Share, Slot
+
+PatchMode = Literal["green", "rendered", "digital", "color_transfer"]
+GREEN = "#00903a"  # the placeholder colour
+STATIC = "static"  # the part of a body that does not move; its frame is the world's
+MAX_PATCHES, MAX_FACES, MAX_PATCH_SLOTS = 64, 64, 64
+MAX_EMISSION = 100_000.0  # cd/m2
+
+Vector = tuple[Metres, Metres, Metres]
+
+
+class PatchFace(Plan):
+    """A rectangle in the frame of a part of a body. u goes along `right`, v along `down`, from 0 to 1 each.
+
+    The side that shows the texture, upright and not mirrored, is the one that `down` x `right` points away from.
+    """
+
+    part: Name  # STATIC, or a part of an actor
+    corner: Vector  # the top left corner, metres
+    right: Vector  # unit
+    down: Vector  # unit
+    width: Annotated[Number, Field(gt=0, le=1000)]  # metres
+    height: Annotated[Number, Field(gt=0, le=1000)]
+    region: tuple[Share, Share, Share, Share] = (0.0, 0.0, 1.0, 1.0)  # of the texture: left, top, right, bottom
+    reach: Annotated[Number, Field(gt=0, le=1000)]  # points farther from the rectangle's plane, metres, are not covered
+
+    @property
+    def normal(self) -> tuple[float, float, float]:
+        """The unit normal of the side that shows the texture: `down` x `right`."""
+        (a, b, c), (x, y, z) = self.down, self.right
+        return b * z - c * y, c * x - a * z, a * y - b * x
+
+    @property
+    def corners(self) -> tuple[tuple[float, float, float], ...]:
+        """Top left, top right, bottom right, bottom left: clockwise seen from the front."""
+        places = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+        return tuple(self._at(u * self.width, v * self.height) for u, v in places)
+
+    def _at(self, across: float, along: float) -> tuple[float, float, float]:
+        x, y, z = (self.corner[axis] + across * self.right[axis] + along * self.down[axis] for axis in range(3))
+        return x, y, z
+
+
+class PatchTexture(Plan):
+    """What a patch shows: an image, a sequence of images, one a frame, or a colour."""
+
+    image: FilePlan | None = None
+    frames: Annotated[tuple[FilePlan, ...], Field(max_length=MAX_FRAMES)] = ()
+    colour: Colour | None = None
+
+    def at(self, frame: int) -> FilePlan | None:
+        """The image of a frame; None for a colour."""
+        return self.frames[frame] if self.frames else self.image
+
+    @property
+    def files(self) -> tuple[FilePlan, ...]:
+        """All images."""
+        return (self.image,) if self.image is not None else self.frames
+
+
+class PatchPlan(Plan):
+    """A texture on the surface of a body. Without gloss and emission it is opaque matt paper."""
+
+    name: Name
+    body: Name  # a town's element, an actor or a prop
+    slots: Annotated[tuple[Slot, ...], Field(max_length=MAX_PATCH_SLOTS)] = ()  # of the body; none: all of them
+    faces: Annotated[tuple[PatchFace, ...], Field(min_length=1, max_length=MAX_FACES)]
+    whole: bool = False  # covers its slots whole, by the faces' projections; else one face, a rectangle
+    mode: PatchMode = "rendered"
+    texture: PatchTexture
+    gloss: Share = 0.0  # 0 matt, 1 a mirror
+    emission: Annotated[Number, Field(ge=0, le=MAX_EMISSION)] = 0.0  # luminance of a white texel, cd/m2
+
+    @property
+    def shown(self) -> PatchTexture:
+        """What the renderer shows: the texture, or the placeholder, if the texture is inserted into the picture."""
+        return self.texture if self.mode == "rendered" else PatchTexture(colour=GREEN)
+
+    @property
+    def changes(self) -> bool:
+        """Whether it shows another image in each frame."""
+        return bool(self.shown.frames)
+
+
+Patches = Annotated[tuple[PatchPlan, ...], Field(max_length=MAX_PATCHES)]  # later ones lie over earlier ones

@@ -1,0 +1,73 @@
+"""Surfaces of actors, by the shape of their blueprint (a test compares them with the meshes).
+
+Texture maps are projected from boxes about the parts at rest. A vehicle's paint has one for its body, whose sides can
+also carry rectangles; a person's shirt has one for the torso, the tails of a coat and the sleeves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from recipe_compiler.ir.plan import ActorPlan
+from recipe_compiler.library.surfaces.surface import BoxSide, FlatSurface, Surface, Vec, sides, texture_map
+
+_PAINT, _SHIRT = ("paint",), ("shirt",)
+_ROUND = ("front", "rear", "left", "right")
+_REACH = 0.35  # metres from a rectangle's plane within which a body shows a patch: bodies are curved
+
+
+def actor_surfaces(actor: ActorPlan) -> Iterator[Surface]:
+    """The surfaces of an actor, the one that is covered whole first."""
+    shape = actor.shape
+    if actor.category == "pedestrian":
+        yield from _person(actor.name, shape, shape["height"])
+    elif "rider" in shape:
+        x, y, z = 0.75 * shape["length"] / 2, shape["width"] / 2, 0.8 * shape["height"]
+        fork = sides("fork", (-0.4, -0.3, -0.5), (0.5, 0.3, 0.3), _ROUND, "fork ")
+        body = sides("chassis", (-x, -y, 0.0), (x, y, z), (*_ROUND, "top"))
+        yield texture_map("body", actor.name, _PAINT, [body, fork])
+        yield from _person(actor.name, shape, shape["rider"])
+    else:
+        yield from _vehicle(actor.name, shape)
+
+
+def _vehicle(name: str, shape: Mapping[str, float]) -> Iterator[Surface]:
+    x, y, z = 0.515 * shape["length"], 0.51 * shape["width"], 1.02 * shape["height"]
+    low, high = (-x, -y, 0.0), (x, y, z)
+    rows = [sides("chassis", low, high, names) for names in (("left", "front"), ("top",), ("right", "rear"))]
+    yield texture_map("body", name, _PAINT, rows)
+    x, y, z = shape["length"] / 2, shape["width"] / 2, shape["height"]
+    base = shape["clearance"]
+    for side in sides("chassis", (-x, -y, base), (x, y, z), ("left", "right", "front", "rear", "top")):
+        yield _rectangle(name, "roof" if side.side == "top" else side.side, side, _PAINT)
+
+
+def _person(name: str, shape: Mapping[str, float], h: float) -> Iterator[Surface]:
+    """The shirt or coat of a person `h` metres tall."""
+    girth, wide = max(shape["girth"], 1.0), max(shape["shoulder"], shape["girth"], 1.0)
+    torso = (-0.09 * h * girth, -0.125 * h * wide, -0.055 * h), (0.09 * h * girth, 0.125 * h * wide, 0.3 * h)
+    rows = [sides("torso", *torso, (*_ROUND, "top"))]
+    if shape["coat"] > 0.0:
+        tails = (-0.16 * h * girth, -0.16 * h * wide, 0.0), (0.16 * h * girth, 0.16 * h * wide, 0.6 * h)
+        rows.append(sides("pelvis", *tails, _ROUND, "tails "))
+    arms = [("upper_arm", -0.21)] + ([("forearm", -0.18)] if shape["sleeves"] > 0 else [])
+    for arm, end in arms:
+        low, high = (-0.045 * h * girth, -0.045 * h * girth, end * h), (0.045 * h * girth, 0.045 * h * girth, 0.03 * h)
+        row = [sides(f"{arm}_{hand}", low, high, _ROUND, f"{arm}_{hand} ") for hand in ("left", "right")]
+        rows.append([side for found in row for side in found])
+    yield texture_map("shirt", name, _SHIRT, rows)
+    chest = (-0.07 * h * girth, -0.1 * h * wide, 0.0), (0.07 * h * girth, 0.1 * h * wide, 0.22 * h)
+    for side, label in zip(sides("torso", *chest, ("front", "rear")), ("chest", "back"), strict=True):
+        yield _rectangle(name, label, side, _SHIRT, middle=True)
+
+
+def _rectangle(body: str, name: str, side: BoxSide, slots: tuple[str, ...], middle: bool = False) -> FlatSurface:
+    """The rectangle of a box's side. z is counted from the part's origin, or from its own middle if it lies flat."""
+    face = side.face((0.0, 0.0, 1.0, 1.0))
+    flat = middle or side.side == "top"
+    half = face.width / 2
+    fall = face.height / 2 if flat else face.corner[2]
+    a, b, c = (face.corner[n] + half * face.right[n] + fall * face.down[n] for n in range(3))
+    origin: Vec = (a, b, c)
+    z = (-face.height / 2, face.height / 2) if flat else (side.low[2], side.high[2])
+    return FlatSurface(name, body, side.part, slots, origin, face.right, face.down, (-half, half), z, _REACH)

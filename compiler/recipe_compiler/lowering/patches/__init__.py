@@ -1,0 +1,1 @@
+"""Lowers patches to plans, and finds the files of their textures."""

@@ -1,0 +1,190 @@
+"""Lowers patches: finds each one's surface, and resolves its place and its texture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.ir.patches import GREEN, PatchFace, PatchPlan, PatchTexture
+from recipe_compiler.ir.plan import ScenePlan
+from recipe_compiler.ir.plan_types import MAX_PROPS
+from recipe_compiler.ir.plurals import count
+from recipe_compiler.library import surfaces
+from recipe_compiler.library.surfaces import FlatSurface, Surface
+from recipe_compiler.library.towns import Town
+from recipe_compiler.lowering import props
+from recipe_compiler.lowering.asset_files import AssetFile
+from recipe_compiler.lowering.patches.texture_files import Key, texture_key
+from recipe_compiler.schema.messages import nearest
+from recipe_compiler.schema.patches import Carrier, Patch
+from recipe_compiler.source.yaml_reader import Value, show
+
+BOARD_PREFIX = "patch."  # keeps the names of boards distinct from those of props, actors and town elements
+
+
+@dataclass
+class LoweredPatches:
+    """The lowered patches of a variant, in file order, and problems."""
+
+    plans: tuple[PatchPlan, ...] = ()
+    problems: list[Problem] = field(default_factory=list)
+
+
+def board_key(patches: Mapping[str, Patch]) -> tuple[tuple[str, str], ...]:
+    """What of patches is part of the scene: names, poses and sizes of free-standing boards."""
+    return tuple((name, patch.on.model_dump_json()) for name, patch in patches.items() if patch.on.board is not None)
+
+
+def add_boards(stage: props.LoweredProps, patches: Mapping[str, Patch], base: Value, town: Town) -> None:
+    """Add the free-standing boards of patches to the props of a scene."""
+    for name, patch in patches.items():
+        if patch.on.board is None or patch.on.size is None:
+            continue
+        if len(stage.plans) >= MAX_PROPS:
+            message, place = f"patches.{name}: the scene has {MAX_PROPS} props already", base.place_of("patches", name)
+            stage.problems.append(Problem(message, place, "remove a prop", Code.INPUT_LIMIT))
+            return
+        board = props.board(BOARD_PREFIX + name, patch.on.size, patch.on.board, town)
+        stage.plans += (board,)
+        stage.looks[board.name] = dict(props.BOARD_LOOK)
+
+
+def lower(
+    patches: Mapping[str, Patch],
+    textures: Mapping[Key, Sequence[AssetFile]],
+    base: Value,
+    scene: ScenePlan,
+) -> LoweredPatches:
+    """Lower all patches, in file order.
+
+    Args:
+        patches: the patches by name.
+        textures: the validated files of textures.
+        base: the variant's base, for the places of problems.
+        scene: the scene, with the boards.
+    """
+    lowered = LoweredPatches()
+    for name, patch in patches.items():
+        surface = _surface(name, patch.on, base, scene, lowered.problems)
+        texture = _texture(name, patch, textures, base, scene.clock.frames, lowered.problems)
+        faces = None if surface is None else _faces(name, patch.on, surface, base, lowered.problems)
+        if surface is None or faces is None or texture is None:
+            continue
+        plan = PatchPlan(
+            name=name,
+            body=surface.body,
+            slots=surface.slots,
+            faces=faces,
+            whole=not isinstance(surface, FlatSurface),
+            mode=patch.mode,
+            texture=texture,
+            gloss=patch.gloss,
+            emission=patch.emission,
+        )
+        lowered.plans += (plan,)
+    return lowered
+
+
+def _surface(name: str, on: Carrier, base: Value, scene: ScenePlan, problems: list[Problem]) -> Surface | None:
+    """The surface that carries a patch; None, with a problem, if there is none of that name."""
+    if on.board is not None:
+        board = next(prop for prop in scene.props if prop.name == BOARD_PREFIX + name)
+        return next(iter(surfaces.prop_surfaces(board)))
+    key, given = next((key, value) for key in ("town", "actor", "prop") if (value := getattr(on, key)) is not None)
+    place = base.place_of("patches", name, "on", key)
+    known = dict(_carriers(key, scene))
+    body = known.get(given)
+    there = list(body) if body is not None else []
+    if not there:
+        what = {"town": "an element of the town with a surface", "actor": "an actor", "prop": "a prop"}[key]
+        message = f"patches.{name}.on.{key}: {show(given)} is not {what}"
+        problems.append(Problem(message, place, nearest(given, known), Code.UNKNOWN_NAME))
+        return None
+    if on.surface is None:
+        return there[0]
+    found = next((surface for surface in there if surface.name == on.surface), None)
+    if found is None:
+        message = f"patches.{name}.on.surface: {given} has no surface {show(on.surface)}"
+        remedy = nearest(on.surface, [surface.name for surface in there])
+        problems.append(Problem(message, base.place_of("patches", name, "on", "surface"), remedy, Code.UNKNOWN_NAME))
+    return found
+
+
+def _carriers(key: str, scene: ScenePlan) -> Iterator[tuple[str, Iterator[Surface]]]:
+    """All bodies of a kind that have surfaces, by the name that a recipe gives them."""
+    if key == "town":
+        kinds = surfaces.KINDS
+        yield from ((e.name, surfaces.element_surfaces(e)) for e in scene.town.elements if e.kind in kinds)
+    elif key == "actor":
+        yield from ((actor.name, surfaces.actor_surfaces(actor)) for actor in scene.actors)
+    else:
+        own = ((p.name.removeprefix(props.PREFIX), p) for p in scene.props if p.name.startswith(props.PREFIX))
+        yield from ((name, surfaces.prop_surfaces(prop)) for name, prop in own)
+
+
+def _faces(
+    name: str, on: Carrier, surface: Surface, base: Value, problems: list[Problem]
+) -> tuple[PatchFace, ...] | None:
+    """The faces of a patch on its surface; None, with a problem, if it does not fit."""
+    where = f"patches.{name}.on"
+    if not isinstance(surface, FlatSurface):
+        wrong = [key for key in ("at", "size") if base.get("patches", name, "on", key) is not None]
+        for key in wrong:
+            message = f"{where}.{key}: the surface {surface.name} is covered whole"
+            remedy = "remove it, or name another surface"
+            problems.append(Problem(message, base.place_of("patches", name, "on", key), remedy, Code.CONFLICT))
+        return None if wrong else tuple(face for _, face in surface.islands)
+    largest = "{:.4g} x {:.4g} m".format(*surface.size)
+    if on.size is None:
+        message = f"{where}: a patch on the surface {surface.name} needs a size"
+        remedy = f"add size: {{width: ..., height: ...}}, at most {largest}"
+        problems.append(Problem(message, base.place_of("patches", name, "on"), remedy, Code.MISSING_KEY))
+        return None
+    middle = surface.middle
+    x, z = (middle[0] if on.at.x is None else on.at.x), (middle[1] if on.at.z is None else on.at.z)
+    wide, high = surface.room(x, z)
+    title = f"the {surface.name} of {surface.body}"
+    if wide <= 0 or high <= 0:
+        limits = (
+            f"x from {surface.x[0]:.4g} to {surface.x[1]:.4g} and z from {surface.z[0]:.4g} to {surface.z[1]:.4g} m"
+        )
+        message = f"{where}.at: x = {x:g}, z = {z:g} m is not on {title}, which has {limits}"
+        remedy = f"write at: {{x: {middle[0]:.4g}, z: {middle[1]:.4g}}} for its middle"
+        problems.append(Problem(message, base.place_of("patches", name, "on", "at"), remedy, Code.OUT_OF_RANGE))
+        return None
+    if on.size.width > wide + 1e-9 or on.size.height > high + 1e-9:
+        message = f"{where}.size: {on.size.width:g} x {on.size.height:g} m does not fit {title}"
+        remedy = f"the largest at x = {x:.4g}, z = {z:.4g} is {wide:.4g} x {high:.4g} m, in its middle {largest}"
+        problems.append(Problem(message, base.place_of("patches", name, "on", "size"), remedy, Code.OUT_OF_RANGE))
+        return None
+    return (surface.face(x, z, on.size.width, on.size.height),)
+
+
+def _texture(
+    name: str,
+    patch: Patch,
+    textures: Mapping[Key, Sequence[AssetFile]],
+    base: Value,
+    frames: int,
+    problems: list[Problem],
+) -> PatchTexture | None:
+    """The texture of a patch; None, with a problem, if its sequence is too short."""
+    texture = patch.texture
+    if texture is None:
+        return PatchTexture(colour=GREEN)
+    if texture.color is not None:
+        return PatchTexture(colour=texture.color.lower())
+    kind = "image" if texture.image is not None else "frames"
+    value = base.get("patches", name, "texture", kind)
+    assert value is not None
+    files = [one.file for one in textures[texture_key(value.place, str(value.data), kind)]]
+    if kind == "image":
+        return PatchTexture(image=files[0])
+    if len(files) < frames:
+        numbers = f"{count(len(files), 'image')} for {count(frames, 'frame')}"
+        message = f"patches.{name}.texture.frames: {show(value.plain)} has {numbers}"
+        remedy = f"add images, one a frame, or lower clock.frames to {len(files)}"
+        problems.append(Problem(message, value.place, remedy, Code.OUT_OF_RANGE))
+        return None
+    return PatchTexture(frames=tuple(files[:frames]))

@@ -1,0 +1,161 @@
+"""Boxes of actors, in the frame of the base part: x forward, y left, z up, metres.
+
+The *body box* has one size for a blueprint, as in CARLA: it bounds the meshes of the neutral pose, which is standing
+for people, riding with the left crank up for riders, and wheels straight ahead for cars. Wheels that turn do not change
+it. Its bottom is on the ground: in the base part's ground plane for vehicles, at the lower sole for people, whose base
+part sinks while they walk.
+
+The *tight box* bounds all vertices of the pose in a frame. It has the axes of the body box and another size in every
+frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.ir.plan import ActorPlan
+
+from recipe_runtime.body import riding, walk_cycle
+from recipe_runtime.body.kinematics import IDENTITY, PartPose
+from recipe_runtime.body.skeleton import Bike, Figure, has_rider, is_person
+from recipe_runtime.body.wheels import Cars
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.transforms import Array, compose, invert, rigid_transform, transform_points
+from recipe_runtime.meshes.actors import SHAPES_CACHE_SIZE, shape_parts
+from recipe_runtime.meshes.mesh import Body, Mesh
+
+_SOLES = ("foot_left", "foot_right")
+
+Extent = tuple[Array, Array]  # lowest and highest corner, [3] each
+
+
+@dataclass(frozen=True)
+class BodyBox:
+    """The body box of a blueprint, before it is put on the ground.
+
+    Attributes:
+        low: Lowest corner [3]; its z is 0.
+        high: Highest corner [3].
+        soles: For each part on which a person stands its name and its vertices [V, 3]; nothing for vehicles.
+    """
+
+    low: Array
+    high: Array
+    soles: tuple[tuple[str, Array], ...] = ()
+
+
+def body_box(actor: ActorPlan) -> BodyBox:
+    """Return the body box of an actor, which depends on the shape of its blueprint alone."""
+    return _shape_box(tuple(sorted(actor.shape.items())), actor.tag)
+
+
+class GroundedBoxes:
+    """The body boxes of the actors of a Trace, on the ground."""
+
+    def __init__(self, actors: Sequence[ActorPlan], trace: Trace) -> None:
+        self._boxes = {actor.name: body_box(actor) for actor in actors}
+        self._soles: dict[str, list[tuple[int, Array]]] = {}
+        for name, box in self._boxes.items():
+            rows = {trace.parts[row].rpartition("/")[2]: row for row in trace.actor_parts(name)}
+            self._soles[name] = [(rows[part], vertices) for part, vertices in box.soles if part in rows]
+
+    def extent(self, actor: str, parts: Array, base: int) -> Extent:
+        """Return the corners of an actor's body box in the frame of its base part.
+
+        Args:
+            actor: Name of the actor.
+            parts: World-from-part transforms of the Trace at a frame, or at several, [..., P, 3, 4].
+            base: Index of the actor's base part.
+
+        Returns:
+            Lowest and highest corner, [..., 3] each.
+        """
+        box = self._boxes[actor]
+        rise = np.zeros(parts.shape[:-3])
+        if self._soles[actor]:
+            up = invert(parts[..., base, :, :])
+            lows = [_lowest(compose(up, parts[..., row, :, :]), vertices) for row, vertices in self._soles[actor]]
+            rise = np.minimum.reduce(lows)
+        lift = np.zeros((*rise.shape, 3))
+        lift[..., 2] = rise
+        return box.low + lift, box.high + lift
+
+
+class TightBoxes:
+    """The tight boxes of bodies."""
+
+    def __init__(self, trace: Trace, bodies: Sequence[Body]) -> None:
+        self._trace = trace
+        self._bodies = {body.name: body for body in bodies}
+        self._vertices: dict[str, tuple[NDArray[np.intp], Array]] = {}
+
+    def extent(self, actor: str, parts: Array) -> Extent:
+        """Return the lowest and highest corner of an actor's tight box in the frame of its base part.
+
+        Args:
+            actor: Name of the actor.
+            parts: World-from-part transforms of the Trace at a frame, [P, 3, 4].
+        """
+        if actor not in self._vertices:
+            self._vertices[actor] = self._collect(actor)
+        owners, vertices = self._vertices[actor]
+        rows = self._trace.actor_parts(actor)
+        placed = compose(invert(parts[rows[0]]), parts[rows])
+        x, y, z = vertices
+        low, high = np.empty(3), np.empty(3)
+        for axis in range(3):
+            t = placed[:, axis]
+            values = t[owners, 0] * x + t[owners, 1] * y + t[owners, 2] * z + t[owners, 3]
+            low[axis], high[axis] = values.min(), values.max()
+        return low, high
+
+    def _collect(self, actor: str) -> tuple[NDArray[np.intp], Array]:
+        """Return the part (its number within the actor) of every distinct vertex, and the vertices [3, V]."""
+        owners, found = [], []
+        for number, row in enumerate(self._trace.actor_parts(actor)):
+            vertices = _distinct(self._bodies[actor].mesh(self._trace.parts[row].rpartition("/")[2]))
+            owners.append(np.full(len(vertices), number, np.intp))
+            found.append(vertices)
+        return np.concatenate(owners), np.ascontiguousarray(np.concatenate(found).T)
+
+
+@lru_cache(maxsize=SHAPES_CACHE_SIZE)
+def _shape_box(sorted_shape: tuple[tuple[str, float], ...], tag: int) -> BodyBox:
+    shape = dict(sorted_shape)
+    low, high, soles = np.full(3, np.inf), np.full(3, -np.inf), []
+    for (name, mesh), pose in zip(shape_parts(shape, tag), _neutral_pose(shape), strict=True):
+        vertices = _distinct(mesh)
+        placed = transform_points(rigid_transform(*pose), vertices)
+        low, high = np.minimum(low, placed.min(axis=0)), np.maximum(high, placed.max(axis=0))
+        if is_person(shape) and name in _SOLES:
+            soles.append((name, vertices))
+    if is_person(shape):
+        high[2] -= low[2]
+    low[2] = 0.0
+    return BodyBox(low, high, tuple(soles))
+
+
+def _neutral_pose(shape: Mapping[str, float]) -> list[PartPose]:
+    """Return the poses of an actor's parts at the origin, in the order of the Trace."""
+    if is_person(shape):
+        return walk_cycle.steady_pose(Figure.of(shape), 0.0, 0.0)
+    if has_rider(shape):
+        return riding.steady_pose(Bike.of(shape), 0.0)
+    return Cars([shape]).pose([[(0.0, 0.0, 0.0, *IDENTITY, 0.0, 0.0)]]).of_first()
+
+
+def _distinct(mesh: Mesh) -> Array:
+    vertices: Array = np.unique(mesh.vertices.astype(np.float64).reshape(-1, 3), axis=0)
+    return vertices
+
+
+def _lowest(transform: Array, vertices: Array) -> Array:
+    """Return the lowest z of vertices [V, 3] after transforms [..., 3, 4]."""
+    x, y, z = vertices.T
+    r = transform[..., 2, :, None]
+    lowest: Array = (r[..., 0, :] * x + r[..., 1, :] * y + r[..., 2, :] * z + r[..., 3, :]).min(axis=-1)
+    return lowest

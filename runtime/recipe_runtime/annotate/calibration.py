@@ -1,0 +1,70 @@
+"""The calibration of a frame: how a point of the world becomes a pixel, with no convention left to guess.
+
+The camera frame is that of OpenCV and of REP-103's optical frames: x right, y down, z forward, metres. Pixel
+coordinates are continuous: (0, 0) is the outer corner of the top-left pixel, whose centre is (0.5, 0.5). A point p of
+the world projects as
+
+    x, y, z = world_to_camera p,  u = K (x / z, y / z, 1),
+
+and depth is z. A lens with distortion shows at a pixel what the pinhole shows at another one: let q be the pixel's
+offset from the principal point (K's last column) in half widths of the image, and r its length; the pinhole's offset is
+(1 + lens_k r^2 + lens_kcube r^3) q.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypedDict
+
+import numpy as np
+from recipe_compiler.ir import exact
+from recipe_compiler.ir.optics import bends
+from recipe_compiler.ir.plan import CameraPlan
+from recipe_compiler.ir.plan_types import fixed
+
+from recipe_runtime.core.transforms import Array, compose, invert
+
+# The sensor frame is x forward, y left, z up.
+_SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0]])
+
+
+class Distortion(TypedDict):
+    """The distortion of the lens; the coefficients are 0 for the model `none`."""
+
+    model: Literal["none", "radial"]
+    lens_k: float
+    lens_kcube: float
+
+
+class Calibration(TypedDict):
+    """Calibration of one frame of one camera; non-integers have six decimal places."""
+
+    K: list[list[float]]  # [3, 3], pixels
+    distortion: Distortion
+    camera_to_world: list[list[float]]  # [4, 4]
+    world_to_camera: list[list[float]]  # [4, 4]
+
+
+def calibration(camera: CameraPlan, world_from_sensor: Array) -> Calibration:
+    """Return the calibration of a camera at a pose.
+
+    Args:
+        camera: The camera.
+        world_from_sensor: Pose of the sensor, [3, 4], x forward, y left, z up, metres.
+    """
+    sine, cosine = exact.sin_cos_deg(camera.fov / 2.0)
+    focal = fixed(camera.width / 2.0 * cosine / sine)
+    pose = compose(world_from_sensor, _SENSOR_FROM_CAMERA)
+    return {
+        "K": [[focal, 0.0, camera.width / 2.0], [0.0, focal, camera.height / 2.0], [0.0, 0.0, 1.0]],
+        "distortion": {
+            "model": "radial" if bends(camera) else "none",
+            "lens_k": camera.lens_k,
+            "lens_kcube": camera.lens_kcube,
+        },
+        "camera_to_world": _rows(pose),
+        "world_to_camera": _rows(invert(pose)),
+    }
+
+
+def _rows(transform: Array) -> list[list[float]]:
+    return [*([fixed(v) for v in row] for row in transform.tolist()), [0.0, 0.0, 0.0, 1.0]]

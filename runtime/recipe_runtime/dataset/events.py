@@ -1,0 +1,97 @@
+"""`events.csv`: what happens in a variant, one interval of time a row.
+
+Collisions are those of the simulation, which are kept with the Trace; presence follows from the Trace, lights from the
+plan, and tracks from the labels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from recipe_compiler.ir import signals
+from recipe_compiler.ir.plan import ScenePlan
+
+from recipe_runtime.annotate.records import Video
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.dataset.tracks import field, presence, text
+
+COLUMNS = "event,frame,end_frame,time,end_time,sensor,subject,object,value"
+
+Interval = tuple[int, int]  # first and last frame
+Event = tuple[int, int, float, float, str, str, str, str, str]
+"""First and last frame, time and end time in seconds, kind, sensor, subject, object, value."""
+
+
+def events_csv(scene: ScenePlan, trace: Trace, videos: Sequence[Video]) -> Iterator[bytes]:
+    """Yield the file in pieces: a header, then the events in the order of their beginning.
+
+    Args:
+        scene: The scene of the variant.
+        trace: Its motion.
+        videos: The videos of the variant.
+    """
+    yield COLUMNS.encode() + b"\n"
+    found = [*_collisions(scene, trace), *_presence(scene, trace), *_lights(scene), *_tracks(scene, videos)]
+    for first, last, time, end, kind, *names in sorted(found):
+        fields = ",".join(map(field, names))
+        yield f"{kind},{first},{last},{text(time)},{text(end)},{fields}\n".encode()
+
+
+def _event(scene: ScenePlan, kind: str, frames: Interval, subject: str, value: str, sensor: str = "") -> Event:
+    first, last = frames
+    fps = scene.clock.fps
+    return first, last, first / fps, last / fps, kind, sensor, subject, "", value
+
+
+def _collisions(scene: ScenePlan, trace: Trace) -> Iterator[Event]:
+    """Yield the contacts that end after frame 0 began; their value is the impulse in N s."""
+    clock = scene.clock
+    for contact in trace.contacts or ():
+        if contact.end < 0:
+            continue
+        start, end = max(0, contact.start), contact.end
+        frames = [min(step // clock.steps_per_frame, clock.frames - 1) for step in (start, end)]
+        times = [step / clock.physics for step in (start, end)]
+        names = contact.first, contact.second
+        yield frames[0], frames[1], times[0], times[1], "collision", "", *names, f"{contact.impulse:.3f}"
+
+
+def _presence(scene: ScenePlan, trace: Trace) -> Iterator[Event]:
+    """Yield the intervals in which each actor is in the scene."""
+    there = presence(trace, range(trace.frames))
+    for number, actor in enumerate(trace.actors):
+        for frames in _runs(there[:, number].tolist()):
+            yield _event(scene, "presence", frames, actor, "")
+
+
+def _lights(scene: ScenePlan) -> Iterator[Event]:
+    """Yield the intervals in which each traffic light shows a light to vehicles, and to pedestrians."""
+    times = [frame / scene.clock.fps for frame in range(scene.clock.frames)]
+    for element in scene.town.elements:
+        if element.kind != "traffic_light":
+            continue
+        shown = [signals.light(element.shape, time) for time in times]
+        walks = [signals.may_walk(element.shape, time) for time in times]
+        for frames in _runs(shown):
+            yield _event(scene, "light", frames, element.name, shown[frames[0]])
+        for frames in _runs(["walk" if walk else "dont_walk" for walk in walks]):
+            yield _event(scene, "walk_light", frames, element.name, "walk" if walks[frames[0]] else "dont_walk")
+
+
+def _tracks(scene: ScenePlan, videos: Sequence[Video]) -> Iterator[Event]:
+    """Yield the first and the last frame in which each actor is visible to a sensor; the value counts its frames."""
+    for video in videos:
+        seen: dict[str, list[int]] = {}
+        for record in video.frames:
+            for item in record["objects"]:
+                seen.setdefault(item["actor"], []).append(record["frame"])
+        for actor, frames in seen.items():
+            yield _event(scene, "track", (frames[0], frames[-1]), actor, str(len(frames)), video.sensor.name)
+
+
+def _runs(values: Sequence[object]) -> Iterator[Interval]:
+    """Yield the intervals of equal values; those of False are left out."""
+    starts = [n for n, value in enumerate(values) if n == 0 or value != values[n - 1]]
+    for start, end in zip(starts, [*starts[1:], len(values)], strict=True):
+        if values[start] is not False:
+            yield start, end - 1

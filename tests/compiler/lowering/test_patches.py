@@ -1,0 +1,150 @@
+"""Patches in recipes: what of them is scene and what is appearance, where they lie, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from recipe_compiler.compile import Compiled, compile_recipe
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.patches import GREEN, PatchPlan
+from recipe_compiler.ir.plan import AppearancePlan
+
+from tests.compiler.kitchen import only, small
+from tests.compiler.modelling import picture, png
+
+SIZE = {"width": 1.0, "height": 0.5}
+WALL = {"town": "wall.0", "at": {"x": 0.5, "z": 1.2}, "size": SIZE}
+RED = {"color": "#ff0000"}
+
+
+def compiled(folder: Path, patches: dict[str, Any], deltas: dict[str, Any] | None = None, **base: Any) -> Compiled:
+    (folder / "a.png").write_bytes(png(picture()))
+    (folder / "frames").mkdir(exist_ok=True)
+    for n in range(5):
+        (folder / f"frames/{n}.png").write_bytes(png(picture(4 + n, 3)))
+    recipe = small(patches=patches, town={"name": "downtown", "blocks": [2, 2]}, **base)
+    (folder / "recipe.yaml").write_text(json.dumps(recipe | ({"deltas": deltas} if deltas else {})))
+    return compile_recipe(folder / "recipe.yaml")
+
+
+def patch_of(folder: Path, patch: dict[str, Any], **base: Any) -> PatchPlan:
+    (plan,) = compiled(folder, {"poster": patch}, **base).plan.variants[0].appearance.patches
+    return plan
+
+
+def refused(folder: Path, patch: dict[str, Any], **base: Any) -> str:
+    with pytest.raises(InputError) as caught:
+        compiled(folder, {"poster": patch}, **base)
+    return " ".join(str(caught.value).split())
+
+
+def test_a_patch_changes_the_appearance_alone(tmp_path: Path) -> None:
+    """Mode, texture, place, gloss: no body moves, and no camera sees another shape."""
+    changes: dict[str, Any] = {
+        "green": {"mode": "green"},
+        "digital": {"mode": "digital"},
+        "image": {"texture": {"image": "a.png", "color": None}},
+        "place": {"on": {"at": {"x": 1.0}}},
+        "gloss": {"gloss": 0.5},
+        "emission": {"emission": 300},
+    }
+    deltas = {"change": {name: {"patches": {"poster": change}} for name, change in {"none": {}, **changes}.items()}}
+    variants = compiled(tmp_path, {"poster": {"on": WALL, "texture": RED}}, deltas).plan.variants
+    assert len({v.scene.digest for v in variants}) == len({v.rig.digest for v in variants}) == 1
+    assert len({v.appearance.digest for v in variants}) == len({v.appearance.colours for v in variants}) == 7
+
+
+def test_without_patches_no_plan_changes() -> None:
+    """An absent part is not part of the document, so datasets and digests of earlier recipes stay as they are."""
+    plan = only(small())
+    assert "patches" not in plan.appearance.document() and "patches" not in plan.document()["appearance"]  # type: ignore[operator]
+    again = AppearancePlan.model_validate(plan.appearance.document())
+    assert again.digest == plan.appearance.digest
+
+
+def test_a_board_is_part_of_the_scene_and_its_texture_is_not(tmp_path: Path) -> None:
+    board = {"on": {"board": {"x": -4, "y": 2, "yaw": 90}, "size": SIZE}, "texture": RED}
+    move: dict[str, Any] = {"patches": {"poster": {"on": {"board": {"x": -3}}}}}
+    deltas: dict[str, Any] = {
+        "change": {"none": {}, "colour": {"patches": {"poster": {"texture": {"color": "#00ff00"}}}}, "move": move}
+    }
+    plain, colour, moved = compiled(tmp_path, {"poster": board}, deltas).plan.variants
+    assert plain.scene is colour.scene and plain.scene.digest != moved.scene.digest
+    (prop,), (patch,) = plain.scene.props, plain.appearance.patches
+    assert prop.name == patch.body == "patch.poster"
+    assert (patch.faces[0].width, patch.faces[0].height) == (1.0, 0.5)
+    # It faces +y from y = 2.01, and its right, seen from there, is -x.
+    for found, wanted in zip(
+        patch.faces[0].corners, ((-3.5, 0.65), (-4.5, 0.65), (-4.5, 0.15), (-3.5, 0.15)), strict=True
+    ):
+        assert found == pytest.approx((wanted[0], 2.01, wanted[1]), abs=1e-5)
+
+
+def test_a_patch_lies_around_its_point(tmp_path: Path) -> None:
+    """x goes to the right from the surface's middle, seen from its front, and z up from the foot of the body."""
+    patch = patch_of(tmp_path, {"on": WALL, "texture": RED})
+    compiled_plan = compiled(tmp_path, {"poster": {"on": WALL, "texture": RED}}).plan.variants[0]
+    wall = next(e for e in compiled_plan.scene.town.elements if e.name == "wall.0")
+    face = patch.faces[0]
+    middle = [sum(corner[n] for corner in face.corners) / 4 for n in range(3)]
+    across = [(middle[n] - (wall.pose.x, wall.pose.y)[n]) for n in range(2)]
+    assert across == pytest.approx([0.5 * face.right[0], 0.5 * face.right[1]], abs=1e-5)
+    assert middle[2] == pytest.approx(wall.pose.z + 1.2)
+    assert face.normal == pytest.approx((-face.right[1] * face.down[2], face.right[0] * face.down[2], 0.0), abs=1e-6)
+    assert patch.mode == "rendered" and not patch.whole and patch.shown.colour == "#ff0000"
+
+
+def test_textures_are_pinned_and_listed_as_files_of_the_recipe(tmp_path: Path) -> None:
+    made = compiled(tmp_path, {"poster": {"on": WALL, "texture": {"image": "a.png"}}})
+    (file,) = made.plan.variants[0].appearance.patches[0].texture.files
+    assert made.files["a.png"] == file.sha256 and made.places[file.sha256] == tmp_path / "a.png"
+    assert file.sha256 in made.plan.variants[0].files
+    other = {"on": WALL, "texture": {"image": "a.png", "sha256": "0" * 64}}
+    assert "is another file" in refused(tmp_path, other)
+
+
+def test_a_sequence_has_an_image_a_frame(tmp_path: Path) -> None:
+    patch = patch_of(tmp_path, {"on": WALL, "texture": {"frames": "frames"}})
+    assert patch.changes and len(patch.texture.frames) == 4, "as many as the clip has frames"
+    assert patch.shown.at(2) == patch.texture.frames[2] and len(set(patch.texture.frames)) == 4
+    clock = {"fps": 10, "frames": 6}
+    assert "5 images for 6 frames" in refused(tmp_path, {"on": WALL, "texture": {"frames": "frames"}}, clock=clock)
+
+
+@pytest.mark.parametrize("mode", ["green", "digital", "color_transfer"])
+def test_the_placeholder_is_green(tmp_path: Path, mode: str) -> None:
+    patch = patch_of(tmp_path, {"on": WALL, "mode": mode, "texture": {"image": "a.png"}})
+    assert patch.shown.colour == GREEN and patch.shown.at(0) is None and patch.texture.image is not None
+
+
+@pytest.mark.parametrize(
+    ("patch", "words"),
+    [
+        ({"on": {**WALL, "town": "wal.0"}, "texture": RED}, ['"wal.0" is not an element', 'did you mean "wall.0"?']),
+        ({"on": {**WALL, "surface": "bakc"}, "texture": RED}, ['no surface "bakc"', 'did you mean "back"?']),
+        ({"on": {"actor": "hero3"}, "texture": RED}, ['"hero3" is not an actor', 'did you mean "hero']),
+        ({"on": {"prop": "sofa"}, "texture": RED}, ['"sofa" is not a prop']),
+        ({"on": {**WALL, "size": {"width": 12, "height": 1}}, "texture": RED},
+         ["12 x 1 m does not fit the front of wall.0", "largest at x = 0.5, z = 1.2 is"]),
+        ({"on": {**WALL, "at": {"z": 9}}, "texture": RED}, ["z = 9 m is not on the front of wall.0", "z from 0.25 to"]),
+        ({"on": {"town": "wall.0"}, "texture": RED}, ["needs a size", "at most"]),
+        ({"on": {"actor": "hero1", "size": SIZE}, "texture": RED}, ["shirt is covered whole", "name another surface"]),
+        ({"on": {**WALL, "actor": "hero1"}, "texture": RED}, ["one of `town`, `actor`, `prop` or `board`"]),
+        ({"on": {"board": {"x": 0, "y": 0}}, "texture": RED}, ["a board has the patch's size"]),
+        ({"on": WALL}, ["needs a `texture`"]),
+        ({"on": WALL, "texture": {"image": "a.png", "color": "#000000"}}, ["one of `image`, `frames` or `color`"]),
+        ({"on": WALL, "texture": {"image": "b.png"}}, ["there is no such file"]),
+        ({"on": WALL, "texture": {"image": "../a.png"}}, ["`..` is refused"]),
+        ({"on": WALL, "texture": {"image": "recipe.yaml"}}, ["not an image in a supported format"]),
+        ({"on": WALL, "texture": {"frames": "nowhere"}}, ["cannot be read as a folder"]),
+        ({"on": WALL, "texture": {"frames": "."}, "mode": "rendered"}, ["1 image for 4 frames"]),
+        ({"on": WALL, "texture": RED, "gloss": 2}, ["above the maximum, 1"]),
+    ],
+)  # fmt: skip
+def test_mistakes_are_explained(tmp_path: Path, patch: dict[str, Any], words: list[str]) -> None:
+    text = refused(tmp_path, patch)
+    for word in words:
+        assert word in text, text

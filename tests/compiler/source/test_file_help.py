@@ -1,0 +1,54 @@
+"""A path that leads to no recipe is refused with what is there, and with a recipe to name instead."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.source.file_help import recipe_of_folder
+
+
+def _files(folder: Path, *names: str, text: str = "recipe: a\n") -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        (folder / name).write_text(text)
+
+
+def test_a_folder_names_the_recipe_of_its_name_or_those_in_it(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    _files(folder)
+    assert recipe_of_folder(folder) == "name a recipe file, such as NAME.yaml"
+    _files(folder, "other.yaml", text="version: 3\n")  # no recipe
+    _files(folder, "a.yaml")
+    assert recipe_of_folder(folder) == f'did you mean "{folder}/a.yaml"?'
+    _files(folder, "b.yml", "c.yaml", "d.yaml", text="# x\nextends: e.yaml\n")
+    names = ", ".join(f'"{folder}/{name}"' for name in ("a.yaml", "b.yml", "c.yaml"))
+    assert recipe_of_folder(folder) == f"name a recipe in it: {names} and others"
+    _files(folder / "recipe", "built.yaml")  # as in a dataset
+    assert recipe_of_folder(folder) == f'did you mean "{folder}/recipe/built.yaml"?'
+    _files(tmp_path, "mine.yaml")
+    assert recipe_of_folder(folder) == f'did you mean "{tmp_path}/mine.yaml"?'
+
+
+def test_the_folder_in_which_one_stands_has_no_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    _files(tmp_path, "a.yaml")
+    assert recipe_of_folder(Path()) == 'did you mean "a.yaml"?'
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (b"recipe-lock 1\nrecipe a\n", "is a lockfile, and not a recipe; name its recipe"),
+        (b"PK\x03\x04\x14", "is a pack or another archive, and not a recipe; `recipe check`, .* take packs"),
+        (b"\xff\xd8\xff\xe0", "is a picture, and not a recipe; name a recipe file"),
+    ],
+)
+def test_files_of_other_kinds_are_named(tmp_path: Path, body: bytes, message: str) -> None:
+    """They were refused as damaged text: `not a text file in UTF-8`."""
+    path = tmp_path / "a.yaml"
+    path.write_bytes(body)
+    with pytest.raises(InputError, match=message):
+        compile_recipe(path)
