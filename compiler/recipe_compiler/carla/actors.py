@@ -6,6 +6,7 @@ import re
 
 from recipe_compiler.carla.catalogue import blueprints
 from recipe_compiler.carla.draft import Data, name_for
+from recipe_compiler.carla.forms.oscar import class_of
 from recipe_compiler.carla.forms.specs import ANGLES, Spec, Transform
 from recipe_compiler.carla.handedness import Pose, board
 from recipe_compiler.carla.report import Node
@@ -214,8 +215,7 @@ def write_crowds(scene: Scene) -> None:
     totals = {"vehicles": 0, "pedestrians": 0}
     for spec in scene.of_kind("generator"):
         class_node, node = spec.node.get("_actor_"), spec.attributes.get("count")
-        kind = "" if class_node is None else str(class_node.value.data).rsplit(".", 1)[-1]
-        key = {"Vehicle": "vehicles", "Walker": "pedestrians"}.get(kind)
+        key = {"Vehicle": "vehicles", "Walker": "pedestrians"}.get(class_of(spec.node, "_actor_"))
         if key is None or class_node is None:
             message = "an ActorsGenerator has an `_actor_`, Walker or Vehicle"
             scene.reader.refuse(class_node or spec.node, message, "write the class of the actors", Code.UNKNOWN_NAME)

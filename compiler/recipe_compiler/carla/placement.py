@@ -21,6 +21,7 @@ from recipe_compiler.ir.ground.ways import Planner
 from recipe_compiler.ir.plan import Pose
 from recipe_compiler.library import towns
 from recipe_compiler.library.towns import Town
+from recipe_compiler.lowering.enclosures import Yards
 
 _ASIDE = (0.0, -2.0, 2.0)  # metres from a spawn point, across and along its direction
 _MOST_SPOTS, _MOST_POINTS = 150, 24  # spawn points that are tried, and points that are compared
@@ -60,6 +61,7 @@ class Site:
         """Generate the town of a name, with its default parameters."""
         self.town: Town = towns.build(name, 0, {})
         self._planner = Planner(self.town.obstacles)
+        self._yards = Yards(self.town)
         (x0, x1), (y0, y1) = self.town.streets.bounds
         self._middle = (0.0, 0.0) if x0 < 0.0 < x1 and y0 < 0.0 < y1 else ((x0 + x1) / 2, (y0 + y1) / 2)
 
@@ -81,9 +83,11 @@ class Site:
         return _rounded(best[1][0]), _rounded(best[1][1])
 
     def free(self, x: float, y: float, *, vehicle: bool) -> XY:
-        """The position itself if an actor can stand there, else the nearest one where it can."""
+        """The position itself if an actor can stand there and leave it, else the nearest one where it can."""
         blocked = self._planner.inside(x, y, 0.0) if vehicle else self._planner.inside(x, y)
-        return (x, y) if blocked is None else self._planner.nearest_free(x, y) or (x, y)
+        if blocked is None and not self._in_yard(x, y):
+            return x, y
+        return self._planner.nearest_free(x, y, lambda u, v: not self._in_yard(u, v)) or (x, y)
 
     def lane(self, x: float, y: float) -> Pose:
         """The nearest spawn point of vehicles, which is on a lane and faces along it."""
@@ -129,7 +133,7 @@ class Site:
         ways = [(x, y)]
         if point.goal is not None:
             ways.append((point.goal[0] + vector[0], point.goal[1] + vector[1]))
-        cost = sum(_SOLID * (not self._planner.clear(*at)) + _ON_ROAD * self._is_road(*at) for at in ways)
+        cost = sum(_SOLID * (not self._can_walk(*at)) + _ON_ROAD * self._is_road(*at) for at in ways)
         if len(ways) == 2:
             cost += _ROUND * len(self.town.obstacles.across((*ways[0], *ways[1]), 0.3))
             ways.append(((ways[0][0] + ways[1][0]) / 2, (ways[0][1] + ways[1][1]) / 2))
@@ -139,6 +143,14 @@ class Site:
         """The cost of what is between a place and the cameras: buildings hide it, trees and furniture parts of it."""
         across = (self.town.obstacles.across((*camera, *at), 0.0) for camera in cameras)
         return sum(_HIDDEN if any(o.kind in BUILDINGS for o in found) else _IN_VIEW * len(found) for found in across)
+
+    def _can_walk(self, x: float, y: float) -> bool:
+        """Whether a pedestrian has room at a place, and a way out of it."""
+        return self._planner.clear(x, y) and not self._in_yard(x, y)
+
+    def _in_yard(self, x: float, y: float) -> bool:
+        """Whether a place is enclosed by buildings and walls."""
+        return bool(self._yards.around(x, y))
 
     def _is_road(self, x: float, y: float) -> bool:
         """Whether a place is on a road, or outside the town."""

@@ -230,6 +230,8 @@ class Scene:
         """The world positions of the configuration, before they are moved."""
         points = []
         for spec in self.specs:
+            if spec.kind == "walker" and spec.transform is None and spec.goal is not None:
+                points.append(Point("walker", spec.goal.pose.x, spec.goal.pose.y))
             if spec.transform is None or spec.kind == "generator":
                 continue
             pose = spec.transform.pose

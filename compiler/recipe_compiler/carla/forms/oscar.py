@@ -42,7 +42,8 @@ def read(reader: Reader, root: Node) -> list[Spec]:
 def class_of(node: Node, key: str = "_target_") -> str:
     """The last part of the name of a class; empty if there is none."""
     child = node.get(key)
-    return "" if child is None else str(child.value.data).rsplit(".", 1)[-1]
+    name = None if child is None else child.value.data
+    return name.rsplit(".", 1)[-1] if isinstance(name, str) else ""
 
 
 def _read(reader: Reader, node: Node, parent: Spec | None, specs: list[Spec], name: str) -> None:
