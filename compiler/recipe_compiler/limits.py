@@ -22,13 +22,7 @@ MEMORY_LIMIT = 900 * 2**20  # bytes, while compiling
 TIME_LIMIT = 120.0  # minutes of one core
 
 # Bytes on disk.
-_BYTES = {
-    "rgb": 1.52,
-    "depth": 0.15,
-    "depth-npy": 4.9,
-    "instance": 0.006,
-    "semantic": 0.016,
-}  # per pixel, encoded; npy with kwcoco's TIFF
+_BYTES = {"rgb": 1.52, "depth": 0.15, "depth-npy": 4.9, "instance": 0.006, "semantic": 0.016}  # per pixel, encoded
 _DEPTH_MOVING = 0.5  # per pixel of depth, if the camera moves
 _FILE_HEAD, _BLOCK = 150, 4096  # header of a file; block size of the file system
 _PLAN_BYTES = (540, 900)  # of a variant's plan: per element of its town, per actor
