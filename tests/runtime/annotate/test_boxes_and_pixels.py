@@ -16,6 +16,8 @@ from PIL import Image
 from recipe_compiler.compile import compile_recipe
 from recipe_runtime.build.pipeline import build
 
+pytestmark = pytest.mark.slow
+
 Floats = NDArray[np.float64]
 Row = dict[str, Any]
 
