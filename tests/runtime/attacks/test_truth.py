@@ -195,7 +195,7 @@ def test_what_is_seen_lies_within_the_corners_also_through_a_lens(recipe: Path) 
         for sensor in scene.plan.rig.sensors:
             truth = scene.patches(0, sensor.name)
             patch = scene.plan.appearance.patches[0]
-            view = np.array(truth["camera"]["view_from_world"])[:3]
+            view = np.array(truth["calibration"]["world_to_camera"])[:3]
             covered = projection.covered_pixels(patch.faces[0], sensor.camera, view)
             rows = {"size": list(covered.shape), "counts": str(truth["patches"][0]["counts"]).encode()}
             shown = pycocotools.mask.decode(rows).astype(bool)
