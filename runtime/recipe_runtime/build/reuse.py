@@ -96,7 +96,12 @@ class Reuse:
         if not self.knows(view):
             return ()
         plain = "rgb" not in view.sensor.capture
-        return tuple(n for n in view.variants if plain or self._picture(view, n) is not None)
+        patched = [bool(self.plan.variants[n].appearance.patches) for n in view.variants]
+        return tuple(
+            n
+            for n, has_patches in zip(view.variants, patched, strict=True)
+            if (plain and not has_patches) or self._picture(view, n) is not None
+        )
 
     def take(self, work: Workspace | None, view: View, variants: Sequence[int]) -> list[FrameRecord]:
         """Return the records of a view's frames for these variants, except frames with a damaged file.
@@ -132,6 +137,9 @@ class Reuse:
                 path = layout.frame_file(name, view.sensor.name, "rgb", frame, self.plan.depth)
                 files |= self._linked(work, source, [path])
                 rgb[name] = self._digest(picture, sensor, "rgb", frame)
+            if self.plan.variants[index].appearance.patches and picture is not None:
+                source = layout.patches_file(picture, sensor.name, frame)
+                files |= self._linked(work, source, [layout.patches_file(name, view.sensor.name, frame)])
         labels = [m for m in view.sensor.capture if m != "rgb"] + ["labels"]
         digests = {m: self._digest(old.variant, sensor, m, frame) for m in labels}
         line = self._lines(view)[frame // view.sensor.interval]

@@ -27,6 +27,11 @@ def frame_file(variant: str, sensor: str, modality: str, frame: int, depth: str)
     return f"{folder(variant)}/{folder(sensor)}/{modality}/{frame:06d}.{ending}"
 
 
+def patches_file(variant: str, sensor: str, frame: int) -> str:
+    """Return the file with the truth of a frame's patches."""
+    return f"{folder(variant)}/{folder(sensor)}/patches/{frame:06d}.json"
+
+
 def labels_file(variant: str, sensor: str) -> str:
     """Return the labels file of a sensor, one line per frame."""
     return f"{folder(variant)}/{folder(sensor)}/labels.jsonl"
@@ -95,6 +100,8 @@ def expected_files(plan: DatasetPlan) -> set[str]:
             frames = sensor.frames(variant.scene.clock.frames)
             files.add(labels_file(name, sensor.name))
             files |= {frame_file(name, sensor.name, m, k, plan.depth) for m in sensor.capture for k in frames}
+            if variant.appearance.patches:
+                files |= {patches_file(name, sensor.name, k) for k in frames}
             if "mots_txt" in plan.annotations:
                 files |= {mots_text_file(name, sensor.name), seqinfo_file(name, sensor.name)}
             if "mots_png" in plan.annotations:

@@ -104,7 +104,9 @@ def file_count(dataset: DatasetPlan) -> int:
         total += 3  # plan, tracks and events
         for sensor in variant.rig.sensors:
             frames = len(sensor.frames(variant.scene.clock.frames))
-            total += 3 + frames * (len(sensor.capture) + masks)  # labels, and two MOTS text files
+            total += 3 + frames * (
+                len(sensor.capture) + masks + bool(variant.appearance.patches)
+            )  # labels, and two MOTS text files
     return total
 
 

@@ -46,6 +46,13 @@ class SceneRenderer(Protocol):
         """Return a stream that renders many frames of one camera concurrently, on a GPU."""
 
 
+class PatchRenderer(Protocol):
+    """A renderer of scenes with patches."""
+
+    def patch_map(self, obs: Any, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
+        """Return which patch each pixel of an observation shows, uint8 [H, W]: 1 + its number, 0 for none."""
+
+
 @dataclass(frozen=True)
 class Engines:
     """Factories of the simulation, the meshes and the renderer, which tests replace by light ones. Picklable."""

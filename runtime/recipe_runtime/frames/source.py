@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from recipe_runtime.core.modalities import label_array
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import sensor_transform
-from recipe_runtime.frames.engines import Engines, SceneRenderer, real_engines
+from recipe_runtime.frames.engines import Engines, PatchRenderer, SceneRenderer, real_engines
 from recipe_runtime.frames.scene_motion import SceneMotion
 
 _STREAM_BATCH = 512  # frames per batch of a frame stream
@@ -126,6 +126,11 @@ class SceneSource:
             return self.renderer.shade(
                 seen, appearance, sensor.name, frame, time, neighbour=self._neighbour_frame(sensor, frame)
             )
+
+    def patch_map(self, seen: Observed, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
+        """Return which patch each pixel of an observation shows, uint8 [H, W]: 1 + its number, 0 for none."""
+        with self._discard_if_interrupted():
+            return cast("PatchRenderer", self.renderer).patch_map(seen, appearance, frame)
 
     @contextmanager
     def _discard_if_interrupted(self) -> Iterator[None]:

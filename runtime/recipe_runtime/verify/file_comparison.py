@@ -80,7 +80,8 @@ class FileComparison:
             elif other is not None:
                 frames = range(other.agreed, variant.scene.clock.frames)
                 names = [sensor.name for sensor in variant.rig.sensors]
-                if any(path == layout.mots_png_file(variant.variant, name, k) for name in names for k in frames):
+                forms = layout.mots_png_file, layout.patches_file
+                if any(path == form(variant.variant, n, k) for form in forms for n in names for k in frames):
                     return True
         return False
 
