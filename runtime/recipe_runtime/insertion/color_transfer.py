@@ -1,12 +1,14 @@
-"""Colour transforms of a texture that is inserted into a picture, by three published methods.
+"""Colour transforms of a texture that is inserted into a picture, by published methods.
 
 - dapricot: D-APRICOT's, as Armory has it. A matrix [3, 4] from known to observed colours of a chart, both decoded with
   an exponent of 2.2, is applied to the texture; after insertion each pixel is multiplied by its brightness ratio.
+- matrix: the same, but the ratio is to the placeholder's brightness through the matrix, so that light counts once.
 - armory: Armory's for CARLA: the brightness ratio alone.
 - reap: REAP's polynomial of degree 1: one line per channel from known to observed values of the chart, without the
   hundredth of the pixels that differ most.
 
-The brightness ratio of a pixel is the greatest channel of the placeholder that it shows, divided by the placeholder's.
+The brightness ratio of a pixel is the greatest channel of what it shows of the placeholder, divided by the greatest
+channel of the placeholder itself.
 """
 
 from __future__ import annotations
@@ -18,28 +20,38 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.patches import TransferMethod
+from recipe_compiler.ir.patches import GREEN, TransferMethod
 
 from recipe_runtime.core.transforms import Array
 from recipe_runtime.insertion.color_chart import COLORS, ChartPixels
 from recipe_runtime.insertion.least_squares import least_squares
 
 _GAMMA = 2.2
-_PLACEHOLDER_VALUE = 144.0  # the greatest channel of #00903a
+_PLACEHOLDER = tuple(float(int(GREEN[k : k + 2], 16)) for k in (1, 3, 5))
 _KEPT = 99, 100  # share of the pixels that the fit keeps, as a fraction: REAP's default
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """A colour transform: of the texture, float64 [h, w, 3], 0 to 255; and whether brightness ratios follow."""
+    """A colour transform.
+
+    `texture` transforms the texture, float64 [h, w, 3], 0 to 255. `reference` is the greatest channel of the placeholder
+    to which the brightness of each pixel is related; None if its brightness is not used.
+    """
 
     texture: Callable[[Array], Array]
-    ratios: bool
+    reference: float | None
+
+    def ratios(self, placeholder: NDArray[np.uint8]) -> Array:
+        """Return the factors [N, 1] of pixels [N, 3] that show the placeholder."""
+        if self.reference is None:
+            return np.ones((len(placeholder), 1))
+        return placeholder.max(axis=1, keepdims=True).astype(np.float64) / self.reference
 
 
 def uses_chart(method: TransferMethod | None) -> bool:
     """Whether a method, or None, needs the picture of a chart."""
-    return method in ("dapricot", "reap")
+    return method in ("dapricot", "matrix", "reap")
 
 
 def transfer(method: TransferMethod, chart: ChartPixels | None) -> Transfer:
@@ -50,21 +62,17 @@ def transfer(method: TransferMethod, chart: ChartPixels | None) -> Transfer:
         chart: What the picture shows of the chart, for a method that uses it. If too few of its cells are seen, the
             transform is that of `armory`.
     """
-    if method == "dapricot" and chart is not None:
+    if method in ("dapricot", "matrix") and chart is not None:
         matrix = _matrix(chart)
         if matrix is not None:
-            return Transfer(lambda texture: _through_matrix(texture, matrix), ratios=True)
+            seen = float(_through_matrix(np.array([[_PLACEHOLDER]]), matrix).max())
+            reference = max(_PLACEHOLDER) if method == "dapricot" else max(seen, 1.0)
+            return Transfer(lambda texture: _through_matrix(texture, matrix), reference)
     if method == "reap" and chart is not None:
         lines = _lines(chart)
         if lines is not None:
-            return Transfer(lambda texture: _through_lines(texture, lines), ratios=False)
-    return Transfer(lambda texture: texture, ratios=True)
-
-
-def brightness_ratios(placeholder: NDArray[np.uint8]) -> Array:
-    """Return the brightness ratios [N, 1] of pixels [N, 3] that show the placeholder."""
-    ratios: Array = placeholder.max(axis=1, keepdims=True).astype(np.float64) / _PLACEHOLDER_VALUE
-    return ratios
+            return Transfer(lambda texture: _through_lines(texture, lines), None)
+    return Transfer(lambda texture: texture, max(_PLACEHOLDER))
 
 
 def _matrix(chart: ChartPixels) -> list[list[float]] | None:

@@ -15,7 +15,7 @@ from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array, sensor_transform
 from recipe_runtime.insertion import projection
 from recipe_runtime.insertion.color_chart import ChartPixels, chart_appearance, chart_pixels
-from recipe_runtime.insertion.color_transfer import brightness_ratios, transfer, uses_chart
+from recipe_runtime.insertion.color_transfer import transfer, uses_chart
 from recipe_runtime.insertion.warp import Image, reduced, sampled, texture_size
 
 _IMAGES = 8  # decoded textures in memory
@@ -121,5 +121,4 @@ def _values(
     if patch.transfer is None:
         return sampled(image, u, v)
     change = transfer(patch.transfer, chart)
-    values = sampled(change.texture(image), u, v)
-    return values * brightness_ratios(placeholder) if change.ratios else values
+    return sampled(change.texture(image), u, v) * change.ratios(placeholder)

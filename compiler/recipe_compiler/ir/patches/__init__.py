@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from recipe_compiler.ir.plan_types import MAX_FRAMES, Colour, FilePlan, Metres, Name, Number, Plan, Share, Slot
 
 PatchMode = Literal["green", "rendered", "digital", "color_transfer"]
-TransferMethod = Literal["dapricot", "armory", "reap"]
+TransferMethod = Literal["dapricot", "matrix", "armory", "reap"]
 INSERTED: tuple[PatchMode, ...] = ("digital", "color_transfer")  # modes that insert the texture into the picture
 GREEN = "#00903a"  # the placeholder colour
 STATIC = "static"  # the part of a body that does not move; its frame is the world's
