@@ -99,7 +99,8 @@ class ColorTransfer(Model):
         TransferMethod,
         Field(
             description="dapricot: a matrix fitted to a chart of 24 colours, and the placeholder's brightness. "
-            "matrix: the same, with the brightness relative to what the matrix predicts. armory: the placeholder's brightness. reap: one line per channel, fitted to the chart."
+            "matrix: the same, with the brightness relative to what the matrix predicts. "
+            "armory: the placeholder's brightness. reap: one line per channel, fitted to the chart."
         ),
     ] = "dapricot"
 

@@ -17,11 +17,11 @@ from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, ScenePlan, Senso
 from recipe_compiler.ir.plan_types import fixed
 
 from recipe_runtime.annotate.masks import Mask, masks
-from recipe_runtime.insertion import projection
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import Array, sensor_transform
 from recipe_runtime.frames.source import SceneSource
+from recipe_runtime.insertion import projection
 
 Corners = list[list[float]]
 

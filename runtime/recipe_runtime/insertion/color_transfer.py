@@ -35,8 +35,8 @@ _KEPT = 99, 100  # share of the pixels that the fit keeps, as a fraction: REAP's
 class Transfer:
     """A colour transform.
 
-    `texture` transforms the texture, float64 [h, w, 3], 0 to 255. `reference` is the greatest channel of the placeholder
-    to which the brightness of each pixel is related; None if its brightness is not used.
+    `texture` transforms the texture, float64 [h, w, 3], 0 to 255. `reference` is the placeholder's greatest
+    channel to which the brightness of each pixel is related; None if its brightness is not used.
     """
 
     texture: Callable[[Array], Array]
@@ -46,7 +46,8 @@ class Transfer:
         """Return the factors [N, 1] of pixels [N, 3] that show the placeholder."""
         if self.reference is None:
             return np.ones((len(placeholder), 1))
-        return placeholder.max(axis=1, keepdims=True).astype(np.float64) / self.reference
+        ratios: Array = placeholder.max(axis=1, keepdims=True).astype(np.float64) / self.reference
+        return ratios
 
 
 def uses_chart(method: TransferMethod | None) -> bool:
@@ -105,10 +106,9 @@ def _lines(chart: ChartPixels) -> list[tuple[float, float]] | None:
     """Slope and offset of each channel; None if undetermined."""
     found = []
     for channel in range(3):
-        known = np.repeat([COLORS[cell][channel] for cell in range(len(COLORS))], 256)
-        seen, counts = np.tile(np.arange(256), len(COLORS)), chart.counts[:, channel].reshape(-1)
-        chosen = counts > 0
-        known, seen, counts = known[chosen], seen[chosen], counts[chosen]
+        cells, seen = np.nonzero(chart.counts[:, channel])
+        counts = chart.counts[cells, channel, seen]
+        known = np.array([COLORS[cell][channel] for cell in cells], np.int64)
         order = np.lexsort((seen, known, np.abs(known - seen)))
         known, seen, counts = known[order], seen[order], counts[order]
         limit = int(counts.sum()) * _KEPT[0] // _KEPT[1]
@@ -124,7 +124,8 @@ def _lines(chart: ChartPixels) -> list[tuple[float, float]] | None:
 
 def _through_lines(texture: Array, lines: list[tuple[float, float]]) -> Array:
     slope, offset = np.array([a for a, _ in lines]), np.array([b for _, b in lines])
-    return np.clip(texture * slope + offset, 0.0, 255.0)
+    changed: Array = np.clip(texture * slope + offset, 0.0, 255.0)
+    return changed
 
 
 @cache

@@ -115,7 +115,7 @@ def _values(
         rows: Their rows, [N].
         placeholder: Their values before insertion, uint8 [N, 3].
     """
-    x, y = projection.undistorted(camera, columns + 0.5, rows + 0.5)
+    x, y = projection.undistorted(camera, columns.astype(np.float64) + 0.5, rows.astype(np.float64) + 0.5)
     image = reduced(texture, *texture_size(texture, back, x, y))
     u, v, _ = projection.apply_homography(back, x, y)
     if patch.transfer is None:

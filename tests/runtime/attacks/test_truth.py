@@ -16,12 +16,12 @@ from recipe_compiler.compile import Compiled, compile_recipe
 from recipe_compiler.ir import optics
 from recipe_compiler.ir.patches import STATIC, PatchFace
 from recipe_compiler.ir.plan import CameraPlan, Pose
-from recipe_runtime.insertion import projection
 from recipe_runtime.attacks.truth import FrameTruth
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.dataset import reader
+from recipe_runtime.insertion import projection
 from recipe_runtime.loading import opened
 from recipe_runtime.verify.verify import Options, verify_files
 
