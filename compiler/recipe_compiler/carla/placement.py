@@ -43,7 +43,7 @@ class Point:
         y: metres.
         z: height, of a sensor; metres.
         yaw: of a vehicle; degrees.
-        goal: where a pedestrian goes.
+        goal: where a pedestrian goes, or a sensor moves.
     """
 
     kind: Literal["walker", "vehicle", "sensor"]
@@ -115,16 +115,21 @@ class Site:
             if total >= limit:
                 break
             if point.kind == "sensor":
-                total += self._cost_of_sensor(point, x, y)
+                total += self._cost_of_sensor(point, x, y, vector)
             else:
                 total += self._cost_of_actor(point, x, y, vector, cameras)
         return total
 
-    def _cost_of_sensor(self, point: Point, x: float, y: float) -> float:
+    def _cost_of_sensor(self, point: Point, x: float, y: float, vector: XY) -> float:
         solid = self.town.obstacles.at(x, y, 0.3)
         low = point.z < _LOW
         inside = solid is not None and (solid.kind in BUILDINGS or low)
-        return _SOLID * inside + _ON_ROAD / 2 * (low and self._is_road(x, y))
+        cost = _SOLID * inside + _ON_ROAD / 2 * (low and self._is_road(x, y))
+        if point.goal is None:
+            return cost
+        way = (x, y, point.goal[0] + vector[0], point.goal[1] + vector[1])
+        across = [o for o in self.town.obstacles.across(way, 0.3) if low or o.kind in BUILDINGS]
+        return cost + sum(_SOLID / 4 if o.kind in BUILDINGS else _ROUND for o in across)
 
     def _cost_of_actor(self, point: Point, x: float, y: float, vector: XY, cameras: Sequence[XY]) -> float:
         if point.kind == "vehicle":
