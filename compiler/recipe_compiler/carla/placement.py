@@ -10,6 +10,7 @@ middle of the town. A point that is still inside something solid is moved alone,
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -59,7 +60,7 @@ class Site:
 
     def __init__(self, name: str) -> None:
         """Generate the town of a name, with its default parameters."""
-        self.town: Town = towns.build(name, 0, {})
+        self.town = _town(name)
         self._planner = Planner(self.town.obstacles)
         self._yards = Yards(self.town)
         (x0, x1), (y0, y1) = self.town.streets.bounds
@@ -166,6 +167,11 @@ class Site:
 
     def _on_lane(self, x: float, y: float, yaw: float) -> bool:
         return any(_fits(spot, x, y, yaw) for spot in self.town.spots["vehicle"])
+
+
+@functools.lru_cache(maxsize=len(towns.NAMES))
+def _town(name: str) -> Town:
+    return towns.build(name, 0, {})
 
 
 def _fits(spot: Pose, x: float, y: float, yaw: float) -> bool:
