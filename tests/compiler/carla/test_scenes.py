@@ -6,6 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from recipe_compiler.carla import File, imported
 from recipe_compiler.carla.catalogue import blueprints as catalogue
 from recipe_compiler.carla.catalogue import towns
 from recipe_compiler.carla.placement import Point, Site
@@ -71,6 +72,23 @@ def test_without_its_own_weather_a_configuration_has_those_of_the_files(tmp_path
     text = HEAD + "  - blueprint: {name: sensor.camera.rgb}\n"
     one = import_text(text, "weather: {wetness: 1}", "weather: {wetness: 2}")
     assert [plan.appearance.weather.wetness for plan in compiled(one, tmp_path).plan.variants] == [1, 2]
+
+
+def test_oscars_files_are_sorted_by_what_they_hold(tmp_path: Path) -> None:
+    """Its collector.yaml has no actors of its own, and the file of a Hydra group lacks the name of the group."""
+    collector = "defaults: [_self_]\nmax_frames: ???\nactors: {}\nspawn_actors: ${oc.dict.values:actors}\n"
+    context = "sync_params: {fps: 12}\nclient_params: {seed: 5}\n"
+    scene = "max_frames: 2\nactors: {eye: {_target_: a.Camera, modalities: [rgb]}}\n"
+    files = [File(f"{number}.yaml", text.encode()) for number, text in enumerate((collector, context, scene))]
+    (one,) = imported(files)
+    (plan,) = compiled(one, tmp_path).plan.variants
+    assert (one.name, plan.scene.clock.fps, plan.scene.clock.frames, plan.appearance.seed) == ("2", 12, 2, 5)
+    assert {(row.place.file, row.key) for row in one.report.rows} >= {
+        ("0.yaml", "max_frames"),
+        ("0.yaml", "spawn_actors"),
+        ("1.yaml", "context.sync_params.fps"),
+        ("2.yaml", "actors.eye.modalities[0]"),
+    }
 
 
 def test_two_configurations_are_two_recipes() -> None:
