@@ -25,10 +25,10 @@ _MAX_SHARD = 1 << 50  # bytes
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["webdataset", "mots", "kitti"]),
+    type=click.Choice(["webdataset", "mots", "kitti", "armory"]),
     default="webdataset",
     show_default=True,
-    help="The output format: tar shards, or the layout of MOTSChallenge or KITTI.",
+    help="The output format: tar shards, or the layout of MOTSChallenge, KITTI or Armory.",
 )
 @click.option(
     "--shard-size",
