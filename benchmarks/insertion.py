@@ -52,7 +52,9 @@ def main() -> None:
     step = scene.clock.frames // arguments.frames
     errors: dict[str, dict[str, float]] = {}
     rows: list[list[Picture]] = []
-    print(f"| weather | {' | '.join(name for name in TITLES if name != 'rendered')} |\n|---|{'---|' * (len(TITLES) - 1)}")
+    print(
+        f"| weather | {' | '.join(name for name in TITLES if name != 'rendered')} |\n|---|{'---|' * (len(TITLES) - 1)}"
+    )
     for weather in WEATHERS:
         variants = variants_of(plan, weather)
         found: dict[str, list[float]] = {}
