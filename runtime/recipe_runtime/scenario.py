@@ -26,6 +26,7 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.calibration import Calibration, calibration
 from recipe_runtime.annotate.records import LabelRecord
+from recipe_runtime.attacks.patch_metadata import PatchMetadata, patch_metadata
 from recipe_runtime.attacks.truth import FrameTruth, patch_truth
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
@@ -249,6 +250,27 @@ class Scenario(Sequence[Frame]):
         frame = self._taken(frame, plan)
         source, seen = self._scenes.source(scene), self._scenes.observe(scene, plan, frame)
         return patch_truth(source, self.plan.appearance, plan, seen, frame)
+
+    def patch_metadata(self, frame: int, patch: str | None = None, sensor: str | None = None) -> PatchMetadata | None:
+        """Return a patch of a frame as Armory's attacks take it; None if it is not seen.
+
+        Args:
+            frame: Frame number; negative numbers count from the end.
+            patch: Name of a patch, the first by default.
+            sensor: Name of a sensor, the first by default.
+
+        Raises:
+            InputError: There is no such patch or sensor, or the sensor does not take the frame.
+            IndexError: There is no such frame.
+        """
+        plans = {plan.name: plan for plan in self.plan.appearance.patches}
+        name = next(iter(plans), None) if patch is None else patch
+        if name not in plans:
+            there = ", ".join(plans) or "none"
+            raise InputError(f"{self.variant} has no patch {name!r}; it has {there}", code=Code.UNKNOWN_NAME)
+        truth = self.patches(frame, sensor)
+        record = next(record for record in truth["patches"] if record["name"] == name)
+        return patch_metadata(record, plans[name], truth["width"], truth["height"])
 
     def labels(self, frame: int, sensor: str | None = None) -> list[LabelRecord]:
         """Return the records of the visible objects of a frame, by instance; see `annotate.records.LabelRecord`."""
