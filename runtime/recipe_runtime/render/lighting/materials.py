@@ -318,7 +318,9 @@ def patched_material(
             if patches[0].image[patch] >= 0:
                 shown = image_at(album, patches[0].image[patch], at.place, at.code)
             left = 1.0 - at.coverage
-            m.albedo, m.glow = lay_patch(m.albedo, m.glow, shown, patches[0].emission[patch], at.coverage)
+            albedo, glow = lay_patch(m.albedo, m.glow, shown, patches[0].emission[patch], at.coverage)
+            m.albedo = albedo
+            m.glow = glow
             m.coat = m.coat * left + patches[0].coat[patch] * at.coverage
             m.gloss = m.gloss * left + patches[0].gloss[patch] * at.coverage
             m.soft = m.soft * left

@@ -192,7 +192,7 @@ class PatchedFrame:
         gain = tables.gains.numpy()[rec.pixels] * np.float32(r.exposure)
         return CameraCurve(
             gain=gain,
-            white=np.array([r.white[0], r.white[1], r.white[2]], np.float32),
+            white=np.array(exposure.white(self._response), np.float32),
             noise=float(r.noise),
             deviates=deviates.numpy()[: len(rec.pixels)],
             encoded=exposure.encoded(int(LEVELS), self._response.gamma),

@@ -122,7 +122,8 @@ def _used_samples(taken: ExposedFrame) -> tuple[Numbers, Numbers]:
 def _ranges(starts: Numbers, counts: Numbers) -> Numbers:
     """Return the numbers from each start on, as many as its count."""
     before = np.cumsum(counts) - counts
-    return (np.repeat(starts - before, counts) + np.arange(int(counts.sum()))).astype(np.int32)
+    numbers: Numbers = (np.repeat(starts - before, counts) + np.arange(int(counts.sum()))).astype(np.int32)
+    return numbers
 
 
 def _numbers(values: Numbers, device: str) -> DeviceArray:
