@@ -27,6 +27,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("cache", "meshes"),
         ("annotate", "render", "simulation"),
         ("dataset", "frames"),
+        ("attacks",),
         ("scenario",),
         ("loading",),
         ("torch", "webdataset", "__init__"),

@@ -33,6 +33,7 @@ COMMANDS = {
     "export": "Write a dataset in another form, to train from.",
     "cache": "Show what is kept between runs, or make it smaller.",
     "blueprints": "List the actors that recipes may name, with pictures.",
+    "surfaces": "List what patches can be put on, with pictures to paint on.",
     "schema": "Print the JSON Schema of recipes, for editors.",
 }
 

@@ -19,6 +19,7 @@ from recipe_compiler.checks.check import Checker, check_deltas, check_removals
 from recipe_compiler.checks.findings import Findings
 from recipe_compiler.expand import Axes, Variant
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem, with_source
+from recipe_compiler.ir.ground.ways import TooMuchWorkError
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.limits import TooLargeError as TooLargeError
@@ -90,15 +91,15 @@ def _compile(
         raise InputError(_sorted(problems))
     recipe, faulty = _check_recipe(root, problems)
     textures = texture_files.find(root, path.parent, sources)
-    assets, unfit = asset_files.read(root, recipe.assets, path.parent, sources, textures.files)
-    unfit += textures.problems
+    assets, asset_problems = asset_files.read(root, recipe.assets, path.parent, sources, textures.files)
+    asset_problems += textures.problems
     axes = _check_sweep(root, None if "sweep" in faulty else recipe.sweep, problems)
-    if root.get("base") is None or _has_new(problems, sources.problems):
+    if root.get("base") is None or len(problems) > len(sources.problems):
         kinds = None if "assets" in faulty else _kinds(recipe)
         rules = recipe.sweep.exclude if "sweep" not in faulty else None
-        problems += [*unfit, *_check_variants_in_part(root, kinds, rules)]
-        raise InputError(_sorted(sources.problems, _new(problems, yaml_places)))
-    problems += unfit
+        problems += [*asset_problems, *_check_variants_in_part(root, kinds, rules)]
+        raise InputError(_sorted(sources.problems, _without_repeats(problems, yaml_places)))
+    problems += asset_problems
     loads: list[limits.Load] = []
     found = Findings()
     checked: list[tuple[Variant, Base]] = []
@@ -110,20 +111,20 @@ def _compile(
         checked.append((variant, base))
         loads.append(workload.estimated(variant, base, changes))
         if len(loads) in _EARLY_CHECKS and not allow_large:
-            too_long = _too_long(root, loads, expand.count(axes, recipe.sweep))
-            if too_long and not problems and not found.total:
-                raise too_long
-            if too_long:
+            limit_error = _compile_limit_error(root, loads, expand.count(axes, recipe.sweep))
+            if limit_error and not problems and not found.total:
+                raise limit_error
+            if limit_error:
                 break
     problems += found.problems()
     if problems:
-        raise InputError(_sorted(sources.problems, _new(problems, yaml_places)))
+        raise InputError(_sorted(sources.problems, _without_repeats(problems, yaml_places)))
     estimate = limits.total(loads, recipe.output.depth)
     reasons = estimate.over(free_disk, memory)
     if reasons and not allow_large:
         raise limits.TooLargeError(_place_of_size(root, estimate), estimate, reasons)
-    lowering = Lowering(_instances(root, problems), assets, textures.read(assets))
-    plans, warnings = _lowered(lowering, checked)
+    lowering = Lowering(_instances(root, problems), assets, textures.read(assets), allow_large=allow_large)
+    plans, warnings = _lowered(lowering, checked, root, estimate)
     plan = DatasetPlan(
         recipe=recipe.recipe,
         description=recipe.description,
@@ -143,7 +144,7 @@ def _compile(
 
 
 def named_files(path: Path) -> tuple[str, set[str]] | None:
-    """The name of a recipe and the files that it uses, itself included, without compiling it.
+    """Return the name of a recipe and the files that it uses, itself included, without compiling it.
 
     Returns:
         None if the recipe cannot be read.
@@ -157,7 +158,9 @@ def named_files(path: Path) -> tuple[str, set[str]] | None:
     return str(name.data if name else ""), {*sources.files, *used}
 
 
-def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tuple[list[ScenarioPlan], list[Problem]]:
+def _lowered(
+    lowering: Lowering, checked: Sequence[tuple[Variant, Base]], root: Value, estimate: limits.Cost
+) -> tuple[list[ScenarioPlan], list[Problem]]:
     """Lower all variants to plans.
 
     Returns:
@@ -168,7 +171,10 @@ def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tup
     """
     plans, wrong, warnings = [], Findings(), Findings()
     for variant, base in checked:
-        plan = lowering.scenario(variant, base)
+        try:
+            plan = lowering.scenario(variant, base)
+        except TooMuchWorkError:
+            raise _too_much_planning(root, estimate) from None
         wrong.add(lowering.problems, variant)
         warnings.add(lowering.warnings, variant)
         lowering.problems.clear()
@@ -185,7 +191,8 @@ def _kinds(recipe: Recipe) -> dict[str, str]:
     return {name: "image" if asset.mesh is None else "mesh" for name, asset in recipe.assets.items()}
 
 
-def _new(problems: Iterable[Problem], yaml_places: set[Place | None]) -> list[Problem]:
+def _without_repeats(problems: Iterable[Problem], yaml_places: set[Place | None]) -> list[Problem]:
+    """Return the problems at places without a YAML error."""
     return [problem for problem in problems if problem.place not in yaml_places]
 
 
@@ -194,11 +201,6 @@ def _sorted(*problems: Iterable[Problem]) -> list[Problem]:
     found = Findings()
     found.add(itertools.chain(*problems))
     return found.problems()
-
-
-def _has_new(problems: list[Problem], of_reading: list[Problem]) -> bool:
-    """Whether there are problems besides those of reading the files."""
-    return len(problems) > len(of_reading)
 
 
 def _check_recipe(root: Value, problems: list[Problem]) -> tuple[Recipe, set[str]]:
@@ -285,7 +287,7 @@ def _check_variants_in_part(
 
 
 def _place_of_size(root: Value, cost: limits.Cost) -> Place:
-    """The place of the number that contributes most to the size of a recipe over the limits."""
+    """Return the place of the number that contributes most to the size of a recipe over the limits."""
     if cost.over_to_compile() or cost.variants * cost.variants > cost.frames:
         for path in (("sweep", "repeats"), ("sweep", "draw", "count"), ("deltas",), ("base", "traffic")):
             if root.get(*path):
@@ -293,20 +295,25 @@ def _place_of_size(root: Value, cost: limits.Cost) -> Place:
     return root.place_of("base", "clock", "frames")
 
 
-def _too_long(root: Value, loads: list[limits.Load], variants: int) -> limits.TooLargeError | None:
-    """The error to raise if compiling the variants so far already exceeds the limits; None if it does not."""
-    estimate = limits.total(loads, "carla")
+def _compile_limit_error(root: Value, loads: list[limits.Load], variants: int) -> limits.TooLargeError | None:
+    """Return the error to raise if compiling the variants so far already exceeds the limits, or None."""
+    estimate = limits.total(loads, "carla")  # the form of depth does not affect the cost of compiling
     reasons = estimate.over_to_compile()
     if reasons:
         reasons[0] = f"of the first {len(loads)} variants alone, {reasons[0]}"
-    whole = dataclasses.replace(estimate, variants=variants)
-    return limits.TooLargeError(_place_of_size(root, whole), whole, reasons) if reasons else None
+    cost = dataclasses.replace(estimate, variants=variants)
+    return limits.TooLargeError(_place_of_size(root, cost), cost, reasons) if reasons else None
+
+
+def _too_much_planning(root: Value, estimate: limits.Cost) -> limits.TooLargeError:
+    place = root.place_of("base", "actors") if root.get("base", "actors") else root.place_of("base", "traffic")
+    return limits.TooLargeError(place, estimate, ["planning the routes of its pedestrians takes too long"])
 
 
 def _check_variants(
     root: Value, variants: Iterable[Variant], kinds: dict[str, str], found: Findings
 ) -> Iterator[tuple[Variant, Base | None]]:
-    """Yields each variant with its checked base; None in place of the base if it has problems."""
+    """Yield each variant with its checked base, or None in place of a base with problems."""
     checker = Checker(root.map["base"], kinds)
     for variant in variants:
         if len(variant.name) > expand.MAX_NAME:

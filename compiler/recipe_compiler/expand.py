@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from recipe_compiler.ir.errors import Code, Place, Problem
@@ -131,34 +131,31 @@ def repeat_seed(seed: int, repeat: int) -> int:
 
 
 def variants(root: Value, axes: Axes, sweep: Sweep, seed: int) -> Iterator[Variant]:
-    """All variants, in file order. Values that no delta changes are the same objects in every variant."""
+    """Yield all variants, in file order. Values that no delta changes are the same objects in every variant."""
     merger = Merger()
     base = expand_shorthands(root.map["base"])
     draws = sweep.draw.count if sweep.draw else 1
     values = sweep.draw.values if sweep.draw else {}
+    seeds = {repeat: repeat_seed(seed, repeat) for repeat in range(1, sweep.repeats + 1)}
     patches_of: dict[tuple[int, int], list[Value]] = {}
-    for repeat, draw in itertools.product(range(1, sweep.repeats + 1), range(1, draws + 1)):
-        own = repeat_seed(seed, repeat)
+    for repeat, draw in itertools.product(seeds, range(1, draws + 1)):
         patches_of[repeat, draw] = [
-            _patch(path, drawn(how, own, path, draw), root.place_of("sweep", "draw", "values", path))
+            _patch(path, drawn(how, seeds[repeat], path, draw), root.place_of("sweep", "draw", "values", path))
             for path, how in values.items()
         ]
     for combination in combinations(axes, sweep):
-        merged = base
-        for axis, value in combination.items():
-            merged = _merged(merger, merged, axes[axis][value])
+        merged = _merged(merger, base, [axes[axis][value] for axis, value in combination.items()])
         for (repeat, draw), patches in patches_of.items():
-            final = merged
-            for patch in patches:
-                final = _merged(merger, final, patch)
+            final = _merged(merger, merged, patches)
             number = (repeat - 1) * draws + draw
-            yield Variant(name_of(combination, number), repeat_seed(seed, repeat), final)
+            yield Variant(name_of(combination, number), seeds[repeat], final)
 
 
 def covering(root: Value, rules: Sequence[Mapping[str, str]]) -> Iterator[Variant]:
-    """Few variants in which the values of all axes occur, to check a recipe whose sweep cannot be expanded.
+    """Yield variants in which every value of every axis occurs, to check a recipe whose sweep cannot be expanded.
 
-    Malformed values are left out, and so are the combinations that a rule of `rules` excludes.
+    Their number is that of the values of the longest axis, but at most `_MAX_MERGES` deltas are merged. Malformed
+    values are omitted, and so are the combinations that a rule of `rules` excludes.
     """
     deltas = root.get("deltas")
     axes = {
@@ -174,14 +171,15 @@ def covering(root: Value, rules: Sequence[Mapping[str, str]]) -> Iterator[Varian
         combination = {axis: name for axis, (name, _) in chosen.items()}
         if any(rule.items() <= combination.items() for rule in rules):
             continue
-        merged = base
-        for _, delta in chosen.values():
-            merged = _merged(merger, merged, delta)
+        merged = _merged(merger, base, [delta for _, delta in chosen.values()])
         yield Variant(name_of(combination, 1), 0, merged)
 
 
-def _merged(merger: Merger, base: Value, patch: Value) -> Value:
-    return expand_shorthands(merger.merge(base, patch))
+def _merged(merger: Merger, base: Value, patches: Iterable[Value]) -> Value:
+    """Return a base with patches merged over it, in order."""
+    for patch in patches:
+        base = expand_shorthands(merger.merge(base, patch))
+    return base
 
 
 def drawn(how: Distribution, seed: int, path: str, draw: int) -> bool | int | float | str:

@@ -37,6 +37,7 @@ _LOAD_ELEMENT, _LOAD_ACTOR = 0.0022, 0.018  # meshes: per element and per actor 
 _SIMULATE_ACTOR = 0.012  # per actor
 _STEP, _STEP_ACTOR = 0.00005, 0.0000055  # per physics step; per actor and physics step
 _POSE_ACTOR = 0.000075  # per actor and frame
+_ROUTE_METRE = 0.0000011  # per metre of the vehicles' routes
 _LABEL, _LABEL_ACTOR = 0.0035, 0.0004  # per frame; per actor and frame
 _OBSERVE, _OBSERVE_MOVING = 0.05, 0.005  # moving camera: per megasample; per frame
 _OBSERVE_STILL = 0.005  # static camera: per megasample
@@ -56,6 +57,7 @@ _MEMORY_ELEMENT, _MEMORY_ACTOR = 130_000, 1_600_000  # meshes: per element, per 
 _MEMORY_LABELS = 30  # per sample of a view without rgb, and in addition of a moving camera
 _MEMORY_SHADE = 125  # per sample of a moving camera
 _MEMORY_STILL, _MEMORY_FURTHER = 260, 75  # per sample of a static camera; for each further appearance
+_MEMORY_METRE = 8  # per metre of the vehicles' routes, in the simulation
 _MEMORY_RECORD = 4000  # per labelled object, in the build's own process
 
 # Compiling: seconds on the same core, and bytes of memory.
@@ -70,7 +72,7 @@ _PER_CHANGE = (5e-5, 3600)  # per variant and delta merged into its base
 
 
 @dataclass(frozen=True)
-class View:
+class Clip:
     """One sensor of one variant: a clip of frames."""
 
     frames: int
@@ -80,6 +82,7 @@ class View:
     poses: int = 1
     still: bool = True  # neither in motion nor mounted on an actor
     finished: bool = False  # with motion blur or bloom
+    interval: int = 1  # frames of the clip from one of its own to the next
 
 
 @dataclass(frozen=True)
@@ -91,10 +94,11 @@ class Load:
     appearance: Hashable
     steps: int  # physics steps
     actors: int
-    views: tuple[View, ...]
+    views: tuple[Clip, ...]
     town: Hashable = None
     elements: int = 0  # of the town
     points: int = 0  # of all actors' routes
+    metres: float = 0.0  # of all vehicles' routes
     changes: int = 0  # merged over the base: axes and draws
 
 
@@ -240,19 +244,24 @@ def total(loads: Iterable[Load], depth: str) -> Cost:
     )
 
 
-def _kinds(view: View, depth: str) -> list[str]:
+def _kinds(view: Clip, depth: str) -> list[str]:
     """The kinds of files that are written once for all appearances."""
     return ["depth-npy" if (m, depth) == ("depth", "npy") else m for m in view.capture if m != "rgb"]
 
 
+def _clip(load: Load) -> int:
+    """The number of frames of a clip, as near as its sensors tell it."""
+    return max((view.frames * view.interval for view in load.views), default=0)
+
+
 def _simulating(load: Load) -> float:
     """Seconds to simulate a scene."""
-    frames = max((view.frames for view in load.views), default=0)
-    steps = load.steps * (_STEP + load.actors * _STEP_ACTOR)
+    frames = _clip(load)
+    steps = load.steps * (_STEP + load.actors * _STEP_ACTOR) + load.metres * _ROUTE_METRE
     return _START_SIMULATION + load.actors * (_SIMULATE_ACTOR + frames * _POSE_ACTOR) + steps
 
 
-def _observing(load: Load, view: View, depth: str) -> float:
+def _observing(load: Load, view: Clip, depth: str) -> float:
     """Seconds of the work that all appearances of a view share."""
     frame = _LABEL + load.actors * _LABEL_ACTOR
     frame += sum(_FILE + view.pixels / 1e6 * _ENCODE[kind] for kind in _kinds(view, depth))
@@ -263,7 +272,7 @@ def _observing(load: Load, view: View, depth: str) -> float:
     return view.frames * frame + whole * moved + (view.frames - whole) * least
 
 
-def _shading(load: Load, view: View) -> float:
+def _shading(load: Load, view: Clip) -> float:
     """Seconds to render and write one appearance."""
     mega = view.samples / 1e6
     moved, still = (each + mega * rate for each, rate in (_SHADE, _SHADE_STILL))
@@ -278,7 +287,7 @@ def _blocks(amount: float) -> int:
     return -(-round(amount) // _BLOCK) * _BLOCK
 
 
-def _rate(view: View, kind: str) -> float:
+def _rate(view: Clip, kind: str) -> float:
     """Encoded bytes per pixel."""
     return _DEPTH_MOVING if kind == "depth" and not view.still else _BYTES[kind]
 
@@ -291,7 +300,7 @@ def _disk(loads: Sequence[Load], scenes: Iterable[Load], observed: Iterable[Load
     labelled = sum(view.frames * load.actors * _SEEN for load in loads for view in load.views)
     element, actor = _PLAN_BYTES
     plans = sum(_blocks(load.elements * element + load.actors * actor) for load in loads)
-    tracks = sum(_blocks(max((v.frames for v in s.views), default=0) * s.actors * _TRACK_BYTES) for s in scenes)
+    tracks = sum(_blocks(_clip(s) * s.actors * _TRACK_BYTES) for s in scenes)
     rate, most, most_of_all = _PREVIEW
     seen = [min(rate * v.pixels, most) for load in loads for v in load.views if "rgb" in v.capture]
     return frames + plans + tracks + _blocks(labelled * _LABEL_BYTES) + _blocks(min(sum(seen), most_of_all))
@@ -301,18 +310,18 @@ def _memory(
     observed: Mapping[tuple[Hashable, Hashable], Load], looks: Iterable[tuple[Hashable, Hashable, Hashable]]
 ) -> tuple[int, int]:
     """Bytes of memory of the main process with its simulation, and of one worker."""
-    worker, records = 0, 0.0
+    worker, records, metres = 0, 0.0, 0.0
     appearances = Counter((scene, rig) for scene, rig, _ in looks)
     for key, load in observed.items():
         process = _WORKER + load.elements * _MEMORY_ELEMENT + load.actors * _MEMORY_ACTOR
         process += _SHADERS * any("rgb" in view.capture for view in load.views)
         process += sum(view.samples * _sample_bytes(view, appearances[key] - 1) for view in load.views)
-        worker = max(worker, process)
+        worker, metres = max(worker, process), max(metres, load.metres)
         records += sum(view.frames for view in load.views) * load.actors * _SEEN_AT_MOST
-    return _MAIN + _SIMULATION + round(records * _MEMORY_RECORD), worker
+    return _MAIN + _SIMULATION + round(records * _MEMORY_RECORD + metres * _MEMORY_METRE), worker
 
 
-def _sample_bytes(view: View, further: int) -> int:
+def _sample_bytes(view: Clip, further: int) -> int:
     """Bytes of a worker's memory per sample of a view; `further` appearances after the first."""
     if "rgb" not in view.capture:
         return _MEMORY_LABELS

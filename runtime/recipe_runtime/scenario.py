@@ -26,6 +26,7 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.calibration import Calibration, calibration
 from recipe_runtime.annotate.records import LabelRecord
+from recipe_runtime.attacks.truth import FrameTruth, patch_truth
 from recipe_runtime.cache.pruning import leased
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs
@@ -233,9 +234,21 @@ class Scenario(Sequence[Frame]):
         plan, scene = self._sensor(sensor), self.plan.scene
         numbers = [self._taken(frame, plan) for frame in (plan.frames(len(self)) if frames is None else frames)]
         appearances = [self.plan.appearance] if "rgb" in plan.capture else []
-        for made in self._scenes.source(scene).make(plan, appearances, numbers, lanes=MAX_CONCURRENT_FRAMES):
+        for made in self._scenes.source(scene).make(plan, appearances, numbers, in_flight=MAX_CONCURRENT_FRAMES):
             pictures: dict[str, NDArray[np.generic]] = dict(zip(["rgb"], made.pictures, strict=False))
             yield made.number, {m: pictures[m] if m == "rgb" else label_array(made.seen, m) for m in plan.capture}
+
+    def patches(self, frame: int, sensor: str | None = None) -> FrameTruth:
+        """Return the truth of the patches of a frame, as `recipe build` writes it.
+
+        Raises:
+            InputError: There is no such sensor.
+            IndexError: There is no such frame.
+        """
+        plan, scene = self._sensor(sensor), self.plan.scene
+        frame = self._taken(frame, plan)
+        source, seen = self._scenes.source(scene), self._scenes.observe(scene, plan, frame)
+        return patch_truth(source, self.plan.appearance, plan, seen, frame)
 
     def labels(self, frame: int, sensor: str | None = None) -> list[LabelRecord]:
         """Return the records of the visible objects of a frame, by instance; see `annotate.records.LabelRecord`."""

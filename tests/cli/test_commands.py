@@ -74,6 +74,7 @@ def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
         "export",
         "cache",
         "blueprints",
+        "surfaces",
         "schema",
     ):
         assert f"  {name} " in shown.stdout
@@ -85,7 +86,7 @@ def test_help_is_quick_and_lists_every_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", ["init", "check", "plan", "shot", "build", "lock", "verify", "blueprints", "schema"]
+    "command", ["init", "check", "plan", "shot", "build", "lock", "verify", "blueprints", "surfaces", "schema"]
 )
 def test_every_command_explains_itself(command: str, tmp_path: Path) -> None:
     shown = run_here(command, "--help", cwd=tmp_path)

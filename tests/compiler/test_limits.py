@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.expand import count
+from recipe_compiler.ir.errors import InputError
 from recipe_compiler.library import towns
-from recipe_compiler.limits import Load, Memory, TooLargeError, View, size, total
+from recipe_compiler.limits import Clip, Load, Memory, TooLargeError, size, total
 from recipe_compiler.schema.sweep import Sweep
 
 from tests.compiler.kitchen import compiled, small
@@ -139,7 +140,7 @@ def test_a_product_is_counted_without_being_built() -> None:
 
 def test_time_is_reported_of_one_core_and_of_many_and_knows_what_moves() -> None:
     """Measured on builds: a camera that moves costs three times as much, and workers do not share the start."""
-    still = View(frames=300, pixels=480_000, samples=480_000, capture=("rgb", "depth"))
+    still = Clip(frames=300, pixels=480_000, samples=480_000, capture=("rgb", "depth"))
     cost, moving = (
         total([Load("scene", "rig", "look", steps=300, actors=4, views=(view,))], "carla")
         for view in (still, replace(still, still=False))
@@ -150,10 +151,10 @@ def test_time_is_reported_of_one_core_and_of_many_and_knows_what_moves() -> None
     assert cost.minutes_with(1000) == pytest.approx(cost.minutes_alone, rel=0.02)
 
 
-SMALL_VIEW = View(frames=100, pixels=30_000, samples=30_000, capture=("rgb", "depth"))
+SMALL_CLIP = Clip(frames=100, pixels=30_000, samples=30_000, capture=("rgb", "depth"))
 
 
-def _load(view: View = SMALL_VIEW, **fields: Any) -> Load:
+def _load(view: Clip = SMALL_CLIP, **fields: Any) -> Load:
     whole: dict[str, Any] = {"scene": "scene", "rig": "rig", "appearance": "look", "steps": 300, "actors": 4}
     return Load(**{**whole, "views": (view,), "elements": 700, **fields})
 
@@ -173,8 +174,8 @@ def test_hours_of_work_need_an_explicit_yes(tmp_path: Path) -> None:
     ("more", "least", "most"),
     [
         ({"steps": 1_000_000}, 5, 50),
-        ({"view": replace(SMALL_VIEW, samples=4 * 30_000, still=False)}, 1.2, 4),
-        ({"view": replace(SMALL_VIEW, frames=3000)}, 1.5, 10),
+        ({"view": replace(SMALL_CLIP, samples=4 * 30_000, still=False)}, 1.2, 4),
+        ({"view": replace(SMALL_CLIP, frames=3000)}, 1.5, 10),
         ({"elements": 70_000}, 5, 40),
         ({"actors": 400}, 3, 20),
     ],
@@ -185,7 +186,7 @@ def test_each_kind_of_work_is_counted(more: dict[str, Any], least: float, most: 
 
 
 def test_blur_and_bloom_cost_time() -> None:
-    moving = replace(SMALL_VIEW, frames=1000, pixels=300_000, samples=300_000, still=False)
+    moving = replace(SMALL_CLIP, frames=1000, pixels=300_000, samples=300_000, still=False)
     plain, blurred = (total([_load(replace(moving, finished=x))], "carla").minutes for x in (False, True))
     assert 1.1 < blurred / plain < 2
 
@@ -197,12 +198,12 @@ def test_towns_that_differ_are_each_loaded() -> None:
 
 def test_a_small_file_takes_a_block_of_the_disk() -> None:
     """3,000 frames of a few pixels were 16 bytes, which no disk was ever too full for."""
-    tiny = View(frames=3000, pixels=4, samples=4, capture=("instance",))
+    tiny = Clip(frames=3000, pixels=4, samples=4, capture=("instance",))
     assert total([_load(tiny, actors=0)], "carla").bytes >= 3000 * 4096
 
 
 def test_memory_does_not_depend_on_frames_but_for_labels() -> None:
-    few, many = (total([_load(replace(SMALL_VIEW, frames=frames))], "carla") for frames in (100, 2400))
+    few, many = (total([_load(replace(SMALL_CLIP, frames=frames))], "carla") for frames in (100, 2400))
     assert few.worker_memory == many.worker_memory
     assert 2300 < (many.main_memory - few.main_memory) < 2300 * 4 * 4000
 
@@ -212,7 +213,7 @@ def test_memory_does_not_depend_on_frames_but_for_labels() -> None:
     [
         ({"elements": 7000}, 500 << 20),
         ({"actors": 300}, 300 << 20),
-        ({"view": replace(SMALL_VIEW, samples=1 << 22)}, 500 << 20),
+        ({"view": replace(SMALL_CLIP, samples=1 << 22)}, 500 << 20),
     ],
 )
 def test_memory_grows_with_town_actors_and_samples(change: dict[str, Any], least: int) -> None:
@@ -233,3 +234,27 @@ def test_memory_is_held_to_what_the_host_has(tmp_path: Path) -> None:
     with pytest.raises(TooLargeError, match="of memory a process are over the 200 MiB"):
         compile_recipe(path, memory=Memory(1 << 40, 200 << 20, 1))
     compile_recipe(path, memory=Memory(1, 1, 1), allow_large=True)
+
+
+def far(count: int) -> dict[str, Any]:
+    """Vehicles with one route of 14,142 km each."""
+    ends = [{"x": 9999 * (-1) ** k, "y": 9999 * (-1) ** k} for k in range(501)]
+    car = {"blueprint": "vehicle.sedan.a", "route": ends}
+    return small(
+        traffic={}, actors={f"car{k}": car | {"start": {"x": -9999, "y": -9999 + 9 * k}} for k in range(count)}
+    )
+
+
+def test_the_length_of_routes_is_bounded_and_paid_for() -> None:
+    near, long = compiled(small(traffic={}, actors={})).cost, compiled(far(1)).cost
+    assert long.minutes - near.minutes > 0.2
+    assert long.main_memory - near.main_memory > 100 << 20
+    with pytest.raises(InputError, match="are 28,338 km long, and at most 16,000 are allowed"):
+        compiled(far(2))
+
+
+@pytest.mark.parametrize(("count", "blueprint"), [(100, "vehicle.sedan.a"), (100, "walker.pedestrian.0001")])
+def test_a_pile_of_actors_is_refused(count: int, blueprint: str) -> None:
+    pile = {f"a{k}": {"blueprint": blueprint, "start": {"x": -4, "y": 6}} for k in range(count)}
+    with pytest.raises(InputError, match="4,950 pairs of actors start on top of each other, and at most 4,000 may"):
+        compiled(small(traffic={}, actors=pile))

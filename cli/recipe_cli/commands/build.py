@@ -108,11 +108,9 @@ def _recipe_first(command: Callable[..., None]) -> Callable[..., None]:
     metavar="[ADDRESS]",
     help="Distribute the work on a Ray cluster: at ADDRESS, or started on this host.",
 )
-@click.option(
-    "--repair", is_flag=True, help="Hash every file of the dataset that is there, and make again what is damaged."
-)
+@click.option("--repair", is_flag=True, help="Hash every file of the existing dataset, and rebuild damaged ones.")
 @REPLACE
-@click.option("--explain", is_flag=True, help="Say why each stage runs, or does not.")
+@click.option("--explain", is_flag=True, help="Print why each stage runs or is skipped.")
 @DEVICE
 @WORKERS
 @ALLOW_LARGE

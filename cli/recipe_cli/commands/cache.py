@@ -1,4 +1,4 @@
-"""`recipe cache`: what is kept between runs, and how to make it smaller."""
+"""`recipe cache`: shows and prunes what is kept between runs."""
 
 from __future__ import annotations
 

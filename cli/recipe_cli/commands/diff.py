@@ -1,4 +1,4 @@
-"""`recipe diff`: what differs between two, the first cause first."""
+"""`recipe diff`: the differences between two recipes, lockfiles, plans or datasets, in causal order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`recipe doctor`: what this host is, and whether it makes the bytes that it should."""
+"""`recipe doctor`: the host's fingerprint, and a self-test of its bytes."""
 
 from __future__ import annotations
 

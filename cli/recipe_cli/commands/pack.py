@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 @RECIPE
 @output_option(LocalPath(path_type=Path, dir_okay=False), "<recipe>.recipe by default.")
 @click.option(
-    "--with-traces", is_flag=True, help="Insist on the traces beside the lockfile; they go in if they are there."
+    "--with-traces",
+    is_flag=True,
+    help="Fail if there are no traces beside the lockfile; existing ones are always included.",
 )
 @REPLACE
 @ALLOW_LARGE

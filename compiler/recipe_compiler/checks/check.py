@@ -44,8 +44,8 @@ class Checker:
         own = () if assets is None else (references.unknown_asset(assets),)
         self._checks = (*references.CHECKS, *own)
         self._names = {kind: set(value.map) if (value := base.get(kind)) else set() for kind in _NAMED}
-        self._checked: dict[tuple[object, ...], tuple[object, list[Problem]]] = {}
-        self._seen: dict[tuple[str, int], tuple[Value | None, object, list[Problem]]] = {}
+        self._cross_checks: dict[tuple[object, ...], tuple[object, list[Problem]]] = {}
+        self._sections: dict[tuple[str, int], tuple[Value | None, object, list[Problem]]] = {}
 
     def base(self, merged: Value, problems: list[Problem]) -> Base | None:
         """The model of a merged base, or None if it has problems, which are added to `problems`."""
@@ -62,18 +62,18 @@ class Checker:
         for check, sections_read in self._checks:
             parts = tuple(merged.get(section) for section in sections_read)
             identity = (check.__name__, *map(id, parts))
-            if identity not in self._checked:
-                self._checked[identity] = (parts, list(check(merged)))
-            found += self._checked[identity][1]
+            if identity not in self._cross_checks:
+                self._cross_checks[identity] = (parts, list(check(merged)))
+            found += self._cross_checks[identity][1]
         problems += found
         return None if found else Base.model_construct(**sections)
 
     def _section(self, name: str, merged: Value) -> tuple[object, list[Problem]]:
         value = merged.get(name)
         key = (name, id(value))
-        if key not in self._seen:
-            self._seen[key] = (value, *self._validate(name, value, merged))
-        return self._seen[key][1:]
+        if key not in self._sections:
+            self._sections[key] = (value, *self._validate(name, value, merged))
+        return self._sections[key][1:]
 
     def _validate(self, name: str, value: Value | None, merged: Value) -> tuple[object, list[Problem]]:
         try:

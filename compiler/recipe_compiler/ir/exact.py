@@ -1,8 +1,8 @@
 """Elementary functions that give the same bits on every machine.
 
-libm's `sin`, `exp` and the like differ in the last bit between CPUs (with and without FMA), so no number
-that reaches a plan or a kernel may come from them. These use only IEEE-754 `+ - * /` and `sqrt`, which are
-exact by standard, in a fixed order. Accuracy is within a few ulp over the ranges stated.
+libm's `sin`, `exp` and similar functions differ in the last bit between CPUs with and without FMA, so no number in a
+plan or a kernel may come from them. These functions use only IEEE-754 `+ - * /` and `sqrt`, which the standard rounds
+correctly, in a fixed order. Accuracy is within a few ulp over the stated ranges.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Named random streams, the only source of randomness.
 
 A stream is keyed by the recipe's seed and by names (an actor, a sensor, a purpose), never by order, so adding
-an actor, a sensor, an axis value or a worker shifts no other draw. Draws are SHA-256 in counter mode over that
+an actor, a sensor, an axis value or a worker changes no other draw. Draws are SHA-256 in counter mode over that
 key: the same on every platform, and independent for different keys.
 """
 

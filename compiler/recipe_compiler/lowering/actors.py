@@ -42,7 +42,7 @@ class ActorLowering:
         self._warmup = traffic.warmup(base)
         self._chosen = {name: self._choose(name, actor) for name, actor in base.actors.items()}
         self._made: dict[str, ActorPlan | None] = {}
-        self._view: traffic.View | None = None
+        self._view: traffic.SensorView | None = None
 
     def _stream(self, name: str, *purpose: str) -> Stream:
         own = self._base.traffic.seed if name.startswith("traffic.") else None
@@ -79,7 +79,7 @@ class ActorLowering:
             return self._parked(int(index))
         return self._traffic("vehicle" if kind == "vehicle" else "pedestrian", int(index))
 
-    def _view_near(self) -> traffic.View | None:
+    def _view_near(self) -> traffic.SensorView | None:
         """What the sensor of `traffic.near` sees; None without one. The actor that carries it is placed first."""
         near = self._base.traffic.near
         if near is None or near not in self._base.sensors:
@@ -87,7 +87,7 @@ class ActorLowering:
         sensor = self._base.sensors[near]
         carrier = self._plan_of(sensor.carrier) if sensor.carrier is not None else None
         way = None if carrier is None else (carrier.start, carrier.route, carrier.speed)
-        return traffic.View.of(self._base, sensor, way)
+        return traffic.SensorView.of(self._base, sensor, way)
 
     def _choose(self, name: str, actor: Actor) -> Blueprint:
         """Draw the blueprint of a named actor from those that its glob pattern matches."""

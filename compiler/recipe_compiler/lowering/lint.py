@@ -88,7 +88,9 @@ def of_cameras(base: Value, rig: RigPlan, town: Town) -> Iterator[Problem]:
                 when = f" at frame {frame}" if frame else ""
                 what = "the ground" if sensor.on is None else f"{sensor.on}'s feet"
                 message = f"sensors.{sensor.name}: z is {pose.z:g}{when}, not above {what}, which is at {ground:g}"
-                place = base.place_of("sensors", sensor.name, "mount", "z")
+                follows = base.get("sensors", sensor.name, "motion", "follow") is not None
+                key = ("motion", "follow", "height") if follows else ("mount", "z")
+                place = base.place_of("sensors", sensor.name, *key)
                 yield Problem(message, place, "raise the mount", Code.PLACEMENT)
                 break
 

@@ -26,13 +26,14 @@ def of_speeds(base: Value, actors: Iterable[ActorPlan]) -> Iterator[Problem]:
             yield Problem(message, place, "walking is 1 to 2 m/s, running is 3 to 10 m/s", Code.IMPLAUSIBLE)
 
 
-def of_views(base: Value, rig: RigPlan, actors: Iterable[ActorPlan]) -> Iterator[Problem]:
-    """Yield warnings for cameras with a very small field of view, and for cameras inside the actor that carries them.
+def of_views(base: Value, rig: RigPlan, actors: Iterable[ActorPlan], frames: int) -> Iterator[Problem]:
+    """Yield warnings for cameras inside their carriers, with one frame, or with a very small field of view.
 
     Args:
         base: the recipe's base, for the places of its values.
         rig: the sensors and their poses.
         actors: the actors of the scene.
+        frames: the number of frames of the clip.
     """
     carriers = {actor.name: actor for actor in actors}
     for sensor in rig.sensors:
@@ -42,7 +43,11 @@ def of_views(base: Value, rig: RigPlan, actors: Iterable[ActorPlan]) -> Iterator
             place = base.place_of("sensors", sensor.name, "camera", "fov")
             remedy = f"write {fov * _DEGREES:.1f} if it is in radians" if fov <= math.pi else "write a larger one"
             yield Problem(message, place, remedy, Code.IMPLAUSIBLE)
-        if carrier is not None and any(_is_inside(carrier, pose) for pose in sensor.poses[:1]):
+        if sensor.interval >= frames > 1:
+            message = f"sensors.{sensor.name}.tick: the clip is over before a second picture"
+            place = base.place_of("sensors", sensor.name, "tick")
+            yield Problem(message, place, "write the seconds from one picture to the next", Code.IMPLAUSIBLE)
+        if carrier is not None and sensor.arm is None and any(_is_inside(carrier, pose) for pose in sensor.poses[:1]):
             message = f"sensors.{sensor.name}: it is inside {carrier.name}, the actor that carries it"
             place = base.place_of("sensors", sensor.name, "mount")
             yield Problem(message, place, _remedy(carrier), Code.PLACEMENT)

@@ -101,7 +101,7 @@ class _Look:
     forward: tuple[float, float]
 
 
-class View:
+class SensorView:
     """What a sensor sees of the ground in the course of a clip, without regard to what hides it."""
 
     def __init__(self, looks: Sequence[_Look], half_angle: float) -> None:
@@ -109,7 +109,7 @@ class View:
         self._cosine = exact.cos_deg(half_angle)
 
     @classmethod
-    def of(cls, base: Base, sensor: Sensor, carrier: tuple[Pose, Sequence[Point], float] | None) -> View:
+    def of(cls, base: Base, sensor: Sensor, carrier: tuple[Pose, Sequence[Point], float] | None) -> SensorView:
         """Return the view of a sensor.
 
         Args:

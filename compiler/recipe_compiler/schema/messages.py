@@ -44,7 +44,7 @@ _EXAMPLES = {
 _SEVERAL = "for several, make each a value of an axis in `deltas`"
 _DEFAULTS = {"town": "downtown", "weather": "ClearNoon"}
 _BY_NAME = {"town": "a name, such as downtown,", "weather": "a preset's name, such as ClearNoon,"}  # or a map
-_CARLA = {"image_size_x": "width", "image_size_y": "height"}
+_CARLA = {"image_size_x": "width", "image_size_y": "height", "sensor_tick": "tick"}
 _NAME_RULE = "use letters, digits, _ and - only, a letter or digit first: names become folders"
 _PATTERNS = {  # what marks the pattern -> what is wrong, the remedy
     "#": ("is not a colour", 'write it as "#rrggbb"'),
@@ -55,17 +55,8 @@ _PATTERNS = {  # what marks the pattern -> what is wrong, the remedy
     "_-": ("is not a name", _NAME_RULE),
     "_.-": ("is not an actor's name", "use letters, digits, _ . and - only, a letter or digit first"),
 }
-_CONFLICTS = {
-    "way",
-    "asset",
-    "prop",
-    "carrier",
-    "texture",
-    "distribution",
-    "clip",
-    "moves",
-    "frame",
-}  # of our own checks, those of keys that exclude others
+# Of our own checks, those of keys that exclude others.
+_CONFLICTS = {"way", "asset", "prop", "carrier", "texture", "distribution", "clip", "moves", "frame"}
 _MAX_COMPARED = 30  # of many names, those with the most letter pairs in common are compared letter by letter
 _MAX_LISTED = 12  # valid names that a remedy lists
 

@@ -116,7 +116,9 @@ class Follow(Model):
             0, 5, "Time constant with which it turns with the actor, seconds. Default: it keeps frame 0's direction."
         ),
     ] = None
-    collision: Annotated[bool, Field(description="Whether it comes nearer where a building is in between.")] = True
+    collision: Annotated[
+        bool, Field(description="Whether it comes nearer where a building or a wall is in between.")
+    ] = True
 
 
 class Rotation(Model):

@@ -18,7 +18,7 @@ _LEADING_ZERO = re.compile(r"[-+]?0[0-9]+\Z")
 _BINARY = re.compile(r"[-+]?0b[01_]+\Z")
 _EXPONENT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)[eE][-+]?[0-9]+\Z")
 _DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}([Tt ].*)?\Z")
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+][0-9]+)?\Z")
+FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+][0-9]+)?\Z")
 
 
 def explain(problem: str, context: str, opened: int | None, text: str, place: Place) -> Problem:
@@ -279,7 +279,7 @@ def ambiguity(text: str) -> tuple[str, str] | None:
         return f"YAML reads the bare {short} as a number or as text", f'drop the leading zero, or quote it: "{short}"'
     if _BINARY.match(text):
         return f"YAML turns the bare {short} into a binary number", f'write it in decimal, or quote it: "{short}"'
-    if _EXPONENT.match(text) and not _FLOAT.match(text):
+    if _EXPONENT.match(text) and not FLOAT.match(text):
         exact = float(text)
         plain = f": {exact:.0f}" if exact.is_integer() and abs(exact) < 1e15 else ""
         return f"YAML reads the bare {short} as a number or as text", f"write the number without exponent{plain}"

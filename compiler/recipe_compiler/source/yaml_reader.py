@@ -20,7 +20,7 @@ import yaml
 
 from recipe_compiler.ir.errors import Code, Place, Problem
 from recipe_compiler.ir.errors import printable as printable
-from recipe_compiler.source.yaml_help import LINE_BREAK, ambiguity, explain, key_before_bracket, missing_colon
+from recipe_compiler.source.yaml_help import FLOAT, LINE_BREAK, ambiguity, explain, key_before_bracket, missing_colon
 
 MAX_BYTES = 1 << 20
 MAX_NODES = 50_000  # after aliases are expanded
@@ -28,10 +28,9 @@ MAX_DEPTH = 32
 MAX_INTEGER = 2**53 - 1  # beyond it, JSON readers disagree
 
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)\Z|0x[0-9a-fA-F]+\Z")
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+][0-9]+)?\Z")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)\Z|\.(nan|NaN|NAN)\Z")
-_WORDS = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
-_TRUTHS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
+_NULLS = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
+_BOOLEANS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
 
 Plain: TypeAlias = "bool | int | float | str | list[Plain] | dict[str, Plain] | None"
 
@@ -266,16 +265,16 @@ class _Reader:
         text = str(event.value)
         if not event.implicit[0]:
             return text  # quoted, or a block
-        if text in _WORDS:
+        if text in _NULLS:
             return None
-        if text in _TRUTHS:
-            return _TRUTHS[text]
+        if text in _BOOLEANS:
+            return _BOOLEANS[text]
         if _NOT_FINITE.match(text):
             self._report(event, f"{text} is not a finite number", "write a finite one", Code.INVALID_VALUE)
             return text
-        trap = ambiguity(text)
-        if trap:
-            self._report(event, *trap, Code.AMBIGUOUS_YAML)
+        ambiguous = ambiguity(text)
+        if ambiguous:
+            self._report(event, *ambiguous, Code.AMBIGUOUS_YAML)
             return text
         return self._number(event, text)
 
@@ -287,7 +286,7 @@ class _Reader:
                 self._report(event, message, f"write one within {MAX_INTEGER}", Code.OUT_OF_RANGE)
                 return text
             return int(text, 0)
-        if _FLOAT.match(text) and len(text) <= 400:
+        if FLOAT.match(text) and len(text) <= 400:
             number = float(text)
             if not math.isfinite(number):
                 message = f"the number {text[:20]} is too large for a float"

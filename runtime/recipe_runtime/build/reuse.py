@@ -96,7 +96,12 @@ class Reuse:
         if not self.knows(view):
             return ()
         plain = "rgb" not in view.sensor.capture
-        return tuple(n for n in view.variants if plain or self._picture(view, n) is not None)
+        patched = [bool(self.plan.variants[n].appearance.patches) for n in view.variants]
+        return tuple(
+            n
+            for n, has_patches in zip(view.variants, patched, strict=True)
+            if (plain and not has_patches) or self._picture(view, n) is not None
+        )
 
     def take(self, work: Workspace | None, view: View, variants: Sequence[int]) -> list[FrameRecord]:
         """Return the records of a view's frames for these variants, except frames with a damaged file.
@@ -121,9 +126,9 @@ class Reuse:
             source = layout.frame_file(old.variant, sensor.name, modality, frame, self.plan.depth)
             paths = [layout.frame_file(n, view.sensor.name, modality, frame, self.plan.depth) for n in names]
             files |= self._linked(work, source, paths)
-        if "mots_png" in self.plan.annotations:
-            source = layout.mots_png_file(old.variant, sensor.name, frame)
-            files |= self._linked(work, source, [layout.mots_png_file(n, view.sensor.name, frame) for n in names])
+        copies = [layout.label_copies(self.plan, name, view.sensor, frame) for name in names]
+        for form, source in layout.label_copies(self.plan, old.variant, sensor, frame).items():
+            files |= self._linked(work, source, [paths[form] for paths in copies])
         rgb: dict[str, str] = {}
         for index, name in zip(variants, names, strict=True):
             picture = self._picture(view, index)
@@ -132,6 +137,9 @@ class Reuse:
                 path = layout.frame_file(name, view.sensor.name, "rgb", frame, self.plan.depth)
                 files |= self._linked(work, source, [path])
                 rgb[name] = self._digest(picture, sensor, "rgb", frame)
+            if self.plan.variants[index].appearance.patches and picture is not None:
+                source = layout.patches_file(picture, sensor.name, frame)
+                files |= self._linked(work, source, [layout.patches_file(name, view.sensor.name, frame)])
         labels = [m for m in view.sensor.capture if m != "rgb"] + ["labels"]
         digests = {m: self._digest(old.variant, sensor, m, frame) for m in labels}
         line = self._lines(view)[frame // view.sensor.interval]
@@ -216,9 +224,10 @@ def _why(reuse: Reuse) -> str:
     return "a scene or sensor that the earlier dataset has not"
 
 
-def _forms(plan: DatasetPlan) -> tuple[str, bool]:
+def _forms(plan: DatasetPlan) -> tuple[str, bool, bool]:
     """Return the settings that the files of a frame depend on, besides its pixels."""
-    return plan.depth, "mots_png" in plan.annotations
+    tiff = plan.depth == "npy" and "kwcoco" in plan.annotations
+    return plan.depth, "mots_png" in plan.annotations, tiff
 
 
 def _some(names: Sequence[str]) -> str:

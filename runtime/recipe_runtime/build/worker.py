@@ -14,12 +14,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from recipe_compiler.ir.canonical import pretty
 from recipe_compiler.ir.errors import RecipeError, RunError
 from recipe_compiler.ir.modalities import LABEL_MODALITIES
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.annotate.mots import mots_picture
 from recipe_runtime.annotate.records import FileRow, FrameRecord, label_digest
+from recipe_runtime.attacks.truth import patch_truth
 from recipe_runtime.build import host_errors
 from recipe_runtime.cache.store import Store
 from recipe_runtime.core import codecs, layout
@@ -142,8 +144,8 @@ class _FrameTask:
                 with timings("hash"):
                     digests[modality] = pixel_digest(modality, array)
                 self._write(files, modality, frame, array, self.variants)
-        if "mots_png" in self.job.dataset.annotations:
-            self._write_mots(files, frame, seen, self.variants)
+        self._write_copies(files, frame, seen)
+        self._write_patches(files, frame, seen)
         rgb: dict[str, str] = {}
         for group, picture in zip(groups, made.pictures, strict=True):
             with timings("hash"):
@@ -159,10 +161,31 @@ class _FrameTask:
         paths = [layout.frame_file(name, self.view.sensor.name, modality, frame, depth) for name in names]
         self._put(files, paths, lambda: _encoded(modality, array, depth))
 
-    def _write_mots(self, files: dict[str, FileRow], frame: int, seen: Observed, variants: tuple[int, ...]) -> None:
-        names = [self.job.dataset.variants[i].variant for i in variants]
-        paths = [layout.mots_png_file(name, self.view.sensor.name, frame) for name in names]
-        self._put(files, paths, lambda: codecs.png(mots_picture(seen.instance)))
+    def _write_copies(self, files: dict[str, FileRow], frame: int, seen: Observed) -> None:
+        """Write label modalities in their other forms."""
+        dataset, sensor = self.job.dataset, self.view.sensor
+        copies = [layout.label_copies(dataset, dataset.variants[i].variant, sensor, frame) for i in self.variants]
+        bodies = {
+            "mots_png": lambda: codecs.png(mots_picture(seen.instance)),
+            "depth_tiff": lambda: codecs.tiff(label_array(seen, "depth").astype(np.float32)),
+        }
+        for form in copies[0]:
+            self._put(files, [paths[form] for paths in copies], bodies[form])
+
+    def _write_patches(self, files: dict[str, FileRow], frame: int, seen: Observed) -> None:
+        """Write the truth of the patches, one file for the variants that share an appearance."""
+        sensor = self.view.sensor
+        sharing: dict[str, list[int]] = {}
+        for index in self.variants:
+            appearance = self.job.dataset.variants[index].appearance
+            if appearance.patches:
+                sharing.setdefault(appearance.digest, []).append(index)
+        for group in sharing.values():
+            names = [self.job.dataset.variants[index].variant for index in group]
+            with self.timings("annotate"):
+                truth = patch_truth(self.source, self.job.dataset.variants[group[0]].appearance, sensor, seen, frame)
+            paths = [layout.patches_file(name, sensor.name, frame) for name in names]
+            self._put(files, paths, lambda truth=truth: pretty(truth).encode())  # type: ignore[misc]
 
     def _put(self, files: dict[str, FileRow], paths: list[str], body: Callable[[], bytes]) -> None:
         """Write one file under all its names."""

@@ -32,10 +32,10 @@ def read_key(cache: Path) -> bytes | None:
 
 
 def journal_key(cache: Path) -> bytes:
-    """The key of a cache folder, made if it has none.
+    """Return the key of a cache folder; it is created if it does not exist.
 
-    Where it can neither be read nor written, the key is new on each call: then a build that stops is begun afresh,
-    since nothing on this host can prove that the work is its own.
+    If it can neither be read nor written, the key is new on each call. An interrupted build is then started again,
+    because nothing on this host proves that the work is its own.
     """
     key = read_key(cache)
     if key is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.ir.plan import DatasetPlan
+from recipe_compiler.ir.plan import DatasetPlan, SensorPlan
 
 MANIFEST = "manifest.json"
 CARD = "README.md"
@@ -25,6 +25,11 @@ def frame_file(variant: str, sensor: str, modality: str, frame: int, depth: str)
     """A frame's file; `depth` is the plan's format of depth."""
     ending = "npy" if modality == "depth" and depth == "npy" else "png"
     return f"{folder(variant)}/{folder(sensor)}/{modality}/{frame:06d}.{ending}"
+
+
+def patches_file(variant: str, sensor: str, frame: int) -> str:
+    """Return the file with the truth of a frame's patches."""
+    return f"{folder(variant)}/{folder(sensor)}/patches/{frame:06d}.json"
 
 
 def labels_file(variant: str, sensor: str) -> str:
@@ -72,6 +77,21 @@ def mots_png_file(variant: str, sensor: str, frame: int) -> str:
     return f"mots/instances/{sequence(variant, sensor)}/{frame + 1:06d}.png"
 
 
+def depth_tiff_file(variant: str, sensor: str, frame: int) -> str:
+    """Return the file of a frame's depth in metres as TIFF, which kwcoco reads; it does not read `.npy`."""
+    return f"{folder(variant)}/{folder(sensor)}/depth/{frame:06d}.tif"
+
+
+def label_copies(plan: DatasetPlan, variant: str, sensor: SensorPlan, frame: int) -> dict[str, str]:
+    """Return the files of a frame that hold a label modality in another form, by form."""
+    files = {}
+    if "mots_png" in plan.annotations:
+        files["mots_png"] = mots_png_file(variant, sensor.name, frame)
+    if plan.depth == "npy" and "kwcoco" in plan.annotations and "depth" in sensor.capture:
+        files["depth_tiff"] = depth_tiff_file(variant, sensor.name, frame)
+    return files
+
+
 def recipe_lockfile(name: str) -> str:
     """The lockfile beside the recipe of that name."""
     return f"{RECIPE}/lockfiles/{name}.lock"
@@ -95,10 +115,11 @@ def expected_files(plan: DatasetPlan) -> set[str]:
             frames = sensor.frames(variant.scene.clock.frames)
             files.add(labels_file(name, sensor.name))
             files |= {frame_file(name, sensor.name, m, k, plan.depth) for m in sensor.capture for k in frames}
+            if variant.appearance.patches:
+                files |= {patches_file(name, sensor.name, k) for k in frames}
             if "mots_txt" in plan.annotations:
                 files |= {mots_text_file(name, sensor.name), seqinfo_file(name, sensor.name)}
-            if "mots_png" in plan.annotations:
-                files |= {mots_png_file(name, sensor.name, k) for k in frames}
+            files |= {path for k in frames for path in label_copies(plan, name, sensor, k).values()}
     return files
 
 

@@ -101,7 +101,7 @@ class Trace:
             actors: names; all actors by default.
 
         Returns:
-            For each actor a digest for each of `ends`, equal to `actor_digest(actor, end)`.
+            For each actor a digest for each of `ends`.
         """
         actors = self.actors if actors is None else actors
         parts = [np.array(self.actor_parts(actor), np.intp) for actor in actors]
@@ -262,7 +262,7 @@ def _holds(file: IO[bytes], size: int) -> bool:
 
 
 def _read_head(file: IO[bytes], size: int) -> tuple[tuple[str, ...], tuple[str, ...], int, int]:
-    """Actors, parts, frames and the length of the header of a byte form of so many bytes; ValueError if it is wrong."""
+    """Return actors, parts, number of frames and length of the header of a byte form; ValueError if it is invalid."""
     line = file.readline()
     try:
         head = json.loads(line)

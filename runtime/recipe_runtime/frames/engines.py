@@ -41,9 +41,16 @@ class SceneRenderer(Protocol):
         """
 
     def frame_stream(
-        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], lanes: int
+        self, camera: CameraPlan, sensor_name: str, appearances: Sequence[AppearancePlan], in_flight: int
     ) -> Any:
         """Return a stream that renders many frames of one camera concurrently, on a GPU."""
+
+
+class PatchRenderer(Protocol):
+    """A renderer of scenes with patches."""
+
+    def patch_map(self, obs: Any, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
+        """Return which patch each pixel of an observation shows, uint8 [H, W]: 1 + its number, 0 for none."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ _PHASE = 0.1  # of the stride in which a walker is shown: one foot flat, one abo
 
 
 @dataclass(frozen=True)
-class View:
+class Viewpoint:
     """The viewpoint of a portrait: degrees to the left of the body's front, and above the ground."""
 
     side: float = 38.0
@@ -38,7 +38,7 @@ class View:
     sun_altitude: float = 42.0
 
 
-def portrait(actor: ActorPlan, look: Mapping[str, str], view: View | None = None) -> NDArray[np.uint8]:
+def portrait(actor: ActorPlan, look: Mapping[str, str], view: Viewpoint | None = None) -> NDArray[np.uint8]:
     """Render an actor as it walks, drives or rides.
 
     Args:
@@ -51,7 +51,7 @@ def portrait(actor: ActorPlan, look: Mapping[str, str], view: View | None = None
     """
     from recipe_runtime.render.renderer import Renderer
 
-    view = view or View()
+    view = view or Viewpoint()
     body, parts = actor_body(actor), matrices(stance(actor))
     camera = CameraPlan(width=view.width, height=view.height, fov=_FIELD)
     eye = from_pose(_standpoint(_points(body, parts), camera, view))
@@ -88,7 +88,7 @@ def _points(body: Body, parts: Array) -> Array:
     return np.concatenate(found)
 
 
-def _standpoint(points: Array, camera: CameraPlan, view: View) -> Pose:
+def _standpoint(points: Array, camera: CameraPlan, view: Viewpoint) -> Pose:
     """Return the nearest camera pose in the view's direction that has all points in the image, with a margin."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
     turn = from_pose(Pose(yaw=view.side + 180.0, pitch=view.above))
@@ -112,7 +112,7 @@ def _floor() -> Body:
     return Body("floor", 0, (("static", builder.mesh()),))
 
 
-def _daylight(looks: dict[str, dict[str, str]], view: View) -> AppearancePlan:
+def _daylight(looks: dict[str, dict[str, str]], view: Viewpoint) -> AppearancePlan:
     clear = dict.fromkeys(Weather.model_fields, 0.0) | {"scattering_intensity": 1.0, "mie_scattering_scale": 0.03}
     weather = Weather.model_validate(clear | {"cloudiness": 30.0, "rayleigh_scattering_scale": 0.0331})
     return AppearancePlan(

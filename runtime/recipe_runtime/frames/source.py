@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from recipe_runtime.core.modalities import label_array
 from recipe_runtime.core.timings import Timings
 from recipe_runtime.core.trace import Trace
 from recipe_runtime.core.transforms import sensor_transform
-from recipe_runtime.frames.engines import Engines, SceneRenderer, real_engines
+from recipe_runtime.frames.engines import Engines, PatchRenderer, SceneRenderer, real_engines
 from recipe_runtime.frames.scene_motion import SceneMotion
 
 _STREAM_BATCH = 512  # frames per batch of a frame stream
@@ -82,7 +82,7 @@ class SceneSource:
         appearances: Sequence[AppearancePlan],
         frames: Sequence[int],
         timings: Timings | None = None,
-        lanes: int = 4,
+        in_flight: int = 4,
     ) -> Iterator[Made]:
         """Yield frames in the order of `frames`.
 
@@ -91,10 +91,10 @@ class SceneSource:
             appearances: The appearances to render; none for labels alone.
             frames: Frame numbers.
             timings: Receives the time of each stage.
-            lanes: Maximum number of concurrent frames on a GPU.
+            in_flight: Maximum number of concurrent frames on a GPU.
         """
         timings = timings or Timings()
-        stream = self._stream_for(sensor, appearances, lanes) if len(frames) > 1 else None
+        stream = self._stream_for(sensor, appearances, in_flight) if len(frames) > 1 else None
         if stream is not None:
             yield from self._streamed(stream, sensor, frames, timings)
             return
@@ -127,6 +127,11 @@ class SceneSource:
                 seen, appearance, sensor.name, frame, time, neighbour=self._neighbour_frame(sensor, frame)
             )
 
+    def patch_map(self, seen: Observed, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
+        """Return which patch each pixel of an observation shows, uint8 [H, W]: 1 + its number, 0 for none."""
+        with self._discard_if_interrupted():
+            return cast("PatchRenderer", self.renderer).patch_map(seen, appearance, frame)
+
     @contextmanager
     def _discard_if_interrupted(self) -> Iterator[None]:
         """Discard the renderer if it is interrupted, because its state between frames may then be inconsistent."""
@@ -136,7 +141,7 @@ class SceneSource:
             self._renderer = None
             raise
 
-    def _stream_for(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], lanes: int) -> Any:
+    def _stream_for(self, sensor: SensorPlan, appearances: Sequence[AppearancePlan], in_flight: int) -> Any:
         """Return a frame stream and its key; None on a CPU, and for cameras that need one frame at a time."""
         if not self.use_streams:
             return None
@@ -144,16 +149,16 @@ class SceneSource:
 
         if not can_stream(sensor, appearances):
             return None
-        key = digest("reel/1", [sensor.document(), [plan.digest for plan in appearances], lanes])
+        key = digest("reel/1", [sensor.document(), [plan.digest for plan in appearances], in_flight])
         known, kept = self._stream
         self._stream = "", None  # not reentrant; and its memory is freed before another one is allocated
         if known != key:
             kept = None
-            kept = self.renderer.frame_stream(sensor.camera, sensor.name, appearances, lanes)
+            kept = self.renderer.frame_stream(sensor.camera, sensor.name, appearances, in_flight)
         return key, kept
 
     def _streamed(
-        self, reel: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], timings: Timings
+        self, stream: tuple[str, Any], sensor: SensorPlan, frames: Sequence[int], timings: Timings
     ) -> Iterator[Made]:
         from recipe_runtime.render.gpu.frame_stream import FrameBatch
 
@@ -163,7 +168,7 @@ class SceneSource:
                 numbers = frames[start : start + _STREAM_BATCH]
                 poses = np.stack([sensor_transform(sensor, self.trace, frame) for frame in numbers])
                 times = [frame / self.scene.clock.fps for frame in numbers]
-                prints = reel[1].frames(FrameBatch(numbers, times, poses, self._motion.many(np.array(numbers))))
+                prints = stream[1].frames(FrameBatch(numbers, times, poses, self._motion.many(np.array(numbers))))
                 for _ in numbers:
                     with timings("render"):
                         made = next(prints)
@@ -171,7 +176,7 @@ class SceneSource:
                     yield Made(made.number, made.observation, made.pictures)
         finally:
             if not left:  # otherwise frames are still in flight
-                self._stream = reel
+                self._stream = stream
 
     def _neighbour_frame(self, sensor: SensorPlan, frame: int) -> Any:
         """Return the previous frame, or for frame 0 the next one; the length of the blur is equal."""

@@ -289,7 +289,8 @@ def _sensor(canvas: Canvas, sensor: SensorPlan, scenario: ScenarioPlan) -> None:
     poses, carrier = sensor.poses, next((a.start for a in scenario.scene.actors if a.name == sensor.on), Pose())
     first = poses[0]
     ((x, y),) = placed(carrier, [(first.x, first.y)])
-    pose = Pose(x=x, y=y, yaw=carrier.yaw + first.yaw)
+    ahead = 0.0 if sensor.arm is None else exact.atan2_deg(-first.y, -first.x)  # along the arm
+    pose = Pose(x=x, y=y, yaw=carrier.yaw + ahead + first.yaw)
     edges = []
     for turn in (sensor.camera.fov / 2, 0.0, -sensor.camera.fov / 2):
         s, c = exact.sin_cos_deg(turn)

@@ -73,7 +73,7 @@ def test_the_mount_that_a_blueprint_recommends_is_outside_and_the_middle_is_insi
             capture=("rgb",),
             poses=(pose,),
         )
-        found = list(plausibility.of_views(base, RigPlan(sensors=(sensor,)), [carrier]))
+        found = list(plausibility.of_views(base, RigPlan(sensors=(sensor,)), [carrier], 10))
         assert [problem.message for problem in found] == [
             f"sensors.a: it is inside {carrier.name}, the actor that carries it"
         ] * inside

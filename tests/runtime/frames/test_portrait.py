@@ -8,7 +8,7 @@ from recipe_compiler.ir.plan import CameraPlan, Pose
 from recipe_compiler.library.blueprints import match, specimen
 from recipe_runtime.annotate.mots import mots_id
 from recipe_runtime.core.transforms import from_pose
-from recipe_runtime.frames.portrait import View, _floor, matrices, portrait, stance
+from recipe_runtime.frames.portrait import Viewpoint, _floor, matrices, portrait, stance
 from recipe_runtime.meshes import actor_body
 from recipe_runtime.render.renderer import Renderer
 
@@ -17,7 +17,7 @@ from recipe_runtime.render.renderer import Renderer
 def test_a_portrait_shows_the_whole_body(name: str) -> None:
     """Paper by paper: the outermost pixels are ground and sky, whatever the size of the body."""
     actor, look = specimen(match(name)[0])
-    view = View(width=120, height=90)
+    view = Viewpoint(width=120, height=90)
     with_body = portrait(actor, look, view).astype(int)
     pale = portrait(actor, dict.fromkeys(look, "#ffffff"), view).astype(int)
     seen = np.abs(with_body - pale).sum(axis=2) > 40

@@ -25,7 +25,7 @@ def plan() -> DatasetPlan:
 
 
 def take_of(variant: ScenarioPlan, sensor: SensorPlan, trace: Trace) -> FrameBatch:
-    """All frames, and the first ones once more, so that a lane has to forget what it drew."""
+    """All frames, and the first ones once more, so that a recorded frame has to forget what it drew."""
     numbers = [*range(variant.scene.clock.frames), 0, 1]
     poses = np.stack([sensor_transform(sensor, trace, n) for n in numbers])
     return FrameBatch(
@@ -40,7 +40,7 @@ def hold_to_renderer(plan: DatasetPlan, sensor_at: int, device: str) -> None:
     bodies = [*town_bodies(variant.scene.town), *[actor_body(actor) for actor in variant.scene.actors]]
     slow, fast, sensor = Renderer(bodies, reuse=NO_REUSE), Renderer(bodies, device), variant.rig.sensors[sensor_at]
     take = take_of(variant, sensor, trace)
-    for at, made in enumerate(fast.frame_stream(sensor.camera, sensor.name, appearances, lanes=2).frames(take)):
+    for at, made in enumerate(fast.frame_stream(sensor.camera, sensor.name, appearances, in_flight=2).frames(take)):
         seen = slow.observe(sensor.camera, take.poses[at], take.parts[at])
         assert made.number == take.numbers[at]
         for modality in ("depth", "instance", "semantic"):

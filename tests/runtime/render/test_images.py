@@ -191,7 +191,7 @@ def _reeled(device: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     bodies = [Body("board", 0, (("static", board(9.0, 7.0, 2.5)),))]
     renderer = Renderer(bodies, device, images=lambda texture: noise(61, 47))
     plan = lit(noise(1, 1), True)
-    (printed,) = renderer.frame_stream(camera, "street", [plan], lanes=1).frames(
+    (printed,) = renderer.frame_stream(camera, "street", [plan], in_flight=1).frames(
         FrameBatch([1], [0.0], pose[None], NOBODY[None])
     )
     return renderer.shade(renderer.observe(camera, pose, NOBODY), plan, "street", 1, 0.0), printed.pictures[0].copy()

@@ -38,7 +38,7 @@ class CameraPlan(Plan):
 
 
 class BoxPlan(Plan):
-    """A building, as a box that no arm enters. Its origin is the middle of its base."""
+    """A building or a wall, as a box that no arm enters. Its origin is the middle of its base."""
 
     x: Metres
     y: Metres

@@ -8,6 +8,7 @@ from recipe_compiler.ir.plan import ArmPlan, Element, TownPlan
 from recipe_compiler.ir.rig.plan import BoxPlan
 from recipe_compiler.schema.camera import Mount, Sensor
 
+_SOLID = BUILDINGS | {"wall"}  # what shortens an arm
 LAG = 0.125  # time constant of a spring arm's yaw, seconds: CARLA's CameraRotationLagSpeed of 8 per second
 
 
@@ -65,7 +66,7 @@ def _decay(lag: float, fps: int) -> float:
 
 
 def _boxes(town: TownPlan) -> tuple[BoxPlan, ...]:
-    return tuple(_box(element) for element in town.elements if element.kind in BUILDINGS)
+    return tuple(_box(element) for element in town.elements if element.kind in _SOLID)
 
 
 def _box(element: Element) -> BoxPlan:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from recipe_compiler.ir import exact
-from recipe_compiler.ir.plan import Pose
+from recipe_compiler.ir.plan import Element, Pose
 from recipe_compiler.ir.streams import Stream
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.sensors.arms import mount_of
@@ -19,9 +19,10 @@ from recipe_compiler.schema.motion import Jitter, Linear, Rotation, Route
 
 
 class NoRoadError(ValueError):
-    """No road leads on from the start of a route."""
+    """The start of a route along a road is not on one, or the road ends there."""
 
 
+_ROADS = ("carriageway", "junction", "road")
 _AXES = ("x", "y", "z", "yaw", "pitch", "roll")
 
 
@@ -40,7 +41,7 @@ def poses(name: str, sensor: Sensor, *, seed: int, fps: int, frames: int, town: 
         One pose if all are equal, else one per frame.
 
     Raises:
-        NoRoadError: the route follows a road, and the town has none ahead.
+        NoRoadError: the route follows a road, and the mount is not on one.
     """
     motion = sensor.motion
     travel = None if motion.route is None else _Travel(name, sensor, motion.route, seed, (fps, frames), town)
@@ -84,7 +85,7 @@ class _Travel:
             stream, length = Stream(seed, "sensor", name, "route"), route.speed * frames / fps
             at = Pose(x=mount.x, y=mount.y, yaw=mount.yaw)
             points = [(point.x, point.y, mount.z) for point in town.route("vehicle", at, length, stream)]
-            if not points:
+            if not points or not any(_is_on(element, at) for element in town.plan.elements):
                 raise NoRoadError
             self._yaw = 0.0  # the mount's is the direction in which it sets out
         else:
@@ -97,6 +98,15 @@ class _Travel:
         place = self._path.at(self._step * frame)
         turned = {"yaw": self._yaw + place.yaw} if self._turns else {}
         return {"x": place.x, "y": place.y, "z": place.z, **turned}
+
+
+def _is_on(element: Element, pose: Pose) -> bool:
+    """Whether a pose is over an element of the town, if that is a part of a road."""
+    if element.kind not in _ROADS:
+        return False
+    s, c = exact.sin_cos_deg(element.pose.yaw)
+    dx, dy = pose.x - element.pose.x, pose.y - element.pose.y
+    return abs(c * dx + s * dy) <= element.size[0] / 2 and abs(c * dy - s * dx) <= element.size[1] / 2
 
 
 def _along(mount: Mount, linear: Linear, time: float) -> dict[str, float]:

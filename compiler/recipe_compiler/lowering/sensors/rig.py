@@ -29,7 +29,7 @@ def lower(variant: Variant, base: Base, town: Town) -> tuple[RigPlan | None, lis
         try:
             sensors.append(_sensor(name, sensor, variant, base, town))
         except poses.NoRoadError:
-            message = f"sensors.{name}.motion.route: no road leads on from the mount"
+            message = f"sensors.{name}.motion.route: the mount is not on a road that leads on"
             place = variant.base.place_of("sensors", name, "motion", "route")
             problems.append(Problem(message, place, "mount it on a lane, facing along it", Code.PLACEMENT))
     return (None if problems else RigPlan(sensors=tuple(sensors))), problems

@@ -1,8 +1,8 @@
 """The passes from light to pixels, each a launch of one kernel. CameraPass and RecordedFrame both run these.
 
-`starts` and `groups` int32 [H * W] say of each pixel where its samples begin and how many they are; `weights` float32
-is each sample's share of its pixel; `cover` int32 [H * W] is what `draw_rain` writes, or has one element if it does
-not rain; `response` is the struct `Response`, in `develop_pixels` a one-element array of it.
+`starts` and `groups` int32 [H * W] are each pixel's first sample and, in the low bits, its number of samples;
+`weights` float32 is each sample's share of its pixel; `cover` int32 [H * W] is the output of `draw_rain`, or has one
+element if it does not rain; `response` is the struct `Response`, in `develop_pixels` a one-element array of it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from recipe_runtime.render.scene.camera import pinhole_of
 
 @dataclass(frozen=True)
 class Exposed:
-    """What a picture is made of: light by sample, the samples by pixel, and rain before them."""
+    """The input of a picture: radiance by sample, samples by pixel, and the rain in front."""
 
     radiance: DeviceArray  # vec3f by sample
     starts: DeviceArray
@@ -36,7 +36,7 @@ class Exposed:
 class Tables:
     """The tables of a response, on the device."""
 
-    gains: DeviceArray  # float32, of the lens: by pixel, or by the squared distance from the centre
+    gains: DeviceArray  # float32, of the vignette: by pixel, or by the squared distance from the centre
     tone: DeviceArray  # uint8 by linear level
     deviates: DeviceArray  # float32, normal deviates of the noise
 
@@ -76,7 +76,7 @@ def develop_pixels(
     out_rgb: DeviceArray,
     device: str,
 ) -> None:
-    """Write the bytes of a picture, uint8 [H * W * 3]; pixels whose samples lie below `kept` may keep their levels."""
+    """Write the bytes of a picture, uint8 [H * W * 3]; pixels with samples below index `kept` may keep their levels."""
     span = camera.width if device == "cpu" else 1  # a GPU has threads to spare
     launch(
         develop_kernels.develop_pixels,
@@ -118,7 +118,7 @@ def expose_samples(exposed: Exposed, response: Response, out_hdr_image: DeviceAr
 
 
 def vignette_gains(response: DeviceArray, lens_circle: DeviceArray, out_gains: DeviceArray, device: str) -> None:
-    """Write the share of light that the lens lets through to each pixel; `response` is a one-element array."""
+    """Write the gain of the vignette at each pixel; `response` is a one-element array."""
     launch(
         develop_kernels.vignette_gains,
         out_gains.size,

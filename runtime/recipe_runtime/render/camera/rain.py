@@ -1,4 +1,4 @@
-"""The rain about a camera at one moment."""
+"""The rain near a camera at one time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _RAIN_DEPTH = 15.0  # metres from the camera within which drops are drawn
 
 
 def rain_at(world_from_sensor: Array, light: WeatherLight, time: float, seed: int) -> Rain:
-    """The rain about a camera: drops fall at 7 m/s, and the wind carries them along the world's x and y."""
+    """Return the struct `Rain` of a frame: drops fall at 7 m/s, and the wind carries them along x and y."""
     eye, ahead = world_from_sensor[:, 3], world_from_sensor[:, 0]
     fall = [3.0 * light.wind, 5.0 * light.wind, -7.0]
     rows = world_from_view(world_from_sensor)
@@ -39,11 +39,11 @@ def rain_at(world_from_sensor: Array, light: WeatherLight, time: float, seed: in
 
 
 def drop_count(light: WeatherLight) -> int:
-    """How many drops the cube holds."""
+    """Return the number of drops in the cube."""
     return int(_DROPS * light.rain)
 
 
 def streak_radiance(light: WeatherLight) -> wp.vec3f:
-    """The radiance of a drop's streak."""
+    """Return the radiance of a drop's streak."""
     radiance: wp.vec3f = light.air.fog_colour * 1.15 + light.air.overhead * (0.25 + 0.8 * light.night)
     return radiance

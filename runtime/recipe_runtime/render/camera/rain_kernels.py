@@ -1,8 +1,8 @@
-"""Rain: drops that fall through the world, streaked over the exposure, slanted by the wind.
+"""Rain: drops that fall through the world, drawn as streaks over the exposure, slanted by the wind.
 
-The drops of a cube fill space over and over; each falls at its own speed, and where it is follows from the time alone,
-so a drop that a frame shows is further down in the next. It adds its cover to the pixels along its streak that lie
-before what is seen there; covers are whole numbers, so their sum does not depend on the order of drops.
+The drops of a cube repeat periodically in space; each falls at its own speed, and its position follows from the time
+alone, so a drop of one frame is lower in the next. A drop adds its cover to the pixels along its streak that lie in
+front of the visible surface; covers are integers, so their sum does not depend on the order of drops.
 """
 
 # Kernels are written in Warp's subset of Python, whose types mypy does not model.
@@ -18,23 +18,23 @@ wp.set_module_options(OPTIONS)
 
 @wp.struct
 class Rain:
-    """How it rains at one moment."""
+    """The rain of one frame."""
 
     key: wp.uint32  # of the seed
-    count: wp.int32  # drops in the cube
+    count: wp.int32  # number of drops in the cube
     cube: wp.float32  # metres along its side
-    low: wp.vec3d  # the corner of the cube about the view, in the world
+    low: wp.vec3d  # low corner of the cube around the camera, in the world
     eye: wp.vec3d
     time: wp.float64  # seconds
-    fall: wp.vec3d  # metres a second, in the world, of a drop of middle size
-    streak: wp.vec3f  # its way during the exposure, in the camera's frame
+    fall: wp.vec3d  # velocity of a drop of medium size in the world, m/s
+    streak: wp.vec3f  # its displacement during the exposure, in view space
     depth: wp.float32  # metres from the camera within which drops are drawn
     cover: wp.float32
 
 
 @wp.func
 def wrap_coordinate(start: wp.uint32, moved: wp.float64, low: wp.float64, cube: wp.float32) -> wp.float64:
-    """A coordinate within the cube from `low` on of a drop that has moved from its start, a hash."""
+    """Return a coordinate, within the cube from `low` on, of a drop that has moved from its start, a hash."""
     side = wp.float64(cube)
     t = (wp.float64(unit(start)) * side + moved - low) / side
     i = wp.float64(wp.int64(t))
@@ -54,12 +54,12 @@ def cover_pixels(
     pinhole: Pinhole,
     out_cover: wp.array[wp.int32],
 ):
-    """Add a drop's cover to the pixels of one row, from `left` on, that lie behind it at depth z."""
+    """Add a drop's cover to the pixels of one row, from `left` on, whose surface is behind it at depth z."""
     px = floor(left)
     py = floor(y)
     past = left - wp.float32(px)
     if py >= 0 and py < pinhole.height:
-        # Its two sides fill pixels in part, so that a slanted streak has no steps.
+        # Pixels at both sides are covered in part, which antialiases slanted streaks.
         for k in range(broad + 1):
             qx = px + k
             part = wp.float32(1.0)

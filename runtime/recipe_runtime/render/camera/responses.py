@@ -14,7 +14,7 @@ from recipe_runtime.render.device.setup import wp
 
 
 class ResponseTables:
-    """The tables of the responses met so far."""
+    """The tables of responses, cached."""
 
     def __init__(self, device: str) -> None:
         self._device = device
@@ -23,7 +23,7 @@ class ResponseTables:
         self._deviates: wp.array[wp.float32] = wp.array(exposure.deviates(), dtype=wp.float32, device=device)
 
     def by_distance(self, response: CameraResponse) -> Tables:
-        """Tables whose gains are the lens circle's, float32 [RIM_STEPS + 1] by the squared distance from the centre."""
+        """Return tables with the gains of the lens circle, float32 [RIM_STEPS + 1], by squared distance."""
         key = response.lens_circle_multiplier, response.lens_circle_falloff, response.gamma
         if key not in self._held:
             levels = exposure.tone_table(int(LEVELS), response.gamma)
@@ -35,7 +35,7 @@ class ResponseTables:
         return self._held[key]
 
     def by_pixel(self, response: CameraResponse, camera: CameraPlan) -> Tables:
-        """Tables whose gains are the lens's, by pixel, float32 [H * W]."""
+        """Return tables with the gains of the vignette, by pixel, float32 [H * W]."""
         tables = self.by_distance(response)
         dark = response.lens_circle_multiplier, response.lens_circle_falloff, response.vignette_intensity
         key = (*dark, camera.width, camera.height)
@@ -48,7 +48,7 @@ class ResponseTables:
 
 
 def response_of(response: CameraResponse, automatic: float, key: int, camera: CameraPlan) -> Response:
-    """The struct `Response`; `automatic` is the exposure for sun, weather and lamps, `key` the noise's."""
+    """Return the struct `Response`; `automatic` is the gain of automatic exposure, `key` that of the noise."""
     return set_fields(
         Response(),
         exposure=exposure.gain(response, automatic),

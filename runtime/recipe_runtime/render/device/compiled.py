@@ -1,10 +1,11 @@
-"""Compiled kernels, checked by digest when they are loaded: power loss leaves empty ones, and altered ones draw wrong.
+"""Compiled kernels, verified by digest when they are loaded.
 
-Warp compiles a module into a folder of its own, `wp_<module>_<hash>`, and later loads what lies there. Beside its files
-lies `wp_<module>_<hash>.sha256`, in the form of sha256sum, written once Warp has loaded what it compiled. A folder with
-other files than those of the list is removed, and the module compiled again.
+Power loss leaves empty files, and altered files render wrongly. Warp compiles a module into a folder of its own,
+`wp_<module>_<hash>`, and later loads the files in it. Beside these files is `wp_<module>_<hash>.sha256`, in the format
+of sha256sum, written once Warp has loaded what it compiled. A folder with other files than those of the list is
+removed, and the module compiled again.
 
-One process at a time compiles. The others wait for it, and then find the folder whole.
+Only one process at a time compiles. The others wait for it, and then find a complete folder.
 """
 
 from __future__ import annotations
@@ -23,22 +24,22 @@ from recipe_compiler.ir.errors import RunError, printable
 from recipe_runtime.cache import cache_folder
 from recipe_runtime.core.files import file_sha256, write_atomic
 
-LOCK_SECONDS = 300.0  # a process that is stopped while it compiles does not stop the others for longer
+LOCK_SECONDS = 300.0  # limit of the wait for another process that compiles
 _POLL_SECONDS = 0.1
 _LOADED = (".o", ".cubin", ".ptx", ".meta")
-_warned: set[Path] = set()  # folders of modules of which one was damaged
-_announced: set[Path] = set()  # folders of modules of which the first was compiled
-_LOG = logging.getLogger(__name__)  # where a program sets up no logging, a warning is a line on standard error
+_warned: set[Path] = set()  # folders for which damage was reported
+_announced: set[Path] = set()  # folders for which compiling was announced
+_LOG = logging.getLogger(__name__)  # without logging set up, warnings are printed on standard error
 
 
 def load(wp: Any, module: Any, device: str, block_dim: int) -> None:
-    """Load a Warp module for a device, compiled again if what is kept of it is not what was compiled.
+    """Load a Warp module for a device; a damaged one is compiled again.
 
     Args:
         wp: Warp itself, once it is configured.
-        module: A kernel's module.
+        module: The module of a kernel.
         device: `cpu` or `cuda:N`.
-        block_dim: Threads of a block, as the module is launched with.
+        block_dim: Threads per block, as the module is launched.
 
     Raises:
         RunError: A damaged kernel cannot be removed.
@@ -46,7 +47,9 @@ def load(wp: Any, module: Any, device: str, block_dim: int) -> None:
     folder = Path(wp.config.kernel_cache_dir) / module.get_module_identifier(1 if device == "cpu" else block_dim)
     if is_whole(folder):
         wp.load_module(module, device=device, block_dim=block_dim)
-        if set(_kept(folder)) != set(_listed(folder)):  # another GPU's was there, and this one's is new
+        if set(_kept(folder)) != set(
+            _listed(folder)
+        ):  # for example, files for another GPU existed, and this one's are new
             _note(folder)
         return
     with _alone(folder.parent):
@@ -58,7 +61,7 @@ def load(wp: Any, module: Any, device: str, block_dim: int) -> None:
 
 
 def is_whole(folder: Path) -> bool:
-    """Whether the files of a compiled module are those that its list of digests names."""
+    """Return whether the files of a compiled module are those in its list of digests."""
     listed = _listed(folder)
     try:
         return bool(listed) and {name: file_sha256(folder / name) for name in _kept(folder)} == listed
@@ -67,7 +70,7 @@ def is_whole(folder: Path) -> bool:
 
 
 def _note(folder: Path) -> None:
-    """List the digests of a compiled module's files beside them. Where that fails, the next process compiles again."""
+    """Write the list of digests of a compiled module's files. If that fails, the next process compiles again."""
     with suppress(OSError):
         rows = [f"{file_sha256(folder / name)}  {name}\n" for name in _kept(folder)]
         if rows:
@@ -75,7 +78,7 @@ def _note(folder: Path) -> None:
 
 
 def _discard(folder: Path) -> None:
-    """Remove what is left of a compiled module, and say so."""
+    """Remove a damaged compiled module, and log a warning."""
     if not folder.exists() and not folder.is_symlink():
         return
     try:
@@ -87,14 +90,14 @@ def _discard(folder: Path) -> None:
             f"the compiled kernel {folder} is damaged and cannot be removed: {error.strerror}; remove it,"
             " or set RECIPE_KERNEL_CACHE to another folder"
         ) from error
-    if folder.parent not in _warned:  # one line, however many modules
+    if folder.parent not in _warned:  # one line for all modules
         _warned.add(folder.parent)
         text = "compiled kernels in %s are damaged, or from an earlier version; compiling them again"
         _LOG.warning(text, printable(str(folder.parent)))
 
 
 def _announce(folder: Path, device: str) -> None:
-    """Say that compiling takes a while, once: before the first module of a version for this kind of device."""
+    """Log, once per version and kind of device, that compiling takes a while."""
     suffixes = (".o",) if device == "cpu" else (".cubin", ".ptx")
     if folder.parent in _warned | _announced or any(p.suffix in suffixes for p in sorted(folder.parent.glob("wp_*/*"))):
         return
@@ -103,7 +106,7 @@ def _announce(folder: Path, device: str) -> None:
 
 
 def _kept(folder: Path) -> list[str]:
-    """The files of a compiled module that Warp may load."""
+    """Return the files of a compiled module that Warp may load."""
     with suppress(OSError):
         start = f"{folder.name}."
         return sorted(p.name for p in folder.iterdir() if p.suffix in _LOADED and p.name.startswith(start))
@@ -111,7 +114,7 @@ def _kept(folder: Path) -> list[str]:
 
 
 def _listed(folder: Path) -> dict[str, str]:
-    """SHA-256 by file, as the list of a compiled module has it; empty if there is none that can be read."""
+    """Return SHA-256 by file from the list of a compiled module; empty if it cannot be read."""
     with suppress(OSError, ValueError):
         rows = (line.split("  ") for line in _list(folder).read_text("ascii").splitlines())
         return {name: value for value, name in rows}
@@ -124,9 +127,9 @@ def _list(folder: Path) -> Path:
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """While inside, no other process compiles into a folder; where files cannot be locked, several may.
+    """Hold the lock of a folder, so that no other process compiles into it; where files cannot be locked, several may.
 
-    That costs their time and nothing else: Warp puts a module into place by one rename.
+    That costs only time: Warp puts a module into place by one rename.
     """
     handle = -1
     with suppress(OSError):
@@ -138,7 +141,7 @@ def _alone(folder: Path) -> Iterator[None]:
     finally:
         if handle >= 0:
             with suppress(OSError):
-                fcntl.flock(handle, fcntl.LOCK_UN)  # a child that was forked meanwhile has the handle too
+                fcntl.flock(handle, fcntl.LOCK_UN)  # a forked child has the handle too
             os.close(handle)
 
 

@@ -1,4 +1,4 @@
-"""Launch kernels, their arguments by name."""
+"""Launches kernels with their arguments by name."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from typing import Any
 from recipe_runtime.render.device import compiled
 from recipe_runtime.render.device.setup import wp
 
-_BLOCK_SIZE = 128  # threads that a GPU starts together: in larger blocks too many wait for one that has much to do
+_BLOCK_SIZE = 128  # threads per block on a GPU; in larger blocks too many wait for the slowest
 _loaded: set[tuple[Any, str]] = set()  # modules, with the devices they were loaded for
 _parameters: dict[Any, tuple[str, ...]] = {}  # by kernel, in the order of its declaration
 
 
 def launch(kernel: Any, threads: int, device: str, /, **arguments: Any) -> None:
-    """Run a kernel over so many threads; arrays among its arguments are read and written in place.
+    """Run a kernel with a number of threads; arrays among its arguments are read and written in place.
 
     Args:
         kernel: The kernel.
-        threads: Their count; a kernel reads its own number from `wp.tid()`.
+        threads: The number of threads; a kernel reads its own index from `wp.tid()`.
         device: `cpu` or `cuda:N`.
         **arguments: Every argument of the kernel, by the kernel's own names.
 
     Raises:
-        TypeError: An argument is missing, or one is given that the kernel does not have.
+        TypeError: An argument is missing, or the kernel does not have it.
     """
     names = _parameters.get(kernel)
     if names is None:

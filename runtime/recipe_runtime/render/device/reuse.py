@@ -1,4 +1,4 @@
-"""Which results of earlier frames a renderer may use again. No setting changes a byte; it changes only the time."""
+"""Switches of temporal reuse. No setting changes a byte, only the time."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class TemporalReuse:
-    """The levels of temporal reuse of a camera at rest, each with a switch. For tests and benchmarks.
+    """The levels of temporal reuse for static cameras, each with a switch, for tests and benchmarks.
 
-    Light is kept by sample, so it needs `samples`; reflections and pixels follow from light, so they need `light`. A
+    Light is cached by sample, so it needs `samples`; reflections and pixels follow from light, so they need `light`. A
     level whose base is off has no effect.
     """
 
-    visibility: bool = True  # what each pixel sees of the static scene, and its labels
-    samples: bool = True  # the sample points on the static scene, with their geometry and patterns
+    visibility: bool = True  # visibility and labels of the static scene
+    samples: bool = True  # samples of the static scene, with geometry and patterns
     light: bool = True  # the radiance of those samples, by appearance
-    reflections: bool = True  # the rays that wet ground mirrors, and what they meet
+    reflections: bool = True  # reflected rays on wet ground, and their hits
     pixels: bool = True  # the levels of unchanged pixels before the noise
 
 

@@ -1,8 +1,8 @@
-"""Warp, set up once so that its machine code gives the same bytes on every x86-64 CPU and on CUDA.
+"""Configures Warp so that its machine code gives the same bytes on every x86-64 CPU and on CUDA.
 
-Every kernel module imports this one first: `wp` from here is configured before a kernel is declared. Fused
-multiply-add and fast maths are off, and the CPU target is the generic one, because a kernel cache is shared by hosts
-and is not keyed by CPU. Reverse-mode code is never made: it would double the time to compile.
+Every kernel module imports `wp` from here, so that Warp is configured before a kernel is declared. Fused multiply-add
+and fast maths are off, and the CPU target is the generic one, because a kernel cache is shared by hosts and is not
+keyed by CPU. Reverse-mode code is not generated: it would double the time to compile.
 """
 
 from __future__ import annotations
@@ -29,10 +29,13 @@ OPTIONS = {"enable_backward": False, "fuse_fp": False, "fast_math": False, "max_
 
 
 def _cache_folder() -> str:
-    """The folder for compiled kernels, by package version and machine: RECIPE_KERNEL_CACHE or RECIPE_CACHE, if set.
+    """Return the folder for compiled kernels, by package version and machine.
 
-    Else, or if that is barred or may be written by others, the user's own; one among temporary files if that is barred.
-    InputError if the folder that was named holds what is not of a cache.
+    It is in RECIPE_KERNEL_CACHE or RECIPE_CACHE, if set. Otherwise, or if that is not writable or others may write to
+    it, it is in the user's cache folder, or among temporary files if that is not writable.
+
+    Raises:
+        InputError: The folder named by a variable contains files that are not of a cache.
     """
     name = f"{version('dataset-recipe')}-{platform.machine()}"
     own = Path(platformdirs.user_cache_dir("dataset-recipe"))
@@ -43,7 +46,7 @@ def _cache_folder() -> str:
             folder.parent.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
             create_cache_folder(folder.parent.parent)
             for path in (folder.parent, folder):
-                path.mkdir(mode=0o755, exist_ok=True)  # whatever the umask lets others do
+                path.mkdir(mode=0o755, exist_ok=True)  # regardless of the umask
         except OSError:
             continue
         except InputError:
@@ -52,15 +55,15 @@ def _cache_folder() -> str:
             continue
         barred = home is kernel_cache and not all(map(_is_mine, (folder, folder.parent, folder.parent.parent)))
         if os.access(folder, os.W_OK) and not barred:
-            os.utime(folder)  # in use: pruning takes what was not used for longest
+            os.utime(folder)  # marks the folder as used: pruning removes the least recently used
             return str(folder)
-    raise RunError("no folder for compiled kernels can be written to; set RECIPE_KERNEL_CACHE to one that can")
+    raise RunError("no folder for compiled kernels is writable; set RECIPE_KERNEL_CACHE to a writable one")
 
 
 def _aside() -> Path:
-    """A folder among temporary files that is this user's alone: kernels are code, and another's would be run.
+    """Return a folder among temporary files that only this user can write to: kernels are code that is executed.
 
-    It stays, for every worker needs it, and a worker that is killed could not clear it away.
+    It is not deleted: every worker needs it, and a worker that is killed could not delete it.
     """
     folder = Path(tempfile.gettempdir()) / f"dataset-recipe-{os.getuid()}"
     with suppress(OSError):
@@ -75,7 +78,7 @@ def _fresh() -> Path:
 
 
 def _is_mine(folder: Path) -> bool:
-    """Whether a folder is this user's, and nobody else may write to it."""
+    """Return whether a folder belongs to this user, and nobody else may write to it."""
     found = folder.lstat()
     return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
 
@@ -84,7 +87,7 @@ def _configure() -> None:
     wp.config.verbose_warnings = False
     wp.config.log_level = wp.LOG_ERROR
     wp.config.enable_backward = False
-    # Nothing about a CPU: the target stays the generic one. Functions are inlined as far as Warp's own setting goes.
+    # No flag names a CPU: the target stays generic. These raise the limits of inlining.
     wp.config.cpu_compiler_flags = "-mllvm=-inline-threshold=90000 -mllvm=-inline-cold-callsite-threshold=3000"
     wp.config.kernel_cache_dir = _cache_folder()
     with _silence():
@@ -93,7 +96,7 @@ def _configure() -> None:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep what Warp's library prints of its own accord (no CUDA driver here, say) from the terminal."""
+    """Suppress output of Warp's library, such as a message about a missing CUDA driver."""
     sys.stdout.flush()
     sys.stderr.flush()
     held = [os.dup(1), os.dup(2)]
@@ -110,7 +113,7 @@ def _silence() -> Iterator[None]:
 
 
 def cuda_devices() -> list[str]:
-    """The CUDA devices that Warp can use here, by name."""
+    """Return the CUDA devices that Warp can use here, by name."""
     with _silence():
         return [f"cuda:{n}" for n in range(wp.get_cuda_device_count())] if wp.is_cuda_available() else []
 

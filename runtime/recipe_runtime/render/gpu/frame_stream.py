@@ -59,7 +59,7 @@ class FrameStream:
         camera_plan: CameraPlan,
         sensor: str,
         appearances: Sequence[AppearancePlan],
-        lanes: int = 16,
+        in_flight: int = 16,
     ) -> None:
         self._g, self._device, self._camera, self._sensor = geometry, device, camera_plan, sensor
         self._shadows, self._atlases, self._tables = shadows, atlases, ResponseTables(device)
@@ -84,7 +84,7 @@ class FrameStream:
             capacity=pixels + (int(_EDGE_SAMPLES * pixels) if side == 2 else 0),
         )
         self._beams: list[Any] = []  # static shadow maps that frames in flight may read
-        self._lanes = [RecordedFrame(self._setup) for _ in range(lanes)]
+        self._recorded = [RecordedFrame(self._setup) for _ in range(in_flight)]
 
     def frames(self, batch: FrameBatch) -> Iterator[RenderedFrame]:
         """Yield the frames in order."""
@@ -93,22 +93,22 @@ class FrameStream:
             stop = min(start + _CHUNK, len(batch.numbers))
             rows = self._rows(batch, start, stop)
             for index in range(start, stop):
-                if len(waiting) == len(self._lanes):
+                if len(waiting) == len(self._recorded):
                     yield self._ready(batch, *waiting.pop(0))
-                lane = self._lanes[index % len(self._lanes)]
-                lane.start(rows[index - start])
-                waiting.append((lane, index))
-        for lane, index in waiting:
-            yield self._ready(batch, lane, index)
+                recorded = self._recorded[index % len(self._recorded)]
+                recorded.start(rows[index - start])
+                waiting.append((recorded, index))
+        for recorded, index in waiting:
+            yield self._ready(batch, recorded, index)
 
-    def _ready(self, batch: FrameBatch, lane: RecordedFrame, index: int) -> RenderedFrame:
+    def _ready(self, batch: FrameBatch, recorded: RecordedFrame, index: int) -> RenderedFrame:
         """Return a finished recorded frame; it is drawn again with more capacity if it had too little."""
-        lane.wait()
-        if lane.wanted > lane.capacity:
-            self._setup.capacity = max(self._setup.capacity, lane.wanted + lane.wanted // 8)
-            lane.rebuild()
-            lane.wait()
-        return lane.result(batch.numbers[index], batch.poses[index], batch.parts[index])
+        recorded.wait()
+        if recorded.wanted > recorded.capacity:
+            self._setup.capacity = max(self._setup.capacity, recorded.wanted + recorded.wanted // 8)
+            recorded.rebuild()
+            recorded.wait()
+        return recorded.result(batch.numbers[index], batch.poses[index], batch.parts[index])
 
     def _prepare(self, plan: AppearancePlan, light: WeatherLight, suns: list[NDArray[np.float64]]) -> ShadedAppearance:
         response = plan.responses.get(self._sensor) or CameraResponse()
@@ -134,7 +134,7 @@ class FrameStream:
         held = [beam for row, pose in zip(rows, poses, strict=True) for beam in self._put_beams(row, pose)]
         for row, pose, number, time in zip(rows, poses, batch.numbers[span], batch.times[span], strict=True):
             self._put_light(row, pose, number, time)
-        under_way = _CHUNK + len(self._lanes)
+        under_way = _CHUNK + len(self._recorded)
         self._beams = (self._beams + held)[-2 * under_way * max(len(self._setup.suns), 1) :]
         if self._device != "cpu":
             wp.synchronize_stream(wp.get_stream(self._device))  # static shadows are drawn there

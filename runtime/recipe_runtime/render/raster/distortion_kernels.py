@@ -1,8 +1,8 @@
 """Lens distortion: the point of the undistorted image that each point of the picture shows.
 
 `recipe_compiler.ir.optics` has the formula. A label is that of the nearest sample of the undistorted image, never a
-blend: the undistorted image has at least twice the picture's resolution, so the sample is within 0.36 of a pixel of
-the pixel's centre. Colour is filtered. Without distortion the undistorted image is the picture itself, or the
+blend. At the centre the undistorted image has at least twice the picture's resolution, so that sample is within 0.36
+pixels of the pixel's centre. Colour is filtered. Without distortion the undistorted image is the picture itself, or the
 picture with more samples.
 """
 

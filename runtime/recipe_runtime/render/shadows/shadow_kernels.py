@@ -263,8 +263,8 @@ def sun_visibility(beams: wp.array[Sunbeam], k: wp.int32, p: wp.vec3f, n: wp.vec
     texel = beams[k].texel
     lift = 0.6 * texel + 0.004
     if p[2] > 0.3:
-        # The filter reaches two texels aside: the more a surface turns from the sun, the more depth lies between
-        # them, and it would shade itself. The ground throws no shadow, so it keeps the exact ends of those on it.
+        # The filter reads up to two texels away. The more a surface is inclined to the sun, the more the depths there
+        # differ: a bias prevents self-shadowing. The ground casts no shadow, so shadows on it need no bias.
         axis = beams[k].q
         facing = (axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]) * beams[k].depth
         lift = lift + 1.1 * texel * wp.sqrt(maximum(1.0 - facing * facing, 0.0))

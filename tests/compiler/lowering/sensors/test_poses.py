@@ -27,6 +27,7 @@ def sensor(**motion: Any) -> Sensor:
 def test_a_rig_without_motion_has_one_pose() -> None:
     assert len(poses("street", sensor(), seed=1, fps=30, frames=300)) == 1
     assert len(poses("street", sensor(jitter={}), seed=1, fps=30, frames=300)) == 1
+    assert len(poses("street", sensor(jitter={"x": 0.0, "yaw": 0.0}), seed=1, fps=30, frames=300)) == 1
     assert len(poses("street", sensor(linear={"to": {}, "speed": 1.0}), seed=1, fps=30, frames=300)) == 1
 
 

@@ -1,0 +1,222 @@
+"""`recipe surfaces`: what patches can be put on, as a table, as JSON, and in pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from recipe_compiler.ir.plurals import count
+
+from recipe_cli import completion
+from recipe_cli.arguments import ALLOW_LARGE, JSON, REPLACE, VARIANT, LocalPath, compile_quietly, writing
+from recipe_cli.console import print_json, say
+
+if TYPE_CHECKING:
+    from recipe_compiler.ir.patches import PatchFace, PatchPlan
+    from recipe_compiler.ir.plan import ActorPlan, Looks, ScenePlan
+    from recipe_compiler.library.surfaces import Surface
+
+_A_SHEET = 48  # pictures
+
+
+@dataclass(frozen=True)
+class _Carrier:
+    """What a recipe can name in `on`, and its surfaces."""
+
+    key: str  # town, actor or prop
+    name: str
+    surfaces: tuple[Surface, ...]
+    actor: ActorPlan | None = None
+
+
+@click.command("surfaces")
+@click.argument("where", metavar="TOWN|BLUEPRINT|RECIPE", shell_complete=completion.recipe_or_town)
+@click.argument("pattern", default="*")
+@VARIANT
+@click.option(
+    "-o",
+    "--output",
+    "--out",
+    "output",
+    metavar="FOLDER",
+    type=LocalPath(path_type=Path, file_okay=False),
+    help="Also write pictures into FOLDER: of flat surfaces on sheets, and each texture map as a PNG to paint on.",
+)
+@REPLACE
+@ALLOW_LARGE
+@JSON
+def command(
+    where: str, pattern: str, variant: str | None, output: Path | None, replace: bool, allow_large: bool, as_json: bool
+) -> None:
+    """List the surfaces that patches can be put on, of a town, of a blueprint, or of a recipe's scene.
+
+    PATTERN is a glob of names, such as `wall.*`; all of them by default. `body` and `shirt` are covered whole, by a
+    texture map; the others take a rectangle, at most of the size that is listed.
+    """
+    scene, looks, carriers = _found(where, variant, allow_large)
+    carriers = [carrier for carrier in carriers if fnmatchcase(carrier.name, pattern)]
+    _check_some(where, pattern, carriers)
+    if not as_json:
+        _print_table(carriers)
+    if output is not None:
+        _draw(scene, looks, carriers, output, replace)
+    if as_json:
+        print_json([_row(carrier, surface) for carrier in carriers for surface in carrier.surfaces])
+
+
+def _found(where: str, variant: str | None, allow_large: bool) -> tuple[ScenePlan | None, Looks | None, list[_Carrier]]:
+    """The scene of a recipe or a town, its colours, and what in it has surfaces; for blueprints, neither of both."""
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.ir.plan import Clock, Looks, ScenePlan
+    from recipe_compiler.library import blueprints, surfaces, towns
+    from recipe_compiler.schema.messages import nearest
+
+    if Path(where).exists() or Path(where).suffix in completion.SUFFIXES:
+        plan = compile_quietly(Path(where), allow_large=allow_large).plan.named(variant)
+        return plan.scene, plan.appearance.looks, list(_of_scene(plan.scene))
+    if where in towns.NAMES:
+        town = towns.build(where, 0, {})
+        scene = ScenePlan(clock=Clock(fps=10, frames=1, physics=240), town=town.plan, actors=())
+        return scene, Looks.model_construct(root=town.looks), list(_of_scene(scene))
+    specimens = [blueprints.specimen(blueprint)[0] for blueprint in blueprints.match(where)]
+    if not specimens:
+        remedy = nearest(where, [*towns.NAMES, *blueprints.names()])
+        raise InputError(f"{where}: there is no such recipe, town or blueprint", help=remedy, code=Code.UNKNOWN_NAME)
+    return None, None, [_Carrier("actor", a.name, tuple(surfaces.actor_surfaces(a)), a) for a in specimens]
+
+
+def _of_scene(scene: ScenePlan) -> Iterator[_Carrier]:
+    from recipe_compiler.library import surfaces
+    from recipe_compiler.lowering.props import PREFIX
+
+    for actor in scene.actors:
+        yield _Carrier("actor", actor.name, tuple(surfaces.actor_surfaces(actor)), actor)
+    for prop in scene.props:
+        if prop.name.startswith(PREFIX):
+            yield _Carrier("prop", prop.name.removeprefix(PREFIX), tuple(surfaces.prop_surfaces(prop)))
+    for element in scene.town.elements:
+        if element.kind in surfaces.KINDS:
+            yield _Carrier("town", element.name, tuple(surfaces.element_surfaces(element)))
+
+
+def _check_some(where: str, pattern: str, carriers: list[_Carrier]) -> None:
+    from recipe_compiler.ir.errors import Code, InputError
+
+    if not carriers:
+        message = f"{where}: nothing there that has a surface is called {pattern!r}"
+        raise InputError(message, help="leave the pattern out to list all", code=Code.UNKNOWN_NAME)
+
+
+def _row(carrier: _Carrier, surface: Surface) -> dict[str, object]:
+    from recipe_compiler.library.surfaces import FlatSurface
+
+    row: dict[str, object] = {"on": carrier.key, "name": carrier.name, "surface": surface.name}
+    if not isinstance(surface, FlatSurface):
+        islands = [{"name": name, "region": face.region} for name, face in surface.islands]
+        return {**row, "whole": True, "aspect": round(surface.aspect, 6), "islands": islands}
+    face = _face(surface)
+    middle = [round(sum(corner[axis] for corner in face.corners) / 4, 3) for axis in range(3)]
+    return {
+        **row,
+        "whole": False,
+        "size": [round(v, 3) for v in surface.size],
+        "x": [round(v, 3) for v in surface.x],
+        "z": [round(v, 3) for v in surface.z],
+        "part": surface.part,
+        "middle": middle,
+        "normal": [round(v, 6) for v in face.normal],
+    }
+
+
+def _print_table(carriers: list[_Carrier]) -> None:
+    from recipe_compiler.ir.exact import atan2_deg
+    from recipe_compiler.library.surfaces import FlatSurface
+
+    rows: list[tuple[str, ...]] = [("on", "name", "surface", "size, m", "x, m", "z, m", "place")]
+    for carrier in carriers:
+        for surface in carrier.surfaces:
+            head = carrier.key, carrier.name, surface.name
+            if not isinstance(surface, FlatSurface):
+                rows.append((*head, "whole", "-", "-", f"texture map, {surface.aspect:.3f} : 1"))
+                continue
+            face = _face(surface)
+            x, y = (sum(corner[axis] for corner in face.corners) / 4 for axis in range(2))
+            place = f"on the part {surface.part}"
+            if surface.part == "static":
+                yaw = round(atan2_deg(face.normal[1], face.normal[0])) % 360
+                turned = "upward" if face.normal[2] > 0.7 else f"towards {yaw}"
+                place = f"at x {x:.1f}, y {y:.1f}, {turned}"
+            ranges = (f"{low:.2f} to {high:.2f}" for low, high in (surface.x, surface.z))
+            rows.append((*head, "{:.2f} x {:.2f}".format(*surface.size), *ranges, place))
+    widths = [max(len(row[n]) for row in rows) for n in range(6)]
+    for row in rows:
+        say("  ".join([*(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=False)), row[6]]))
+
+
+def _face(surface: object) -> PatchFace:
+    from recipe_compiler.library.surfaces import FlatSurface
+
+    assert isinstance(surface, FlatSurface)
+    return surface.face(*surface.middle, *surface.size)
+
+
+def _draw(scene: ScenePlan | None, looks: Looks | None, carriers: list[_Carrier], folder: Path, replace: bool) -> None:
+    from recipe_compiler.library.surfaces import WholeSurface
+    from recipe_runtime.core.outputs import check_output, write_output
+    from recipe_runtime.meshes.actors import actor_body
+    from recipe_runtime.report.texture_maps import texture_map
+
+    bodies = [(c, s) for c in carriers if c.actor is not None for s in c.surfaces if isinstance(s, WholeSurface)]
+    flat = _static_patches(carriers) if scene is not None else []
+    sheets = [flat[n : n + _A_SHEET] for n in range(0, len(flat), _A_SHEET)]
+    maps = {folder / f"{carrier.name}.{surface.name}.png": (carrier, surface) for carrier, surface in bodies}
+    pages = [folder / f"surfaces-{number}.jpg" for number in range(1, len(sheets) + 1)]
+    for path in (*maps, *pages):
+        check_output(path, replace=replace)
+    with writing(folder):
+        folder.mkdir(exist_ok=True)
+        for path, (carrier, surface) in maps.items():
+            assert carrier.actor is not None
+            body = actor_body(carrier.actor)
+            write_output(path, texture_map(surface.islands, surface.aspect, body, surface.slots), replace=replace)
+        if scene is not None and looks is not None:
+            _draw_sheets(scene, looks, dict(zip(pages, sheets, strict=True)), replace)
+    say(f"{folder}: {count(len(maps), 'texture map')}, {count(len(pages), 'sheet')}", err=True)
+
+
+def _static_patches(carriers: list[_Carrier]) -> list[PatchPlan]:
+    """A patch on each flat surface of the town and of props, as large as fits."""
+    from recipe_compiler.ir.patches import GREEN, PatchPlan, PatchTexture
+    from recipe_compiler.library.surfaces import FlatSurface
+
+    texture = PatchTexture(colour=GREEN)
+    return [
+        PatchPlan(name=f"{c.name} {s.name}", body=s.body, faces=(_face(s),), texture=texture)
+        for c in carriers
+        for s in c.surfaces
+        if c.actor is None and isinstance(s, FlatSurface)
+    ]
+
+
+def _draw_sheets(scene: ScenePlan, looks: Looks, sheets: dict[Path, list[PatchPlan]], replace: bool) -> None:
+    from recipe_runtime.core.outputs import write_output
+    from recipe_runtime.frames.surface_views import surface_views
+    from recipe_runtime.report.catalogue import sheet
+
+    from recipe_cli.progress import Progress
+
+    every = [patch for patches in sheets.values() for patch in patches]
+    views, done = surface_views(scene, looks, every), 0
+    with Progress() as progress:
+        for path, patches in sheets.items():
+            drawn = []
+            for patch in patches:
+                progress("pictures", done, len(every))
+                drawn.append((patch.name, next(views)))
+                done += 1
+            write_output(path, sheet(drawn), replace=replace)
+        progress("pictures", done, len(every))

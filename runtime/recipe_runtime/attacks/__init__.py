@@ -1,0 +1,1 @@
+"""Ground truth for attacks: where patches are in a picture."""

@@ -1,0 +1,229 @@
+"""Where the patches of a frame are in its picture: what an attacker has to know.
+
+A rectangle's corners are points on its edge, clockwise from the top left of its texture: raw; clipped to the picture;
+and as whole numbers, the pixels that contain the clipped ones. A body that is covered whole has the corners of its
+mask's box. Pixel (0, 0) has its top-left corner at (0, 0) and its centre at (0.5, 0.5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+from recipe_compiler.ir.patches import STATIC, PatchPlan
+from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, ScenePlan, SensorPlan
+from recipe_compiler.ir.plan_types import fixed
+
+from recipe_runtime.annotate.masks import Mask, masks
+from recipe_runtime.attacks import projection
+from recipe_runtime.core.interfaces import Observed
+from recipe_runtime.core.trace import Trace
+from recipe_runtime.core.transforms import Array, compose, part_transforms, sensor_transform
+from recipe_runtime.frames.source import SceneSource
+
+Corners = list[list[float]]
+
+_GRID = 1 << 20  # depths are added as whole multiples of 2^-20 m, so that their sum has no order
+
+
+class PatchRecord(TypedDict):
+    """One patch of one frame, as plain JSON. Non-integers have six decimal places."""
+
+    name: str
+    mode: str
+    body: str  # what carries it
+    texture: str  # sha256:... of its image in this frame, or its colour
+    corners: Corners | None  # x, y; None if a corner is behind the camera, or a body that is covered whole is not seen
+    corners_clipped: Corners | None  # within the picture
+    corners_int: list[list[int]] | None  # the pixels that contain these
+    area: int  # pixels whose centres show it
+    amodal_area: int | None  # pixels that would with nothing before it; None for a prop that is covered whole
+    visible_fraction: float | None  # area / amodal_area; 0 out of the picture
+    depth: float | None  # mean depth of the visible pixels, metres along the optical axis; None if there are none
+    counts: str | None  # mask of the visible pixels in COCO's compressed run-length code
+    homography: list[list[float]] | None  # see `projection.homography`; None for a body that is covered whole
+
+
+class CameraRecord(TypedDict):
+    """The camera of a frame."""
+
+    width: int
+    height: int
+    intrinsics: list[list[float]]  # [3, 3] without the lens' distortion
+    lens_k: float  # distortion: see docs/recipe-language.md
+    lens_kcube: float
+    view_from_world: list[list[float]]  # [4, 4], x right, y down, z forward
+
+
+class FrameTruth(TypedDict):
+    """The patches of one frame of one sensor."""
+
+    frame: int
+    camera: CameraRecord
+    patches: list[PatchRecord]
+
+
+class PatchAnnotator:
+    """Makes the truth of the patches of one scene.
+
+    Args:
+        scene: The plan of the scene.
+        trace: The motion of the scene.
+    """
+
+    def __init__(self, scene: ScenePlan, trace: Trace) -> None:
+        self._trace = trace
+        self._instances = {actor.name: actor.tag * 1000 + actor.instance for actor in scene.actors}
+        self._parts = {name: number for number, name in enumerate(trace.parts)}
+
+    def truth(
+        self,
+        patches: Sequence[PatchPlan],
+        seen: Observed,
+        patch_map: NDArray[np.uint8],
+        camera: CameraPlan,
+        world_from_sensor: Array,
+        frame: int,
+    ) -> FrameTruth:
+        """Return the truth of all patches of a frame.
+
+        Args:
+            patches: The patches of the appearance.
+            seen: The observation of the frame.
+            patch_map: 1 + the number of the patch that each pixel shows, uint8 [H, W]; 0 for none.
+            camera: The camera that observed it.
+            world_from_sensor: Pose of the sensor, [3, 4], x forward, y left, z up, metres.
+            frame: Number of the frame.
+        """
+        view = projection.view_from_world(world_from_sensor)
+        found = {mask.instance: mask for mask in masks(patch_map.astype(np.uint16))}
+        records: list[PatchRecord] = []
+        for number, patch in enumerate(patches, start=1):
+            mask = found.get(number)
+            depths = seen.depth[patch_map == number]
+            if patch.whole:
+                corners, matrix, amodal = _box_corners(mask), None, self._amodal(patch, seen, mask)
+            else:
+                there = self._view_of(patch, view, frame)
+                homography = projection.homography(patch.faces[0], camera, there)
+                corners, matrix = _corners(homography, camera), _rows(homography)
+                amodal = int(projection.covered_pixels(patch.faces[0], camera, there).sum())
+            records.append(_record(patch, camera, frame, mask, depths, amodal, corners, matrix))
+        return {"frame": frame, "camera": _camera(camera, view), "patches": records}
+
+    def _view_of(self, patch: PatchPlan, view: Array, frame: int) -> Array:
+        """The transform [3, 4] of a rectangle's part into the view."""
+        part = patch.faces[0].part
+        if part == STATIC:
+            return view
+        return compose(view, part_transforms(self._trace, frame)[self._parts[f"{patch.body}/{part}"]])
+
+    def _amodal(self, patch: PatchPlan, seen: Observed, mask: Mask | None) -> int | None:
+        """Pixels of a patch that covers a body whole, if nothing stood before the body; None for a prop.
+
+        It is the patch's share of the body's visible pixels, of the body's pixels with nothing before it.
+        """
+        instance = self._instances.get(patch.body)
+        if instance is None:
+            return None
+        visible = int((seen.instance == instance).sum())
+        whole = next((view.amodal for view in seen.objects if view.instance == instance), 0)
+        return 0 if mask is None or visible == 0 else int(mask.area * whole / visible + 0.5)
+
+
+def _record(
+    patch: PatchPlan,
+    camera: CameraPlan,
+    frame: int,
+    mask: Mask | None,
+    depths: NDArray[np.float32],
+    amodal: int | None,
+    corners: Corners | None,
+    homography: list[list[float]] | None,
+) -> PatchRecord:
+    area = 0 if mask is None else mask.area
+    if amodal is not None:
+        amodal = max(amodal, area)  # a centre on an edge may be rounded either way
+    clipped = None if corners is None else _clipped(corners, camera)
+    file = patch.texture.at(frame)
+    return {
+        "name": patch.name,
+        "mode": patch.mode,
+        "body": patch.body,
+        "texture": str(patch.texture.colour) if file is None else f"sha256:{file.sha256}",
+        "corners": corners,
+        "corners_clipped": clipped,
+        "corners_int": None if clipped is None else _pixels(clipped, camera),
+        "area": area,
+        "amodal_area": amodal,
+        "visible_fraction": None if amodal is None else fixed(area / max(amodal, 1)),
+        "depth": _mean_depth(depths) if area else None,
+        "counts": None if mask is None else mask.counts,
+        "homography": homography,
+    }
+
+
+def _rows(matrix: NDArray[np.float64]) -> list[list[float]]:
+    return [[fixed(float(v)) for v in row] for row in matrix]
+
+
+def _corners(homography: NDArray[np.float64], camera: CameraPlan) -> Corners | None:
+    """The corners of a rectangle in the picture; None if one is nearer than the near plane."""
+    u, v = np.array([0.0, 1.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0, 1.0])
+    depth = (homography[2, 0] * u + homography[2, 1] * v) + homography[2, 2]
+    if bool((depth < camera.near).any()):
+        return None
+    x, y, _ = projection.apply_homography(homography, u, v)
+    bent = [projection.distort(camera, float(a), float(b)) for a, b in zip(x, y, strict=True)]
+    return [[fixed(a), fixed(b)] for a, b in bent]
+
+
+def _box_corners(mask: Mask | None) -> Corners | None:
+    if mask is None:
+        return None
+    x, y, w, h = mask.box
+    return [[float(a), float(b)] for a, b in ((x, y), (x + w, y), (x + w, y + h), (x, y + h))]
+
+
+def _clipped(corners: Corners, camera: CameraPlan) -> Corners:
+    return [[min(max(x, 0.0), float(camera.width)), min(max(y, 0.0), float(camera.height))] for x, y in corners]
+
+
+def _pixels(corners: Corners, camera: CameraPlan) -> list[list[int]]:
+    return [[min(int(x), camera.width - 1), min(int(y), camera.height - 1)] for x, y in corners]
+
+
+def _mean_depth(depths: NDArray[np.float32]) -> float:
+    whole = np.rint(depths.astype(np.float64) * _GRID).astype(np.int64)
+    return fixed(int(whole.sum()) / (_GRID * len(whole)))
+
+
+def _camera(camera: CameraPlan, view: Array) -> CameraRecord:
+    return {
+        "width": camera.width,
+        "height": camera.height,
+        "intrinsics": _rows(projection.intrinsics(camera)),
+        "lens_k": camera.lens_k,
+        "lens_kcube": camera.lens_kcube,
+        "view_from_world": [*_rows(view), [0.0, 0.0, 0.0, 1.0]],
+    }
+
+
+def patch_truth(
+    source: SceneSource, appearance: AppearancePlan, sensor: SensorPlan, seen: Observed, frame: int
+) -> FrameTruth:
+    """Return the truth of an appearance's patches in a frame.
+
+    Args:
+        source: The scene.
+        appearance: The appearance.
+        sensor: The sensor.
+        seen: The sensor's observation of the frame, by `source`.
+        frame: Number of the frame.
+    """
+    shown = source.patch_map(seen, appearance, frame)
+    pose = sensor_transform(sensor, source.trace, frame)
+    annotator = PatchAnnotator(source.scene, source.trace)
+    return annotator.truth(appearance.patches, seen, shown, sensor.camera, pose, frame)

@@ -1,0 +1,96 @@
+"""`recipe surfaces`: what a recipe can name, where it is, and pictures to look at and to paint on."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+from recipe_cli.commands.surfaces import command
+from recipe_compiler.compile import compile_recipe
+from recipe_compiler.ir.errors import InputError
+
+from tests.sources import ROOT
+
+POSTER = ROOT / "recipes/attacks/poster.yaml"
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(command, list(arguments), catch_exceptions=False)
+
+
+def test_a_town_lists_its_surfaces_with_sizes_and_places() -> None:
+    lines = run("downtown", "wall.[01]").stdout.splitlines()
+    assert lines[0].split() == ["on", "name", "surface", "size,", "m", "x,", "m", "z,", "m", "place"]
+    assert [line.split()[:3] for line in lines[1:]] == [
+        ["town", f"wall.{n}", s] for n in (0, 1) for s in ("front", "back")
+    ]
+    assert "9.00 x 2.23" in lines[1] and "at x 9.0, y 2.2, towards 180" in lines[1]
+
+
+def test_every_listed_surface_can_be_named_in_a_recipe(tmp_path: Path) -> None:
+    """A patch as large as the listed size, on the first surfaces of each kind of a recipe's scene."""
+    rows = json.loads(run(str(POSTER), "--json").stdout)
+    chosen = {(row["on"], row["name"].split(".")[0], row["surface"]): row for row in rows}
+    patches = {}
+    for number, row in enumerate(list(chosen.values())[:60]):
+        on = {row["on"]: row["name"], "surface": row["surface"]}
+        if not row["whole"]:
+            on["size"] = {"width": row["size"][0] - 0.002, "height": row["size"][1] - 0.002}
+        patches[f"p{number}"] = {"on": on, "mode": "green"}
+    import yaml
+
+    recipe = yaml.safe_load(POSTER.read_text())
+    recipe["base"]["patches"] = patches
+    del recipe["deltas"]
+    (tmp_path / "all.yaml").write_text(json.dumps(recipe))
+    found = compile_recipe(tmp_path / "all.yaml").plan.variants[0].appearance.patches
+    assert len(found) == len(patches) > 10
+    assert {row["on"] for row in rows} == {"town", "actor"}
+
+
+def test_a_blueprints_texture_map_is_white_where_it_is_painted(tmp_path: Path) -> None:
+    done = run("vehicle.bus.city", "-o", str(tmp_path / "maps"))
+    assert done.stderr == f"{tmp_path}/maps: 1 texture map, 0 sheets\n"
+    picture = np.asarray(Image.open(io.BytesIO((tmp_path / "maps/vehicle.bus.city.body.png").read_bytes())))
+    (row,) = [row for row in json.loads(run("vehicle.bus.city", "--json").stdout) if row["whole"]]
+    height, width = picture.shape[:2]
+    assert width / height == pytest.approx(row["aspect"], rel=0.01) and max(width, height) == 2048
+    white = (picture == 255).all(axis=-1)
+    inside = np.zeros_like(white)
+    for island in row["islands"]:
+        left, top, right, bottom = island["region"]
+        box = (slice(int(top * height), int(bottom * height) + 1), slice(int(left * width), int(right * width) + 1))
+        inside[box] = True
+        assert white[box].mean() > 0.1, island["name"]
+    assert not (white & ~inside).any()
+    with pytest.raises(InputError, match="exists already"):
+        run("vehicle.bus.city", "-o", str(tmp_path / "maps"))
+
+
+def test_flat_surfaces_are_shown_on_a_sheet(tmp_path: Path) -> None:
+    """In green, in the middle of its picture."""
+    run(str(POSTER), "wall.1", "-o", str(tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["surfaces-1.jpg"]
+    sheet = np.asarray(Image.open(tmp_path / "surfaces-1.jpg")).astype(int)
+    middle = sheet[60:90, 90:120].mean(axis=(0, 1))
+    assert middle[1] > middle[0] + 40 and middle[1] > middle[2] + 40
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("dwntown",), 'did you mean "downtown"'),
+        (("vehicle.sedn.a",), 'did you mean "vehicle.sedan.a"'),
+        (("downtown", "sofa"), "leave the pattern out"),
+        (("gone.yaml",), "gone.yaml"),
+    ],
+)
+def test_unknown_names_are_explained(arguments: tuple[str, ...], words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        run(*arguments)
+    assert words in str(caught.value)
