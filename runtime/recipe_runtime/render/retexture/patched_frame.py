@@ -34,6 +34,7 @@ from recipe_runtime.render.retexture.sparse import RowMatrix, row_matrix
 from recipe_runtime.render.texture.mipmaps import Images, image_atlas, mip_levels
 
 Pixels = NDArray[np.uint8]
+_ROUNDING = 1e-6  # relative error of a float32 sum, with a margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +77,7 @@ class PatchedFrame:
         device: str,
     ) -> None:
         """Render the frame; arguments are those of `Renderer.shade`."""
-        self._device, self._images, self._pass = device, images, camera
+        self.device, self._images, self._pass = device, images, camera
         taken = camera.expose(obs, appearance, sensor, frame, time)
         self.camera, self._neighbour = obs.camera, neighbour
         inputs = camera.shading.inputs(taken.undistorted, appearance, taken.light, frame)
@@ -105,7 +106,7 @@ class PatchedFrame:
             light = wp.clone(self._hdr)
             if len(rec.pixels):
                 listed = {"listed": rec.listed, "shown": shown, "response": self._record, "out_hdr_image": light}
-                launch(expose_listed, len(rec.pixels), self._device, **listed)
+                launch(expose_listed, len(rec.pixels), self.device, **listed)
             out = self._pass.post.finish(light, *self._seen, self._response, self._record, self._neighbour)
         else:
             out = self._picture
@@ -119,10 +120,10 @@ class PatchedFrame:
             launch(
                 develop_listed,
                 len(self.recording.pixels),
-                self._device,
+                self.device,
                 listed=self.recording.listed,
                 shown=shown,
-                responses=struct_array([self._record], self._device),
+                responses=struct_array([self._record], self.device),
                 gains=tables.gains,
                 tone_table=tables.tone,
                 deviates=tables.deviates,
@@ -141,7 +142,9 @@ class PatchedFrame:
         rec = self.recording
         of_patch = rec.patches == number
         samples = rec.slots[np.repeat(np.arange(len(rec.slots)), np.diff(rec.firsts))[of_patch]]
-        return PatchRows(samples, light[1] - light[0], light[0])
+        gain = light[1] - light[0]
+        gain[np.abs(gain) < _ROUNDING * light[1]] = 0.0  # below a patch that hides it
+        return PatchRows(samples, gain, light[0])
 
     def taps(self, patch: str, width: int, height: int) -> RowMatrix:
         """Return the texels that each of a patch's samples reads, in a texture of a size with all its mip levels.
@@ -150,25 +153,25 @@ class PatchedFrame:
         """
         of_patch = np.flatnonzero(self.recording.patches == self._number(patch))
         levels = mip_levels(np.zeros((height, width, 3), np.uint8))
-        album, texels = image_atlas([levels], [False], [], self._device), sum(level.size for level in levels)
+        album, texels = image_atlas([levels], [False], [], self.device), sum(level.size for level in levels)
         count, recorded = len(of_patch), struct_of(self.recording.recorded)
         if not count:
             return row_matrix(np.zeros(1, np.int32), np.zeros(0, np.int32), np.zeros(0), texels)
-        places: DeviceArray = wp.array(recorded.places.numpy()[of_patch], dtype=wp.vec4f, device=self._device)
-        codes: DeviceArray = wp.array(recorded.codes.numpy()[of_patch], dtype=wp.uint32, device=self._device)
-        counts = wp.empty(count, dtype=wp.int32, device=self._device)
-        launch(count_taps, count, self._device, album=album, places=places, codes=codes, out_counts=counts)
+        places: DeviceArray = wp.array(recorded.places.numpy()[of_patch], dtype=wp.vec4f, device=self.device)
+        codes: DeviceArray = wp.array(recorded.codes.numpy()[of_patch], dtype=wp.uint32, device=self.device)
+        counts = wp.empty(count, dtype=wp.int32, device=self.device)
+        launch(count_taps, count, self.device, album=album, places=places, codes=codes, out_counts=counts)
         firsts = np.cumsum([0, *counts.numpy()]).astype(np.int32)
-        out_texels = wp.empty(int(firsts[-1]), dtype=wp.int32, device=self._device)
-        weights = wp.empty(int(firsts[-1]), dtype=wp.float64, device=self._device)
+        out_texels = wp.empty(int(firsts[-1]), dtype=wp.int32, device=self.device)
+        weights = wp.empty(int(firsts[-1]), dtype=wp.float64, device=self.device)
         launch(
             record_taps,
             count,
-            self._device,
+            self.device,
             album=album,
             places=places,
             codes=codes,
-            firsts=wp.array(firsts, dtype=wp.int32, device=self._device),
+            firsts=wp.array(firsts, dtype=wp.int32, device=self.device),
             out_texels=out_texels,
             out_weights=weights,
         )
@@ -177,7 +180,7 @@ class PatchedFrame:
     @cached_property
     def curve(self) -> CameraCurve:
         """The camera's settings for the pixels that change."""
-        rec, r, device = self.recording, self._record, self._device
+        rec, r, device = self.recording, self._record, self.device
         deviates = wp.empty(max(len(rec.pixels), 1), dtype=wp.vec3f, device=device)
         tables = self._pass.tables.by_pixel(self._response, self.camera)
         launch(
@@ -224,7 +227,7 @@ class PatchedFrame:
 
     def _relit(self, patches: DeviceArray, album: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the radiance of the slots, without and with what wet ground mirrors."""
-        rec, device = self.recording, self._device
+        rec, device = self.recording, self.device
         radiance: DeviceArray = wp.array(rec.radiance, dtype=wp.vec3f, device=device)
         shown: DeviceArray = wp.array(rec.shown, dtype=wp.vec3f, device=device)
         if len(rec.slots):
@@ -251,7 +254,7 @@ class PatchedFrame:
             mip_levels(textures[p.name]) if p.name in textures else self._ladder(p.name) or [] for p in self.plans
         ]
         ladders = [ladder for ladder in ladders if ladder]
-        return image_atlas(ladders, [False] * len(ladders), [], self._device)
+        return image_atlas(ladders, [False] * len(ladders), [], self.device)
 
     def _images_with(self, textures: Mapping[str, Pixels]) -> NDArray[np.int32]:
         """Return the number of each patch's image in `_album`, -1 for a colour."""
@@ -264,7 +267,7 @@ class PatchedFrame:
     def _patches_of(self, image: NDArray[np.int32], colour: NDArray[np.float32]) -> DeviceArray:
         patches: PatchArrays = copy_struct(self._patches)
         fields: dict[str, DeviceArray] = {
-            "image": wp.array(image, dtype=wp.int32, device=self._device),
-            "colour": wp.array(colour, dtype=wp.vec3f, device=self._device),
+            "image": wp.array(image, dtype=wp.int32, device=self.device),
+            "colour": wp.array(colour, dtype=wp.vec3f, device=self.device),
         }
-        return struct_array([set_fields(patches, **fields)], self._device)
+        return struct_array([set_fields(patches, **fields)], self.device)
