@@ -29,7 +29,7 @@ from torch.utils.data import Dataset
 
 from recipe_runtime.annotate.records import LabelRecord
 from recipe_runtime.attacks.patch_view import PatchView
-from recipe_runtime.attacks.textures import as_array, as_image
+from recipe_runtime.attacks.textures import as_array, as_image, rendered_patch
 from recipe_runtime.loading import opened
 from recipe_runtime.scenario import Scenario, Scenes
 
@@ -187,6 +187,8 @@ class SceneView(torch.nn.Module):
         unknown = [variant for variant, _ in self.frames if variant not in self._scenarios]
         if unknown:
             raise InputError(f"there is no variant {unknown[0]!r}; there is {', '.join(self._scenarios)}")
+        for variant in dict.fromkeys(variant for variant, _ in self.frames):
+            rendered_patch(self._scenarios[variant].plan.appearance.patches, patch)
         self._views: dict[tuple[Place, tuple[int, int]], PatchView] = {}
         self._targets: dict[Place, dict[str, torch.Tensor]] = {}
 

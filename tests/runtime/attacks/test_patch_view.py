@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from recipe_compiler.ir.patches import PatchFace, PatchTexture
 from recipe_compiler.ir.plan import AppearancePlan, CameraResponse
 from recipe_runtime.attacks.camera_curve import inverse_tone, tone
-from recipe_runtime.attacks.mip_chain import MipChain, linear_light
+from recipe_runtime.attacks.mip_chain import MipChain, Values, linear_light
 from recipe_runtime.attacks.patch_view import PatchView
 from recipe_runtime.render.retexture.patched_frame import PatchedFrame
 from recipe_runtime.render.texture.surface_colours import srgb_to_linear
@@ -33,11 +32,11 @@ LENSES: dict[str, dict[str, Any]] = {
 }
 
 
-def plan_of(texture: Pixels, weather: str, lens: str = "plain", **more: object) -> AppearancePlan:
+def plan_of(texture: Pixels, weather: str, lens: str = "plain") -> AppearancePlan:
     """A poster on the wall, a bright sticker over its corner, and varnish on the road."""
     small = FACE.model_copy(update={"corner": (6.9, 4.0, 2.2), "width": 0.9, "height": 0.7})
     patches = (
-        patch(PatchTexture(image=file_of(texture)), **more),
+        patch(PatchTexture(image=file_of(texture))),
         patch(of_colour("#ffd000"), faces=(small,), name="sticker", emission=40.0),
         patch(of_colour("#3060c0"), "road", (ON_ROAD,), name="road", gloss=0.6),
     )
@@ -53,9 +52,9 @@ def frame_of(scene: Scene, plan: AppearancePlan, frame: int = 0) -> PatchedFrame
     return scene.renderer.patched_frame(scene.see(frame=frame), plan, "street", frame, frame / 30)
 
 
-def view_of(weather: str, texture: Pixels = OWN, **more: object) -> PatchView:
+def view_of(weather: str, texture: Pixels = OWN, lens: str = "plain") -> PatchView:
     height, width = texture.shape[:2]
-    return PatchView(frame_of(scene_of(texture), plan_of(texture, weather, **more)), "poster", width, height)
+    return PatchView(frame_of(scene_of(texture), plan_of(texture, weather, lens)), "poster", width, height)
 
 
 @pytest.mark.parametrize("lens", LENSES)
@@ -161,7 +160,8 @@ def test_a_texel_that_no_pixel_sees_has_no_gradient() -> None:
     view = PatchView(frame_of(scene_of(OWN), plan), "poster", 32, 24)
     gradient = view.backward(OWN, np.ones(view.picture.shape))
     hidden = np.abs(gradient).sum(axis=-1) == 0.0
-    assert hidden[:9, :13].all() and 0 < hidden.sum() < hidden.size / 2
+
+    assert hidden[3:6, 3:8].all() and hidden.sum() < hidden.size / 4
     changed = OWN.copy()
     changed[hidden] = 255 - changed[hidden]
     np.testing.assert_array_equal(view.forward(changed), view.forward(OWN))
@@ -194,9 +194,10 @@ def test_wet_ground_that_mirrors_the_patch_has_rows_of_its_own() -> None:
 
 
 def test_curves_and_their_derivatives() -> None:
-    values = np.linspace(0.0, 1.0, 256)
-    np.testing.assert_allclose(linear_light(values)[0], [srgb_to_linear(v) for v in range(256)], atol=1e-12)
-    between: NDArray[np.float64] = np.linspace(0.05, 0.99, 997)
+    values = np.array(range(256)) / 255.0
+    exact = np.array([srgb_to_linear(v) for v in range(256)])
+    np.testing.assert_allclose(linear_light(values)[0], exact, atol=1e-12)
+    between: Values = np.array(np.linspace(0.05, 0.99, 997), np.float64)
     np.testing.assert_allclose(linear_light(between)[0], ((between + 0.055) / 1.055) ** 2.4, atol=1e-8)
     for curve, points in ((linear_light, between), (tone, between * 3), (inverse_tone, between * 0.9)):
         step = 1e-6

@@ -299,6 +299,40 @@ def light_surface(
     return lit, mirrored, reuse_class
 
 
+@wp.func
+def shade_surface(
+    samples: wp.array[Samples],
+    colours: wp.array[SurfaceColours],
+    patches: wp.array[PatchArrays],
+    air: wp.array[Air],
+    beams: wp.array[Sunbeam],
+    lamps: wp.array[Lamps],
+    bodies: wp.array[Bodies],
+    lamp_lists: wp.array2d[wp.int32],
+    body_lists: wp.array2d[wp.int32],
+    glow_lists: wp.array2d[wp.int32],
+    i: wp.int32,
+    tile: wp.int32,
+    surface: wp.int32,
+    pattern: wp.int32,
+    phase: wp.int32,
+    p: wp.vec3f,
+    n: wp.vec3f,
+    to_point: wp.vec3f,
+):
+    """Return the radiance of a sample of a surface, share and gloss of its mirror reflection, and its reuse class."""
+    distance, sight, n, facing = facing_eye(to_point, n)
+    m = dry_material(samples, colours, air, i, surface, pattern, n)
+    m = weathered_material(samples, air, i, pattern, phase, p, distance, m)
+    if patches[0].count > 0:
+        m = patched_material(patches, colours[0].album, samples, i, surface, m)
+    lit, mirrored, reuse_class = light_surface(
+        air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
+        tile, phase, m, samples[0].eye, p, n, sight, distance, facing,
+    )  # fmt: skip
+    return surface_radiance(m.albedo, m.glow, lit), mirrored, m.gloss, reuse_class
+
+
 @wp.kernel
 def shade_samples(
     samples: wp.array[Samples],
@@ -353,15 +387,9 @@ def shade_samples(
     ):
         return
     mark_dirty(previous, samples[0].pixels[i])
-    distance, sight, n, facing = facing_eye(to_point, n)
-    m = dry_material(samples, colours, air, i, surface, pattern, n)
-    m = weathered_material(samples, air, i, pattern, phase, p, distance, m)
-    if patches[0].count > 0:
-        m = patched_material(patches, colours[0].album, samples, i, surface, m)
-    lit, mirrored, reuse_class = light_surface(
-        air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
-        tile, phase, m, eye, p, n, sight, distance, facing,
+    seen, mirrored, gloss, reuse_class = shade_surface(
+        samples, colours, patches, air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
+        i, tile, surface, pattern, phase, p, n, to_point,
     )  # fmt: skip
     out_reuse_class[i] = reuse_class
-    seen = surface_radiance(m.albedo, m.glow, lit)
-    write_light(air, i, seen, mirrored, m.gloss, out_radiance, out_mirror, out_shown)
+    write_light(air, i, seen, mirrored, gloss, out_radiance, out_mirror, out_shown)

@@ -34,7 +34,7 @@ from recipe_runtime.render.retexture.sparse import RowMatrix, row_matrix
 from recipe_runtime.render.texture.mipmaps import Images, image_atlas, mip_levels
 
 Pixels = NDArray[np.uint8]
-_ROUNDING = 1e-6  # relative error of a float32 sum, with a margin
+_ROUNDING = 2e-5  # by which the coverage of a pixel within a patch may miss 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -161,25 +161,7 @@ def _recorded(
             out_places=places,
             out_codes=codes,
         )
-        launch(
-            record_light,
-            count,
-            device,
-            listed=listed,
-            samples=samples,
-            colours=inputs.colours,
-            patches=inputs.patches,
-            air=inputs.air,
-            beams=inputs.beams,
-            lamps=inputs.lamps,
-            bodies=inputs.bodies,
-            lamp_lists=inputs.lists.lamps,
-            body_lists=inputs.lists.bodies,
-            glow_lists=inputs.lists.glows,
-            out_albedo=albedo,
-            out_glow=glow,
-            out_light=light,
-        )
+        _record_light(listed, inputs, samples, (albedo, glow, light), device)
     return set_fields(
         Recorded(),
         slots=_numbers(slots, device),
@@ -191,6 +173,35 @@ def _recorded(
         coverages=coverages,
         places=places,
         codes=codes,
+    )
+
+
+def _record_light(
+    listed: DeviceArray,
+    inputs: ShadingInputs,
+    samples: DeviceArray,
+    out: tuple[DeviceArray, DeviceArray, DeviceArray],
+    device: str,
+) -> None:
+    """Write albedo and glow of the listed samples below their patches, and the light on them."""
+    launch(
+        record_light,
+        listed.size,
+        device,
+        listed=listed,
+        samples=samples,
+        colours=inputs.colours,
+        patches=inputs.patches,
+        air=inputs.air,
+        beams=inputs.beams,
+        lamps=inputs.lamps,
+        bodies=inputs.bodies,
+        lamp_lists=inputs.lists.lamps,
+        body_lists=inputs.lists.bodies,
+        glow_lists=inputs.lists.glows,
+        out_albedo=out[0],
+        out_glow=out[1],
+        out_light=out[2],
     )
 
 
