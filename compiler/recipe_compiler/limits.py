@@ -22,12 +22,12 @@ MEMORY_LIMIT = 900 * 2**20  # bytes, while compiling
 TIME_LIMIT = 120.0  # minutes of one core
 
 # Bytes on disk.
-_BYTES = {"rgb": 1.52, "depth": 0.15, "depth-npy": 4.0, "instance": 0.006, "semantic": 0.016}  # per pixel, encoded
+_BYTES = {"rgb": 1.52, "depth": 0.15, "depth-npy": 4.9, "instance": 0.006, "semantic": 0.016}  # per pixel, encoded
 _DEPTH_MOVING = 0.5  # per pixel of depth, if the camera moves
 _FILE_HEAD, _BLOCK = 150, 4096  # header of a file; block size of the file system
 _PLAN_BYTES = (540, 900)  # of a variant's plan: per element of its town, per actor
-_TRACK_BYTES = 140  # per actor and frame
-_LABEL_BYTES = 900  # per labelled object, in all annotation files together
+_TRACK_BYTES = 260  # per actor and frame
+_LABEL_BYTES = 2700  # per labelled object, in all annotation files together
 _PREVIEW = (4.0, 900_000, 1_200_000)  # contact sheets: per pixel of a view; limit per view; limit in all
 _SEEN, _SEEN_AT_MOST = 0.1, 0.25  # share of the actors that are visible in a frame: mean, maximum
 

@@ -67,10 +67,10 @@ def command(
     if form != "webdataset":
         with Progress(quiet=as_json) as progress:
             made = layouts.export_layout(read(dataset), folder, cast("Layout", form), progress, replace=replace)
-        if as_json:
-            print_json(made)
-            return
         total = sum(cast("int", row[0]) for row in made["files"].values())
+        if as_json:
+            print_json({**made, "files": len(made["files"]), "bytes": total})
+            return
         say(f"{folder}: {count(len(made['files']), 'file')}, {size(total)}")
         say(made["dataset"])
         return

@@ -16,7 +16,7 @@ def rendered_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan:
     """Return the patch of a name.
 
     Raises:
-        InputError: There is none, or it shows the placeholder.
+        InputError: There is none, it shows the placeholder, or a texture is inserted into the finished picture.
     """
     found = next((patch for patch in patches if patch.name == name), None)
     if found is None:
@@ -26,6 +26,12 @@ def rendered_patch(patches: tuple[PatchPlan, ...], name: str) -> PatchPlan:
     if found.mode != "rendered":
         raise InputError(
             f"patch {name}: its mode is {found.mode}, so no texture is rendered; choose a variant with mode rendered"
+        )
+    inserted = [patch.name for patch in patches if patch.inserted]
+    if inserted:
+        raise InputError(
+            f"patch {inserted[0]}: its texture is inserted into the finished picture, so other textures cannot be"
+            " rendered below it; choose a variant without insertion"
         )
     return found
 

@@ -58,6 +58,11 @@ def remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
+def is_empty(folder: Path) -> bool:
+    """Return whether a path is an empty folder."""
+    return folder.is_dir() and not any(folder.iterdir())
+
+
 def _is_ours(work: Path, is_leftover: Callable[[Path], bool]) -> bool:
     """Whether a folder is empty, or has the marker and nothing else than leftovers."""
     found = sorted(work.iterdir()) if is_folder(work) else [work]

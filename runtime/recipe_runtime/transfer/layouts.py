@@ -29,9 +29,10 @@ from recipe_runtime.annotate.records import LabelledFrame
 from recipe_runtime.core import layout
 from recipe_runtime.core.files import file_sha256, host_errors, is_folder, regular_file
 from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset, labels
 from recipe_runtime.dataset.tracks import field
-from recipe_runtime.transfer.export_folder import MARKER, remove, work_folder
+from recipe_runtime.transfer.export_folder import MARKER, is_empty, remove, work_folder
 from recipe_runtime.transfer.shards import damaged_file, picture_file
 
 Layout = Literal["mots", "kitti"]
@@ -98,6 +99,7 @@ def export_layout(
         InputError: `out` exists and is not an export, or a file of the dataset is damaged.
         RunError: the files cannot be written, or another export writes to `out`.
     """
+    check_outside_datasets(out)
     known = _index_of(out)
     if known is not None and (known["dataset"], known["layout"]) == (dataset.lock.identity, form) and _is_whole(out):
         return known
@@ -188,9 +190,10 @@ def _write(work: Path, path: str, content: bytes | Iterable[str]) -> tuple[str, 
 
 
 def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -> None:
-    if out.is_symlink() or (out.exists() and (known is None or _entries(out) != {INDEX, *known["files"]})):
+    other = out.exists() and not is_empty(out) and (known is None or _entries(out) != {INDEX, *known["files"]})
+    if out.is_symlink() or other:
         raise InputError(
-            f"{out} exists already, and is not an export alone",
+            f"{out} exists already, and holds files that are not of an export",
             help="move it away, or choose another folder",
             code=Code.OUTPUT_IN_THE_WAY,
         )
@@ -204,7 +207,7 @@ def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -
 
 def _entries(out: Path) -> set[str]:
     """Return the paths of everything in a folder but plain folders."""
-    return {p.relative_to(out).as_posix() for p in out.rglob("*") if not is_folder(p)}
+    return {p.relative_to(out).as_posix() for p in sorted(out.rglob("*")) if not is_folder(p)}
 
 
 def _index_of(out: Path) -> LayoutIndex | None:

@@ -32,7 +32,7 @@ from recipe_runtime.core.files import file_sha256, host_errors, is_folder, read_
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset, labels
-from recipe_runtime.transfer.export_folder import MARKER, work_folder
+from recipe_runtime.transfer.export_folder import MARKER, is_empty, work_folder
 
 INDEX = "index.json"
 SHARD_BYTES = 1 << 30
@@ -110,7 +110,7 @@ def webdataset(
     same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
     if known is not None and same and _is_whole(out, known):
         return known
-    if out.is_symlink() or (out.exists() and not _is_empty(out) and (known is None or _has_other_files(out, known))):
+    if out.is_symlink() or (out.exists() and not is_empty(out) and (known is None or _has_other_files(out, known))):
         raise InputError(
             f"{out} exists already, and holds files that are not of an export",
             help="move it away, or choose another folder",
@@ -229,10 +229,6 @@ def damaged_file(dataset: Dataset, what: str) -> InputError:
         help="repair the dataset, then export it",
         code=Code.INVALID_DATASET,
     )
-
-
-def _is_empty(folder: Path) -> bool:
-    return folder.is_dir() and not any(folder.iterdir())
 
 
 def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:

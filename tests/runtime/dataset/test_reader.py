@@ -267,6 +267,7 @@ def test_routes_and_warm_ups_out_of_bounds_are_refused() -> None:
         ("mots/MOTS-train/weather=w0_jitter=still+street/seqinfo.ini", b"frameRate=10", b"frameRate=30"),
         ("mots/seqmaps/MOTS-train.txt", b"name\n", b"eman\n"),
         ("weather=w0,jitter=still/tracks.csv", b"hero1", b"hero7"),
+        ("weather=w0,jitter=still/events.csv", b"collision", b"collusion"),
         ("README.md", b"@sha256:", b"@sha512:"),
         (f"{STREET}/labels.jsonl", b'"hero1"', b'"hero7"'),
     ],

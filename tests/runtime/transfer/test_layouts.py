@@ -50,13 +50,16 @@ def test_exports_are_equal_and_kept(built: Dataset, tmp_path: Path, form: Layout
 
 
 def test_what_is_there_is_not_replaced_unasked(built: Dataset, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="inside"):
+        export_layout(built, built.root / "exports" / "mots", "mots", quiet)
     out = tmp_path / "out"
+    out.mkdir()  # an empty folder may be filled
     export_layout(built, out, "mots", quiet)
     with pytest.raises(InputError, match="is another export"):
         export_layout(built, out, "kitti", quiet)
     assert "sequences.csv" in export_layout(built, out, "kitti", quiet, replace=True)["files"]
     (out / "training" / "mine.txt").write_text("a note")
-    with pytest.raises(InputError, match="is not an export alone"):
+    with pytest.raises(InputError, match="holds files that are not of an export"):
         export_layout(built, out, "mots", quiet, replace=True)
     assert (out / "training" / "mine.txt").read_text() == "a note"
 
