@@ -93,7 +93,9 @@ def lamp_columns(geometry: Geometry, world: Array, pose: Array) -> tuple[tuple[A
 def no_lamps(device: str) -> Lamps:
     """Return the struct of no lamps, for daylight."""
     columns = {name: wp.zeros(1, dtype=kind, device=device) for name, kind in zip(LAMP_NAMES, LAMP_KINDS, strict=True)}
-    return set_fields(Lamps(), **columns, moves=wp.zeros(1, dtype=wp.int32, device=device), maps=no_maps(device), count=0)
+    return set_fields(
+        Lamps(), **columns, moves=wp.zeros(1, dtype=wp.int32, device=device), maps=no_maps(device), count=0
+    )
 
 
 def bodies_at(geometry: Geometry, parts: Array, device: str) -> Bodies:

@@ -52,37 +52,12 @@ from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, non
 from recipe_runtime.render.numeric.vectors import dot, multiply, normalize
 from recipe_runtime.render.patches.patch_kernels import PatchArrays
 from recipe_runtime.render.sampling.sample_kernels import UNKNOWN_DEPTH, Samples
-from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, map_contains, sun_visibility
+from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, moving_shadow, sun_share
 from recipe_runtime.render.texture.images import SurfaceColours, image_at
 
 wp.set_module_options(OPTIONS)
 
 MAX_LEAF_DISTANCE = wp.constant(wp.float32(40.0))  # metres beyond which the motion of leaves is not visible
-
-
-@wp.func
-def moving_shadow(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
-    """Return the share of the sun that moving objects leave to a point (maps 2 and 3)."""
-    moving = wp.int32(2)
-    if not map_contains(beams, moving, p):
-        moving = wp.int32(3)
-    return sun_visibility(beams, moving, p, n)
-
-
-@wp.func
-def sun_share(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
-    """Return the share of the sun that reaches a point, and the share that moving objects alone would leave.
-
-    The latter is 1 where the static scene (maps 0 and 1) already blocks the sun.
-    """
-    still = wp.int32(0)
-    if not map_contains(beams, still, p):
-        still = wp.int32(1)
-    left = sun_visibility(beams, still, p, n)
-    moving = wp.float32(1.0)
-    if left > 0.0:
-        moving = moving_shadow(beams, p, n)
-    return wp.vec2f(minimum(left, moving), moving)
 
 
 @wp.func

@@ -18,11 +18,12 @@ from recipe_runtime.render.shadows.shadow_kernels import axis_coordinate
 
 wp.set_module_options(OPTIONS)
 
-MAP_SIZE = wp.constant(768)  # texels along a side
-MAP_TILE = wp.constant(16)  # texels along the side of a tile, the unit of clearing and bounds
-MAP_TILES = wp.constant(48)  # tiles along a side
 STATIC_SLOTS = wp.constant(6)  # slots of lamps of the town
 MOVING_SLOTS = wp.constant(4)  # slots of lamps on moving objects
+STATIC_SIZE = wp.constant(768)  # texels along the side of a map of a lamp of the town
+MOVING_SIZE = wp.constant(384)  # likewise of a lamp on a moving object, whose cone is narrower
+TILE = wp.constant(16)  # texels along the side of a tile, the unit of clearing and bounds
+MAX_TILES = wp.constant(2304)  # tiles of the larger maps
 MIN_LIFT = wp.constant(wp.float32(0.004))  # metres by which a shaded point is moved along its normal, at least
 BIAS = wp.constant(wp.float32(0.01))  # metres towards the lamp, likewise
 EXACT_HEIGHT = wp.constant(wp.float32(0.3))  # metres below which level surfaces are ground, which casts no shadow
@@ -32,8 +33,9 @@ EXACT_HEIGHT = wp.constant(wp.float32(0.3))  # metres below which level surfaces
 class StaticLampMap:
     """A lamp's map of the static scene."""
 
-    keys: wp.array2d[wp.uint64]  # [1, MAP_SIZE^2], as those of `visibility_kernels`, without the triangle
-    nearest: wp.array2d[wp.uint64]  # [1, MAP_TILES^2], the maximum key that a filter may read
+    keys: wp.array2d[wp.uint64]  # [1, STATIC_SIZE^2], as those of `visibility_kernels`, without the triangle
+    nearest: wp.array2d[wp.uint64]  # [1, MAX_TILES], the maximum key that a filter may read
+    farthest: wp.array2d[wp.uint64]  # [1, MAX_TILES], the minimum
 
 
 @wp.struct
@@ -46,22 +48,29 @@ class LampMaps:
     lens: wp.array[wp.vec4f]  # texels per unit of x / z, 0 if the slot is unused; limits of z in metres; unused
     own: wp.array[wp.vec2f]  # first and last part of the object that carries the lamp, which casts no shadow
     fixed: wp.array[StaticLampMap]  # by slot of a lamp of the town
-    keys: wp.array2d[wp.uint64]  # [slots, MAP_SIZE^2], of moving objects
-    nearest: wp.array2d[wp.uint64]  # [slots, MAP_TILES^2]
+    keys: wp.array2d[wp.uint64]  # [slots, STATIC_SIZE^2], of moving objects
+    nearest: wp.array2d[wp.uint64]  # [slots, MAX_TILES]
+
+
+@wp.func
+def map_size(slot: wp.int32) -> wp.int32:
+    """Return the texels along the side of a slot's maps."""
+    return wp.where(slot < STATIC_SLOTS, STATIC_SIZE, MOVING_SIZE)
 
 
 @wp.kernel
 def clear_lamp_maps(out_keys: wp.array2d[wp.uint64], out_nearest: wp.array2d[wp.uint64]):
     """Clear the tiles in use of all maps, one thread for each tile."""
-    slot = wp.tid() / (MAP_TILES * MAP_TILES)
-    tile = wp.tid() % (MAP_TILES * MAP_TILES)
+    slot = wp.tid() / MAX_TILES
+    tile = wp.tid() % MAX_TILES
     if out_nearest[slot, tile] == wp.uint64(0):
         return
     out_nearest[slot, tile] = wp.uint64(0)
-    first = (tile / MAP_TILES) * MAP_TILE * MAP_SIZE + (tile % MAP_TILES) * MAP_TILE
-    for y in range(MAP_TILE):
-        for x in range(MAP_TILE):
-            out_keys[slot, first + y * MAP_SIZE + x] = wp.uint64(0)
+    size = map_size(slot)
+    first = (tile / (size / TILE)) * TILE * size + (tile % (size / TILE)) * TILE
+    for y in range(TILE):
+        for x in range(TILE):
+            out_keys[slot, nonnegative(first + y * size + x)] = wp.uint64(0)
 
 
 @wp.func
@@ -100,7 +109,7 @@ def chunk_casts(
     start = c[2] - axis_extent(maps[0].ahead[slot], transforms, part, half) - 0.01
     if end < lens[1] or start > lens[2]:
         return False
-    side = end * ((0.5 * wp.float32(MAP_SIZE) + 4.0) / lens[0]) + 0.01
+    side = end * ((0.5 * wp.float32(map_size(slot)) + 4.0) / lens[0]) + 0.01
     if wp.abs(c[0]) - axis_extent(maps[0].right[slot], transforms, part, half) > side:
         return False
     return wp.abs(c[1]) - axis_extent(maps[0].down[slot], transforms, part, half) <= side
@@ -117,15 +126,25 @@ def raise_bounds(
     key: wp.uint64,
 ):
     """Raise the bounds of the tiles that overlap a rectangle of texels to at least a key."""
-    for y in range(wp.max(top, 0) / MAP_TILE, wp.min(bottom / MAP_TILE, MAP_TILES - 1) + 1):
-        for x in range(wp.max(left, 0) / MAP_TILE, wp.min(right / MAP_TILE, MAP_TILES - 1) + 1):
-            wp.atomic_max(nearest, slot, y * MAP_TILES + x, key)
+    tiles = map_size(slot) / TILE
+    for y in range(wp.max(top, 0) / TILE, wp.min(bottom / TILE, tiles - 1) + 1):
+        for x in range(wp.max(left, 0) / TILE, wp.min(right / TILE, tiles - 1) + 1):
+            wp.atomic_max(nearest, slot, y * tiles + x, key)
 
 
 @wp.func
 def nearness_key(q: wp.float64) -> wp.uint64:
     """Return the largest key of a nearness."""
     return (wp.uint64(wp.int64(wp.min(q, wp.float64(1.0)) * NEARNESS)) << wp.uint64(24)) | wp.uint64(0xFFFFFF)
+
+
+@wp.func
+def between_texels(lens: wp.vec4f, a: wp.float32, b: wp.float32, c: wp.float32) -> bool:
+    """Return whether the coordinates of a triangle's corners, x / z or y / z, lie between the same texels' centres."""
+    # (Maps have an even number of texels: a centre is half a texel beside the axis. 1024 makes the numbers positive.)
+    low = minimum(a, minimum(b, c)) * lens[0] + 1024.498
+    high = maximum(a, maximum(b, c)) * lens[0] + 1024.502
+    return low >= 0.0 and high < 4096.0 and int(low) == int(high)
 
 
 @wp.func
@@ -139,14 +158,24 @@ def draw_caster(
     nearest: wp.array2d[wp.uint64],
 ):
     """Draw a triangle in a lamp's view, front or back face, and raise the bounds of the tiles that it may touch."""
+    lens = maps[0].lens[slot]
+    if a[2] > lens[1] and b[2] > lens[1] and c[2] > lens[1]:  # most triangles are small, and cover no texel's centre
+        ra = 1.0 / a[2]
+        rb = 1.0 / b[2]
+        rc = 1.0 / c[2]
+        if between_texels(lens, a[0] * ra, b[0] * rb, c[0] * rc) or between_texels(
+            lens, a[1] * ra, b[1] * rb, c[1] * rc
+        ):
+            return
+    size = map_size(slot)
     pinhole = Pinhole()
-    pinhole.focal = wp.float64(maps[0].lens[slot][0])
-    pinhole.cx = wp.float64(MAP_SIZE / 2)
-    pinhole.cy = wp.float64(MAP_SIZE / 2)
-    pinhole.near = wp.float64(maps[0].lens[slot][1])
-    pinhole.far = wp.float64(maps[0].lens[slot][2])
-    pinhole.width = MAP_SIZE
-    pinhole.height = MAP_SIZE
+    pinhole.focal = wp.float64(lens[0])
+    pinhole.cx = wp.float64(size / 2)
+    pinhole.cy = wp.float64(size / 2)
+    pinhole.near = wp.float64(lens[1])
+    pinhole.far = wp.float64(lens[2])
+    pinhole.width = size
+    pinhole.height = size
     pinhole.side = 1
     for which in range(2):
         piece = clipped_piece(pinhole, a, b, c, which)
@@ -203,61 +232,45 @@ def draw_lamp_casters(
 
 
 @wp.kernel
-def bound_lamp_maps(keys: wp.array2d[wp.uint64], out_nearest: wp.array2d[wp.uint64]):
+def bound_static_map(
+    keys: wp.array2d[wp.uint64], out_nearest: wp.array2d[wp.uint64], out_farthest: wp.array2d[wp.uint64]
+):
     """Write the exact bounds of the tiles in use, one thread for each tile."""
-    slot = wp.tid() / (MAP_TILES * MAP_TILES)
-    tile = wp.tid() % (MAP_TILES * MAP_TILES)
-    if out_nearest[slot, tile] == wp.uint64(0):
+    tile = wp.tid()
+    if out_nearest[0, tile] == wp.uint64(0):
         return
-    top = (tile / MAP_TILES) * MAP_TILE
-    left = (tile % MAP_TILES) * MAP_TILE
+    top = (tile / (STATIC_SIZE / TILE)) * TILE
+    left = (tile % (STATIC_SIZE / TILE)) * TILE
     high = wp.uint64(0)
-    for y in range(wp.max(top - 1, 0), wp.min(top + MAP_TILE + 2, MAP_SIZE)):
-        for x in range(wp.max(left - 1, 0), wp.min(left + MAP_TILE + 2, MAP_SIZE)):
-            high = wp.max(high, keys[slot, y * MAP_SIZE + x])
-    out_nearest[slot, tile] = high
+    low = keys[0, top * STATIC_SIZE + left]
+    for y in range(wp.max(top - 1, 0), wp.min(top + TILE + 2, STATIC_SIZE)):
+        for x in range(wp.max(left - 1, 0), wp.min(left + TILE + 2, STATIC_SIZE)):
+            key = keys[0, nonnegative(y * STATIC_SIZE + x)]
+            high = wp.max(high, key)
+            low = wp.min(low, key)
+    out_nearest[0, tile] = high
+    out_farthest[0, tile] = low
 
 
 @wp.func
-def visible_share(
-    lens: wp.vec4f, keys: wp.array2d[wp.uint64], nearest: wp.array2d[wp.uint64], row: wp.int32, r: wp.vec3f, bias: wp.float32
-) -> wp.float32:
-    """Return the share of a lamp that is visible from a point of its view: nine bilinear taps, so edges are soft."""
-    z = r[2]
-    if z <= lens[1]:
-        return 1.0
-    scale = lens[0] / z
-    u = 0.5 * wp.float32(MAP_SIZE) + r[0] * scale - 0.5
-    v = 0.5 * wp.float32(MAP_SIZE) + r[1] * scale - 0.5
-    end = wp.float32(MAP_SIZE - 4)
-    if u < 3.0 or v < 3.0 or u > end or v > end:
-        return 1.0
+def filtered(
+    keys: wp.array2d[wp.uint64], row: wp.int32, size: wp.int32, u: wp.float32, v: wp.float32, limit: wp.uint64
+):
+    """Return the share of a lamp that is visible: nine bilinear taps, so edges are soft."""
     i = int(u)
     j = int(v)
-    limit = nearness_key(wp.float64(lens[1]) / wp.float64(maximum(z - bias, lens[1])))
-    if nearest[row, nonnegative((j / MAP_TILE) * MAP_TILES + i / MAP_TILE)] <= limit:
-        return 1.0
     fu = u - wp.float32(i)
     fv = v - wp.float32(j)
     total = wp.float32(0.0)
     for y in range(4):
-        wy = wp.float32(1.0)
-        if y == 0:
-            wy = 1.0 - fv
-        if y == 3:
-            wy = fv
-        base = nonnegative((j + y - 1) * MAP_SIZE + i - 1)
-        row_sum = wp.float32(0.0)
-        if keys[row, base] <= limit:
-            row_sum = row_sum + 1.0 - fu
-        if keys[row, base + 1] <= limit:
-            row_sum = row_sum + 1.0
-        if keys[row, base + 2] <= limit:
-            row_sum = row_sum + 1.0
-        if keys[row, base + 3] <= limit:
-            row_sum = row_sum + fu
-        total = total + row_sum * wy
-    return total / 9.0
+        base = nonnegative((j + y - 1) * size + i - 1)
+        hidden = wp.where(keys[row, base] > limit, 1.0 - fu, 0.0)
+        hidden = hidden + wp.where(keys[row, base + 1] > limit, 1.0, 0.0)
+        hidden = hidden + wp.where(keys[row, base + 2] > limit, 1.0, 0.0)
+        hidden = hidden + wp.where(keys[row, base + 3] > limit, fu, 0.0)
+        weight = wp.where(y == 0, 1.0 - fv, wp.where(y == 3, fv, 1.0))
+        total = total + hidden * weight
+    return maximum(1.0 - total * (1.0 / 9.0), 0.0)
 
 
 @wp.func
@@ -289,13 +302,26 @@ def lamp_visibility(maps: wp.array[LampMaps], slot: wp.int32, p: wp.vec3f, n: wp
     """
     lens = maps[0].lens[slot]
     r = shadow_point(maps, slot, p, n, to)
-    bias = BIAS + 0.35 * texel_at(lens, r[2])
     left = wp.float32(1.0)
-    if slot < STATIC_SLOTS:
-        left = visible_share(lens, maps[0].fixed[slot].keys, maps[0].fixed[slot].nearest, 0, r, bias)
     moving = wp.float32(1.0)
-    if left > 0.0:
-        moving = visible_share(lens, maps[0].keys, maps[0].nearest, slot, r, bias)
+    size = map_size(slot)
+    z = r[2]
+    if z > lens[1]:
+        scale = lens[0] / z
+        u = 0.5 * wp.float32(size) + r[0] * scale - 0.5
+        v = 0.5 * wp.float32(size) + r[1] * scale - 0.5
+        end = wp.float32(size - 4)
+        if u >= 3.0 and v >= 3.0 and u <= end and v <= end:
+            limit = nearness_key(
+                wp.float64(lens[1]) / wp.float64(maximum(z - BIAS - 0.35 * texel_at(lens, z), lens[1]))
+            )
+            tile = nonnegative((int(v) / TILE) * (size / TILE) + int(u) / TILE)
+            if slot < STATIC_SLOTS and maps[0].fixed[slot].nearest[0, tile] > limit:
+                left = wp.float32(0.0)
+                if maps[0].fixed[slot].farthest[0, tile] <= limit:
+                    left = filtered(maps[0].fixed[slot].keys, 0, size, u, v, limit)
+            if left > 0.0 and maps[0].nearest[slot, tile] > limit:
+                moving = filtered(maps[0].keys, slot, size, u, v, limit)
     return wp.vec2f(minimum(left, moving), moving)
 
 
@@ -326,22 +352,23 @@ def box_lit(maps: wp.array[LampMaps], slot: wp.int32, low: wp.vec3f, high: wp.ve
     dy = wp.abs(a[0]) * half[0] + wp.abs(a[1]) * half[1] + wp.abs(a[2]) * half[2] + lift
     u0, u1 = ratio_range(c[0] - dx, c[0] + dx, z0, z1)
     v0, v1 = ratio_range(c[1] - dy, c[1] + dy, z0, z1)
-    middle = 0.5 * wp.float32(MAP_SIZE)
-    end = wp.float32(MAP_SIZE - 1)
+    size = map_size(slot)
+    middle = 0.5 * wp.float32(size)
+    end = wp.float32(size - 1)
     left = middle + u0 * lens[0] - 2.0
     right = middle + u1 * lens[0] + 2.0
     top = middle + v0 * lens[0] - 2.0
     bottom = middle + v1 * lens[0] + 2.0
     if right < 0.0 or bottom < 0.0 or left > end or top > end:
         return True
-    x0 = int(maximum(left, 0.0)) / MAP_TILE
-    x1 = int(minimum(right, end)) / MAP_TILE
-    y0 = int(maximum(top, 0.0)) / MAP_TILE
-    y1 = int(minimum(bottom, end)) / MAP_TILE
+    x0 = int(maximum(left, 0.0)) / TILE
+    x1 = int(minimum(right, end)) / TILE
+    y0 = int(maximum(top, 0.0)) / TILE
+    y1 = int(minimum(bottom, end)) / TILE
     if (x1 - x0 + 1) * (y1 - y0 + 1) > 1024:
         return False
     for y in range(y0, y1 + 1):
         for x in range(x0, x1 + 1):
-            if maps[0].nearest[slot, y * MAP_TILES + x] > wp.uint64(0):
+            if maps[0].nearest[slot, y * (size / TILE) + x] > wp.uint64(0):
                 return False
     return True

@@ -18,8 +18,8 @@ from recipe_runtime.render.shadows import lamp_shadow_kernels as kernels
 from recipe_runtime.render.shadows.lamp_shadow_kernels import LampMaps, StaticLampMap
 from recipe_runtime.render.shadows.lamp_slots import MAP_KINDS, MAP_NAMES, SLOTS, STATIC_SLOTS, LampSlots
 
-_TEXELS = int(kernels.MAP_SIZE) * int(kernels.MAP_SIZE)
-_TILES = int(kernels.MAP_TILES) * int(kernels.MAP_TILES)
+_TEXELS = int(kernels.STATIC_SIZE) * int(kernels.STATIC_SIZE)
+_TILES = int(kernels.MAX_TILES)
 _STATIC_CACHE_SIZE = 24  # static maps kept, 5 MB each
 _POOL_SIZE = 4  # sets of moving maps
 
@@ -60,10 +60,12 @@ class MapMemory:
             out_nearest=self.nearest,
         )
 
-    def tighten(self, device: str) -> None:
-        """Replace the bounds of the tiles by exact ones."""
-        memory = {"keys": self.keys, "out_nearest": self.nearest}
-        launch(kernels.bound_lamp_maps, int(self.keys.shape[0]) * _TILES, device, **memory)
+    def as_static(self, device: str) -> StaticLampMap:
+        """Return the first map as that of the static scene, with exact bounds."""
+        farthest = wp.zeros((1, _TILES), dtype=wp.uint64, device=device)
+        memory = {"keys": self.keys, "out_nearest": self.nearest, "out_farthest": farthest}
+        launch(kernels.bound_static_map, _TILES, device, **memory)
+        return set_fields(StaticLampMap(), keys=self.keys, nearest=self.nearest, farthest=farthest)
 
 
 class LampShadowMaps:
@@ -73,8 +75,7 @@ class LampShadowMaps:
         self._g, self._device = geometry, device
         self._static: OrderedDict[int, StaticLampMap] = OrderedDict()  # by light
         self._spare: list[MapMemory] = []  # that no observation uses
-        self._none = MapMemory(1, device)
-        self.no_static = set_fields(StaticLampMap(), keys=self._none.keys, nearest=self._none.nearest)
+        self._no_static = MapMemory(1, device).as_static(device)
 
     def draw(self, slots: LampSlots, world: DeviceArray) -> tuple[DeviceArray, MapMemory]:
         """Return the maps of a frame, a one-element array of `LampMaps`, and the memory to give back after use.
@@ -99,7 +100,7 @@ class LampShadowMaps:
         found = []
         for slot in range(STATIC_SLOTS):
             used = float(slots.weights[slot]) > 0.0
-            found.append(self._static_map(slots, slot) if used else self.no_static)
+            found.append(self._static_map(slots, slot) if used else self._no_static)
         return found
 
     def _static_map(self, slots: LampSlots, slot: int) -> StaticLampMap:
@@ -114,11 +115,10 @@ class LampShadowMaps:
     def _draw_static(self, columns: Sequence[Array]) -> StaticLampMap:
         device, memory = self._device, MapMemory(1, self._device)
         uploaded = [_upload(c, kind, device) for c, kind in zip(columns, MAP_KINDS, strict=True)]
-        maps = struct_array([maps_of(uploaded, struct_array([self.no_static], device), memory)], device)
+        maps = struct_array([maps_of(uploaded, struct_array([self._no_static], device), memory)], device)
         world = upload_transforms(world_from_parts(np.zeros((0, 3, 4))), device)
         memory.draw(self._g, maps, world, range(self._g.static_chunks), device)
-        memory.tighten(device)
-        return set_fields(StaticLampMap(), keys=memory.keys, nearest=memory.nearest)
+        return memory.as_static(device)
 
 
 def maps_of(columns: Sequence[DeviceArray], static: DeviceArray, memory: MapMemory) -> LampMaps:
@@ -131,7 +131,7 @@ def no_maps(device: str) -> DeviceArray:
     """Return the maps of no lamps, which nothing reads, a one-element array of `LampMaps`."""
     columns = [wp.zeros(1, dtype=kind, device=device) for kind in MAP_KINDS]
     keys, nearest = (wp.zeros((1, 1), dtype=wp.uint64, device=device) for _ in range(2))
-    empty = set_fields(StaticLampMap(), keys=keys, nearest=nearest)
+    empty = set_fields(StaticLampMap(), keys=keys, nearest=nearest, farthest=nearest)
     named = dict(zip(MAP_NAMES, columns, strict=True))
     maps = set_fields(LampMaps(), **named, fixed=struct_array([empty], device), keys=keys, nearest=nearest)
     return struct_array([maps], device)

@@ -67,7 +67,8 @@ def assign_slots(geometry: Geometry, position: Array, direction: Array, reach: A
     cosine = np.maximum(geometry.light_rows[:, 10][lights], _MIN_COSINE)
     tangent = np.sqrt(1.0 - cosine * cosine) / cosine
     # (Six texels at the rim are for the filter.)
-    texels = np.where(weights > 0.0, (int(kernels.MAP_SIZE) / 2 - 6.0) / tangent, 0.0)
+    size = np.repeat([float(int(kernels.STATIC_SIZE)), float(int(kernels.MOVING_SIZE))], [STATIC_SLOTS, MOVING_SLOTS])
+    texels = np.where(weights > 0.0, (size / 2.0 - 6.0) / tangent, 0.0)
     lens = np.stack([texels, np.full_like(texels, _NEAR), reach[lights], np.zeros_like(texels)], axis=-1)
     return LampSlots(lights, weights, (*axes, lens, _carriers(geometry)[lights]))
 
