@@ -74,12 +74,25 @@ def clear_lamp_maps(out_keys: wp.array2d[wp.uint64], out_nearest: wp.array2d[wp.
 
 
 @wp.func
+def view_coordinates(right: wp.vec4f, down: wp.vec4f, ahead: wp.vec4f, p: wp.vec3f) -> wp.vec3f:
+    """Return a point in the view that has three axes."""
+    return wp.vec3f(axis_coordinate(right, p), axis_coordinate(down, p), axis_coordinate(ahead, p))
+
+
+@wp.func
 def view_point(maps: wp.array[LampMaps], slot: wp.int32, p: wp.vec3f) -> wp.vec3f:
-    """Return a point in the view of a lamp."""
-    return wp.vec3f(
-        axis_coordinate(maps[0].right[slot], p),
-        axis_coordinate(maps[0].down[slot], p),
-        axis_coordinate(maps[0].ahead[slot], p),
+    """Return a point of the world in the view of a lamp."""
+    return view_coordinates(maps[0].right[slot], maps[0].down[slot], maps[0].ahead[slot], p)
+
+
+@wp.func
+def axis_in_part(axis: wp.vec4f, m: wp.array2d[wp.float32], part: wp.int32) -> wp.vec4f:
+    """Return an axis of the world in the frame of a part."""
+    return wp.vec4f(
+        (axis[0] * m[part, 0] + axis[1] * m[part, 4]) + axis[2] * m[part, 8],
+        (axis[0] * m[part, 1] + axis[1] * m[part, 5]) + axis[2] * m[part, 9],
+        (axis[0] * m[part, 2] + axis[1] * m[part, 6]) + axis[2] * m[part, 10],
+        ((axis[0] * m[part, 3] + axis[1] * m[part, 7]) + axis[2] * m[part, 11]) + axis[3],
     )
 
 
@@ -222,12 +235,15 @@ def draw_lamp_casters(
         return
     if not chunk_casts(maps, slot, transforms, part, chunk_centres[i], chunk_halves[i]):
         return
+    right = axis_in_part(maps[0].right[slot], transforms, part)
+    down = axis_in_part(maps[0].down[slot], transforms, part)
+    ahead = axis_in_part(maps[0].ahead[slot], transforms, part)
     for k in range(chunk[0] + share, chunk[0] + chunk[1], threads_per_chunk):
         if casts[k] != 0:
             t = triangles[k]
-            a = view_point(maps, slot, transform_point(transforms, part, vertices[t[0]]))
-            b = view_point(maps, slot, transform_point(transforms, part, vertices[t[1]]))
-            c = view_point(maps, slot, transform_point(transforms, part, vertices[t[2]]))
+            a = view_coordinates(right, down, ahead, vertices[t[0]])
+            b = view_coordinates(right, down, ahead, vertices[t[1]])
+            c = view_coordinates(right, down, ahead, vertices[t[2]])
             draw_caster(maps, slot, a, b, c, out_keys, out_nearest)
 
 
