@@ -358,8 +358,7 @@ def shade_samples(
     surface = nonnegative(surface)
     pattern = colours[0].pattern[surface]
     phase = swaying_phase(air, pattern, p, to_point)
-    # (Leaves are always shaded: `is_light_unchanged` does not know how the wind has moved them. So are samples whose
-    # normal points away from the eye, which is corrected below: they are few.)
+    # (Always shaded: leaves, which the wind may have moved, and the few normals that point away from the eye.)
     if (
         i < previous[0].shared_count
         and phase < 0
