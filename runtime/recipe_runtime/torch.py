@@ -217,7 +217,7 @@ class SceneView(torch.nn.Module):
         """
         size = int(texture.shape[-2]), int(texture.shape[-1])
         views = [self._view(place, size) for place in self._places(batch, step)]
-        pictures: torch.Tensor = _Pictures.apply(texture, views, self.quantise)  # type: ignore[no-untyped-call]
+        pictures: torch.Tensor = _Pictures.apply(texture, views, self.quantise)  # type: ignore[no-untyped-call, unused-ignore]
         return pictures
 
     def _places(self, batch: int | None, step: int) -> list[Place]:

@@ -14,7 +14,7 @@ from recipe_runtime.render.lighting.temporal_kernels import last_leaf_step
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, noise3, smoothstep, unit
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
-from recipe_runtime.render.numeric.vectors import mix, multiply, normalize
+from recipe_runtime.render.numeric.vectors import dot, mix, multiply, normalize
 from recipe_runtime.render.patches.patch_kernels import PatchArrays, patch_point
 from recipe_runtime.render.sampling.sample_kernels import UNKNOWN_DEPTH, Samples
 from recipe_runtime.render.texture.ground import ground_height
@@ -326,3 +326,22 @@ def patched_material(
             m.soft = m.soft * left
             m.street = m.street * left
     return m
+
+
+@wp.func
+def fresnel(coat: wp.float32, gloss: wp.float32, cosine: wp.float32) -> wp.float32:
+    """Return Schlick's reflectance, reduced for rough surfaces at grazing angles."""
+    m = 1.0 - clamp01(cosine)
+    m2 = m * m
+    return coat + (maximum(gloss * gloss * gloss, coat) - coat) * m2 * m2 * m
+
+
+@wp.func
+def specular(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.float32:
+    """Return the strength of a highlight (Trowbridge-Reitz) for light along `to` and the eye along `back`."""
+    h = normalize(to + back)
+    c = clamp01(dot(n, h))
+    rough = 1.02 - gloss
+    a = rough * rough
+    k = c * c * (a * a - 1.0) + 1.0
+    return minimum(a * a / (k * k) * 0.25, 60.0)

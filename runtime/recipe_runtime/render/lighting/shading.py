@@ -27,6 +27,7 @@ from recipe_runtime.render.lighting.reflection import ReflectionPass
 from recipe_runtime.render.lighting.sample_light import SampleLight
 from recipe_runtime.render.lighting.temporal import SampleList, all_samples, listed_samples, thread_count
 from recipe_runtime.render.lighting.temporal_kernels import DirtySamples, PreviousFrame
+from recipe_runtime.render.lighting.tile_list_kernels import UNSHADOWED
 from recipe_runtime.render.patches.patch_arrays import no_patches, patch_structs, texture_of
 from recipe_runtime.render.raster.observation import Observation
 from recipe_runtime.render.sampling.sampler import FrameSamples
@@ -121,7 +122,7 @@ class ShadingPass:
         if cached is not None and base is not None:
             before.tiles = wp.empty(lights.lists.tiles, dtype=wp.int32, device=self._device)
             set_fields(before, sky=int(cached.clouds == clouds), shared_count=base.count, leaf_step=cached.leaf_step)
-            needed = 1 + 2 * int(light.air.night > 0.0) + 4 * int(light.air.glow_share > 0.0)
+            needed = 1 + (2 + int(UNSHADOWED)) * int(light.air.night > 0.0) + 4 * int(light.air.glow_share > 0.0)
             lists = lights.lamps, cached.lists, lights.lists
             passes.compare_tiles(*lists, base.boxes, lights.beams, needed, before.tiles, self._device)
             found, cached.lists, cached.clouds = cached, lights.lists, clouds

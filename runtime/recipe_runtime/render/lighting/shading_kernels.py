@@ -17,7 +17,9 @@ from recipe_runtime.render.lighting.materials import (
     MAX_SOFTNESS,
     Material,
     dry_material,
+    fresnel,
     patched_material,
+    specular,
     weathered_material,
 )
 from recipe_runtime.render.lighting.temporal_kernels import (
@@ -31,42 +33,25 @@ from recipe_runtime.render.lighting.temporal_kernels import (
     leaf_phase,
     mark_dirty,
 )
-from recipe_runtime.render.lighting.tile_list_kernels import Bodies, Lamps, contact_occlusion, lamp_light
+from recipe_runtime.render.lighting.tile_list_kernels import (
+    UNSHADOWED,
+    Bodies,
+    Lamps,
+    contact_occlusion,
+    lamp_light,
+    lamp_shadow,
+    lamps_shadowed,
+)
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
 from recipe_runtime.render.numeric.vectors import dot, mix, multiply, normalize
 from recipe_runtime.render.patches.patch_kernels import PatchArrays
 from recipe_runtime.render.sampling.sample_kernels import Samples
-from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, map_contains, sun_visibility
+from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, moving_shadow, sun_share
 from recipe_runtime.render.texture.images import SurfaceColours
 
 wp.set_module_options(OPTIONS)
-
-
-@wp.func
-def moving_shadow(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.float32:
-    """Return the share of the sun that moving objects leave to a point (maps 2 and 3)."""
-    moving = wp.int32(2)
-    if not map_contains(beams, moving, p):
-        moving = wp.int32(3)
-    return sun_visibility(beams, moving, p, n)
-
-
-@wp.func
-def sun_share(beams: wp.array[Sunbeam], p: wp.vec3f, n: wp.vec3f) -> wp.vec2f:
-    """Return the share of the sun that reaches a point, and the share that moving objects alone would leave.
-
-    The latter is 1 where the static scene (maps 0 and 1) already blocks the sun.
-    """
-    still = wp.int32(0)
-    if not map_contains(beams, still, p):
-        still = wp.int32(1)
-    left = sun_visibility(beams, still, p, n)
-    moving = wp.float32(1.0)
-    if left > 0.0:
-        moving = moving_shadow(beams, p, n)
-    return wp.vec2f(minimum(left, moving), moving)
 
 
 @wp.func
@@ -74,7 +59,9 @@ def is_light_unchanged(
     previous: wp.array[PreviousFrame],
     air: wp.array[Air],
     beams: wp.array[Sunbeam],
+    lamps: wp.array[Lamps],
     bodies: wp.array[Bodies],
+    lamp_lists: wp.array2d[wp.int32],
     body_lists: wp.array2d[wp.int32],
     reuse_class: wp.uint8,
     tile: wp.int32,
@@ -87,32 +74,16 @@ def is_light_unchanged(
     bits = previous[0].tiles[tile]
     if contact_occlusion(bodies, body_lists, tile, p, n) < 1.0:
         return False
-    if air[0].night > 0.0 and (bits & 2) == 0:
-        return False
+    if air[0].night > 0.0:
+        if (bits & 2) == 0:
+            return False
+        if (bits & UNSHADOWED) == 0 and lamps_shadowed(lamps, lamp_lists, tile, p, n):
+            return False
     if air[0].glow_share > 0.0 and (bits & 4) == 0:
         return False
     if air[0].sunlight[0] + air[0].sunlight[1] <= 0.0 or dot(n, air[0].sun) <= -MAX_SOFTNESS:
         return True
     return moving_shadow(beams, p, n) == 1.0
-
-
-@wp.func
-def fresnel(coat: wp.float32, gloss: wp.float32, cosine: wp.float32) -> wp.float32:
-    """Return Schlick's reflectance, reduced for rough surfaces at grazing angles."""
-    m = 1.0 - clamp01(cosine)
-    m2 = m * m
-    return coat + (maximum(gloss * gloss * gloss, coat) - coat) * m2 * m2 * m
-
-
-@wp.func
-def specular(gloss: wp.float32, n: wp.vec3f, to: wp.vec3f, back: wp.vec3f) -> wp.float32:
-    """Return the strength of a highlight (Trowbridge-Reitz) for light along `to` and the eye along `back`."""
-    h = normalize(to + back)
-    c = clamp01(dot(n, h))
-    rough = 1.02 - gloss
-    a = rough * rough
-    k = c * c * (a * a - 1.0) + 1.0
-    return minimum(a * a / (k * k) * 0.25, 60.0)
 
 
 @wp.func
@@ -174,24 +145,31 @@ def add_lamps(
     tile: wp.int32,
     m: Material,
     p: wp.vec3f,
+    n: wp.vec3f,
     back: wp.vec3f,
     facing: wp.float32,
     light: wp.vec3f,
     shine: wp.vec3f,
+    past: wp.float32,
 ):
-    """Add a tile's lamps, in order, to the light on a point and to its highlights."""
+    """Add a tile's lamps, in order, to the light on a point with geometric normal n and to its highlights.
+
+    Return also the smallest of `past` and the shares of the lamps that moving objects leave.
+    """
     for k in range(lists[tile, 0]):
         lamp = lists[tile, k + 1]
         fall = lamp_light(lamps, lamp, p, m.normal)
         if fall[3] > 0.0:
             to = wp.vec3f(fall[0], fall[1], fall[2])
             c = dot(m.normal, to)
-            power = lamps[0].power[lamp] * (fall[3] * air[0].night)
+            reached = lamp_shadow(lamps, lamp, p, n, to)
+            past = minimum(past, reached[1])
+            power = lamps[0].power[lamp] * (fall[3] * air[0].night * reached[0])
             light = light + power * clamp01((c + 0.12) / 1.12)
             if m.coat > 0.0 and c > 0.0:
                 mirroring = c * fresnel(m.coat, m.gloss, facing) * specular(m.gloss, m.normal, to, back) * 3.0
                 shine = shine + power * mirroring
-    return light, shine
+    return light, shine, past
 
 
 @wp.func
@@ -283,9 +261,9 @@ def light_surface(
     rest = AT_REST
     if phase >= 0:
         rest = LEAF + wp.uint8(phase)
-    reuse_class = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
     if air[0].night > 0.0:
-        light, shine = add_lamps(air, lamps, lamp_lists, tile, m, p, back, facing, light, shine)
+        light, shine, past = add_lamps(air, lamps, lamp_lists, tile, m, p, n, back, facing, light, shine, past)
+    reuse_class = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
     lit.light = light
     lit.shine = shine
     lit.left = transmittance(air, eye[2], p[2], distance)
@@ -377,13 +355,14 @@ def shade_samples(
     surface = nonnegative(surface)
     pattern = colours[0].pattern[surface]
     phase = swaying_phase(air, pattern, p, to_point)
-    # (Leaves are always shaded: `is_light_unchanged` does not know how the wind has moved them. So are samples whose
-    # normal points away from the eye, which is corrected below: they are few.)
+    # (Always shaded: leaves, which the wind may have moved, and the few normals that point away from the eye.)
     if (
         i < previous[0].shared_count
         and phase < 0
         and dot(n, to_point) <= 0.0
-        and is_light_unchanged(previous, air, beams, bodies, body_lists, out_reuse_class[i], tile, p, n)
+        and is_light_unchanged(
+            previous, air, beams, lamps, bodies, lamp_lists, body_lists, out_reuse_class[i], tile, p, n
+        )
     ):
         return
     mark_dirty(previous, samples[0].pixels[i])
