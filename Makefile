@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-gpu fuzz bench bench-long bench-estimates presets lock verify golden requirements clean test-ray bench-ray
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-gpu fuzz bench bench-long bench-estimates presets lock verify golden requirements clean test-ray bench-ray
 
 # The tests start some hundred processes: with compiled modules kept, each starts half a second earlier.
 unexport PYTHONDONTWRITEBYTECODE
@@ -77,8 +77,12 @@ test-ray: install-dev  ## the same bytes from a Ray cluster of two nodes, one of
 	$(BIN)/python -m pytest -q -m ray
 
 test-torch: install-dev  ## the PyTorch dataset, with PyTorch installed for it (CPU build where there is one)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch==2.13.0' 'torchvision==0.28.0'
 	$(BIN)/python -m pytest -q -m torch
+
+test-trackeval: install-dev  ## TrackEval's scores of the exported layouts, without its plots and pictures
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'trackeval==1.3.0' 'tabulate==0.10.0'
+	$(BIN)/python -m pytest -q -m trackeval
 
 fuzz: install-dev  ## feed broken files to every loader, guided by coverage (FUZZ_SECONDS=60 a loader)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'atheris==3.0.0'

@@ -19,7 +19,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("expand", "limits"),
         ("checks",),
         ("lowering",),
-        ("compile",),
+        ("carla", "compile"),
         ("__init__",),
     ),
     "recipe_runtime": (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,10 +17,15 @@ if TYPE_CHECKING:
 Completer = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 _MAX_FILES = 500
 SUFFIXES = (".yaml", ".yml", ".recipe")
+# Bash inserts a completion as it is, so a name that is not plain text to a shell would be run: `x$(reboot).yaml`.
+_PLAIN = re.compile(r"[\w./=+@%,:][\w./=+@%,:-]*")
 
 
 def files(*suffixes: str) -> Completer:
-    """Files with one of these suffixes, in the folder typed and one below it; any file if there are none."""
+    """Files with one of these suffixes, in the folder typed and one below it.
+
+    If there are none, as where all names must be quoted, the shell itself completes files.
+    """
 
     def complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
         folder = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
@@ -64,8 +70,8 @@ def devices(context: click.Context, parameter: click.Parameter, incomplete: str)
 
 
 def _items(names: Iterable[str], incomplete: str) -> list[CompletionItem]:
-    """The names with that prefix that a shell can display: names are untrusted text."""
-    return [CompletionItem(name) for name in names if name.startswith(incomplete) and name.isprintable()]
+    """The names with that prefix that need no quotes in a shell: names are untrusted text."""
+    return [CompletionItem(name) for name in names if name.startswith(incomplete) and _PLAIN.fullmatch(name)]
 
 
 def _outline(context: click.Context) -> Outline:

@@ -171,8 +171,13 @@ def _wrapped(parts: list[tuple[str, str]], columns: int) -> list[tuple[str, str]
 
 def _json_safe(text: str) -> str:
     return "\n".join(
-        "".join(c if c == part else json.dumps(c)[1:-1] for c, part in zip(line, map(safe, line), strict=True))
+        "".join(c if c == part else _json_escaped(c) for c, part in zip(line, map(safe, line), strict=True))
         if not (line.isascii() and line.isprintable())
         else line
         for line in text.split("\n")
     )
+
+
+def _json_escaped(character: str) -> str:
+    """A character as JSON escapes it; DEL too, which JSON need not escape."""
+    return "\\u007f" if character == "\x7f" else json.dumps(character)[1:-1]

@@ -6,6 +6,7 @@ Exit codes: 0 done or PASS, 1 FAIL or the host failed, 2 bad input, 3 INCONCLUSI
 from __future__ import annotations
 
 import importlib
+import keyword
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 # name -> what `recipe --help` says of it; the module of that name holds the command.
 COMMANDS = {
     "init": "Write a new recipe, commented, ready to edit.",
+    "import": "Write recipes from configurations of CARLA's data collector.",
     "check": "Read a recipe and report every mistake in it.",
     "plan": "Show what a recipe defines and what it costs, before any work.",
     "shot": "Render one frame, to look at.",
@@ -49,7 +51,8 @@ class LazyGroup(click.Group):
         """The command of that name, imported now."""
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"recipe_cli.commands.{cmd_name}")
+        suffix = "_" if keyword.iskeyword(cmd_name) else ""
+        module = importlib.import_module(f"recipe_cli.commands.{cmd_name}{suffix}")
         command: click.Command = module.command
         return command
 

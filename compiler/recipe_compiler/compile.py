@@ -19,6 +19,7 @@ from recipe_compiler.checks.check import Checker, check_deltas, check_removals
 from recipe_compiler.checks.findings import Findings
 from recipe_compiler.expand import Axes, Variant
 from recipe_compiler.ir.errors import Code, InputError, Place, Problem, with_source
+from recipe_compiler.ir.ground.ways import TooMuchWorkError
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.limits import TooLargeError as TooLargeError
@@ -122,8 +123,8 @@ def _compile(
     reasons = estimate.over(free_disk, memory)
     if reasons and not allow_large:
         raise limits.TooLargeError(_place_of_size(root, estimate), estimate, reasons)
-    lowering = Lowering(_instances(root, problems), assets, textures.read(assets))
-    plans, warnings = _lowered(lowering, checked)
+    lowering = Lowering(_instances(root, problems), assets, textures.read(assets), allow_large=allow_large)
+    plans, warnings = _lowered(lowering, checked, root, estimate)
     plan = DatasetPlan(
         recipe=recipe.recipe,
         description=recipe.description,
@@ -157,7 +158,9 @@ def named_files(path: Path) -> tuple[str, set[str]] | None:
     return str(name.data if name else ""), {*sources.files, *used}
 
 
-def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tuple[list[ScenarioPlan], list[Problem]]:
+def _lowered(
+    lowering: Lowering, checked: Sequence[tuple[Variant, Base]], root: Value, estimate: limits.Cost
+) -> tuple[list[ScenarioPlan], list[Problem]]:
     """Lower all variants to plans.
 
     Returns:
@@ -168,7 +171,10 @@ def _lowered(lowering: Lowering, checked: Sequence[tuple[Variant, Base]]) -> tup
     """
     plans, wrong, warnings = [], Findings(), Findings()
     for variant, base in checked:
-        plan = lowering.scenario(variant, base)
+        try:
+            plan = lowering.scenario(variant, base)
+        except TooMuchWorkError:
+            raise _too_much_planning(root, estimate) from None
         wrong.add(lowering.problems, variant)
         warnings.add(lowering.warnings, variant)
         lowering.problems.clear()
@@ -297,6 +303,11 @@ def _compile_limit_error(root: Value, loads: list[limits.Load], variants: int) -
         reasons[0] = f"of the first {len(loads)} variants alone, {reasons[0]}"
     cost = dataclasses.replace(estimate, variants=variants)
     return limits.TooLargeError(_place_of_size(root, cost), cost, reasons) if reasons else None
+
+
+def _too_much_planning(root: Value, estimate: limits.Cost) -> limits.TooLargeError:
+    place = root.place_of("base", "actors") if root.get("base", "actors") else root.place_of("base", "traffic")
+    return limits.TooLargeError(place, estimate, ["planning the routes of its pedestrians takes too long"])
 
 
 def _check_variants(

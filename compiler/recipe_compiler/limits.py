@@ -22,12 +22,12 @@ MEMORY_LIMIT = 900 * 2**20  # bytes, while compiling
 TIME_LIMIT = 120.0  # minutes of one core
 
 # Bytes on disk.
-_BYTES = {"rgb": 1.52, "depth": 0.15, "depth-npy": 4.0, "instance": 0.006, "semantic": 0.016}  # per pixel, encoded
+_BYTES = {"rgb": 1.52, "depth": 0.15, "depth-npy": 4.9, "instance": 0.006, "semantic": 0.016}  # per pixel, encoded
 _DEPTH_MOVING = 0.5  # per pixel of depth, if the camera moves
 _FILE_HEAD, _BLOCK = 150, 4096  # header of a file; block size of the file system
 _PLAN_BYTES = (540, 900)  # of a variant's plan: per element of its town, per actor
-_TRACK_BYTES = 140  # per actor and frame
-_LABEL_BYTES = 900  # per labelled object, in all annotation files together
+_TRACK_BYTES = 260  # per actor and frame
+_LABEL_BYTES = 2700  # per labelled object, in all annotation files together
 _PREVIEW = (4.0, 900_000, 1_200_000)  # contact sheets: per pixel of a view; limit per view; limit in all
 _SEEN, _SEEN_AT_MOST = 0.1, 0.25  # share of the actors that are visible in a frame: mean, maximum
 
@@ -37,6 +37,7 @@ _LOAD_ELEMENT, _LOAD_ACTOR = 0.0022, 0.018  # meshes: per element and per actor 
 _SIMULATE_ACTOR = 0.012  # per actor
 _STEP, _STEP_ACTOR = 0.00005, 0.0000055  # per physics step; per actor and physics step
 _POSE_ACTOR = 0.000075  # per actor and frame
+_ROUTE_METRE = 0.0000011  # per metre of the vehicles' routes
 _LABEL, _LABEL_ACTOR = 0.0035, 0.0004  # per frame; per actor and frame
 _OBSERVE, _OBSERVE_MOVING = 0.05, 0.005  # moving camera: per megasample; per frame
 _OBSERVE_STILL = 0.005  # static camera: per megasample
@@ -56,6 +57,7 @@ _MEMORY_ELEMENT, _MEMORY_ACTOR = 130_000, 1_600_000  # meshes: per element, per 
 _MEMORY_LABELS = 30  # per sample of a view without rgb, and in addition of a moving camera
 _MEMORY_SHADE = 125  # per sample of a moving camera
 _MEMORY_STILL, _MEMORY_FURTHER = 260, 75  # per sample of a static camera; for each further appearance
+_MEMORY_METRE = 8  # per metre of the vehicles' routes, in the simulation
 _MEMORY_RECORD = 4000  # per labelled object, in the build's own process
 
 # Compiling: seconds on the same core, and bytes of memory.
@@ -96,6 +98,7 @@ class Load:
     town: Hashable = None
     elements: int = 0  # of the town
     points: int = 0  # of all actors' routes
+    metres: float = 0.0  # of all vehicles' routes
     changes: int = 0  # merged over the base: axes and draws
 
 
@@ -254,7 +257,7 @@ def _clip(load: Load) -> int:
 def _simulating(load: Load) -> float:
     """Seconds to simulate a scene."""
     frames = _clip(load)
-    steps = load.steps * (_STEP + load.actors * _STEP_ACTOR)
+    steps = load.steps * (_STEP + load.actors * _STEP_ACTOR) + load.metres * _ROUTE_METRE
     return _START_SIMULATION + load.actors * (_SIMULATE_ACTOR + frames * _POSE_ACTOR) + steps
 
 
@@ -307,15 +310,15 @@ def _memory(
     observed: Mapping[tuple[Hashable, Hashable], Load], looks: Iterable[tuple[Hashable, Hashable, Hashable]]
 ) -> tuple[int, int]:
     """Bytes of memory of the main process with its simulation, and of one worker."""
-    worker, records = 0, 0.0
+    worker, records, metres = 0, 0.0, 0.0
     appearances = Counter((scene, rig) for scene, rig, _ in looks)
     for key, load in observed.items():
         process = _WORKER + load.elements * _MEMORY_ELEMENT + load.actors * _MEMORY_ACTOR
         process += _SHADERS * any("rgb" in view.capture for view in load.views)
         process += sum(view.samples * _sample_bytes(view, appearances[key] - 1) for view in load.views)
-        worker = max(worker, process)
+        worker, metres = max(worker, process), max(metres, load.metres)
         records += sum(view.frames for view in load.views) * load.actors * _SEEN_AT_MOST
-    return _MAIN + _SIMULATION + round(records * _MEMORY_RECORD), worker
+    return _MAIN + _SIMULATION + round(records * _MEMORY_RECORD + metres * _MEMORY_METRE), worker
 
 
 def _sample_bytes(view: Clip, further: int) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import json
+import struct
 import zipfile
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from recipe_compiler.ir.modalities import MODALITIES
+from recipe_compiler.ir.plan_types import MAX_PIXELS_A_SIDE
 
 from recipe_runtime.core.codecs import metres_from_carla
 
@@ -39,7 +41,7 @@ def decode(key: str, data: bytes) -> Any:
     """
     name, _, ending = key.lstrip(".").rpartition(".")
     if not name and ending == "json":
-        return json.loads(data)
+        return _document(key, data)
     if ending == "npy" and name == "depth":
         return _metres(data)
     if ending != "png" or name not in MODALITIES:
@@ -51,7 +53,17 @@ def decode(key: str, data: bytes) -> Any:
     return metres_from_carla(pixels).astype(np.float32) if name == "depth" else pixels
 
 
+def _document(key: str, data: bytes) -> Any:
+    try:
+        return json.loads(data)
+    except RecursionError:
+        raise ValueError(f"{key}: is nested too deeply") from None
+
+
 def _pixels(key: str, data: bytes) -> NDArray[Any]:
+    width, height = struct.unpack(">II", data[16:24].ljust(8, b"\0"))  # of a PNG
+    if max(width, height) > MAX_PIXELS_A_SIDE:
+        raise ValueError(f"{key}: a picture of {width} x {height} pixels is larger than {MAX_PIXELS_A_SIDE} a side")
     try:
         with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:
             return np.array(picture)
@@ -62,7 +74,7 @@ def _pixels(key: str, data: bytes) -> NDArray[Any]:
 def _metres(data: bytes) -> NDArray[np.float32]:
     try:
         metres: NDArray[np.float32] = np.load(io.BytesIO(data), allow_pickle=False)
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+    except (ValueError, OSError, EOFError, MemoryError, zipfile.BadZipFile) as error:
         raise ValueError(f".depth.npy: cannot be decoded: {error}") from None
     if not isinstance(metres, np.ndarray) or metres.dtype != np.float32 or metres.ndim != 2:
         raise ValueError(".depth.npy: is not a picture of float32 metres")

@@ -61,7 +61,7 @@ def test_lines_are_wrapped() -> None:
     assert max(map(len, PAGE.splitlines())) <= 120
 
 
-@pytest.mark.parametrize("name", ["shot", "build", "pack", "export", "schema"])
+@pytest.mark.parametrize("name", ["import", "shot", "build", "pack", "export", "schema"])
 def test_the_output_of_every_command_has_one_name(name: str) -> None:
     assert {"-o", "--output", "--out"} <= options(name)
 

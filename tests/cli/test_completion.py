@@ -53,6 +53,34 @@ def test_values_are_completed(folder: Path, words: tuple[str, ...], values: list
     assert len(completed(*words)) >= len(values)
 
 
+def test_no_name_is_completed_that_a_shell_would_run(folder: Path) -> None:
+    names = [
+        "$(id)",
+        "`id`",
+        "a;id",
+        "a b",
+        "a&b",
+        "a|b",
+        "a>b",
+        "~x",
+        "-o",
+        "a*b",
+        "a'b",
+        'a"b',
+        "!x",
+        "a\\b",
+        "{a,b}",
+    ]
+    for name in names:
+        (folder / f"{name}.yaml").touch()
+    (folder / "caf\u00e9=1.yaml").touch()
+    assert completed("check", "") == ["caf\u00e9=1.yaml", "more/other.recipe", "small.yaml"]
+    assert completed("check", "$(") == []  # the shell completes it, and quotes
+    (folder / "small.yaml").write_text(RECIPE.replace("street:", "$(id):").replace("wet:", "'`id`':"))
+    assert completed("shot", "small.yaml", "--sensor", "") == []
+    assert completed("shot", "small.yaml", "--variant", "") in ([], ["weather=dry"])
+
+
 def test_a_broken_recipe_completes_nothing_and_prints_nothing(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (folder / "small.yaml").write_text("recipe: [")
     assert completed("shot", "small.yaml", "--variant", "") == []

@@ -30,6 +30,7 @@ from tests.sources import ROOT, modules
 CLI = ROOT / "cli" / "recipe_cli"
 ATTACKS = {
     "escape code": "\x1b[2J\x1b[32mPASS\x1b[0m",
+    "delete": "PASS\x7f",
     "C1 control": "\x9b31mPASS",
     "carriage return": "x\rPASS small@sha256:00",
     "line break": "x\nPASS  small@sha256:00",

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.expand import count
+from recipe_compiler.ir.errors import InputError
 from recipe_compiler.library import towns
 from recipe_compiler.limits import Clip, Load, Memory, TooLargeError, size, total
 from recipe_compiler.schema.sweep import Sweep
@@ -233,3 +234,27 @@ def test_memory_is_held_to_what_the_host_has(tmp_path: Path) -> None:
     with pytest.raises(TooLargeError, match="of memory a process are over the 200 MiB"):
         compile_recipe(path, memory=Memory(1 << 40, 200 << 20, 1))
     compile_recipe(path, memory=Memory(1, 1, 1), allow_large=True)
+
+
+def far(count: int) -> dict[str, Any]:
+    """Vehicles with one route of 14,142 km each."""
+    ends = [{"x": 9999 * (-1) ** k, "y": 9999 * (-1) ** k} for k in range(501)]
+    car = {"blueprint": "vehicle.sedan.a", "route": ends}
+    return small(
+        traffic={}, actors={f"car{k}": car | {"start": {"x": -9999, "y": -9999 + 9 * k}} for k in range(count)}
+    )
+
+
+def test_the_length_of_routes_is_bounded_and_paid_for() -> None:
+    near, long = compiled(small(traffic={}, actors={})).cost, compiled(far(1)).cost
+    assert long.minutes - near.minutes > 0.2
+    assert long.main_memory - near.main_memory > 100 << 20
+    with pytest.raises(InputError, match="are 28,338 km long, and at most 16,000 are allowed"):
+        compiled(far(2))
+
+
+@pytest.mark.parametrize(("count", "blueprint"), [(100, "vehicle.sedan.a"), (100, "walker.pedestrian.0001")])
+def test_a_pile_of_actors_is_refused(count: int, blueprint: str) -> None:
+    pile = {f"a{k}": {"blueprint": blueprint, "start": {"x": -4, "y": 6}} for k in range(count)}
+    with pytest.raises(InputError, match="4,950 pairs of actors start on top of each other, and at most 4,000 may"):
+        compiled(small(traffic={}, actors=pile))

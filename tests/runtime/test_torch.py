@@ -58,6 +58,19 @@ def test_tensors_have_the_types_that_are_promised(dataset_class: Any) -> None:
     assert len(target["boxes"]) > 0
 
 
+def test_boxes_have_torchvisions_convention(dataset_class: Any) -> None:
+    """x0, y0, x1, y1 with outer edges; torchvision's boxes of masks end at the last column and row themselves."""
+    ops = pytest.importorskip("torchvision.ops")
+    sample = dataset_class(TINY, sensors=["street"], variants=["weather=noon"], target=True)[1]
+    boxes, instances = sample["target"]["boxes"], sample["target"]["instances"]
+    masks = sample["instance"][None] == instances[:, None, None]
+    assert torch.equal(boxes, ops.masks_to_boxes(masks) + torch.tensor([0.0, 0.0, 1.0, 1.0]))
+    records = recipe_runtime.open(TINY, "weather=noon")[1].labels("street")
+    coco = torch.tensor([record["bbox"] for record in records], dtype=torch.float32)
+    assert torch.equal(ops.box_convert(coco, "xywh", "xyxy"), boxes)
+    assert torch.equal(ops.box_iou(boxes, boxes).diagonal(), torch.ones(len(boxes)))
+
+
 @pytest.mark.parametrize("context", ["fork", "spawn"])
 def test_loader_workers_render_the_same(dataset_class: Any, context: str) -> None:
     dataset = dataset_class(TINY, sensors=["dash"], modalities=["rgb", "instance"])

@@ -100,6 +100,8 @@ def test_it_can_be_sent_to_workers() -> None:
     assert pickle.loads(pickle.dumps(decode)) is decode
 
 
+HEADER = b"{'descr': '<f4', 'fortran_order': False, 'shape': (2000000, 3000000), }"
+HUGE = b"\x93NUMPY\x01\x00\x76\x00" + HEADER.ljust(117) + b"\n"
 GREY = codecs.png(np.zeros((2, 3), np.uint8))
 
 
@@ -116,6 +118,10 @@ GREY = codecs.png(np.zeros((2, 3), np.uint8))
         (".depth.npy", codecs.npy(np.zeros((2, 3), np.float64))),
         (".depth.npy", codecs.npy(np.zeros(3, np.float32))),
         (".json", b"{"),
+        (".json", b"[" * 100_000),
+        (".rgb.png", codecs.png(np.zeros((1, 4097, 3), np.uint8))),
+        (".instance.png", codecs.png(np.zeros((4097, 1), np.uint16))),
+        (".depth.npy", HUGE),
     ],
 )
 def test_what_is_damaged_or_of_another_kind_is_an_error(key: str, data: bytes) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import click
 from recipe_compiler.ir.plurals import count
@@ -10,6 +11,9 @@ from recipe_compiler.ir.plurals import count
 from recipe_cli.arguments import JSON, REPLACE, LocalPath, output_option
 from recipe_cli.console import print_json, say
 from recipe_cli.progress import Progress
+
+if TYPE_CHECKING:
+    from recipe_runtime.transfer.layouts import Layout
 
 _MAX_SHARD = 1 << 50  # bytes
 
@@ -21,17 +25,17 @@ _MAX_SHARD = 1 << 50  # bytes
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["webdataset"]),
+    type=click.Choice(["webdataset", "mots", "kitti"]),
     default="webdataset",
     show_default=True,
-    help="The output format.",
+    help="The output format: tar shards, or the layout of MOTSChallenge or KITTI.",
 )
 @click.option(
     "--shard-size",
     metavar="SIZE",
     default="1G",
     show_default=True,
-    help="Size limit of a shard; only a shard with a single frame may exceed it.",
+    help="Size limit of a shard of webdataset; only a shard with a single frame may exceed it.",
 )
 @REPLACE
 @JSON
@@ -40,7 +44,8 @@ def command(
 ) -> None:
     """Write the frames of DATASET, a folder that `recipe build` made, into OUT.
 
-    As WebDataset: tar files in which the pictures and the records of a frame are adjacent.
+    webdataset: tar files in which the pictures and the records of a frame are adjacent. mots and kitti: the pictures
+    and labels in the layout of MOTSChallenge, or of KITTI's tracking and MOTS benchmarks.
     """
     if (out is None) == (output is None):
         raise click.UsageError("Missing argument 'OUT'." if out is None else "OUT and --output are both given.")
@@ -50,7 +55,7 @@ def command(
     from recipe_compiler.limits import size
     from recipe_runtime.cache import pruning
     from recipe_runtime.dataset.reader import read
-    from recipe_runtime.transfer import shards
+    from recipe_runtime.transfer import layouts, shards
 
     shard_bytes = pruning.bytes_of(shard_size)
     if not 1 <= shard_bytes <= _MAX_SHARD:
@@ -59,6 +64,16 @@ def command(
             help="write for example 500M or 1G",
             code=Code.OUT_OF_RANGE,
         )
+    if form != "webdataset":
+        with Progress(quiet=as_json) as progress:
+            made = layouts.export_layout(read(dataset), folder, cast("Layout", form), progress, replace=replace)
+        total = sum(cast("int", row[0]) for row in made["files"].values())
+        if as_json:
+            print_json({**made, "files": len(made["files"]), "bytes": total})
+            return
+        say(f"{folder}: {count(len(made['files']), 'file')}, {size(total)}")
+        say(made["dataset"])
+        return
     with Progress(quiet=as_json) as progress:
         index = shards.webdataset(read(dataset), folder, progress, shard_bytes, replace=replace)
     if as_json:

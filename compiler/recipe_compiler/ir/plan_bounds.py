@@ -7,9 +7,11 @@ triangles it has. A range of two integers accepts whole numbers only.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from recipe_compiler.ir.plan import ActorPlan, Element
 from recipe_compiler.ir.plurals import count
@@ -17,6 +19,8 @@ from recipe_compiler.ir.semantic_tags import BODIES, BODY_TAGS, Tag
 
 Range = tuple[float, float]
 
+MAX_ROUTE_METRES = 16_000_000  # of the routes of all vehicles of a scene; a driver keeps a speed for each metre
+MAX_TOUCHING = 4_000  # pairs of actors; PyBullet fails when it reports about 20,000 points of contact
 MAX_TRIANGLES = 10_000_000  # of a town, if each of its elements has as many as its kind may have
 
 
@@ -131,6 +135,8 @@ KINDS: dict[str, Kind] = {
     "wall": _fixed(250, (0.25, 9.0, 2.6), 60),
 }  # fmt: skip
 
+_MAX_REACH = 4.5  # metres, half the length of the longest vehicle
+
 _PERSON: dict[str, Range] = {
     "shoulder": (0.85, 1.15), "girth": (0.8, 1.35), "hair": (0, 7), "sleeves": (0, 1), "legs": (0, 2),
     "coat": (0.0, 0.35), "head": (0.95, 1.5), "limb": (0.85, 1.1), "bag": (0, 2),
@@ -171,6 +177,44 @@ def _element_fault(element: Element) -> str | None:
         if not span[0] <= value <= span[1]:
             return f"its size along {axis} is {value:g} m; a {element.kind} has {_shown(span)}"
     return _shape_fault(element.kind, element.shape, kind.shape)
+
+
+def route_metres(actors: Iterable[ActorPlan]) -> float:
+    """The length of the routes of all vehicles, in metres."""
+    total = 0.0
+    for actor in actors:
+        if actor.category == "vehicle":
+            points = [(actor.start.x, actor.start.y), *((point.x, point.y) for point in actor.route)]
+            total += sum(math.dist(a, b) for a, b in pairwise(points))
+    return total
+
+
+def routes_fault(actors: Iterable[ActorPlan]) -> str | None:
+    """What is wrong with the length of the routes of a scene, in words; None if nothing is."""
+    metres = route_metres(actors)
+    if metres <= MAX_ROUTE_METRES:
+        return None
+    most = f"at most {MAX_ROUTE_METRES // 1000:,} are allowed"
+    return f"the routes of the vehicles are {metres / 1000:,.0f} km long, and {most}"
+
+
+def starts_fault(actors: Iterable[ActorPlan]) -> str | None:
+    """What is wrong with the starts of a scene, in words; None if nothing is: too many actors start inside others."""
+    bodies = sorted((a.start.x, a.start.y, _reach(a)) for a in actors)
+    pairs = 0
+    for n, (x, y, reach) in enumerate(bodies):
+        for other_x, other_y, other_reach in bodies[n + 1 :]:
+            if other_x - x >= reach + _MAX_REACH:
+                break
+            pairs += math.dist((x, y), (other_x, other_y)) < reach + other_reach
+    if pairs <= MAX_TOUCHING:
+        return None
+    return f"{pairs:,} pairs of actors start on top of each other, and at most {MAX_TOUCHING:,} may"
+
+
+def _reach(actor: ActorPlan) -> float:
+    """Half the length of a vehicle, or half the width of a person, about, in metres."""
+    return min(actor.shape.get("length", 0.6) / 2, _MAX_REACH)
 
 
 def actor_fault(actor: ActorPlan) -> str | None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TypeVar, cast
 
 from recipe_compiler.expand import Variant
+from recipe_compiler.ir import plan_bounds
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.plan import (
     AppearancePlan,
@@ -34,7 +35,7 @@ from recipe_compiler.lowering.patches import lower as patch_lowering
 from recipe_compiler.lowering.patches.texture_files import Key
 from recipe_compiler.lowering.sensors import arms
 from recipe_compiler.lowering.sensors import rig as rigs
-from recipe_compiler.lowering.walking_routes import WalkingRoutes
+from recipe_compiler.lowering.walking_routes import RecipeWork, WalkingRoutes
 from recipe_compiler.schema.camera import Camera
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.scene import Town as TownSpec
@@ -59,7 +60,10 @@ class Lowering:
         instances: Mapping[str, int],
         assets: Mapping[str, AssetFile] | None = None,
         textures: Mapping[Key, Sequence[AssetFile]] | None = None,
+        *,
+        allow_large: bool = False,
     ) -> None:
+        self._work = RecipeWork(unlimited=allow_large)
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
         self._instances, self._assets, self._textures = instances, assets or {}, textures or {}
@@ -187,11 +191,17 @@ class Lowering:
         self.warnings += lint.of_starts(variant.base, given, town)
         self.warnings += lint.of_goals(variant.base, base.actors, town)
         self.warnings += plausibility.of_speeds(variant.base, actors)
-        routes = WalkingRoutes(variant.base, base.actors, town, stage.plans, actors)
+        routes = WalkingRoutes(variant.base, base.actors, town, stage.plans, actors, self._work)
         actors = routes.planned()
         self.problems += routes.problems
         self.warnings += routes.warnings
         if routes.problems:
+            return None
+        faults = ((plan_bounds.routes_fault, "shorten the routes"), (plan_bounds.starts_fault, "move them apart"))
+        found = [(fault, remedy) for check, remedy in faults if (fault := check(actors)) is not None]
+        if found:
+            place = variant.base.place_of("actors")
+            self.problems += [Problem(f"actors: {fault}", place, remedy, Code.OUT_OF_RANGE) for fault, remedy in found]
             return None
         seconds = traffic.warmup(base)
         clock = Clock(fps=base.clock.fps, frames=base.clock.frames, physics=base.clock.physics, warmup=seconds)

@@ -170,8 +170,10 @@ class Parking:
     def occupy(self, x: float, y: float) -> None:
         """Mark the parking places that a body at this position occupies."""
         for index, place in enumerate(self.places):
-            s, c = exact.sin_cos_deg(place.yaw)
             dx, dy = x - place.x, y - place.y
+            if max(abs(dx), abs(dy)) > _PLACE[0] + _PLACE[1]:
+                continue
+            s, c = exact.sin_cos_deg(place.yaw)
             if abs(c * dx + s * dy) < _PLACE[0] and abs(c * dy - s * dx) < _PLACE[1]:
                 self._taken.add(index)
 

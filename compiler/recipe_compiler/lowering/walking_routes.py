@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.ground.obstacles import Obstacle
-from recipe_compiler.ir.ground.ways import XY, Planner, TooManyObstaclesError
+from recipe_compiler.ir.ground.ways import XY, Planner, TooManyObstaclesError, TooMuchWorkError, Work
 from recipe_compiler.ir.plan import ActorPlan, Pause, Point, PropPlan
 from recipe_compiler.ir.plan_types import MAX_POINTS
 from recipe_compiler.library.towns import Town
@@ -22,11 +22,27 @@ from recipe_compiler.schema.scene import Actor
 from recipe_compiler.source.yaml_reader import Value
 
 _WORK = 20_000_000  # tests of obstacles for all named pedestrians together, about ten seconds
+_REMEDIES = 4_000_000  # tests for the free points in remedies, about two seconds
 _NEAREST = "the nearest free point is x: {:g}, y: {:g}"
 _MOVE = "move it to a lane or a sidewalk, which a map of the town shows"
 _IN_YARD = "it is in a yard enclosed by buildings and walls, which the actor cannot leave"
 
 Path = tuple[str | int, ...]  # keys and indices of a value of the recipe
+
+
+class RecipeWork:
+    """The work of planning the routes of all scenes of a recipe.
+
+    Attributes:
+        routes: for routes.
+        remedies: for the free points that error messages name; without any left, they name none.
+    """
+
+    MOST = 60_000_000  # tests, about half a minute
+
+    def __init__(self, *, unlimited: bool = False) -> None:
+        self.routes = Work() if unlimited else Work(self.MOST)
+        self.remedies = Work(_REMEDIES)
 
 
 class WalkingRoutes:
@@ -44,6 +60,7 @@ class WalkingRoutes:
         town: Town,
         props: Sequence[PropPlan],
         actors: Sequence[ActorPlan],
+        work: RecipeWork,
     ) -> None:
         """Prepare planning.
 
@@ -53,16 +70,18 @@ class WalkingRoutes:
             town: the town.
             props: the props of the scene.
             actors: the actors; their routes are not planned yet.
+            work: the work left for the recipe; `TooMuchWorkError` is raised when it is used up.
         """
+        self._remedies = work.remedies
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
         self._base, self._given, self._actors = base, given, actors
         solid = (Obstacle.of_prop(prop, town.ground(prop.pose.x, prop.pose.y)) for prop in props)
         static = town.obstacles.with_more(o for o in solid if o is not None) if props else town.obstacles
         standing = [a for a in actors if a.category == "vehicle" and (not a.route or a.speed <= 0.0)]
-        self._crowd = Planner(static)
+        self._crowd = Planner(static, total=work.routes)
         vehicles = [Obstacle.of_vehicle(actor) for actor in standing]
-        self._named = Planner(static.with_more(vehicles) if vehicles else static, _WORK)
+        self._named = Planner(static.with_more(vehicles) if vehicles else static, _WORK, work.routes)
         self._yards = Yards(town)
 
     def planned(self) -> tuple[ActorPlan, ...]:
@@ -97,7 +116,10 @@ class WalkingRoutes:
         solid = self._named.inside(*at) if actor.category == "pedestrian" else self._crowd.inside(*at, 0.0)
         if solid is None:
             return False
-        free = self._named.nearest_free(*at)
+        try:
+            free = self._named.nearest_free(*at, work=self._remedies)
+        except TooMuchWorkError:
+            free = None
         remedy = _MOVE if free is None else _NEAREST.format(*free)
         self._refuse((actor.name, *path), f"it is inside {solid.name}", remedy)
         return True
@@ -164,10 +186,10 @@ class WalkingRoutes:
                 return (i, j) in own
             return not any((i + u, j + v) in other for u in (-1, 0, 1) for v in (-1, 0, 1))
 
-        free = self._named.nearest_free(*goal, allowed) if own or other else None
         try:
+            free = self._named.nearest_free(*goal, allowed, self._remedies) if own or other else None
             return free if free is not None and self._named.way(start, free) is not None else None
-        except TooManyObstaclesError:
+        except (TooManyObstaclesError, TooMuchWorkError):
             return None
 
     def _refuse(self, path: Path, what: str, remedy: str) -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from itertools import pairwise
 from typing import Protocol
 
 from recipe_compiler import limits
 from recipe_compiler.expand import Variant
-from recipe_compiler.ir import optics
+from recipe_compiler.ir import optics, plan_bounds
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
 from recipe_compiler.library import towns
 from recipe_compiler.lowering import traffic
@@ -17,6 +18,7 @@ from recipe_compiler.lowering.actors import MAX_ROUTE
 from recipe_compiler.lowering.patches import lower as patch_lowering
 from recipe_compiler.schema.motion import Motion
 from recipe_compiler.schema.recipe import Base
+from recipe_compiler.schema.scene import Actor
 from recipe_compiler.schema.tick import interval_of
 
 _METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed, mean distance between waypoints
@@ -61,8 +63,17 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
         town=(base.town.name, base.town.seed, json.dumps(parameters, sort_keys=True)),
         elements=towns.elements(base.town.name, parameters),
         points=round(points) + sum(len(actor.route or ()) for actor in base.actors.values()),
+        metres=sum(map(_given_metres, base.actors.values())),
         changes=changes,
     )
+
+
+def _given_metres(actor: Actor) -> float:
+    """The length of the way that the recipe gives a vehicle, in metres."""
+    points = [p for p in (actor.start, *(actor.route or ()), actor.goal) if p is not None]
+    if not actor.blueprint.startswith("vehicle."):
+        return 0.0
+    return sum(math.dist((a.x, a.y), (b.x, b.y)) for a, b in pairwise(points))
 
 
 class _ImageFilters(Protocol):
@@ -108,6 +119,7 @@ def measured(plan: ScenarioPlan) -> limits.Load:
         actors=len(plan.scene.actors),
         views=views,
         elements=len(plan.scene.town.elements),
+        metres=plan_bounds.route_metres(plan.scene.actors),
     )
 
 

@@ -91,7 +91,7 @@ class TightBoxes:
     def __init__(self, trace: Trace, bodies: Sequence[Body]) -> None:
         self._trace = trace
         self._bodies = {body.name: body for body in bodies}
-        self._vertices: dict[str, tuple[NDArray[np.intp], Array]] = {}
+        self._vertices: dict[int, tuple[NDArray[np.intp], Array]] = {}  # by the parts that bodies of a shape share
 
     def extent(self, actor: str, parts: Array) -> Extent:
         """Return the lowest and highest corner of an actor's tight box in the frame of its base part.
@@ -100,18 +100,16 @@ class TightBoxes:
             actor: Name of the actor.
             parts: World-from-part transforms of the Trace at a frame, [P, 3, 4].
         """
-        if actor not in self._vertices:
-            self._vertices[actor] = self._collect(actor)
-        owners, vertices = self._vertices[actor]
+        shape = id(self._bodies[actor].parts)
+        if shape not in self._vertices:
+            self._vertices[shape] = self._collect(actor)
+        owners, vertices = self._vertices[shape]
         rows = self._trace.actor_parts(actor)
         placed = compose(invert(parts[rows[0]]), parts[rows])
         x, y, z = vertices
-        low, high = np.empty(3), np.empty(3)
-        for axis in range(3):
-            t = placed[:, axis]
-            values = t[owners, 0] * x + t[owners, 1] * y + t[owners, 2] * z + t[owners, 3]
-            low[axis], high[axis] = values.min(), values.max()
-        return low, high
+        t = np.take(placed.reshape(-1, 12).T, owners, axis=1).reshape(3, 4, -1)
+        moved = t[:, 0] * x + t[:, 1] * y + t[:, 2] * z + t[:, 3]
+        return moved.min(axis=1), moved.max(axis=1)
 
     def _collect(self, actor: str) -> tuple[NDArray[np.intp], Array]:
         """Return the part (its number within the actor) of every distinct vertex, and the vertices [3, V]."""

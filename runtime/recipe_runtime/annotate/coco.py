@@ -23,7 +23,7 @@ Row = dict[str, object]
 _CHANNELS = {
     ("rgb", "png"): "red|green|blue",
     ("depth", "png"): "depth_low|depth_middle|depth_high",
-    ("depth", "npy"): "depth",
+    ("depth", "tif"): "depth",
     ("instance", "png"): "instance",
     ("semantic", "png"): "semantic",
 }
@@ -128,6 +128,8 @@ def _images(dataset: DatasetPlan, videos: Sequence[Video]) -> Iterator[Row]:
             size = {"width": row["width"], "height": row["height"]}
             for modality in video.sensor.capture:
                 path = layout.frame_file(video.variant, video.sensor.name, modality, frame, dataset.depth)
+                if (modality, dataset.depth) == ("depth", "npy"):
+                    path = layout.depth_tiff_file(video.variant, video.sensor.name, frame)
                 channels = _CHANNELS[modality, path.rpartition(".")[2]]
                 assets.append({"file_name": f"../{path}", "channels": channels, "modality": modality, **size})
             yield {**row, "name": f"{video.name}/{frame:06d}", "file_name": None, "assets": assets}

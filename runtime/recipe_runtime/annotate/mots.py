@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 from recipe_runtime.annotate.categories import MOTS_CLASSES, MOTS_IGNORE
 from recipe_runtime.annotate.records import LabelledFrame
 
+_PIECE = 1 << 20  # characters of a run-length code that are decoded at once
+_LONGEST_NUMBER = 7  # characters
+
 
 def mots_id(instance: int) -> int:
     """Return the MOTS id of an instance value; 10000 for the ignore region, 0 for the background."""
@@ -84,17 +87,36 @@ def runs_fill(counts: str, pixels: int) -> bool:
     lowest first, and a continuation bit. Each run after the third is stored as its difference from the run two before
     it (maskApi.c, rleToString).
     """
-    runs: list[int] = []
-    value = shift = 0
-    for code in counts.encode():
-        bits = code - 48
-        if not 0 <= bits < 64 or shift > 30:
+    codes = np.frombuffer(counts.encode(), np.uint8) - np.uint8(48)
+    values: list[NDArray[np.int32]] = [np.zeros(0, np.int32)]
+    if codes.size and (codes.max() > 63 or codes[-1] & 32):
+        return False
+    while codes.size:
+        ends = np.flatnonzero(codes[:_PIECE] < 32)
+        if not ends.size:
+            return False  # no number is so long
+        numbers = _numbers(codes, ends)
+        if numbers is None or np.abs(numbers).max() > pixels:
             return False
-        value |= (bits & 31) << shift
-        shift += 5
-        if bits & 32:
-            continue
-        value -= 1 << shift if bits & 16 else 0
-        runs.append(value + (runs[-2] if len(runs) > 2 else 0))
-        value = shift = 0
-    return shift == 0 and sum(runs) == pixels and all(run >= min(place, 1) for place, run in enumerate(runs))
+        values.append(numbers.astype(np.int32))
+        codes = codes[ends[-1] + 1 :]
+    runs = np.concatenate(values).astype(np.int64)
+    for first in (1, 2):
+        runs[first::2] = np.cumsum(runs[first::2])
+    return bool((runs[:1] >= 0).all() and (runs[1:] >= 1).all() and (runs <= pixels).all() and runs.sum() == pixels)
+
+
+def _numbers(codes: NDArray[np.uint8], ends: NDArray[np.int64]) -> NDArray[np.int64] | None:
+    """Return the numbers whose last characters are at `ends`; None if one has too many characters."""
+    starts = np.concatenate([np.zeros(1, np.int64), ends[:-1] + 1])
+    lengths = ends - starts + 1
+    longest = int(lengths.max())
+    if longest > _LONGEST_NUMBER:
+        return None
+    numbers = np.zeros(len(ends), np.int64)
+    for place in range(longest):
+        there = lengths > place
+        numbers[there] |= (codes[starts[there] + place] & 31).astype(np.int64) << (5 * place)
+    negative = codes[ends] & 16 > 0
+    numbers[negative] -= np.int64(1) << (5 * lengths[negative])
+    return numbers

@@ -20,7 +20,7 @@ from recipe_runtime.annotate.records import Box3d, Boxes, LabelledFrame, LabelRe
 from recipe_runtime.body.kinematics import quaternion_of_matrix
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.trace import METRE, Trace
-from recipe_runtime.core.transforms import Array, compose, invert, part_transforms, transform_points
+from recipe_runtime.core.transforms import Array, compose, invert, part_transforms
 from recipe_runtime.meshes.mesh import Body
 
 
@@ -50,11 +50,11 @@ class Annotator:
             frame: Number of the frame.
         """
         parts, velocities = part_transforms(self._trace, frame), self._trace.linear[frame].tolist()
-        views = {view.instance: view for view in seen.objects}
+        views, sensor_from_world = {view.instance: view for view in seen.objects}, invert(world_from_sensor)
         records: list[LabelRecord] = []
         for mask in masks(seen.instance):
             actor, view = self._by_instance[mask.instance], views[mask.instance]
-            boxes = self._boxes(actor, parts, world_from_sensor)
+            boxes = self._boxes(actor, parts, sensor_from_world)
             x, y, z = boxes["box3d"]["centre"]
             x0, y0, x1, y1 = (int(v) for v in view.amodal_box)
             records.append(
@@ -80,22 +80,42 @@ class Annotator:
             "objects": records,
         }
 
-    def _boxes(self, actor: str, parts: Array, world_from_sensor: Array) -> Boxes:
+    def _boxes(self, actor: str, parts: Array, sensor_from_world: Array) -> Boxes:
         """Return the boxes of an actor, in the frames of sensor and world.
 
         Args:
             actor: Name of the actor.
             parts: World-from-part transforms, [P, 3, 4].
-            world_from_sensor: Pose of the sensor, [3, 4].
+            sensor_from_world: The inverse of the sensor's pose, [3, 4].
         """
         base = self._trace.base_part(actor)
-        in_sensor = compose(invert(world_from_sensor), parts[base])
+        world, sensor = _Axes(parts[base]), _Axes(compose(sensor_from_world, parts[base]))
         body, tight = self._grounded.extent(actor, parts, base), self._tight.extent(actor, parts)
         return {
-            "box3d": box3d(in_sensor, body),
-            "box3d_world": box3d(parts[base], body),
-            "tight3d": box3d(in_sensor, tight),
-            "tight3d_world": box3d(parts[base], tight),
+            "box3d": sensor.box(body),
+            "box3d_world": world.box(body),
+            "tight3d": sensor.box(tight),
+            "tight3d_world": world.box(tight),
+        }
+
+
+class _Axes:
+    """The axes of an actor's base part in another frame of reference."""
+
+    def __init__(self, frame_from_base: Array) -> None:
+        self._rows: list[list[float]] = frame_from_base.tolist()
+        self._rotation = [fixed(v) for v in quaternion_of_matrix([row[:3] for row in self._rows])]
+        self._yaw = fixed(exact.atan2_deg(self._rows[1][0], self._rows[0][0]))
+
+    def box(self, extent: Extent) -> Box3d:
+        """Return a box, given by its lowest and highest corner in the frame of the base part."""
+        low, high = (corner.tolist() for corner in extent)
+        x, y, z = ((a + b) / 2.0 for a, b in zip(low, high, strict=True))
+        return {
+            "centre": [fixed(row[0] * x + row[1] * y + row[2] * z + row[3]) for row in self._rows],
+            "size": [fixed(b - a) for a, b in zip(low, high, strict=True)],
+            "rotation": list(self._rotation),
+            "yaw": self._yaw,
         }
 
 
@@ -106,15 +126,7 @@ def box3d(frame_from_base: Array, extent: Extent) -> Box3d:
         frame_from_base: Transform from the frame of the base part, [3, 4].
         extent: Lowest and highest corner in the frame of the base part.
     """
-    low, high = extent
-    r = frame_from_base
-    centre = transform_points(r, ((low + high) / 2.0)[None])[0]
-    return {
-        "centre": [fixed(v) for v in centre.tolist()],
-        "size": [fixed(v) for v in (high - low).tolist()],
-        "rotation": [fixed(v) for v in quaternion(r)],
-        "yaw": fixed(exact.atan2_deg(float(r[1, 0]), float(r[0, 0]))),
-    }
+    return _Axes(frame_from_base).box(extent)
 
 
 def quaternion(transform: Array) -> tuple[float, float, float, float]:

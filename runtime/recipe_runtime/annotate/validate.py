@@ -61,14 +61,15 @@ def _twice(what: str, values: Iterable[object]) -> Iterator[str]:
 
 
 def _numbers(value: object, where: str = "$") -> Iterator[str]:
-    if isinstance(value, float) and not math.isfinite(value):
-        yield f"{where} is {value}"
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            yield from _numbers(item, f"{where}.{key}")
-    elif isinstance(value, list):
-        for index, item in enumerate(value):
-            yield from _numbers(item, f"{where}[{index}]")
+    """Yield a line for every number that is not finite; the value is a list or dictionary."""
+    named = isinstance(value, dict)
+    entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in entries:
+        if type(item) is float and math.isfinite(item):
+            continue
+        if isinstance(item, (dict, list, float)):
+            place = f"{where}.{key}" if named else f"{where}[{key}]"
+            yield from [f"{place} is {item}"] if isinstance(item, float) else _numbers(item, place)
 
 
 def _masks(data: dict[str, list[Row]]) -> Iterator[str]:

@@ -16,6 +16,7 @@ from recipe_compiler.ir.patches import STATIC, PatchPlan
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, ScenePlan, SensorPlan
 from recipe_compiler.ir.plan_types import fixed
 
+from recipe_runtime.annotate.calibration import Calibration, calibration
 from recipe_runtime.annotate.masks import Mask, masks
 from recipe_runtime.attacks import projection
 from recipe_runtime.core.interfaces import Observed
@@ -46,22 +47,13 @@ class PatchRecord(TypedDict):
     homography: list[list[float]] | None  # see `projection.homography`; None for a body that is covered whole
 
 
-class CameraRecord(TypedDict):
-    """The camera of a frame."""
-
-    width: int
-    height: int
-    intrinsics: list[list[float]]  # [3, 3] without the lens' distortion
-    lens_k: float  # distortion: see docs/recipe-language.md
-    lens_kcube: float
-    view_from_world: list[list[float]]  # [4, 4], x right, y down, z forward
-
-
 class FrameTruth(TypedDict):
     """The patches of one frame of one sensor."""
 
     frame: int
-    camera: CameraRecord
+    width: int
+    height: int
+    calibration: Calibration
     patches: list[PatchRecord]
 
 
@@ -111,7 +103,13 @@ class PatchAnnotator:
                 corners, matrix = _corners(homography, camera), _rows(homography)
                 amodal = int(projection.covered_pixels(patch.faces[0], camera, there).sum())
             records.append(_record(patch, camera, frame, mask, depths, amodal, corners, matrix))
-        return {"frame": frame, "camera": _camera(camera, view), "patches": records}
+        return {
+            "frame": frame,
+            "width": camera.width,
+            "height": camera.height,
+            "calibration": calibration(camera, world_from_sensor),
+            "patches": records,
+        }
 
     def _view_of(self, patch: PatchPlan, view: Array, frame: int) -> Array:
         """The transform [3, 4] of a rectangle's part into the view."""
@@ -198,17 +196,6 @@ def _pixels(corners: Corners, camera: CameraPlan) -> list[list[int]]:
 def _mean_depth(depths: NDArray[np.float32]) -> float:
     whole = np.rint(depths.astype(np.float64) * _GRID).astype(np.int64)
     return fixed(int(whole.sum()) / (_GRID * len(whole)))
-
-
-def _camera(camera: CameraPlan, view: Array) -> CameraRecord:
-    return {
-        "width": camera.width,
-        "height": camera.height,
-        "intrinsics": _rows(projection.intrinsics(camera)),
-        "lens_k": camera.lens_k,
-        "lens_kcube": camera.lens_kcube,
-        "view_from_world": [*_rows(view), [0.0, 0.0, 0.0, 1.0]],
-    }
 
 
 def patch_truth(

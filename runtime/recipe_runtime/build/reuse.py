@@ -126,9 +126,9 @@ class Reuse:
             source = layout.frame_file(old.variant, sensor.name, modality, frame, self.plan.depth)
             paths = [layout.frame_file(n, view.sensor.name, modality, frame, self.plan.depth) for n in names]
             files |= self._linked(work, source, paths)
-        if "mots_png" in self.plan.annotations:
-            source = layout.mots_png_file(old.variant, sensor.name, frame)
-            files |= self._linked(work, source, [layout.mots_png_file(n, view.sensor.name, frame) for n in names])
+        copies = [layout.label_copies(self.plan, name, view.sensor, frame) for name in names]
+        for form, source in layout.label_copies(self.plan, old.variant, sensor, frame).items():
+            files |= self._linked(work, source, [paths[form] for paths in copies])
         rgb: dict[str, str] = {}
         for index, name in zip(variants, names, strict=True):
             picture = self._picture(view, index)
@@ -224,9 +224,10 @@ def _why(reuse: Reuse) -> str:
     return "a scene or sensor that the earlier dataset has not"
 
 
-def _forms(plan: DatasetPlan) -> tuple[str, bool]:
+def _forms(plan: DatasetPlan) -> tuple[str, bool, bool]:
     """Return the settings that the files of a frame depend on, besides its pixels."""
-    return plan.depth, "mots_png" in plan.annotations
+    tiff = plan.depth == "npy" and "kwcoco" in plan.annotations
+    return plan.depth, "mots_png" in plan.annotations, tiff
 
 
 def _some(names: Sequence[str]) -> str:

@@ -144,8 +144,7 @@ class _FrameTask:
                 with timings("hash"):
                     digests[modality] = pixel_digest(modality, array)
                 self._write(files, modality, frame, array, self.variants)
-        if "mots_png" in self.job.dataset.annotations:
-            self._write_mots(files, frame, seen, self.variants)
+        self._write_copies(files, frame, seen)
         self._write_patches(files, frame, seen)
         rgb: dict[str, str] = {}
         for group, picture in zip(groups, made.pictures, strict=True):
@@ -162,10 +161,16 @@ class _FrameTask:
         paths = [layout.frame_file(name, self.view.sensor.name, modality, frame, depth) for name in names]
         self._put(files, paths, lambda: _encoded(modality, array, depth))
 
-    def _write_mots(self, files: dict[str, FileRow], frame: int, seen: Observed, variants: tuple[int, ...]) -> None:
-        names = [self.job.dataset.variants[i].variant for i in variants]
-        paths = [layout.mots_png_file(name, self.view.sensor.name, frame) for name in names]
-        self._put(files, paths, lambda: codecs.png(mots_picture(seen.instance)))
+    def _write_copies(self, files: dict[str, FileRow], frame: int, seen: Observed) -> None:
+        """Write label modalities in their other forms."""
+        dataset, sensor = self.job.dataset, self.view.sensor
+        copies = [layout.label_copies(dataset, dataset.variants[i].variant, sensor, frame) for i in self.variants]
+        bodies = {
+            "mots_png": lambda: codecs.png(mots_picture(seen.instance)),
+            "depth_tiff": lambda: codecs.tiff(label_array(seen, "depth").astype(np.float32)),
+        }
+        for form in copies[0]:
+            self._put(files, [paths[form] for paths in copies], bodies[form])
 
     def _write_patches(self, files: dict[str, FileRow], frame: int, seen: Observed) -> None:
         """Write the truth of the patches, one file for the variants that share an appearance."""

@@ -11,6 +11,7 @@ import hashlib
 import itertools
 import json
 import os
+import stat
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from dataclasses import astuple, replace
@@ -22,7 +23,7 @@ from recipe_compiler.ir.canonical import digest
 from recipe_compiler.ir.errors import RunError
 from recipe_compiler.ir.plan import ScenePlan
 
-from recipe_runtime.core.files import atomic_file, host_errors, make_folder, regular_file
+from recipe_runtime.core.files import atomic_file, host_errors, make_folder, open_inside
 from recipe_runtime.core.trace import ContactEvent, Trace
 from recipe_runtime.core.versions import simulator_identity
 
@@ -57,7 +58,7 @@ class Store:
         return self.root / kind / key[:2] / key
 
     def get(self, kind: str, key: str) -> bytes | None:
-        """Return the body of an entry; None if it is absent or damaged, or belongs to another key."""
+        """Return the body of an entry; None if it is absent, damaged, another user's, or belongs to another key."""
         file = self.open(kind, key)
         if file is None:
             return None
@@ -67,14 +68,14 @@ class Store:
     def open(self, kind: str, key: str) -> BinaryIO | None:
         """Return the file of an entry, at the first byte of its body, after verifying the digest.
 
-        None if it is absent or damaged, or belongs to another key.
+        None if it is absent or damaged, or belongs to another key, or to another user than this one or root.
         """
         path = self.path(kind, key)
         try:
             with ExitStack() as stack:
-                if not regular_file(self.root, f"{kind}/{key[:2]}/{key}"):
+                file = stack.enter_context(open_inside(self.root, f"{kind}/{key[:2]}/{key}"))
+                if not _is_own(os.fstat(file.fileno())):
                     return None
-                file = stack.enter_context(path.open("rb"))
                 head, hasher = file.readline(_LONGEST_HEADER), hashlib.sha256()
                 while piece := file.read(1 << 20):
                     hasher.update(piece)
@@ -85,7 +86,7 @@ class Store:
                     os.utime(path)  # pruning removes the least recently used entries
                 stack.pop_all()
                 return file
-        except OSError:
+        except (OSError, ValueError):
             return None
 
     def put(self, kind: str, key: str, body: bytes | Iterable[bytes]) -> None:
@@ -174,6 +175,11 @@ class Store:
 
 def _equal_motion(one: Trace, other: Trace) -> bool:
     return all(a == b for a, b in itertools.zip_longest(one.pieces(), other.pieces()))
+
+
+def _is_own(found: os.stat_result) -> bool:
+    """Whether nobody else can have written a file: anyone can compute the digest of an entry."""
+    return found.st_uid in (os.geteuid(), 0) and not found.st_mode & stat.S_IWOTH
 
 
 def header(kind: str, key: str, sha256: str) -> bytes:

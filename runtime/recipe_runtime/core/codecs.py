@@ -1,4 +1,4 @@
-"""Encoders of arrays: PNG through zlib-ng, CARLA's depth, `.npy`.
+"""Encoders of arrays: PNG and TIFF through zlib-ng, CARLA's depth, `.npy`.
 
 The bytes depend on the pixels and on the `zlib-ng` package's version only. Pixels
 (`core.modalities.pixel_digest`) and files have separate digests, so that a change of the encoder is distinguished from
@@ -52,7 +52,7 @@ def png(pixels: NDArray[np.generic], level: int = 2) -> bytes:
 def carla_depth(metres: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Convert metres [H, W] to CARLA's 24-bit depth [H, W, 3]: round(d / 1000 * (2^24 - 1)), R the lowest byte.
 
-    Distances are clipped to 1000 m, which is also the value of the sky.
+    Distances are clipped to 1000 m. The sky is at the camera's far limit, so at 1000 m if that is no nearer.
     """
     steps = metres.astype(np.float64)  # in place: at this size allocation costs as much as the arithmetic
     np.clip(steps, 0.0, CARLA_FAR, out=steps)
@@ -81,6 +81,23 @@ def npy(array: NDArray[np.generic]) -> bytes:
     head = f"{{'descr': '{plain.dtype.str}', 'fortran_order': False, 'shape': {shape}, }}".encode()
     head += b" " * (-(len(head) + 11) % 64) + b"\n"
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head + plain.tobytes()
+
+
+def tiff(metres: NDArray[np.float32]) -> bytes:
+    """Encode float32 [H, W] as TIFF 6.0: little-endian, one channel, one strip, deflated."""
+    height, width = metres.shape
+    body = zlib_ng.compress(np.ascontiguousarray(metres, dtype="<f4").tobytes(), 2)
+    short, long, tags = 3, 4, [(256, width), (257, height), (258, 32), (259, 8), (262, 1), (273, 0), (277, 1)]
+    tags += [(278, height), (279, len(body)), (339, 3)]
+    start = 8 + 2 + 12 * len(tags) + 4
+    head = struct.pack("<2sHI", b"II", 42, 8) + struct.pack("<H", len(tags))
+    for tag, value in tags:
+        kind = short if tag in _SHORT_TAGS else long
+        head += struct.pack("<HHII", tag, kind, 1, start if tag == _STRIP else value)
+    return head + struct.pack("<I", 0) + body
+
+
+_SHORT_TAGS, _STRIP = (258, 259, 262, 277, 339), 273  # TIFF tags of 16 bits; the tag of the strip's offset
 
 
 def _filter_sub(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:

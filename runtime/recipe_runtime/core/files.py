@@ -46,6 +46,49 @@ def open_no_follow(path: Path) -> BinaryIO:
         raise OSError(errno.EINVAL, str(error), str(path)) from error
 
 
+def open_inside(root: Path, path: str) -> BinaryIO:
+    """Open a regular file within a folder for reading, through no link.
+
+    What is checked is the opened file, so another program cannot replace it between the check and the reading.
+
+    Raises:
+        ValueError: The file is a pipe, a device or a folder.
+        OSError: It cannot be opened, or its path contains a link.
+    """
+    *folders, name = path.split("/")
+    handle = os.open(root, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        for folder in folders:
+            above, flags = handle, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+            handle = os.open(folder, flags, dir_fd=above)
+            os.close(above)
+        flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC  # a pipe must not block
+        found = os.open(name, flags, dir_fd=handle)
+    finally:
+        os.close(handle)
+    if not stat.S_ISREG(os.fstat(found).st_mode):
+        os.close(found)
+        raise ValueError(f"{path} is not a regular file")
+    return os.fdopen(found, "rb")
+
+
+def read_inside(root: Path, path: str, most: int) -> bytes:
+    """Return the content of a regular file within a folder, read through no link.
+
+    Raises:
+        ValueError: The file is not regular, has more than `most` bytes, or grows while it is read.
+        OSError: It cannot be read, or its path contains a link.
+    """
+    with open_inside(root, path) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most:
+            raise ValueError(f"{path} has {size:,} bytes, and at most {most:,} are read")
+        body = file.read(size + 1)
+    if len(body) > size:
+        raise ValueError(f"{path} changes while it is read")
+    return body
+
+
 def is_folder(path: Path) -> bool:
     """Return whether a path is a folder and not a symbolic link to one."""
     try:

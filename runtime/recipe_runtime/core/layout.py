@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.ir.plan import DatasetPlan
+from recipe_compiler.ir.plan import DatasetPlan, SensorPlan
 
 MANIFEST = "manifest.json"
 CARD = "README.md"
@@ -77,6 +77,21 @@ def mots_png_file(variant: str, sensor: str, frame: int) -> str:
     return f"mots/instances/{sequence(variant, sensor)}/{frame + 1:06d}.png"
 
 
+def depth_tiff_file(variant: str, sensor: str, frame: int) -> str:
+    """Return the file of a frame's depth in metres as TIFF, which kwcoco reads; it does not read `.npy`."""
+    return f"{folder(variant)}/{folder(sensor)}/depth/{frame:06d}.tif"
+
+
+def label_copies(plan: DatasetPlan, variant: str, sensor: SensorPlan, frame: int) -> dict[str, str]:
+    """Return the files of a frame that hold a label modality in another form, by form."""
+    files = {}
+    if "mots_png" in plan.annotations:
+        files["mots_png"] = mots_png_file(variant, sensor.name, frame)
+    if plan.depth == "npy" and "kwcoco" in plan.annotations and "depth" in sensor.capture:
+        files["depth_tiff"] = depth_tiff_file(variant, sensor.name, frame)
+    return files
+
+
 def recipe_lockfile(name: str) -> str:
     """The lockfile beside the recipe of that name."""
     return f"{RECIPE}/lockfiles/{name}.lock"
@@ -104,8 +119,7 @@ def expected_files(plan: DatasetPlan) -> set[str]:
                 files |= {patches_file(name, sensor.name, k) for k in frames}
             if "mots_txt" in plan.annotations:
                 files |= {mots_text_file(name, sensor.name), seqinfo_file(name, sensor.name)}
-            if "mots_png" in plan.annotations:
-                files |= {mots_png_file(name, sensor.name, k) for k in frames}
+            files |= {path for k in frames for path in label_copies(plan, name, sensor, k).values()}
     return files
 
 

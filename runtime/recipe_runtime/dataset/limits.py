@@ -69,7 +69,7 @@ def check_bounds(dataset: DatasetPlan) -> None:
     found += _sums(dataset)
     if not found:
         scenes = {v.scene.digest: v.scene.clock for v in dataset.variants}.values()
-        steps = sum(clock.frames * clock.steps_per_frame for clock in scenes)
+        steps = sum(clock.warmup_steps + clock.frames * clock.steps_per_frame for clock in scenes)
         found += [f"{steps} steps of simulation are over {MAX_STEPS}"] if steps > MAX_STEPS else []
     if found:
         raise InputError(Problem(message) for message in dict.fromkeys(found))
@@ -98,15 +98,13 @@ def row_count(dataset: DatasetPlan) -> int:
 
 def file_count(dataset: DatasetPlan) -> int:
     """Return an upper bound of the number of files of the plan's dataset, at most a dozen too high."""
-    masks = "mots_png" in dataset.annotations
     total = 12
     for variant in dataset.variants:
         total += 3  # plan, tracks and events
         for sensor in variant.rig.sensors:
             frames = len(sensor.frames(variant.scene.clock.frames))
-            total += 3 + frames * (
-                len(sensor.capture) + masks + bool(variant.appearance.patches)
-            )  # labels, and two MOTS text files
+            copies = len(layout.label_copies(dataset, variant.variant, sensor, 0)) + bool(variant.appearance.patches)
+            total += 3 + frames * (len(sensor.capture) + copies)  # labels, and two MOTS text files
     return total
 
 
@@ -124,6 +122,9 @@ def _actors_and_town(scene: ScenePlan) -> Iterator[str]:
         yield "two actors have one name"
     if len({(a.tag, a.instance) for a in scene.actors}) < len(scene.actors):
         yield "two actors have one instance number"
+    for fault in (plan_bounds.routes_fault(scene.actors), plan_bounds.starts_fault(scene.actors)):
+        if fault is not None:
+            yield fault
     for actor in scene.actors:
         points = [actor.start.x, actor.start.y, actor.start.z, *(v for p in actor.route for v in (p.x, p.y))]
         if len(actor.route) > MAX_POINTS or _beyond([*points, actor.speed]):

@@ -6,6 +6,7 @@ too many, or the first unknown item, ends the reading with an error that names i
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +26,7 @@ from recipe_compiler.ir.plan_types import (
 )
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import regular_file
+from recipe_runtime.core.files import open_inside
 from recipe_runtime.dataset.json_stream import JsonStream
 from recipe_runtime.dataset.limits import MAX_FILES, MAX_ROWS
 from recipe_runtime.dataset.manifest import FORMAT, stays_inside
@@ -77,12 +78,16 @@ def read(root: Path) -> Manifest:
         ValueError: the manifest is damaged.
         OSError: it cannot be read.
     """
-    there = regular_file(root, layout.MANIFEST)
-    if there is None:
-        raise NotAManifestError(f"it holds no {layout.MANIFEST}")
-    if there.st_size > MAX_BYTES:
-        raise ValueError(f"its {layout.MANIFEST} has {there.st_size:,} bytes, and at most {MAX_BYTES:,} are read")
-    with (root / layout.MANIFEST).open("rb") as file:
+    try:
+        file = open_inside(root, layout.MANIFEST)
+    except PermissionError:
+        raise
+    except (OSError, ValueError):
+        raise NotAManifestError(f"it holds no {layout.MANIFEST}") from None
+    with file:
+        size = os.fstat(file.fileno()).st_size
+        if size > MAX_BYTES:
+            raise ValueError(f"its {layout.MANIFEST} has {size:,} bytes, and at most {MAX_BYTES:,} are read")
         return parse(file)
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import difflib
 import os
-import stat
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -22,7 +21,7 @@ from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.annotate.records import FrameRecord, LabelledFrame, Video
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import file_sha256
+from recipe_runtime.core.files import file_sha256, open_inside, read_inside
 from recipe_runtime.core.files import regular_file as regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.core.trace import Trace
@@ -138,10 +137,7 @@ def _check_rows(manifest: Manifest, files: Collection[str], plan: DatasetPlan) -
 def plan_alone(path: Path) -> DatasetPlan:
     """Read one expanded plan from its file, as a dataset of one variant; InputError if it is invalid."""
     try:
-        found = path.lstat()
-        if not stat.S_ISREG(found.st_mode) or found.st_size > MAX_PLAN_BYTES:
-            raise ValueError("it is not a regular file, or too large")
-        variant = PlanReader().read(path.read_bytes())
+        variant = PlanReader().read(read_inside(path.parent, path.name, MAX_PLAN_BYTES))
         alone = DatasetPlan(recipe=path.stem[:100], description="", variants=(variant,), annotations=(), depth="carla")
         check_bounds(alone)
     except InputError as error:
@@ -315,11 +311,13 @@ def _frames_without_digest(dataset: Dataset) -> list[Fault]:
 def labels(dataset: Dataset, variant: ScenarioPlan, sensor: SensorPlan) -> Iterator[LabelledFrame]:
     """Return the labels of a video's frames; ValueError at the first line that differs from the manifest."""
     path = layout.labels_file(variant.variant, sensor.name)
-    if regular_file(dataset.root, path) is None:
-        raise ValueError("missing, or not a regular file")
+    try:
+        lines = open_inside(dataset.root, path)
+    except (OSError, ValueError):
+        raise ValueError("missing, or not a regular file") from None
     actors = instances_of(variant.scene)
     row = VariantRow(variant.scene.digest, variant.rig.digest, variant.appearance.digest)
-    with (dataset.root / path).open("rb") as lines:
+    with lines:
         for number, frame in enumerate(sensor.frames(variant.scene.clock.frames), start=1):
             value = dataset.lock.frames.get((row.frame_key("labels"), sensor.name, "labels", frame))
             try:
@@ -340,9 +338,11 @@ def _text_difference(root: Path, path: str, make: Callable[[], Iterable[str]]) -
 
 def _pieces_difference(root: Path, path: str, pieces: Iterable[bytes]) -> list[Fault]:
     """Return the fault of a file that must consist of these pieces, or None."""
-    if regular_file(root, path) is None:
+    try:
+        file = open_inside(root, path)
+    except (OSError, ValueError):
         return [(path, f"{path} is missing or cannot be read")]
-    with (root / path).open("rb") as file:
+    with file:
         same = all(file.read(len(piece)) == piece for piece in pieces) and not file.read(1)
     return [] if same else [(path, f"{path} does not follow from plan, labels and traces")]
 
@@ -382,7 +382,7 @@ def _plan(root: Path, manifest: Manifest, files: Collection[str]) -> DatasetPlan
 
 
 def _bytes_of(root: Path, path: str) -> bytes:
-    found = regular_file(root, path)
-    if found is None or found.st_size > MAX_PLAN_BYTES:
-        raise ValueError(f"{path} is missing, not a plain file, or too large")
-    return (root / path).read_bytes()
+    try:
+        return read_inside(root, path, MAX_PLAN_BYTES)
+    except (OSError, ValueError):
+        raise ValueError(f"{path} is missing, not a plain file, or too large") from None

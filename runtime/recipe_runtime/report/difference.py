@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import io
-import stat
 import struct
 import warnings
 import zlib
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from recipe_runtime.core import codecs
-from recipe_runtime.core.files import host_errors, write_atomic
+from recipe_runtime.core.files import host_errors, read_inside, write_atomic
 from recipe_runtime.core.outputs import unused_names
 
 _MODES = ("RGB", "L", "I;16")  # the modes that codecs.png writes
@@ -64,10 +63,7 @@ def read_pixels(path: Path) -> NDArray[Any] | None:
     The file is not trusted: a link is not followed, and no header makes this allocate more memory than a picture needs.
     """
     try:
-        found = path.lstat()
-        if not stat.S_ISREG(found.st_mode) or found.st_size > _MAX_BYTES:
-            return None
-        body = io.BytesIO(path.read_bytes())
+        body = io.BytesIO(read_inside(path.parent, path.name, _MAX_BYTES))
         if path.suffix == ".npy":
             array: NDArray[Any] = np.load(body, allow_pickle=False)
             return array if array.dtype == np.float32 and array.ndim == 2 else None

@@ -12,35 +12,33 @@ file is compared with the manifest while it is copied, so damaged files are neve
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import io
 import json
-import os
 import re
-import shutil
 import tarfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypedDict, cast
 
 from recipe_compiler.ir.canonical import canonical_bytes
 from recipe_compiler.ir.errors import Code, InputError, RunError
+from recipe_compiler.ir.plan import SensorPlan
 from recipe_compiler.ir.plurals import count
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import file_sha256, host_errors, is_folder, open_folder, regular_file
+from recipe_runtime.core.files import file_sha256, host_errors, is_folder, read_inside, regular_file
 from recipe_runtime.core.interfaces import Progress
 from recipe_runtime.dataset.manifest_reader import check_outside_datasets
 from recipe_runtime.dataset.reader import Dataset, labels
+from recipe_runtime.transfer.export_folder import MARKER, is_empty, work_folder
 
 INDEX = "index.json"
 SHARD_BYTES = 1 << 30
 _FORMAT = "recipe/webdataset/1"
-_MARKER = ".dataset-recipe-export"  # in a folder in which an export works
 _LONGEST_INDEX = 64 << 20  # bytes
+_MAX_PICTURE, _BYTES_A_PIXEL = 1 << 16, 16  # bytes of a picture's file, at most: of its headers, and a pixel
 _REMEDY = "free some space or choose another folder, then export again"
 
 
@@ -112,7 +110,7 @@ def webdataset(
     same = known is not None and known["dataset"] == dataset.lock.identity and known["shard_bytes"] == shard_bytes
     if known is not None and same and _is_whole(out, known):
         return known
-    if out.is_symlink() or (out.exists() and not _is_empty(out) and (known is None or _has_other_files(out, known))):
+    if out.is_symlink() or (out.exists() and not is_empty(out) and (known is None or _has_other_files(out, known))):
         raise InputError(
             f"{out} exists already, and holds files that are not of an export",
             help="move it away, or choose another folder",
@@ -125,7 +123,7 @@ def webdataset(
             help="choose another folder, or replace it",
             code=Code.OUTPUT_IN_THE_WAY,
         )
-    with host_errors(str(out), _REMEDY), _alone(out) as work:
+    with host_errors(str(out), _REMEDY), work_folder(out, _has_shards_alone) as work:
         rows = _write(dataset, work, progress, shard_bytes)
         index: ExportIndex = {
             "format": _FORMAT,
@@ -134,7 +132,7 @@ def webdataset(
             "shards": rows,
         }
         (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
-        (work / _MARKER).unlink()
+        (work / MARKER).unlink()
         if known is not None:
             for name in (INDEX, *(row["file"] for row in known["shards"])):
                 (out / name).unlink(missing_ok=True)
@@ -143,39 +141,10 @@ def webdataset(
     return index
 
 
-@contextmanager
-def _alone(out: Path) -> Iterator[Path]:
-    """Yield an empty work folder beside `out` and remove it afterwards.
-
-    Leftovers of a killed export are removed first.
-    """
-    work = out.with_name(f".{out.name}.export")
-    if work.is_symlink() or (work.exists() and not _is_work(work)):
-        raise InputError(f"{work} is in the way and is not an export's work; move it away")
-    work.mkdir(parents=True, exist_ok=True)
-    handle = open_folder(work)
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise RunError(f"another export is writing {out}; wait for it, or name another folder") from None
-        (work / _MARKER).touch()
-        try:
-            for path in sorted(work.iterdir()):
-                if path.name != _MARKER:
-                    path.unlink()
-            yield work
-        finally:
-            shutil.rmtree(work, ignore_errors=True)
-    finally:
-        os.close(handle)
-
-
-def _is_work(work: Path) -> bool:
-    """Return whether a folder is empty or was made by an export that was killed, with nothing else in it."""
-    found = sorted(work.iterdir()) if is_folder(work) else [work]
-    ours = (work / _MARKER).is_file() and all(p.name in (_MARKER, INDEX) or p.suffix == ".tar" for p in found)
-    return not found or (ours and all(regular_file(work, p.name) for p in found))
+def _has_shards_alone(work: Path) -> bool:
+    found = sorted(work.iterdir())
+    names = all(path.name in (MARKER, INDEX) or path.suffix == ".tar" for path in found)
+    return names and all(regular_file(work, path.name) for path in found)
 
 
 def _write(dataset: Dataset, work: Path, progress: Progress, shard_bytes: int) -> list[ShardRecord]:
@@ -213,11 +182,11 @@ def _samples(dataset: Dataset) -> Iterator[Sample]:
                     sample = {f"{key}.json": canonical_bytes(document)}
                     for modality in sensor.capture:
                         path = layout.frame_file(variant.variant, sensor.name, modality, frame, dataset.plan.depth)
-                        sample[f"{key}.{modality}.{path.rpartition('.')[2]}"] = _whole(dataset, path)
+                        sample[f"{key}.{modality}.{path.rpartition('.')[2]}"] = picture_file(dataset, path, sensor)
                     yield [(_entry(name, body), body) for name, body in sorted(sample.items())]
             except (ValueError, OSError) as error:
                 path = layout.labels_file(variant.variant, sensor.name)
-                raise _damaged(dataset, f"{path}: {error}") from None
+                raise damaged_file(dataset, f"{path}: {error}") from None
 
 
 def _entry(name: str, body: bytes) -> tarfile.TarInfo:
@@ -227,33 +196,39 @@ def _entry(name: str, body: bytes) -> tarfile.TarInfo:
     return entry
 
 
-def _whole(dataset: Dataset, path: str) -> bytes:
-    """Return the content of a file, after comparing it with the manifest."""
+def picture_file(dataset: Dataset, path: str, sensor: SensorPlan) -> bytes:
+    """Return the content of a picture's file, after comparing it with the manifest.
+
+    Raises:
+        InputError: the file is missing, damaged, or larger than a picture of the sensor can be.
+    """
+    most = _MAX_PICTURE + _BYTES_A_PIXEL * sensor.camera.width * sensor.camera.height
     size, sha256 = dataset.files.get(path, (-1, ""))
     there = regular_file(dataset.root, path)
     if there is None:
-        raise _damaged(dataset, f"{path} is missing, or not a regular file")
+        raise damaged_file(dataset, f"{path} is missing, or not a regular file")
     if there.st_size != size:
-        raise _damaged(dataset, f"{path} has {count(there.st_size, 'byte')}, not {size:,}")
+        raise damaged_file(dataset, f"{path} has {count(there.st_size, 'byte')}, not {size:,}")
+    if size > most:
+        raise damaged_file(dataset, f"{path} has {size:,} bytes, and such a picture has at most {most:,}")
     try:
-        body = (dataset.root / path).read_bytes()
+        body = read_inside(dataset.root, path, size)
+    except ValueError as error:
+        raise damaged_file(dataset, str(error)) from None
     except OSError as error:
         raise RunError(f"{dataset.root / path} cannot be read: {error.strerror}") from None
     if len(body) != size or hashlib.sha256(body).hexdigest() != sha256:
-        raise _damaged(dataset, f"{path} differs from its SHA-256 in the manifest")
+        raise damaged_file(dataset, f"{path} differs from its SHA-256 in the manifest")
     return body
 
 
-def _damaged(dataset: Dataset, what: str) -> InputError:
+def damaged_file(dataset: Dataset, what: str) -> InputError:
+    """Return the error that a file of a dataset is damaged."""
     return InputError(
         f"{dataset.root}/{what}",
         help="repair the dataset, then export it",
         code=Code.INVALID_DATASET,
     )
-
-
-def _is_empty(folder: Path) -> bool:
-    return folder.is_dir() and not any(folder.iterdir())
 
 
 def _shard_path(dataset: Dataset, work: Path, number: int) -> Path:
@@ -269,11 +244,8 @@ def _has_other_files(out: Path, index: ExportIndex) -> bool:
 
 def _index_of(out: Path) -> ExportIndex | None:
     """Return the index of an export; None if there is none, or it is damaged."""
-    found = regular_file(out, INDEX) if is_folder(out) else None
-    if found is None or found.st_size > _LONGEST_INDEX:
-        return None
     try:
-        index = json.loads((out / INDEX).read_bytes())
+        index = json.loads(read_inside(out, INDEX, _LONGEST_INDEX)) if is_folder(out) else None
     except (OSError, ValueError, RecursionError):
         return None
     return cast("ExportIndex", index) if _is_index(index) else None

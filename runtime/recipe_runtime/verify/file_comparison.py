@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -11,7 +12,7 @@ from recipe_compiler.ir.lockfile import Lockfile
 from recipe_compiler.ir.plan import DatasetPlan
 
 from recipe_runtime.core import layout
-from recipe_runtime.core.files import regular_file
+from recipe_runtime.core.files import read_inside, regular_file
 from recipe_runtime.core.modalities import pixel_digest
 from recipe_runtime.dataset import digests
 from recipe_runtime.dataset.reader import Dataset
@@ -54,8 +55,10 @@ class FileComparison:
         made, there = self.made / path, self.dataset.root / path
         if regular_file(self.dataset.root, path) is None:
             return Difference("file", f"{path} is missing", path=path)
-        if made.stat().st_size == there.stat().st_size and made.read_bytes() == there.read_bytes():
-            return None
+        size = made.stat().st_size
+        with suppress(OSError, ValueError):  # it is larger
+            if made.read_bytes() == read_inside(self.dataset.root, path, size):
+                return None
         at = self._picture(path)
         if self._is_excused(path, at):
             return self._unlisted_pixels(path, at)
@@ -79,9 +82,12 @@ class FileComparison:
                     return at[2] >= other.agreed
             elif other is not None:
                 frames = range(other.agreed, variant.scene.clock.frames)
-                names = [sensor.name for sensor in variant.rig.sensors]
-                forms = layout.mots_png_file, layout.patches_file
-                if any(path == form(variant.variant, n, k) for form in forms for n in names for k in frames):
+                sensors = variant.rig.sensors
+                copies = (layout.label_copies(self.plan, variant.variant, s, k) for s in sensors for k in frames)
+                if any(path in files.values() for files in copies):
+                    return True
+                patches = (layout.patches_file(variant.variant, s.name, k) for s in sensors for k in frames)
+                if path in patches:
                     return True
         return False
 

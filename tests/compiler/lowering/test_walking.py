@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import math
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.ground.obstacles import Obstacle, ObstacleMap
-from recipe_compiler.ir.ground.ways import CLEARANCE, Planner, TooManyObstaclesError
+from recipe_compiler.ir.ground.ways import CLEARANCE, Planner, TooManyObstaclesError, TooMuchWorkError, Work
 from recipe_compiler.ir.plan import ActorPlan, ScenePlan
 from recipe_compiler.library import towns
+from recipe_compiler.limits import TooLargeError
+from recipe_compiler.lowering import walking_routes
+from recipe_compiler.lowering.walking_routes import RecipeWork
 
 from tests.compiler.kitchen import compiled, small
 
@@ -101,6 +107,40 @@ def test_the_work_of_all_searches_is_bounded() -> None:
     with pytest.raises(TooManyObstaclesError):
         for _ in range(100):
             planner.way((-5.0, 0.0), (5.0, 0.0))
+
+
+def test_the_work_of_a_whole_recipe_is_bounded() -> None:
+    total = Work(3000)
+    planners = [Planner(ObstacleMap([box(0, 0.5, 0, 1.0, 2.0)]), total=total) for _ in range(100)]
+    with pytest.raises(TooMuchWorkError):
+        for planner in planners:
+            planner.way((-5.0, 0.0), (5.0, 0.0))
+    huge = Planner(ObstacleMap([box(0, 0, 0, 1000.0, 1000.0)]))
+    with pytest.raises(TooMuchWorkError):
+        huge.nearest_free(0.0, 0.0, work=Work(100_000))
+
+
+def test_a_recipe_whose_routes_take_too_long_is_refused_unless_it_may_be_large(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    path = tmp_path / "recipe.yaml"
+    path.write_text(json.dumps(small(actors={"p": walker(-4, 10, goal={"x": -4, "y": -10})})))
+    assert compile_recipe(path).plan
+    monkeypatch.setattr(RecipeWork, "MOST", 5)
+    with pytest.raises(TooLargeError, match="planning the routes of its pedestrians takes too long"):
+        compile_recipe(path)
+    assert compile_recipe(path, allow_large=True).plan
+
+
+def test_errors_name_no_free_place_when_finding_them_takes_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(walking_routes, "_REMEDIES", 40_000)
+    route = [{"x": 14, "y": 14}] * 20
+    with pytest.raises(InputError) as caught:
+        scene(town={"name": "downtown", "blocks": [2, 2]}, actors={"p": walker(-4, 10, route=route)})
+    remedies = [problem.help or "" for problem in caught.value.problems]
+    assert len(remedies) == 20
+    assert "the nearest free point" in remedies[0]
+    assert "a map of the town shows" in remedies[-1]
 
 
 def test_an_obstacle_of_any_size_is_found_and_costs_little_memory() -> None:

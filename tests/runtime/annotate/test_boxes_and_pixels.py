@@ -16,6 +16,8 @@ from PIL import Image
 from recipe_compiler.compile import compile_recipe
 from recipe_runtime.build.pipeline import build
 
+pytestmark = pytest.mark.slow
+
 Floats = NDArray[np.float64]
 Row = dict[str, Any]
 
@@ -30,7 +32,7 @@ base:
   weather: ClearNoon
   actors:
     driving: {blueprint: vehicle.sedan.a, start: {x: 1.5, y: -16, yaw: 90}, route: [{x: 1.5, y: 30}], speed: 6}
-    parked: {blueprint: vehicle.sedan.a, start: {x: -1.6, y: 16, yaw: -90}}
+    parked: {blueprint: vehicle.sedan.a, start: {x: -1.6, y: 16, yaw: -90}, speed: 0}
     bike: {blueprint: vehicle.bicycle.a, start: {x: 1.5, y: 8, yaw: 90}, route: [{x: 1.5, y: 30}], speed: 4}
     walker: {blueprint: walker.pedestrian.0003, start: {x: -4.6, y: 2, yaw: -90}, goal: {x: -4.6, y: -8}, speed: 1.5}
     runner: {blueprint: walker.pedestrian.0002, start: {x: 4.4, y: -6, yaw: 90}, goal: {x: 4.4, y: 12}, speed: 3.5}

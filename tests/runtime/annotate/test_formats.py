@@ -8,11 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import kwimage
 import numpy as np
 import pycocotools.mask
 import pytest
 from PIL import Image
 from pycocotools.coco import COCO
+from pycocotools.cocoeval import COCOeval
 from recipe_compiler.ir.errors import InputError
 from recipe_runtime.annotate import ids
 from recipe_runtime.annotate.validate import problems
@@ -173,3 +175,54 @@ def test_the_check_finds(dataset: Path, fault: Callable[[dict[str, Any]], None],
     finally:
         changed.unlink()
     assert any(re.search(message, line) for line in found), found
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # kwcoco's about gdal
+@pytest.mark.parametrize("form", ["carla", "npy"])
+def test_kwcoco_loads_depth_whatever_its_form(form: str, tmp_path: Path) -> None:
+    plan = dataset_plan(2, 1, depth=form, annotations=("kwcoco",))
+    made = build(plan, tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    read = """
+import json, kwcoco, numpy
+dataset, found = kwcoco.CocoDataset("annotations/kwcoco.json"), {}
+for image in dataset.images().coco_images:
+    if "street" in image.img["name"]:
+        pixels = image.imdelay(CHANNELS).finalize().astype(float)
+        metres = pixels[..., 0] if pixels.shape[2] == 1 else pixels @ [1, 256, 65536] * 1000 / (256**3 - 1)
+        found[image.img["name"]] = [float(metres[47, 0]), float(metres.min())]
+print(json.dumps(found))
+"""
+    channels = "depth" if form == "npy" else "depth_low|depth_middle|depth_high"
+    command = [sys.executable, "-W", "ignore", "-c", read.replace("CHANNELS", repr(channels))]
+    done = subprocess.run(command, cwd=made, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert len(found) == 4  # two frames of two rigs
+    assert all(
+        sky == pytest.approx(1000.0, abs=1e-4) and near == pytest.approx(4.0, abs=1e-4) for sky, near in found.values()
+    )
+
+
+def test_a_perfect_detector_has_an_average_precision_of_1(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """COCOeval reads boxes, masks and ids above 2^32, of which it keeps tables of float64."""
+    truth = COCO(dataset / "annotations/coco/rgb.json")
+    keys = ("image_id", "category_id", "bbox", "segmentation")
+    found = truth.loadRes([{**{k: row[k] for k in keys}, "score": 1.0} for row in truth.anns.values()])
+    for kind in ("bbox", "segm"):
+        evaluation = COCOeval(truth, found, kind)
+        evaluation.evaluate()
+        evaluation.accumulate()
+        evaluation.summarize()
+        assert evaluation.stats[0] == pytest.approx(1.0)  # AP at IoU 0.50:0.95
+        assert evaluation.stats[8] == pytest.approx(1.0)  # AR of 100 detections
+
+
+def test_boxes_are_x_y_width_height_with_outer_edges(dataset: Path) -> None:
+    """x + width and y + height are the outer edges of the last column and row, as torchvision's `xyxy` has them."""
+    data = json.loads((dataset / "annotations/coco/rgb.json").read_text())
+    boxes = kwimage.Boxes(np.array([row["bbox"] for row in data["annotations"]]), "xywh")
+    for row, (x0, y0, x1, y1) in zip(data["annotations"], boxes.to_ltrb().data, strict=True):
+        mask = pycocotools.mask.decode({**row["segmentation"], "counts": row["segmentation"]["counts"].encode()})
+        ys, xs = np.nonzero(mask)
+        assert [x0, y0, x1, y1] == [xs.min(), ys.min(), xs.max() + 1, ys.max() + 1]

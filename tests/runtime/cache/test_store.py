@@ -71,6 +71,27 @@ def test_an_entry_is_bound_to_its_kind_and_key(tmp_path: Path) -> None:
     assert store.get("pixels", KEY) == b"mine"
 
 
+def test_an_entry_of_another_user_or_that_others_may_write_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = Store(tmp_path)
+    store.put("traces", KEY, b"body")
+    path = store.path("traces", KEY)
+    assert store.get("traces", KEY) == b"body"
+    path.chmod(0o666)
+    assert store.get("traces", KEY) is None
+    path.chmod(0o664)
+    assert store.get("traces", KEY) == b"body"
+    if os.geteuid() == 0:
+        os.chown(path, 65534, -1)
+    else:
+        monkeypatch.setattr(os, "geteuid", lambda: 65534)
+    assert store.get("traces", KEY) is None
+    monkeypatch.undo()
+    store.put("traces", KEY, b"body")  # in its place
+    assert store.get("traces", KEY) == b"body"
+
+
 def test_the_store_has_no_kinds_but_its_own(tmp_path: Path) -> None:
     """Pruning goes by the list of kinds: what was stored as another would never be removed."""
     with pytest.raises(ValueError, match="no kind 'things'"):

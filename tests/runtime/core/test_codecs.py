@@ -102,3 +102,12 @@ def test_numpy_reads_npy(array: NDArray[np.generic]) -> None:
     loaded = np.load(io.BytesIO(data))
     assert loaded.dtype == array.dtype.newbyteorder("<")
     assert np.array_equal(loaded, array)
+
+
+@pytest.mark.parametrize("shape", [(7, 5), (1, 1), (48, 64)])
+def test_pillow_reads_the_metres_of_a_tiff(shape: tuple[int, int]) -> None:
+    metres = noisy(shape, 1 << 20, np.uint32).astype(np.float32) / np.float32(7)
+    picture = Image.open(io.BytesIO(codecs.tiff(metres)))
+    picture.load()
+    assert (picture.format, picture.mode) == ("TIFF", "F")
+    assert np.array_equal(np.asarray(picture), metres)

@@ -6,15 +6,20 @@ import hashlib
 import json
 import os
 import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
+import pycocotools.mask
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from recipe_compiler.compile import compile_recipe
 from recipe_compiler.ir.canonical import canonical_bytes, digest
 from recipe_compiler.ir.errors import InputError
-from recipe_compiler.ir.plan import SensorPlan
+from recipe_compiler.ir.plan import Point, SensorPlan
 from recipe_runtime.annotate.mots import runs_fill
 from recipe_runtime.annotate.records import label_digest
 from recipe_runtime.build.pipeline import build
@@ -233,6 +238,26 @@ def test_a_clock_out_of_bounds_is_refused(frames: int, fps: int) -> None:
         check_bounds(PLAN.model_copy(update={"variants": (variant.model_copy(update={"scene": scene}),)}))
 
 
+def test_routes_and_warm_ups_out_of_bounds_are_refused() -> None:
+    variant = PLAN.variants[0]
+    ends = tuple(Point(x=1e5 * (-1) ** k, y=0.0) for k in range(100))
+    actors = tuple(a.model_copy(update={"route": ends}) for a in variant.scene.actors)
+    clock = variant.scene.clock.model_copy(update={"warmup": 600.0})
+    for changes, message in (
+        ({"actors": actors}, "km long, and at most"),
+        ({"clock": clock}, "steps of simulation are over"),
+    ):
+        scenes = [variant.scene.model_copy(update=changes) for _ in range(1000 if "clock" in changes else 1)]
+        towns = [variant.scene.town.model_copy(update={"name": f"t{n}"}) for n in range(len(scenes))]
+        parts = zip(scenes, towns, strict=True)
+        several = tuple(
+            variant.model_copy(update={"variant": f"v{n}", "scene": scene.model_copy(update={"town": town})})
+            for n, (scene, town) in enumerate(parts)
+        )
+        with pytest.raises(InputError, match=message):
+            check_bounds(PLAN.model_copy(update={"variants": several}))
+
+
 @pytest.mark.parametrize(
     ("path", "old", "new"),
     [
@@ -242,6 +267,7 @@ def test_a_clock_out_of_bounds_is_refused(frames: int, fps: int) -> None:
         ("mots/MOTS-train/weather=w0_jitter=still+street/seqinfo.ini", b"frameRate=10", b"frameRate=30"),
         ("mots/seqmaps/MOTS-train.txt", b"name\n", b"eman\n"),
         ("weather=w0,jitter=still/tracks.csv", b"hero1", b"hero7"),
+        ("weather=w0,jitter=still/events.csv", b"collision", b"collusion"),
         ("README.md", b"@sha256:", b"@sha512:"),
         (f"{STREET}/labels.jsonl", b'"hero1"', b'"hero7"'),
     ],
@@ -363,6 +389,22 @@ def test_only_codes_of_whole_pictures_are_handed_to_pycocotools(built: Path) -> 
     assert found > 4
     for code, pixels in (("", 1), ("o" * 40, 1), ("\x7f", 1), ("0", 1), ("01o", 0)):
         assert not runs_fill(code, pixels)
+
+
+@pytest.mark.parametrize("code", ["1" * (1 << 24), "p" * (1 << 24), "1o" * (1 << 23), "oooooo1" * (1 << 21)])
+def test_codes_of_large_pictures_are_checked_quickly(code: str) -> None:
+    before = time.process_time()
+    assert not runs_fill(code, 4096 * 4096)
+    assert time.process_time() - before < 4.0  # a loop over the characters takes ten
+
+
+@settings(deadline=None)
+@given(st.lists(st.integers(0, 3), min_size=42, max_size=42), st.integers(41, 43), st.data())
+def test_a_code_is_accepted_as_pycocotools_writes_it(pixels: list[int], size: int, data: st.DataObject) -> None:
+    mask = np.asfortranarray((np.array(pixels).reshape(6, 7) > 1).astype(np.uint8))
+    code = pycocotools.mask.encode(mask)["counts"].decode()
+    assert runs_fill(code, size) == (size == 42)
+    assert not runs_fill(code + data.draw(st.sampled_from("1P")), 42)
 
 
 def test_a_manifest_that_is_a_pipe_or_a_link_is_none(copy: Path) -> None:

@@ -12,7 +12,7 @@ LAYERS = (
     {"numeric", "scene"},
     {"raster", "texture"},
     {"sampling"},
-    {"atmosphere", "shadows"},
+    {"atmosphere", "patches", "shadows"},
     {"lighting"},
     {"camera"},
     {"gpu"},

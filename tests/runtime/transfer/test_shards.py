@@ -8,6 +8,7 @@ import io
 import json
 import shutil
 import tarfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,19 @@ def test_webdataset_reads_every_frame(built: Dataset, tmp_path: Path) -> None:
         assert {key: told[key] for key in labels} == labels
         with Image.open(built.root / place / "rgb" / f"{frame:06d}.png") as picture:
             np.testing.assert_array_equal(sample["rgb.png"], np.asarray(picture))
+
+
+def test_a_picture_of_more_bytes_than_pixels_is_not_read(built: Dataset, tmp_path: Path) -> None:
+    path = next(path for path in built.files if path.endswith(".png") and "/rgb/" in path)
+    root = tmp_path / "copy"
+    shutil.copytree(built.root, root)
+    (root / path).unlink()
+    with (root / path).open("wb") as file:
+        file.truncate(1 << 33)
+    large = replace(built, root=root, files={**built.files, path: (1 << 33, "0" * 64)})
+    with pytest.raises(InputError, match=r"has 8,589,934,592 bytes, and such a picture has at most"):
+        shards.webdataset(large, tmp_path / "out", lambda *_: None)
+    assert not (tmp_path / "out").exists()
 
 
 def test_files_are_the_datasets_own(built: Dataset, tmp_path: Path) -> None:

@@ -202,6 +202,12 @@ class ObstacleMap:
             found.update(self._cells.get(cell, ()))
         return [found[n] for n in sorted(found) if found[n].meets(segment, margin)]
 
+    def cells_along(self, segment: Segment) -> float:
+        """Return about how many cells `across` looks at."""
+        x0, y0, x1, y1 = segment
+        (west, east), (south, north) = self._extent
+        return min(abs(x1 - x0) / self._cell, east - west) + min(abs(y1 - y0) / self._cell, north - south)
+
     def _index(self, metres: float) -> int:
         return math.floor(metres / self._cell)
 

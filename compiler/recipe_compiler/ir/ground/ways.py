@@ -21,6 +21,7 @@ BODY = 0.2  # metres; nobody's middle is nearer to an obstacle
 _OUTSIDE = 0.01  # metres from the clearance to the corners where routes bend
 _MAX_OBSTACLES = 160  # obstacles in one search; a way round more of them is not found
 _STEP, _RINGS = 0.25, 200  # metres between the free places that are tried, and the most rings of them
+_PLACE = 8  # a test of whether a place is clear, as tests of one obstacle
 _LEAST = 1e-6
 
 XY = tuple[float, float]
@@ -30,17 +31,39 @@ class TooManyObstaclesError(Exception):
     """A way leads round too many obstacles."""
 
 
+class TooMuchWorkError(Exception):
+    """Planning takes more work than is allowed for a whole recipe."""
+
+
+class Work:
+    """The work allowed for planning, in tests of one obstacle; a million of them take about half a second."""
+
+    def __init__(self, most: float = math.inf) -> None:
+        self.left = most
+
+    def spend(self, tests: float) -> None:
+        """Count some work.
+
+        Raises:
+            TooMuchWorkError: it is more than is left.
+        """
+        self.left -= tests
+        if self.left < 0:
+            raise TooMuchWorkError
+
+
 class Planner:
     """Plans ways among obstacles. Equal questions have equal answers, until the work allowed is used up."""
 
-    def __init__(self, obstacles: ObstacleMap, work: float = math.inf) -> None:
+    def __init__(self, obstacles: ObstacleMap, work: float = math.inf, total: Work | None = None) -> None:
         """Create a planner.
 
         Args:
             obstacles: the obstacles.
             work: straight ways that may be tested in all searches together.
+            total: the work left for this and other planners; `TooMuchWorkError` is raised when it is used up.
         """
-        self._obstacles, self._work = obstacles, work
+        self._obstacles, self._work, self._total = obstacles, work, total or Work()
 
     def inside(self, x: float, y: float, body: float = BODY) -> Obstacle | None:
         """Return the obstacle in which a body at a position would be, or None."""
@@ -51,7 +74,11 @@ class Planner:
         return self._obstacles.at(x, y, CLEARANCE) is None
 
     def nearest_free(
-        self, x: float, y: float, allowed: Callable[[float, float], bool] = lambda x, y: True
+        self,
+        x: float,
+        y: float,
+        allowed: Callable[[float, float], bool] = lambda x, y: True,
+        work: Work | None = None,
     ) -> XY | None:
         """Return the clear place nearest to a position, on a grid of 0.25 m; None if none is near.
 
@@ -59,12 +86,15 @@ class Planner:
             x: position, metres.
             y: position, metres.
             allowed: whether a place may be returned.
+            work: pays for it; by default the planner's own.
         """
+        work = work or self._total
         i0, j0 = math.floor(x / _STEP + 0.5), math.floor(y / _STEP + 0.5)
         best: tuple[float, XY] | None = None
         for ring in range(_RINGS):
             if best is not None and best[0] < (ring - 1) * _STEP:
                 break
+            work.spend(_PLACE * 8 * ring)
             for i, j in _ring(ring):
                 at = ((i0 + i) * _STEP, (j0 + j) * _STEP)
                 distance = _distance((x, y), at)
@@ -79,7 +109,7 @@ class Planner:
             TooManyObstaclesError: the way leads round too many obstacles, or the work allowed is used up.
         """
         found = self._blocking(start, goal, start, goal)
-        search, points = _Search(self._obstacles, start, goal), [start, goal]
+        search, points = _Search(self._obstacles, start, goal, self._total), [start, goal]
         while found:
             if self._work < 0:
                 raise TooManyObstaclesError
@@ -99,6 +129,7 @@ class Planner:
 
     def _blocking(self, a: XY, b: XY, start: XY, goal: XY) -> list[Obstacle]:
         """Return the obstacles that a straight way from `a` to `b` comes too near to."""
+        self._total.spend(self._obstacles.cells_along((*a, *b)))
         across = self._obstacles.across((*a, *b), CLEARANCE)
         return [o for o in across if o.meets((*a, *b), margin(o, start, goal))]
 
@@ -106,10 +137,10 @@ class Planner:
 class _Search:
     """A search for the shortest way among obstacles that grow in number."""
 
-    def __init__(self, around: ObstacleMap, start: XY, goal: XY) -> None:
+    def __init__(self, around: ObstacleMap, start: XY, goal: XY, total: Work) -> None:
         self.obstacles: list[Obstacle] = []
         self.covering: list[Obstacle] = []  # those too near to corners of these for anybody to walk there
-        self._around = around
+        self._around, self._total = around, total
         self.tests = 0
         self._points = [start, goal]
         self._margins: list[float] = []
@@ -151,6 +182,7 @@ class _Search:
                     way.append(before[way[-1]])
                 return [points[n] for n in reversed(way)]
             done.add(here)
+            before_here = self.tests
             for there in range(1, len(points)):
                 if there in done:
                     continue
@@ -158,6 +190,7 @@ class _Search:
                 if through < cost.get(there, math.inf) - _LEAST and self._free(here, there):
                     cost[there], before[there] = through, here
                     heapq.heappush(queue, (through + _distance(points[there], points[1]), there))
+            self._total.spend(self.tests - before_here + len(points))
         return None
 
     def _free(self, a: int, b: int) -> bool:

@@ -7,6 +7,7 @@ Everything is derived from the elements of the town that a picture shows. Direct
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -231,6 +232,10 @@ def _clip(
     return (low, high) if low < high else None
 
 
+def _numbers(value: float, count: int) -> array[float]:
+    return array("d", (value,)) * count
+
+
 def speed_profile(path: Path, road_map: RoadMap, *, lateral: float, braking: float, goal: bool) -> Sequence[float]:
     """Return the highest speed at each whole metre of a path, m/s, from which all later limits can be met.
 
@@ -242,14 +247,14 @@ def speed_profile(path: Path, road_map: RoadMap, *, lateral: float, braking: flo
         goal: Whether the path ends in a stop.
     """
     count = int(path.length) + 2
-    speeds, limit, known = [60.0] * count, 60.0, 0
+    speeds, limit, known = _numbers(60.0, count), 60.0, 0  # one for each metre, so no list
     for n in range(0, count, 2):
         at = road_map.limit(*path.at(float(n)))
         if at is not None:
             if not known:
-                speeds[:n] = [at] * n
+                speeds[:n] = _numbers(at, n)
             limit, known = at, 1
-        speeds[n : n + 2] = [limit] * len(speeds[n : n + 2])
+        speeds[n : n + 2] = _numbers(limit, min(2, count - n))
     for (_, _, ux, uy, _, _), (_, _, wx, wy, start, _) in zip(path.legs, path.legs[1:], strict=False):
         if abs(ux * wy - uy * wx) < 0.02 and ux * wx + uy * wy > 0.0:
             continue

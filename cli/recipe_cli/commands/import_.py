@@ -1,0 +1,158 @@
+"""`recipe import`: configurations of other tools as recipes."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from recipe_cli import completion
+from recipe_cli.arguments import JSON, REPLACE, LocalPath, output_option
+from recipe_cli.console import print_json, say, warn
+
+if TYPE_CHECKING:
+    from recipe_compiler.carla import File, Imported
+    from recipe_compiler.ir.errors import Problem
+
+
+@click.command("import")
+@click.argument("form", type=click.Choice(["carla"]))
+@click.argument(
+    "configs", nargs=-1, required=True, type=LocalPath(path_type=Path), shell_complete=completion.files(".yaml", ".yml")
+)
+@output_option(LocalPath(path_type=Path, file_okay=False), "The folder of the recipes; ./recipes by default.")
+@click.option("--town", metavar="NAME", help="The town to use; by default the one most like the configuration's.")
+@REPLACE
+@JSON
+def command(
+    form: str, configs: tuple[Path, ...], output: Path | None, town: str | None, replace: bool, as_json: bool
+) -> None:
+    """Write a recipe for each configuration of CARLA's data collector among CONFIGS, and report every key.
+
+    Files with nothing but weather become variants. Files with neither actors nor weather are settings for all
+    configurations.
+    """
+    from recipe_compiler import carla
+
+    _check_town(town)
+    made = carla.imported([_read(path) for path in configs], town=town)
+    folder = Path("recipes") if output is None else output
+    files = {folder / name: body for one in made for name, body in _files(one).items()}
+    _check_free(files, configs, replace=replace)
+    for one in made:
+        for problem in _compiled(one, folder):
+            warn(problem)
+    _write(folder, files)
+    if as_json:
+        print_json({"imports": [{"file": str(folder / f"{one.name}.yaml"), **one.report.document()} for one in made]})
+        return
+    for one in made:
+        _print(one, folder)
+
+
+def _print(one: Imported, folder: Path) -> None:
+    for line in one.report.lines():
+        say(line)
+    counts = ", ".join(f"{number} {outcome}" for outcome, number in one.report.counts().items())
+    path = folder / f"{one.name}.yaml"
+    say(f"{path} written: {counts}; {folder / one.name}.import.txt has the same report. Next:")
+    say(f"  recipe shot {shlex.quote(str(path))} -o shot.png")
+
+
+def _check_town(town: str | None) -> None:
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.library.towns import NAMES
+
+    if town is not None and town not in NAMES:
+        remedy = f"write one of {', '.join(NAMES)}"
+        raise InputError(f"there is no town {town[:100]!r}", help=remedy, code=Code.UNKNOWN_NAME)
+
+
+def _read(path: Path) -> File:
+    """The file of a configuration."""
+    from recipe_compiler.carla import File
+    from recipe_compiler.ir.bounded_reads import read_regular
+    from recipe_compiler.ir.errors import Code, InputError
+    from recipe_compiler.source.yaml_reader import MAX_BYTES
+
+    remedy = "name a configuration of CARLA's data collector"
+    try:
+        return File(str(path), read_regular(path, MAX_BYTES))
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file", help=remedy, code=Code.FILE_NOT_FOUND) from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a folder", help="name the files in it", code=Code.UNREADABLE_FILE) from None
+    except (OSError, ValueError) as error:
+        cause = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise InputError(f"{path}: cannot be read: {cause}", help=remedy, code=Code.UNREADABLE_FILE) from None
+
+
+def _files(one: Imported) -> dict[str, bytes]:
+    """The files of an import by name: the recipe, and its report."""
+    report = "".join(f"{line}\n" for line in one.report.lines())
+    return {f"{one.name}.yaml": one.text.encode(), f"{one.name}.import.txt": report.encode()}
+
+
+def _check_free(files: dict[Path, bytes], configs: Sequence[Path], *, replace: bool) -> None:
+    """InputError if a file is in the way, unless it has the same content; a configuration is never replaced."""
+    from recipe_compiler.ir.errors import Code, InputError
+
+    for path, body in files.items():
+        if not os.path.lexists(path) or (path.is_file() and path.read_bytes() == body):
+            continue
+        is_input = any(path.exists() and path.samefile(config) for config in configs)
+        if is_input or not replace or not path.is_file():
+            remedy = "choose another --output" + ("" if is_input else ", or add --replace to write over it")
+            what = "is the configuration itself" if is_input else "exists already"
+            raise InputError(f"{path} {what}", help=remedy, code=Code.OUTPUT_IN_THE_WAY)
+
+
+def _compiled(one: Imported, folder: Path) -> Sequence[Problem]:
+    """Compile a recipe before it is written; return its warnings.
+
+    Raises:
+        InputError: it cannot be compiled, at the places of the configuration.
+    """
+    import tempfile
+    from dataclasses import replace
+
+    from recipe_compiler.compile import compile_recipe
+    from recipe_compiler.ir.errors import InputError
+    from recipe_compiler.limits import TooLargeError
+
+    def placed(problem: Problem) -> Problem:
+        key = problem.message.partition(":")[0]
+        row = next((row for row in one.report.rows if row.to.startswith(f"base.{key}")), None)
+        note = f"in the recipe {folder / one.name}.yaml"
+        return replace(problem, place=None if row is None else row.place, source=None, note=note)
+
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / f"{one.name}.yaml"
+        path.write_text(one.text, encoding="utf-8")
+        try:
+            return [placed(warning) for warning in compile_recipe(path).warnings]
+        except TooLargeError as large:
+            return [placed(problem) for problem in large.problems]
+        except InputError as error:
+            raise InputError(placed(problem) for problem in error.problems) from None
+
+
+def _write(folder: Path, files: dict[Path, bytes]) -> None:
+    """Write all files, or none."""
+    from recipe_compiler.ir.errors import RunError
+    from recipe_runtime.core.outputs import write_output
+
+    new = [path for path in files if not os.path.lexists(path)]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path, body in files.items():
+            write_output(path, body, replace=True)
+    except OSError as error:
+        for path in new:
+            path.unlink(missing_ok=True)
+        remedy = "free some space, or choose another --output"
+        raise RunError(f"{folder}: cannot be written: {error.strerror or error}", help=remedy) from None

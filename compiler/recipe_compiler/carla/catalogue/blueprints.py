@@ -1,0 +1,67 @@
+"""CARLA's blueprints, as of 0.9.16, and those of the library that are most like them."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+
+from recipe_compiler.ir.streams import Stream
+from recipe_compiler.library import blueprints
+
+_VEHICLES = {
+    "vehicle.hatchback.*": "audi.a2 citroen.c3 micro.microlino mini.cooper_s mini.cooper_s_2021 nissan.micra seat.leon",
+    "vehicle.sedan.*": "audi.tt bmw.grandtourer chevrolet.impala dodge.charger_2020 dodge.charger_police"
+    " dodge.charger_police_2020 ford.mustang lincoln.mkz_2017 lincoln.mkz_2020 mercedes.coupe mercedes.coupe_2020"
+    " tesla.model3 toyota.prius",
+    "vehicle.sedan.taxi": "ford.crown",
+    "vehicle.suv.*": "audi.etron jeep.wrangler_rubicon nissan.patrol nissan.patrol_2021",
+    "vehicle.pickup.*": "tesla.cybertruck",
+    "vehicle.van.*": "volkswagen.t2 volkswagen.t2_2021",
+    "vehicle.van.cargo": "ford.ambulance mercedes.sprinter",
+    "vehicle.bus.*": "mitsubishi.fusorosa",
+    "vehicle.truck.*": "carlamotors.carlacola carlamotors.european_hgv carlamotors.firetruck",
+    "vehicle.motorcycle.*": "harley-davidson.low_rider kawasaki.ninja vespa.zx125 yamaha.yzf",
+    "vehicle.bicycle.*": "bh.crossbike diamondback.century gazelle.omafiets",
+}
+_LIKE = {f"vehicle.{name}": ours for ours, names in _VEHICLES.items() for name in names.split()}
+_CHILDREN = (9, 10, 11, 12, 13, 14, 48, 49)  # numbers of CARLA's pedestrians that are children
+_LIKE |= {f"walker.pedestrian.{number:04d}": "" for number in range(1, 53)}
+
+
+def most_like(name: str, kind: str, seed: int, actor: str) -> tuple[str, str] | None:
+    """The blueprint or glob of the library for a blueprint or glob of CARLA's.
+
+    Args:
+        name: CARLA's blueprint or glob.
+        kind: `walker` or `vehicle`, of which the library's are to be.
+        seed: the recipe's seed.
+        actor: the actor's name; seed and name choose among several blueprints of CARLA's.
+
+    Returns:
+        The library's, and why it differs (empty if it does not); None if CARLA has no such blueprint.
+    """
+    number = name.removeprefix("walker.pedestrian.")
+    if number != name and number.isdigit():
+        return _person(int(number)), "the library's people are others than CARLA's; this one has the same age"
+    if _all_are(name, kind):
+        return name, ""
+    matches = sorted(each for each in _LIKE if fnmatchcase(each, name) and each.startswith(f"{kind}."))
+    if not matches:
+        return None
+    chosen = Stream(seed, "carla", actor, "blueprint").choice(matches)
+    several = f", one of {len(matches)} that match, chosen by seed and name" if len(matches) > 1 else ""
+    if kind == "walker":
+        return _person(int(chosen.rsplit(".", 1)[1])), f"{chosen}{several}: the library's people are others of that age"
+    return _LIKE[chosen], f"{chosen}{several}: the library's vehicles of that kind"
+
+
+def _all_are(glob: str, kind: str) -> bool:
+    """Whether a glob matches blueprints of the library, all of them of a kind."""
+    found = blueprints.match(glob)
+    return bool(found) and all(each.id.startswith(f"{kind}.") for each in found)
+
+
+def _person(number: int) -> str:
+    """The person of the library for a number of CARLA's: of the same age, and of the same number if there is one."""
+    age, name = "child" if number in _CHILDREN else "adult", f"walker.pedestrian.{number:04d}"
+    alike = [each.id for each in blueprints.match("walker.pedestrian.*") if each.attributes["generation"] == age]
+    return name if name in alike else alike[number % len(alike)]

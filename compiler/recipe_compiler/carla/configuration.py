@@ -1,0 +1,153 @@
+"""Reads the values of a configuration: their types and limits, and references such as `${max_frames}`.
+
+Nothing is executed: a reference to another value of the same configuration is replaced by that value, and every other
+`${...}` is text, which is refused where a value is needed.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+
+from recipe_compiler.carla.report import Ledger, Node, Path, key_of, number_text
+from recipe_compiler.ir.errors import Code, Problem
+from recipe_compiler.source.yaml_reader import MAX_NODES, Value, show
+
+_REFERENCE = re.compile(r"\$\{([A-Za-z_][\w-]*(?:\.[\w-]+|\[\d+\])*)\}\Z")
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\Z")
+_TRUTHS = {"true": True, "1": True, "false": False, "0": False}
+_MOST_STEPS = 16  # references that follow each other
+
+
+class Reader:
+    """Reads typed values and collects problems.
+
+    Attributes:
+        ledger: what became of each key.
+        problems: what is wrong with the configuration.
+    """
+
+    def __init__(self) -> None:
+        self.ledger = Ledger()
+        self.problems: list[Problem] = []
+
+    def refuse(self, node: Node, message: str, remedy: str, code: Code = Code.INVALID_VALUE) -> None:
+        """Report a problem of a value."""
+        self.problems.append(Problem(f"{node.key}: {message}", node.place, remedy, code))
+
+    def number(self, node: Node | None, low: float = -1e6, high: float = 1e6) -> float | None:
+        """A number, also as text; None, with a problem, if the value is none or out of range; None if absent."""
+        if node is None:
+            return None
+        data = node.value.data
+        if isinstance(data, str) and len(data) <= 40 and _NUMBER.match(data.strip()):
+            data = float(data)
+        if isinstance(data, bool) or not isinstance(data, int | float) or not math.isfinite(data):
+            self._wrong_type(node, "a number")
+            return None
+        if not low <= data <= high:
+            remedy = f"write a number from {number_text(low)} to {number_text(high)}"
+            self.refuse(node, f"{show(node.value.plain)} is out of range", remedy, Code.OUT_OF_RANGE)
+            return None
+        return data + 0.0
+
+    def whole(self, node: Node | None, low: int, high: int) -> int | None:
+        """A whole number, as `number`."""
+        number = self.number(node, low, high)
+        if node is None or number is None:
+            return None
+        if number != int(number):
+            self._wrong_type(node, "a whole number")
+            return None
+        return int(number)
+
+    def text(self, node: Node | None) -> str | None:
+        """A text; numbers count as text. None, with a problem, if it is a map or a list; None if absent."""
+        if node is None:
+            return None
+        data = node.value.data
+        if isinstance(data, dict | tuple) or (isinstance(data, str) and "${" in data):
+            self._wrong_type(node, "text")
+            return None
+        return data if isinstance(data, str) else show(data)
+
+    def truth(self, node: Node | None) -> bool | None:
+        """A truth value, also as text; None, with a problem, if it is none; None if absent."""
+        if node is None:
+            return None
+        data = node.value.data
+        found = data if isinstance(data, bool) else _TRUTHS.get(str(data).lower())
+        if found is None:
+            self._wrong_type(node, "true or false")
+        return found
+
+    def map(self, node: Node | None) -> Node | None:
+        """A map; None, with a problem, if it is none; None if absent."""
+        if node is not None and not isinstance(node.value.data, dict):
+            self._wrong_type(node, "a map")
+            return None
+        return node
+
+    def items(self, node: Node | None) -> list[Node]:
+        """The items of a list; empty, with a problem, if it is none; empty if absent."""
+        if node is None:
+            return []
+        if not isinstance(node.value.data, tuple):
+            self._wrong_type(node, "a list")
+            return []
+        return list(node.children())
+
+    def _wrong_type(self, node: Node, wanted: str) -> None:
+        data = node.value.data
+        if isinstance(data, str) and "${" in data:
+            remedy = "write the value itself, or a reference to a value of these files, such as ${max_frames}"
+            self.refuse(node, f"the reference {show(data)} cannot be resolved", remedy)
+        else:
+            self.refuse(node, f"it is {show(node.value.plain)}", f"write {wanted}")
+
+
+@dataclass
+class References:
+    """The references of a configuration that were replaced."""
+
+    targets: dict[Path, Path] = field(default_factory=dict)  # path of a reference -> path of the value it names
+    problems: list[Problem] = field(default_factory=list)
+    values: int = 0  # that replaced references
+
+
+def resolve(root: Value) -> tuple[Value, References]:
+    """Replace references to other values of the same configuration.
+
+    Args:
+        root: the configuration.
+
+    Returns:
+        The configuration without them, and which there were. References of other forms stay text.
+    """
+    found = References()
+    return _resolved(root, root, (), found, 0), found
+
+
+def _resolved(value: Value, root: Value, path: Path, found: References, depth: int) -> Value:
+    if isinstance(value.data, dict):
+        entries = {key: _resolved(each, root, (*path, key), found, depth) for key, each in value.data.items()}
+        return Value(entries, value.place, value.keys)
+    if isinstance(value.data, tuple):
+        items = (_resolved(each, root, (*path, index), found, depth) for index, each in enumerate(value.data))
+        return Value(tuple(items), value.place)
+    match = _REFERENCE.match(value.data) if isinstance(value.data, str) else None
+    if match is None:
+        return value
+    target: Path = tuple(int(s) if s.isdigit() else s for s in re.findall(r"[\w-]+", match[1]))
+    there = root.get(*target)
+    if there is None:
+        return value
+    found.values += sum(1 for _ in Node(there, (), there.place).leaves())
+    if depth >= _MOST_STEPS or found.values > MAX_NODES:
+        message = f"{key_of(path)}: the reference {show(value.data)} leads in a circle, or to too many values"
+        if not found.problems:
+            found.problems.append(Problem(message, value.place, "write the value itself", Code.INPUT_LIMIT))
+        return value
+    found.targets.setdefault(path, target)
+    return _resolved(there, root, path, found, depth + 1)

@@ -1,0 +1,110 @@
+"""The entries of `spawn_actors` in the form of CARLA's data collector (pull request 4992)."""
+
+from __future__ import annotations
+
+from recipe_compiler.carla.configuration import Reader
+from recipe_compiler.carla.forms.specs import Kind, Spec, read_transform
+from recipe_compiler.carla.report import Node
+from recipe_compiler.ir.errors import Code
+from recipe_compiler.source.yaml_reader import show
+
+_KEYS = {
+    "blueprint",
+    "transform",
+    "destination_transform",
+    "sensor_motion",
+    "attach_to",
+    "attachment",
+    "sensors",
+}
+_UNKNOWN = "the collector has no such key and does not read it"
+_MISSING = "write the name of a blueprint, such as name: vehicle.*"
+CAMERAS = {
+    "sensor.camera.rgb": "rgb",
+    "sensor.camera.depth": "depth",
+    "sensor.camera.instance_segmentation": "instance",
+    "sensor.camera.semantic_segmentation": "semantic",
+}
+MODALITIES = {name.rsplit(".", 1)[1]: modality for name, modality in CAMERAS.items()}
+
+
+def read(reader: Reader, root: Node) -> list[Spec]:
+    """Read the entries of `spawn_actors`, nested sensors after the entry that contains them."""
+    specs: list[Spec] = []
+    for node in reader.items(root.get("spawn_actors")):
+        _read(reader, node, None, specs)
+    return specs
+
+
+def _read(reader: Reader, node: Node, parent: Spec | None, specs: list[Spec]) -> None:
+    if reader.map(node) is None:
+        return
+    blueprint = reader.map(node.get("blueprint"))
+    name_node = None if blueprint is None else blueprint.get("name")
+    name = reader.text(name_node)
+    if name is None:
+        if name_node is None and (blueprint is not None or node.get("blueprint") is None):
+            reader.refuse(node, "it has no blueprint name", _MISSING, Code.MISSING_KEY)
+        return
+    kind = kind_of(name)
+    if kind is None or name_node is None or blueprint is None:
+        assert name_node is not None
+        ignore(reader, node, name_node, name)
+        return
+    spec = _spec(reader, node, kind, name, name_node, blueprint, parent)
+    specs.append(spec)
+    for child in reader.items(node.get("sensors")):
+        _read(reader, child, spec, specs)
+
+
+def _spec(
+    reader: Reader, node: Node, kind: Kind, name: str, name_node: Node, blueprint: Node, parent: Spec | None
+) -> Spec:
+    for child in (*node.children(), *blueprint.children()):
+        known = _KEYS if len(child.path) == len(node.path) + 1 else {"name", "attr", "speed"}
+        if child.path[-1] not in known:
+            reader.ledger.ignored(child, _UNKNOWN)
+    motion = reader.map(node.get("sensor_motion"))
+    for child in motion.children() if motion is not None else ():
+        if child.path[-1] != "jitter_magnitude":
+            reader.ledger.ignored(child, _UNKNOWN)
+    attributes = reader.map(blueprint.get("attr"))
+    return Spec(
+        node=node,
+        kind=kind,
+        blueprint=name,
+        name_node=name_node,
+        attributes={str(c.path[-1]): c for c in attributes.children()} if attributes is not None else {},
+        transform=read_transform(reader, node.get("transform"), ranges=False),
+        goal=read_transform(reader, node.get("destination_transform"), ranges=False),
+        speed=blueprint.get("speed"),
+        jitter=None if motion is None else reader.map(motion.get("jitter_magnitude")),
+        role=node.get("attach_to"),
+        parent=parent,
+        attachment=node.get("attachment"),
+        modalities=((CAMERAS[name], name_node),) if kind == "sensor" else (),
+    )
+
+
+def kind_of(name: str) -> Kind | None:
+    """What a blueprint or glob is; None if the recipe language has nothing like it."""
+    if name in CAMERAS:
+        return "sensor"
+    family = name.split(".", 1)[0]
+    if family == "walker":
+        return "walker"
+    return "vehicle" if family == "vehicle" else None
+
+
+def ignore(reader: Reader, node: Node, name_node: Node, name: str) -> None:
+    """Note that nothing follows from an entry, or refuse it if its blueprint cannot be known."""
+    family = name.split(".", 1)[0]
+    if family not in ("sensor", "static", "controller", "spectator", "traffic", "util"):
+        remedy = "write walker.*, vehicle.* or the name of a sensor, such as sensor.camera.rgb"
+        reader.refuse(name_node, f"{show(name)} is no blueprint of CARLA's", remedy, Code.UNKNOWN_NAME)
+        return
+    if family == "sensor":
+        why = f"recipes have no {show(name)}; they have cameras for {', '.join(sorted(MODALITIES))}"
+    else:
+        why = f"recipes have no {show(name)}, neither has the collector any use for it"
+    reader.ledger.ignored(node, why)

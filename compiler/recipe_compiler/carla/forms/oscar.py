@@ -1,0 +1,138 @@
+"""The actors of a configuration in OSCAR's form: objects with a `_target_`, in `actors` or in `spawn_actors`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from recipe_compiler.carla.configuration import Reader
+from recipe_compiler.carla.forms import collector
+from recipe_compiler.carla.forms.specs import Kind, Spec, read_transform
+from recipe_compiler.carla.report import Node
+from recipe_compiler.ir.errors import Code
+from recipe_compiler.source.yaml_reader import show
+
+_CLASSES = ("Camera", "Sensor", "Walker", "Vehicle", "Patch", "ActorsGenerator")
+_CONTROLLERS = ("WalkerController", "VehicleController", "SensorController")
+_KINDS: Mapping[str, Kind] = {
+    "Walker": "walker",
+    "Vehicle": "vehicle",
+    "Patch": "patch",
+    "ActorsGenerator": "generator",
+    "Camera": "sensor",
+    "Sensor": "sensor",
+}
+_OWN = {"_target_", "_recursive_", "_convert_", "_partial_", "transform", "attachments", "name", "modalities"}
+
+
+def read(reader: Reader, root: Node) -> list[Spec]:
+    """Read the actors, those attached to others after them."""
+    actors, listed = root.get("actors"), root.get("spawn_actors")
+    if listed is not None and isinstance(listed.value.data, str) and listed.value.data.startswith("${oc.dict.values:"):
+        reader.ledger.mapped(listed, "", "the values of actors", "a reference, resolved")
+        listed = None
+    specs: list[Spec] = []
+    actors = reader.map(actors)
+    for node in actors.children() if actors is not None else ():
+        _read(reader, node, None, specs, str(node.path[-1]))
+    for node in reader.items(listed):
+        _read(reader, node, None, specs, "")
+    return specs
+
+
+def class_of(node: Node, key: str = "_target_") -> str:
+    """The last part of the name of a class; empty if there is none."""
+    child = node.get(key)
+    name = None if child is None else child.value.data
+    return name.rsplit(".", 1)[-1] if isinstance(name, str) else ""
+
+
+def _read(reader: Reader, node: Node, parent: Spec | None, specs: list[Spec], name: str) -> None:
+    if reader.map(node) is None:
+        return
+    kind = class_of(node)
+    if kind not in _CLASSES:
+        remedy = f"write one of {', '.join((*_CLASSES, *_CONTROLLERS))}"
+        reader.refuse(
+            node.get("_target_") or node, f"{show(kind)} is no class of OSCAR's actors", remedy, Code.UNKNOWN_NAME
+        )
+        return
+    modalities = _modalities(reader, node, kind)
+    if kind == "Sensor" and not modalities:
+        return
+    spec = Spec(
+        node=node,
+        kind=_KINDS[kind],
+        blueprint=_blueprint(reader, node, kind),
+        name_node=node.get("name") if kind in ("Walker", "Vehicle") else None,
+        attributes={str(c.path[-1]): c for c in node.children() if c.path[-1] not in _OWN},
+        wanted_name=name,
+        transform=read_transform(reader, node.get("transform"), ranges=True),
+        parent=parent,
+        modalities=modalities,
+        stands=kind in ("Walker", "Vehicle"),
+    )
+    spec.speed = spec.attributes.pop("speed", None) if kind != "Camera" else None
+    specs.append(spec)
+    for child in reader.items(node.get("attachments")) if kind != "ActorsGenerator" else ():
+        if class_of(child) in _CONTROLLERS:
+            _control(reader, child, spec)
+        else:
+            _read(reader, child, spec, specs, "")
+
+
+def _blueprint(reader: Reader, node: Node, kind: str) -> str:
+    if kind not in ("Walker", "Vehicle"):
+        return f"sensor.{kind.lower()}"
+    name = reader.text(node.get("name"))
+    return f"{kind.lower()}.{'*' if name is None else name}"
+
+
+def _modalities(reader: Reader, node: Node, kind: str) -> tuple[tuple[str, Node], ...]:
+    """The modalities of a camera or a sensor, each with the value that names it."""
+    if kind == "Sensor":
+        name_node = node.get("name")
+        name = reader.text(name_node)
+        if name is None or name_node is None:
+            reader.refuse(node, "the sensor has no name", "write a name, such as name: camera.rgb", Code.MISSING_KEY)
+            return ()
+        modality = collector.CAMERAS.get(f"sensor.{name}")
+        if modality is None:
+            collector.ignore(reader, node, name_node, f"sensor.{name}")
+        return () if modality is None else ((modality, name_node),)
+    if kind != "Camera":
+        return ()
+    found: dict[str, Node] = {}
+    for child in reader.items(node.get("modalities")):
+        name = reader.text(child)
+        if name is None:
+            continue
+        modality = collector.MODALITIES.get(name)
+        if modality is None:
+            reader.ledger.ignored(child, f"recipes have no {show(name)} camera")
+        elif modality in found:
+            reader.ledger.ignored(child, "listed twice")
+        else:
+            found[modality] = child
+    if "instance" not in found:
+        found["instance"] = node
+    return tuple(found.items())
+
+
+def _control(reader: Reader, node: Node, spec: Spec) -> None:
+    """Read a controller, which moves the actor that it is attached to."""
+    kind = class_of(node)
+    wanted = {"WalkerController": "walker", "VehicleController": "vehicle", "SensorController": "sensor"}[kind]
+    if spec.kind != wanted:
+        reader.ledger.ignored(node, f"a {kind} does not control a {spec.kind}")
+        return
+    spec.stands = False
+    transform = read_transform(reader, node.get("transform"), ranges=True)
+    if kind == "WalkerController":
+        spec.goal = transform
+        if spec.speed is not None:
+            reader.ledger.ignored(spec.speed, "the max_speed of the controller counts")
+        spec.speed = node.get("max_speed")
+    elif kind == "SensorController":
+        spec.goal, spec.route = transform, reader.map(node.get("motion_params")) or node
+    elif transform is not None:
+        reader.ledger.ignored(node, "a VehicleController follows the traffic: it reads no goal")

@@ -1,0 +1,127 @@
+"""What a configuration spawns, in the one form in which the import continues, whatever the form of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal
+
+from recipe_compiler.carla.configuration import Reader
+from recipe_compiler.carla.handedness import Pose
+from recipe_compiler.carla.report import Node
+
+Kind = Literal["walker", "vehicle", "sensor", "patch", "generator"]
+POSITION, ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
+LIMIT = 1e5  # metres, degrees
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of a transform, or the range from which it is drawn; `node` is None for a default."""
+
+    low: float = 0.0
+    high: float = 0.0
+    node: Node | None = None
+
+    @property
+    def middle(self) -> float:
+        """The number, or the middle of the range."""
+        return (self.low + self.high) / 2
+
+
+@dataclass(frozen=True)
+class Transform:
+    """A transform of CARLA: metres and degrees, left-handed."""
+
+    node: Node | None
+    numbers: dict[str, Number]
+
+    @property
+    def pose(self) -> Pose:
+        """The pose in the right-handed frame; of ranges, their middles."""
+        return Pose(**{axis: number.middle for axis, number in self.numbers.items()}).of_carla()
+
+
+@dataclass
+class Spec:
+    """One entry of what is spawned.
+
+    Args:
+        node: its map in the configuration.
+        kind: what it is.
+        blueprint: its blueprint or glob, with the kind, such as `walker.pedestrian.*`.
+        name_node: the value that names the blueprint; None if it follows from the class.
+        attributes: attributes of the blueprint by name.
+        wanted_name: the name in the recipe, as far as it can be used.
+        transform: its transform; None: a random spawn point, or at its parent.
+        goal: where it goes; None: a random goal, or that it stays.
+        speed: the speed in the configuration's own unit.
+        jitter: a map of the largest offsets along x, y and z.
+        role: the role name of the actor that it is attached to.
+        parent: the entry that contains it.
+        attachment: how it is attached: `rigid` or `spring_arm`.
+        modalities: of a sensor, its modalities, each with the value that names it.
+        stands: whether it never moves.
+        route: of a sensor, the map with the parameters of its route along the road.
+    """
+
+    node: Node
+    kind: Kind
+    blueprint: str
+    name_node: Node | None = None
+    attributes: dict[str, Node] = field(default_factory=dict)
+    wanted_name: str = ""
+    transform: Transform | None = None
+    goal: Transform | None = None
+    speed: Node | None = None
+    jitter: Node | None = None
+    role: Node | None = None
+    parent: Spec | None = None
+    attachment: Node | None = None
+    modalities: tuple[tuple[str, Node], ...] = ()
+    stands: bool = False
+    route: Node | None = None
+
+
+def read_transform(reader: Reader, node: Node | None, *, ranges: bool) -> Transform | None:
+    """Read a transform: maps `location` and `rotation`, each with any of its three numbers.
+
+    Args:
+        reader: collects problems.
+        node: the map; None if it is absent.
+        ranges: whether a number may be a list `[min, max]`, from which it is drawn.
+    """
+    node = reader.map(node)
+    if node is None:
+        return None
+    numbers: dict[str, Number] = {}
+    for part, axes in (("location", POSITION), ("rotation", ANGLES)):
+        inner = reader.map(node.get(part))
+        for axis in axes:
+            child = None if inner is None else inner.get(axis)
+            numbers[axis] = _number(reader, child, ranges=ranges)
+        for child in inner.children() if inner is not None else ():
+            if child.path[-1] not in (*axes, "_target_"):
+                reader.ledger.ignored(child, f"a {part} has no such number")
+    for child in node.children():
+        if child.path[-1] not in ("location", "rotation", "_target_"):
+            reader.ledger.ignored(child, "a transform has a location and a rotation only")
+    return Transform(node, numbers)
+
+
+def _number(reader: Reader, node: Node | None, *, ranges: bool) -> Number:
+    if node is None:
+        return Number()
+    if ranges and isinstance(node.value.data, tuple) and node.value.data:
+        given = [reader.number(item, -LIMIT, LIMIT) or 0.0 for item in node.children()]
+        return Number(min(given[0], given[-1]), max(given[0], given[-1]), node)
+    value = reader.number(node, -LIMIT, LIMIT) or 0.0
+    return Number(value, value, node)
+
+
+def unread_classes(node: Node) -> Iterator[Node]:
+    """The class names `_target_` and Hydra's switches such as `_recursive_`, wherever they are below a value."""
+    for leaf in node.leaves():
+        step = leaf.path[-1] if leaf.path else ""
+        if isinstance(step, str) and step.startswith("_") and step.endswith("_") and step != "_actor_":
+            yield leaf

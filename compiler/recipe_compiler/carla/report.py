@@ -1,0 +1,212 @@
+"""What became of every key of an imported configuration: kept, mapped or ignored, with the place and the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TypeAlias
+
+from recipe_compiler.ir.errors import Place, printable
+from recipe_compiler.source.yaml_reader import Value, show
+
+Path: TypeAlias = "tuple[str | int, ...]"
+
+
+class Outcome(str, Enum):
+    """What became of a key."""
+
+    KEPT = "kept"  # the same value with the same meaning
+    MAPPED = "mapped"  # another value, or another thing with nearly the same meaning
+    IGNORED = "ignored"
+
+    def __str__(self) -> str:
+        return self.value
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of one key.
+
+    Args:
+        place: the key in the configuration.
+        key: its path, such as `spawn_actors[0].blueprint.name`.
+        value: its value, as messages show it.
+        outcome: what became of it.
+        to: the path in the recipe, such as `base.clock.fps`; empty if it is ignored.
+        written: the value in the recipe, if it differs.
+        why: the reason, if it is not kept.
+    """
+
+    place: Place
+    key: str
+    value: str
+    outcome: Outcome
+    to: str = ""
+    written: str = ""
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Default:
+    """A value that the recipe has and the configuration has not: the collector's own."""
+
+    to: str
+    written: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Node:
+    """A value of a configuration with its path. A null counts as absent."""
+
+    value: Value
+    path: Path
+    place: Place
+
+    @classmethod
+    def root(cls, value: Value) -> Node:
+        """The whole of a configuration."""
+        return cls(value, (), value.place)
+
+    @property
+    def key(self) -> str:
+        """The path as text."""
+        return key_of(self.path)
+
+    def get(self, *keys: str) -> Node | None:
+        """The value at a path of keys below it; None if it is absent or null."""
+        here = self
+        for key in keys:
+            child = here.value.map.get(key)
+            if child is None or child.data is None:
+                return None
+            here = Node(child, (*here.path, key), here.value.key_place(key))
+        return here
+
+    def children(self) -> Iterator[Node]:
+        """The values of a map or a list, in file order, nulls included."""
+        if isinstance(self.value.data, dict):
+            for key, child in self.value.data.items():
+                yield Node(child, (*self.path, key), self.value.key_place(key))
+        elif isinstance(self.value.data, tuple):
+            for index, child in enumerate(self.value.data):
+                yield Node(child, (*self.path, index), child.place)
+
+    def leaves(self) -> Iterator[Node]:
+        """The scalars below it, and the maps and lists without content."""
+        children = list(self.children())
+        if not children:
+            yield self
+        for child in children:
+            yield from child.leaves()
+
+
+def key_of(path: Path) -> str:
+    """A path as text: `spawn_actors[0].blueprint`."""
+    text = ""
+    for step in path:
+        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+    return printable(text)
+
+
+def written(value: object) -> str:
+    """A value of the recipe, as a report shows it."""
+    if isinstance(value, float):
+        return number_text(value)
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {written(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(written, value)) + "]"
+    return show(value)
+
+
+def number_text(value: float) -> str:
+    """A number to 6 decimals, without trailing zeros."""
+    text = f"{value:.6f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text
+
+
+@dataclass
+class Ledger:
+    """Collects what becomes of the keys; the first entry of a key counts."""
+
+    rows: dict[tuple[str, Path], Row] = field(default_factory=dict)
+    defaults: list[Default] = field(default_factory=list)
+
+    def kept(self, node: Node, to: str) -> None:
+        """Note that the recipe has the same value, with the same meaning, at the path `to`."""
+        self._note(node, Outcome.KEPT, to)
+
+    def mapped(self, node: Node, to: str, value: object, why: str) -> None:
+        """Note that the recipe has `value` at the path `to` in place of this one."""
+        self._note(node, Outcome.MAPPED, to, written(value), why)
+
+    def ignored(self, node: Node, why: str) -> None:
+        """Note that nothing of the recipe follows from a value, nor from the values below it that have no entry."""
+        for leaf in node.leaves():
+            self._note(leaf, Outcome.IGNORED, why=why)
+
+    def default(self, to: str, value: object, why: str) -> None:
+        """Note a value of the recipe that follows from no key."""
+        self.defaults.append(Default(to, written(value), why))
+
+    def has(self, node: Node) -> bool:
+        """Whether a key has an entry."""
+        return (node.place.file, node.path) in self.rows
+
+    def _note(self, node: Node, outcome: Outcome, to: str = "", value: str = "", why: str = "") -> None:
+        shown = show(node.value.plain)
+        row = Row(node.place, node.key, shown, outcome, to, "" if value == shown else value, why)
+        self.rows.setdefault((node.place.file, node.path), row)
+
+
+@dataclass(frozen=True)
+class Report:
+    """The report of one import: every key of its input, in the order of files and lines."""
+
+    name: str
+    files: tuple[str, ...]
+    notes: tuple[str, ...]
+    rows: tuple[Row, ...]
+    defaults: tuple[Default, ...]
+
+    def counts(self) -> dict[str, int]:
+        """The number of keys by outcome."""
+        return {str(each): sum(row.outcome is each for row in self.rows) for each in Outcome}
+
+    def lines(self) -> Iterator[str]:
+        """The report as text."""
+        for note in self.notes:
+            yield f"note: {printable(note)}"
+        for row in self.rows:
+            arrow = f" -> {row.to}" if row.to else ""
+            value = f" = {row.written}" if row.written else ""
+            why = f" ({row.why})" if row.why else ""
+            where = f"{row.place.file}:{row.place.line}"
+            yield f"{row.outcome.value:<8} {where}: {row.key}: {row.value}{arrow}{value}{why}"
+        for default in self.defaults:
+            yield f"default  {default.to} = {default.written} ({default.why})"
+
+    def document(self) -> dict[str, object]:
+        """The report as JSON data."""
+        return {
+            "recipe": self.name,
+            "files": list(self.files),
+            "counts": self.counts(),
+            "notes": list(self.notes),
+            "keys": [
+                {
+                    "file": row.place.file,
+                    "line": row.place.line,
+                    "key": row.key,
+                    "value": row.value,
+                    "outcome": str(row.outcome),
+                    "to": row.to or None,
+                    "written": row.written or None,
+                    "why": row.why or None,
+                }
+                for row in self.rows
+            ],
+            "defaults": [{"to": d.to, "written": d.written, "why": d.why} for d in self.defaults],
+        }

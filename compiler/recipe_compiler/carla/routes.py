@@ -1,0 +1,82 @@
+"""OSCAR's SensorController: a sensor that travels along the lanes of the town."""
+
+from __future__ import annotations
+
+from recipe_compiler.carla.draft import Data
+from recipe_compiler.carla.forms.specs import ANGLES, POSITION, Spec
+from recipe_compiler.carla.handedness import Pose
+from recipe_compiler.carla.report import Node
+from recipe_compiler.carla.scene import Scene
+
+_RESOLUTION = 2.0  # metres between waypoints, OSCAR's default
+_FASTEST = 100.0  # m/s, the limit of the language
+
+
+def write(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
+    """Write the route of a sensor, which OSCAR moves to the next waypoint at every picture.
+
+    Args:
+        scene: the scene.
+        spec: the sensor, with a controller.
+        to: the path of the sensor in the recipe.
+    """
+    assert spec.route is not None
+    ledger, options = scene.reader.ledger, spec.route
+    if not scene.follows_road(spec):
+        for node in (options, None if spec.goal is None else spec.goal.node):
+            if node is not None:
+                ledger.ignored(node, "an actor carries this sensor, which therefore follows no road")
+        return {}
+    fps = scene.settings.fps
+    node = options.get("sampling_resolution")
+    resolution = scene.reader.number(node, 0.01, _FASTEST / fps)
+    speed = round((_RESOLUTION if resolution is None else resolution) * fps, 6)
+    why = f"one waypoint at every picture, at {fps} frames per second"
+    if node is None:
+        ledger.default(f"{to}.motion.route.speed", speed, f"a waypoint every {_RESOLUTION:g} metres is OSCAR's default")
+    else:
+        ledger.mapped(node, f"{to}.motion.route.speed", speed, why)
+    for child in options.children():
+        if child.path[-1] in ("lane_type", "num_waypoints"):
+            ledger.ignored(child, "the route is along driving lanes, with random turns by seed and name")
+    if spec.goal is not None:
+        _note_goal(scene, spec, to)
+    return {"route": {"road": True, "speed": min(speed, _FASTEST)}}
+
+
+def _note_goal(scene: Scene, spec: Spec, to: str) -> None:
+    assert spec.goal is not None
+    for axis, number in spec.goal.numbers.items():
+        for leaf in number.node.leaves() if number.node is not None else ():
+            if axis in ("pitch", "roll"):
+                value = getattr(spec.goal.pose, axis)
+                scene.reader.ledger.mapped(leaf, f"{to}.mount.{axis}", value, "the controller's angle, right-handed")
+            elif axis == "yaw":
+                scene.reader.ledger.ignored(leaf, "the sensor looks along the road")
+            else:
+                scene.reader.ledger.ignored(leaf, "the route goes on along the road: it has no end")
+
+
+def note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:
+    """Note where the transform of a sensor that follows a road went."""
+    elevation = elevation_of(spec)
+    if elevation is not None:
+        scene.reader.ledger.kept(elevation, f"{to}.z")
+    if spec.transform is None:
+        return
+    for axis, number in spec.transform.numbers.items():
+        for leaf in number.node.leaves() if number.node is not None else ():
+            if axis in ANGLES:
+                scene.reader.ledger.ignored(leaf, "OSCAR replaces it by the direction of the road")
+            elif axis == "z" and elevation is not None:
+                scene.reader.ledger.ignored(leaf, "the elevation of the controller replaces it")
+            else:
+                assert axis in POSITION
+                why = "the nearest spawn point on a lane, after the shift" if axis != "z" else "the height of the route"
+                scene.reader.ledger.mapped(leaf, f"{to}.{axis}", round(getattr(pose, axis), 6), why)
+
+
+def elevation_of(spec: Spec) -> Node | None:
+    """The height of a route, if it is given and not 0, which stands for the sensor's own."""
+    node = None if spec.route is None else spec.route.get("elevation")
+    return None if node is None or not node.value.data else node

@@ -1,0 +1,296 @@
+"""Sensors: those at one pose, with one motion and one geometry, become one sensor with several modalities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from recipe_compiler.carla import cameras, routes
+from recipe_compiler.carla.draft import Data, name_for
+from recipe_compiler.carla.forms.specs import ANGLES, POSITION, Number, Spec
+from recipe_compiler.carla.handedness import WALKER_ORIGIN, Pose
+from recipe_compiler.carla.report import Node, number_text
+from recipe_compiler.carla.scene import ACTORS, Scene
+from recipe_compiler.ir.errors import Code
+from recipe_compiler.ir.modalities import MODALITIES
+from recipe_compiler.ir.streams import Stream
+from recipe_compiler.schema.camera import Camera
+from recipe_compiler.schema.tick import MAX_TICK, nearest_ticks
+from recipe_compiler.source.yaml_reader import show
+
+_SPEED = 0.5  # metres per frame, the collector's default
+_FASTEST = 100.0  # m/s, the limit of the language
+_SPAWN_HEIGHT = 0.6  # metres, of CARLA's spawn points
+_TURNED = "sign changed"
+
+
+@dataclass
+class _Group:
+    """The entries that become one sensor."""
+
+    key: tuple[object, ...]
+    specs: list[Spec]
+    attributes: list[cameras.Attributes]
+    captured: set[str]
+
+
+def write(scene: Scene) -> None:
+    """Write the sensors of a scene."""
+    groups: list[_Group] = []
+    for spec in scene.of_kind("sensor"):
+        modalities = {modality for modality, _ in spec.modalities}
+        attributes = cameras.read(scene.reader, spec.attributes, rgb="rgb" in modalities)
+        key = _key(scene, spec, attributes)
+        group = next((g for g in groups if g.key == key and not g.captured & modalities), None)
+        if group is None:
+            group = _Group(key, [], [], set())
+            groups.append(group)
+        group.specs.append(spec)
+        group.attributes.append(attributes)
+        group.captured |= modalities
+    taken: list[str] = []
+    for number, group in enumerate(groups, 1):
+        _name(scene, group, taken, "camera" if len(groups) == 1 else f"camera{number}")
+        _write(scene, group, taken[-1])
+
+
+def _key(scene: Scene, spec: Spec, attributes: cameras.Attributes) -> tuple[object, ...]:
+    """What sensors must share to be one: carrier, pose, motion and geometry."""
+    pose, actor = scene.mount(spec), scene.actor_of(spec)
+    geometry = {**cameras.DEFAULTS, **attributes.geometry}
+    at = id(spec) if pose is None else tuple(round(getattr(pose, axis), 6) for axis in (*POSITION, *ANGLES))
+    ranges = () if spec.transform is None else tuple((n.low, n.high) for n in spec.transform.numbers.values())
+    goal = None if spec.goal is None else tuple(spec.goal.numbers[axis].middle for axis in POSITION)
+    moves = (goal, _plain(spec.speed), _plain(spec.jitter), _plain(spec.attachment), _plain(spec.route))
+    tick = _plain(spec.attributes.get("sensor_tick"))
+    lens = tuple(geometry.get(name) for name in cameras.GEOMETRY)
+    return (id(actor), at, ranges if any(low != high for low, high in ranges) else (), *moves, tick, lens)
+
+
+def _plain(node: Node | None) -> str:
+    return "" if node is None else repr(node.value.plain)
+
+
+def _name(scene: Scene, group: _Group, taken: list[str], fallback: str) -> None:
+    """Name a group by the first role name, or name in the configuration, among its entries."""
+    roles = [(spec, role) for spec in group.specs if (role := spec.attributes.get("role_name")) is not None]
+    texts = [text for _, role in roles if (text := scene.reader.text(role))]
+    wanted = next(iter([*texts, *(spec.wanted_name for spec in group.specs if spec.wanted_name)]), fallback)
+    name = name_for(wanted, taken, fallback)
+    taken.append(name)
+    for spec in group.specs:
+        scene.names[id(spec)] = name
+    for _, role in roles:
+        if role.value.data == name:
+            scene.reader.ledger.kept(role, f"base.sensors.{name}")
+        else:
+            why = "one name for the sensors at this pose, in letters, digits, _ and -"
+            scene.reader.ledger.mapped(role, f"base.sensors.{name}", name, why)
+
+
+def _write(scene: Scene, group: _Group, name: str) -> None:
+    to = f"base.sensors.{name}"
+    _write_mount(scene, group, to)
+    _write_camera(scene, group, f"{to}.camera")
+    capture = [modality for modality in MODALITIES if modality in group.captured]
+    scene.draft.set(f"{to}.capture", capture)
+    for spec in group.specs:
+        for modality, node in spec.modalities:
+            if node.value.data == modality:
+                scene.reader.ledger.kept(node, f"{to}.capture")
+            elif isinstance(node.value.data, dict):
+                scene.reader.ledger.default(
+                    f"{to}.capture", modality, "OSCAR adds instance segmentation to every camera"
+                )
+            else:
+                several = "the sensors at this pose are one, with all their modalities"
+                why = several if len(group.specs) > 1 else "the modality of this sensor"
+                scene.reader.ledger.mapped(node, f"{to}.capture", modality, why)
+    motion = _motion(scene, group, to)
+    if motion:
+        scene.draft.set(f"{to}.motion", motion)
+    _write_tick(scene, group, to)
+
+
+def _write_mount(scene: Scene, group: _Group, to: str) -> None:
+    spec = group.specs[0]
+    pose, actor = scene.mount(spec), scene.actor_of(spec)
+    mount: dict[str, Data] = {} if actor is None else {"on": scene.name(actor)}
+    if pose is None:
+        pose = _at_spawn_point(scene, spec)
+        at = {axis: round(getattr(pose, axis), 6) for axis in (*POSITION, "yaw")}
+        why = "no transform is given, so the collector takes a random spawn point; one of this town, by seed and name"
+        scene.reader.ledger.default(f"{to}.mount", at, why.replace("; ", ": "))
+    given = {axis: getattr(pose, axis) for axis in (*POSITION, "yaw", "pitch", "roll")}
+    tilt = [axis for axis in ("pitch", "roll") if not _given(spec, axis) and abs(given[axis]) < 1e-9]
+    mount |= {axis: round(value, 6) + 0.0 for axis, value in given.items() if axis not in tilt}
+    scene.draft.set(f"{to}.mount", mount)
+    for each in group.specs:
+        _note_mount(scene, each, pose, f"{to}.mount")
+        _note_attachment(scene, each, mount, f"{to}.mount")
+
+
+def _given(spec: Spec, axis: str) -> bool:
+    return spec.transform is not None and spec.transform.numbers[axis].node is not None
+
+
+def _at_spawn_point(scene: Scene, spec: Spec) -> Pose:
+    spots = scene.site.town.spots["vehicle"]
+    spot = Stream(scene.settings.seed, "carla", scene.name(spec), "spawn").choice(spots)
+    return Pose(spot.x, spot.y, spot.z + _SPAWN_HEIGHT, spot.yaw)
+
+
+def _note_mount(scene: Scene, spec: Spec, pose: Pose, to: str) -> None:
+    """Note where the numbers of a transform went."""
+    if scene.follows_road(spec):
+        routes.note_mount(scene, spec, pose, to)
+        return
+    if spec.transform is None:
+        return
+    numbers, carrier, (dx, dy) = spec.transform.numbers, scene.carrier(spec), scene.vector
+    below = to.removeprefix("base.")
+    if carrier is not None and carrier.kind not in ACTORS:
+        for axis, number in numbers.items():
+            why = f"given in the frame of {scene.name(carrier)}, another sensor"
+            scene.note_number(number, f"{to}.{axis}", round(getattr(pose, axis), 6), why)
+        return
+    lift = 0.0 if carrier is None else WALKER_ORIGIN if carrier.kind == "walker" else 0.0
+    if carrier is not None:
+        dx = dy = 0.0
+    x, y, z = (numbers[axis] for axis in POSITION)
+    scene.draw(x, f"{below}.x", x.low + dx, x.high + dx)
+    scene.draw(y, f"{below}.y", dy - y.high, dy - y.low)
+    scene.draw(z, f"{below}.z", z.low + lift, z.high + lift)
+    moved = ", moved by {:g}" if carrier is None else ""
+    scene.note_number(x, f"{to}.x", pose.x, moved.format(dx).lstrip(", "))
+    scene.note_number(y, f"{to}.y", pose.y, f"{_TURNED}{moved.format(dy)}")
+    scene.note_number(z, f"{to}.z", pose.z, f"from the feet, which are {lift:g} m below the origin of CARLA's walkers")
+    for axis in ANGLES:
+        sign = 1.0 if axis == "roll" else -1.0
+        low, high = sorted((sign * numbers[axis].low, sign * numbers[axis].high))
+        scene.draw(numbers[axis], f"{below}.{axis}", low, high)
+        why = _TURNED if sign < 0 else "the same angle, from -180 to 180 degrees"
+        scene.note_number(numbers[axis], f"{to}.{axis}", getattr(pose, axis), why)
+
+
+def _note_attachment(scene: Scene, spec: Spec, mount: dict[str, Data], to: str) -> None:
+    ledger, actor = scene.reader.ledger, scene.actor_of(spec)
+    if spec.role is not None:
+        role = scene.reader.text(spec.role)
+        if actor is not None and role == scene.name(actor):
+            ledger.kept(spec.role, f"{to}.on")
+        elif actor is not None:
+            ledger.mapped(
+                spec.role, f"{to}.on", scene.name(actor), "the actor of that role, or the one that carries it"
+            )
+        else:
+            ledger.mapped(spec.role, to, "its pose", "the frame of a sensor that stands in the world")
+    if spec.attachment is None:
+        return
+    kind = scene.reader.text(spec.attachment)
+    if kind is None:
+        return
+    kinds = {"rigid": "rigid", "springarm": "spring_arm", "springarmghost": "spring_arm_ghost"}
+    wanted = kinds.get(kind.lower().replace("_", ""))
+    if wanted is None:
+        scene.reader.refuse(spec.attachment, f"{show(kind)} is no attachment", "write rigid or spring_arm")
+    elif actor is None:
+        ledger.ignored(spec.attachment, "nothing carries this sensor")
+    elif wanted == "rigid":
+        ledger.mapped(spec.attachment, f"{to}.on", scene.name(actor), "a sensor on an actor is fixed to it")
+    elif not (mount["x"] or mount["y"]):
+        ledger.ignored(spec.attachment, "an arm without length: the sensor is fixed to the actor")
+    else:
+        mount["attachment"] = wanted
+        if wanted == kind:
+            ledger.kept(spec.attachment, f"{to}.attachment")
+        else:
+            ledger.mapped(spec.attachment, f"{to}.attachment", wanted, "the same kind of arm")
+
+
+def _write_camera(scene: Scene, group: _Group, to: str) -> None:
+    camera: dict[str, Data] = {}
+    for attributes in group.attributes:
+        camera |= {**attributes.geometry, **attributes.response}
+        cameras.note(scene.reader, attributes, to)
+    for parameter, value in cameras.DEFAULTS.items():
+        if parameter not in camera and (parameter != "gamma" or "rgb" in group.captured):
+            camera[parameter] = value
+            scene.reader.ledger.default(f"{to}.{parameter}", value, "not given: the collector's, or CARLA's, default")
+    order = [name for name in Camera.model_fields if name in camera]
+    scene.draft.set(to, {name: camera[name] for name in order})
+
+
+def _motion(scene: Scene, group: _Group, to: str) -> dict[str, Data]:
+    """The motion of a sensor: in a straight line, along a road, shaken."""
+    motion: dict[str, Data] = {}
+    for spec in group.specs:
+        if spec.route is not None:
+            motion |= routes.write(scene, spec, to)
+        elif spec.goal is not None:
+            motion |= _linear(scene, spec, f"{to}.motion")
+        elif spec.speed is not None:
+            scene.reader.ledger.ignored(spec.speed, "without a destination_transform it does not move")
+        jitter: dict[str, Data] = {}
+        for node in spec.jitter.children() if spec.jitter is not None else ():
+            axis = str(node.path[-1])
+            if axis not in POSITION:
+                scene.reader.ledger.ignored(node, "jitter has x, y and z only")
+                continue
+            value = scene.reader.number(node, -10.0, 10.0)
+            if value is not None:
+                jitter[axis] = abs(value)
+                number = Number(value, value, node)
+                scene.note_number(number, f"{to}.motion.jitter.{axis}", abs(value), "a magnitude has no sign")
+        if any(jitter.values()):
+            motion["jitter"] = jitter
+    return motion
+
+
+def _linear(scene: Scene, spec: Spec, to: str) -> dict[str, Data]:
+    """Straight motion to the destination, at metres per frame times frames per second."""
+    assert spec.goal is not None
+    goal, carrier, (dx, dy) = spec.goal, scene.carrier(spec), scene.vector
+    pose = scene.world(goal.pose) if carrier is None else scene.carried(carrier, goal.pose) or goal.pose
+    end = {axis: round(getattr(pose, axis), 6) + 0.0 for axis in POSITION}
+    is_moved = carrier is None and (dx, dy) != (0.0, 0.0)
+    where = ", moved" if is_moved else "" if carrier is None else ", in the carrier's frame"
+    for axis in POSITION:
+        why = (_TURNED if axis == "y" else "the same number") + where
+        scene.note_number(goal.numbers[axis], f"{to}.linear.to.{axis}", end[axis], why)
+    for axis in ANGLES:
+        node = goal.numbers[axis].node
+        if node is not None:
+            scene.reader.ledger.ignored(node, "the collector moves the position only: the rotation stays")
+    fps = scene.settings.fps
+    given = scene.reader.number(spec.speed, 0.0)
+    per_frame = _SPEED if given is None else given
+    speed = round(per_frame * fps, 6)
+    why = f"{per_frame:g} metres per frame at {fps} frames per second"
+    if spec.speed is None:
+        scene.reader.ledger.default(f"{to}.linear.speed", speed, f"no speed is given: {why}")
+    elif not 0.0 < speed <= _FASTEST:
+        message = f"{why} are {speed:g} m/s"
+        remedy = f"write more than 0 and at most {_FASTEST / fps:g} metres per frame"
+        scene.reader.refuse(spec.speed, message, remedy, Code.OUT_OF_RANGE)
+    else:
+        scene.reader.ledger.mapped(spec.speed, f"{to}.linear.speed", speed, why)
+    return {"linear": {"to": end, "speed": speed}}
+
+
+def _write_tick(scene: Scene, group: _Group, to: str) -> None:
+    """Write the time between two pictures; CARLA takes one at every step if it is shorter than a step."""
+    fps = scene.settings.fps
+    for spec in group.specs:
+        node = spec.attributes.get("sensor_tick")
+        tick = scene.reader.number(node, 0.0, MAX_TICK)
+        if node is None or tick is None:
+            continue
+        if tick * fps <= 1.0:
+            scene.reader.ledger.mapped(node, f"{to}.tick", 0, "a picture at every frame, as without it")
+        elif near := nearest_ticks(tick, fps):
+            message = f"{tick:g} s are {tick * fps:g} frames at {fps} frames per second"
+            remedy = f"write {' or '.join(map(number_text, near))}, or 0 for every frame"
+            scene.reader.refuse(node, message, remedy, Code.OUT_OF_RANGE)
+        else:
+            scene.draft.set(f"{to}.tick", tick)
+            scene.reader.ledger.kept(node, f"{to}.tick")

@@ -1,0 +1,251 @@
+"""Exports a dataset in the layout of a tracking benchmark: MOTSChallenge's or KITTI's.
+
+    mots:  MOTS-train/<sequence>/gt/gt.txt, seqinfo.ini, img1/000001.png; seqmaps/MOTS-train.txt
+    kitti: training/label_02/0000.txt, calib/0000.txt, poses/0000.txt, image_02/0000/000000.png,
+           evaluate_tracking.seqmap.training; mots/label_02/0000.txt, evaluate_mots.seqmap.training; sequences.csv
+    index.json: the dataset's identity, the layout, and size and SHA-256 of every file
+
+Equal datasets give equal exports. Labels and pictures are compared with the manifest while they are read, so damaged
+files are never exported.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypedDict, cast
+
+from recipe_compiler.ir.canonical import canonical_bytes
+from recipe_compiler.ir.errors import Code, InputError
+from recipe_compiler.ir.plan import ScenarioPlan, SensorPlan
+
+from recipe_runtime.annotate import kitti
+from recipe_runtime.annotate.mots import mots_lines, seqinfo, seqmap
+from recipe_runtime.annotate.records import LabelledFrame
+from recipe_runtime.core import layout
+from recipe_runtime.core.files import file_sha256, host_errors, is_folder, regular_file
+from recipe_runtime.core.interfaces import Progress
+from recipe_runtime.dataset.manifest_reader import check_outside_datasets
+from recipe_runtime.dataset.reader import Dataset, labels
+from recipe_runtime.dataset.tracks import field
+from recipe_runtime.transfer.export_folder import MARKER, is_empty, remove, work_folder
+from recipe_runtime.transfer.shards import damaged_file, picture_file
+
+Layout = Literal["mots", "kitti"]
+INDEX = "index.json"
+_FORMAT = "recipe/layout/1"
+_LONGEST_INDEX = 256 << 20  # bytes
+_REMEDY = "free some space or choose another folder, then export again"
+
+
+class LayoutIndex(TypedDict):
+    """`index.json`: the dataset's identity, the layout, and size and SHA-256 of every file."""
+
+    format: str
+    dataset: str
+    layout: str
+    files: dict[str, list[int | str]]
+
+
+@dataclass(frozen=True)
+class _Sequence:
+    """One sensor of one variant."""
+
+    dataset: Dataset
+    variant: ScenarioPlan
+    sensor: SensorPlan
+    number: int
+
+    @property
+    def frames(self) -> range:
+        """The frames that the sensor takes."""
+        return self.sensor.frames(self.variant.scene.clock.frames)
+
+    def labels(self) -> Iterator[LabelledFrame]:
+        """Yield the labels of its frames."""
+        try:
+            yield from labels(self.dataset, self.variant, self.sensor)
+        except (ValueError, OSError) as error:
+            path = layout.labels_file(self.variant.variant, self.sensor.name)
+            raise damaged_file(self.dataset, f"{path}: {error}") from None
+
+    def pictures(self) -> Iterator[tuple[int, bytes]]:
+        """Yield its RGB pictures, if it captures any."""
+        for frame in self.frames if "rgb" in self.sensor.capture else ():
+            path = layout.frame_file(self.variant.variant, self.sensor.name, "rgb", frame, self.dataset.plan.depth)
+            yield frame, picture_file(self.dataset, path, self.sensor)
+
+
+Entry = tuple[str, bytes | Iterable[str]]  # a file's path and content
+
+
+def export_layout(
+    dataset: Dataset, out: Path, form: Layout, progress: Progress, *, replace: bool = False
+) -> LayoutIndex:
+    """Export all frames of a dataset, and return the index.
+
+    Args:
+        dataset: the dataset.
+        out: the folder to create; it appears when the export is complete.
+        form: the layout.
+        progress: reports progress.
+        replace: whether an existing export may be replaced.
+
+    Raises:
+        InputError: `out` exists and is not an export, or a file of the dataset is damaged.
+        RunError: the files cannot be written, or another export writes to `out`.
+    """
+    check_outside_datasets(out)
+    known = _index_of(out)
+    if known is not None and (known["dataset"], known["layout"]) == (dataset.lock.identity, form) and _is_whole(out):
+        return known
+    _check_replaceable(out, known, replace=replace)
+    sequences = [
+        _Sequence(dataset, variant, sensor, number)
+        for number, (variant, sensor) in enumerate((v, s) for v in dataset.plan.variants for s in v.rig.sensors)
+    ]
+    entries = _LAYOUTS[form]
+    with host_errors(str(out), _REMEDY), work_folder(out, lambda _: True) as work:
+        files: dict[str, list[int | str]] = {}
+        for done, sequence in enumerate(sequences):
+            progress("export", done, len(sequences))
+            files.update(_write(work, path, content) for path, content in entries(sequence))
+        files.update(_write(work, path, content) for path, content in _LISTS[form](sequences))
+        progress("export", len(sequences), len(sequences))
+        index: LayoutIndex = {
+            "format": _FORMAT,
+            "dataset": dataset.lock.identity,
+            "layout": form,
+            "files": dict(sorted(files.items())),
+        }
+        (work / INDEX).write_bytes(canonical_bytes(index) + b"\n")
+        (work / MARKER).unlink()
+        if known is not None:
+            remove(out)
+        work.rename(out)
+    return index
+
+
+def _mots(sequence: _Sequence) -> Iterator[Entry]:
+    camera, clock = sequence.sensor.camera, sequence.variant.scene.clock
+    name = layout.sequence(sequence.variant.variant, sequence.sensor.name)
+    folder = f"{layout.MOTS_SPLIT}/{name}"
+    yield f"{folder}/gt/gt.txt", mots_lines(sequence.labels(), camera.width, camera.height)
+    info = seqinfo(name, "img1", clock.fps, _length(sequence), camera.width, camera.height)
+    yield f"{folder}/seqinfo.ini", [info]
+    for frame, picture in sequence.pictures():
+        yield f"{folder}/img1/{frame + 1:06d}.png", picture
+
+
+def _mots_lists(sequences: list[_Sequence]) -> Iterator[Entry]:
+    names = [layout.sequence(s.variant.variant, s.sensor.name) for s in sequences]
+    yield f"seqmaps/{layout.MOTS_SPLIT}.txt", [seqmap(names)]
+
+
+def _kitti(sequence: _Sequence) -> Iterator[Entry]:
+    camera, name = sequence.sensor.camera, f"{sequence.number:04d}"
+    yield f"training/label_02/{name}.txt", kitti.label_lines(sequence.labels())
+    first = next(sequence.labels(), None)
+    if first is not None:
+        yield f"training/calib/{name}.txt", [kitti.calibration_text(first["calibration"])]
+    yield f"training/poses/{name}.txt", kitti.pose_lines(sequence.labels())
+    yield f"mots/label_02/{name}.txt", mots_lines(sequence.labels(), camera.width, camera.height, first=0)
+    for frame, picture in sequence.pictures():
+        yield f"training/image_02/{name}/{frame:06d}.png", picture
+
+
+def _kitti_lists(sequences: list[_Sequence]) -> Iterator[Entry]:
+    """Yield the lists of sequences. The third number is a length in one of them and the last frame in the other."""
+    lengths = [(f"{s.number:04d}", _length(s)) for s in sequences]
+    tracking = [f"{name} empty 000000 {length:06d}\n" for name, length in lengths]
+    yield "training/evaluate_tracking.seqmap.training", tracking
+    yield "mots/evaluate_mots.seqmap.training", [f"{name} empty 000000 {n - 1:06d}\n" for name, n in lengths]
+    rows = (f"{s.number:04d},{field(s.variant.variant)},{field(s.sensor.name)}\n" for s in sequences)
+    yield "sequences.csv", ["sequence,variant,sensor\n", *rows]
+
+
+def _length(sequence: _Sequence) -> int:
+    """Return the number of frames from the first to the last that the sensor takes."""
+    return sequence.frames[-1] + 1
+
+
+_LAYOUTS: dict[Layout, Callable[[_Sequence], Iterator[Entry]]] = {"mots": _mots, "kitti": _kitti}
+_LISTS: dict[Layout, Callable[[list[_Sequence]], Iterator[Entry]]] = {"mots": _mots_lists, "kitti": _kitti_lists}
+
+
+def _write(work: Path, path: str, content: bytes | Iterable[str]) -> tuple[str, list[int | str]]:
+    """Write a file, and return its row of the index."""
+    target, hasher, size = work / path, hashlib.sha256(), 0
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with target.open("wb") as file:
+        for piece in [content] if isinstance(content, bytes) else (text.encode() for text in content):
+            file.write(piece)
+            hasher.update(piece)
+            size += len(piece)
+    return path, [size, hasher.hexdigest()]
+
+
+def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -> None:
+    other = out.exists() and not is_empty(out) and (known is None or _entries(out) != {INDEX, *known["files"]})
+    if out.is_symlink() or other:
+        raise InputError(
+            f"{out} exists already, and holds files that are not of an export",
+            help="move it away, or choose another folder",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+    if known is not None and not replace:
+        raise InputError(
+            f"{out} exists already, and is another export",
+            help="choose another folder, or replace it",
+            code=Code.OUTPUT_IN_THE_WAY,
+        )
+
+
+def _entries(out: Path) -> set[str]:
+    """Return the paths of everything in a folder but plain folders."""
+    return {p.relative_to(out).as_posix() for p in out.rglob("*") if not is_folder(p)}
+
+
+def _index_of(out: Path) -> LayoutIndex | None:
+    """Return the index of an export; None if there is none, or it is damaged."""
+    found = regular_file(out, INDEX) if is_folder(out) else None
+    if found is None or found.st_size > _LONGEST_INDEX:
+        return None
+    try:
+        index = json.loads((out / INDEX).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    return cast("LayoutIndex", index) if _is_index(index) else None
+
+
+def _is_index(index: object) -> bool:
+    if not isinstance(index, dict) or index.keys() != LayoutIndex.__annotations__.keys() or index["format"] != _FORMAT:
+        return False
+    files = index["files"]
+    return isinstance(files, dict) and all(
+        re.fullmatch(r"(?!.*\.\.)[^/\0][^\0]*", path)
+        and isinstance(row, list)
+        and len(row) == 2
+        and type(row[0]) is int
+        and isinstance(row[1], str)
+        for path, row in files.items()
+    )
+
+
+def _is_whole(out: Path) -> bool:
+    """Return whether a folder has every file of its index with its bytes, and no other."""
+    known = _index_of(out)
+    return (
+        known is not None
+        and _entries(out) == {INDEX, *known["files"]}
+        and all(
+            (found := regular_file(out, path)) is not None
+            and found.st_size == size
+            and file_sha256(out / path) == digest
+            for path, (size, digest) in known["files"].items()
+        )
+    )

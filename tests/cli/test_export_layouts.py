@@ -1,0 +1,34 @@
+"""`recipe export --format mots` and `kitti`: files, report and JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from recipe_cli.commands import export
+from recipe_runtime.build.pipeline import build
+
+from tests.runtime.fakes import ENGINES, dataset_plan
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("export")
+    return build(dataset_plan(2, 1), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path
+
+
+@pytest.mark.parametrize(("form", "file"), [("mots", "seqmaps/MOTS-train.txt"), ("kitti", "training/calib/0003.txt")])
+def test_a_layout_is_written_and_reported(dataset: Path, tmp_path: Path, form: str, file: str) -> None:
+    out = tmp_path / "out"
+    done = CliRunner().invoke(export.command, [str(dataset), str(out), "--format", form], catch_exceptions=False)
+    assert done.exit_code == 0
+    assert (out / file).is_file()
+    index = json.loads((out / "index.json").read_text())
+    assert done.output.splitlines()[-1] == index["dataset"]
+    assert f"{len(index['files'])} files" in done.output
+    again = CliRunner().invoke(export.command, [str(dataset), str(out), "--format", form, "--json"])
+    report = json.loads(again.output)
+    assert (report["dataset"], report["layout"], report["files"]) == (index["dataset"], form, len(index["files"]))
+    assert report["bytes"] == sum(size for size, _ in index["files"].values())

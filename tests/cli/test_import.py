@@ -1,0 +1,144 @@
+"""`recipe import`: its files, its report, and what it does not write; and that what it writes builds and verifies."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from recipe_cli.commands import import_
+
+from tests.cli.runner import run_here
+from tests.compiler.carla.importing import CONFIGS, PAPER, TOGETHER
+
+EVERY = CONFIGS / "every_key.yaml"
+
+
+def test_it_writes_a_recipe_and_a_report_that_the_terminal_shows_too(tmp_path: Path) -> None:
+    done = run_here("import", "carla", *PAPER, "-o", "new/folder", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    folder = tmp_path / "new" / "folder"
+    assert sorted(path.name for path in folder.iterdir()) == ["config.import.txt", "config.yaml"]
+    assert done.stdout.startswith((folder / "config.import.txt").read_text())
+    assert "new/folder/config.yaml written: 46 kept, 22 mapped, 13 ignored" in done.stdout
+    assert run_here("check", folder / "config.yaml", cwd=tmp_path).returncode == 0
+
+
+def test_json_has_every_key(tmp_path: Path) -> None:
+    done = run_here("import", "carla", *PAPER, "--json", cwd=tmp_path)
+    (one,) = json.loads(done.stdout)["imports"]
+    assert (one["recipe"], one["file"]) == ("config", "recipes/config.yaml")
+    assert sum(one["counts"].values()) == len(one["keys"])
+    rows = {(row["file"].rsplit("/", 1)[-1], row["line"], row["key"]): row for row in one["keys"]}
+    row = rows["config.yaml", 37, "spawn_actors[0].transform.rotation.yaw"]
+    assert (row["outcome"], row["to"], row["value"], row["written"]) == (
+        "mapped",
+        "base.actors.hero1.start.yaw",
+        "-90.0",
+        "90",
+    )
+    assert rows["rainy.yaml", 8, "weather.sun_azimuth_angle"]["outcome"] == "mapped"
+
+
+def test_it_overwrites_nothing_without_replace(tmp_path: Path) -> None:
+    (tmp_path / "every_key.import.txt").write_text("mine")
+    here = ("import", "carla", EVERY, "-o", ".")
+    done = run_here(*here, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "every_key.import.txt exists already" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["every_key.import.txt"]
+    assert run_here(*here, "--replace", cwd=tmp_path).returncode == 0
+    assert "mine" not in (tmp_path / "every_key.import.txt").read_text()
+    assert run_here(*here, cwd=tmp_path).returncode == 0  # the same content
+
+
+def test_the_configuration_itself_is_never_overwritten(tmp_path: Path) -> None:
+    text = EVERY.read_text()
+    (tmp_path / "every_key.yaml").write_text(text)
+    done = run_here("import", "carla", "every_key.yaml", "-o", ".", "--replace", cwd=tmp_path)
+    assert (done.returncode, "is the configuration itself" in done.stderr) == (2, True)
+    assert (tmp_path / "every_key.yaml").read_text() == text
+
+
+def test_a_broken_configuration_among_others_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "broken.yaml").write_text("max_frames: none\nspawn_actors: []\n")
+    done = run_here("import", "carla", EVERY, "broken.yaml", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "broken.yaml:1:1" in done.stderr and "help: " in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_full_disk_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, body: bytes, *, replace: bool) -> None:
+        if path.suffix == ".txt":
+            raise OSError(28, "No space left on device")
+        path.write_bytes(body)
+
+    monkeypatch.setattr("recipe_runtime.core.outputs.write_output", full)
+    done = run_here("import", "carla", EVERY, "-o", ".", cwd=tmp_path)
+    assert (done.returncode, list(tmp_path.iterdir())) == (1, [])
+    assert "No space left on device" in done.stderr
+
+
+@pytest.mark.parametrize("target", ["missing.yaml", "folder", "pipe"])
+def test_what_is_no_file_is_refused(target: str, tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    done = run_here("import", "carla", target, cwd=tmp_path)
+    assert done.returncode == 2
+    assert f"{target}: " in done.stderr
+
+
+def test_the_town_can_be_chosen(tmp_path: Path) -> None:
+    assert run_here("import", "carla", EVERY, "--town", "plaza", cwd=tmp_path).returncode == 0
+    assert "town: plaza" in (tmp_path / "recipes" / "every_key.yaml").read_text()
+    done = run_here("import", "carla", EVERY, "--town", "Town01", cwd=tmp_path)
+    assert (done.returncode, "downtown" in done.stderr) == (2, True)
+
+
+def test_a_problem_of_the_recipe_is_shown_at_the_place_of_the_configuration(tmp_path: Path) -> None:
+    text = EVERY.read_text().replace("max_frames: 20", "max_frames: 90000")
+    (tmp_path / "long.yaml").write_text(text)
+    done = run_here("import", "carla", "long.yaml", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 0  # too large is a warning: `recipe build` asks for --allow-large
+    assert "warning[size-limit]" in done.stderr
+
+
+def small(path: Path, folder: Path) -> Path:
+    """A copy of a configuration with small pictures and two frames."""
+    text = path.read_text()
+    for old, new in (("max_frames: 300", "max_frames: 2"), ('"800"', '"64"'), ('"600"', '"48"')):
+        text = text.replace(old, new)
+    (folder / path.name).write_text(text)
+    return folder / path.name
+
+
+@pytest.mark.slow
+def test_the_papers_listings_build_and_verify(tmp_path: Path) -> None:
+    listings = tmp_path / "listings"
+    listings.mkdir()
+    files = [small(path, listings) for path in PAPER]
+    assert run_here("import", "carla", *files, cwd=tmp_path).returncode == 0
+    built = run_here("build", "recipes/config.yaml", "-o", "dataset", cwd=tmp_path)
+    assert built.returncode == 0, built.stderr
+    verified = run_here("verify", "dataset", "--all", "--json", cwd=tmp_path)
+    (report,) = json.loads(verified.stdout)
+    assert (report["verdict"], report["checked"]) == ("PASS", 6)
+    document = json.loads((tmp_path / "dataset" / "annotations" / "kwcoco.json").read_text())
+    assert len(document["images"]) == 6
+
+
+def test_every_configuration_of_the_tests_is_imported_by_the_command(tmp_path: Path) -> None:
+    for name, files in TOGETHER.items():
+        done = run_here("import", "carla", *files, "-o", name, cwd=tmp_path)
+        assert done.returncode == 0, (name, done.stderr)
+
+
+def test_places_of_warnings_are_those_of_the_configuration(tmp_path: Path) -> None:
+    text = EVERY.read_text().replace("speed: 1.4", "speed: 40.0")
+    (tmp_path / "quick.yaml").write_text(text)
+    done = run_here("import", "carla", "quick.yaml", "-o", "out", cwd=tmp_path)
+    assert "no pedestrian runs at 40 m/s" in done.stderr
+    assert "--> quick.yaml:40:" in done.stderr
+    assert import_.command.name == "import"

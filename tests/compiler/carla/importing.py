@@ -1,0 +1,57 @@
+"""Imports configurations of tests, and compiles the recipes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from recipe_compiler.carla import File, Imported, imported
+from recipe_compiler.compile import Compiled, compile_recipe
+from recipe_compiler.source import yaml_reader
+from recipe_compiler.source.yaml_reader import Value
+
+CONFIGS = Path(__file__).parent / "configs"
+PAPER = tuple(CONFIGS / "paper" / f"{name}.yaml" for name in ("config", "rainy", "foggy"))
+OSCAR = tuple(CONFIGS / f"oscar_{name}.yaml" for name in ("scene", "context"))
+SINGLE = tuple(sorted(path for path in CONFIGS.glob("*.yaml") if path.stem != "oscar_context"))
+TOGETHER = {"paper": PAPER, "oscar": OSCAR, **{path.stem: (path,) for path in SINGLE}}
+"""The files of each import of the tests, by name."""
+
+
+def import_files(*paths: Path, town: str | None = None) -> tuple[Imported, ...]:
+    """The imports of files; their paths in reports are their names."""
+    return imported([File(path.name, path.read_bytes()) for path in paths], town=town)
+
+
+def import_text(text: str, *weathers: str, town: str | None = None) -> Imported:
+    """The import of one configuration, `config.yaml`, with weathers `weather0.yaml` and so on."""
+    files = [File("config.yaml", text.encode())]
+    files += [File(f"weather{number}.yaml", each.encode()) for number, each in enumerate(weathers)]
+    (one,) = imported(files, town=town)
+    return one
+
+
+def compiled(one: Imported, folder: Path) -> Compiled:
+    """The compiled recipe of an import."""
+    path = folder / f"{one.name}.yaml"
+    path.write_text(one.text, encoding="utf-8")
+    return compile_recipe(path)
+
+
+def leaves(path: Path) -> Iterator[tuple[str, int, str]]:
+    """Every scalar and empty map or list of a file: its file, its line and its path."""
+    root, problems = yaml_reader.parse(path.read_bytes(), path.name)
+    assert root is not None and not problems
+    for key, line in _leaves(root, "", 0):
+        yield path.name, line, key
+
+
+def _leaves(value: Value, key: str, line: int) -> Iterator[tuple[str, int]]:
+    if isinstance(value.data, dict) and value.data:
+        for name, child in value.data.items():
+            yield from _leaves(child, f"{key}.{name}" if key else name, value.key_place(name).line)
+    elif isinstance(value.data, tuple) and value.data:
+        for index, child in enumerate(value.data):
+            yield from _leaves(child, f"{key}[{index}]", child.place.line)
+    else:
+        yield key, line

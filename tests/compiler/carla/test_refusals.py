@@ -1,0 +1,210 @@
+"""Broken and hostile configurations are refused with file, line, value and remedy; nothing in them is executed."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+from recipe_compiler.carla import File, imported
+from recipe_compiler.ir.errors import InputError
+
+CAMERA = "  - blueprint: {name: sensor.camera.rgb}\n"
+HEAD = "max_frames: 3\nspawn_actors:\n"
+REFUSED = {
+    "empty": ("", "config.yaml:1:1: the file is empty; name a configuration of CARLA's data collector"),
+    "a list": ("- 1\n", "config.yaml:1:1: a configuration is a map of keys and values, and this is not"),
+    "no actors": ("carla: {seed: 1}\n", "config.yaml:1:1: no configuration: none of the files has spawn_actors"),
+    "no camera": (
+        HEAD + "  - blueprint: {name: vehicle.*}\n",
+        "config.yaml:2:1: spawn_actors: it has no camera, and so no pictures; add a sensor, such as sensor.camera.rgb",
+    ),
+    "no frames": (
+        "spawn_actors:\n" + CAMERA,
+        "config.yaml:1:1: max_frames is missing: the collector would record until it is stopped; add a line such as"
+        " `max_frames: 300`",
+    ),
+    "frames": (
+        "max_frames: 0\nspawn_actors:\n" + CAMERA,
+        "config.yaml:1:1: max_frames: 0 is out of range; write a number from 1 to 100000",
+    ),
+    "half a frame": (
+        "max_frames: 2.5\nspawn_actors:\n" + CAMERA,
+        "config.yaml:1:1: max_frames: it is 2.5; write a whole number",
+    ),
+    "seed": (
+        HEAD + CAMERA + "carla: {seed: -1}\n",
+        "config.yaml:4:9: carla.seed: -1 is out of range; write a number from 0 to 4294967295",
+    ),
+    "rate": (
+        HEAD + CAMERA + "carla: {fps: 12.5}\n",
+        "config.yaml:4:9: carla.fps: 12.5 steps per second are 12.5 frames per second; choose a whole number of frames"
+        " per second, 1 to 1000",
+    ),
+    "town": (
+        HEAD + CAMERA + "carla: {townmap: Atlantis}\n",
+        "config.yaml:4:9: carla.townmap: CARLA's release has no town 'Atlantis'; write one of Town01 to Town07,"
+        " Town10HD, Town11, Town12, Town13, Town15, or choose one of downtown, highway, plaza, suburb in the command",
+    ),
+    "actors are a number": (
+        "max_frames: 3\nspawn_actors: 4\n",
+        "config.yaml:2:1: spawn_actors: it is 4; write a list",
+    ),
+    "no blueprint": (
+        HEAD + CAMERA + "  - transform: {location: {x: 1}}\n",
+        "config.yaml:4:5: spawn_actors[1]: it has no blueprint name; write the name of a blueprint, such as name:"
+        " vehicle.*",
+    ),
+    "unknown blueprint": (
+        HEAD + CAMERA + "  - blueprint: {name: vehicle.tesla.modelx}\n",
+        'config.yaml:4:17: spawn_actors[1].blueprint.name: CARLA has no vehicle "vehicle.tesla.modelx"; write a'
+        " blueprint of its catalogue, or vehicle.*",
+    ),
+    "no kind": (
+        HEAD + CAMERA + "  - blueprint: {name: '*'}\n",
+        'config.yaml:4:17: spawn_actors[1].blueprint.name: "*" is no blueprint of CARLA\'s; write walker.*, vehicle.*'
+        " or the name of a sensor, such as sensor.camera.rgb",
+    ),
+    "position": (
+        HEAD + CAMERA + "    transform: {location: {x: far}}\n",
+        'config.yaml:4:28: spawn_actors[0].transform.location.x: it is "far"; write a number',
+    ),
+    "range in the collector's form": (
+        HEAD + CAMERA + "    transform: {location: {x: [1, 2]}}\n",
+        "config.yaml:4:28: spawn_actors[0].transform.location.x: it is a list; write a number",
+    ),
+    "picture": (
+        HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {image_size_x: '4'}}\n",
+        'config.yaml:3:49: spawn_actors[0].blueprint.attr.image_size_x: "4": input should be greater than or equal to'
+        " 16; write a value that cameras here can have",
+    ),
+    "role": (
+        HEAD + CAMERA + "    attach_to: nobody\n",
+        'config.yaml:4:5: spawn_actors[0].attach_to: no entry has the role_name "nobody": the collector would wait for'
+        " it forever; give an actor this role_name",
+    ),
+    "itself": (
+        HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {role_name: me}}\n    attach_to: me\n",
+        "config.yaml:4:5: spawn_actors[0].attach_to: it is attached to itself; attach it to an actor",
+    ),
+    "attachment": (
+        HEAD
+        + "  - blueprint: {name: vehicle.*, attr: {role_name: car}}\n"
+        + CAMERA
+        + "    attach_to: car\n    attachment: glue\n",
+        'config.yaml:6:5: spawn_actors[1].attachment: "glue" is no attachment; write rigid or spring_arm',
+    ),
+    "fast": (
+        HEAD + "  - blueprint: {name: sensor.camera.rgb, speed: 50}\n    transform: {location: {x: 1}}\n"
+        "    destination_transform: {location: {x: 9}}\n",
+        "config.yaml:3:42: spawn_actors[0].blueprint.speed: 50 metres per frame at 30 frames per second are 1500 m/s;"
+        " write more than 0 and at most 3.33333 metres per frame",
+    ),
+    "tick": (
+        HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {sensor_tick: '0.05'}}\n",
+        "config.yaml:3:49: spawn_actors[0].blueprint.attr.sensor_tick: 0.05 s are 1.5 frames at 30 frames per second;"
+        " write 0.033333 or 0.066667, or 0 for every frame",
+    ),
+    "weather": (
+        HEAD + CAMERA + "weather: {cloudiness: much}\n",
+        'config.yaml:4:11: weather.cloudiness: it is "much"; write a number',
+    ),
+    "environment": (
+        "max_frames: ${oc.env:FRAMES}\nspawn_actors:\n" + CAMERA,
+        'config.yaml:1:1: max_frames: the reference "${oc.env:FRAMES}" cannot be resolved; write the value itself',
+    ),
+    "circle": (
+        "a: ${b}\nb: ${a}\nmax_frames: ${a}\nspawn_actors:\n" + CAMERA,
+        "config.yaml:1:4: a: the reference",
+    ),
+    "duplicate key": (HEAD + CAMERA + "max_frames: 4\n", "config.yaml:4:1: duplicate key"),
+    "tag": (HEAD + CAMERA + "weather: !!python/object:os.system {}\n", "config.yaml:4:10: the tag"),
+    "colour": (
+        HEAD + CAMERA + "  - blueprint: {name: vehicle.*, attr: {color: blue}}\n",
+        'config.yaml:4:41: spawn_actors[1].blueprint.attr.color: "blue" is no colour; write red, green, blue, such as'
+        ' "255,0,0"',
+    ),
+    "class": (
+        "max_frames: 1\nactors:\n  a: {_target_: os.system}\n",
+        'config.yaml:3:7: actors.a._target_: "system" is no class of OSCAR\'s actors; write one of Camera, Sensor',
+    ),
+    "generator": (
+        "max_frames: 1\nactors:\n  c: {_target_: x.Camera, modalities: [rgb]}\n"
+        "  a: {_target_: x.ActorsGenerator, _actor_: x.Walker, count: 9999}\n",
+        "config.yaml:4:55: actors.a.count: 9999 is out of range; write a number from 0 to 250",
+    ),
+    "patch": (
+        "max_frames: 1\nactors:\n  c: {_target_: x.Camera, modalities: [rgb]}\n  p: {_target_: x.Patch, width: 1}\n",
+        "config.yaml:4:3: actors.p: the patch has no height; write its height in metres",
+    ),
+}
+
+
+def refusal(*texts: str) -> str:
+    files = [File(f"config{number or ''}.yaml", text.encode()) for number, text in enumerate(texts)]
+    with pytest.raises(InputError) as caught:
+        imported(files)
+    assert all(problem.help and "; " not in problem.help for problem in caught.value.problems)
+    assert all(problem.place for problem in caught.value.problems)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_broken_configuration_is_refused_with_place_and_remedy(case: str) -> None:
+    text, message = REFUSED[case]
+    assert refusal(text).startswith(message)
+
+
+def test_all_mistakes_are_reported_at_once() -> None:
+    text = HEAD + CAMERA + "  - blueprint: {name: vehicle.none}\n  - blueprint: {}\ncarla: {fps: 0.5, seed: x}\n"
+    places = [line.split(": ")[0] for line in refusal(text).splitlines()]
+    assert places == ["config.yaml:5:5", "config.yaml:6:9", "config.yaml:6:19"]
+
+
+def test_two_broken_files_are_both_reported() -> None:
+    text = refusal("max_frames: -1\nspawn_actors:\n" + CAMERA, "max_frames: -2\nspawn_actors:\n" + CAMERA)
+    assert [line.split(":")[0] for line in text.splitlines()] == ["config.yaml", "config1.yaml"]
+
+
+def test_a_problem_shows_its_line() -> None:
+    with pytest.raises(InputError) as caught:
+        imported([File("config.yaml", b"max_frames: 0\nspawn_actors: []\n")])
+    assert caught.value.problems[0].source == "max_frames: 0"
+
+
+HOSTILE = {
+    "a large file": HEAD + CAMERA + "# " + "x" * (1 << 20),
+    "many values": HEAD + CAMERA + f"a: [{'1, ' * 60_000}1]\n",
+    "deep": HEAD + CAMERA + "a: " + "[" * 100 + "]" * 100 + "\n",
+    "aliases": "a: &a [1, 2, 3, 4, 5, 6, 7, 8, 9]\n"
+    + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdef", "bcdefg", strict=True))
+    + HEAD
+    + CAMERA,
+    "references": "a: [1, 2, 3, 4, 5, 6, 7, 8, 9]\n"
+    + "".join(f"{b}: [{', '.join(['${' + a + '}'] * 9)}]\n" for a, b in zip("abcdef", "bcdefg", strict=True))
+    + HEAD
+    + CAMERA,
+    "actors": HEAD + CAMERA + "  - blueprint: {name: 'walker.*'}\n" * 400,
+    "sensors": HEAD + CAMERA * 300,
+    "not text": "\xff\xfe\x00",
+}
+
+
+@pytest.mark.parametrize("case", HOSTILE)
+def test_hostile_input_is_refused_soon(case: str) -> None:
+    started = time.process_time()
+    content = HOSTILE[case].encode("latin-1")
+    with pytest.raises(InputError) as caught:
+        imported([File("config.yaml", content)])
+    assert caught.value.problems[0].place
+    assert time.process_time() - started < 10.0
+
+
+def test_too_many_files_are_refused() -> None:
+    with pytest.raises(InputError, match="import at most 200 at once"):
+        imported([File("config.yaml", b"")] * 201)
+
+
+def test_text_that_a_terminal_would_obey_is_escaped() -> None:
+    text = HEAD + CAMERA + '"key\\u001b[31m": "\\u001b[2J"\noutput_dir: "\\u202e"\n'
+    (one,) = imported([File("config.yaml", text.encode())])
+    assert all(line.isprintable() for line in [*one.report.lines(), *one.text.splitlines()])

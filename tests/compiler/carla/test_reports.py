@@ -1,0 +1,67 @@
+"""Every key of a configuration is in the report of its import, with file and line: nothing is dropped in silence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.compiler.carla.importing import CONFIGS, TOGETHER, compiled, import_files, leaves
+
+# Every key of reference page 1.1: the collector's.
+KEYS = {
+    "carla": "host port timeout sync.fps sync.timeout seed traffic_manager_port respawn townmap retry",
+    "weather": "cloudiness precipitation precipitation_deposits wind_intensity sun_azimuth_angle sun_altitude_angle"
+    " fog_density fog_distance wetness",
+    "": "output_dir max_frames attach_to attachment sensors[0]",
+    "blueprint": "name attr speed",
+    "transform": "location.x location.y location.z rotation.roll rotation.pitch rotation.yaw",
+    "destination_transform": "location.x location.y location.z",
+    "sensor_motion": "jitter_magnitude.x jitter_magnitude.y jitter_magnitude.z",
+}
+
+
+@pytest.mark.parametrize("name", TOGETHER)
+def test_every_leaf_of_the_input_is_in_the_report(name: str) -> None:
+    for one in import_files(*TOGETHER[name]):
+        found = [(row.place.file, row.place.line, row.key) for row in one.report.rows]
+        wanted = [leaf for path in TOGETHER[name] for leaf in leaves(path)]
+        assert len(set(found)) == len(found)
+        # An alias is a place of its own in the input, and its content is reported where it was written.
+        assert {(file, key) for file, _, key in wanted} <= {(file, key) for file, _, key in found}
+        if name != "aliases":
+            assert set(wanted) <= set(found)
+
+
+@pytest.mark.parametrize("name", TOGETHER)
+def test_every_row_says_where_to_or_why(name: str) -> None:
+    for one in import_files(*TOGETHER[name]):
+        for row in one.report.rows:
+            assert row.outcome.value in ("kept", "mapped", "ignored")
+            assert row.to or row.why, row
+            assert row.outcome.value != "mapped" or (row.why and (row.to or row.written)), row
+            assert row.outcome.value != "ignored" or not row.to, row
+        assert sum(one.report.counts().values()) == len(one.report.rows)
+
+
+@pytest.mark.parametrize("name", TOGETHER)
+def test_the_recipe_compiles_and_its_values_are_where_the_report_says(name: str, tmp_path: Path) -> None:
+    for one in import_files(*TOGETHER[name]):
+        assert compiled(one, tmp_path).plan.recipe == one.name
+        assert one.text.isascii() or one.text.replace("\n", "").isprintable()
+        assert max(map(len, one.text.splitlines())) <= 120
+
+
+def test_the_configurations_use_every_key_of_the_collector() -> None:
+    keys = "\n".join(key for path in CONFIGS.glob("*.yaml") for _, _, key in leaves(path))
+    assert len(list(CONFIGS.glob("*.yaml"))) >= 10
+    wanted = [f"{group}.{key}".lstrip(".") for group, names in KEYS.items() for key in names.split()]
+    assert not [key for key in wanted if key not in keys]
+
+
+def test_an_import_is_repeatable() -> None:
+    for files in TOGETHER.values():
+        first, second = import_files(*files), import_files(*files)
+        assert [(one.text, list(one.report.lines())) for one in first] == [
+            (one.text, list(one.report.lines())) for one in second
+        ]

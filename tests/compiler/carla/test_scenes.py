@@ -1,0 +1,170 @@
+"""What entries of a configuration become: carriers, rigs, blueprints, names, places, traffic and weathers."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from recipe_compiler.carla.catalogue import blueprints as catalogue
+from recipe_compiler.carla.catalogue import towns
+from recipe_compiler.carla.placement import Point, Site
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import ScenarioPlan
+from recipe_compiler.library import blueprints
+from recipe_compiler.library.towns import NAMES
+
+from tests.compiler.carla.importing import CONFIGS, OSCAR, PAPER, compiled, import_files, import_text
+
+HEAD = "max_frames: 4\ncarla: {seed: 3, townmap: Town15}\nspawn_actors:\n"
+
+
+def plan_of(text: str, folder: Path) -> ScenarioPlan:
+    (plan,) = compiled(import_text(text), folder).plan.variants
+    return plan
+
+
+def test_the_papers_weathers_are_the_variants(tmp_path: Path) -> None:
+    (one,) = import_files(*PAPER)
+    plans = {plan.variant: plan for plan in compiled(one, tmp_path).plan.variants}
+    assert list(plans) == ["weather=config", "weather=rainy", "weather=foggy"]
+    first, rainy, foggy = plans.values()
+    assert first.scene.digest == rainy.scene.digest == foggy.scene.digest
+    assert (rainy.appearance.weather.precipitation, rainy.appearance.sun.altitude) == (60, 15)
+    assert (foggy.appearance.weather.fog_density, foggy.appearance.weather.cloudiness) == (100, 0)
+    assert first.rig.sensors[0].capture == ("rgb", "depth", "instance")
+
+
+def test_the_papers_walkers_pass_each_other_before_the_camera(tmp_path: Path) -> None:
+    (one,) = import_files(*PAPER)
+    plan = compiled(one, tmp_path).plan.variants[0]
+    camera, (one_walker, other) = plan.rig.sensors[0].poses[0], plan.scene.actors
+    assert (one_walker.start.x - camera.x, one_walker.start.y - camera.y) == (4, -10)
+    assert (other.start.x - camera.x, other.start.y - camera.y) == (4, 10)
+    assert (one_walker.route[-1].x, one_walker.route[-1].y) == (other.start.x, other.start.y)
+    assert (one_walker.start.yaw, other.start.yaw, camera.yaw) == (90, -90, 0)
+    assert (one_walker.speed, other.speed) == (1.4, 2.0)
+
+
+@pytest.mark.parametrize("attachment", ["rigid", "spring_arm", "SpringArmGhost"])
+def test_a_sensor_on_a_vehicle_is_carried(attachment: str, tmp_path: Path) -> None:
+    text = HEAD + "  - blueprint: {name: 'vehicle.*', attr: {role_name: car}}\n"
+    text += "  - blueprint: {name: sensor.camera.rgb}\n    attach_to: car\n"
+    text += f"    attachment: {attachment}\n    transform: {{location: {{x: -5, z: 3}}}}\n"
+    plan = plan_of(text, tmp_path)
+    assert plan.rig.sensors[0].on == "car"
+    assert (plan.rig.sensors[0].arm is None) == (attachment == "rigid")
+
+
+def test_a_slow_sensor_takes_fewer_pictures(tmp_path: Path) -> None:
+    text = HEAD + "  - blueprint: {name: sensor.camera.rgb, attr: {sensor_tick: '0.1'}}\n"
+    assert plan_of(text, tmp_path).rig.sensors[0].interval == 3
+    assert plan_of(text.replace("0.1", "0.001"), tmp_path).rig.sensors[0].interval == 1
+
+
+def test_a_sensor_in_a_sensor_that_moves_is_of_its_rig(tmp_path: Path) -> None:
+    text = HEAD + "  - blueprint: {name: sensor.camera.rgb}\n    transform: {location: {x: 1, z: 2}}\n"
+    text += "    sensor_motion: {jitter_magnitude: {x: 0.1}}\n    sensors:\n"
+    text += "      - blueprint: {name: sensor.camera.depth}\n"
+    (sensor,) = plan_of(text, tmp_path).rig.sensors
+    assert sensor.capture == ("rgb", "depth")
+    with pytest.raises(InputError, match="to which it is attached, moves"):
+        import_text(text + "        transform: {location: {x: 1}}\n")
+
+
+def test_a_vehicles_paint_is_its_colour(tmp_path: Path) -> None:
+    (one,) = import_files(CONFIGS / "every_key.yaml")
+    (plan,) = compiled(one, tmp_path).plan.variants
+    assert plan.appearance.looks.root["ego"]["paint"] == "#ff0000"
+
+
+def test_oscars_scene_has_patch_crowd_and_warmup(tmp_path: Path) -> None:
+    (one,) = import_files(*OSCAR)
+    (plan,) = compiled(one, tmp_path).plan.variants
+    kinds = [actor.category for actor in plan.scene.actors]
+    assert (kinds.count("vehicle"), kinds.count("pedestrian")) == (12, 6)
+    assert (plan.scene.clock.fps, plan.scene.clock.frames, plan.scene.clock.warmup) == (10, 1, 2.0)
+    (board,) = plan.scene.props
+    camera = plan.rig.sensors[0].poses[0]
+    # The middle of the patch: OSCAR's (-47.5, 20.5), with the camera at (-50, -15), left-handed.
+    middle = (board.pose.x, board.pose.y - 47.25 / 2)
+    assert (middle[0] - camera.x, middle[1] - camera.y) == pytest.approx((2.5, -35.5))
+    assert (board.pose.pitch, camera.pitch, camera.yaw) == (-90, 50, -82)
+
+
+def test_oscars_sensor_follows_the_road(tmp_path: Path) -> None:
+    (one,) = import_files(CONFIGS / "oscar_actors.yaml")
+    (plan,) = compiled(one, tmp_path).plan.variants
+    poses = plan.rig.sensors[1].poses
+    steps = [((a.x - b.x) ** 2 + (a.y - b.y) ** 2) ** 0.5 for a, b in pairwise(poses)]
+    assert steps == pytest.approx([1.0] * 9)
+    assert {pose.z for pose in poses} == {3.0}
+    hero = plan.scene.actors[0]
+    assert 85 < hero.start.yaw < 95 and hero.speed == 1.2
+    assert plan.scene.actors[1].speed == 0
+
+
+@pytest.mark.parametrize("town", NAMES)
+def test_a_configuration_fits_into_every_town(town: str, tmp_path: Path) -> None:
+    (one,) = import_files(CONFIGS / "every_key.yaml", town=town)
+    assert compiled(one, tmp_path).plan.variants[0].scene.town.name == town
+
+
+def test_names_differ_in_more_than_case(tmp_path: Path) -> None:
+    (one,) = import_files(CONFIGS / "tracking.yaml")
+    assert [actor.name for actor in compiled(one, tmp_path).plan.variants[0].scene.actors] == [
+        "child_one",
+        "Child_One_2",
+    ]
+
+
+def test_carlas_blueprints_become_those_of_the_library() -> None:
+    for name in catalogue._LIKE:
+        kind = name.split(".")[0]
+        found = catalogue.most_like(name, kind, 0, "actor")
+        assert found is not None and blueprints.match(found[0]), name
+    assert catalogue.most_like("walker.pedestrian.0009", "walker", 0, "a") != ("walker.pedestrian.0009", "")
+    chosen = {catalogue.most_like("vehicle.audi.*", "vehicle", seed, "a") for seed in range(40)}
+    assert len(chosen) == 3  # a2, etron, tt
+    again = {catalogue.most_like("vehicle.audi.*", "vehicle", 5, "a") for _ in range(3)}
+    assert len(again) == 1
+    assert catalogue.most_like("vehicle.none", "vehicle", 0, "a") is None
+
+
+def test_children_stay_children() -> None:
+    for number in (9, 10, 14, 48, 49):
+        found = catalogue.most_like(f"walker.pedestrian.{number:04d}", "walker", 0, "a")
+        assert found is not None
+        (person,) = blueprints.match(found[0])
+        assert person.attributes["generation"] == "child"
+
+
+def test_every_town_of_carla_has_one_here() -> None:
+    assert {towns.most_like(name)[0] for name in ("Town01", "Town03_Opt", "/Game/Carla/Maps/Town04", "Town15")} == set(  # type: ignore[index]
+        NAMES
+    )
+    assert towns.most_like("Atlantis") is None
+
+
+def test_actors_start_where_they_can_stand() -> None:
+    site = Site("downtown")
+    points = [Point("walker", 100.0 * n, 3.0, goal=(100.0 * n, 30.0)) for n in range(2)]
+    x, y = site.shift([*points, Point("sensor", 4.0, 10.0, 1.6)])
+    first = points[0]
+    assert site.town.obstacles.at(first.x + x, first.y + y, 0.3) is None
+    assert site.free(first.x + x, first.y + y, vehicle=False) == (first.x + x, first.y + y)
+    solid = next(e for e in site.town.plan.elements if e.kind == "building")
+    inside = (solid.pose.x, solid.pose.y)
+    assert site.town.obstacles.at(*site.free(*inside, vehicle=False)) is None
+
+
+def test_all_positions_are_moved_by_one_vector(tmp_path: Path) -> None:
+    (one,) = import_files(CONFIGS / "crowded.yaml")
+    (plan,) = compiled(one, tmp_path).plan.variants
+    walkers = [actor.start for actor in plan.scene.actors if actor.category == "pedestrian"]
+    first = walkers[0]
+    given = [(0, 0), (10, 0), (20, 0), (30, 0), (40, -5)]
+    moved = {default.to for default in one.report.defaults if default.to.endswith(".start")}
+    for number, (walker, place) in enumerate(zip(walkers, given, strict=True), 1):
+        if f"base.actors.walker{number}.start" not in moved:
+            assert (walker.x - first.x, walker.y - first.y) == pytest.approx(place)

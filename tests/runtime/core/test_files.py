@@ -1,0 +1,79 @@
+"""Files within a folder are opened through no link, and read only if they are regular and not larger than allowed."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from recipe_runtime.core.files import open_inside, read_inside
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    folder = tmp_path / "root"
+    (folder / "a" / "b").mkdir(parents=True)
+    (folder / "a" / "b" / "file").write_bytes(b"body")
+    (tmp_path / "secret").write_bytes(b"secret")
+    return folder
+
+
+def test_a_regular_file_is_read(root: Path) -> None:
+    assert read_inside(root, "a/b/file", 4) == b"body"
+    with pytest.raises(ValueError, match="has 4 bytes, and at most 3 are read"):
+        read_inside(root, "a/b/file", 3)
+
+
+def test_nothing_else_is_opened(root: Path) -> None:
+    os.mkfifo(root / "pipe")
+    (root / "link").symlink_to(root / "a")
+    (root / "a" / "out").symlink_to("../../secret")
+    for path in ("pipe", "a"):
+        with pytest.raises(ValueError, match="is not a regular file"):
+            open_inside(root, path)
+    for path in ("link/b/file", "a/out", "a/none", "a/b/file/x"):
+        with pytest.raises(OSError):
+            open_inside(root, path)
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    with open_inside(root, "a/b/file"), pytest.raises(OSError):
+        open_inside(root, "link/b/file")
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+@contextmanager
+def swapped(path: Path) -> Iterator[None]:
+    """Another thread replaces a file by a pipe, by a link to a device, and by itself, again and again."""
+    real, other, ended = path.with_name("real"), path.with_name("other"), threading.Event()
+    path.rename(real)
+
+    def swap() -> None:
+        while not ended.is_set():
+            os.mkfifo(other)
+            other.replace(path)
+            other.symlink_to("/dev/zero")
+            other.replace(path)
+            os.link(real, other)
+            other.replace(path)
+
+    thread = threading.Thread(target=swap)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+def test_a_file_that_is_replaced_meanwhile_neither_blocks_nor_fills_the_memory(root: Path) -> None:
+    read = 0
+    with swapped(root / "a" / "b" / "file"):
+        for _ in range(3000):
+            try:
+                assert read_inside(root, "a/b/file", 100) == b"body"
+                read += 1
+            except (OSError, ValueError):
+                pass
+    assert read

@@ -1,0 +1,151 @@
+"""Exports in the layouts of MOTSChallenge and KITTI: complete, deterministic, and read back by other code."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pycocotools.mask
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from recipe_compiler.ir.errors import InputError
+from recipe_compiler.ir.plan import Pose
+from recipe_runtime.annotate.calibration import calibration
+from recipe_runtime.annotate.objects import box3d
+from recipe_runtime.build.pipeline import build
+from recipe_runtime.core.transforms import compose, from_pose, invert
+from recipe_runtime.dataset import reader
+from recipe_runtime.dataset.reader import Dataset
+from recipe_runtime.transfer.layouts import Layout, export_layout
+
+from tests.runtime.fakes import ENGINES, dataset_plan, sensor_plan, tree
+
+pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")  # pycocotools' decode
+
+
+def quiet(*_: object) -> None:
+    """Report no progress."""
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    folder = tmp_path_factory.mktemp("layouts")
+    return reader.read(build(dataset_plan(), folder / "tiny", workers=0, cache=folder / "cache", engines=ENGINES).path)
+
+
+@pytest.mark.parametrize("form", ["mots", "kitti"])
+def test_exports_are_equal_and_kept(built: Dataset, tmp_path: Path, form: Layout) -> None:
+    index = export_layout(built, tmp_path / "a", form, quiet)
+    assert export_layout(built, tmp_path / "b", form, quiet) == index
+    files = tree(tmp_path / "a")
+    assert tree(tmp_path / "b") == files
+    assert files.keys() == {"index.json", *index["files"]}
+    assert json.loads(files["index.json"]) == index
+    assert export_layout(built, tmp_path / "a", form, quiet) == index
+    assert not (tmp_path / ".a.export").exists()
+
+
+def test_what_is_there_is_not_replaced_unasked(built: Dataset, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="inside"):
+        export_layout(built, built.root / "exports" / "mots", "mots", quiet)
+    out = tmp_path / "out"
+    out.mkdir()  # an empty folder may be filled
+    export_layout(built, out, "mots", quiet)
+    with pytest.raises(InputError, match="is another export"):
+        export_layout(built, out, "kitti", quiet)
+    assert "sequences.csv" in export_layout(built, out, "kitti", quiet, replace=True)["files"]
+    (out / "training" / "mine.txt").write_text("a note")
+    with pytest.raises(InputError, match="holds files that are not of an export"):
+        export_layout(built, out, "mots", quiet, replace=True)
+    assert (out / "training" / "mine.txt").read_text() == "a note"
+
+
+def test_damaged_files_are_not_exported(tmp_path: Path) -> None:
+    made = build(dataset_plan(), tmp_path / "tiny", workers=0, cache=tmp_path / "cache", engines=ENGINES).path
+    picture = made / "weather=w0,jitter=still" / "street" / "rgb" / "000003.png"
+    body = picture.read_bytes()
+    picture.unlink()
+    picture.write_bytes(body[:-1] + b"?")
+    with pytest.raises(InputError, match=r"000003.png differs from its SHA-256"):
+        export_layout(reader.read(made), tmp_path / "out", "kitti", quiet)
+    assert not (tmp_path / "out").exists() and not (tmp_path / ".out.export").exists()
+
+
+def test_the_export_is_the_datasets_own_mots(built: Dataset, tmp_path: Path) -> None:
+    export_layout(built, tmp_path / "out", "mots", quiet)
+    for path in (built.root / "mots" / "MOTS-train").rglob("gt.txt"):
+        inside = path.relative_to(built.root / "mots")
+        assert (tmp_path / "out" / inside).read_bytes() == path.read_bytes()
+        pictures = (tmp_path / "out" / inside).parents[1] / "img1"
+        assert len(list(pictures.iterdir())) == 12
+    assert (tmp_path / "out/seqmaps/MOTS-train.txt").read_bytes() == (
+        built.root / "mots/seqmaps/MOTS-train.txt"
+    ).read_bytes()
+
+
+def test_kitti_masks_are_the_instance_pictures(built: Dataset, tmp_path: Path) -> None:
+    export_layout(built, tmp_path / "out", "kitti", quiet)
+    rows = [line.split(",") for line in (tmp_path / "out/sequences.csv").read_text().splitlines()[1:]]
+    assert [row[0] for row in rows] == [f"{n:04d}" for n in range(8)]
+    painted = np.zeros((12, 48, 64), np.int64)
+    for line in (tmp_path / "out/mots/label_02/0000.txt").read_text().splitlines():
+        frame, identity, _, height, width, counts = line.split(" ")
+        code = {"size": [int(height), int(width)], "counts": counts.encode()}
+        painted[int(frame)] += pycocotools.mask.decode(code).astype(np.int64) * int(identity)
+    folder = built.root / "mots/instances/weather=w0_jitter=still+street"
+    assert np.array_equal(painted, np.stack([np.asarray(Image.open(p)) for p in sorted(folder.iterdir())]))
+    seqmap = (tmp_path / "out/training/evaluate_tracking.seqmap.training").read_text().splitlines()
+    assert seqmap[0] == "0000 empty 000000 000012"
+
+
+def kitti_corners(fields: list[str]) -> NDArray[np.float64]:
+    """The corners of a label's 3-D box in the camera frame, as KITTI's development kit computes them [8, 3]."""
+    h, w, l, x, y, z, turn = map(float, fields[10:17])  # noqa: E741  KITTI's names
+    along = np.array([l, l, -l, -l, l, l, -l, -l]) / 2
+    down = np.array([0, 0, 0, 0, -h, -h, -h, -h])
+    aside = np.array([w, -w, -w, w, w, -w, -w, w]) / 2
+    rotation = np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]])
+    corners: NDArray[np.float64] = (rotation @ np.stack([along, down, aside])).T + np.array([x, y, z])
+    return corners
+
+
+@pytest.mark.parametrize(("camera_yaw", "actor_yaw"), [(0, 0), (30, 0), (0, 70), (-100, -60), (170, 10)])
+def test_kitti_boxes_are_the_boxes(camera_yaw: float, actor_yaw: float) -> None:
+    """A level camera's KITTI label has the corners of the box in the world, projected by `calib` and by K."""
+    from recipe_runtime.annotate import kitti
+
+    sensor = from_pose(Pose(x=3, y=-2, z=1.6, yaw=camera_yaw))
+    ahead = compose(sensor, from_pose(Pose(x=9, y=1.5, z=-1.6)))
+    actor = from_pose(Pose(x=ahead[0, 3], y=ahead[1, 3], yaw=actor_yaw))
+    extent = np.array([-2.2, -0.9, 0.0]), np.array([2.3, 0.9, 1.5])
+    world, seen = box3d(actor, extent), box3d(compose(invert(sensor), actor), extent)
+    record: Any = {
+        "instance": 14003,
+        "truncation": 0.0,
+        "visible_fraction": 0.8,
+        "amodal_bbox": [3, 4, 10, 20],
+        "box3d": seen,
+    }
+    camera = calibration(sensor_plan().camera, sensor)
+    (line,) = kitti.label_lines([{"frame": 7, "time": 0.7, "calibration": camera, "objects": [record]}])
+    fields = line.split()
+    assert fields[:5] == ["7", "14003", "Car", "0", "1"]
+    assert fields[6:10] == ["3.00", "4.00", "12.00", "23.00"]
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (0, 2)]) / 2
+    local = signs * world["size"] - [0, 0, world["size"][2] / 2]
+    c, s = math.cos(math.radians(world["yaw"])), math.sin(math.radians(world["yaw"]))
+    corners = local @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + world["centre"]
+    pose = np.array(camera["world_to_camera"])
+    expected = corners @ pose[:3, :3].T + pose[:3, 3]
+    found = kitti_corners(fields)
+    assert np.allclose(sorted(found.round(3).tolist()), sorted(expected.round(3).tolist()), atol=2e-3)
+    rows = dict(
+        row.split(":", 1) if ":" in row else row.split(" ", 1) for row in kitti.calibration_text(camera).splitlines()
+    )
+    p2 = np.array(rows["P2"].split(), float).reshape(3, 4)
+    pixels = (p2 @ np.append(expected[0], 1)) / expected[0, 2]
+    assert np.allclose(pixels[:2] + 0.5, (np.array(camera["K"]) @ expected[0] / expected[0, 2])[:2])
