@@ -5,6 +5,8 @@ Computed on the host with exact arithmetic, once for each response.
 
 from __future__ import annotations
 
+from functools import cache, lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from recipe_compiler.ir import exact
@@ -58,6 +60,7 @@ def lens_circle(response: CameraResponse) -> NDArray[np.float32]:
     return np.array([max(0.0, 1.0 - response.lens_circle_multiplier * s) for s in shade], np.float32)
 
 
+@lru_cache(maxsize=16)
 def tone_table(levels: int, gamma: float) -> NDArray[np.uint8]:
     """Return the 8-bit level of each linear level: the sRGB curve, its result raised to 2.2 / gamma."""
     top = levels - 1
@@ -67,6 +70,7 @@ def tone_table(levels: int, gamma: float) -> NDArray[np.uint8]:
     return np.array([int(255.0 * v + 0.5) for v in encoded], np.uint8)
 
 
+@cache
 def deviates() -> NDArray[np.float32]:
     """Return equally likely quantiles of the standard normal distribution, in rising order, [DEVIATES]."""
     values = [normal_quantile((i + 0.5) / DEVIATES) for i in range(DEVIATES)]
