@@ -137,6 +137,15 @@ def test_listings_are_sorted() -> None:
             assert above is not None, f"{path}:{node.lineno}: {node.func.attr} without sorted()"
 
 
+def test_argsort_is_stable() -> None:
+    """NumPy's default sorts equal keys by the CPU's instruction set, in an order of its own."""
+    for path, tree in _everything():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "argsort":
+                kinds = [ast.unparse(keyword.value) for keyword in node.keywords if keyword.arg == "kind"]
+                assert kinds == ["'stable'"], f"{path}:{node.lineno}: argsort without kind='stable'"
+
+
 def _orders(node: ast.AST) -> bool:
     return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in {"sorted", "any", "sum"}
 

@@ -246,3 +246,20 @@ def test_a_forged_plan_is_refused(recipe: Path, change: dict[str, Any], words: s
     forged = first.model_copy(update={"appearance": first.appearance.model_copy(update={"patches": patches})})
     with pytest.raises(InputError, match=re.escape(words)):
         check_bounds(plan.model_copy(update={"variants": (forged,)}))
+
+
+def test_the_mask_is_the_geometric_one_without_what_stands_before_it(recipe: Path) -> None:
+    """By depth: a pixel shows the patch where the picture is as deep as its plane."""
+    with recipe_runtime.open(recipe, variant="weather=clear") as scene:
+        sensor = scene.plan.rig.sensors[0]
+        patch, truth = scene.plan.appearance.patches[0], scene.patches(1, "street")
+        view = np.array(truth["calibration"]["world_to_camera"])[:3]
+        back = projection.inverse(projection.homography(patch.faces[0], sensor.camera, view))
+        rows, columns = np.mgrid[0:120, 0:160] + 0.5
+        plane = 1.0 / (back[2, 0] * columns + back[2, 1] * rows + back[2, 2])
+        covered = projection.covered_pixels(patch.faces[0], sensor.camera, view)
+        free = np.abs(scene.render(1, "street", "depth") - plane) < 0.02
+        record = truth["patches"][0]
+        mask = pycocotools.mask.decode({"size": [120, 160], "counts": str(record["counts"]).encode()}).astype(bool)
+        assert (covered & ~free).sum() > 4, "something stands before it"
+        assert (mask != (covered & free)).sum() <= 0.01 * mask.sum()

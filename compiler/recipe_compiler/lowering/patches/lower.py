@@ -94,12 +94,12 @@ def _surface(name: str, on: Carrier, base: Value, scene: ScenePlan, problems: li
     key, given = next((key, value) for key in ("town", "actor", "prop") if (value := getattr(on, key)) is not None)
     place = base.place_of("patches", name, "on", key)
     known = dict(_carriers(key, scene))
-    body = known.get(given)
-    there = list(body) if body is not None else []
+    there = list(known[given]) if given in known else []
     if not there:
+        names = [name for name, body in known.items() if next(body, None) is not None]
         what = {"town": "an element of the town with a surface", "actor": "an actor", "prop": "a prop"}[key]
         message = f"patches.{name}.on.{key}: {show(given)} is not {what}"
-        problems.append(Problem(message, place, nearest(given, known), Code.UNKNOWN_NAME))
+        problems.append(Problem(message, place, nearest(given, names), Code.UNKNOWN_NAME))
         return None
     if on.surface is None:
         return there[0]
