@@ -182,9 +182,9 @@ def tracking_videos() -> Table:
         speeds.append(actor.speed)
         hidden.append(1 - min(f for f in fractions if f is not None))
         if number + 1 in (1, 5, 10):
-            row = {"videos": str(number + 1), "children": str(len(set(people)))}
+            row = {"videos": str(number + 1), "people": str(len(set(people)))}
             row["speeds, m/s"] = f"{min(speeds):.2f} to {max(speeds):.2f}"
-            row["picture that a child covers"] = _percent(float(np.any(seen, axis=0).mean()))
+            row["picture that they cover"] = _percent(float(np.any(seen, axis=0).mean()))
             rows.append({**row, "patch hidden, at most": _percent(max(hidden))})
     sheets.save(cells, 5, SHEETS / "tracking_videos.jpg", (240, 180))
     return rows
