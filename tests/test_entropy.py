@@ -24,6 +24,9 @@ ALLOWED_IMPORTS = {
     ("recipe_compiler/checks/references.py", "datetime"): "whether a recipe's date is one; never the clock",
 }
 ALLOWED_ADDRESSES = {
+    "recipe_compiler/carla/actors.py": "the key of an entry of the configuration that was named, and is held",
+    "recipe_compiler/carla/scene.py": "the key of an entry of the configuration that was named, and is held",
+    "recipe_compiler/carla/sensors.py": "the key of an entry of the configuration that was grouped, and is held",
     "recipe_compiler/checks/check.py": "the key of a section that was checked before, and is held",
     "recipe_compiler/checks/findings.py": "the key of a problem that was found before, and is held",
     "recipe_compiler/lowering/workload.py": "the key of sections whose cost was estimated before, and are held",

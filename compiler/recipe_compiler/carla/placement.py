@@ -99,7 +99,7 @@ class Site:
         if anchor.kind == "vehicle":
             spots = tuple(spot for spot in spots if _between(spot.yaw, anchor.yaw) < _TURN) or spots
         mx, my = self._middle
-        near = sorted(spots, key=lambda spot: ((spot.x - mx) ** 2 + (spot.y - my) ** 2, spot.x, spot.y))
+        near = sorted(spots, key=lambda spot: (_squared(spot.x - mx, spot.y - my), spot.x, spot.y))
         for spot in near[:_MOST_SPOTS]:
             s, c = exact.sin_cos_deg(spot.yaw)
             for across in _ASIDE if anchor.kind != "vehicle" else (0.0,):
@@ -170,6 +170,10 @@ def _fits(spot: Pose, x: float, y: float, yaw: float) -> bool:
         return False
     s, c = exact.sin_cos_deg(spot.yaw)
     return abs(c * dy - s * dx) < _LANE
+
+
+def _squared(x: float, y: float) -> float:
+    return x * x + y * y
 
 
 def _between(a: float, b: float) -> float:

@@ -185,7 +185,9 @@ def route_metres(actors: Iterable[ActorPlan]) -> float:
     for actor in actors:
         if actor.category == "vehicle":
             points = [(actor.start.x, actor.start.y), *((point.x, point.y) for point in actor.route)]
-            total += sum(math.dist(a, b) for a, b in pairwise(points))
+            total += sum(
+                math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay)) for (ax, ay), (bx, by) in pairwise(points)
+            )
     return total
 
 
@@ -206,7 +208,8 @@ def starts_fault(actors: Iterable[ActorPlan]) -> str | None:
         for other_x, other_y, other_reach in bodies[n + 1 :]:
             if other_x - x >= reach + _MAX_REACH:
                 break
-            pairs += math.dist((x, y), (other_x, other_y)) < reach + other_reach
+            dx, dy, near = other_x - x, other_y - y, reach + other_reach
+            pairs += dx * dx + dy * dy < near * near
     if pairs <= MAX_TOUCHING:
         return None
     return f"{pairs:,} pairs of actors start on top of each other, and at most {MAX_TOUCHING:,} may"

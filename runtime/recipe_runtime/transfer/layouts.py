@@ -207,7 +207,7 @@ def _check_replaceable(out: Path, known: LayoutIndex | None, *, replace: bool) -
 
 def _entries(out: Path) -> set[str]:
     """Return the paths of everything in a folder but plain folders."""
-    return {p.relative_to(out).as_posix() for p in out.rglob("*") if not is_folder(p)}
+    return {p.relative_to(out).as_posix() for p in sorted(out.rglob("*")) if not is_folder(p)}
 
 
 def _index_of(out: Path) -> LayoutIndex | None:
