@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from recipe_runtime.annotate.calibration import Calibration
+from recipe_runtime.annotate.records import LabelRecord
+
 from benchmarks.paper.__main__ import markdown
 from benchmarks.paper.defences import Mask, Picture, RunningGaussian, flagged, removal, thresholds
 from benchmarks.paper.studies import share_in_boxes
-from recipe_runtime.annotate.calibration import Calibration
-from recipe_runtime.annotate.records import LabelRecord
 
 SIZE, SIDE = 24, 5  # pixels: of a frame, and of the person
 

@@ -127,15 +127,17 @@ def insertion() -> Table:
         with opened("insertion", f"light={light},insertion=rendered") as truth:
             for mode in ("green", "digital", "color_transfer", "rendered"):
                 with opened("insertion", f"light={light},insertion={mode}") as clip:
-                    on, off = [], 0
+                    on, bias, off = [], [], 0
                     for frame in frames:
-                        apart = np.abs(picture(clip, frame).astype(np.int64) - picture(truth, frame))
+                        apart = picture(clip, frame).astype(np.int64) - picture(truth, frame)
                         mask = patch_mask(truth, frame, "patch")
-                        on.append(apart[mask].mean())
-                        off += int((apart[~mask] > 0).any(axis=1).sum())
+                        on.append(np.abs(apart[mask]).mean())
+                        bias.append(apart[mask].mean())
+                        off += int(apart[~mask].any(axis=1).sum())
                     labels = labels_equal(truth, clip, frames)
                     cells.append((f"{mode}, {light}", _crop(picture(clip, shown), patch_mask(truth, shown, "patch"))))
-                row = {"light": light, "mode": mode, "error on the patch, levels": f"{np.mean(on):.1f}"}
+                row = {"light": light, "mode": mode, "mean error, levels": f"{np.mean(on):.1f}"}
+                row["too bright by"] = f"{np.mean(bias):.1f}"
                 rows.append({**row, "other pixels that differ": str(off // len(frames)), "labels": labels})
     sheets.save(cells, 4, SHEETS / "insertion.jpg", (300, 240))
     return rows
