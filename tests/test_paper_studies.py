@@ -21,7 +21,9 @@ def video(shake: int) -> tuple[list[Picture], list[Mask], list[Mask]]:
     wall[8:20, 8:20] = noise.integers(0, 255, (12, 12, 3))
     on_wall = np.zeros(wall.shape[:2], np.bool_)
     on_wall[8:20, 8:20] = True
-    pictures, patches, targets = [], [], []
+    pictures: list[Picture] = []
+    patches: list[Mask] = []
+    targets: list[Mask] = []
     for frame in range(30):
         top, left = 4 + noise.integers(-shake, shake + 1, 2)
         target = np.zeros((SIZE, SIZE), np.bool_)

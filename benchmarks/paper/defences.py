@@ -26,7 +26,7 @@ class RunningGaussian:
     def __init__(self, rate: float = 0.05, deviations: float = 4.0) -> None:
         self._rate, self._deviations = rate, deviations
         self._mean: NDArray[np.float64] | None = None
-        self._variance = np.zeros(0)
+        self._variance: NDArray[np.float64] = np.zeros((0, 0, 0))
 
     def __call__(self, picture: Picture) -> Mask:
         """Return the foreground of a frame, and update the model with it."""
@@ -34,7 +34,7 @@ class RunningGaussian:
         if self._mean is None:
             self._mean, self._variance = levels, np.full(levels.shape, 15.0)
         off = levels - self._mean
-        foreground: Mask = (off * off > self._deviations**2 * self._variance).any(axis=2)
+        foreground: Mask = np.asarray((off * off > self._deviations**2 * self._variance).any(axis=2), np.bool_)
         self._mean = self._mean + self._rate * off
         self._variance = np.maximum(self._variance + self._rate * (off * off - self._variance), 4.0)
         return foreground
@@ -48,10 +48,10 @@ def opencv_subtractors() -> dict[str, Subtractor]:
         return {}
     made = {"OpenCV MOG2": cv2.createBackgroundSubtractorMOG2(), "OpenCV KNN": cv2.createBackgroundSubtractorKNN()}
 
-    def foreground_of(model: Callable[[Picture], NDArray[np.uint8]]) -> Subtractor:
-        return lambda picture: model(picture) == 255  # 127 is shadow
+    def foreground_of(model: cv2.BackgroundSubtractor) -> Subtractor:
+        return lambda picture: np.asarray(model.apply(picture) == 255, np.bool_)  # 127 is shadow
 
-    return {name: foreground_of(model.apply) for name, model in made.items()}
+    return {name: foreground_of(model) for name, model in made.items()}
 
 
 @dataclass(frozen=True)

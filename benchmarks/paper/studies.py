@@ -115,7 +115,12 @@ def aligned() -> Table:
             labels = labels_equal(clip, foggy, clip.frames())
     sheets.save(cells, 3, SHEETS / "aligned.jpg", (400, 300))
     return [
-        {"instances": name, "pixels of actors": str(total), "in the 3-D box": _percent(inside / total), "fog": fog}
+        {
+            "instances": name,
+            "pixels of actors": str(total),
+            "in the 3-D box": _percent(float(inside / total)),
+            "fog": fog,
+        }
         for name, (inside, total), fog in (("of the same frame", together, labels), ("one frame late", late, "-"))
     ]
 
@@ -143,6 +148,11 @@ def insertion() -> Table:
     return rows
 
 
+def subtractors() -> dict[str, defences.Subtractor]:
+    """Return new background models by name: OpenCV's if it is installed, and a Gaussian per pixel."""
+    return {**defences.opencv_subtractors(), "Gaussian": defences.RunningGaussian()}
+
+
 def background_ablation() -> Table:
     """Figure 6: background subtraction as a defence, with a static and with a shaking camera."""
     cells, rows, shown = [], [], 25
@@ -152,15 +162,11 @@ def background_ablation() -> Table:
             pictures = [picture(clip, frame) for frame in frames]
             patches = [patch_mask(clip, frame, "patch") for frame in frames]
             targets = [np.asarray(clip.render(frame, None, "instance")) > 0 for frame in frames]
-        models: dict[str, defences.Subtractor] = {
-            **defences.opencv_subtractors(),
-            "Gaussian": defences.RunningGaussian(),
-        }
-        for name, model in models.items():
+        for name, model in subtractors().items():
             lost = defences.removal(pictures, patches, targets, model, _WARMUP)
             row = {"camera": camera, "subtractor": name, "patch removed": _percent(lost.patch)}
             rows.append({**row, "child removed": _percent(lost.target)})
-        model = next(iter({**defences.opencv_subtractors(), "Gaussian": defences.RunningGaussian()}.values()))
+        model = next(iter(subtractors().values()))
         kept = [model(seen) for seen in pictures]
         cells += [(f"{camera}, frame {n}", pictures[n]) for n in (shown, shown + 8)]
         cells += [(f"what is left of frame {n}", sheets.keep(pictures[n], kept[n])) for n in (shown, shown + 8)]
