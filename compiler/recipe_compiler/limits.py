@@ -41,6 +41,7 @@ _ROUTE_METRE = 0.0000011  # per metre of the vehicles' routes
 _LABEL, _LABEL_ACTOR = 0.0035, 0.0004  # per frame; per actor and frame
 _OBSERVE, _OBSERVE_MOVING = 0.05, 0.005  # moving camera: per megasample; per frame
 _OBSERVE_STILL = 0.005  # static camera: per megasample
+_ARM_BOX, _ARM_FRAME = 0.0000011, 0.0000019  # per box that shortens an arm, per earlier frame that counts; per frame
 _SHADE = (0.010, 0.37)  # moving camera: per frame, per megasample
 _SHADE_STILL = (0.007, 0.055)  # static camera: per frame, per megasample
 _WHOLE_FRAMES = 2  # first frames of a static camera, which cost as much as those of a moving one
@@ -67,6 +68,7 @@ _PER_ACTOR = (1.8e-4, 6000)  # per actor of each distinct scene
 _PER_POINT = (1.2e-5, 1100)  # per point of these actors' routes
 _PER_POSE = (1e-4, 1600)  # per pose of each distinct rig
 _PER_SENSOR = (7e-5, 6000)  # per sensor of each distinct rig
+_PER_BOX = (1.3e-5, 600)  # per building or wall that shortens an arm of each distinct rig
 _PER_VARIANT = (4e-4, 12_000)
 _PER_CHANGE = (5e-5, 3600)  # per variant and delta merged into its base
 
@@ -83,6 +85,8 @@ class Clip:
     still: bool = True  # neither in motion nor mounted on an actor
     finished: bool = False  # with motion blur or bloom
     interval: int = 1  # frames of the clip from one of its own to the next
+    boxes: int = 0  # buildings and walls that shorten its arm
+    history: int = 0  # earlier frames that its arm reads at each frame
 
 
 @dataclass(frozen=True)
@@ -268,7 +272,8 @@ def _observing(load: Load, view: Clip, depth: str) -> float:
     whole, least = view.frames, _OBSERVE_STILL * view.samples / 1e6
     if view.still:
         whole = min(view.frames, _WHOLE_FRAMES)
-    moved = _OBSERVE_MOVING + _OBSERVE * view.samples / 1e6
+    moved = _OBSERVE_MOVING + _OBSERVE * view.samples / 1e6 + view.boxes * _ARM_BOX
+    moved += min(view.history, view.frames * view.interval // 2) * _ARM_FRAME
     return view.frames * frame + whole * moved + (view.frames - whole) * least
 
 
@@ -339,6 +344,7 @@ def _compiling(loads: Sequence[Load], scenes: Sequence[Load]) -> tuple[float, fl
         (_PER_POINT, sum(load.points for load in scenes)),
         (_PER_POSE, sum(view.poses for views in rigs.values() for view in views)),
         (_PER_SENSOR, sum(len(views) for views in rigs.values())),
+        (_PER_BOX, sum(view.boxes for views in rigs.values() for view in views)),
         (_PER_VARIANT, len(loads)),
         (_PER_CHANGE, sum(load.changes for load in loads)),
     )

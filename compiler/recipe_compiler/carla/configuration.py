@@ -9,15 +9,18 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
+from itertools import islice
 
 from recipe_compiler.carla.report import Ledger, Node, Path, key_of, number_text
 from recipe_compiler.ir.errors import Code, Problem
-from recipe_compiler.source.yaml_reader import MAX_NODES, Value, show
+from recipe_compiler.source.yaml_reader import MAX_DEPTH, Value, show
 
 _REFERENCE = re.compile(r"\$\{([A-Za-z_][\w-]*(?:\.[\w-]+|\[\d+\])*)\}\Z")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\Z")
 _TRUTHS = {"true": True, "1": True, "false": False, "0": False}
+_INDEX = re.compile(r"[0-9]{1,9}\Z")
 _MOST_STEPS = 16  # references that follow each other
+_MOST_VALUES = 10_000  # that replace references
 
 
 class Reader:
@@ -112,6 +115,7 @@ class References:
     """The references of a configuration that were replaced."""
 
     targets: dict[Path, Path] = field(default_factory=dict)  # path of a reference -> path of the value it names
+    users: dict[Path, Path] = field(default_factory=dict)  # path of a value -> path of the first reference to it
     problems: list[Problem] = field(default_factory=list)
     values: int = 0  # that replaced references
 
@@ -136,18 +140,24 @@ def _resolved(value: Value, root: Value, path: Path, found: References, depth: i
     if isinstance(value.data, tuple):
         items = (_resolved(each, root, (*path, index), found, depth) for index, each in enumerate(value.data))
         return Value(tuple(items), value.place)
-    match = _REFERENCE.match(value.data) if isinstance(value.data, str) else None
+    match = _REFERENCE.match(value.data) if isinstance(value.data, str) and not found.problems else None
     if match is None:
         return value
-    target: Path = tuple(int(s) if s.isdigit() else s for s in re.findall(r"[\w-]+", match[1]))
+    target = _target(match[1])
     there = root.get(*target)
     if there is None:
         return value
-    found.values += sum(1 for _ in Node(there, (), there.place).leaves())
-    if depth >= _MOST_STEPS or found.values > MAX_NODES:
+    found.values += sum(1 for _ in islice(Node(there, (), there.place).leaves(), _MOST_VALUES))
+    if depth >= _MOST_STEPS or len(path) > MAX_DEPTH or found.values > _MOST_VALUES:
         message = f"{key_of(path)}: the reference {show(value.data)} leads in a circle, or to too many values"
-        if not found.problems:
-            found.problems.append(Problem(message, value.place, "write the value itself", Code.INPUT_LIMIT))
+        found.problems.append(Problem(message, value.place, "write the value itself", Code.INPUT_LIMIT))
         return value
     found.targets.setdefault(path, target)
+    found.users.setdefault(target, path)
     return _resolved(there, root, path, found, depth + 1)
+
+
+def _target(text: str) -> Path:
+    """The path that a reference names: keys, and indices in brackets or as keys."""
+    steps = re.findall(r"[\w-]+", text)
+    return tuple(int(step) if _INDEX.match(step) else step for step in steps)

@@ -22,7 +22,9 @@ from recipe_compiler.source.merge import Merger
 from recipe_compiler.source.yaml_reader import Value
 
 MAX_FILES = 200
+MAX_REPORTED = 100_000  # values in the reports of all configurations together
 _ACTORS = ("spawn_actors", "actors")
+_CONTEXT = {"_target_", "client_params", "simulation_params", "sync_params", "weather_params"}
 _WEATHER_PATHS: tuple[tuple[str, ...], ...] = (("weather",), ("context", "weather_params"), ("weather_params",), ())
 
 
@@ -82,6 +84,7 @@ def imported(files: Sequence[File], *, town: str | None = None) -> tuple[Importe
     problems: list[Problem] = []
     lines: dict[str, list[str]] = {}
     sorted_files = _sort(_read(files, problems, lines), problems)
+    problems += _excess(sorted_files)
     made: list[Imported] = []
     for source in sorted_files.configurations if not problems else ():
         one = _Import(source, sorted_files, [each.name for each in made], problems)
@@ -95,6 +98,22 @@ def imported(files: Sequence[File], *, town: str | None = None) -> tuple[Importe
     return tuple(made)
 
 
+def _excess(files: _Sorted) -> list[Problem]:
+    """The problem if the reports would have too many values: shared files are reported with each configuration."""
+    shared = sum(_values(source) for source in (*files.settings, *(source for source, _ in files.weathers)))
+    total = sum(_values(source) + shared for source in files.configurations)
+    if total <= MAX_REPORTED:
+        return []
+    message = f"the configurations have {total:,} values, those of shared files counted with each of them"
+    remedy = f"import fewer files at once: at most {MAX_REPORTED:,} values"
+    return [Problem(message, files.configurations[0].root.place, remedy, Code.INPUT_LIMIT)]
+
+
+def _values(source: _Source) -> int:
+    """The number of values of a file."""
+    return sum(1 for _ in Node.root(source.root).leaves())
+
+
 def _order(problem: Problem) -> tuple[Place, str]:
     return problem.place or Place("", 0, 0), problem.message
 
@@ -102,7 +121,8 @@ def _order(problem: Problem) -> tuple[Place, str]:
 def _read(files: Sequence[File], problems: list[Problem], lines: dict[str, list[str]]) -> list[_Source]:
     if len(files) > MAX_FILES:
         raise InputError(f"{len(files)} files; import at most {MAX_FILES} at once", code=Code.INPUT_LIMIT)
-    found = []
+    found: list[_Source] = []
+    values = 0
     for file in files:
         shown = yaml_reader.printable(file.path)
         start = Place(shown, 1, 1)
@@ -122,8 +142,26 @@ def _read(files: Sequence[File], problems: list[Problem], lines: dict[str, list[
                 Problem(message, root.place, "is this a configuration of CARLA's collector?", Code.INVALID_VALUE)
             )
         elif root is not None and not wrong:
-            found.append(_Source(file, root))
+            found.append(_Source(file, _of_group(root)))
+            values += _values(found[-1])
+        if values > MAX_REPORTED:
+            message = f"{values:,} values up to here, and {MAX_REPORTED:,} is the limit of all files together"
+            problems.append(Problem(message, start, "import fewer files at once", Code.INPUT_LIMIT))
+            break
     return found
+
+
+def _of_group(root: Value) -> Value:
+    """A file of OSCAR's group `context`, below that key; other files as they are."""
+    if not set(root.map) <= _CONTEXT or not set(root.map) & (_CONTEXT - {"_target_", "weather_params"}):
+        return root
+    return Value({"context": root}, root.place, {"context": root.place})
+
+
+def _has_actors(root: Value) -> bool:
+    """Whether a file is a configuration: one that spawns something, or that is not a map or a list there."""
+    given = [root.map[key].data for key in _ACTORS if key in root.map]
+    return any(data != {} and not (isinstance(data, str) and data.startswith("${oc.dict.values:")) for data in given)
 
 
 def _of_empty(start: Place) -> Problem:
@@ -135,7 +173,7 @@ def _sort(sources: Iterable[_Source], problems: list[Problem]) -> _Sorted:
     found = _Sorted()
     for source in sources:
         path = _weather_path(source.root)
-        if any(key in source.root.map for key in _ACTORS):
+        if _has_actors(source.root):
             found.configurations.append(source)
         elif path is not None:
             found.weathers.append((source, path))
@@ -263,9 +301,9 @@ class _Import:
         if path in references.targets:
             ledger.mapped(leaf, "", f"the value of {key_of(references.targets[path])}", "a reference, resolved")
             return
-        users = [user for user, target in references.targets.items() if path[: len(target)] == target]
-        if users:
-            ledger.mapped(leaf, "", f"used by {key_of(users[0])}", "through a reference")
+        user = next((references.users[path[:n]] for n in range(len(path) + 1) if path[:n] in references.users), None)
+        if user is not None:
+            ledger.mapped(leaf, "", f"used by {key_of(user)}", "through a reference")
         elif leaf.value.data is None:
             ledger.ignored(leaf, "null counts as absent")
         elif leaf.value.data in ((), {}):

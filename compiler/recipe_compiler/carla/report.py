@@ -12,6 +12,8 @@ from recipe_compiler.source.yaml_reader import Value, show
 
 Path: TypeAlias = "tuple[str | int, ...]"
 
+_LONGEST_KEY = 60  # characters of a key in a path
+
 
 class Outcome(str, Enum):
     """What became of a key."""
@@ -106,8 +108,13 @@ def key_of(path: Path) -> str:
     """A path as text: `spawn_actors[0].blueprint`."""
     text = ""
     for step in path:
-        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+        text += f"[{step}]" if isinstance(step, int) else f".{_short(step)}" if text else _short(step)
     return printable(text)
+
+
+def _short(key: str) -> str:
+    """A key, cut to a length at which the paths of all values of a file stay small."""
+    return key if len(key) <= _LONGEST_KEY else f"{key[:_LONGEST_KEY]}..."
 
 
 def written(value: object) -> str:

@@ -13,10 +13,12 @@ from recipe_compiler.carla.placement import XY, Point, Site
 from recipe_compiler.carla.report import Path
 from recipe_compiler.carla.settings import Settings
 from recipe_compiler.ir.errors import Code
+from recipe_compiler.ir.patches import MAX_PATCHES
+from recipe_compiler.ir.plurals import count
 from recipe_compiler.lowering.placement import BASE_NUMBERS
 from recipe_compiler.source.yaml_reader import show
 
-MOST_SENSORS = 200
+MOST_SENSORS, MOST_GENERATORS = 200, 100
 ACTORS = ("walker", "vehicle")
 
 
@@ -59,7 +61,9 @@ class Scene:
         return self.carriers.get(id(spec))
 
     def prepare(self) -> None:
-        """Name the entries, resolve attachments and choose the shift."""
+        """Name the entries, resolve attachments and choose the shift; only problems if there are too many entries."""
+        if self._has_too_many():
+            return
         self._name_actors()
         self._attach()
         self.vector = self.site.shift(self._points())
@@ -132,13 +136,13 @@ class Scene:
     def _name_actors(self) -> None:
         """Name walkers and vehicles by their role names, else by kind and number."""
         taken: list[str] = []
-        count = dict.fromkeys(ACTORS, 0)
+        numbers = dict.fromkeys(ACTORS, 0)
         for spec in self.of_kind(*ACTORS):
-            count[spec.kind] += 1
+            numbers[spec.kind] += 1
             role = spec.attributes.get("role_name")
             text = self.reader.text(role)
-            wanted = text or spec.wanted_name or f"{spec.kind}{count[spec.kind]}"
-            name = name_for(wanted, taken, f"{spec.kind}{count[spec.kind]}")
+            wanted = text or spec.wanted_name or f"{spec.kind}{numbers[spec.kind]}"
+            name = name_for(wanted, taken, f"{spec.kind}{numbers[spec.kind]}")
             taken.append(name)
             self.names[id(spec)] = name
             if role is not None and name == text:
@@ -146,15 +150,23 @@ class Scene:
             elif role is not None:
                 why = "names here are unique: letters, digits, _ and -"
                 self.reader.ledger.mapped(role, f"base.actors.{name}", name, why)
-        most = BASE_NUMBERS[1]
-        if len(taken) > most:
-            node = self.of_kind(*ACTORS)[most].node
-            remedy = f"keep at most {most}, or write an ActorsGenerator for crowds"
-            self.reader.refuse(node, f"{len(taken)} actors", remedy, Code.SIZE_LIMIT)
-        if len(self.of_kind("sensor")) > MOST_SENSORS:
-            node = self.of_kind("sensor")[MOST_SENSORS].node
-            remedy = f"keep at most {MOST_SENSORS}"
-            self.reader.refuse(node, f"{len(self.of_kind('sensor'))} sensors", remedy, Code.SIZE_LIMIT)
+
+    def _has_too_many(self) -> bool:
+        """Report the first entry beyond each limit; return whether there is one."""
+        limits = (
+            (ACTORS, BASE_NUMBERS[1], "actor", "actors", "write an ActorsGenerator for crowds"),
+            (("sensor",), MOST_SENSORS, "sensor", "sensors", "split the configuration"),
+            (("patch",), MAX_PATCHES, "patch", "patches", "split the configuration"),
+            (("generator",), MOST_GENERATORS, "ActorsGenerator", "ActorsGenerators", "give one a larger count"),
+        )
+        over = False
+        for kinds, most, what, plural, otherwise in limits:
+            found = self.of_kind(*kinds)
+            if len(found) > most:
+                message = count(len(found), what, plural)
+                self.reader.refuse(found[most].node, message, f"keep at most {most}, or {otherwise}", Code.INPUT_LIMIT)
+                over = True
+        return over
 
     def _attach(self) -> None:
         """Find what carries each sensor: the entry that contains it, or the one with the role name of `attach_to`."""
@@ -241,7 +253,7 @@ class Scene:
             elif spec.kind == "vehicle":
                 points.append(Point("vehicle", pose.x, pose.y, yaw=pose.yaw))
             elif spec.kind == "sensor" and self.carrier(spec) is None:
-                points.append(Point("sensor", pose.x, pose.y, pose.z))
-                if spec.goal is not None and spec.route is None:
-                    points.append(Point("sensor", spec.goal.pose.x, spec.goal.pose.y, spec.goal.pose.z))
+                moves = spec.goal is not None and spec.route is None
+                goal = (spec.goal.pose.x, spec.goal.pose.y) if spec.goal is not None and moves else None
+                points.append(Point("sensor", pose.x, pose.y, pose.z, goal=goal))
         return points

@@ -10,17 +10,20 @@ from typing import Protocol
 
 from recipe_compiler import limits
 from recipe_compiler.expand import Variant
-from recipe_compiler.ir import optics, plan_bounds
+from recipe_compiler.ir import exact, optics, plan_bounds
 from recipe_compiler.ir.plan import DatasetPlan, ScenarioPlan
+from recipe_compiler.ir.rig.arm import history
 from recipe_compiler.library import towns
 from recipe_compiler.lowering import traffic
 from recipe_compiler.lowering.actors import MAX_ROUTE
 from recipe_compiler.lowering.patches import lower as patch_lowering
+from recipe_compiler.lowering.sensors import arms
 from recipe_compiler.schema.motion import Motion
 from recipe_compiler.schema.recipe import Base
 from recipe_compiler.schema.scene import Actor
 from recipe_compiler.schema.tick import interval_of
 
+_BOXES = 0.45  # share of the elements of a town that shorten arms, at most
 _METRES_A_SECOND, _METRES_A_POINT = 5.0, 25.0  # of generated routes: mean speed, mean distance between waypoints
 
 
@@ -35,6 +38,8 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
     parts = base.clock, base.town, base.actors, base.traffic, base.props
     scene = (*map(id, parts), patch_lowering.board_key(base.patches), variant.seed)
     rig = (id(base.sensors), variant.seed)
+    parameters = base.town.model_extra or {}
+    elements = towns.elements(base.town.name, parameters)
     views = tuple(
         limits.Clip(
             len(range(0, base.clock.frames, interval_of(s.tick, base.clock.fps))),
@@ -45,10 +50,12 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
             s.motion == Motion() and s.mount.on is None,
             _has_image_filters(s.camera),
             interval_of(s.tick, base.clock.fps),
+            round(elements * _BOXES) if arms.is_shortened(s) else 0,
+            arms.earlier_frames(s, base.clock.fps),
         )
         for s in base.sensors.values()
     )
-    clock, parameters = base.clock, base.town.model_extra or {}
+    clock = base.clock
     crowd = sum(traffic.counts(base).values())
     seconds = clock.frames / clock.fps + traffic.warmup(base)
     wandering = crowd + sum(actor.route is None and actor.goal is None for actor in base.actors.values())
@@ -61,7 +68,7 @@ def estimated(variant: Variant, base: Base, changes: int) -> limits.Load:
         actors=len(base.actors) + crowd + base.traffic.parked,
         views=views,
         town=(base.town.name, base.town.seed, json.dumps(parameters, sort_keys=True)),
-        elements=towns.elements(base.town.name, parameters),
+        elements=elements,
         points=round(points) + sum(len(actor.route or ()) for actor in base.actors.values()),
         metres=sum(map(_given_metres, base.actors.values())),
         changes=changes,
@@ -73,7 +80,7 @@ def _given_metres(actor: Actor) -> float:
     points = [p for p in (actor.start, *(actor.route or ()), actor.goal) if p is not None]
     if not actor.blueprint.startswith("vehicle."):
         return 0.0
-    return sum(math.dist((a.x, a.y), (b.x, b.y)) for a, b in pairwise(points))
+    return sum(exact.distance(a.x, a.y, b.x, b.y) for a, b in pairwise(points))
 
 
 class _ImageFilters(Protocol):
@@ -108,6 +115,8 @@ def measured(plan: ScenarioPlan) -> limits.Load:
             len(s.poses) == 1 and s.on is None,
             _has_image_filters(responses[s.name]),
             s.interval,
+            0 if s.arm is None else len(s.arm.obstacles),
+            0 if s.arm is None else history(s.arm.decay),
         )
         for s in plan.rig.sensors
     )

@@ -226,6 +226,10 @@ def forbidden(target: str) -> str:
         return f"{reason}; copy {name} into the recipe's folder and write {name}"
     if len(target) > 200:
         return f"the path has {len(target)} characters, the limit is 200; shorten it"
+    try:
+        target.encode()
+    except UnicodeEncodeError:
+        return "it has a character that no file name can have; rename the file"
     return ""
 
 

@@ -31,6 +31,7 @@ MAX_PICTURES = 1_000_000  # frames times sensors times variants
 MAX_ROWS = 600_000  # digests of frames: one for labels and one per modality
 MAX_FILES = 600_000  # files of a dataset, each of which has a row in the manifest
 MAX_POSES = 300_000  # of all distinct rigs
+MAX_BOXES = 250_000  # that shorten the arms of a rig
 MAX_STEPS = 100_000_000  # physics steps of all scenes
 MAX_METRES = 100_000.0
 MAX_SETTING = 1e6  # of a camera's parameters
@@ -181,6 +182,9 @@ def _rig(rig: RigPlan, variant: ScenarioPlan) -> Iterator[str]:
     actors, frames = {a.name for a in variant.scene.actors}, variant.scene.clock.frames
     if not rig.sensors:
         yield f"{variant.variant} has no sensor"
+    boxes = sum(len(sensor.arm.obstacles) for sensor in rig.sensors if sensor.arm is not None)
+    if boxes > MAX_BOXES:
+        yield f"{variant.variant}: {count(boxes, 'box', 'boxes')} that shorten arms are over {MAX_BOXES:,}"
     for sensor in rig.sensors:
         yield from (f"sensor {sensor.name}: {what}" for what in _sensor(sensor, actors, frames))
         if sensor.name not in variant.appearance.responses:

@@ -23,13 +23,18 @@ Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]
 
 
+def history(decay: float) -> int:
+    """Return the number of earlier frames whose headings count, in a clip without end; 0 if the first one counts."""
+    return math.ceil(_FORGOTTEN / -exact.log(decay)) if 0.0 < decay < 1.0 else 0
+
+
 def first_frame(frame: int, decay: float) -> int:
     """Return the earliest frame whose heading counts at a frame."""
     if decay >= 1.0:
         return 0
     if decay <= 0.0:
         return frame
-    return max(0, frame - math.ceil(_FORGOTTEN / -exact.log(decay)))
+    return max(0, frame - history(decay))
 
 
 def heading(directions: Sequence[Direction], decay: float) -> Direction:

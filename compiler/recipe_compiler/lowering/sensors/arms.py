@@ -5,6 +5,7 @@ from __future__ import annotations
 from recipe_compiler.ir import exact
 from recipe_compiler.ir.ground.obstacles import BUILDINGS, FRONTED
 from recipe_compiler.ir.plan import ArmPlan, Element, TownPlan
+from recipe_compiler.ir.rig import arm as arm_plan
 from recipe_compiler.ir.rig.plan import BoxPlan
 from recipe_compiler.schema.camera import Mount, Sensor
 
@@ -40,23 +41,34 @@ def yaw_of(sensor: Sensor) -> float:
     return exact.atan2_deg(-mount.y, -mount.x) + mount.yaw
 
 
-def arm_of(sensor: Sensor, fps: int, town: TownPlan | None) -> ArmPlan | None:
+def is_shortened(sensor: Sensor) -> bool:
+    """Whether buildings and walls shorten the arm of a sensor."""
+    follow = sensor.motion.follow
+    return follow.collision if follow is not None else sensor.mount.attachment == "spring_arm"
+
+
+def arm_of(sensor: Sensor, fps: int, boxes: tuple[BoxPlan, ...]) -> ArmPlan | None:
     """Return the arm between a sensor and its actor; None if it is rigid, or in the world.
 
     Args:
         sensor: the sensor.
         fps: frames per second.
-        town: the town, if `needs_town`.
+        boxes: what shortens arms, if `is_shortened`.
     """
     follow, attachment = sensor.motion.follow, sensor.mount.attachment
     if follow is not None:
         decay = 1.0 if follow.lag is None else _decay(follow.lag, fps)
-        shortened = follow.collision
     elif attachment != "rigid":
-        decay, shortened = _decay(LAG, fps), attachment == "spring_arm"
+        decay = _decay(LAG, fps)
     else:
         return None
-    return ArmPlan(decay=decay, obstacles=_boxes(town) if shortened and town is not None else ())
+    return ArmPlan(decay=decay, obstacles=boxes if is_shortened(sensor) else ())
+
+
+def earlier_frames(sensor: Sensor, fps: int) -> int:
+    """Return how many earlier frames count for a pose of a sensor: those whose headings its arm smooths."""
+    arm = arm_of(sensor, fps, ())
+    return 0 if arm is None else arm_plan.history(arm.decay)
 
 
 def _decay(lag: float, fps: int) -> float:
@@ -65,7 +77,8 @@ def _decay(lag: float, fps: int) -> float:
     return 0.0 if rate * 100.0 < 1.0 else min(exact.exp(-1.0 / rate), 0.9999)
 
 
-def _boxes(town: TownPlan) -> tuple[BoxPlan, ...]:
+def boxes(town: TownPlan) -> tuple[BoxPlan, ...]:
+    """Return the buildings and walls of a town, which shorten arms."""
     return tuple(_box(element) for element in town.elements if element.kind in _SOLID)
 
 

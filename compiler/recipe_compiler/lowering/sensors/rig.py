@@ -6,6 +6,7 @@ from recipe_compiler.expand import Variant
 from recipe_compiler.ir.errors import Code, Problem
 from recipe_compiler.ir.modalities import MODALITIES
 from recipe_compiler.ir.plan import CameraPlan, RigPlan, SensorPlan
+from recipe_compiler.ir.rig.plan import BoxPlan
 from recipe_compiler.library.towns import Town
 from recipe_compiler.lowering.sensors import arms, poses
 from recipe_compiler.schema.camera import Sensor
@@ -25,9 +26,10 @@ def lower(variant: Variant, base: Base, town: Town) -> tuple[RigPlan | None, lis
         The plan, or None if a sensor cannot be lowered, and the problems.
     """
     sensors, problems = [], []
+    boxes = arms.boxes(town.plan) if any(map(arms.is_shortened, base.sensors.values())) else ()
     for name, sensor in base.sensors.items():
         try:
-            sensors.append(_sensor(name, sensor, variant, base, town))
+            sensors.append(_sensor(name, sensor, variant, base, town, boxes))
         except poses.NoRoadError:
             message = f"sensors.{name}.motion.route: the mount is not on a road that leads on"
             place = variant.base.place_of("sensors", name, "motion", "route")
@@ -35,7 +37,9 @@ def lower(variant: Variant, base: Base, town: Town) -> tuple[RigPlan | None, lis
     return (None if problems else RigPlan(sensors=tuple(sensors))), problems
 
 
-def _sensor(name: str, sensor: Sensor, variant: Variant, base: Base, town: Town) -> SensorPlan:
+def _sensor(
+    name: str, sensor: Sensor, variant: Variant, base: Base, town: Town, boxes: tuple[BoxPlan, ...]
+) -> SensorPlan:
     clock = base.clock
     return SensorPlan(
         name=name,
@@ -43,6 +47,6 @@ def _sensor(name: str, sensor: Sensor, variant: Variant, base: Base, town: Town)
         camera=CameraPlan(**{field: getattr(sensor.camera, field) for field in CameraPlan.model_fields}),
         capture=tuple(m for m in MODALITIES if m in sensor.capture),
         poses=poses.poses(name, sensor, seed=variant.seed, fps=clock.fps, frames=clock.frames, town=town),
-        arm=arms.arm_of(sensor, clock.fps, town.plan),
+        arm=arms.arm_of(sensor, clock.fps, boxes),
         interval=interval_of(sensor.tick, clock.fps),
     )
