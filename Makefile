@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-gpu fuzz bench bench-long bench-estimates presets lock verify golden requirements clean test-ray bench-ray
+.PHONY: help demo test check install install-dev test-quick test-cpus test-reliability test-soak test-s3 test-torch test-trackeval test-gpu fuzz bench bench-long bench-estimates presets paper lock verify golden requirements clean test-ray bench-ray
 
 # The tests start some hundred processes: with compiled modules kept, each starts half a second earlier.
 unexport PYTHONDONTWRITEBYTECODE
@@ -107,6 +107,10 @@ bench-ray: install-dev  ## what Ray costs over local processes, for the same fra
 
 presets: install  ## redraw docs/presets.jpg: all of CARLA's presets, seen by three cameras
 	$(BIN)/python docs/presets.py
+
+paper: install-dev  ## measure the paper's studies and redraw the sheets of docs/paper.md; OpenCV is installed for it
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'opencv-python-headless==5.0.0.93'
+	$(BIN)/python -m benchmarks.paper
 
 verify: install  ## re-render sample frames and compare them with the lockfiles
 	$(BIN)/recipe verify $(LOCKED)

@@ -156,6 +156,14 @@ def test_a_build_writes_the_truth_of_every_frame(built: Path, compiled: Compiled
     assert verify_files(dataset, Options(nonce=1), lambda *_: None).document()["verdict"] == "PASS"
 
 
+def test_a_variant_without_patches_has_none(tmp_path: Path) -> None:
+    """The kernel that numbers patches reads the first of them, and is not launched where there is none."""
+    head, rest = RECIPE.split("  patches:\n")
+    (tmp_path / "plain.yaml").write_text(head + "  sensors:\n" + rest.split("  sensors:\n")[1])
+    with recipe_runtime.open(tmp_path / "plain.yaml", variant="weather=clear") as scene:
+        assert scene.patches(1, "street")["patches"] == []
+
+
 def test_masks_are_where_colours_change(recipe: Path) -> None:
     """Nothing else of the frame changes with a texture: the mask holds it, and what stands before it is left out."""
     with recipe_runtime.open(recipe, variant="weather=clear") as scene:

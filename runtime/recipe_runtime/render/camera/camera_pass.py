@@ -125,6 +125,8 @@ class CameraPass:
 
     def patch_map(self, obs: Observation, appearance: AppearancePlan, frame: int) -> NDArray[np.uint8]:
         """Return 1 + the number of the patch at each pixel's centre, uint8 [H, W]; 0 for none."""
+        if not appearance.patches:
+            return np.zeros((obs.camera.height, obs.camera.width), np.uint8)
         points = self._sampler.points(self.post.undistorted(obs, 1), antialias=False)
         return patch_map(obs, points, self.shading.patches_of(appearance, frame), self._device)
 

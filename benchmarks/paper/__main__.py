@@ -1,0 +1,27 @@
+"""Measure the paper's studies, all or those that are named, and print a table of each; the sheets go to docs/paper/."""
+
+from __future__ import annotations
+
+import sys
+
+from benchmarks.paper.studies import STUDIES, Table
+
+
+def main(names: list[str]) -> None:
+    """Run studies by name; all without names."""
+    unknown = set(names) - STUDIES.keys()
+    if unknown:
+        sys.exit(f"there is no study {sorted(unknown)[0]!r}; there are {', '.join(STUDIES)}")
+    for name in names or STUDIES:
+        print(f"\n{name}\n\n{markdown(STUDIES[name]())}", flush=True)
+
+
+def markdown(table: Table) -> str:
+    """Return a table as Markdown."""
+    head = list(table[0])
+    rows = [head, ["---"] * len(head), *([row[key] for key in head] for row in table)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

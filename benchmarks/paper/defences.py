@@ -1,0 +1,119 @@
+"""Two defences of the paper, as baselines: background subtraction, and masks of pixels with unusual statistics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Picture = NDArray[np.uint8]  # [H, W, 3], sRGB
+Mask = NDArray[np.bool_]  # [H, W]
+Subtractor = Callable[[Picture], Mask]  # called frame by frame; true where the frame shows foreground
+
+_WINDOW = 9  # pixels: side of the square over which differences are averaged
+
+
+class RunningGaussian:
+    """A background model of one Gaussian per pixel and channel, updated frame by frame.
+
+    Args:
+        rate: Weight of a new frame in the model.
+        deviations: Distance from the mean, in standard deviations, from which a pixel is foreground.
+    """
+
+    def __init__(self, rate: float = 0.05, deviations: float = 4.0) -> None:
+        self._rate, self._deviations = rate, deviations
+        self._mean: NDArray[np.float64] | None = None
+        self._variance: NDArray[np.float64] = np.zeros((0, 0, 0))
+
+    def __call__(self, picture: Picture) -> Mask:
+        """Return the foreground of a frame, and update the model with it."""
+        levels = picture.astype(np.float64)
+        if self._mean is None:
+            self._mean, self._variance = levels, np.full(levels.shape, 15.0)
+        off = levels - self._mean
+        foreground: Mask = np.asarray((off * off > self._deviations**2 * self._variance).any(axis=2), np.bool_)
+        self._mean = self._mean + self._rate * off
+        self._variance = np.maximum(self._variance + self._rate * (off * off - self._variance), 4.0)
+        return foreground
+
+
+def opencv_subtractors() -> dict[str, Subtractor]:
+    """Return OpenCV's background subtractors with their own defaults; none if OpenCV is not installed."""
+    try:
+        import cv2
+    except ImportError:
+        return {}
+    made = {"OpenCV MOG2": cv2.createBackgroundSubtractorMOG2(), "OpenCV KNN": cv2.createBackgroundSubtractorKNN()}
+
+    def foreground_of(model: cv2.BackgroundSubtractor) -> Subtractor:
+        return lambda picture: np.asarray(model.apply(picture) == 255, np.bool_)  # 127 is shadow
+
+    return {name: foreground_of(model) for name, model in made.items()}
+
+
+@dataclass(frozen=True)
+class Removal:
+    """What a background subtractor removes from a video: shares of pixels, 0 to 1."""
+
+    patch: float  # of the patch: the defence works if it is 1
+    target: float  # of the person who walks before it: 0 would be best
+
+
+def removal(
+    pictures: Sequence[Picture], patches: Sequence[Mask], targets: Sequence[Mask], subtractor: Subtractor, warmup: int
+) -> Removal:
+    """Run a background subtractor over a video and count what it takes for background.
+
+    Args:
+        pictures: The frames, in order.
+        patches: The pixels of each frame that show the patch.
+        targets: The pixels of each frame that show the person.
+        subtractor: A new background model.
+        warmup: Number of frames that it sees before pixels are counted.
+    """
+    lost, whole = np.zeros(2), np.zeros(2)
+    for number, picture in enumerate(pictures):
+        background = ~subtractor(picture)
+        if number >= warmup:
+            shown = patches[number], targets[number]
+            lost += [int((background & mask).sum()) for mask in shown]
+            whole += [int(mask.sum()) for mask in shown]
+    patch, target = lost / np.maximum(whole, 1)
+    return Removal(float(patch), float(target))
+
+
+def statistics(picture: Picture) -> dict[str, NDArray[np.float64]]:
+    """Return three statistics of each pixel, [H, W] each, which are high on unnatural patches.
+
+    - colour: distance of its chromaticity from the picture's median;
+    - frequency: mean difference of neighbouring pixels around it, in levels;
+    - saturation: difference of its largest and its smallest channel, in levels.
+    """
+    levels = picture.astype(np.float64)
+    chromaticity = levels[..., :2] / np.maximum(levels.sum(axis=2, keepdims=True), 1)
+    colour = np.abs(chromaticity - np.median(chromaticity, axis=(0, 1))).sum(axis=2)
+    grey = levels.mean(axis=2)
+    steps = np.abs(np.diff(grey, axis=0, append=grey[-1:])) + np.abs(np.diff(grey, axis=1, append=grey[:, -1:]))
+    return {"colour": colour, "frequency": _mean_around(steps), "saturation": levels.max(axis=2) - levels.min(axis=2)}
+
+
+def thresholds(clean: Sequence[Picture], quantile: float) -> dict[str, float]:
+    """Return for each statistic the value that the given share of the pixels of clean pictures stays below."""
+    found = [statistics(picture) for picture in clean]
+    return {name: float(np.quantile([row[name] for row in found], quantile)) for name in found[0]}
+
+
+def flagged(picture: Picture, limits: Mapping[str, float]) -> dict[str, Mask]:
+    """Return for each statistic the pixels that exceed its limit."""
+    return {name: values > limits[name] for name, values in statistics(picture).items()}
+
+
+def _mean_around(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The mean of the square window around each pixel; edges are repeated."""
+    padded = np.pad(values, _WINDOW // 2, mode="edge")
+    for axis in (0, 1):
+        padded = np.lib.stride_tricks.sliding_window_view(padded, _WINDOW, axis=axis).mean(axis=-1)
+    return padded

@@ -1,0 +1,270 @@
+"""The studies: each renders a few frames of a recipe, draws a sheet, and returns a table of what it measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pycocotools.mask
+import recipe_runtime
+from numpy.typing import NDArray
+from recipe_compiler.compile import compile_recipe
+from recipe_runtime.annotate.calibration import Calibration
+from recipe_runtime.annotate.records import LabelRecord
+from recipe_runtime.scenario import Scenario
+
+from benchmarks.paper import defences, sheets
+from benchmarks.paper.defences import Mask, Picture
+
+ROOT = Path(__file__).parents[2]
+RECIPES, SHEETS = ROOT / "recipes" / "paper", ROOT / "docs" / "paper"
+Table = list[dict[str, str]]
+
+_WARMUP = 20  # frames that a background model sees first: two seconds
+_QUANTILE = 0.99  # of the pixels of clean pictures pass as natural
+_MARGIN = 0.02  # metres by which a point may lie outside its actor's box: the depth of a pixel's centre is rounded
+
+
+def opened(recipe: str, variant: str) -> Scenario:
+    """Open a variant of a recipe of this folder."""
+    return recipe_runtime.open(RECIPES / f"{recipe}.yaml", variant=variant)
+
+
+def picture(scenario: Scenario, frame: int) -> Picture:
+    """Return the picture of a frame."""
+    return np.asarray(scenario.render(frame), np.uint8)
+
+
+def patch_mask(scenario: Scenario, frame: int, name: str) -> Mask:
+    """Return the pixels of a frame whose centres show a patch; none if the variant has no such patch."""
+    camera = scenario.plan.rig.sensors[0].camera
+    for record in scenario.patches(frame)["patches"]:
+        if record["name"] == name and record["counts"] is not None:
+            packed = {"size": [camera.height, camera.width], "counts": record["counts"].encode()}
+            return np.asarray(pycocotools.mask.decode(packed), np.bool_)
+    return np.zeros((camera.height, camera.width), np.bool_)
+
+
+def labels_equal(one: Scenario, other: Scenario, frames: Sequence[int]) -> str:
+    """Return whether depth and instances of two variants are equal in the given frames."""
+    pairs = ((one.render(f, None, m), other.render(f, None, m)) for f in frames for m in ("depth", "instance"))
+    return "equal" if all(np.array_equal(a, b) for a, b in pairs) else "different"
+
+
+def weather_change() -> Table:
+    """Figure 9: one scene in three weathers."""
+    frames, cells, rows = (20, 100, 176), [], []
+    with opened("two_pedestrians", "weather=sunny") as first:
+        for name in ("sunny", "rainy", "foggy"):
+            with opened("two_pedestrians", f"weather={name}") as clip:
+                pictures = [picture(clip, frame) for frame in frames]
+                labels = labels_equal(first, clip, frames)
+            cells.append((name, pictures[-1]))
+            level, contrast = np.mean(pictures), np.mean([p.mean(axis=2).std() for p in pictures])
+            rows.append(
+                {"weather": name, "mean level": f"{level:.1f}", "contrast": f"{contrast:.1f}", "labels": labels}
+            )
+    sheets.save(cells, 3, SHEETS / "weather_change.jpg", (400, 300))
+    return rows
+
+
+def share_in_boxes(
+    metres: NDArray[np.float32], instances: NDArray[np.uint16], labels: Sequence[LabelRecord], view: Calibration
+) -> tuple[int, int]:
+    """Count the pixels of actors, and those of them whose depth puts them into the 3-D box of their actor.
+
+    Args:
+        metres: Depth along the optical axis, float32 [H, W].
+        instances: Instance of each pixel, uint16 [H, W].
+        labels: The records of the frame, with boxes in the sensor's frame.
+        view: Its calibration.
+    """
+    inverse, inside, total = np.linalg.inv(np.array(view["K"])), 0, 0
+    for label in labels:
+        y, x = np.nonzero(instances == label["instance"])
+        rays = inverse @ np.stack([x + 0.5, y + 0.5, np.ones(len(x))])
+        points = rays * metres[y, x]  # x right, y down, z forward
+        box = label["tight3d"]
+        sensor = np.stack([points[2], -points[0], -points[1]]) - np.array(box["centre"])[:, None]
+        local = _rotation(box["rotation"]).T @ sensor
+        inside += int((np.abs(local) <= np.array(box["size"])[:, None] / 2 + _MARGIN).all(axis=0).sum())
+        total += len(x)
+    return inside, total
+
+
+def aligned() -> Table:
+    """Figure 3: RGB, depth and instances of a camera that turns and shakes, beside labels that are one frame late."""
+    together, late = np.zeros(2, np.int64), np.zeros(2, np.int64)
+    with opened("aligned", "weather=sunny") as clip:
+        before = None
+        for frame in clip.frames():
+            metres = np.asarray(clip.render(frame, None, "depth"), np.float32)
+            instances = np.asarray(clip.render(frame, None, "instance"), np.uint16)
+            records, view = clip.labels(frame), clip.calibration(frame)
+            together += share_in_boxes(metres, instances, records, view)
+            if before is not None:
+                late += share_in_boxes(metres, before, records, view)
+            before = instances
+        shown = 10
+        depth = np.asarray(clip.render(shown, None, "depth"), np.float32)
+        objects = np.asarray(clip.render(shown, None, "instance"), np.uint16)
+        cells = [("depth", sheets.colour_depth(depth)), ("RGB", picture(clip, shown))]
+        cells.append(("instances", sheets.colour_instances(objects)))
+        with opened("aligned", "weather=foggy") as foggy:
+            labels = labels_equal(clip, foggy, clip.frames())
+    sheets.save(cells, 3, SHEETS / "aligned.jpg", (400, 300))
+    return [
+        {
+            "instances": name,
+            "pixels of actors": str(total),
+            "in the 3-D box": _percent(float(inside / total)),
+            "fog": fog,
+        }
+        for name, (inside, total), fog in (("of the same frame", together, labels), ("one frame late", late, "-"))
+    ]
+
+
+def insertion() -> Table:
+    """Figure 1: four ways to insert a patch, in the sun and in the shade; the rendered patch is the truth."""
+    frames, shown, cells, rows = (2, 4, 6), 4, [], []
+    for light in ("sun", "shade"):
+        with opened("insertion", f"light={light},insertion=rendered") as truth:
+            for mode in ("green", "digital", "color_transfer", "rendered"):
+                with opened("insertion", f"light={light},insertion={mode}") as clip:
+                    on, bias, off = [], [], 0
+                    for frame in frames:
+                        apart = picture(clip, frame).astype(np.int64) - picture(truth, frame)
+                        mask = patch_mask(truth, frame, "patch")
+                        on.append(np.abs(apart[mask]).mean())
+                        bias.append(apart[mask].mean())
+                        off += int(apart[~mask].any(axis=1).sum())
+                    labels = labels_equal(truth, clip, frames)
+                    cells.append((f"{mode}, {light}", _crop(picture(clip, shown), patch_mask(truth, shown, "patch"))))
+                row = {"light": light, "mode": mode, "mean error, levels": f"{np.mean(on):.1f}"}
+                row["too bright by"] = f"{np.mean(bias):.1f}"
+                rows.append({**row, "other pixels that differ": str(off // len(frames)), "labels": labels})
+    sheets.save(cells, 4, SHEETS / "insertion.jpg", (300, 240))
+    return rows
+
+
+def subtractors() -> dict[str, defences.Subtractor]:
+    """Return new background models by name: OpenCV's if it is installed, and a Gaussian per pixel."""
+    return {**defences.opencv_subtractors(), "Gaussian": defences.RunningGaussian()}
+
+
+def background_ablation() -> Table:
+    """Figure 6: background subtraction as a defence, with a static and with a shaking camera."""
+    cells, rows, shown = [], [], 25
+    for camera in ("static", "shaking"):
+        with opened("background_ablation", f"camera={camera}") as clip:
+            frames = clip.frames()
+            pictures = [picture(clip, frame) for frame in frames]
+            patches = [patch_mask(clip, frame, "patch") for frame in frames]
+            targets = [np.asarray(clip.render(frame, None, "instance")) > 0 for frame in frames]
+        for name, model in subtractors().items():
+            lost = defences.removal(pictures, patches, targets, model, _WARMUP)
+            row = {"camera": camera, "subtractor": name, "patch removed": _percent(lost.patch)}
+            rows.append({**row, "child removed": _percent(lost.target)})
+        model = next(iter(subtractors().values()))
+        kept = [model(seen) for seen in pictures]
+        cells += [(f"{camera}, frame {n}", pictures[n]) for n in (shown, shown + 8)]
+        cells += [(f"what is left of frame {n}", sheets.keep(pictures[n], kept[n])) for n in (shown, shown + 8)]
+    sheets.save(cells, 4, SHEETS / "background_ablation.jpg", (300, 225))
+    return rows
+
+
+def tracking_videos() -> Table:
+    """Figure 5: one, five and ten videos of a person who walks up to the patch."""
+    variants = compile_recipe(RECIPES / "tracking_videos.yaml").plan.variants
+    cells, rows, seen, people, speeds, hidden = [], [], [], [], [], []
+    for number, plan in enumerate(variants):
+        actor = plan.scene.actors[0]
+        with opened("tracking_videos", plan.variant) as clip:
+            frames = clip.frames()[::3]
+            targets = [np.asarray(clip.render(frame, None, "instance")) > 0 for frame in frames]
+            fractions = [clip.patches(frame)["patches"][0]["visible_fraction"] for frame in frames]
+            cells.append((plan.variant, picture(clip, 18)))
+        seen.append(np.any(targets, axis=0))
+        people.append(actor.blueprint)
+        speeds.append(actor.speed)
+        hidden.append(1 - min(f for f in fractions if f is not None))
+        if number + 1 in (1, 5, 10):
+            row = {"videos": str(number + 1), "people": str(len(set(people)))}
+            row["speeds, m/s"] = f"{min(speeds):.2f} to {max(speeds):.2f}"
+            row["picture that they cover"] = _percent(float(np.any(seen, axis=0).mean()))
+            rows.append({**row, "patch hidden, at most": _percent(max(hidden))})
+    sheets.save(cells, 5, SHEETS / "tracking_videos.jpg", (240, 180))
+    return rows
+
+
+def resolution() -> Table:
+    """Figure 7: a defence whose thresholds come from low resolution, at low and at high resolution."""
+    frames, shown, cells, rows = (0, 4, 7), 4, [], []
+    with opened("resolution", "patch=without,resolution=low") as clean:
+        limits = defences.thresholds([picture(clean, frame) for frame in frames], _QUANTILE)
+    for size in ("low", "high"):
+        with opened("resolution", f"patch=with,resolution={size}") as clip:
+            found = {frame: defences.flagged(picture(clip, frame), limits) for frame in frames}
+            masks = {frame: patch_mask(clip, frame, "patch") for frame in frames}
+            cells.append((f"{size} resolution", picture(clip, shown)))
+        for name in limits:
+            hits = sum(int((found[f][name] & masks[f]).sum()) for f in frames)
+            every = sum(int(found[f][name].sum()) for f in frames)
+            row = {
+                "resolution": size,
+                "statistic": name,
+                "patch found": _percent(hits / sum(m.sum() for m in masks.values())),
+            }
+            rows.append({**row, "of what is found, patch": _percent(hits / max(every, 1))})
+            cells.append(
+                (f"{name}, {size}", sheets.keep(np.full((*masks[shown].shape, 3), 255, np.uint8), found[shown][name]))
+            )
+    sheets.save(cells, 4, SHEETS / "resolution.jpg", (300, 225))
+    return rows
+
+
+def painted_car() -> Table:
+    """Figure 8: a car that is painted whole through its texture map."""
+    frame, cells, rows = 9, [], []
+    for weather in ("clear", "rainy"):
+        with opened("painted_car", f"weather={weather},paint=own") as own:
+            for paint in ("own", "green", "orange"):
+                with opened("painted_car", f"weather={weather},paint={paint}") as clip:
+                    body = np.asarray(clip.render(frame, None, "instance")) > 0
+                    mask = patch_mask(clip, frame, "paint")
+                    changed = (picture(clip, frame) != picture(own, frame)).any(axis=2)
+                    cells.append((f"{paint}, {weather}", picture(clip, frame)))
+                    labels = labels_equal(own, clip, [frame])
+                row = {"weather": weather, "paint": paint, "car painted": _percent(float(mask.sum() / body.sum()))}
+                row["pixels changed on the car"] = str(int((changed & body).sum()))
+                rows.append({**row, "elsewhere": str(int((changed & ~body).sum())), "labels": labels})
+    sheets.save(cells, 3, SHEETS / "painted_car.jpg", (400, 300))
+    return rows
+
+
+STUDIES = {
+    study.__name__: study
+    for study in (weather_change, aligned, insertion, background_ablation, tracking_videos, resolution, painted_car)
+}
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
+
+
+def _rotation(quaternion: Sequence[float]) -> NDArray[np.float64]:
+    """The matrix [3, 3] of a unit quaternion w, x, y, z."""
+    w, *axis = quaternion
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
+
+
+def _crop(pixels: Picture, mask: Mask) -> Picture:
+    """The part of a picture around a mask, of the shape 5 : 4."""
+    y, x = np.nonzero(mask)
+    half = int(0.75 * max(y.max() - y.min(), x.max() - x.min()))
+    row, column = int(y.mean()), int(x.mean())
+    top, left = max(row - half, 0), max(column - half * 5 // 4, 0)
+    return pixels[top : row + half, left : column + half * 5 // 4]
