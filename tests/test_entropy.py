@@ -24,11 +24,15 @@ ALLOWED_IMPORTS = {
     ("recipe_compiler/checks/references.py", "datetime"): "whether a recipe's date is one; never the clock",
 }
 ALLOWED_ADDRESSES = {
+    "recipe_compiler/carla/actors.py": "the key of an entry of the configuration that was named, and is held",
+    "recipe_compiler/carla/scene.py": "the key of an entry of the configuration that was named, and is held",
+    "recipe_compiler/carla/sensors.py": "the key of an entry of the configuration that was grouped, and is held",
     "recipe_compiler/checks/check.py": "the key of a section that was checked before, and is held",
     "recipe_compiler/checks/findings.py": "the key of a problem that was found before, and is held",
     "recipe_compiler/lowering/workload.py": "the key of sections whose cost was estimated before, and are held",
     "recipe_compiler/source/merge.py": "the key of values that were merged before, and are held",
     "recipe_compiler/lowering/lower.py": "the key of a scene or rig that was lowered before, and is held",
+    "recipe_runtime/annotate/actor_boxes.py": "the key of a body's shape, and is held",
     "recipe_runtime/meshes/smoothing.py": "the key of a surface that was numbered before, and is held",
 }
 LIBM = {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log2", "log10", "pow", "cbrt", "sinh",

@@ -12,17 +12,17 @@ from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
-from recipe_compiler.ir.patches import STATIC, PatchPlan
+from recipe_compiler.ir.patches import PatchPlan
 from recipe_compiler.ir.plan import AppearancePlan, CameraPlan, ScenePlan, SensorPlan
 from recipe_compiler.ir.plan_types import fixed
 
 from recipe_runtime.annotate.calibration import Calibration, calibration
 from recipe_runtime.annotate.masks import Mask, masks
-from recipe_runtime.attacks import projection
 from recipe_runtime.core.interfaces import Observed
 from recipe_runtime.core.trace import Trace
-from recipe_runtime.core.transforms import Array, compose, part_transforms, sensor_transform
+from recipe_runtime.core.transforms import Array, sensor_transform
 from recipe_runtime.frames.source import SceneSource
+from recipe_runtime.insertion import projection
 
 Corners = list[list[float]]
 
@@ -68,7 +68,6 @@ class PatchAnnotator:
     def __init__(self, scene: ScenePlan, trace: Trace) -> None:
         self._trace = trace
         self._instances = {actor.name: actor.tag * 1000 + actor.instance for actor in scene.actors}
-        self._parts = {name: number for number, name in enumerate(trace.parts)}
 
     def truth(
         self,
@@ -98,7 +97,7 @@ class PatchAnnotator:
             if patch.whole:
                 corners, matrix, amodal = _box_corners(mask), None, self._amodal(patch, seen, mask)
             else:
-                there = self._view_of(patch, view, frame)
+                there = projection.view_from_part(patch, self._trace, frame, view)
                 homography = projection.homography(patch.faces[0], camera, there)
                 corners, matrix = _corners(homography, camera), _rows(homography)
                 amodal = int(projection.covered_pixels(patch.faces[0], camera, there).sum())
@@ -110,13 +109,6 @@ class PatchAnnotator:
             "calibration": calibration(camera, world_from_sensor),
             "patches": records,
         }
-
-    def _view_of(self, patch: PatchPlan, view: Array, frame: int) -> Array:
-        """The transform [3, 4] of a rectangle's part into the view."""
-        part = patch.faces[0].part
-        if part == STATIC:
-            return view
-        return compose(view, part_transforms(self._trace, frame)[self._parts[f"{patch.body}/{part}"]])
 
     def _amodal(self, patch: PatchPlan, seen: Observed, mask: Mask | None) -> int | None:
         """Pixels of a patch that covers a body whole, if nothing stood before the body; None for a prop.

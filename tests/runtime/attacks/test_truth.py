@@ -19,13 +19,13 @@ from recipe_compiler.ir import optics
 from recipe_compiler.ir.errors import InputError
 from recipe_compiler.ir.patches import STATIC, PatchFace, PatchTexture
 from recipe_compiler.ir.plan import CameraPlan, Pose
-from recipe_runtime.attacks import projection
 from recipe_runtime.attacks.truth import FrameTruth
 from recipe_runtime.build.pipeline import build
 from recipe_runtime.core import layout
 from recipe_runtime.core.transforms import from_pose
 from recipe_runtime.dataset import reader
 from recipe_runtime.dataset.limits import check_bounds
+from recipe_runtime.insertion import projection
 from recipe_runtime.loading import opened
 from recipe_runtime.verify.verify import Options, verify_files
 

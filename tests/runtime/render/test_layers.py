@@ -15,7 +15,7 @@ LAYERS = (
     {"atmosphere", "patches", "shadows"},
     {"lighting"},
     {"camera"},
-    {"gpu"},
+    {"gpu", "retexture"},
     {"renderer"},
 )
 LEVEL = {package: level for level, packages in enumerate(LAYERS) for package in packages}

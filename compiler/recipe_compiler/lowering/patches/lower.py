@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from recipe_compiler.ir.errors import Code, Problem
-from recipe_compiler.ir.patches import GREEN, PatchFace, PatchPlan, PatchTexture
+from recipe_compiler.ir.patches import GREEN, INSERTED, PatchFace, PatchPlan, PatchTexture
 from recipe_compiler.ir.plan import ScenePlan
 from recipe_compiler.ir.plan_types import MAX_PROPS
 from recipe_compiler.ir.plurals import count
@@ -68,7 +68,7 @@ def lower(
     for name, patch in patches.items():
         surface = _surface(name, patch.on, base, scene, lowered.problems)
         texture = _texture(name, patch, textures, base, scene.clock.frames, lowered.problems)
-        faces = None if surface is None else _faces(name, patch.on, surface, base, lowered.problems)
+        faces = None if surface is None else _faces(name, patch, surface, base, lowered.problems)
         if surface is None or faces is None or texture is None:
             continue
         plan = PatchPlan(
@@ -78,6 +78,7 @@ def lower(
             faces=faces,
             whole=not isinstance(surface, FlatSurface),
             mode=patch.mode,
+            transfer=patch.color_transfer.method if patch.mode == "color_transfer" else None,
             texture=texture,
             gloss=patch.gloss,
             emission=patch.emission,
@@ -124,11 +125,17 @@ def _carriers(key: str, scene: ScenePlan) -> Iterator[tuple[str, Iterator[Surfac
 
 
 def _faces(
-    name: str, on: Carrier, surface: Surface, base: Value, problems: list[Problem]
+    name: str, patch: Patch, surface: Surface, base: Value, problems: list[Problem]
 ) -> tuple[PatchFace, ...] | None:
     """The faces of a patch on its surface; None, with a problem, if it does not fit."""
-    where = f"patches.{name}.on"
+    on, where = patch.on, f"patches.{name}.on"
     if not isinstance(surface, FlatSurface):
+        if patch.mode in INSERTED:
+            message = f"patches.{name}.mode: {patch.mode} needs a rectangle; {surface.name} is covered whole"
+            remedy = "name another surface, or write mode: rendered"
+            place = base.place_of("patches", name, "mode")
+            problems.append(Problem(message, place, remedy, Code.CONFLICT))
+            return None
         wrong = [key for key in ("at", "size") if base.get("patches", name, "on", key) is not None]
         for key in wrong:
             message = f"{where}.{key}: the surface {surface.name} is covered whole"

@@ -74,14 +74,9 @@ class ShadingPass:
         frame: int,
     ) -> SampleLight:
         """Return the light of all samples of a frame in an appearance; `sensor` is the name of the camera."""
-        with self._timings("shadows"):
-            beams = self._sources.beams(obs, light)
-        with self._timings("nearby"):
-            nearby = self._sources.nearby(obs, light.lamps_burn)
+        lights = self.inputs(obs, appearance, light, frame)
         with self._timings("shade"):
-            surface_colours, patches = self._colours_of(appearance, frame)
-            samples, air, colours = (struct_array([v], self._device) for v in (points.data, light.air, surface_colours))
-            lights = ShadingInputs(colours, patches, air, beams, nearby.lamps, nearby.bodies, nearby.lists)
+            samples, air = struct_array([points.data], self._device), lights.air
             name = "" if any(patch.changes for patch in appearance.patches) else f"{appearance.digest} {sensor}"
             found, before = self._prepare(obs.camera, points, name, light, lights)
             previous = struct_array([before], self._device)
@@ -94,6 +89,17 @@ class ShadingPass:
                 self._reflection.reflect(obs, points, samples, air, previous, int(before.shared_count), found)
             found.ring_step = int(light.air.ring_step)
         return found
+
+    def inputs(self, obs: Observation, appearance: AppearancePlan, light: WeatherLight, frame: int) -> ShadingInputs:
+        """Return what shading reads besides the samples of an observation."""
+        with self._timings("shadows"):
+            beams = self._sources.beams(obs, light)
+        with self._timings("nearby"):
+            nearby = self._sources.nearby(obs, light.lamps_burn)
+        with self._timings("shade"):
+            surface_colours, patches = self._colours_of(appearance, frame)
+            air, colours = (struct_array([v], self._device) for v in (light.air, surface_colours))
+        return ShadingInputs(colours, patches, air, beams, nearby.lamps, nearby.bodies, nearby.lists)
 
     def _dirty(self, points: FrameSamples, previous: DeviceArray, air: DeviceArray, found: SampleLight) -> DirtySamples:
         """Return the samples whose light may have changed since the earlier frame."""

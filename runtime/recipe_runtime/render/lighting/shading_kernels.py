@@ -8,22 +8,19 @@ sky. Radiance is linear and relative (see `Air`).
 # mypy: ignore-errors
 
 from recipe_runtime.meshes.mesh import Pattern
-from recipe_runtime.render.atmosphere.air import Air, ambient, apply_fog, reflected_sky, sky, transmittance
+from recipe_runtime.render.atmosphere.air import Air, ambient, apply_fog, fog_veil, reflected_sky, sky, transmittance
 from recipe_runtime.render.device.setup import OPTIONS, wp
 from recipe_runtime.render.lighting.fog_glow_kernels import add_glow
 from recipe_runtime.render.lighting.materials import (
     LEVEL,
+    MAX_LEAF_DISTANCE,
     MAX_SOFTNESS,
-    MIN_DEPOSITS,
     Material,
-    apply_wetness,
-    apply_wind,
+    dry_material,
     fresnel,
-    is_paved,
-    material_of,
     patched_material,
-    puddle_depth,
     specular,
+    weathered_material,
 )
 from recipe_runtime.render.lighting.temporal_kernels import (
     AT_REST,
@@ -33,7 +30,6 @@ from recipe_runtime.render.lighting.temporal_kernels import (
     DirtySamples,
     PreviousFrame,
     dirty_sample,
-    last_leaf_step,
     leaf_phase,
     mark_dirty,
 )
@@ -49,15 +45,13 @@ from recipe_runtime.render.lighting.tile_list_kernels import (
 from recipe_runtime.render.numeric import seeds
 from recipe_runtime.render.numeric.noise import noise2, smoothstep
 from recipe_runtime.render.numeric.scalars import clamp01, maximum, minimum, nonnegative
-from recipe_runtime.render.numeric.vectors import dot, multiply, normalize
+from recipe_runtime.render.numeric.vectors import dot, mix, multiply, normalize
 from recipe_runtime.render.patches.patch_kernels import PatchArrays
-from recipe_runtime.render.sampling.sample_kernels import UNKNOWN_DEPTH, Samples
+from recipe_runtime.render.sampling.sample_kernels import Samples
 from recipe_runtime.render.shadows.shadow_kernels import Sunbeam, moving_shadow, sun_share
-from recipe_runtime.render.texture.images import SurfaceColours, image_at
+from recipe_runtime.render.texture.images import SurfaceColours
 
 wp.set_module_options(OPTIONS)
-
-MAX_LEAF_DISTANCE = wp.constant(wp.float32(40.0))  # metres beyond which the motion of leaves is not visible
 
 
 @wp.func
@@ -191,57 +185,6 @@ def swaying_phase(air: wp.array[Air], pattern: wp.int32, p: wp.vec3f, to_point: 
 
 
 @wp.func
-def dry_material(
-    samples: wp.array[Samples],
-    colours: wp.array[SurfaceColours],
-    air: wp.array[Air],
-    i: wp.int32,
-    surface: wp.int32,
-    pattern: wp.int32,
-    n: wp.vec3f,
-) -> Material:
-    """Return the dry material of a sample, with the colours of its surface and image."""
-    detail = samples[0].details[i]
-    first = colours[0].first[surface]
-    second = colours[0].second[surface]
-    if pattern == Pattern.IMAGE:
-        image = colours[0].album[0].of_surface[surface]
-        if image >= 0:
-            first = multiply(first, image_at(colours[0].album, image, detail, samples[0].codes[i]))
-        detail = wp.vec4f(1.0, 0.0, 0.0, 0.5)
-    return material_of(pattern, air, first, second, detail, n, samples[0].codes[i], colours[0].awake[surface])
-
-
-@wp.func
-def weathered_material(
-    samples: wp.array[Samples],
-    air: wp.array[Air],
-    i: wp.int32,
-    pattern: wp.int32,
-    phase: wp.int32,
-    p: wp.vec3f,
-    distance: wp.float32,
-    m: Material,
-) -> Material:
-    """Return the material of a sample with rain and wind; `phase` is that of `swaying_phase`."""
-    # (Fields are assigned one by one: a choice between two structs would go through memory.)
-    if air[0].wet > 0.0:
-        low = samples[0].puddle_depths[i]
-        if air[0].puddles > MIN_DEPOSITS and low == UNKNOWN_DEPTH and m.normal[2] > LEVEL and is_paved(pattern):
-            low = puddle_depth(pattern, p, samples[0].details[i][3])
-            samples[0].puddle_depths[i] = low  # for later frames and other weathers
-        moist = apply_wetness(m, pattern, air, low)
-        m.albedo = moist.albedo
-        m.coat = moist.coat
-        m.gloss = moist.gloss
-    if phase >= 0:
-        moving = apply_wind(m, air, p, 1.0 - distance / MAX_LEAF_DISTANCE, last_leaf_step(phase, air[0].leaf_step))
-        m.albedo = moving.albedo
-        m.normal = moving.normal
-    return m
-
-
-@wp.func
 def write_light(
     air: wp.array[Air],
     i: wp.int32,
@@ -257,6 +200,81 @@ def write_light(
     out_radiance[i] = radiance
     if air[0].wet > 0.0 and mirrored <= 0.0:
         out_shown[i] = radiance
+
+
+@wp.struct
+class SurfaceLight:
+    """What turns a surface's albedo and glow into the radiance that reaches the eye."""
+
+    light: wp.vec3f  # on the surface
+    shine: wp.vec3f  # of the sun and the lamps that it mirrors
+    sky: wp.vec3f  # that it mirrors
+    veil: wp.vec3f  # of fog
+    left: wp.float32  # share that the fog transmits
+    glow: wp.vec3f  # of lamps in the air before it
+
+
+@wp.func
+def surface_radiance(albedo: wp.vec3f, glow: wp.vec3f, lit: SurfaceLight) -> wp.vec3f:
+    """Return the radiance of a surface, except for what wet ground mirrors."""
+    return mix(lit.veil, multiply(albedo, lit.light) + glow + lit.shine + lit.sky, lit.left) + lit.glow
+
+
+@wp.func
+def facing_eye(to_point: wp.vec3f, n: wp.vec3f):
+    """Return distance, line of sight, normal, and the cosine between the last two, which is not negative."""
+    distance = wp.sqrt(dot(to_point, to_point))
+    sight = to_point * (1.0 / maximum(distance, 1.0e-4))
+    facing = -dot(n, sight)
+    if facing < 0.0:
+        # At a silhouette a smoothed normal may point away from the eye: move it to the edge.
+        n = normalize(n - sight * (facing * -1.0))
+        facing = wp.float32(0.0)
+    return distance, sight, n, facing
+
+
+@wp.func
+def light_surface(
+    air: wp.array[Air],
+    beams: wp.array[Sunbeam],
+    lamps: wp.array[Lamps],
+    bodies: wp.array[Bodies],
+    lamp_lists: wp.array2d[wp.int32],
+    body_lists: wp.array2d[wp.int32],
+    glow_lists: wp.array2d[wp.int32],
+    tile: wp.int32,
+    phase: wp.int32,
+    m: Material,
+    eye: wp.vec3f,
+    p: wp.vec3f,
+    n: wp.vec3f,
+    sight: wp.vec3f,
+    distance: wp.float32,
+    facing: wp.float32,
+):
+    """Return the light on a sample of a surface, the share of its mirror reflection, and its reuse class."""
+    lit = SurfaceLight()
+    free = contact_occlusion(bodies, body_lists, tile, p, n)
+    sky_left = open_sky(free, p, n)
+    back = wp.vec3f(-sight[0], -sight[1], -sight[2])
+    light, shine, past = add_sun(air, beams, m, p, back, ambient(air, n) * sky_left)
+    rest = AT_REST
+    if phase >= 0:
+        rest = LEAF + wp.uint8(phase)
+    if air[0].night > 0.0:
+        light, shine, past = add_lamps(air, lamps, lamp_lists, tile, m, p, n, back, facing, light, shine, past)
+    reuse_class = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
+    lit.light = light
+    lit.shine = shine
+    lit.left = transmittance(air, eye[2], p[2], distance)
+    mirrored = wp.float32(0.0)
+    if air[0].wet > 0.0 and n[2] > LEVEL and m.coat > 0.0:
+        mirrored = fresnel(m.coat, m.gloss, facing) * sky_left * lit.left
+    elif m.coat > 0.0:
+        lit.sky = sky_reflection(air, m, p, sight, facing, sky_left)
+    lit.veil = fog_veil(air, sight)
+    lit.glow = add_glow(air, lamps, glow_lists, tile, eye, sight, distance, wp.vec3f(0.0, 0.0, 0.0))
+    return lit, mirrored, reuse_class
 
 
 @wp.func
@@ -281,37 +299,16 @@ def shade_surface(
     to_point: wp.vec3f,
 ):
     """Return the radiance of a sample of a surface, share and gloss of its mirror reflection, and its reuse class."""
-    distance = wp.sqrt(dot(to_point, to_point))
-    sight = to_point * (1.0 / maximum(distance, 1.0e-4))
-    facing = -dot(n, sight)
-    if facing < 0.0:
-        # At a silhouette a smoothed normal may point away from the eye: move it to the edge.
-        n = normalize(n - sight * (facing * -1.0))
-        facing = wp.float32(0.0)
+    distance, sight, n, facing = facing_eye(to_point, n)
     m = dry_material(samples, colours, air, i, surface, pattern, n)
     m = weathered_material(samples, air, i, pattern, phase, p, distance, m)
     if patches[0].count > 0:
         m = patched_material(patches, colours[0].album, samples, i, surface, m)
-    free = contact_occlusion(bodies, body_lists, tile, p, n)
-    sky_left = open_sky(free, p, n)
-    back = wp.vec3f(-sight[0], -sight[1], -sight[2])
-    light, shine, past = add_sun(air, beams, m, p, back, ambient(air, n) * sky_left)
-    rest = AT_REST
-    if phase >= 0:
-        rest = LEAF + wp.uint8(phase)
-    if air[0].night > 0.0:
-        light, shine, past = add_lamps(air, lamps, lamp_lists, tile, m, p, n, back, facing, light, shine, past)
-    reuse_class = wp.where(past < 1.0 or free < 1.0, TOUCHED, rest)
-    radiance = multiply(m.albedo, light) + m.glow + shine
-    left = transmittance(air, samples[0].eye[2], p[2], distance)
-    mirrored = wp.float32(0.0)
-    if air[0].wet > 0.0 and n[2] > LEVEL and m.coat > 0.0:
-        mirrored = fresnel(m.coat, m.gloss, facing) * sky_left * left
-    elif m.coat > 0.0:
-        radiance = radiance + sky_reflection(air, m, p, sight, facing, sky_left)
-    radiance = apply_fog(air, radiance, sight, left)
-    radiance = add_glow(air, lamps, glow_lists, tile, samples[0].eye, sight, distance, radiance)
-    return radiance, mirrored, m.gloss, reuse_class
+    lit, mirrored, reuse_class = light_surface(
+        air, beams, lamps, bodies, lamp_lists, body_lists, glow_lists,
+        tile, phase, m, samples[0].eye, p, n, sight, distance, facing,
+    )  # fmt: skip
+    return surface_radiance(m.albedo, m.glow, lit), mirrored, m.gloss, reuse_class
 
 
 @wp.kernel
