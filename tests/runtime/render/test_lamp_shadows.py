@@ -202,3 +202,18 @@ def test_no_shadow_pops_when_the_camera_moves(many_lamps: Geometry, x: float, ya
         np.testing.assert_array_equal(slots.lights[by_light[used, 0].astype(int)], np.flatnonzero(used))
         found.append(by_light[:, 1])
     assert np.abs(found[0] - found[1]).max() <= 0.4 * step + 1e-9
+
+
+def test_a_tile_that_meets_many_lamps_drops_none() -> None:
+    """A pole before a long street: with a full list, the tile would have lost the lamps that come last."""
+    rows = [Light((1.2 * n, 3.0, 6.0), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0), 60.0, 0.25) for n in range(60)]
+    found = []
+    for lights in (rows, rows[::-1]):
+        town = {"road": ground(80, ROAD), "bracket": box([0.5, -0.3, 0], [0.6, 0.1, 3], PAINT, tuple(lights))}
+        renderer = Renderer([Body(name, 0, (("base", mesh),)) for name, mesh in town.items()])
+        pose = from_pose(Pose(x=-3.0, z=1.7))
+        seen = renderer.observe(VIEW, pose, np.zeros((0, 3, 4)))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(MapMemory, "draw", lambda *_: None)
+            found.append(renderer.radiance(seen, NIGHT))
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-3, atol=1e-6)

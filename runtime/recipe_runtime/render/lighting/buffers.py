@@ -8,7 +8,7 @@ from recipe_compiler.ir.plan import CameraPlan
 
 from recipe_runtime.render.device.arrays import DeviceArray
 from recipe_runtime.render.device.setup import wp
-from recipe_runtime.render.lighting.tile_list_kernels import MAX_PER_TILE
+from recipe_runtime.render.lighting.tile_list_kernels import MAX_LAMPS_PER_TILE, MAX_PER_TILE
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class RayBuffers:
 
 @dataclass(frozen=True)
 class TileLists:
-    """What affects each tile, int32 [tiles, 1 + MAX_PER_TILE]; the first entry of a row is the count."""
+    """What affects each tile, int32 [tiles, 1 + maximum]; the first entry of a row is the count."""
 
     lamps: DeviceArray
     bodies: DeviceArray
@@ -62,8 +62,8 @@ class TileLists:
     @staticmethod
     def empty(tiles: int, device: str) -> TileLists:
         """Allocate empty lists."""
-        shape = (tiles, int(MAX_PER_TILE) + 1)
-        return TileLists(*(wp.zeros(shape, dtype=wp.int32, device=device) for _ in range(3)))
+        sizes = int(MAX_LAMPS_PER_TILE), int(MAX_PER_TILE), int(MAX_PER_TILE)
+        return TileLists(*(wp.zeros((tiles, size + 1), dtype=wp.int32, device=device) for size in sizes))
 
     @property
     def tiles(self) -> int:

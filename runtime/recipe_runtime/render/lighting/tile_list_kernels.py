@@ -18,7 +18,8 @@ from recipe_runtime.render.shadows.lamp_shadow_kernels import LampMaps, box_lit,
 wp.set_module_options(OPTIONS)
 
 UNSHADOWED = wp.constant(16)  # of a tile: no moving object shadows it from its lamps
-MAX_PER_TILE = wp.constant(24)  # entries of a tile's list; further ones are dropped
+MAX_PER_TILE = wp.constant(24)  # entries of a tile's list of bodies or glows; further ones are dropped
+MAX_LAMPS_PER_TILE = wp.constant(96)  # likewise of lamps; the box of a tile that shows a far street meets many
 FADE_END_SQUARED = wp.constant(wp.float32(8.0))  # squared distance, in spreads, beyond which a body darkens nothing
 FADE_END_SHARE = wp.constant(wp.float32(1.0 / 81.0))  # its occlusion at that distance
 
@@ -129,7 +130,11 @@ def list_lamps(lamps: wp.array[Lamps], low: wp.vec3f, high: wp.vec3f, tile: wp.i
         g = gaps(low, high, p)
         reach = lamps[0].reach[i]
         near_by = g[0] * g[0] + g[1] * g[1] + g[2] * g[2] < reach * reach
-        if near_by and n < MAX_PER_TILE and meets_cone(middle - p, radius, lamps[0].direction[i], lamps[0].cone[i][0]):
+        if (
+            near_by
+            and n < MAX_LAMPS_PER_TILE
+            and meets_cone(middle - p, radius, lamps[0].direction[i], lamps[0].cone[i][0])
+        ):
             n = n + 1
             lists[tile, n] = i
     lists[tile, 0] = n
